@@ -1,0 +1,148 @@
+//! The interface I_b of a source family (paper eq. in Generator interfaces): what a program of the family may
+//! contain, in a form that prompts show, gates check and compilers obey.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+use super::vocabulary::Feature;
+use crate::objects::{FamilyName, Program, Slot, ValueType};
+
+/// A family's declared search space. Built by the family's file in `baselines`; fixed before evolution.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Contract {
+    pub family: FamilyName,
+    /// The method's name and reference, for reports.
+    pub title: String,
+    /// What its mechanism is, in two or three sentences, for prompts.
+    pub describes: String,
+    /// `metadrive` or `safebench`.
+    pub backend: String,
+    /// Θ_b
+    pub parameters: BTreeMap<String, ParameterSpec>,
+    /// G_b: kinds that each slot may hold.
+    pub operators: BTreeMap<Slot, Vec<OperatorSpec>>,
+    /// H_b: places where an expression may be plugged in.
+    pub mechanism_slots: BTreeMap<String, MechanismSlotSpec>,
+    /// What conditions of ρ may read.
+    pub scene_features: Vec<Feature>,
+    /// Words (operator kinds, parameters, mechanism slots, features) that belong to this family's implementation:
+    /// another family that uses one fails the isolation gate.
+    pub private_vocabulary: Vec<String>,
+    /// F_b: names for κ.
+    pub constraints: Vec<String>,
+    pub limits: Limits,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterSpec {
+    #[serde(flatten)]
+    pub domain: Domain,
+    /// What it does, with its reference where it has one.
+    pub describes: String,
+}
+
+/// Values that a parameter or a setting may take.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "type")]
+pub enum Domain {
+    Number {
+        low: f64,
+        high: f64,
+        unit: String,
+    },
+    /// A number without fraction.
+    Integer {
+        low: i64,
+        high: i64,
+        unit: String,
+    },
+    Choice {
+        options: Vec<String>,
+    },
+    /// The name of a module in this mechanism slot.
+    Mechanism {
+        slot: String,
+    },
+}
+
+/// What flows along an edge of the graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Port {
+    Scene,
+    Actors,
+    Window,
+    Candidates,
+    Choice,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OperatorSpec {
+    pub kind: String,
+    /// Types of the nodes that feed it, in order. Empty: it starts the graph.
+    pub inputs: Vec<Port>,
+    pub output: Port,
+    pub settings: BTreeMap<String, SettingSpec>,
+    pub describes: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SettingSpec {
+    #[serde(flatten)]
+    pub domain: Domain,
+    pub required: bool,
+    pub describes: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MechanismSlotSpec {
+    pub output: ValueType,
+    /// What an expression here may read, besides the family's numeric parameters and the scene features.
+    pub features: Vec<Feature>,
+    pub describes: String,
+}
+
+/// Bounds on how large a program and a patch may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Limits {
+    pub operations_per_patch: usize,
+    pub nodes: usize,
+    pub rules: usize,
+    pub modules: usize,
+    pub expression_nodes: usize,
+    pub expression_depth: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Limits {
+        Limits { operations_per_patch: 8, nodes: 16, rules: 8, modules: 12, expression_nodes: 96, expression_depth: 12 }
+    }
+}
+
+/// A family: its contract and the parent program from which evolution starts.
+#[derive(Clone, Debug)]
+pub struct Family {
+    pub contract: Contract,
+    /// Ids and lineage are filled in by the lineage that adopts it.
+    pub parent: Program,
+}
+
+/// All families of a run by name.
+#[derive(Clone, Debug, Default)]
+pub struct Registry {
+    families: BTreeMap<FamilyName, Family>,
+}
+
+impl Registry {
+    pub fn new(families: impl IntoIterator<Item = Family>) -> Registry {
+        Registry { families: families.into_iter().map(|f| (f.contract.family.clone(), f)).collect() }
+    }
+
+    pub fn get(&self, name: &FamilyName) -> Option<&Family> {
+        self.families.get(name)
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = &Family> {
+        self.families.values()
+    }
+}

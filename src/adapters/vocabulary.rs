@@ -1,0 +1,88 @@
+//! Features that expressions may read, with units: one name, one meaning, for every family.
+
+use serde::Serialize;
+
+use crate::objects::ValueType;
+
+/// A named quantity of a scene, an actor or a candidate trajectory.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Feature {
+    pub name: &'static str,
+    pub value: ValueType,
+    /// SI; `1` for counts, shares and log-probabilities, empty for booleans.
+    pub unit: &'static str,
+    pub describes: &'static str,
+}
+
+const fn number(name: &'static str, unit: &'static str, describes: &'static str) -> Feature {
+    Feature { name, value: ValueType::Number, unit, describes }
+}
+
+const fn boolean(name: &'static str, describes: &'static str) -> Feature {
+    Feature { name, value: ValueType::Boolean, unit: "", describes }
+}
+
+/// Of a scene at its current step; computed by `scene::features`.
+pub const SCENE: &[Feature] = &[
+    number("vehicle_count", "1", "vehicles observed at the current step"),
+    number("pedestrian_count", "1", "pedestrians observed at the current step"),
+    number("cyclist_count", "1", "cyclists observed at the current step"),
+    number("ego_speed_mps", "m/s", "speed of the ego at its start"),
+    number("ego_route_length_m", "m", "length of the ego's route"),
+    number("route_curvature_max_1pm", "1/m", "largest curvature of the ego's route"),
+    number("traffic_speed_mps", "m/s", "mean speed of the vehicles at the current step"),
+    number("nearest_vehicle_gap_m", "m", "centre distance from the ego to the nearest vehicle; 200 if none"),
+    number("log_distance_m_min", "m", "smallest distance of any vehicle's path to the ego's route; 200 if none"),
+    number("conflict_count", "1", "vehicles whose path crosses the ego's route"),
+    number("speed_limit_mps", "m/s", "speed limit of the ego's lane; 13.9 if unknown"),
+    number("lane_count", "1", "lanes side by side at the ego's start, own direction"),
+    boolean("has_light", "a traffic light stands on the ego's route"),
+    boolean("is_junction", "the ego's route crosses or merges with another lane's path"),
+];
+
+/// Of a non-ego actor relative to the ego at the current step.
+pub const ACTOR: &[Feature] = &[
+    number("gap_m", "m", "distance between the two boxes"),
+    number("closing_speed_mps", "m/s", "rate at which the centre distance shrinks; negative when it grows"),
+    number("time_to_conflict_s", "s", "time until the actor, on its logged path, is nearest to the ego's rollout"),
+    number(
+        "arrival_difference_s",
+        "s",
+        "actor's minus ego's arrival at the place where their paths meet; 20 if they never do",
+    ),
+    number(
+        "path_distance_m_min",
+        "m",
+        "smallest distance between the actor's log and the ego's rollout at equal times",
+    ),
+    number("actor_speed_mps", "m/s", "speed of the actor"),
+    number("heading_difference_rad", "rad", "absolute heading difference, 0..pi"),
+    number("longitudinal_offset_m", "m", "place of the actor along the ego's heading, positive ahead"),
+    number("lateral_offset_m", "m", "place of the actor across the ego's heading, positive to the left"),
+    number("moved_m", "m", "distance the actor drives in its log after the current step"),
+    number("observed_share", "1", "share of the steps after the current one at which the actor was observed"),
+    boolean("paths_cross", "the actor's log crosses the ego's route"),
+    boolean("same_lane", "in the ego's lane or one that leads into or out of it"),
+    boolean("adjacent_lane", "in a lane beside the ego's, same direction"),
+    boolean("behind", "behind the ego"),
+    boolean("object_of_interest", "marked by the data set as interacting with the ego"),
+];
+
+/// Of a candidate trajectory of the chosen actor.
+pub const CANDIDATE: &[Feature] = &[
+    number("prior_log_probability", "1", "log-probability under the family's motion prior"),
+    number("ego_distance_m_min", "m", "smallest box distance to the ego's rollout at equal times"),
+    number("closest_approach_s", "s", "time of that smallest distance after the current step"),
+    number("closest_speed_mps", "m/s", "relative speed at that time"),
+    number("collision_likelihood", "1", "discounted overlap with the ego's rollout, 0..1"),
+    number("acceleration_mps2_max", "m/s^2", "largest longitudinal acceleration or deceleration"),
+    number("lateral_acceleration_mps2_max", "m/s^2", "largest lateral acceleration"),
+    number("jerk_mps3_max", "m/s^3", "largest longitudinal jerk"),
+    number("yaw_rate_radps_max", "rad/s", "largest yaw rate"),
+    number("speed_mps_max", "m/s", "largest speed"),
+    number("heading_change_rad", "rad", "total change of heading, absolute"),
+    number("off_road_m_max", "m", "how far a corner leaves the drivable area"),
+    number("lane_deviation_m_max", "m", "largest distance from the nearest lane's centre line"),
+    number("log_deviation_m_max", "m", "largest distance from the actor's own logged position"),
+    number("bystander_gap_m_min", "m", "smallest box distance to any other road user's log; 50 if none comes near"),
+];

@@ -1,0 +1,1 @@
+//! Actor, critics, repair: the only room that asks the llm.

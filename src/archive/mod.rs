@@ -1,0 +1,1 @@
+//! Non-dominated front, hypervolume, acceptance gates, active selector.

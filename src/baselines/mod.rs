@@ -1,0 +1,1 @@
+//! Source families: contract, parent program, signature mechanism; and the kernel they share.

@@ -1,0 +1,1 @@
+//! Applies a patch, then the seven gates.

@@ -1,0 +1,1 @@
+//! Arguments, experiment files, one file a command.

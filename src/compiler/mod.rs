@@ -1,0 +1,1 @@
+//! Program -> decision -> intervention for one scene.

@@ -1,0 +1,1 @@
+//! The fixed drivers under test.

@@ -1,0 +1,1 @@
+//! State, frozen snapshot, workers, serial acceptor.

@@ -1,0 +1,1 @@
+//! From recorded attempts to reports.

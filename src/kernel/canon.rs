@@ -1,0 +1,381 @@
+//! Canonical bytes of any serialisable value: tagged, length-prefixed binary, maps and structs sorted by
+//! key, floats as bits. It never goes through a JSON library's text, so neither number formatting nor the
+//! `preserve_order` feature can change a key. Every field counts unless its type skips it (a deny-list).
+
+use serde::ser::{self, Serialize};
+
+/// Why a value has no canonical form.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum CanonError {
+    #[error("a NaN or an infinity cannot be stored; the producer must refuse it first")]
+    NotFinite,
+    #[error("{0}")]
+    Other(String),
+}
+
+impl ser::Error for CanonError {
+    fn custom<T: std::fmt::Display>(message: T) -> Self {
+        CanonError::Other(message.to_string())
+    }
+}
+
+/// Canonical bytes. Equal values give equal bytes, whatever the order of fields or map entries.
+pub fn canonical_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
+    let mut out = Vec::with_capacity(256);
+    value.serialize(Writer { out: &mut out })?;
+    Ok(out)
+}
+
+// One tag byte opens every value. Tags are part of the format: never renumber.
+const NONE: u8 = 0;
+const SOME: u8 = 1;
+const FALSE: u8 = 2;
+const TRUE: u8 = 3;
+const UNSIGNED: u8 = 4;
+const NEGATIVE: u8 = 5;
+const FLOAT: u8 = 6;
+const TEXT: u8 = 7;
+const BYTES: u8 = 8;
+const LIST: u8 = 9;
+const MAP: u8 = 10;
+const UNIT: u8 = 11;
+const VARIANT: u8 = 12;
+
+struct Writer<'a> {
+    out: &'a mut Vec<u8>,
+}
+
+impl Writer<'_> {
+    fn tagged_u64(&mut self, tag: u8, value: u64) {
+        self.out.push(tag);
+        self.out.extend_from_slice(&value.to_le_bytes());
+    }
+
+    fn blob(&mut self, tag: u8, bytes: &[u8]) {
+        self.tagged_u64(tag, bytes.len() as u64);
+        self.out.extend_from_slice(bytes);
+    }
+}
+
+/// Elements in order, counted when they end because serde does not always know how many come.
+struct List<'a> {
+    out: &'a mut Vec<u8>,
+    count_at: usize,
+    count: u64,
+}
+
+impl<'a> List<'a> {
+    fn open(out: &'a mut Vec<u8>) -> List<'a> {
+        out.push(LIST);
+        let count_at = out.len();
+        out.extend_from_slice(&0u64.to_le_bytes());
+        List { out, count_at, count: 0 }
+    }
+
+    fn push<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+        self.count += 1;
+        value.serialize(Writer { out: self.out })
+    }
+
+    fn close(self) -> Result<(), CanonError> {
+        self.out[self.count_at..self.count_at + 8].copy_from_slice(&self.count.to_le_bytes());
+        Ok(())
+    }
+}
+
+/// Entries collected as bytes, then written sorted by key.
+struct Map<'a> {
+    out: &'a mut Vec<u8>,
+    entries: Vec<(Vec<u8>, Vec<u8>)>,
+    key: Option<Vec<u8>>,
+}
+
+impl<'a> Map<'a> {
+    fn open(out: &'a mut Vec<u8>) -> Map<'a> {
+        Map { out, entries: Vec::new(), key: None }
+    }
+
+    fn close(mut self) -> Result<(), CanonError> {
+        self.entries.sort();
+        self.out.push(MAP);
+        self.out.extend_from_slice(&(self.entries.len() as u64).to_le_bytes());
+        for (key, value) in &self.entries {
+            self.out.extend_from_slice(key);
+            self.out.extend_from_slice(value);
+        }
+        Ok(())
+    }
+}
+
+impl<'a> ser::Serializer for Writer<'a> {
+    type Ok = ();
+    type Error = CanonError;
+    type SerializeSeq = List<'a>;
+    type SerializeTuple = List<'a>;
+    type SerializeTupleStruct = List<'a>;
+    type SerializeTupleVariant = List<'a>;
+    type SerializeMap = Map<'a>;
+    type SerializeStruct = Map<'a>;
+    type SerializeStructVariant = Map<'a>;
+
+    fn is_human_readable(&self) -> bool {
+        true
+    }
+
+    fn serialize_bool(self, v: bool) -> Result<(), CanonError> {
+        self.out.push(if v { TRUE } else { FALSE });
+        Ok(())
+    }
+
+    fn serialize_i8(self, v: i8) -> Result<(), CanonError> {
+        self.serialize_i64(i64::from(v))
+    }
+
+    fn serialize_i16(self, v: i16) -> Result<(), CanonError> {
+        self.serialize_i64(i64::from(v))
+    }
+
+    fn serialize_i32(self, v: i32) -> Result<(), CanonError> {
+        self.serialize_i64(i64::from(v))
+    }
+
+    fn serialize_i64(mut self, v: i64) -> Result<(), CanonError> {
+        let tag = if v < 0 { NEGATIVE } else { UNSIGNED };
+        self.tagged_u64(tag, v.unsigned_abs());
+        Ok(())
+    }
+
+    fn serialize_u8(self, v: u8) -> Result<(), CanonError> {
+        self.serialize_u64(u64::from(v))
+    }
+
+    fn serialize_u16(self, v: u16) -> Result<(), CanonError> {
+        self.serialize_u64(u64::from(v))
+    }
+
+    fn serialize_u32(self, v: u32) -> Result<(), CanonError> {
+        self.serialize_u64(u64::from(v))
+    }
+
+    fn serialize_u64(mut self, v: u64) -> Result<(), CanonError> {
+        self.tagged_u64(UNSIGNED, v);
+        Ok(())
+    }
+
+    fn serialize_f32(self, v: f32) -> Result<(), CanonError> {
+        self.serialize_f64(f64::from(v))
+    }
+
+    fn serialize_f64(mut self, v: f64) -> Result<(), CanonError> {
+        let v = super::num::stored(v).ok_or(CanonError::NotFinite)?;
+        self.tagged_u64(FLOAT, v.to_bits());
+        Ok(())
+    }
+
+    fn serialize_char(self, v: char) -> Result<(), CanonError> {
+        self.serialize_str(v.encode_utf8(&mut [0; 4]))
+    }
+
+    fn serialize_str(mut self, v: &str) -> Result<(), CanonError> {
+        self.blob(TEXT, v.as_bytes());
+        Ok(())
+    }
+
+    fn serialize_bytes(mut self, v: &[u8]) -> Result<(), CanonError> {
+        self.blob(BYTES, v);
+        Ok(())
+    }
+
+    fn serialize_none(self) -> Result<(), CanonError> {
+        self.out.push(NONE);
+        Ok(())
+    }
+
+    fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Result<(), CanonError> {
+        self.out.push(SOME);
+        value.serialize(Writer { out: self.out })
+    }
+
+    fn serialize_unit(self) -> Result<(), CanonError> {
+        self.out.push(UNIT);
+        Ok(())
+    }
+
+    fn serialize_unit_struct(self, _: &'static str) -> Result<(), CanonError> {
+        self.serialize_unit()
+    }
+
+    fn serialize_unit_variant(mut self, _: &'static str, _: u32, variant: &'static str) -> Result<(), CanonError> {
+        self.blob(VARIANT, variant.as_bytes());
+        self.serialize_unit()
+    }
+
+    fn serialize_newtype_struct<T: Serialize + ?Sized>(self, _: &'static str, value: &T) -> Result<(), CanonError> {
+        value.serialize(self)
+    }
+
+    fn serialize_newtype_variant<T: Serialize + ?Sized>(
+        mut self,
+        _: &'static str,
+        _: u32,
+        variant: &'static str,
+        value: &T,
+    ) -> Result<(), CanonError> {
+        self.blob(VARIANT, variant.as_bytes());
+        value.serialize(self)
+    }
+
+    fn serialize_seq(self, _: Option<usize>) -> Result<List<'a>, CanonError> {
+        Ok(List::open(self.out))
+    }
+
+    fn serialize_tuple(self, _: usize) -> Result<List<'a>, CanonError> {
+        Ok(List::open(self.out))
+    }
+
+    fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<List<'a>, CanonError> {
+        Ok(List::open(self.out))
+    }
+
+    fn serialize_tuple_variant(
+        mut self,
+        _: &'static str,
+        _: u32,
+        variant: &'static str,
+        _: usize,
+    ) -> Result<List<'a>, CanonError> {
+        self.blob(VARIANT, variant.as_bytes());
+        Ok(List::open(self.out))
+    }
+
+    fn serialize_map(self, _: Option<usize>) -> Result<Map<'a>, CanonError> {
+        Ok(Map::open(self.out))
+    }
+
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Map<'a>, CanonError> {
+        Ok(Map::open(self.out))
+    }
+
+    fn serialize_struct_variant(
+        mut self,
+        _: &'static str,
+        _: u32,
+        variant: &'static str,
+        _: usize,
+    ) -> Result<Map<'a>, CanonError> {
+        self.blob(VARIANT, variant.as_bytes());
+        Ok(Map::open(self.out))
+    }
+}
+
+impl ser::SerializeSeq for List<'_> {
+    type Ok = ();
+    type Error = CanonError;
+    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+        self.push(value)
+    }
+    fn end(self) -> Result<(), CanonError> {
+        self.close()
+    }
+}
+
+impl ser::SerializeTuple for List<'_> {
+    type Ok = ();
+    type Error = CanonError;
+    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+        self.push(value)
+    }
+    fn end(self) -> Result<(), CanonError> {
+        self.close()
+    }
+}
+
+impl ser::SerializeTupleStruct for List<'_> {
+    type Ok = ();
+    type Error = CanonError;
+    fn serialize_field<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+        self.push(value)
+    }
+    fn end(self) -> Result<(), CanonError> {
+        self.close()
+    }
+}
+
+impl ser::SerializeTupleVariant for List<'_> {
+    type Ok = ();
+    type Error = CanonError;
+    fn serialize_field<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+        self.push(value)
+    }
+    fn end(self) -> Result<(), CanonError> {
+        self.close()
+    }
+}
+
+impl ser::SerializeMap for Map<'_> {
+    type Ok = ();
+    type Error = CanonError;
+    fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), CanonError> {
+        self.key = Some(canonical_bytes(key)?);
+        Ok(())
+    }
+    fn serialize_value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+        let key = self.key.take().ok_or_else(|| CanonError::Other("a map value came before its key".into()))?;
+        self.entries.push((key, canonical_bytes(value)?));
+        Ok(())
+    }
+    fn end(self) -> Result<(), CanonError> {
+        self.close()
+    }
+}
+
+impl ser::SerializeStruct for Map<'_> {
+    type Ok = ();
+    type Error = CanonError;
+    fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
+        self.entries.push((canonical_bytes(key)?, canonical_bytes(value)?));
+        Ok(())
+    }
+    fn end(self) -> Result<(), CanonError> {
+        self.close()
+    }
+}
+
+impl ser::SerializeStructVariant for Map<'_> {
+    type Ok = ();
+    type Error = CanonError;
+    fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
+        ser::SerializeStruct::serialize_field(self, key, value)
+    }
+    fn end(self) -> Result<(), CanonError> {
+        self.close()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn order_of_entries_does_not_matter() {
+        let one: serde_json::Value = serde_json::from_str(r#"{"a":1,"b":[true,null]}"#).unwrap();
+        let two: serde_json::Value = serde_json::from_str(r#"{"b":[true,null],"a":1}"#).unwrap();
+        assert_eq!(canonical_bytes(&one), canonical_bytes(&two));
+    }
+
+    #[test]
+    fn neighbouring_values_do_not_run_into_each_other() {
+        assert_ne!(canonical_bytes(&["ab", "c"]), canonical_bytes(&["a", "bc"]));
+        assert_ne!(canonical_bytes(&json!([[1], []])), canonical_bytes(&json!([[], [1]])));
+        assert_ne!(canonical_bytes(&Some(1u8)), canonical_bytes(&1u8));
+    }
+
+    #[test]
+    fn floats_are_bits_with_one_zero_and_no_nan() {
+        assert_eq!(canonical_bytes(&-0.0f64), canonical_bytes(&0.0f64));
+        assert_eq!(canonical_bytes(&f64::NAN), Err(CanonError::NotFinite));
+        assert_eq!(canonical_bytes(&[1.0, f64::INFINITY]), Err(CanonError::NotFinite));
+        assert_ne!(canonical_bytes(&0.1f64), canonical_bytes(&0.100_000_000_000_000_02f64));
+    }
+}

@@ -1,0 +1,82 @@
+//! BLAKE3 digests with a domain, printed as 64 hex digits.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+use std::{fmt, str::FromStr};
+
+use super::canon::{CanonError, canonical_bytes};
+
+/// The name of immutable bytes.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Digest([u8; 32]);
+
+/// Not 64 lower-case hex digits.
+#[derive(Debug, thiserror::Error)]
+#[error("expected 64 hex digits, found {0:?}")]
+pub struct NotADigest(pub String);
+
+impl Digest {
+    /// Digest of plain bytes: what an object is named by.
+    pub fn of_bytes(bytes: &[u8]) -> Digest {
+        Digest(*blake3::hash(bytes).as_bytes())
+    }
+
+    /// Digest of a value's canonical bytes under a domain such as `evodrive/program/1`; values of different
+    /// domains never share a digest even when their bytes agree.
+    pub fn of<T: Serialize + ?Sized>(domain: &str, value: &T) -> Result<Digest, CanonError> {
+        let bytes = canonical_bytes(value)?;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&(domain.len() as u64).to_le_bytes());
+        hasher.update(domain.as_bytes());
+        hasher.update(&bytes);
+        Ok(Digest(*hasher.finalize().as_bytes()))
+    }
+
+    pub fn from_array(bytes: [u8; 32]) -> Digest {
+        Digest(bytes)
+    }
+
+    pub fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+
+    pub fn to_hex(&self) -> String {
+        blake3::Hash::from_bytes(self.0).to_hex().to_string()
+    }
+
+    /// The first `n` hex digits, for people.
+    pub fn short(&self, n: usize) -> String {
+        self.to_hex()[..n.min(64)].to_string()
+    }
+}
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.to_hex())
+    }
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Digest({})", self.short(12))
+    }
+}
+
+impl FromStr for Digest {
+    type Err = NotADigest;
+
+    fn from_str(text: &str) -> Result<Digest, NotADigest> {
+        blake3::Hash::from_hex(text).map(|hash| Digest(*hash.as_bytes())).map_err(|_| NotADigest(text.to_string()))
+    }
+}
+
+impl Serialize for Digest {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.to_hex())
+    }
+}
+
+impl<'de> Deserialize<'de> for Digest {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Digest, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
+}

@@ -1,0 +1,47 @@
+//! The only place with threads: a parallel map whose results come back in input order.
+
+use rayon::prelude::*;
+
+/// A pool of worker threads. Results never depend on how many there are.
+pub struct Pool(rayon::ThreadPool);
+
+/// The pool could not be started.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot start {threads} worker threads: {source}; try --jobs 1")]
+pub struct PoolError {
+    threads: usize,
+    source: rayon::ThreadPoolBuildError,
+}
+
+impl Pool {
+    /// `threads` workers; 0 means one per core.
+    pub fn new(threads: usize) -> Result<Pool, PoolError> {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map(Pool)
+            .map_err(|source| PoolError { threads, source })
+    }
+
+    pub fn threads(&self) -> usize {
+        self.0.current_num_threads()
+    }
+
+    /// `f` of every item, in item order. `f` sees the index too, to name its random stream by.
+    pub fn map<T: Sync, R: Send>(&self, items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
+        self.0.install(|| items.par_iter().enumerate().map(|(i, item)| f(i, item)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn order_does_not_depend_on_the_number_of_threads() {
+        let items: Vec<u64> = (0..500).collect();
+        let one = Pool::new(1).unwrap().map(&items, |i, x| x * 3 + i as u64);
+        let four = Pool::new(4).unwrap().map(&items, |i, x| x * 3 + i as u64);
+        assert_eq!(one, four);
+    }
+}

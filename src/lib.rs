@@ -1,0 +1,28 @@
+//! EvoDrive: deterministic, replay-first evolution of driving-scenario generators by LLM agents.
+//!
+//! A run is a function of (experiment, scenes, cassette). `docs/ARCHITECTURE.md` is the map of the rooms below.
+
+pub mod kernel;
+pub mod store;
+
+pub mod ego;
+pub mod scene;
+pub mod sim;
+
+pub mod adapters;
+pub mod baselines;
+pub mod compiler;
+pub mod llm;
+pub mod objects;
+
+pub mod agents;
+pub mod archive;
+pub mod candidates;
+pub mod evaluation;
+pub mod lineage;
+pub mod memory;
+pub mod world;
+
+pub mod cli;
+pub mod epoch;
+pub mod evidence;

@@ -1,0 +1,1 @@
+//! Chains of parents, promotion, continuity.

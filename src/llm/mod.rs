@@ -1,0 +1,61 @@
+//! Asking a model: request, replay, record, cassette, the scripted stand-in.
+
+pub mod request;
+
+pub use request::{DrawSlot, Message, ModelSpec, Request};
+
+use crate::kernel::Digest;
+
+/// A model's answer as it came: raw bytes, kept and re-parsed at every replay.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reply {
+    pub request: Digest,
+    pub response: Digest,
+    pub bytes: Vec<u8>,
+}
+
+/// Whoever answers requests: a cassette, a recorder in front of a model, a test. Called from many threads.
+pub trait Ask: Sync {
+    fn ask(&self, request: &Request) -> Result<Reply, AskError>;
+}
+
+/// Why there is no answer. Never the content of a reply: that is a refusal in the attempt.
+#[derive(Debug, thiserror::Error)]
+pub enum AskError {
+    /// Replay met a request that was not recorded.
+    #[error("{0}")]
+    Miss(Box<Miss>),
+    #[error("model {model}: {reason}")]
+    Model { model: String, reason: String },
+    #[error("{0}")]
+    Store(String),
+}
+
+/// A question without a recorded answer, and what would help.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Miss {
+    pub cassette: String,
+    pub key: Digest,
+    pub slot: DrawSlot,
+    /// Slot of the nearest recorded exchange, if there is any.
+    pub nearest: Option<DrawSlot>,
+    /// The first field in which the nearest one differs, with both values.
+    pub difference: Option<String>,
+    /// The command that would record it.
+    pub remedy: String,
+}
+
+impl std::fmt::Display for Miss {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let at = |s: &DrawSlot| format!("{}/e{}s{} {} round {}", s.lineage, s.epoch, s.slot, s.role, s.round);
+        writeln!(f, "no recorded answer for {} (key {}) in {}", at(&self.slot), self.key.short(12), self.cassette)?;
+        match &self.nearest {
+            Some(nearest) => writeln!(f, "  nearest recorded exchange: {}", at(nearest))?,
+            None => writeln!(f, "  the cassette holds no exchange at all")?,
+        }
+        if let Some(difference) = &self.difference {
+            writeln!(f, "  first difference: {difference}")?;
+        }
+        write!(f, "  to record it: {}", self.remedy)
+    }
+}

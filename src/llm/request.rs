@@ -1,0 +1,62 @@
+//! A question to a model, and the key it is recorded under.
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::Digest;
+
+/// Everything that can change an answer. Every field counts into the key: what must not (api key, timeout,
+/// retries, user agent, proxy) is not a field here but belongs to the live client.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// Version of prompts and contracts.
+    pub adapter_version: u32,
+    pub slot: DrawSlot,
+    pub model: ModelSpec,
+    pub messages: Vec<Message>,
+    /// JSON schema that the reply must satisfy.
+    pub schema: serde_json::Value,
+}
+
+/// The position in the run at which this answer is drawn: K draws of one prompt are K keys, and the order in which
+/// answers arrive can change nothing.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DrawSlot {
+    pub lineage: String,
+    pub epoch: u32,
+    pub slot: u32,
+    /// `actor`, `structural_critic`, ...
+    pub role: String,
+    /// 0 for the first patch, then the repair round.
+    pub round: u32,
+}
+
+/// The model of one role, as the experiment file names it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelSpec {
+    /// Name in the experiment file and in every table, e.g. `scripted`.
+    pub name: String,
+    /// `scripted`, `openai`, `anthropic`.
+    pub kind: String,
+    /// The provider's model identifier.
+    pub model: String,
+    /// Sampling parameters (temperature, max_tokens, ...) and, for `scripted`, its error rates.
+    pub sampling: std::collections::BTreeMap<String, f64>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Message {
+    /// `system` or `user`.
+    pub role: String,
+    pub text: String,
+}
+
+impl Request {
+    /// The key of the memo and of the cassette.
+    pub fn key(&self) -> Result<Digest, crate::kernel::canon::CanonError> {
+        Digest::of("evodrive/llm-request/1", self)
+    }
+}

@@ -1,0 +1,48 @@
+//! Typed names of the things that travel, from one macro, so that one cannot be passed for another.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+macro_rules! ids {
+    ($($(#[$doc:meta])* $name:ident;)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+        #[serde(transparent)]
+        pub struct $name(pub String);
+
+        impl $name {
+            pub fn new(text: impl Into<String>) -> $name {
+                $name(text.into())
+            }
+
+            pub fn as_str(&self) -> &str {
+                &self.0
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(&self.0)
+            }
+        }
+    )*};
+}
+
+ids! {
+    /// A source family such as `cat`: the method whose contract a program obeys.
+    FamilyName;
+    /// One line of descent: a family evolved against one ego, e.g. `cat-idm`.
+    LineageId;
+    /// One program of a lineage: `<lineage>/<attempt place>`, e.g. `cat-idm/e2s5`; the parent is `<lineage>/parent`.
+    SolutionId;
+    /// One proposal, however it ended: `<lineage>/e<epoch>s<slot>`.
+    AttemptId;
+    /// A memory card: `<attempt>#<n>`.
+    CardId;
+}
+
+impl AttemptId {
+    pub fn at(lineage: &LineageId, epoch: u32, slot: u32) -> AttemptId {
+        AttemptId(format!("{lineage}/e{epoch}s{slot}"))
+    }
+}

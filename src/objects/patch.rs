@@ -1,0 +1,48 @@
+//! A bounded edit δ of a program, as agents propose it.
+
+use serde::{Deserialize, Serialize};
+
+use super::ids::{FamilyName, SolutionId};
+
+/// The four parts of a program that a patch may touch.
+pub const EDITABLE_SURFACE: [&str; 4] =
+    ["/parameters", "/operator_graph", "/scenario_conditioned_policy", "/mechanism_modules"];
+
+/// What agents return (paper, prompt catalog). Unknown fields are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProgramPatch {
+    pub source_baseline: FamilyName,
+    pub parent_solution_id: SolutionId,
+    /// 64 hex digits; text, because a stale or garbled hash is a finding of the parent gate, not a parse error.
+    pub parent_program_hash: String,
+    pub operations: Vec<Operation>,
+    /// The behaviour that the edit is expected to change, and why.
+    pub hypothesis: String,
+    #[serde(default)]
+    pub memory_refs_used: Vec<String>,
+    #[serde(default)]
+    pub cluster_refs_used: Vec<String>,
+    /// Only in repaired patches.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repair_summary: Option<String>,
+}
+
+/// One typed edit at a JSON Pointer path (RFC 6901) of the program.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Operation {
+    pub op: OperationKind,
+    pub path: String,
+    /// Needed by `add` and `replace`, forbidden in `remove`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<serde_json::Value>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OperationKind {
+    Add,
+    Replace,
+    Remove,
+}

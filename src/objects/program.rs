@@ -1,0 +1,177 @@
+//! A generator program: the typed state p = (b, θ, G, ρ, H, κ, α) that evolves (paper eq. method-program-state).
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use super::ids::{FamilyName, LineageId, SolutionId};
+use crate::kernel::{Digest, canon::CanonError};
+
+/// The seven slots of an operator graph, in the order in which a scene passes them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Slot {
+    Select,
+    Actor,
+    Timing,
+    Motion,
+    Search,
+    Filter,
+    Diversity,
+}
+
+impl Slot {
+    pub const ALL: [Slot; 7] =
+        [Slot::Select, Slot::Actor, Slot::Timing, Slot::Motion, Slot::Search, Slot::Filter, Slot::Diversity];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Slot::Select => "select",
+            Slot::Actor => "actor",
+            Slot::Timing => "timing",
+            Slot::Motion => "motion",
+            Slot::Search => "search",
+            Slot::Filter => "filter",
+            Slot::Diversity => "diversity",
+        }
+    }
+}
+
+/// θ: a bounded number or one of a family's declared words.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum ParameterValue {
+    Number(f64),
+    Choice(String),
+}
+
+/// A setting of an operator: a literal, or a reference that is resolved for each scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Setting {
+    Number(f64),
+    Parameter(ParameterRef),
+    Mechanism(MechanismRef),
+    Choice(String),
+}
+
+/// `{"parameter": "name"}`: the value of θ at this name, after the scene's policy has spoken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterRef {
+    pub parameter: String,
+}
+
+/// `{"mechanism": "name"}`: a module of H.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MechanismRef {
+    pub mechanism: String,
+}
+
+/// One node of G.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OperatorNode {
+    pub slot: Slot,
+    /// One of the kinds that the family's contract lists for the slot.
+    pub kind: String,
+    #[serde(default)]
+    pub settings: BTreeMap<String, Setting>,
+    /// Names of the nodes that feed this one.
+    #[serde(default)]
+    pub inputs: Vec<String>,
+}
+
+/// One rule of ρ. Rules are tried in order and all that hold are applied, later ones last.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolicyRule {
+    /// A name that is unique in the policy.
+    pub name: String,
+    /// A condition on scene features in the expression language.
+    pub when: String,
+    /// Parameters to override in scenes where the condition holds.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, ParameterValue>,
+    /// Operator settings to override: node -> setting -> value.
+    #[serde(default)]
+    pub operators: BTreeMap<String, BTreeMap<String, Setting>>,
+}
+
+/// What a mechanism's expression gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ValueType {
+    Number,
+    Boolean,
+}
+
+/// One module of H: a declarative mechanism in the expression language.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MechanismModule {
+    /// Where it may be plugged in: one of the contract's mechanism slots (`actor_score`, `guard`, ...).
+    pub slot: String,
+    /// Features and parameters that the expression reads; each must be legal in the slot.
+    pub inputs: Vec<String>,
+    pub output: ValueType,
+    pub expression: String,
+    /// Words by which memory and reports group mechanisms.
+    #[serde(default)]
+    pub tags: Vec<String>,
+}
+
+/// κ: what the compiled result must satisfy. Inherited from the family, never edited.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompileContract {
+    /// `metadrive` or `safebench`.
+    pub backend: String,
+    /// Names of the constraints of the family contract, e.g. `map`, `dynamics`, `interface`.
+    pub constraints: Vec<String>,
+}
+
+/// α: one step of descent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ancestor {
+    pub solution_id: SolutionId,
+    pub program_hash: Digest,
+    /// Digest of the patch that led from it to its child.
+    pub patch_hash: Digest,
+}
+
+/// The state that is edited, compiled and evaluated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Program {
+    pub solution_id: SolutionId,
+    pub lineage_id: LineageId,
+    pub source_family: FamilyName,
+    /// Depth from the initial generator, which has 0.
+    pub generation: u32,
+    pub parameters: BTreeMap<String, ParameterValue>,
+    /// Node name -> node.
+    pub operator_graph: BTreeMap<String, OperatorNode>,
+    pub scenario_conditioned_policy: Vec<PolicyRule>,
+    /// Module name -> module.
+    pub mechanism_modules: BTreeMap<String, MechanismModule>,
+    pub compile_contract: CompileContract,
+    pub ancestor_chain: Vec<Ancestor>,
+}
+
+impl Program {
+    /// Hash of the content that makes it behave as it does: identity, lineage and ancestors do not count, and
+    /// expressions count by meaning of their text, not by its spacing.
+    pub fn hash(&self) -> Result<Digest, CanonError> {
+        let content = (
+            &self.source_family,
+            &self.parameters,
+            &self.operator_graph,
+            super::expr::normalised_policy(&self.scenario_conditioned_policy),
+            super::expr::normalised_modules(&self.mechanism_modules),
+            &self.compile_contract,
+        );
+        Digest::of("evodrive/program/1", &content)
+    }
+}

@@ -1,0 +1,57 @@
+//! The labels of a candidate: objectives and what they rest on, scene by scene.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use crate::kernel::Digest;
+
+/// F(c) = (A, R), both in [0, 1], larger is better (paper eq. prelim-objectives).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Objectives {
+    pub attack: f64,
+    pub realism: f64,
+}
+
+impl Objectives {
+    /// RP = 100 (1 - R), percent (paper eq. app-realism-penalty).
+    pub fn realism_penalty_pct(&self) -> f64 {
+        100.0 * (1.0 - self.realism)
+    }
+
+    /// Pareto dominance under maximisation: no worse in both, better in one.
+    pub fn dominates(&self, other: &Objectives) -> bool {
+        self.attack >= other.attack
+            && self.realism >= other.realism
+            && (self.attack > other.attack || self.realism > other.realism)
+    }
+}
+
+/// Objectives with their evidence. Scenes that failed are listed, never scored.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    pub objectives: Objectives,
+    pub scenes: Vec<SceneScore>,
+    pub failures: Vec<SceneFailure>,
+}
+
+/// One labelled rollout.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SceneScore {
+    pub scene: String,
+    pub attack: f64,
+    pub realism: f64,
+    /// d_j of each realism diagnostic, 1 = satisfied.
+    pub diagnostics: BTreeMap<String, f64>,
+    /// Whether the program intervened at all in this scene.
+    pub intervened: bool,
+    /// Key of the rollout request, and digest of the stored rollout record.
+    pub request: Digest,
+    pub record: Digest,
+}
+
+/// A scene without a label, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneFailure {
+    pub scene: String,
+    pub reason: String,
+}

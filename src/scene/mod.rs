@@ -1,0 +1,5 @@
+//! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
+
+pub mod types;
+
+pub use types::*;

@@ -1,0 +1,35 @@
+//! What a compiled program asks of the simulator: the only way to change a scene. It can move others, never
+//! the ego, the road or the metrics.
+
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{AgentKind, Sample, TrackIx};
+
+/// Everything that is done to a scene in one rollout. Empty means plain log replay.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Intervention {
+    pub actions: Vec<Action>,
+}
+
+/// One road user's changed behaviour. The road users of an intervention are called its adversaries.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Action {
+    /// An existing track follows `samples` from `from_step` on (`samples[0]` lies at `from_step`); when they end
+    /// it keeps its last velocity.
+    Follow { track: TrackIx, from_step: usize, samples: Vec<Sample> },
+    /// A new road user appears at `from_step` and follows `samples`; it leaves when they end.
+    Insert { kind: AgentKind, length_m: f64, width_m: f64, from_step: usize, samples: Vec<Sample> },
+    /// An existing track follows `samples` from `from_step`, then at `handover_step` turns reactive: every second it
+    /// takes the motion primitive that brings it nearest to the ego (SEAL's skills).
+    FollowThenReact { track: TrackIx, from_step: usize, samples: Vec<Sample>, handover_step: usize },
+}
+
+/// Who a road user of a rollout is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActorRef {
+    Track(TrackIx),
+    /// Position among the intervention's inserted road users.
+    Inserted(usize),
+}

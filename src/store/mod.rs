@@ -1,0 +1,1 @@
+//! All disk: objects by digest, memo (request -> object), transcript (append-only), atomic files.

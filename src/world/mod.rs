@@ -1,0 +1,1 @@
+//! The evaluator before rollout: features, predictor, calibrator, router.

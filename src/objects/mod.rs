@@ -8,6 +8,7 @@ pub mod patch;
 pub mod program;
 pub mod review;
 pub mod score;
+pub mod spelling;
 
 pub use attempt::*;
 pub use card::{Card, CardKind};

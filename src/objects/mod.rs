@@ -2,6 +2,7 @@
 
 pub mod attempt;
 pub mod card;
+pub mod event;
 pub mod expr;
 pub mod ids;
 pub mod patch;

@@ -1,10 +1,9 @@
 //! A lineage as text: the chain of programs with their patches as diffs, and what became of every attempt.
 
-use similar::TextDiff;
 use std::fmt::Write as _;
 
 use super::story::Story;
-use crate::objects::{Attempt, LineageId, Objectives, program::Program};
+use crate::objects::{Attempt, LineageId, Objectives, Program, program_diff};
 
 /// The chain from the parent to the active program, each step with its hypothesis, labels and diff.
 pub fn chain(story: &Story, lineage: &LineageId) -> String {
@@ -17,7 +16,7 @@ pub fn chain(story: &Story, lineage: &LineageId) -> String {
             describe_step(&mut out, attempt);
         }
         if let Some(before) = i.checked_sub(1).map(|k| programs[k]) {
-            out.push_str(&diff(before, program));
+            out.push_str(&program_diff(before, program));
         }
     }
     let _ = writeln!(out, "\nattempts of {lineage}:");
@@ -42,31 +41,6 @@ pub fn one_line(attempt: &Attempt) -> String {
         let _ = write!(line, "  {}", shortened(&patch.hypothesis, 90));
     }
     line
-}
-
-/// Unified diff of the two programs' evolvable content.
-pub fn diff(before: &Program, after: &Program) -> String {
-    let text = |program: &Program| {
-        let content = (
-            &program.parameters,
-            &program.operator_graph,
-            &program.scenario_conditioned_policy,
-            &program.mechanism_modules,
-        );
-        let named = serde_json::json!({
-            "parameters": content.0,
-            "operator_graph": content.1,
-            "scenario_conditioned_policy": content.2,
-            "mechanism_modules": content.3,
-        });
-        serde_json::to_string_pretty(&named).unwrap_or_default() + "\n"
-    };
-    let (old, new) = (text(before), text(after));
-    TextDiff::from_lines(&old, &new)
-        .unified_diff()
-        .context_radius(3)
-        .header(before.solution_id.as_str(), after.solution_id.as_str())
-        .to_string()
 }
 
 pub fn objectives(objectives: &Objectives) -> String {

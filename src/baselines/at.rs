@@ -8,7 +8,13 @@
 use std::collections::BTreeMap;
 
 use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
-use crate::adapters::{Contract, Family, Feature, Limits, OperatorSpec, ParameterSpec, vocabulary};
+use super::kernel::candidate::{Candidate, Judged};
+use super::kernel::feasibility::Bounds;
+use super::kernel::offsets::{Interpolation, OffsetSpace};
+use super::kernel::pso::{self, Swarm};
+use super::kernel::{Part, Settings, Stage, StageError};
+use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, vocabulary};
+use crate::kernel::{Vec2, num};
 use crate::objects::{
     CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
 };
@@ -33,7 +39,7 @@ fn contract() -> Contract {
     mechanism_slots.extend([slot(
         "offset_loss",
         ValueType::Number,
-        loss_features(),
+        grammar::candidate_features(),
         "A loss of a perturbed path, smaller is better; the search operator says whether it is added to AT's own loss \
          or replaces it.",
     )]);
@@ -62,13 +68,6 @@ fn contract() -> Contract {
 fn private_vocabulary() -> Vec<String> {
     let words = [BOUNDED_OFFSETS, PARTICLE_SWARM, "offset_loss"].into_iter().map(String::from);
     words.chain(own_parameters().into_keys()).collect()
-}
-
-/// What a loss may read: it is evaluated a thousand times a scene, so only what is cheap on 0.5 s checks.
-fn loss_features() -> Vec<Feature> {
-    let cheap = ["ego_distance_m_min", "closest_approach_s", "closest_speed_mps", "log_deviation_m_max"];
-    let candidate = vocabulary::CANDIDATE.iter().filter(|f| cheap.contains(&f.name));
-    candidate.chain(vocabulary::ACTOR).cloned().collect()
 }
 
 fn own_parameters() -> BTreeMap<String, ParameterSpec> {
@@ -199,4 +198,114 @@ fn parent_graph() -> BTreeMap<String, OperatorNode> {
         }
     }
     graph
+}
+
+/// Checks of the loss lie this many samples apart (0.5 s).
+const CHECK_STEPS: usize = 5;
+
+/// The actor's own logged path, and the space of offsets around it.
+pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let bounds = Bounds {
+        offset_m_max: settings.number("offset_m_max")?,
+        speed_mps_max: settings.number("path_speed_mps_max")?,
+        acceleration_mps2_max: settings.number("path_acceleration_mps2_max")?,
+        lateral_mps2_max: settings.number("path_lateral_mps2_max")?,
+        jerk_mps3_max: settings.number("path_jerk_mps3_max")?,
+        lateral_jerk_mps3_max: settings.number("path_lateral_jerk_mps3_max")?,
+    };
+    let spacing_s = settings.number("knot_spacing_s")?;
+    let cubic = settings.word("interpolation")? == "cubic";
+    let interpolation = if cubic { Interpolation::Cubic } else { Interpolation::Linear };
+    for part in parts {
+        let track = &stage.situation.scene.tracks[part.actor];
+        part.offsets = OffsetSpace::of_log(track, part.window, spacing_s, interpolation, bounds);
+        part.candidates = part.offsets.iter().map(|space| Candidate::new(space.logged().to_vec(), 0.0)).collect();
+    }
+    Ok(())
+}
+
+/// Moves a swarm over the offsets; every particle's best becomes a candidate, scored by minus its loss.
+pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let swarm = Swarm {
+        particles: settings.count("particle_count")?,
+        iterations: settings.count("iteration_count")?,
+        cognitive: settings.number("cognitive_pull")?,
+        social: settings.number("social_pull")?,
+        inertia: settings.number("inertia")?,
+    };
+    let weights = (settings.number("toward_weight")?, settings.number("distance_weight")?);
+    let replaces = settings.word("combine")? == "replace";
+    let module = settings.optional("loss");
+    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    for part in parts {
+        let Some(space) = &part.offsets else { continue };
+        let judged = Judged {
+            situation: stage.situation,
+            actor: part.actor,
+            from_step: part.window.from_step,
+            adversaries: &adversaries,
+        };
+        let target = Target::new(stage, part, space);
+        let mut offsets = Vec::new();
+        let loss = |place: &[f64]| {
+            let theta = space.offsets(place, &mut offsets);
+            let own = if replaces && module.is_some() { 0.0 } else { target.loss(&offsets, theta, weights) };
+            let extra = module.map_or(0.0, |module| {
+                module.of_candidate(&Candidate::new(space.samples(&offsets, theta), 0.0), &judged)
+            });
+            own + extra
+        };
+        let found = pso::minimise(&swarm, space.dimensions(), &mut stage.stream("swarm", part.actor), loss);
+        let mut offsets = Vec::new();
+        part.candidates = found
+            .iter()
+            .map(|best| {
+                let theta = space.offsets(&best.place, &mut offsets);
+                Candidate { score: -best.loss, ..Candidate::new(space.samples(&offsets, theta), 0.0) }
+            })
+            .collect();
+    }
+    Ok(())
+}
+
+/// What AT's loss pulls toward: the ego's rollout, and the side on which it lies at the log's closest approach.
+struct Target {
+    /// Logged position and ego position at every check; `None` where the ego's rollout has ended.
+    checks: Vec<(Vec2, Option<Vec2>)>,
+    /// Front, left, rear or right of the actor, per check.
+    toward: Vec<Vec2>,
+}
+
+impl Target {
+    fn new(stage: &Stage<'_>, part: &Part, space: &OffsetSpace) -> Target {
+        let logged = space.logged();
+        let ego = |k: usize| stage.situation.ego.at(part.window.from_step + k).map(|s| s.position);
+        let indices = || (0..logged.len()).step_by(CHECK_STEPS);
+        let checks: Vec<(Vec2, Option<Vec2>)> = indices().map(|k| (logged[k].position, ego(k))).collect();
+        let gap = |check: &(Vec2, Option<Vec2>)| check.1.map(|e| e.distance(check.0));
+        let nearest = (0..checks.len())
+            .filter_map(|k| Some((k, gap(&checks[k])?)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(0, |(k, _)| k);
+        let axis = |k: usize| Vec2::from_heading(logged[k].heading_rad);
+        let wish = checks.get(nearest).and_then(|(own, ego)| ego.map(|e| e - *own)).unwrap_or_default();
+        let forward = logged.get(nearest * CHECK_STEPS).map_or(Vec2::ZERO, |s| Vec2::from_heading(s.heading_rad));
+        let (ahead, left) = (wish.dot(forward), forward.cross(wish));
+        let side = |axis: Vec2| match (ahead.abs() >= left.abs(), ahead >= 0.0, left >= 0.0) {
+            (true, true, _) => axis,
+            (true, false, _) => -axis,
+            (false, _, true) => axis.left(),
+            (false, _, false) => -axis.left(),
+        };
+        Target { toward: indices().map(|k| side(axis(k))).collect(), checks }
+    }
+
+    /// −a · mean offset toward the ego + b · smallest centre distance to it.
+    fn loss(&self, offsets: &[Vec2], theta: f64, (toward_weight, distance_weight): (f64, f64)) -> f64 {
+        let change = |k: usize| offsets.get(k * CHECK_STEPS).copied().unwrap_or_default() * theta;
+        let along = num::sum((0..self.checks.len()).map(|k| change(k).dot(self.toward[k])));
+        let distance = |k: usize| Some((self.checks[k].0 + change(k)).distance(self.checks[k].1?));
+        let nearest = (0..self.checks.len()).filter_map(distance).fold(200.0, f64::min);
+        distance_weight * nearest - toward_weight * along / self.checks.len().max(1) as f64
+    }
 }

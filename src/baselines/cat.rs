@@ -8,6 +8,9 @@
 use std::collections::BTreeMap;
 
 use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
+use super::kernel::candidate::Judged;
+use super::kernel::motion_prior::{self, PriorOptions};
+use super::kernel::{Part, Settings, Stage, StageError, posterior};
 use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, vocabulary};
 use crate::objects::{
     CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
@@ -178,4 +181,48 @@ fn parent_graph() -> BTreeMap<String, OperatorNode> {
     ]
     .into_iter()
     .collect()
+}
+
+/// Candidates of the lane-graph prior from the actor's sample before its window.
+pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let options = PriorOptions {
+        count: settings.count("candidate_count")?,
+        nms_radius_m: settings.number("nms_radius_m")?,
+        goal_spacing_m: settings.number("goal_spacing_m")?,
+        profile_step_mps2: settings.number("profile_step_mps2")?,
+        profile_levels: settings.count("profile_levels")?,
+        speed_change_scale_mps: settings.number("speed_change_scale_mps")?,
+        acceleration_scale_mps2: settings.number("acceleration_scale_mps2")?,
+        lateral_scale_mps2: settings.number("lateral_scale_mps2")?,
+        lane_offset_scale_m: settings.number("lane_offset_scale_m")?,
+        lane_change_cost: settings.number("lane_change_cost")?,
+        flatten_rank: settings.count("flatten_rank")?,
+    };
+    for part in parts {
+        let track = &stage.situation.scene.tracks[part.actor];
+        let Some(anchor) = part.window.from_step.checked_sub(1).and_then(|step| track.at(step)) else { continue };
+        let mut stream = stage.stream("prior", part.actor);
+        part.candidates =
+            motion_prior::candidates(&stage.situation.lanes, anchor, part.window.steps, &options, &mut stream);
+    }
+    Ok(())
+}
+
+/// Scores candidates by the collision posterior, and by a score expression where one is given.
+pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let discount = settings.number("contact_discount")?;
+    let shift = posterior::shift_steps(settings.number("ego_shift_s")?);
+    let replaces = settings.word("combine")? == "replace";
+    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    for part in parts {
+        let from_step = part.window.from_step;
+        posterior::score(stage.situation, part.actor, from_step, discount, shift, &mut part.candidates);
+        let Some(module) = settings.optional("score") else { continue };
+        let judged = Judged { situation: stage.situation, actor: part.actor, from_step, adversaries: &adversaries };
+        for candidate in &mut part.candidates {
+            let own = module.of_candidate(candidate, &judged);
+            candidate.score = if replaces { own } else { candidate.score + own };
+        }
+    }
+    Ok(())
 }

@@ -3,12 +3,25 @@
 pub mod at;
 pub mod cat;
 pub mod grammar;
+pub mod kernel;
 
+use self::kernel::Operator;
 use crate::adapters::Registry;
 
 /// Every family that can be evolved.
 pub fn registry() -> Registry {
     Registry::new([cat::family(), at::family()])
+}
+
+/// What a motion or search kind does; `None` for kinds of other slots, which the compiler knows itself.
+pub fn operator(kind: &str) -> Option<Operator> {
+    match kind {
+        cat::LANE_GRAPH_PRIOR => Some(cat::motion),
+        cat::COLLISION_POSTERIOR => Some(cat::search),
+        at::BOUNDED_OFFSETS => Some(at::motion),
+        at::PARTICLE_SWARM => Some(at::search),
+        _ => None,
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,3 @@
+//! Benchmark protocols: how scenes are rolled out and scored.
+
+pub mod metadrive;

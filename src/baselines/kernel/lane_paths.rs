@@ -2,7 +2,7 @@
 //! starts with the vehicle's offset and heading and ends on the centre line; and arcs of constant turn off the lanes.
 
 use crate::kernel::{Vec2, num};
-use crate::scene::{LaneGraph, Reached, Sample};
+use crate::scene::{LaneGraph, LaneIx, Reached, Sample};
 
 /// Distance between two points of a path, metres.
 const SPACING_M: f64 = 2.0;
@@ -35,6 +35,8 @@ pub struct LanePath {
     pub lane_changes: usize,
     /// How far the goal lane lies beside the vehicle's own lane, metres; `None` for arcs.
     pub sideways_m: Option<f64>,
+    /// The lane that the path ends in; `None` for arcs.
+    pub lane: Option<LaneIx>,
     /// Largest curvature up to each point, 1/m.
     curvature_max: Vec<f64>,
 }
@@ -63,7 +65,16 @@ impl LanePath {
             lengths.push(lengths[lengths.len() - 1] + length);
             directions.push(direction);
         }
-        Some(LanePath { points: kept, directions, lengths, goals_m, lane_changes, sideways_m, curvature_max })
+        Some(LanePath {
+            points: kept,
+            directions,
+            lengths,
+            goals_m,
+            lane_changes,
+            sideways_m,
+            lane: None,
+            curvature_max,
+        })
     }
 
     fn piece(&self, s_m: f64) -> usize {
@@ -124,7 +135,7 @@ fn chain(reached: &[Reached], target: &Reached, lanes: &LaneGraph) -> Vec<(usize
         }
     }
     chain.reverse();
-    let start = chain.iter().take_while(|_| true).skip(1).take_while(|(_, aside)| *aside).count();
+    let start = chain.iter().skip(1).take_while(|(_, aside)| *aside).count();
     chain.split_off(start.min(chain.len().saturating_sub(1)))
 }
 
@@ -164,7 +175,8 @@ fn lane_path(
     let points: Vec<Vec2> = std::iter::once(anchor.position).chain((1..=count).map(point)).collect();
     let from_m = target.start_m.max(0.0);
     let to_m = (target.start_m + lanes.length_m(target.lane)).min(reach_m);
-    LanePath::new(points, (from_m, to_m), target.lane_changes, Some(sideways_m))
+    let path = LanePath::new(points, (from_m, to_m), target.lane_changes, Some(sideways_m))?;
+    Some(LanePath { lane: Some(target.lane), ..path })
 }
 
 /// Offset from the centre line at a share of the blend: given offset and slope at 0, all derivatives 0 at 1.

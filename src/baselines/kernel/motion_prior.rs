@@ -7,10 +7,12 @@ use super::candidate::Candidate;
 use super::lane_paths::{LanePath, paths};
 use super::speed_profile::SpeedProfile;
 use crate::kernel::{Stream, Vec2, num};
-use crate::scene::{DT_S, LaneGraph, Sample};
+use crate::scene::{DT_S, LaneGraph, LaneIx, Sample};
 
 /// Where an arc's goal is farther than this from every lane, the deviation counts as this much, metres.
 const OFF_LANE_M_MAX: f64 = 6.0;
+/// Added where that lane is not on the actor's own way, metres: a lane's width.
+const FOREIGN_LANE_M: f64 = 3.5;
 
 /// Settings of the prior; figures of the stand-in's reference in parentheses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,6 +90,7 @@ pub fn flatten_and_normalise(logs: &mut [f64], rank: usize) {
 
 fn goals(lanes: &LaneGraph, anchor: &Sample, ways: &[LanePath], time_s: f64, options: &PriorOptions) -> Vec<Goal> {
     let speed = anchor.speed_mps();
+    let own: Vec<LaneIx> = ways.iter().filter(|w| w.lane_changes == 0).filter_map(|w| w.lane).collect();
     let mut found = Vec::new();
     for (path, way) in ways.iter().enumerate() {
         let (from, to) = way.goals_m;
@@ -98,7 +101,7 @@ fn goals(lanes: &LaneGraph, anchor: &Sample, ways: &[LanePath], time_s: f64, opt
                 SpeedProfile::reaching(distance_m, time_s, speed, options.profile_step_mps2, options.profile_levels);
             let Some(profile) = profile else { continue };
             let place = way.at(distance_m);
-            let aside_m = way.sideways_m.unwrap_or_else(|| off_lane_m(lanes, place));
+            let aside_m = way.sideways_m.unwrap_or_else(|| off_lane_m(lanes, &own, place));
             let log_prior = log_prior(way, &profile, distance_m, time_s, aside_m, options);
             found.push(Goal { path, profile, place, log_prior });
         }
@@ -106,11 +109,16 @@ fn goals(lanes: &LaneGraph, anchor: &Sample, ways: &[LanePath], time_s: f64, opt
     found
 }
 
-fn off_lane_m(lanes: &LaneGraph, place: Vec2) -> f64 {
+/// How far a place lies off the lanes that the actor can follow without changing lane.
+fn off_lane_m(lanes: &LaneGraph, own: &[LaneIx], place: Vec2) -> f64 {
     if lanes.lane_count() == 0 {
         return 0.0;
     }
-    lanes.nearest_lane_any_heading(place, OFF_LANE_M_MAX).map_or(OFF_LANE_M_MAX, |p| p.distance_m)
+    match lanes.nearest_lane_any_heading(place, OFF_LANE_M_MAX) {
+        None => OFF_LANE_M_MAX,
+        Some(near) if own.contains(&near.lane) => near.distance_m,
+        Some(near) => near.distance_m + FOREIGN_LANE_M,
+    }
 }
 
 /// −[(Δv̄/a)² + (a_max/b)² + (a_lat,max/c)² + (aside/d)² + e·lane changes]

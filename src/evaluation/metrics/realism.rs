@@ -119,8 +119,8 @@ pub fn diagnostics(outcome: &Outcome, o: &RealismOptions) -> BTreeMap<String, f6
     .collect()
 }
 
-/// Σ w_j d_j, in [0, 1].
+/// Σ w_j d_j, in [0, 1]; as 1 - Σ w_j (1 - d_j), so that no violation gives 1 exactly.
 pub fn realism(diagnostics: &BTreeMap<String, f64>, weights: &RealismWeights) -> f64 {
-    let term = |(name, weight): (&str, f64)| weight * diagnostics.get(name).copied().unwrap_or(0.0);
-    num::sum(weights.named().map(term)).clamp(0.0, 1.0)
+    let lost = |(name, weight): (&str, f64)| weight * (1.0 - diagnostics.get(name).copied().unwrap_or(0.0));
+    (1.0 - num::sum(weights.named().map(lost))).clamp(0.0, 1.0)
 }

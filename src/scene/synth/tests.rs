@@ -225,6 +225,15 @@ fn topology_and_lines_are_those_of_a_valid_road() {
 }
 
 #[test]
+fn every_scene_is_valid_and_usable() {
+    for scene in few_scenes() {
+        let broken: Vec<String> = scene.validate().iter().take(5).map(|v| v.to_string()).collect();
+        assert!(broken.is_empty(), "{}: {broken:#?}", scene.id);
+        crate::scene::usable(&scene).unwrap_or_else(|why| panic!("{}: {why}", scene.id));
+    }
+}
+
+#[test]
 fn the_same_seed_gives_the_same_scene_and_another_index_another() {
     let scene = |seed, index| generate(WorldKind::Roundabout, Seed(seed), index, &options()).unwrap();
     assert_eq!(scene(3, 0), scene(3, 0));

@@ -7,6 +7,7 @@ pub mod fixture;
 mod grid;
 pub mod lanes;
 pub mod pool;
+pub mod synth;
 pub mod types;
 pub mod usable;
 pub mod validate;

@@ -1,7 +1,9 @@
 //! Asking a model: request, replay, record, cassette, the scripted stand-in.
 
+pub mod model;
 pub mod request;
 
+pub use model::{Model, ModelError};
 pub use request::{DrawSlot, Message, ModelSpec, Request};
 
 use crate::kernel::Digest;

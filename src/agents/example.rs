@@ -191,8 +191,8 @@ fn parent() -> Program {
             ("mode".into(), ParameterValue::Choice("mild".into())),
         ]),
         operator_graph: BTreeMap::from([
-            ("scenes".into(), node(Slot::Select, "all_scenes", &[], &[])),
-            ("who".into(), node(Slot::Actor, "nearest", &["scenes"], &[])),
+            ("select".into(), node(Slot::Select, "all_scenes", &[], &[])),
+            ("who".into(), node(Slot::Actor, "nearest", &["select"], &[])),
             ("how".into(), node(Slot::Motion, "prior", &["who"], &[("horizon_s", by_parameter)])),
             ("keep".into(), node(Slot::Filter, "keep_all", &["how"], &[])),
             ("pick".into(), node(Slot::Search, "best", &["keep"], &[("objective", by_module)])),
@@ -208,7 +208,10 @@ fn parent() -> Program {
                 tags: vec!["posterior".into()],
             },
         )]),
-        compile_contract: CompileContract { backend: "metadrive".into(), constraints: vec!["map".into()] },
+        compile_contract: CompileContract {
+            backend: "metadrive".into(),
+            constraints: vec!["map".into(), "dynamics".into(), "interface".into()],
+        },
         ancestor_chain: vec![],
     }
 }

@@ -84,7 +84,7 @@ impl Briefing {
             "lineage": context.lineage,
             "epoch": context.epoch,
             "identity": stable_json(&identity),
-            "contract": stable_json(&to_value(context.contract)?),
+            "contract": stable_json(&context.contract.to_prompt_json()),
             "foreign_vocabulary": stable_json(&to_value(&context.foreign_vocabulary)?),
             "parent": stable_json(&shown_parent(parent)),
             "memory": stable_json(&shown_memory(context)?),
@@ -220,6 +220,6 @@ fn fill(name: &'static str, template: &str, values: &Value) -> Result<String, Pr
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.set_auto_escape_callback(|_| minijinja::AutoEscape::None);
     environment
-        .render_named_str(name, template, minijinja::Value::serialize(values))
+        .render_named_str(name, template, minijinja::value::Serde(values))
         .map_err(|error| PromptError { template: name, reason: error.to_string() })
 }

@@ -5,9 +5,11 @@ pub mod features;
 #[cfg(test)]
 pub mod fixture;
 mod grid;
+pub mod import;
 pub mod lanes;
 pub mod pool;
 pub mod synth;
+pub mod route;
 pub mod types;
 pub mod usable;
 pub mod validate;

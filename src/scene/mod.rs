@@ -1,12 +1,14 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
 pub mod binary;
+pub mod draw;
 pub mod features;
 #[cfg(test)]
 pub mod fixture;
 mod grid;
 pub mod lanes;
 pub mod pool;
+pub mod stats;
 pub mod synth;
 pub mod types;
 pub mod usable;

@@ -71,7 +71,7 @@ impl WorldKind {
 pub struct SynthOptions {
     /// The kinds that a pool takes in turn.
     pub kinds: Vec<WorldKind>,
-    /// Samples per scene at 0.1 s, 2..=2000; 91 as in the Waymo Open Motion Dataset.
+    /// Samples per scene at 0.1 s, 2..=1200; 91 as in the Waymo Open Motion Dataset.
     pub steps: usize,
     /// Last sample of history, below `steps`; 10 as in the Waymo Open Motion Dataset.
     pub current_step: usize,
@@ -127,8 +127,8 @@ impl SynthOptions {
         if self.kinds.is_empty() {
             return bad("kinds", "empty".into(), "at least one kind of world");
         }
-        if !(2..=2000).contains(&self.steps) {
-            return bad("steps", self.steps.to_string(), "2..=2000");
+        if !(2..=1200).contains(&self.steps) {
+            return bad("steps", self.steps.to_string(), "2..=1200");
         }
         if self.current_step + 1 >= self.steps {
             return bad("current_step", self.current_step.to_string(), "a step before the last one");

@@ -1,3 +1,5 @@
+//! Programs that break one rule each, and what the contract says of them.
+
 use super::{
     toy::{contract, module, program, registry},
     *,

@@ -1,13 +1,16 @@
-//! Rollouts over scenes, and from their outcomes to scores.
+//! Rollouts over scenes to scores: `protocol/` says what is run, `metrics/` what is read off an outcome.
 
 pub mod metrics;
 pub mod protocol;
 pub mod record;
+pub mod score;
 
-pub use metrics::attack::AttackTarget;
-pub use metrics::realism::{RealismError, RealismOptions, RealismWeights};
-pub use protocol::metadrive::{EvaluationError, EvaluationOptions, SceneRef, evaluate, score_of};
-pub use record::{CacheError, MemoryCache, RolloutCache, RolloutRecord, RolloutRequest, RolloutResult};
+pub use metrics::{
+    AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, OptionsError, RealismOptions,
+};
+pub use protocol::metadrive::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
+pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};
+pub use score::score_of;
 
-/// Rises when a score can change for the same outcomes.
+/// Part of a run's first event; rises when a metric or protocol changes meaning.
 pub const EVAL_VERSION: u32 = 1;

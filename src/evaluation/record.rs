@@ -1,109 +1,52 @@
-//! What identifies a rollout, and what is kept of it.
+//! The record of one rollout and the key that it is kept under.
 
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
 
 use crate::adapters::ADAPTER_VERSION;
-use crate::compiler::Decision;
-use crate::ego;
-use crate::kernel::canon::CanonError;
-use crate::kernel::{Digest, Seed};
+use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::sim::{Outcome, SIM_VERSION};
 
-/// Everything that a rollout's outcome depends on. Known before anything is compiled, so that a recorded rollout costs
-/// neither a compilation nor a prepared scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RolloutRequest {
-    pub sim_version: u32,
-    pub adapter_version: u32,
-    pub program: Digest,
-    pub scene: Digest,
-    /// Random streams of the compilation are named by the scene's id.
-    pub scene_id: String,
-    pub ego: Digest,
-    pub seed: Seed,
-}
-
-impl RolloutRequest {
-    pub fn new(program: Digest, scene_id: &str, scene: Digest, policy: &ego::Policy, seed: Seed) -> RolloutRequest {
-        RolloutRequest {
-            sim_version: SIM_VERSION,
-            adapter_version: ADAPTER_VERSION,
-            program,
-            scene,
-            scene_id: scene_id.to_string(),
-            ego: policy.digest(),
-            seed,
-        }
-    }
-
-    /// The key under which its record is kept.
-    pub fn key(&self) -> Result<Digest, CanonError> {
-        Digest::of("evodrive/rollout-request/1", self)
-    }
-}
-
-/// A rollout with what led to it.
+/// What one rollout of one program in one scene left behind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RolloutRecord {
-    pub request: RolloutRequest,
-    pub result: RolloutResult,
+    pub scene: String,
+    pub scene_digest: Digest,
+    pub program: Digest,
+    pub ego: String,
+    /// Whether the program intervened; where it did not, the outcome is plain replay.
+    pub intervened: bool,
+    /// The scene-level decision ω in the compiler's words, for people and audits.
+    pub decision: serde_json::Value,
+    pub outcome: Outcome,
 }
 
-/// How it ended. A failure is recorded too: it is as deterministic as an outcome.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RolloutResult {
-    Labelled {
-        decision: Decision,
-        outcome: Box<Outcome>,
-    },
-    /// The program could not be compiled for the scene, or the simulator refused it.
-    Failed {
-        reason: String,
-    },
+/// Key of a rollout request. It needs neither the scene's content nor a compilation.
+pub fn request_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> Result<Digest, CanonError> {
+    Digest::of("evodrive/rollout-request/1", &(SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed))
 }
 
-/// A cache that cannot read or write.
-#[derive(Debug, thiserror::Error)]
-#[error("rollout {key}: {source}")]
-pub struct CacheError {
-    pub key: Digest,
-    pub source: Box<dyn std::error::Error + Send + Sync>,
-}
-
-/// Where rollout records are kept. `get` of an unknown key is `None`; `put` gives the digest of the stored record.
+/// Where records are kept between runs. Called from many threads.
 pub trait RolloutCache: Sync {
-    fn get(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError>;
-    fn put(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError>;
+    /// The record of a request and the digest it is stored under. A cache that wants everything simulated again
+    /// (verify) says that it has none.
+    fn recorded(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError>;
+
+    /// Keeps a record; one that differs from an earlier record of the same request is a divergence.
+    fn keep(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError>;
 }
 
-/// Records in memory, for tests and one-off evaluations.
-#[derive(Debug, Default)]
-pub struct MemoryCache(Mutex<BTreeMap<Digest, (RolloutRecord, Digest)>>);
-
-impl MemoryCache {
-    pub fn len(&self) -> usize {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
-impl RolloutCache for MemoryCache {
-    fn get(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError> {
-        Ok(self.0.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned())
-    }
-
-    fn put(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError> {
-        let failed = |e: CanonError| CacheError { key: *key, source: Box::new(e) };
-        let digest = Digest::of("evodrive/rollout-record/1", record).map_err(failed)?;
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).insert(*key, (record.clone(), digest));
-        Ok(digest)
-    }
+/// The cache cannot be trusted or used.
+#[derive(Debug, thiserror::Error)]
+pub enum CacheError {
+    /// What the store said; `evaluation` does not know stores.
+    #[error(transparent)]
+    Store(Box<dyn std::error::Error + Send + Sync>),
+    #[error("stored rollout {key} is damaged: {reason}; run `evodrive fsck --read`")]
+    Damaged { key: Digest, reason: String },
+    #[error(
+        "rollout {key} of scene {scene} came out differently than recorded: {difference}; if the simulator, the \
+         compiler or a family was changed, raise its version and record again"
+    )]
+    Diverged { key: Digest, scene: String, difference: String },
 }

@@ -1,21 +1,30 @@
-//! a(τ): whether the ego was struck or struck someone (paper eq. prelim-objectives; CAT's attack success).
+//! a(τ): whether the ego failed. The rate over scenes is the paper's Attack (target-failure rate).
 
 use serde::{Deserialize, Serialize};
 
 use crate::sim::Outcome;
 
-/// Whose contact counts.
+/// What counts as a target failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AttackTarget {
-    /// Contact with an adversary only.
-    Adversary,
-    /// Contact with anyone, as CAT's protocol counts.
-    Anyone,
+    /// Contact of the ego with anyone, as MetaDrive's `crash_vehicle` and CAT's success flag.
+    AnyContact,
+    /// Contact with one of the intervention's adversaries only.
+    AdversaryContact,
 }
 
-/// 1 for a contact that counts, else 0.
-pub fn attack(outcome: &Outcome, target: AttackTarget) -> f64 {
-    let counts = outcome.contact.is_some_and(|c| target == AttackTarget::Anyone || c.adversary);
-    f64::from(u8::from(counts))
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AttackOptions {
+    pub target: AttackTarget,
+}
+
+/// 1 for a target failure, else 0.
+pub fn attack(outcome: &Outcome, options: &AttackOptions) -> f64 {
+    let failed = outcome.contact.is_some_and(|contact| match options.target {
+        AttackTarget::AnyContact => true,
+        AttackTarget::AdversaryContact => contact.adversary,
+    });
+    if failed { 1.0 } else { 0.0 }
 }

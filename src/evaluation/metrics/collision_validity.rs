@@ -1,7 +1,9 @@
-//! Collision validity: no adversary strikes a bystander on its way to the ego; binary.
+//! Collision validity: the adversary drives through nobody on its way to the ego. Binary.
 
-use crate::sim::Outcome;
+use crate::sim::AdversaryReport;
 
-pub fn collision_validity(outcome: &Outcome) -> f64 {
-    f64::from(u8::from(!outcome.adversaries.iter().any(|a| a.struck_bystander)))
+pub const NAME: &str = "collision_validity";
+
+pub fn diagnostic(report: &AdversaryReport) -> f64 {
+    if report.struck_bystander { 0.0 } else { 1.0 }
 }

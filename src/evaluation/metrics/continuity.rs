@@ -1,8 +1,10 @@
-//! Trajectory continuity: no step that the adversary's own velocity does not explain; soft, the worst counts.
+//! Trajectory continuity: the largest step of the adversary that its own velocity does not explain, metres.
 
 use super::soft;
-use crate::sim::Outcome;
+use crate::sim::AdversaryReport;
 
-pub fn continuity(outcome: &Outcome, tolerance_m: f64) -> f64 {
-    soft(outcome.adversaries.iter().map(|a| a.jump_m_max).fold(0.0, f64::max), tolerance_m)
+pub const NAME: &str = "trajectory_continuity";
+
+pub fn diagnostic(report: &AdversaryReport, tolerance_m: f64) -> f64 {
+    soft(report.jump_m_max, tolerance_m)
 }

@@ -1,7 +1,9 @@
-//! Initial non-overlap: no adversary stands in anyone when the intervention begins; binary.
+//! Initial non-overlap: the adversary overlaps nobody when the intervention begins. Binary.
 
-use crate::sim::Outcome;
+use crate::sim::AdversaryReport;
 
-pub fn initial_non_overlap(outcome: &Outcome) -> f64 {
-    f64::from(u8::from(!outcome.adversaries.iter().any(|a| a.initial_overlap)))
+pub const NAME: &str = "initial_non_overlap";
+
+pub fn diagnostic(report: &AdversaryReport) -> f64 {
+    if report.initial_overlap { 0.0 } else { 1.0 }
 }

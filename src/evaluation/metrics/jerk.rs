@@ -1,8 +1,10 @@
-//! Bounded jerk: what an adversary's jerk exceeds its bound by; soft, the worst adversary counts.
+//! Bounded jerk: how far the adversary's longitudinal jerk exceeds the bound, m/s³.
 
-use super::soft;
-use crate::sim::Outcome;
+use super::{BoundedDiagnostic, soft};
+use crate::sim::AdversaryReport;
 
-pub fn bounded_jerk(outcome: &Outcome, bound_mps3: f64, tolerance_mps3: f64) -> f64 {
-    soft(outcome.adversaries.iter().map(|a| a.motion.jerk_mps3_max - bound_mps3).fold(0.0, f64::max), tolerance_mps3)
+pub const NAME: &str = "bounded_jerk";
+
+pub fn diagnostic(report: &AdversaryReport, options: &BoundedDiagnostic) -> f64 {
+    soft(report.motion.jerk_mps3_max - options.bound, options.tolerance)
 }

@@ -1,126 +1,145 @@
-//! r_MD(τ) = Σ w_j d_j(τ) over the seven diagnostics (paper eq. app-metadrive-realism-score). They judge what a program
-//! changed: a scene without an adversary was left as recorded and has d_j = 1 by definition.
+//! r_MD(τ) = Σ w_j d_j(τ): the weighted sum of seven feasibility diagnostics (paper eq. app-metadrive-realism-score).
+//! The paper names the diagnostics, not their weights and tolerances: those come from the experiment file.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use super::{acceleration, collision_validity, continuity, initial_overlap, jerk, lane_validity, route_progress};
+use super::{acceleration, collision_validity, continuity, initial_overlap, jerk, map, route_progress};
 use crate::kernel::num;
-use crate::sim::Outcome;
+use crate::sim::{AdversaryReport, Outcome};
 
-/// Weights w_j, bounds and tolerances ρ_j of the diagnostics. The paper states none; the experiment file declares them.
+/// Weight and tolerance of a soft diagnostic of one quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Diagnostic {
+    /// w_j, 1.
+    pub weight: f64,
+    /// ρ_j, in the diagnostic's unit; not used by binary ones, which have none.
+    pub tolerance: f64,
+}
+
+/// Weight, bound and tolerance of a soft diagnostic of an excess.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoundedDiagnostic {
+    pub weight: f64,
+    /// What is still normal driving, in the diagnostic's unit.
+    pub bound: f64,
+    /// ρ_j for what lies beyond the bound, same unit.
+    pub tolerance: f64,
+}
+
+/// Weight of a binary diagnostic.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BinaryDiagnostic {
+    pub weight: f64,
+}
+
+/// The seven diagnostics. Weights are non-negative and sum to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RealismOptions {
-    pub weights: RealismWeights,
-    /// ρ of map and lane validity, metres.
-    pub off_road_tolerance_m: f64,
-    /// ρ of route progress, metres.
-    pub wrong_way_tolerance_m: f64,
-    /// ρ of trajectory continuity, metres.
-    pub jump_tolerance_m: f64,
-    /// Acceleration and braking up to here are no violation, m/s².
-    pub acceleration_bound_mps2: f64,
-    /// Lateral acceleration up to here is no violation, m/s².
-    pub lateral_acceleration_bound_mps2: f64,
-    /// ρ of bounded acceleration, m/s².
-    pub acceleration_tolerance_mps2: f64,
-    /// Jerk up to here is no violation, m/s³.
-    pub jerk_bound_mps3: f64,
-    /// ρ of bounded jerk, m/s³.
-    pub jerk_tolerance_mps3: f64,
-}
-
-/// w_j, not negative, with sum 1.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RealismWeights {
-    pub lane_validity: f64,
-    pub initial_non_overlap: f64,
-    pub collision_validity: f64,
-    pub route_progress: f64,
-    pub continuity: f64,
-    pub acceleration: f64,
-    pub jerk: f64,
+    /// Tolerance in metres beyond the drivable area.
+    pub map_validity: Diagnostic,
+    pub initial_non_overlap: BinaryDiagnostic,
+    pub collision_validity: BinaryDiagnostic,
+    /// Tolerance in metres driven against a lane.
+    pub route_progress: Diagnostic,
+    /// Tolerance in metres jumped.
+    pub trajectory_continuity: Diagnostic,
+    /// m/s².
+    pub bounded_acceleration: BoundedDiagnostic,
+    /// m/s³.
+    pub bounded_jerk: BoundedDiagnostic,
 }
 
 /// Options that define no score.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum RealismError {
-    #[error("realism.weights sum to {0}, expected 1; scale them")]
-    Sum(f64),
-    #[error("realism.{name} is {found}, expected {expected}")]
-    Value { name: &'static str, found: f64, expected: &'static str },
-}
-
-impl RealismWeights {
-    /// By the diagnostics' names.
-    fn named(&self) -> [(&'static str, f64); 7] {
-        [
-            ("lane_validity", self.lane_validity),
-            ("initial_non_overlap", self.initial_non_overlap),
-            ("collision_validity", self.collision_validity),
-            ("route_progress", self.route_progress),
-            ("continuity", self.continuity),
-            ("acceleration", self.acceleration),
-            ("jerk", self.jerk),
-        ]
-    }
+#[error("evaluation.realism.{place} is {found}, expected {expected}")]
+pub struct OptionsError {
+    pub place: String,
+    pub found: f64,
+    pub expected: &'static str,
 }
 
 impl RealismOptions {
-    /// Whether the options define a score in [0, 1].
-    pub fn check(&self) -> Result<(), RealismError> {
-        for (name, weight) in self.weights.named() {
+    /// Diagnostic name -> w_j.
+    pub fn weights(&self) -> BTreeMap<&'static str, f64> {
+        BTreeMap::from([
+            (map::NAME, self.map_validity.weight),
+            (initial_overlap::NAME, self.initial_non_overlap.weight),
+            (collision_validity::NAME, self.collision_validity.weight),
+            (route_progress::NAME, self.route_progress.weight),
+            (continuity::NAME, self.trajectory_continuity.weight),
+            (acceleration::NAME, self.bounded_acceleration.weight),
+            (jerk::NAME, self.bounded_jerk.weight),
+        ])
+    }
+
+    /// Weights must be shares of one, tolerances positive.
+    pub fn check(&self) -> Result<(), OptionsError> {
+        let wrong = |place: String, found: f64, expected| Err(OptionsError { place, found, expected });
+        for (name, weight) in self.weights() {
             if !(0.0..=1.0).contains(&weight) {
-                return Err(RealismError::Value { name, found: weight, expected: "a weight in [0, 1]" });
+                return wrong(format!("{name}.weight"), weight, "a share from 0 to 1");
             }
         }
-        let total = num::sum(self.weights.named().map(|(_, w)| w));
-        if (total - 1.0).abs() > 1e-9 {
-            return Err(RealismError::Sum(total));
-        }
         let tolerances = [
-            ("off_road_tolerance_m", self.off_road_tolerance_m),
-            ("wrong_way_tolerance_m", self.wrong_way_tolerance_m),
-            ("jump_tolerance_m", self.jump_tolerance_m),
-            ("acceleration_bound_mps2", self.acceleration_bound_mps2),
-            ("lateral_acceleration_bound_mps2", self.lateral_acceleration_bound_mps2),
-            ("acceleration_tolerance_mps2", self.acceleration_tolerance_mps2),
-            ("jerk_bound_mps3", self.jerk_bound_mps3),
-            ("jerk_tolerance_mps3", self.jerk_tolerance_mps3),
+            (map::NAME, self.map_validity.tolerance),
+            (route_progress::NAME, self.route_progress.tolerance),
+            (continuity::NAME, self.trajectory_continuity.tolerance),
+            (acceleration::NAME, self.bounded_acceleration.tolerance),
+            (jerk::NAME, self.bounded_jerk.tolerance),
         ];
-        match tolerances.into_iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)) {
-            Some((name, found)) => Err(RealismError::Value { name, found, expected: "a number above 0" }),
-            None => Ok(()),
+        for (name, tolerance) in tolerances {
+            if !(tolerance.is_finite() && tolerance > 0.0) {
+                return wrong(format!("{name}.tolerance"), tolerance, "a positive number");
+            }
         }
+        for (name, options) in [(acceleration::NAME, self.bounded_acceleration), (jerk::NAME, self.bounded_jerk)] {
+            if !(options.bound.is_finite() && options.bound >= 0.0) {
+                return wrong(format!("{name}.bound"), options.bound, "a number not below 0");
+            }
+        }
+        let total = num::sum(self.weights().into_values());
+        match (total - 1.0).abs() < 1e-9 {
+            true => Ok(()),
+            false => wrong("weights (their sum)".into(), total, "1"),
+        }
+    }
+
+    /// d_j of one adversary.
+    fn diagnostics(&self, report: &AdversaryReport) -> BTreeMap<String, f64> {
+        BTreeMap::from([
+            (map::NAME.to_string(), map::diagnostic(report, self.map_validity.tolerance)),
+            (initial_overlap::NAME.to_string(), initial_overlap::diagnostic(report)),
+            (collision_validity::NAME.to_string(), collision_validity::diagnostic(report)),
+            (route_progress::NAME.to_string(), route_progress::diagnostic(report, self.route_progress.tolerance)),
+            (continuity::NAME.to_string(), continuity::diagnostic(report, self.trajectory_continuity.tolerance)),
+            (acceleration::NAME.to_string(), acceleration::diagnostic(report, &self.bounded_acceleration)),
+            (jerk::NAME.to_string(), jerk::diagnostic(report, &self.bounded_jerk)),
+        ])
     }
 }
 
-/// d_j by name.
-pub fn diagnostics(outcome: &Outcome, o: &RealismOptions) -> BTreeMap<String, f64> {
-    let acceleration = acceleration::bounded_acceleration(
-        outcome,
-        o.acceleration_bound_mps2,
-        o.lateral_acceleration_bound_mps2,
-        o.acceleration_tolerance_mps2,
-    );
-    [
-        ("lane_validity", lane_validity::lane_validity(outcome, o.off_road_tolerance_m)),
-        ("initial_non_overlap", initial_overlap::initial_non_overlap(outcome)),
-        ("collision_validity", collision_validity::collision_validity(outcome)),
-        ("route_progress", route_progress::route_progress(outcome, o.wrong_way_tolerance_m)),
-        ("continuity", continuity::continuity(outcome, o.jump_tolerance_m)),
-        ("acceleration", acceleration),
-        ("jerk", jerk::bounded_jerk(outcome, o.jerk_bound_mps3, o.jerk_tolerance_mps3)),
-    ]
-    .into_iter()
-    .map(|(name, d)| (name.to_string(), d))
-    .collect()
+/// d_j of a rollout: of each diagnostic the worst adversary's, so that a second attacker cannot hide a first. A
+/// rollout without adversaries changed nothing that could be unrealistic: every diagnostic is 1.
+pub fn diagnostics(outcome: &Outcome, options: &RealismOptions) -> BTreeMap<String, f64> {
+    let mut worst: BTreeMap<String, f64> = options.weights().into_keys().map(|name| (name.to_string(), 1.0)).collect();
+    for report in &outcome.adversaries {
+        for (name, value) in options.diagnostics(report) {
+            if let Some(so_far) = worst.get_mut(&name) {
+                *so_far = so_far.min(value);
+            }
+        }
+    }
+    worst
 }
 
-/// Σ w_j d_j, in [0, 1]; as 1 - Σ w_j (1 - d_j), so that no violation gives 1 exactly.
-pub fn realism(diagnostics: &BTreeMap<String, f64>, weights: &RealismWeights) -> f64 {
-    let lost = |(name, weight): (&str, f64)| weight * (1.0 - diagnostics.get(name).copied().unwrap_or(0.0));
-    (1.0 - num::sum(weights.named().map(lost))).clamp(0.0, 1.0)
+/// r_MD(τ) of diagnostics, in name order; the last bit of rounding is clamped into [0, 1].
+pub fn realism(diagnostics: &BTreeMap<String, f64>, options: &RealismOptions) -> f64 {
+    let weights = options.weights();
+    let terms = diagnostics.iter().map(|(name, d)| weights.get(name.as_str()).copied().unwrap_or(0.0) * (1.0 - d));
+    (1.0 - num::sum(terms)).clamp(0.0, 1.0)
 }

@@ -1,9 +1,12 @@
-//! Route progress: an adversary makes its way along lanes, not against them. The paper does not define it; here it is
-//! the distance driven against the direction of the lane, soft, the worst adversary counts.
+//! Route progress: distance that the adversary drives against the direction of its lane, metres. The paper names the
+//! diagnostic without a formula; driving with the lane is what progress along a route means for a road user whose
+//! destination is unknown.
 
 use super::soft;
-use crate::sim::Outcome;
+use crate::sim::AdversaryReport;
 
-pub fn route_progress(outcome: &Outcome, tolerance_m: f64) -> f64 {
-    soft(outcome.adversaries.iter().map(|a| a.wrong_way_m).fold(0.0, f64::max), tolerance_m)
+pub const NAME: &str = "route_progress";
+
+pub fn diagnostic(report: &AdversaryReport, tolerance_m: f64) -> f64 {
+    soft(report.wrong_way_m, tolerance_m)
 }

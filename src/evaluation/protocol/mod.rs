@@ -1,3 +1,3 @@
-//! Benchmark protocols: how scenes are rolled out and scored.
+//! What is run to label a candidate.
 
 pub mod metadrive;

@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::kernel::Digest;
 use crate::objects::{
     Attempt, LineageId, SolutionId,
-    event::{Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
+    event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
 };
 
@@ -36,6 +36,7 @@ pub struct Story {
     pub frozen: Vec<Frozen>,
     pub attempts: Vec<Attempt>,
     pub settled: Vec<Settled>,
+    pub finalists: Vec<Finalist>,
     pub held_out: Vec<HeldOut>,
     /// Absent while the run is unfinished.
     pub result: Option<RunResult>,
@@ -52,6 +53,7 @@ impl Story {
             frozen: Vec::new(),
             attempts: Vec::new(),
             settled: Vec::new(),
+            finalists: Vec::new(),
             held_out: Vec::new(),
             result: None,
             root: first.hash,
@@ -62,6 +64,7 @@ impl Story {
                 kind::FROZEN => story.frozen.push(body(event)?),
                 kind::ATTEMPT => story.attempts.push(body(event)?),
                 kind::SETTLED => story.settled.push(body(event)?),
+                kind::FINALIST => story.finalists.push(body(event)?),
                 kind::HELD_OUT => story.held_out.push(body(event)?),
                 kind::SEALED => story.result = Some(body(event)?),
                 other => {

@@ -6,10 +6,12 @@ pub mod features;
 #[cfg(test)]
 pub mod fixture;
 mod grid;
+pub mod import;
 pub mod lanes;
 pub mod pool;
 pub mod stats;
 pub mod synth;
+pub mod route;
 pub mod types;
 pub mod usable;
 pub mod validate;

@@ -1,9 +1,23 @@
 //! Family contracts: editable ranges, operators, mechanisms, constraints; the registry of families.
 
+pub mod check;
 pub mod contract;
+pub mod domain;
+pub mod graph;
+pub mod isolation;
+pub mod mechanisms;
+pub mod problem;
+pub mod prompt;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+pub mod toy;
 pub mod vocabulary;
 
 pub use contract::*;
+pub use graph::node_count_range;
+pub use isolation::{ForeignVocabulary, ForeignWord};
+pub use problem::Problem;
 pub use vocabulary::Feature;
 
 /// Part of every LLM and rollout key; rises when a contract, a prompt or the compiler changes meaning.

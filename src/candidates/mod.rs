@@ -1,1 +1,15 @@
 //! Applies a patch, then the seven gates.
+
+mod admit;
+mod apply;
+mod interface;
+mod isolation;
+mod parent;
+mod protected;
+mod schema;
+#[cfg(test)]
+mod tests;
+mod weight;
+
+pub use admit::{Admission, admit};
+pub use apply::{ApplyError, apply};

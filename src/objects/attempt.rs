@@ -88,6 +88,42 @@ impl Exit {
             Exit::Evaluated { .. } => "evaluated",
         }
     }
+
+    /// The admitted child, where it came that far.
+    pub fn candidate(&self) -> Option<&Candidate> {
+        match self {
+            Exit::Declined { .. } | Exit::Invalid { .. } => None,
+            Exit::Rejected { candidate, .. } | Exit::Evaluated { candidate, .. } => Some(candidate),
+        }
+    }
+
+    pub fn gates(&self) -> Option<&GateReport> {
+        match self {
+            Exit::Declined { .. } => None,
+            Exit::Invalid { gates } | Exit::Rejected { gates, .. } | Exit::Evaluated { gates, .. } => Some(gates),
+        }
+    }
+
+    pub fn route(&self) -> Option<&Route> {
+        match self {
+            Exit::Declined { .. } | Exit::Invalid { .. } => None,
+            Exit::Rejected { route, .. } | Exit::Evaluated { route, .. } => Some(route),
+        }
+    }
+
+    pub fn score(&self) -> Option<&Score> {
+        match self {
+            Exit::Evaluated { score, .. } => Some(score),
+            _ => None,
+        }
+    }
+
+    pub fn decision(&self) -> Option<&Decision> {
+        match self {
+            Exit::Evaluated { decision, .. } => Some(decision),
+            _ => None,
+        }
+    }
 }
 
 /// The seven gates, in the order in which they run (paper eq. app-validation-gates).

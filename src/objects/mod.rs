@@ -1,18 +1,29 @@
-//! The nouns that travel between rooms: program, patch, review, candidate, route, score, attempt, card, ids.
+//! The nouns that travel between rooms: program, patch, review, candidate, route, score, attempt, card, archive entry,
+//! world snapshot, ids.
 
 pub mod attempt;
 pub mod card;
+pub mod diff;
+pub mod entry;
+pub mod event;
 pub mod expr;
 pub mod ids;
 pub mod patch;
+pub mod pointer;
 pub mod program;
 pub mod review;
 pub mod score;
+pub mod spelling;
+pub mod world;
 
 pub use attempt::*;
 pub use card::{Card, CardKind};
+pub use diff::{Surface, edit_categories, patch_summary, program_diff};
+pub use entry::Entry;
 pub use ids::{AttemptId, CardId, FamilyName, LineageId, SolutionId};
 pub use patch::{EDITABLE_SURFACE, Operation, OperationKind, ProgramPatch};
+pub use pointer::Pointer;
 pub use program::*;
 pub use review::{Advice, Review, Role};
 pub use score::{Objectives, SceneFailure, SceneScore, Score};
+pub use world::*;

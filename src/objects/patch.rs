@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::ids::{FamilyName, SolutionId};
+use crate::kernel::{Digest, canon::CanonError};
 
 /// The four parts of a program that a patch may touch.
 pub const EDITABLE_SURFACE: [&str; 4] =
@@ -45,4 +46,11 @@ pub enum OperationKind {
     Add,
     Replace,
     Remove,
+}
+
+impl ProgramPatch {
+    /// Digest of all that it says, hypothesis and references included.
+    pub fn hash(&self) -> Result<Digest, CanonError> {
+        Digest::of("evodrive/patch/1", self)
+    }
 }

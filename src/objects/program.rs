@@ -174,4 +174,16 @@ impl Program {
         );
         Digest::of("evodrive/program/1", &content)
     }
+
+    /// A family's parent program as the beginning of a lineage: solution `<lineage>/parent`, generation 0, no
+    /// ancestors.
+    pub fn adopted(&self, lineage: &LineageId) -> Program {
+        Program {
+            solution_id: SolutionId(format!("{lineage}/parent")),
+            lineage_id: lineage.clone(),
+            generation: 0,
+            ancestor_chain: Vec::new(),
+            ..self.clone()
+        }
+    }
 }

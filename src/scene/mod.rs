@@ -1,5 +1,20 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
+pub mod binary;
+pub mod features;
+#[cfg(test)]
+pub mod fixture;
+mod grid;
+pub mod lanes;
+pub mod pool;
+pub mod synth;
 pub mod types;
+pub mod usable;
+pub mod validate;
 
+pub use features::SceneFeatures;
+pub use lanes::{LaneGraph, LanePlace, Reached};
+pub use pool::{EvolutionSize, LeftOut, Pool, PoolError, Split, SplitScene};
 pub use types::*;
+pub use usable::{Unusable, usable};
+pub use validate::Violation;

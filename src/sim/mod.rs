@@ -1,10 +1,40 @@
 //! The seeded 2-D closed-loop simulator: what happens when an intervention meets the ego.
 
+pub mod bicycle;
+pub mod body;
+pub mod drivable;
+pub mod driver;
+pub mod error;
+pub mod gaps;
+pub mod idm;
 pub mod intervention;
 pub mod outcome;
+pub mod plant;
+pub mod rollout;
+pub mod route;
+pub mod skills;
 
+mod actors;
+mod contact;
+mod motion;
+mod recorder;
+mod traffic;
+mod watch;
+mod world;
+
+pub use body::Size;
+pub use driver::{Control, Driver, EgoState, Seen, View};
+pub use error::SimError;
 pub use intervention::{Action, ActorRef, Intervention};
 pub use outcome::{ActorTrace, AdversaryReport, Contact, End, Motion, Outcome, Striker, Trace};
+pub use plant::Plant;
+pub use rollout::{RolloutCost, rollout, rollout_counted, rollout_traced};
+pub use route::{Along, Route};
 
 /// Part of every rollout key; rises when any outcome can change.
 pub const SIM_VERSION: u32 = 1;
+
+#[cfg(test)]
+mod rollout_tests;
+#[cfg(test)]
+pub(crate) mod scenes;

@@ -45,6 +45,7 @@ pub struct Contact {
     pub with: ActorRef,
     /// Whether `with` is one of the intervention's adversaries.
     pub adversary: bool,
+    /// Since the first simulated step, s.
     pub time_s: f64,
     pub relative_speed_mps: f64,
     /// Direction of the other's motion relative to the ego's heading, (-π, π].

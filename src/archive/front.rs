@@ -1,0 +1,246 @@
+//! The archive: every evaluated candidate in the order of acceptance, and which of them nobody dominates.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use super::{
+    gates::{ObjectivesError, admissible},
+    plane::{self, point},
+};
+use crate::objects::{Entry, SolutionId};
+
+/// Entries in order of insertion. Only the serial acceptor inserts; everyone else reads.
+///
+/// Of entries with equal objectives the first stays on the front; later ones are kept and logged as duplicates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Archive {
+    entries: Vec<Entry>,
+    /// Ascending places in `entries`.
+    front: Vec<usize>,
+    duplicates: Vec<Duplicate>,
+}
+
+/// A candidate whose objectives the front already held.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Duplicate {
+    pub solution: SolutionId,
+    /// The entry that came first.
+    pub of: SolutionId,
+}
+
+/// What an insertion did to the front.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Inserted {
+    pub on_front: bool,
+    pub duplicate_of: Option<SolutionId>,
+    /// Entries that it pushed off the front.
+    pub displaced: Vec<SolutionId>,
+}
+
+/// Why an entry was refused; the archive is as it was.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ArchiveError {
+    #[error("solution {solution}: {source}")]
+    Objectives { solution: SolutionId, source: ObjectivesError },
+    #[error("solution {0} is in the archive already; a solution is evaluated once")]
+    Twice(SolutionId),
+}
+
+/// The analyzer's view of a part of the archive.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Group {
+    /// Members in order of insertion.
+    pub members: Vec<SolutionId>,
+    /// The members that no other member dominates; first of equals.
+    pub front: Vec<SolutionId>,
+    pub hypervolume: f64,
+}
+
+impl Archive {
+    /// Adds an evaluated candidate. Its objectives must be finite rates.
+    pub fn insert(&mut self, mut entry: Entry) -> Result<Inserted, ArchiveError> {
+        entry.objectives = admissible(entry.objectives)
+            .map_err(|source| ArchiveError::Objectives { solution: entry.solution.clone(), source })?;
+        if self.entry(&entry.solution).is_some() {
+            return Err(ArchiveError::Twice(entry.solution));
+        }
+        let duplicate_of =
+            self.front().find(|other| other.objectives == entry.objectives).map(|other| other.solution.clone());
+        let dominated = self.front().any(|other| other.objectives.dominates(&entry.objectives));
+        let on_front = !dominated && duplicate_of.is_none();
+        let displaced = if on_front { self.displace(&entry) } else { Vec::new() };
+        if let Some(of) = &duplicate_of {
+            self.duplicates.push(Duplicate { solution: entry.solution.clone(), of: of.clone() });
+        }
+        self.entries.push(entry);
+        Ok(Inserted { on_front, duplicate_of, displaced })
+    }
+
+    /// Makes room on the front for an entry that is about to be pushed.
+    fn displace(&mut self, entry: &Entry) -> Vec<SolutionId> {
+        let (entries, mut displaced) = (&self.entries, Vec::new());
+        self.front.retain(|&place| {
+            let stays = !entry.objectives.dominates(&entries[place].objectives);
+            if !stays {
+                displaced.push(entries[place].solution.clone());
+            }
+            stays
+        });
+        self.front.push(self.entries.len());
+        displaced
+    }
+
+    /// Everything evaluated, in order of insertion.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    pub fn entry(&self, solution: &SolutionId) -> Option<&Entry> {
+        self.entries.iter().find(|entry| entry.solution == *solution)
+    }
+
+    /// The non-dominated set P_t, in order of insertion.
+    pub fn front(&self) -> impl Iterator<Item = &Entry> {
+        self.front.iter().filter_map(|&place| self.entries.get(place))
+    }
+
+    pub fn on_front(&self, solution: &SolutionId) -> bool {
+        self.front().any(|entry| entry.solution == *solution)
+    }
+
+    pub fn duplicates(&self) -> &[Duplicate] {
+        &self.duplicates
+    }
+
+    /// Pareto rank of each entry, 0 = front; duplicates share the rank of their first.
+    pub fn ranks(&self) -> Vec<usize> {
+        let points: Vec<[f64; 2]> = self.entries.iter().map(|entry| point(&entry.objectives)).collect();
+        plane::ranks(&points)
+    }
+
+    /// HV(P_t) above a reference point.
+    pub fn hypervolume(&self, reference: [f64; 2]) -> f64 {
+        let points: Vec<[f64; 2]> = self.front().map(|entry| point(&entry.objectives)).collect();
+        plane::hypervolume(&points, reference)
+    }
+
+    /// Parts of the archive by family, lineage, scene subset, mechanism tag...: `keys` says to which groups an entry
+    /// belongs.
+    pub fn groups<K: Ord>(&self, reference: [f64; 2], keys: impl Fn(&Entry) -> Vec<K>) -> BTreeMap<K, Group> {
+        let mut members: BTreeMap<K, Vec<&Entry>> = BTreeMap::new();
+        for entry in &self.entries {
+            for key in keys(entry) {
+                members.entry(key).or_default().push(entry);
+            }
+        }
+        members.into_iter().map(|(key, entries)| (key, group(&entries, reference))).collect()
+    }
+}
+
+fn group(entries: &[&Entry], reference: [f64; 2]) -> Group {
+    let points: Vec<[f64; 2]> = entries.iter().map(|entry| point(&entry.objectives)).collect();
+    let mask = plane::non_dominated(&points);
+    let front = entries.iter().zip(mask).filter(|(_, on)| *on).map(|(entry, _)| entry.solution.clone()).collect();
+    Group {
+        members: entries.iter().map(|entry| entry.solution.clone()).collect(),
+        front,
+        hypervolume: plane::hypervolume(&points, reference),
+    }
+}
+
+/// Small archives for this room's tests.
+#[cfg(test)]
+pub(super) mod samples {
+    use super::*;
+    use crate::kernel::Digest;
+    use crate::objects::{FamilyName, LineageId, Objectives};
+
+    pub fn objectives([attack, realism]: [f64; 2]) -> Objectives {
+        Objectives { attack, realism }
+    }
+
+    pub fn entry(name: &str, at: [f64; 2]) -> Entry {
+        Entry {
+            solution: SolutionId::new(name),
+            attempt: None,
+            program_hash: Digest::of_bytes(name.as_bytes()),
+            family: FamilyName::new("cat"),
+            ego: "idm".into(),
+            lineage: LineageId::new("cat-idm"),
+            epoch: 0,
+            objectives: objectives(at),
+            diagnostics: BTreeMap::new(),
+            scenes: Digest::of_bytes(b"scenes"),
+            sim_version: 1,
+            operators: Vec::new(),
+            mechanism_tags: Vec::new(),
+            gates: None,
+        }
+    }
+
+    pub fn archive_of(points: &[[f64; 2]]) -> Archive {
+        let mut archive = Archive::default();
+        for (i, at) in points.iter().enumerate() {
+            archive.insert(entry(&format!("s{i}"), *at)).unwrap();
+        }
+        archive
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{samples::*, *};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_front_kept_by_insertion_is_the_non_dominated_set(
+            points in prop::collection::vec([0..=12u32, 0..=12u32], 0..30)
+        ) {
+            let points: Vec<[f64; 2]> = points.iter().map(|p| p.map(|k| f64::from(k) / 12.0)).collect();
+            let archive = archive_of(&points);
+            let mask = plane::plain_definitions::non_dominated(&points);
+            let expected: Vec<&Entry> = archive.entries().iter().zip(mask).filter(|(_, on)| *on).map(|(e, _)| e).collect();
+            prop_assert_eq!(archive.front().collect::<Vec<_>>(), expected);
+            prop_assert_eq!(archive.ranks(), plane::plain_definitions::ranks(&points));
+            prop_assert_eq!(archive.hypervolume([0.0; 2]), plane::hypervolume(&points, [0.0; 2]));
+        }
+    }
+
+    #[test]
+    fn the_first_of_equals_stays_on_the_front_and_the_rest_is_logged() {
+        let archive = archive_of(&[[0.5, 0.5], [0.5, 0.5], [0.2, 0.2]]);
+        assert_eq!(archive.front().map(|e| e.solution.as_str()).collect::<Vec<_>>(), ["s0"]);
+        assert_eq!(archive.duplicates(), [Duplicate { solution: SolutionId::new("s1"), of: SolutionId::new("s0") }]);
+        assert_eq!(archive.entries().len(), 3);
+    }
+
+    #[test]
+    fn an_insertion_says_whom_it_pushed_off_the_front() {
+        let mut archive = archive_of(&[[0.2, 0.8], [0.5, 0.5], [0.9, 0.1]]);
+        let done = archive.insert(entry("better", [0.6, 0.8])).unwrap();
+        assert!(done.on_front);
+        assert_eq!(done.displaced, [SolutionId::new("s0"), SolutionId::new("s1")]);
+    }
+
+    #[test]
+    fn a_refused_entry_leaves_the_archive_as_it_was() {
+        let mut archive = archive_of(&[[0.2, 0.8]]);
+        let before = archive.clone();
+        assert!(archive.insert(entry("nan", [f64::NAN, 0.5])).is_err());
+        assert_eq!(archive.insert(entry("s0", [0.9, 0.9])), Err(ArchiveError::Twice(SolutionId::new("s0"))));
+        assert_eq!(archive, before);
+    }
+
+    #[test]
+    fn groups_have_fronts_of_their_own() {
+        let mut archive = archive_of(&[[0.9, 0.9]]);
+        let other = Entry { family: crate::objects::FamilyName::new("at"), ..entry("other", [0.1, 0.1]) };
+        archive.insert(other).unwrap();
+        let groups = archive.groups([0.0; 2], |entry| vec![entry.family.clone()]);
+        let at = &groups[&crate::objects::FamilyName::new("at")];
+        assert_eq!(at.front, [SolutionId::new("other")]);
+        assert!((at.hypervolume - 0.01).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,172 @@
+//! The active selector: which point of a trade-off is the practical generator (paper, MetaDrive protocol: R >= 0.95,
+//! relative tolerance 0.05, parent included).
+//!
+//! The paper names the two numbers, not the rule. Ours: among candidates with R >= `realism_min`, those whose attack
+//! is at least (1 - `tolerance`) times the largest such attack are as good as tied, and of these the most realistic
+//! one is taken; then larger attack, then the earlier one. Where nobody reaches `realism_min`, the most realistic one
+//! is taken, then larger attack, then the earlier one.
+
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+
+use crate::objects::{Objectives, SolutionId};
+
+/// Numbers of the realism-constrained rule. Come from the experiment file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SelectorOptions {
+    /// Least realism, 1 (paper: 0.95).
+    pub realism_min: f64,
+    /// ε: share of the best attack that may be given up for realism, 1 (paper: 0.05).
+    pub tolerance: f64,
+}
+
+/// One candidate for selection.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Contender {
+    pub solution: SolutionId,
+    pub objectives: Objectives,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SelectionRule {
+    /// The strongest attack among those realistic enough, up to the tolerance.
+    RealismConstrained,
+    /// Nobody is realistic enough: the most realistic one.
+    MostRealistic,
+}
+
+/// Who was selected, and everything that the rule compared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Selection {
+    pub solution: SolutionId,
+    pub objectives: Objectives,
+    pub rule: SelectionRule,
+    /// How many of how many reach `realism_min`.
+    pub eligible: usize,
+    pub contenders: usize,
+    /// Largest attack among the eligible; `None` where there are none.
+    pub attack_best: Option<f64>,
+    /// Those within the tolerance of it, in their order.
+    pub tied: Vec<SolutionId>,
+}
+
+impl Selection {
+    /// The reason in one sentence.
+    pub fn reason(&self) -> String {
+        match (self.rule, self.attack_best) {
+            (SelectionRule::RealismConstrained, Some(best)) => format!(
+                "{} of {} reach the realism required; best attack among them {best:.4}, {} within tolerance, of these the most realistic",
+                self.eligible,
+                self.contenders,
+                self.tied.len()
+            ),
+            _ => format!("none of {} reaches the realism required; the most realistic one", self.contenders),
+        }
+    }
+}
+
+/// Applies the rule to contenders in their fixed order (the parent first). `None` of nobody.
+pub fn select_active(contenders: &[Contender], options: &SelectorOptions) -> Option<Selection> {
+    let eligible: Vec<&Contender> = contenders.iter().filter(|c| c.objectives.realism >= options.realism_min).collect();
+    let attack_best = eligible.iter().map(|c| c.objectives.attack).reduce(f64::max);
+    let (rule, tied) = match attack_best {
+        Some(best) => {
+            let floor = (1.0 - options.tolerance) * best;
+            let tied = eligible.iter().copied().filter(|c| c.objectives.attack >= floor).collect();
+            (SelectionRule::RealismConstrained, tied)
+        }
+        None => (SelectionRule::MostRealistic, contenders.iter().collect::<Vec<_>>()),
+    };
+    let chosen = tied.iter().copied().reduce(|best, next| match more_realistic(next, best) {
+        Ordering::Greater => next,
+        _ => best,
+    })?;
+    Some(Selection {
+        solution: chosen.solution.clone(),
+        objectives: chosen.objectives,
+        rule,
+        eligible: eligible.len(),
+        contenders: contenders.len(),
+        attack_best,
+        tied: if attack_best.is_some() { tied.iter().map(|c| c.solution.clone()).collect() } else { Vec::new() },
+    })
+}
+
+fn more_realistic(a: &Contender, b: &Contender) -> Ordering {
+    let (a, b) = (&a.objectives, &b.objectives);
+    a.realism.total_cmp(&b.realism).then(a.attack.total_cmp(&b.attack))
+}
+
+/// Which of an epoch's accepted children becomes the lineage's active parent: the selector's choice among them, in
+/// slot order.
+///
+/// The parent is no contender here: "accepted children update the active generator" (paper, Lineage, memory), and
+/// a gate has already said that each is worth searching on from. `None`, so the parent stays, where no gate held.
+pub fn promote(accepted: &[Contender], options: &SelectorOptions) -> Option<Selection> {
+    select_active(accepted, options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::front::samples::objectives;
+    use super::*;
+    use proptest::prelude::*;
+
+    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
+
+    fn contenders(points: &[[f64; 2]]) -> Vec<Contender> {
+        let one = |(i, p): (usize, &[f64; 2])| Contender {
+            solution: SolutionId::new(format!("s{i}")),
+            objectives: objectives(*p),
+        };
+        points.iter().enumerate().map(one).collect()
+    }
+
+    fn selected(points: &[[f64; 2]]) -> String {
+        select_active(&contenders(points), &PAPER).unwrap().solution.0
+    }
+
+    #[test]
+    fn an_unrealistic_attack_is_not_selected_however_strong() {
+        assert_eq!(selected(&[[0.3, 0.96], [0.9, 0.94]]), "s0");
+    }
+
+    #[test]
+    fn within_the_tolerance_of_the_best_attack_realism_decides() {
+        assert_eq!(selected(&[[0.80, 0.95], [0.77, 0.99], [0.75, 1.0]]), "s1");
+    }
+
+    #[test]
+    fn of_equals_the_earlier_stays_so_that_a_parent_is_not_replaced_for_nothing() {
+        assert_eq!(selected(&[[0.5, 0.97], [0.5, 0.97]]), "s0");
+    }
+
+    #[test]
+    fn where_nobody_is_realistic_enough_the_most_realistic_is_taken() {
+        let choice = select_active(&contenders(&[[0.9, 0.5], [0.2, 0.9], [0.3, 0.9]]), &PAPER).unwrap();
+        assert_eq!(choice.solution.as_str(), "s2");
+        assert_eq!(choice.rule, SelectionRule::MostRealistic);
+        assert_eq!(choice.reason(), "none of 3 reaches the realism required; the most realistic one");
+    }
+
+    #[test]
+    fn nobody_accepted_means_nobody_promoted() {
+        assert_eq!(promote(&[], &PAPER), None);
+    }
+
+    proptest! {
+        #[test]
+        fn nobody_eligible_beats_the_selected_by_more_than_the_tolerance(
+            points in prop::collection::vec([0.0..=1.0f64, 0.9..=1.0f64], 1..20)
+        ) {
+            let all = contenders(&points);
+            let choice = select_active(&all, &PAPER).unwrap();
+            for other in all.iter().filter(|c| c.objectives.realism >= 0.95) {
+                prop_assert!(choice.objectives.realism >= 0.95);
+                prop_assert!(choice.objectives.attack >= 0.95 * other.objectives.attack);
+            }
+        }
+    }
+}

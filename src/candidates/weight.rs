@@ -1,0 +1,71 @@
+//! How large a JSON value is, and the texts in it: walked with a list, never by recursion.
+
+use serde_json::Value;
+
+/// Deepest value of a patch: a whole rule of ρ needs four levels.
+pub const VALUE_DEPTH_MAX: usize = 8;
+/// Most elements and entries of one value.
+pub const VALUE_ELEMENTS_MAX: usize = 512;
+/// Most bytes of keys and texts of one value.
+pub const VALUE_TEXT_MAX_BYTES: usize = 16_384;
+
+/// Why a value is too large to be looked at any further.
+pub fn too_large(value: &Value) -> Option<String> {
+    let (mut elements, mut text_bytes) = (0, 0);
+    for (value, depth) in Walk::new(value) {
+        elements += 1;
+        text_bytes += match value {
+            Value::String(text) => text.len(),
+            Value::Object(entries) => entries.keys().map(String::len).sum(),
+            _ => 0,
+        };
+        if depth > VALUE_DEPTH_MAX {
+            return Some(format!("found a value nested deeper than {VALUE_DEPTH_MAX}, expected less"));
+        }
+        if elements > VALUE_ELEMENTS_MAX {
+            return Some(format!("found more than {VALUE_ELEMENTS_MAX} elements, expected fewer"));
+        }
+        if text_bytes > VALUE_TEXT_MAX_BYTES {
+            return Some(format!("found more than {VALUE_TEXT_MAX_BYTES} bytes of text, expected fewer"));
+        }
+    }
+    None
+}
+
+/// Keys and texts of a value, in no particular order.
+pub fn texts(value: &Value) -> Vec<&str> {
+    let mut found = keys(value);
+    found.extend(Walk::new(value).filter_map(|(value, _)| value.as_str()));
+    found
+}
+
+/// Keys of all objects in a value.
+pub fn keys(value: &Value) -> Vec<&str> {
+    let objects = Walk::new(value).filter_map(|(value, _)| value.as_object());
+    objects.flat_map(|entries| entries.keys().map(String::as_str)).collect()
+}
+
+/// Every value inside a value with its depth, the outermost being 1.
+struct Walk<'a> {
+    open: Vec<(&'a Value, usize)>,
+}
+
+impl<'a> Walk<'a> {
+    fn new(value: &'a Value) -> Walk<'a> {
+        Walk { open: vec![(value, 1)] }
+    }
+}
+
+impl<'a> Iterator for Walk<'a> {
+    type Item = (&'a Value, usize);
+
+    fn next(&mut self) -> Option<(&'a Value, usize)> {
+        let (value, depth) = self.open.pop()?;
+        match value {
+            Value::Array(values) => self.open.extend(values.iter().map(|value| (value, depth + 1))),
+            Value::Object(entries) => self.open.extend(entries.values().map(|value| (value, depth + 1))),
+            _ => {}
+        }
+        Some((value, depth))
+    }
+}

@@ -1,0 +1,92 @@
+//! MetaDrive's `TrajectoryIDMPolicy` on the ego's route: IDM speed (see [`crate::sim::idm`] for its kept quirks) and
+//! two PID controllers for steering. It never changes lane and heeds no light unless asked to.
+
+use crate::kernel::{Vec2, num};
+use crate::sim::bicycle::DEFAULT_LIMITS;
+use crate::sim::idm::{self, Front, NORMAL_SPEED_KMPH, SIGHT_M};
+use crate::sim::{Control, Driver, EgoState, Plant, View};
+
+/// The heading aimed at is the route's this far ahead, metres.
+const LOOK_AHEAD_M: f64 = 1.0;
+
+/// A discrete controller as MetaDrive writes it: sums and differences per decision step, not per second.
+#[derive(Clone, Copy, Debug)]
+struct Pid {
+    proportional: f64,
+    integral: f64,
+    derivative: f64,
+    sum: f64,
+    last: f64,
+}
+
+impl Pid {
+    const fn new(proportional: f64, integral: f64, derivative: f64) -> Pid {
+        Pid { proportional, integral, derivative, sum: 0.0, last: 0.0 }
+    }
+
+    fn output(&mut self, error: f64) -> f64 {
+        let change = error - self.last;
+        self.sum += error;
+        self.last = error;
+        self.proportional * error + self.integral * self.sum + self.derivative * change
+    }
+}
+
+/// Drives along the route behind whatever is on it.
+#[derive(Clone, Debug)]
+pub struct IdmDriver {
+    minds_lights: bool,
+    heading: Pid,
+    lateral: Pid,
+}
+
+impl IdmDriver {
+    /// `minds_lights`: whether a red light on the route is a standing obstacle at its stop point. MetaDrive's policy
+    /// sees lights only as lidar obstacles, and CAT's protocol switches them off (`no_light`), so the default is not.
+    pub fn new(minds_lights: bool) -> IdmDriver {
+        IdmDriver { minds_lights, heading: Pid::new(1.2, 0.1, 3.5), lateral: Pid::new(0.3, 0.0, 0.0) }
+    }
+
+    fn steering_rad(&mut self, view: &View<'_>, ego: &EgoState) -> f64 {
+        let wanted = view.route().heading_at(ego.along.s_m + LOOK_AHEAD_M, ego.along.segment);
+        let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
+        let shift = self.lateral.output(-ego.along.offset_m);
+        (turn + shift).clamp(-1.0, 1.0) * DEFAULT_LIMITS.steering_rad
+    }
+
+    fn front(&self, view: &View<'_>, ego: &EgoState) -> Option<Front> {
+        let mut nearest: Option<Front> = None;
+        view.for_each_within(SIGHT_M, |seen| {
+            let gap = idm::gap_on_path(view.route(), &ego.along, seen.position, seen.axis, &seen.size);
+            if let Some(gap_m) = gap
+                && nearest.is_none_or(|n| gap_m < n.gap_m)
+            {
+                nearest = Some(Front { gap_m, velocity: seen.velocity });
+            }
+        });
+        if self.minds_lights
+            && let Some(gap_m) = view.red_light_m()
+            && gap_m <= SIGHT_M
+            && nearest.is_none_or(|n| gap_m < n.gap_m)
+        {
+            nearest = Some(Front { gap_m, velocity: Vec2::ZERO });
+        }
+        nearest
+    }
+}
+
+impl Driver for IdmDriver {
+    fn begin(&mut self, _: &Plant) {
+        *self = IdmDriver::new(self.minds_lights);
+    }
+
+    fn decide(&mut self, view: &View<'_>) -> Control {
+        let ego = *view.ego();
+        let front = self.front(view, &ego);
+        let throttle = idm::throttle(ego.speed_mps, ego.sample.velocity, ego.axis, NORMAL_SPEED_KMPH, front.as_ref());
+        Control::Drive {
+            acceleration_mps2: idm::acceleration_mps2(throttle, &DEFAULT_LIMITS),
+            steering_rad: self.steering_rad(view, &ego),
+        }
+    }
+}

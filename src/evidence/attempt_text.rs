@@ -1,0 +1,173 @@
+//! One attempt as text: prompts, replies, reviews, gates, route, rollouts, decision.
+
+use std::fmt::Write as _;
+
+use super::lineage_text::{objectives, shortened};
+use crate::objects::{
+    AcceptanceGates, Attempt, Exchange,
+    attempt::{GateReport, Route},
+    score::Score,
+};
+
+/// The texts of an exchange, where they are at hand.
+pub struct Exchanged {
+    /// Role and text of each message.
+    pub messages: Vec<(String, String)>,
+    pub reply: String,
+}
+
+/// The whole story of an attempt. `texts` gives prompt and reply of an exchange; `full` prints prompts uncut.
+pub fn attempt(attempt: &Attempt, texts: &dyn Fn(&Exchange) -> Option<Exchanged>, full: bool) -> String {
+    let mut out = format!(
+        "attempt {}  (epoch {}, slot {})  exit: {}\nparent  {}  {}\ntarget  {}\n",
+        attempt.id,
+        attempt.epoch,
+        attempt.slot,
+        attempt.exit.name(),
+        attempt.parent,
+        attempt.parent_hash.short(16),
+        attempt.target
+    );
+    if !attempt.memory_shown.is_empty() {
+        let cards: Vec<&str> = attempt.memory_shown.iter().map(|c| c.as_str()).collect();
+        let _ = writeln!(out, "memory  {}", cards.join(", "));
+    }
+    exchanges(&mut out, attempt, texts, full);
+    rounds(&mut out, attempt);
+    if let crate::objects::Exit::Declined { reason } = &attempt.exit {
+        let _ = writeln!(out, "\ndeclined: {reason}");
+    }
+    if let Some(gates) = attempt.exit.gates() {
+        gate_report(&mut out, gates);
+    }
+    if let Some(route) = attempt.exit.route() {
+        routed(&mut out, route);
+    }
+    if let Some(score) = attempt.exit.score() {
+        labels(&mut out, score);
+    }
+    if let Some(decision) = attempt.exit.decision() {
+        acceptance(&mut out, &decision.gates);
+        let _ = writeln!(out, "  promoted: {}   on the front: {}", decision.promoted, decision.on_front);
+    }
+    out
+}
+
+fn exchanges(out: &mut String, attempt: &Attempt, texts: &dyn Fn(&Exchange) -> Option<Exchanged>, full: bool) {
+    for exchange in &attempt.proposal.exchanges {
+        let _ = writeln!(
+            out,
+            "\n── {} round {}  model {}  request {}  response {}",
+            exchange.role.name(),
+            exchange.round,
+            exchange.model,
+            exchange.request.short(12),
+            exchange.response.short(12)
+        );
+        if let Some(refusal) = &exchange.refusal {
+            let _ = writeln!(out, "   refused: {refusal}");
+        }
+        let Some(exchanged) = texts(exchange) else {
+            out.push_str("   (texts not at hand)\n");
+            continue;
+        };
+        for (role, text) in &exchanged.messages {
+            let shown = if full { text.clone() } else { shortened(text, 240) };
+            let _ = writeln!(out, "   [{role}] {shown}");
+        }
+        let _ = writeln!(out, "   [reply] {}", exchanged.reply.trim_end());
+    }
+}
+
+fn rounds(out: &mut String, attempt: &Attempt) {
+    for (i, round) in attempt.proposal.rounds.iter().enumerate() {
+        let _ = writeln!(out, "\npatch of round {i}:");
+        match &round.patch {
+            None => out.push_str("  none that could be read\n"),
+            Some(patch) => {
+                let _ = writeln!(out, "  hypothesis: {}", patch.hypothesis);
+                for operation in &patch.operations {
+                    let value = operation.value.as_ref().map(|v| v.to_string()).unwrap_or_default();
+                    let op = format!("{:?}", operation.op).to_lowercase();
+                    let _ = writeln!(out, "  {op:<8}{} {value}", operation.path);
+                }
+            }
+        }
+        for review in &round.reviews {
+            let decision = format!("{:?}", review.decision).to_lowercase();
+            let _ = writeln!(out, "  {:<18} {decision}", review.role.name());
+            for blocker in &review.blockers {
+                let _ = writeln!(out, "    blocker: {blocker}");
+            }
+            for hint in &review.repair_hints {
+                let _ = writeln!(out, "    hint: {hint}");
+            }
+        }
+    }
+}
+
+fn gate_report(out: &mut String, gates: &GateReport) {
+    out.push_str("\ngates:\n");
+    for verdict in &gates.verdicts {
+        let name = format!("{:?}", verdict.gate).to_lowercase();
+        let _ = writeln!(out, "  {name:<11}{}", if verdict.problems.is_empty() { "passed" } else { "FAILED" });
+        for problem in &verdict.problems {
+            let _ = writeln!(out, "    {problem}");
+        }
+    }
+}
+
+fn routed(out: &mut String, route: &Route) {
+    let decision = format!("{:?}", route.decision).to_lowercase();
+    let _ = writeln!(
+        out,
+        "\nroute: {decision}: {}\n  predicted {}  uncertainty {:.3}  world snapshot {}",
+        route.reason,
+        objectives(&route.predicted),
+        route.uncertainty,
+        route.snapshot.short(12)
+    );
+}
+
+fn labels(out: &mut String, score: &Score) {
+    let _ = writeln!(out, "\nlabels: {} on {} scenes", objectives(&score.objectives), score.scenes.len());
+    for scene in &score.scenes {
+        let missed: Vec<String> =
+            scene.diagnostics.iter().filter(|(_, d)| **d < 1.0).map(|(name, d)| format!("{name} {d:.3}")).collect();
+        let _ = writeln!(
+            out,
+            "  {:<34} attack {:.2}  realism {:.4}{}  rollout {}{}",
+            scene.scene,
+            scene.attack,
+            scene.realism,
+            if scene.intervened { "" } else { "  (not applied)" },
+            scene.request.short(12),
+            if missed.is_empty() { String::new() } else { format!("  [{}]", missed.join(", ")) }
+        );
+    }
+    for failure in &score.failures {
+        let _ = writeln!(out, "  {:<34} no label: {}", failure.scene, failure.reason);
+    }
+}
+
+fn acceptance(out: &mut String, gates: &AcceptanceGates) {
+    let some = |value: Option<f64>| value.map_or("region empty".to_string(), |v| format!("{v:.4}"));
+    let (d, l, t) = (&gates.densification, &gates.local_push, &gates.parent_tradeoff);
+    let _ = writeln!(
+        out,
+        "\narchive:\n  frontier densification  {}  non-dominated {}, hypervolume {:.6} {:+.6}",
+        d.holds, d.non_dominated, d.hypervolume_before, d.hypervolume_gain
+    );
+    let _ = writeln!(
+        out,
+        "  local frontier push     {}  best attack at R >= r0: {}; best realism at A >= a0: {}",
+        l.holds,
+        some(l.best_attack_at_r0),
+        some(l.best_realism_at_a0)
+    );
+    let _ = writeln!(
+        out,
+        "  parent trade-off push   {}  attack {:+.4}, realism {:+.4} against the parent",
+        t.holds, t.attack_change, t.realism_change
+    );
+}

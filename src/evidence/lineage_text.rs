@@ -1,0 +1,70 @@
+//! A lineage as text: the chain of programs with their patches as diffs, and what became of every attempt.
+
+use std::fmt::Write as _;
+
+use super::story::Story;
+use crate::objects::{Attempt, LineageId, Objectives, Program, program_diff};
+
+/// The chain from the parent to the active program, each step with its hypothesis, labels and diff.
+pub fn chain(story: &Story, lineage: &LineageId) -> String {
+    let Some(active) = story.active(lineage) else { return format!("no lineage {lineage} in this run\n") };
+    let programs = story.chain(active);
+    let mut out = format!("lineage {lineage}: {} programs from the parent to {active}\n", programs.len());
+    for (i, program) in programs.iter().enumerate() {
+        let _ = writeln!(out, "\n[{i}] {}  generation {}", program.solution_id, program.generation);
+        if let Some(attempt) = attempt_of(story, program) {
+            describe_step(&mut out, attempt);
+        }
+        if let Some(before) = i.checked_sub(1).map(|k| programs[k]) {
+            out.push_str(&program_diff(before, program));
+        }
+    }
+    let _ = writeln!(out, "\nattempts of {lineage}:");
+    for attempt in story.attempts.iter().filter(|a| a.lineage == *lineage) {
+        let _ = writeln!(out, "  {}", one_line(attempt));
+    }
+    out
+}
+
+/// One attempt in one line.
+pub fn one_line(attempt: &Attempt) -> String {
+    let mut line = format!("{:<16} {:<9}", attempt.id.as_str(), attempt.exit.name());
+    if let Some(score) = attempt.exit.score() {
+        let _ = write!(line, " {}", objectives(&score.objectives));
+    }
+    match attempt.exit.decision() {
+        Some(decision) if decision.promoted => line.push_str(" promoted"),
+        Some(decision) if decision.gates.any() => line.push_str(" accepted"),
+        _ => {}
+    }
+    if let Some(patch) = attempt.proposal.patch() {
+        let _ = write!(line, "  {}", shortened(&patch.hypothesis, 90));
+    }
+    line
+}
+
+pub fn objectives(objectives: &Objectives) -> String {
+    format!("attack {:.3}  realism {:.4}", objectives.attack, objectives.realism)
+}
+
+/// At most `most` characters, cut at a character.
+pub fn shortened(text: &str, most: usize) -> String {
+    let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    if flat.chars().count() <= most {
+        return flat;
+    }
+    flat.chars().take(most.saturating_sub(1)).chain(['…']).collect()
+}
+
+fn attempt_of<'a>(story: &'a Story, program: &Program) -> Option<&'a Attempt> {
+    story.attempts.iter().find(|a| a.exit.candidate().is_some_and(|c| c.program.solution_id == program.solution_id))
+}
+
+fn describe_step(out: &mut String, attempt: &Attempt) {
+    if let Some(patch) = attempt.proposal.patch() {
+        let _ = writeln!(out, "    hypothesis: {}", shortened(&patch.hypothesis, 300));
+    }
+    if let Some(score) = attempt.exit.score() {
+        let _ = writeln!(out, "    labels: {} on {} scenes", objectives(&score.objectives), score.scenes.len());
+    }
+}

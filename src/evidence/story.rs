@@ -1,0 +1,119 @@
+//! A recorded run, read back from its transcript: what every report, table and audit starts from.
+
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::kernel::Digest;
+use crate::objects::{
+    Attempt, LineageId, SolutionId,
+    event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
+    program::Program,
+};
+
+/// One event as the transcript gives it.
+#[derive(Clone, Debug)]
+pub struct RawEvent {
+    pub seq: u64,
+    pub kind: String,
+    pub body: Value,
+    pub hash: Digest,
+}
+
+/// A transcript that is no run of this format.
+#[derive(Debug, thiserror::Error)]
+pub enum StoryError {
+    #[error("event {seq} ({kind}) cannot be read: {reason}; the run was written by another version of evodrive")]
+    Unreadable { seq: u64, kind: String, reason: String },
+    #[error("the transcript does not begin with an `opened` event; it is not the transcript of a run")]
+    NotARun,
+}
+
+/// All events of a run, typed, in order.
+#[derive(Clone, Debug)]
+pub struct Story {
+    pub opened: Opened,
+    pub parents: Vec<ParentAdopted>,
+    pub frozen: Vec<Frozen>,
+    pub attempts: Vec<Attempt>,
+    pub settled: Vec<Settled>,
+    pub finalists: Vec<Finalist>,
+    pub held_out: Vec<HeldOut>,
+    /// Absent while the run is unfinished.
+    pub result: Option<RunResult>,
+    /// Hash of the last event.
+    pub root: Digest,
+}
+
+impl Story {
+    pub fn read(events: &[RawEvent]) -> Result<Story, StoryError> {
+        let first = events.first().filter(|e| e.kind == kind::OPENED).ok_or(StoryError::NotARun)?;
+        let mut story = Story {
+            opened: body(first)?,
+            parents: Vec::new(),
+            frozen: Vec::new(),
+            attempts: Vec::new(),
+            settled: Vec::new(),
+            finalists: Vec::new(),
+            held_out: Vec::new(),
+            result: None,
+            root: first.hash,
+        };
+        for event in &events[1..] {
+            match event.kind.as_str() {
+                kind::PARENT => story.parents.push(body(event)?),
+                kind::FROZEN => story.frozen.push(body(event)?),
+                kind::ATTEMPT => story.attempts.push(body(event)?),
+                kind::SETTLED => story.settled.push(body(event)?),
+                kind::FINALIST => story.finalists.push(body(event)?),
+                kind::HELD_OUT => story.held_out.push(body(event)?),
+                kind::SEALED => story.result = Some(body(event)?),
+                other => {
+                    return Err(StoryError::Unreadable {
+                        seq: event.seq,
+                        kind: other.to_string(),
+                        reason: "unknown kind".into(),
+                    });
+                }
+            }
+            story.root = event.hash;
+        }
+        Ok(story)
+    }
+
+    /// The attempt by its id, e.g. `cat-idm/e2s5`.
+    pub fn attempt(&self, id: &str) -> Option<&Attempt> {
+        self.attempts.iter().find(|a| a.id.as_str() == id)
+    }
+
+    /// The program of a solution: a lineage's parent or the child of an attempt.
+    pub fn program(&self, solution: &SolutionId) -> Option<&Program> {
+        self.parents.iter().map(|p| &p.program).find(|p| p.solution_id == *solution).or_else(|| {
+            self.attempts
+                .iter()
+                .filter_map(|a| a.exit.candidate())
+                .map(|c| &c.program)
+                .find(|p| p.solution_id == *solution)
+        })
+    }
+
+    /// The chain p0 → … → p of a solution, oldest first.
+    pub fn chain(&self, solution: &SolutionId) -> Vec<&Program> {
+        let Some(last) = self.program(solution) else { return Vec::new() };
+        let ancestors = last.ancestor_chain.iter().filter_map(|a| self.program(&a.solution_id));
+        ancestors.chain([last]).collect()
+    }
+
+    /// The active solution of a lineage at the end.
+    pub fn active(&self, lineage: &LineageId) -> Option<&SolutionId> {
+        let settled = self.settled.iter().rev().find(|s| s.lineage == *lineage).map(|s| &s.active);
+        settled.or_else(|| self.parents.iter().find(|p| p.lineage == *lineage).map(|p| &p.program.solution_id))
+    }
+}
+
+fn body<T: DeserializeOwned>(event: &RawEvent) -> Result<T, StoryError> {
+    serde_json::from_value(event.body.clone()).map_err(|error| StoryError::Unreadable {
+        seq: event.seq,
+        kind: event.kind.clone(),
+        reason: error.to_string(),
+    })
+}

@@ -1,0 +1,210 @@
+//! What a patch changed, for people: unified diffs of programs, one-line summaries of patches, and the surfaces
+//! that a patch touches (paper fig. patch-surface-distribution).
+
+use serde::Serialize;
+use similar::TextDiff;
+use std::collections::BTreeSet;
+
+use super::{
+    expr,
+    patch::{EDITABLE_SURFACE, OperationKind, ProgramPatch},
+    program::Program,
+};
+
+/// Lines around a change that are shown with it.
+const CONTEXT_LINES: usize = 3;
+/// Longest value in a summary, in characters.
+const SUMMARY_VALUE_MAX: usize = 48;
+/// Operations that a summary spells out.
+const SUMMARY_OPERATIONS_MAX: usize = 3;
+
+/// The four parts of a program that can be edited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Surface {
+    Parameters,
+    OperatorGraph,
+    ScenarioConditionedPolicy,
+    MechanismModules,
+}
+
+impl Surface {
+    pub const ALL: [Surface; 4] =
+        [Surface::Parameters, Surface::OperatorGraph, Surface::ScenarioConditionedPolicy, Surface::MechanismModules];
+
+    /// As in paths, without the slash.
+    pub fn name(self) -> &'static str {
+        EDITABLE_SURFACE[self as usize].trim_start_matches('/')
+    }
+
+    /// The surface that a path begins with; `None` outside the editable part.
+    pub fn of_path(path: &str) -> Option<Surface> {
+        let first = path.strip_prefix('/')?.split('/').next()?;
+        Surface::ALL.into_iter().find(|surface| surface.name() == first)
+    }
+}
+
+/// The surfaces that a patch names; one patch may count for several.
+pub fn edit_categories(patch: &ProgramPatch) -> BTreeSet<Surface> {
+    patch.operations.iter().filter_map(|operation| Surface::of_path(&operation.path)).collect()
+}
+
+/// The program's content as indented JSON, expressions in canonical text: what diffs and reports show. Fields keep
+/// their order and maps are sorted, so equal content gives equal text.
+pub fn program_text(program: &Program) -> String {
+    #[derive(Serialize)]
+    struct Shown<'a> {
+        source_family: &'a super::FamilyName,
+        parameters: &'a std::collections::BTreeMap<String, super::ParameterValue>,
+        operator_graph: &'a std::collections::BTreeMap<String, super::OperatorNode>,
+        scenario_conditioned_policy: Vec<super::PolicyRule>,
+        mechanism_modules: std::collections::BTreeMap<String, super::MechanismModule>,
+        compile_contract: &'a super::CompileContract,
+    }
+    let shown = Shown {
+        source_family: &program.source_family,
+        parameters: &program.parameters,
+        operator_graph: &program.operator_graph,
+        scenario_conditioned_policy: expr::normalised_policy(&program.scenario_conditioned_policy),
+        mechanism_modules: expr::normalised_modules(&program.mechanism_modules),
+        compile_contract: &program.compile_contract,
+    };
+    match serde_json::to_string_pretty(&shown) {
+        Ok(text) => text + "\n",
+        Err(error) => unreachable!("a program has text keys only, so it always has a JSON text: {error}"),
+    }
+}
+
+/// Unified diff of two programs' content; empty where they do the same.
+pub fn program_diff(parent: &Program, child: &Program) -> String {
+    let (old, new) = (program_text(parent), program_text(child));
+    if old == new {
+        return String::new();
+    }
+    TextDiff::from_lines(&old, &new)
+        .unified_diff()
+        .context_radius(CONTEXT_LINES)
+        .header(parent.solution_id.as_str(), child.solution_id.as_str())
+        .to_string()
+}
+
+/// One line, e.g. `replace parameters/duration_s = 4.0; add mechanism_modules/pressure = {...}; 2 more`.
+pub fn patch_summary(patch: &ProgramPatch) -> String {
+    let mut parts: Vec<String> = patch.operations.iter().take(SUMMARY_OPERATIONS_MAX).map(operation_summary).collect();
+    let more = patch.operations.len().saturating_sub(SUMMARY_OPERATIONS_MAX);
+    if more > 0 {
+        parts.push(format!("{more} more"));
+    }
+    if parts.is_empty() { "no operations".into() } else { parts.join("; ") }
+}
+
+fn operation_summary(operation: &super::Operation) -> String {
+    let verb = match operation.op {
+        OperationKind::Add => "add",
+        OperationKind::Replace => "replace",
+        OperationKind::Remove => "remove",
+    };
+    let path = shortened(operation.path.trim_start_matches('/'));
+    match &operation.value {
+        Some(value) => format!("{verb} {path} = {}", shortened(&value.to_string())),
+        None => format!("{verb} {path}"),
+    }
+}
+
+fn shortened(text: &str) -> String {
+    let one_line = text.chars().map(|c| if c.is_control() { ' ' } else { c });
+    let mut short: String = one_line.take(SUMMARY_VALUE_MAX).collect();
+    if short.len() < text.len() {
+        short.push('…');
+    }
+    short
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objects::{
+        CompileContract, FamilyName, LineageId, MechanismModule, Operation, ParameterValue, SolutionId, ValueType,
+    };
+    use serde_json::json;
+    use std::collections::BTreeMap;
+
+    fn program(expression: &str, duration_s: f64) -> Program {
+        let module = MechanismModule {
+            slot: "actor_score".into(),
+            inputs: vec!["gap_m".into()],
+            output: ValueType::Number,
+            expression: expression.into(),
+            tags: vec![],
+        };
+        Program {
+            solution_id: SolutionId::new("toy/parent"),
+            lineage_id: LineageId::new("toy"),
+            source_family: FamilyName::new("toy"),
+            generation: 0,
+            parameters: BTreeMap::from([("duration_s".into(), ParameterValue::Number(duration_s))]),
+            operator_graph: BTreeMap::new(),
+            scenario_conditioned_policy: vec![],
+            mechanism_modules: BTreeMap::from([("pressure".into(), module)]),
+            compile_contract: CompileContract { backend: "metadrive".into(), constraints: vec![] },
+            ancestor_chain: vec![],
+        }
+    }
+
+    #[test]
+    fn a_diff_shows_changed_lines_and_nothing_of_spacing() {
+        let parent = program("1/gap_m", 4.0);
+        let mut child = program("1   / gap_m", 3.0);
+        child.solution_id = SolutionId::new("toy/e1s0");
+        let diff = program_diff(&parent, &child);
+        assert!(diff.starts_with("--- toy/parent\n+++ toy/e1s0\n@@"), "{diff}");
+        let changed: Vec<&str> =
+            diff.lines().skip(2).filter(|line| line.starts_with('-') || line.starts_with('+')).collect();
+        assert_eq!(changed, ["-    \"duration_s\": 4.0", "+    \"duration_s\": 3.0"]);
+        assert_eq!(program_diff(&parent, &program("1 / gap_m", 4.0)), "");
+    }
+
+    #[test]
+    fn spacing_of_expressions_does_not_change_the_hash_but_meaning_does() {
+        let parent = program("1/gap_m", 4.0);
+        assert_eq!(parent.hash(), program("(1) / gap_m", 4.0).hash());
+        assert_ne!(parent.hash(), program("2 / gap_m", 4.0).hash());
+        assert_ne!(program("1 /", 4.0).hash(), program("1  /", 4.0).hash());
+    }
+
+    #[test]
+    fn adoption_begins_a_lineage_without_changing_the_content() {
+        let adopted = program("1", 4.0).adopted(&LineageId::new("toy-idm"));
+        assert_eq!(adopted.solution_id.as_str(), "toy-idm/parent");
+        assert_eq!((adopted.lineage_id.as_str(), adopted.generation), ("toy-idm", 0));
+        assert_eq!(adopted.hash(), program("1", 4.0).hash());
+    }
+
+    #[test]
+    fn summaries_and_categories_name_the_surfaces() {
+        let operation = |op, path: &str, value: Option<serde_json::Value>| Operation { op, path: path.into(), value };
+        let patch = ProgramPatch {
+            source_baseline: FamilyName::new("toy"),
+            parent_solution_id: SolutionId::new("toy/parent"),
+            parent_program_hash: String::new(),
+            operations: vec![
+                operation(OperationKind::Replace, "/parameters/duration_s", Some(json!(3.5))),
+                operation(OperationKind::Add, "/mechanism_modules/p", Some(json!("x".repeat(100)))),
+                operation(OperationKind::Remove, "/parameters/other", None),
+                operation(OperationKind::Remove, "/compile_contract", None),
+            ],
+            hypothesis: "h".into(),
+            memory_refs_used: vec![],
+            cluster_refs_used: vec![],
+            repair_summary: None,
+        };
+        let summary = patch_summary(&patch);
+        assert!(
+            summary.starts_with("replace parameters/duration_s = 3.5; add mechanism_modules/p = \"xxx"),
+            "{summary}"
+        );
+        assert!(summary.ends_with("x…; remove parameters/other; 1 more"), "{summary}");
+        let touched: Vec<&str> = edit_categories(&patch).into_iter().map(Surface::name).collect();
+        assert_eq!(touched, ["parameters", "mechanism_modules"]);
+    }
+}

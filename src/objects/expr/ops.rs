@@ -1,0 +1,44 @@
+//! The total arithmetic of the language: every result is finite, at most 1e12 in size and never -0.
+
+use crate::kernel::num;
+
+/// Results are clamped to ±this.
+pub const MAGNITUDE_MAX: f64 = 1e12;
+/// A denominator nearer to zero is replaced by this with its sign (zero counts as positive).
+pub const DENOMINATOR_MIN: f64 = 1e-9;
+/// `log` of anything smaller, negative or zero is the log of this.
+pub const LOG_ARGUMENT_MIN: f64 = 1e-12;
+
+/// NaN becomes 0, the rest is clamped to the magnitude bound.
+pub fn bounded(x: f64) -> f64 {
+    if x.is_nan() || x == 0.0 { 0.0 } else { x.clamp(-MAGNITUDE_MAX, MAGNITUDE_MAX) }
+}
+
+pub fn divide(a: f64, b: f64) -> f64 {
+    let guarded = if b.abs() >= DENOMINATOR_MIN {
+        b
+    } else if b < 0.0 {
+        -DENOMINATOR_MIN
+    } else {
+        DENOMINATOR_MIN
+    };
+    bounded(a / guarded)
+}
+
+/// Square root; 0 of anything negative.
+pub fn sqrt(x: f64) -> f64 {
+    x.max(0.0).sqrt()
+}
+
+pub fn exp(x: f64) -> f64 {
+    bounded(num::exp(x))
+}
+
+pub fn log(x: f64) -> f64 {
+    bounded(num::ln(x.max(LOG_ARGUMENT_MIN)))
+}
+
+/// `x` brought into [low, high]; `high` where the bounds are crossed.
+pub fn clamp(x: f64, low: f64, high: f64) -> f64 {
+    x.max(low).min(high)
+}

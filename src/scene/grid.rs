@@ -1,0 +1,203 @@
+//! A uniform grid over the pieces of all lanes: which pieces lie near a point. Built once; a query allocates
+//! nothing and its answer depends on nothing but the pieces and the point.
+
+use super::{LaneIx, LaneKind, Road};
+use crate::kernel::Vec2;
+
+/// Side of a cell where the road is no larger than `CELLS_MAX` of them, metres.
+const CELL_M: f64 = 5.0;
+const CELLS_MAX: f64 = 32_768.0;
+
+/// One segment of a lane: its centre line and the surface around it.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    pub lane: LaneIx,
+    /// Index of the segment in the lane's lines.
+    pub segment: usize,
+    /// Streets and freeways; not bike lanes, shoulders, sidewalks.
+    pub through: bool,
+    pub from: Vec2,
+    /// Unit vector in driving direction; zero where two centre points coincide.
+    pub direction: Vec2,
+    pub length_m: f64,
+    /// Arc length of `from`, metres.
+    pub start_s_m: f64,
+    /// left, left, right, right: around the surface.
+    pub surface: [Vec2; 4],
+    low: Vec2,
+    high: Vec2,
+}
+
+impl Piece {
+    /// Place of the nearest point of the centre segment, from 0 to its length, and its squared distance.
+    pub fn nearest(&self, point: Vec2) -> (f64, f64) {
+        let along = (point - self.from).dot(self.direction).clamp(0.0, self.length_m);
+        (along, (point - self.from - self.direction * along).norm_squared())
+    }
+
+    pub fn contains(&self, point: Vec2) -> bool {
+        let boxed = point.x >= self.low.x && point.x <= self.high.x && point.y >= self.low.y && point.y <= self.high.y;
+        boxed && crate::kernel::geom::polygon_contains(&self.surface, point)
+    }
+
+    /// Squared distance from a point outside to the surface's rim.
+    pub fn rim_distance_squared(&self, point: Vec2) -> f64 {
+        let mut best = f64::INFINITY;
+        for k in 0..4 {
+            let (a, b) = (self.surface[k], self.surface[(k + 1) % 4]);
+            let along = b - a;
+            let length = along.norm_squared();
+            let share = if length > 0.0 { ((point - a).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 };
+            best = best.min((point - a.lerp(b, share)).norm_squared());
+        }
+        best
+    }
+
+    /// Squared distance from a point to the piece's bounding rectangle; 0 inside.
+    pub fn bound_distance_squared(&self, point: Vec2) -> f64 {
+        let dx = (self.low.x - point.x).max(point.x - self.high.x).max(0.0);
+        let dy = (self.low.y - point.y).max(point.y - self.high.y).max(0.0);
+        dx * dx + dy * dy
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Grid {
+    pub pieces: Vec<Piece>,
+    low: Vec2,
+    cell_m: f64,
+    columns: i64,
+    rows: i64,
+    /// Pieces of cell `c` are `items[starts[c]..starts[c + 1]]`.
+    starts: Vec<u32>,
+    items: Vec<u32>,
+}
+
+impl Grid {
+    pub fn of(road: &Road) -> Grid {
+        let pieces: Vec<Piece> = road.lanes.iter().enumerate().flat_map(|(ix, _)| pieces_of(road, ix)).collect();
+        let (mut low, mut high) = (Vec2::ZERO, Vec2::ZERO);
+        if let Some(first) = pieces.first() {
+            (low, high) = (first.low, first.high);
+        }
+        for piece in &pieces {
+            low = Vec2::new(low.x.min(piece.low.x), low.y.min(piece.low.y));
+            high = Vec2::new(high.x.max(piece.high.x), high.y.max(piece.high.y));
+        }
+        let size = high - low;
+        let longest = size.x.max(size.y);
+        let cell_m = CELL_M.max((size.x * size.y / CELLS_MAX).sqrt()).max(longest / CELLS_MAX);
+        let columns = (size.x / cell_m).floor() as i64 + 1;
+        let rows = (size.y / cell_m).floor() as i64 + 1;
+        let mut grid = Grid { pieces, low, cell_m, columns, rows, starts: vec![], items: vec![] };
+        grid.fill();
+        grid
+    }
+
+    /// Counting sort of pieces into the cells that their bounding rectangles touch.
+    fn fill(&mut self) {
+        let cells = (self.columns * self.rows) as usize;
+        let mut counts = vec![0u32; cells + 1];
+        for piece in &self.pieces {
+            self.for_cells_of(piece, |cell| counts[cell + 1] += 1);
+        }
+        for cell in 0..cells {
+            counts[cell + 1] += counts[cell];
+        }
+        let mut items = vec![0u32; counts[cells] as usize];
+        let mut next = counts.clone();
+        for (ix, piece) in self.pieces.iter().enumerate() {
+            self.for_cells_of(piece, |cell| {
+                items[next[cell] as usize] = ix as u32;
+                next[cell] += 1;
+            });
+        }
+        (self.starts, self.items) = (counts, items);
+    }
+
+    fn for_cells_of(&self, piece: &Piece, mut visit: impl FnMut(usize)) {
+        let (low, high) = (self.cell_of(piece.low), self.cell_of(piece.high));
+        for row in low.1.max(0)..=high.1.min(self.rows - 1) {
+            for column in low.0.max(0)..=high.0.min(self.columns - 1) {
+                visit((row * self.columns + column) as usize);
+            }
+        }
+    }
+
+    fn cell_of(&self, point: Vec2) -> (i64, i64) {
+        let column = ((point.x - self.low.x) / self.cell_m).floor() as i64;
+        let row = ((point.y - self.low.y) / self.cell_m).floor() as i64;
+        (column, row)
+    }
+
+    /// Pieces of the cell that holds the point.
+    pub fn at(&self, point: Vec2) -> impl Iterator<Item = &Piece> {
+        let (column, row) = self.cell_of(point);
+        let inside = column >= 0 && row >= 0 && column < self.columns && row < self.rows;
+        let range = if inside { self.range((row * self.columns + column) as usize) } else { 0..0 };
+        self.items[range].iter().map(|&ix| &self.pieces[ix as usize])
+    }
+
+    fn range(&self, cell: usize) -> std::ops::Range<usize> {
+        self.starts[cell] as usize..self.starts[cell + 1] as usize
+    }
+
+    /// Shows `visit` every piece within `within_m` of the point (and some beyond), cell ring by cell ring outward.
+    /// `visit` returns the distance within which it still looks for something; a piece may be shown twice.
+    pub fn outward(&self, point: Vec2, within_m: f64, mut visit: impl FnMut(&Piece) -> f64) {
+        let (column, row) = self.cell_of(point);
+        let gap = |at: i64, count: i64| (-at).max(at.saturating_sub(count - 1)).max(0);
+        let reach = |at: i64, count: i64| at.saturating_abs().max((count - 1).saturating_sub(at).saturating_abs());
+        let last = reach(column, self.columns).max(reach(row, self.rows));
+        let mut bound_m = within_m;
+        let mut ring = gap(column, self.columns).max(gap(row, self.rows));
+        // Cells of ring r lie at least (r - 1) cells away.
+        while ring <= last && (ring - 1) as f64 * self.cell_m <= bound_m {
+            let rows = row.saturating_sub(ring).max(0)..=row.saturating_add(ring).min(self.rows - 1);
+            for y in rows {
+                let whole = (y - row).abs() == ring;
+                let (west, east) = (column.saturating_sub(ring), column.saturating_add(ring));
+                let step = if whole { 1 } else { (2 * ring).max(1) as usize };
+                let skip_to = if whole { west.max(0) } else { west };
+                for x in (skip_to..=east.min(self.columns - 1)).step_by(step) {
+                    if x < 0 {
+                        continue;
+                    }
+                    for &ix in &self.items[self.range((y * self.columns + x) as usize)] {
+                        bound_m = bound_m.min(visit(&self.pieces[ix as usize]));
+                    }
+                }
+            }
+            ring += 1;
+        }
+    }
+}
+
+fn pieces_of(road: &Road, lane_ix: LaneIx) -> Vec<Piece> {
+    let lane = &road.lanes[lane_ix];
+    let count = lane.centre.len().min(lane.left.len()).min(lane.right.len());
+    let mut start_s_m = 0.0;
+    let mut pieces = Vec::with_capacity(count.saturating_sub(1));
+    for k in 1..count {
+        let (from, to) = (lane.centre[k - 1], lane.centre[k]);
+        let length_m = from.distance(to);
+        let surface = [lane.left[k - 1], lane.left[k], lane.right[k], lane.right[k - 1]];
+        let around = || surface.iter().chain([&from, &to]);
+        let low = around().fold(from, |m, p| Vec2::new(m.x.min(p.x), m.y.min(p.y)));
+        let high = around().fold(from, |m, p| Vec2::new(m.x.max(p.x), m.y.max(p.y)));
+        pieces.push(Piece {
+            lane: lane_ix,
+            segment: k - 1,
+            through: matches!(lane.kind, LaneKind::Street | LaneKind::Freeway),
+            from,
+            direction: if length_m > 0.0 { (to - from) * (1.0 / length_m) } else { Vec2::ZERO },
+            length_m,
+            start_s_m,
+            surface,
+            low,
+            high,
+        });
+        start_s_m += length_m;
+    }
+    pieces
+}

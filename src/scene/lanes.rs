@@ -1,0 +1,350 @@
+//! The lane graph: which lane something drives in, how far it is from the road, and where it can go from there.
+//! Built once per scene from its road; queries allocate nothing, except [`LaneGraph::reachable`].
+
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
+use super::grid::Grid;
+use super::{LaneIx, Neighbour, Road};
+use crate::kernel::{Polyline, Pose, Vec2, num};
+
+/// Something drives in a lane when its heading is within 45 degrees of the lane's (CAT's criterion).
+pub const HEADING_DIFFERENCE_MAX_RAD: f64 = num::PI / 4.0;
+/// Distances from the road are told up to here, metres.
+pub const OFF_ROAD_MAX_M: f64 = 100.0;
+
+/// Where a point lies in a lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LanePlace {
+    pub lane: LaneIx,
+    /// Arc length along the centre line, metres.
+    pub s_m: f64,
+    /// Signed lateral offset from the centre line, positive to the left, metres.
+    pub offset_m: f64,
+    /// Direction of the lane there.
+    pub heading_rad: f64,
+    /// Distance to the centre line, metres: larger than `offset_m` beyond a lane's end.
+    pub distance_m: f64,
+}
+
+/// A lane that can be driven to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reached {
+    pub lane: LaneIx,
+    /// Way from the start of the search to this lane's first point, metres; negative for lanes alongside.
+    pub start_m: f64,
+    pub lane_changes: usize,
+    /// The lane before it; `None` for the first.
+    pub via: Option<LaneIx>,
+}
+
+/// Lanes with their topology and a grid for queries by place.
+#[derive(Clone, Debug)]
+pub struct LaneGraph {
+    centres: Vec<Option<Polyline>>,
+    exits: Vec<Vec<LaneIx>>,
+    entries: Vec<Vec<LaneIx>>,
+    neighbours: Vec<[Option<Neighbour>; 2]>,
+    through: Vec<bool>,
+    grid: Grid,
+}
+
+impl LaneGraph {
+    /// Of a validated road; links to lanes that are not there are left out.
+    pub fn of(road: &Road) -> LaneGraph {
+        let count = road.lanes.len();
+        let known = |links: &[LaneIx]| links.iter().copied().filter(|&ix| ix < count).collect::<Vec<_>>();
+        let beside = |n: Option<Neighbour>| n.filter(|n| n.lane < count);
+        let grid = Grid::of(road);
+        let mut through = vec![false; count];
+        for piece in &grid.pieces {
+            through[piece.lane] = piece.through;
+        }
+        LaneGraph {
+            centres: road.lanes.iter().map(|lane| Polyline::new(lane.centre.clone()).ok()).collect(),
+            exits: road.lanes.iter().map(|lane| known(&lane.exits)).collect(),
+            entries: road.lanes.iter().map(|lane| known(&lane.entries)).collect(),
+            neighbours: road.lanes.iter().map(|l| [beside(l.left_neighbour), beside(l.right_neighbour)]).collect(),
+            through,
+            grid,
+        }
+    }
+
+    pub fn lane_count(&self) -> usize {
+        self.centres.len()
+    }
+
+    /// Centre line of a lane; `None` beyond the last lane.
+    pub fn centre(&self, lane: LaneIx) -> Option<&Polyline> {
+        self.centres.get(lane).and_then(Option::as_ref)
+    }
+
+    /// Length of a lane, metres; 0 for a lane that is not there.
+    pub fn length_m(&self, lane: LaneIx) -> f64 {
+        self.centre(lane).map_or(0.0, Polyline::length_m)
+    }
+
+    /// Lanes that a lane leads into.
+    pub fn exits(&self, lane: LaneIx) -> &[LaneIx] {
+        self.exits.get(lane).map_or(&[], Vec::as_slice)
+    }
+
+    /// Lanes that lead into a lane.
+    pub fn entries(&self, lane: LaneIx) -> &[LaneIx] {
+        self.entries.get(lane).map_or(&[], Vec::as_slice)
+    }
+
+    /// Left, then right neighbour of the same driving direction.
+    pub fn beside(&self, lane: LaneIx) -> impl Iterator<Item = LaneIx> {
+        let both = self.neighbours.get(lane).copied().unwrap_or_default();
+        both.into_iter().flatten().filter(|n| n.same_direction).map(|n| n.lane)
+    }
+
+    /// Streets and freeways; not bike lanes, shoulders, sidewalks.
+    pub fn is_through(&self, lane: LaneIx) -> bool {
+        self.through.get(lane).copied().unwrap_or(false)
+    }
+
+    /// The street or freeway lane whose centre line is nearest, among those heading the same way (within 45 degrees)
+    /// and at most `within_m` away. Of equals the one with the lower index.
+    pub fn nearest_lane(&self, point: Vec2, heading_rad: f64, within_m: f64) -> Option<LanePlace> {
+        let heading = Vec2::from_heading(heading_rad);
+        let least = num::cos(HEADING_DIFFERENCE_MAX_RAD);
+        self.nearest(point, within_m, |direction| direction.dot(heading) > least)
+    }
+
+    /// Like [`LaneGraph::nearest_lane`] for lanes of any heading.
+    pub fn nearest_lane_any_heading(&self, point: Vec2, within_m: f64) -> Option<LanePlace> {
+        self.nearest(point, within_m, |_| true)
+    }
+
+    /// Direction of the nearest street or freeway lane within `within_m`, radians.
+    pub fn heading_at(&self, point: Vec2, within_m: f64) -> Option<f64> {
+        self.nearest_lane_any_heading(point, within_m).map(|place| place.heading_rad)
+    }
+
+    fn nearest(&self, point: Vec2, within_m: f64, fits: impl Fn(Vec2) -> bool) -> Option<LanePlace> {
+        if !point.is_finite() {
+            return None;
+        }
+        let mut best: Option<(f64, LaneIx, usize, f64)> = None;
+        let mut bound_squared = within_m * within_m;
+        self.grid.outward(point, within_m, |piece| {
+            if piece.through && piece.length_m > 0.0 && fits(piece.direction) {
+                let (along, distance) = piece.nearest(point);
+                let key = (distance, piece.lane, piece.segment, along);
+                let nearer = best.is_none_or(|b| (distance, piece.lane, piece.segment) < (b.0, b.1, b.2));
+                if distance <= bound_squared && nearer {
+                    best = Some(key);
+                    bound_squared = distance;
+                }
+            }
+            bound_squared.sqrt()
+        });
+        let (distance, lane, segment, along) = best?;
+        // Pieces of a lane stand together, in order.
+        let first = self.grid.pieces.partition_point(|p| (p.lane, p.segment) < (lane, segment));
+        let piece = &self.grid.pieces[first];
+        let side = piece.direction.cross(point - piece.from);
+        let distance_m = distance.sqrt();
+        Some(LanePlace {
+            lane,
+            s_m: piece.start_s_m + along,
+            offset_m: side,
+            heading_rad: piece.direction.heading(),
+            distance_m,
+        })
+    }
+
+    /// Where a point falls on one lane's centre line.
+    pub fn place_in(&self, lane: LaneIx, point: Vec2) -> Option<LanePlace> {
+        let found = self.centre(lane)?.project(point);
+        Some(LanePlace {
+            lane,
+            s_m: found.s_m,
+            offset_m: found.offset_m,
+            heading_rad: found.heading_rad,
+            distance_m: found.offset_m.abs(),
+        })
+    }
+
+    /// Pose on a lane's centre line.
+    pub fn pose_at(&self, lane: LaneIx, s_m: f64) -> Option<Pose> {
+        let centre = self.centre(lane)?;
+        let segment = centre.segment_at(s_m);
+        let along = centre.points()[segment + 1] - centre.points()[segment];
+        Some(Pose { position: centre.at(s_m), heading_rad: along.heading() })
+    }
+
+    /// Whether a point lies on the surface of some lane, of whatever kind.
+    pub fn is_drivable(&self, point: Vec2) -> bool {
+        self.grid.at(point).any(|piece| piece.contains(point))
+    }
+
+    /// Distance from a point to the surface of the nearest lane, metres: 0 on the road, at most
+    /// [`OFF_ROAD_MAX_M`]; 0 everywhere for a road without lanes.
+    pub fn off_road_m(&self, point: Vec2) -> f64 {
+        if self.grid.pieces.is_empty() || self.is_drivable(point) {
+            return 0.0;
+        }
+        let mut best = OFF_ROAD_MAX_M * OFF_ROAD_MAX_M;
+        let mut best_m = OFF_ROAD_MAX_M;
+        self.grid.outward(point, OFF_ROAD_MAX_M, |piece| {
+            if piece.bound_distance_squared(point) < best {
+                let distance = piece.rim_distance_squared(point);
+                if distance < best {
+                    best = distance;
+                    best_m = distance.sqrt();
+                }
+            }
+            best_m
+        });
+        best_m
+    }
+
+    /// Lanes that can be driven to from `s_m` on `lane` within `budget_m`: over exits, and sideways into neighbours of
+    /// the same direction. Each lane once, with the fewest lane changes, then the shortest way; in that order.
+    pub fn reachable(&self, lane: LaneIx, s_m: f64, budget_m: f64) -> Vec<Reached> {
+        let mut reached: Vec<Reached> = Vec::new();
+        let mut done = vec![false; self.lane_count()];
+        let mut open = BinaryHeap::new();
+        if self.centre(lane).is_some() {
+            open.push(Reverse(Open(Reached { lane, start_m: -s_m, lane_changes: 0, via: None })));
+        }
+        while let Some(Reverse(Open(next))) = open.pop() {
+            if std::mem::replace(&mut done[next.lane], true) {
+                continue;
+            }
+            reached.push(next);
+            let end_m = next.start_m + self.length_m(next.lane);
+            let onward = self.exits(next.lane).iter().filter(|_| end_m <= budget_m).map(|&to| (to, end_m, 0));
+            let aside = self.beside(next.lane).map(|to| (to, self.start_beside(&next, to), 1));
+            for (to, start_m, change) in onward.chain(aside) {
+                if !done[to] && self.centre(to).is_some() {
+                    let lane_changes = next.lane_changes + change;
+                    open.push(Reverse(Open(Reached { lane: to, start_m, lane_changes, via: Some(next.lane) })));
+                }
+            }
+        }
+        reached
+    }
+
+    /// Way to the first point of a neighbour: equal progress at equal places across the road.
+    fn start_beside(&self, from: &Reached, to: LaneIx) -> f64 {
+        let start = self.centre(to).map(|line| line.points()[0]);
+        let place = start.and_then(|p| self.centre(from.lane).map(|line| line.project(p).s_m));
+        let back = self.centre(from.lane).map(|line| line.points()[0]);
+        let behind = back.and_then(|p| self.centre(to).map(|line| line.project(p).s_m));
+        // One of the two is 0 where the neighbour starts behind or ahead of this lane.
+        from.start_m + place.unwrap_or(0.0) - behind.unwrap_or(0.0)
+    }
+}
+
+/// Order of the search: fewest lane changes, then shortest way, then lane index.
+struct Open(Reached);
+
+impl Open {
+    fn key(&self) -> (usize, f64, LaneIx, Option<LaneIx>) {
+        (self.0.lane_changes, self.0.start_m, self.0.lane, self.0.via)
+    }
+}
+
+impl Ord for Open {
+    fn cmp(&self, other: &Open) -> Ordering {
+        let (a, b) = (self.key(), other.key());
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)).then(a.3.cmp(&b.3))
+    }
+}
+
+impl PartialOrd for Open {
+    fn partial_cmp(&self, other: &Open) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Open {
+    fn eq(&self, other: &Open) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Open {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::LaneKind;
+    use crate::scene::fixture::two_lane_scene;
+    use proptest::prelude::*;
+
+    fn graph() -> LaneGraph {
+        LaneGraph::of(&two_lane_scene().road)
+    }
+
+    #[test]
+    fn the_nearest_lane_heads_the_same_way() {
+        let east = graph().nearest_lane(Vec2::new(42.0, 2.0), 0.1, 10.0).unwrap();
+        assert_eq!((east.lane, east.s_m, east.heading_rad), (1, 42.0, 0.0));
+        assert!((east.offset_m - -1.5).abs() < 1e-12 && (east.distance_m - 1.5).abs() < 1e-12);
+        assert_eq!(graph().nearest_lane(Vec2::new(42.0, 2.0), 2.0, 10.0), None);
+        assert_eq!(graph().nearest_lane(Vec2::new(114.0, 30.0), 1.5, 10.0).map(|p| p.lane), Some(3));
+        assert_eq!(graph().nearest_lane(Vec2::new(42.0, 30.0), 0.0, 10.0), None);
+    }
+
+    #[test]
+    fn bike_lanes_are_drivable_surface_but_no_lane_to_drive_in() {
+        let mut road = two_lane_scene().road;
+        road.lanes[1].kind = LaneKind::Bike;
+        let graph = LaneGraph::of(&road);
+        let beside = Vec2::new(42.0, 3.5);
+        assert_eq!(graph.nearest_lane(beside, 0.0, 10.0).map(|p| p.lane), Some(0));
+        assert!(graph.is_drivable(beside));
+    }
+
+    #[test]
+    fn distance_from_the_road_is_zero_on_it_and_exact_beside_it() {
+        let graph = graph();
+        assert_eq!(graph.off_road_m(Vec2::new(50.0, 4.0)), 0.0);
+        assert!((graph.off_road_m(Vec2::new(50.0, -4.75)) - 3.0).abs() < 1e-12);
+        assert!((graph.off_road_m(Vec2::new(-3.0, -5.75)) - 5.0).abs() < 1e-12);
+        assert_eq!(graph.off_road_m(Vec2::new(1e5, -1e5)), OFF_ROAD_MAX_M);
+        assert_eq!(LaneGraph::of(&Road::default()).off_road_m(Vec2::ZERO), 0.0);
+    }
+
+    #[test]
+    fn reachable_lanes_follow_exits_and_lane_changes_within_the_budget() {
+        let short = graph().reachable(0, 40.0, 50.0);
+        assert_eq!(
+            short.iter().map(|r| (r.lane, r.start_m, r.lane_changes)).collect::<Vec<_>>(),
+            [(0, -40.0, 0), (1, -40.0, 1)]
+        );
+        let long = graph().reachable(1, 40.0, 80.0);
+        let found: Vec<_> = long.iter().map(|r| (r.lane, r.start_m, r.lane_changes, r.via)).collect();
+        assert_eq!(found, [(1, -40.0, 0, None), (0, -40.0, 1, Some(1)), (2, 60.0, 1, Some(0)), (3, 60.0, 1, Some(0))]);
+    }
+
+    #[test]
+    fn a_circle_of_lanes_ends_the_search() {
+        let mut road = two_lane_scene().road;
+        road.lanes[2].exits = vec![0];
+        road.lanes[0].entries = vec![2];
+        assert_eq!(LaneGraph::of(&road).reachable(0, 0.0, 1e9).len(), 4);
+    }
+
+    proptest! {
+        #[test]
+        fn the_grid_finds_what_a_search_through_all_pieces_finds(
+            x in -60.0..220.0f64, y in -60.0..120.0f64, heading in -3.1..3.1f64,
+        ) {
+            let (graph, point) = (graph(), Vec2::new(x, y));
+            let cos = num::cos(HEADING_DIFFERENCE_MAX_RAD);
+            let fits = |p: &&super::super::grid::Piece| p.direction.dot(Vec2::from_heading(heading)) > cos;
+            let best = graph.grid.pieces.iter().filter(fits).map(|p| p.nearest(point).1).fold(f64::INFINITY, f64::min);
+            let found = graph.nearest_lane(point, heading, 30.0).map(|p| p.distance_m);
+            prop_assert_eq!(found, Some(best.sqrt()).filter(|d| *d <= 30.0));
+            let rim = graph.grid.pieces.iter().map(|p| if p.contains(point) { 0.0 } else { p.rim_distance_squared(point) });
+            let off = rim.fold(f64::INFINITY, f64::min).sqrt().min(OFF_ROAD_MAX_M);
+            prop_assert_eq!(graph.off_road_m(point), off);
+        }
+    }
+}

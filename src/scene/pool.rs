@@ -1,0 +1,373 @@
+//! A pool: the scenes of a study in one file, with a manifest and a checksum, and how it is split. The format is
+//! described in docs/FORMAT.md; reading and writing the bytes is the store's.
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use super::binary::{scene_bytes, scene_digest_of, scene_of};
+use super::usable::usable;
+use super::{Origin, Scene};
+use crate::kernel::{Digest, Seed};
+
+/// First bytes of every pool file.
+const MAGIC: &[u8; 8] = b"EVODPOOL";
+/// Rises when an older reader could not read what is written.
+const VERSION: u32 = 1;
+/// Magic, version, length of the manifest.
+const HEAD_BYTES: usize = 8 + 4 + 8;
+const CHECKSUM_BYTES: usize = 32;
+
+/// Something of a file that did not become part of a pool, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeftOut {
+    /// File name without folder.
+    pub file: String,
+    /// The scene, obstacle or element within it; empty for the whole file.
+    pub what: String,
+    /// A plain sentence.
+    pub reason: String,
+}
+
+/// Scenes with unique ids, and what was left out when they were imported.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pool {
+    pub scenes: Vec<Scene>,
+    pub left_out: Vec<LeftOut>,
+}
+
+/// What a pool's manifest says of one scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestEntry {
+    pub id: String,
+    pub digest: Digest,
+    pub origin: Origin,
+    pub steps: usize,
+    pub tracks: usize,
+    pub lanes: usize,
+    /// Why it is not used for evolution; `None` for a usable scene.
+    pub unusable: Option<String>,
+    /// Length of the scene's body, bytes.
+    pub bytes: usize,
+}
+
+/// What stands at the head of a pool file, as JSON.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    pub scenes: Vec<ManifestEntry>,
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A pool file that cannot be read, or a pool that cannot be split as asked.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PoolError {
+    #[error("{file} is not a scene pool: expected {expected}; make one with `evodrive scenes import`")]
+    NotAPool { file: String, expected: &'static str },
+    #[error("{file} has pool format {found}, this build reads format {VERSION}; import its scenes again")]
+    Version { file: String, found: u32 },
+    #[error("{file} is damaged at byte {at}: expected {expected}; restore it from a copy or import its scenes again")]
+    Damaged { file: String, at: usize, expected: String },
+    #[error("{file}: scene {scene:?} breaks a rule: {violation}; import its scenes again")]
+    Unsound { file: String, scene: String, violation: String },
+    #[error("two scenes have the id {0:?}; a pool names each scene once")]
+    DuplicateId(String),
+    #[error(
+        "the split asks for {wanted} scenes and {usable} of the pool's {all} are usable; ask for fewer or import more"
+    )]
+    TooFew { wanted: usize, usable: usize, all: usize },
+    #[error("a share of {0} is none; expected more than 0, at most 1")]
+    Share(String),
+}
+
+/// The bytes of a pool file.
+pub fn encode(pool: &Pool) -> Vec<u8> {
+    let bodies: Vec<Vec<u8>> = pool.scenes.iter().map(scene_bytes).collect();
+    let entries = pool.scenes.iter().zip(&bodies).map(|(scene, body)| entry(scene, body.len()));
+    let manifest = Manifest { scenes: entries.collect(), left_out: pool.left_out.clone() };
+    let Ok(json) = serde_json::to_vec(&manifest) else {
+        unreachable!("a manifest holds texts and counts only, which JSON can always hold")
+    };
+    let size = HEAD_BYTES + json.len() + bodies.iter().map(Vec::len).sum::<usize>() + CHECKSUM_BYTES;
+    let mut out = Vec::with_capacity(size);
+    out.extend_from_slice(MAGIC);
+    out.extend_from_slice(&VERSION.to_le_bytes());
+    out.extend_from_slice(&(json.len() as u64).to_le_bytes());
+    out.extend_from_slice(&json);
+    for body in &bodies {
+        out.extend_from_slice(body);
+    }
+    let checksum = Digest::of_bytes(&out);
+    out.extend_from_slice(checksum.as_bytes());
+    out
+}
+
+fn entry(scene: &Scene, bytes: usize) -> ManifestEntry {
+    ManifestEntry {
+        id: scene.id.clone(),
+        digest: scene.digest(),
+        origin: scene.origin.clone(),
+        steps: scene.steps,
+        tracks: scene.tracks.len(),
+        lanes: scene.road.lanes.len(),
+        unusable: usable(scene).err().map(|reason| reason.to_string()),
+        bytes,
+    }
+}
+
+/// The pool in a file's bytes: checksum, manifest, every digest and every rule of a sound scene are checked.
+pub fn decode(file_name: &str, bytes: &[u8]) -> Result<Pool, PoolError> {
+    let (manifest, mut at) = checked_manifest(file_name, bytes)?;
+    let damaged = |at: usize, expected: String| PoolError::Damaged { file: file_name.to_string(), at, expected };
+    let end = bytes.len() - CHECKSUM_BYTES;
+    let mut pool = Pool { scenes: Vec::new(), left_out: manifest.left_out };
+    for entry in manifest.scenes {
+        let body = at.checked_add(entry.bytes).filter(|&to| to <= end).and_then(|to| bytes.get(at..to));
+        let body = body.ok_or_else(|| damaged(at, format!("{} bytes of scene {:?}", entry.bytes, entry.id)))?;
+        if scene_digest_of(body) != entry.digest {
+            return Err(damaged(at, format!("scene {:?} with digest {}", entry.id, entry.digest)));
+        }
+        let scene = scene_of(body, entry.origin).map_err(|e| damaged(at + e.at, e.expected.to_string()))?;
+        if let Some(violation) = scene.validate().first() {
+            let violation = violation.to_string();
+            return Err(PoolError::Unsound { file: file_name.to_string(), scene: scene.id, violation });
+        }
+        pool.scenes.push(scene);
+        at += entry.bytes;
+    }
+    if at != end {
+        return Err(damaged(at, "the checksum".into()));
+    }
+    pool.check_ids()?;
+    Ok(pool)
+}
+
+/// The manifest in a pool file's bytes, without reading the scenes; the checksum is checked.
+pub fn manifest(file_name: &str, bytes: &[u8]) -> Result<Manifest, PoolError> {
+    checked_manifest(file_name, bytes).map(|(manifest, _)| manifest)
+}
+
+/// The manifest and the place of the first scene.
+fn checked_manifest(file_name: &str, bytes: &[u8]) -> Result<(Manifest, usize), PoolError> {
+    let file = || file_name.to_string();
+    if !bytes.starts_with(MAGIC) {
+        return Err(PoolError::NotAPool { file: file(), expected: "the bytes EVODPOOL at its start" });
+    }
+    let head = bytes.get(8..HEAD_BYTES).and_then(|head| {
+        let version = u32::from_le_bytes(*head.first_chunk()?);
+        let length = u64::from_le_bytes(*head.get(4..)?.first_chunk()?);
+        Some((version, usize::try_from(length).ok()?))
+    });
+    let damaged = |at: usize, expected: &str| PoolError::Damaged { file: file(), at, expected: expected.into() };
+    let (version, length) = head.ok_or_else(|| damaged(8, "a version and the manifest's length"))?;
+    if version != VERSION {
+        return Err(PoolError::Version { file: file(), found: version });
+    }
+    let end = bytes.len().checked_sub(CHECKSUM_BYTES).filter(|&end| end >= HEAD_BYTES);
+    let end = end.ok_or_else(|| damaged(bytes.len(), "a checksum of 32 bytes at the end"))?;
+    if Digest::of_bytes(&bytes[..end]).as_bytes()[..] != bytes[end..] {
+        return Err(damaged(end, "the checksum of all bytes before it"));
+    }
+    let after = HEAD_BYTES.checked_add(length).filter(|&after| after <= end);
+    let after = after.ok_or_else(|| damaged(12, "a manifest that ends before the file"))?;
+    let manifest = serde_json::from_slice(&bytes[HEAD_BYTES..after])
+        .map_err(|error| damaged(HEAD_BYTES, &format!("a manifest as JSON ({error})")))?;
+    Ok((manifest, after))
+}
+
+/// How many scenes evolution sees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EvolutionSize {
+    Count(usize),
+    /// Of the usable scenes that are not held out; above 0, at most 1. At least one scene.
+    Share(f64),
+}
+
+/// A scene of a split: its name and what it must be.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SplitScene {
+    pub id: String,
+    pub digest: Digest,
+}
+
+/// Which scenes are evolved on and which are kept closed until selection is over. Nothing changes a split.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Split {
+    /// In the order in which the window rotates through them.
+    pub evolution: Vec<SplitScene>,
+    pub held_out: Vec<SplitScene>,
+}
+
+impl Split {
+    /// The name of the split: of its scenes, their digests and their order.
+    pub fn digest(&self) -> Digest {
+        match Digest::of("evodrive/split/1", self) {
+            Ok(digest) => digest,
+            Err(error) => unreachable!("a split holds texts only: {error}"),
+        }
+    }
+
+    /// The evolution scenes of an epoch (counted from 0): the next `size` in turn, starting again at the end; all of
+    /// them, once, where there are no more than `size`.
+    pub fn rotating_window(&self, epoch: usize, size: usize) -> Vec<&SplitScene> {
+        let count = self.evolution.len();
+        if size >= count {
+            return self.evolution.iter().collect();
+        }
+        let start = (epoch % count) * size % count;
+        (0..size).map(|k| &self.evolution[(start + k) % count]).collect()
+    }
+}
+
+impl Pool {
+    /// Of scenes whose ids are unique.
+    pub fn new(scenes: Vec<Scene>, left_out: Vec<LeftOut>) -> Result<Pool, PoolError> {
+        let pool = Pool { scenes, left_out };
+        pool.check_ids()?;
+        Ok(pool)
+    }
+
+    fn check_ids(&self) -> Result<(), PoolError> {
+        let mut ids = BTreeSet::new();
+        match self.scenes.iter().find(|scene| !ids.insert(&scene.id)) {
+            Some(again) => Err(PoolError::DuplicateId(again.id.clone())),
+            None => Ok(()),
+        }
+    }
+
+    pub fn scene(&self, id: &str) -> Option<&Scene> {
+        self.scenes.iter().find(|scene| scene.id == id)
+    }
+
+    /// The name of the pool: of its scenes' digests, sorted by id, so that the order of import does not matter.
+    pub fn digest(&self) -> Digest {
+        let mut scenes: Vec<(&str, Digest)> = self.scenes.iter().map(|s| (s.id.as_str(), s.digest())).collect();
+        scenes.sort();
+        match Digest::of("evodrive/pool/1", &scenes) {
+            Ok(digest) => digest,
+            Err(error) => unreachable!("a list of texts: {error}"),
+        }
+    }
+
+    /// Draws `held_out` scenes, then the evolution scenes, from the usable scenes in an order that rests on the seed
+    /// and the ids alone: a larger evolution set keeps the held-out one.
+    pub fn split(&self, seed: Seed, evolution: EvolutionSize, held_out: usize) -> Result<Split, PoolError> {
+        let usable_scenes = self.scenes.iter().filter(|scene| usable(scene).is_ok());
+        let mut scenes: Vec<SplitScene> =
+            usable_scenes.map(|s| SplitScene { id: s.id.clone(), digest: s.digest() }).collect();
+        scenes.sort_by(|a, b| a.id.cmp(&b.id));
+        seed.stream(&["scene", "split"]).shuffle(&mut scenes);
+        let rest = scenes.len().saturating_sub(held_out);
+        let wanted = match evolution {
+            EvolutionSize::Count(count) => count,
+            EvolutionSize::Share(share) if share > 0.0 && share <= 1.0 => ((rest as f64 * share) as usize).max(1),
+            EvolutionSize::Share(share) => return Err(PoolError::Share(share.to_string())),
+        };
+        if wanted > rest || held_out > scenes.len() {
+            let wanted = wanted.saturating_add(held_out);
+            return Err(PoolError::TooFew { wanted, usable: scenes.len(), all: self.scenes.len() });
+        }
+        let mut rest = scenes.split_off(held_out);
+        rest.truncate(wanted);
+        Ok(Split { evolution: rest, held_out: scenes })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::fixture::two_lane_scene;
+
+    fn pool(count: usize) -> Pool {
+        let scenes = (0..count).map(|k| Scene { id: format!("s{k:02}"), ..two_lane_scene() }).collect();
+        let left_out = LeftOut { file: "a.xml".into(), what: "obstacle 7".into(), reason: "it has no shape".into() };
+        Pool::new(scenes, vec![left_out]).unwrap()
+    }
+
+    #[test]
+    fn a_pool_comes_back_from_its_bytes() {
+        let pool = pool(3);
+        let bytes = encode(&pool);
+        assert_eq!(decode("p.pool", &bytes), Ok(pool.clone()));
+        let manifest = manifest("p.pool", &bytes).unwrap();
+        assert_eq!(manifest.scenes[1].digest, pool.scenes[1].digest());
+        assert_eq!((manifest.scenes[1].tracks, manifest.scenes[1].unusable.clone()), (2, None));
+    }
+
+    #[test]
+    fn a_flipped_byte_anywhere_is_found() {
+        let bytes = encode(&pool(1));
+        for at in (0..bytes.len()).step_by(97) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x10;
+            assert!(decode("p.pool", &damaged).is_err(), "{at}");
+        }
+    }
+
+    #[test]
+    fn a_truncated_pool_is_refused() {
+        let bytes = encode(&pool(1));
+        for end in [0, 7, 8, 15, 20, 60, bytes.len() / 2, bytes.len() - 1] {
+            assert!(decode("p.pool", &bytes[..end]).is_err(), "{end}");
+        }
+    }
+
+    #[test]
+    fn a_well_sealed_lie_is_refused() {
+        let sealed = |change: fn(&mut Vec<u8>)| {
+            let mut bytes = encode(&pool(1));
+            bytes.truncate(bytes.len() - CHECKSUM_BYTES);
+            change(&mut bytes);
+            let checksum = Digest::of_bytes(&bytes);
+            bytes.extend_from_slice(checksum.as_bytes());
+            decode("p.pool", &bytes)
+        };
+        assert!(matches!(sealed(|b| b[12..20].fill(0xff)), Err(PoolError::Damaged { at: 12, .. })));
+        assert!(matches!(sealed(|b| b[8] = 9), Err(PoolError::Version { found: 9, .. })));
+        assert!(matches!(sealed(|b| b.truncate(b.len() - 5)), Err(PoolError::Damaged { .. })));
+        assert!(matches!(sealed(|b| b.push(0)), Err(PoolError::Damaged { .. })));
+        assert!(sealed(|_| ()).is_ok());
+    }
+
+    #[test]
+    fn two_scenes_of_one_id_are_no_pool() {
+        let twice = Pool::new(vec![two_lane_scene(), two_lane_scene()], vec![]);
+        assert_eq!(twice, Err(PoolError::DuplicateId("fixture".into())));
+    }
+
+    #[test]
+    fn a_split_rests_on_seed_and_ids_and_keeps_its_parts_apart() {
+        let pool = pool(12);
+        let mut turned = pool.clone();
+        turned.scenes.reverse();
+        let split = pool.split(Seed(4), EvolutionSize::Count(7), 3).unwrap();
+        assert_eq!(split, turned.split(Seed(4), EvolutionSize::Count(7), 3).unwrap());
+        assert_ne!(split.digest(), pool.split(Seed(5), EvolutionSize::Count(7), 3).unwrap().digest());
+        assert_eq!(split.held_out, pool.split(Seed(4), EvolutionSize::Share(1.0), 3).unwrap().held_out);
+        let all: BTreeSet<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
+        assert_eq!(all.len(), 10);
+    }
+
+    #[test]
+    fn a_split_larger_than_the_pool_is_refused() {
+        let refused = pool(4).split(Seed(1), EvolutionSize::Count(3), 2);
+        assert_eq!(refused, Err(PoolError::TooFew { wanted: 5, usable: 4, all: 4 }));
+        assert!(pool(4).split(Seed(1), EvolutionSize::Share(0.0), 2).is_err());
+        assert!(pool(4).split(Seed(1), EvolutionSize::Count(1), 5).is_err());
+    }
+
+    #[test]
+    fn the_window_passes_over_every_scene_in_turn() {
+        let split = pool(5).split(Seed(2), EvolutionSize::Count(5), 0).unwrap();
+        let seen: Vec<&str> = (0..5).flat_map(|e| split.rotating_window(e, 2)).map(|s| s.id.as_str()).collect();
+        for scene in &split.evolution {
+            assert_eq!(seen.iter().filter(|id| **id == scene.id).count(), 2);
+        }
+        assert_eq!(split.rotating_window(3, 9).len(), 5);
+    }
+}

@@ -1,0 +1,126 @@
+//! Kinematic single-track model about the centre of the box, with the limits of MetaDrive's default car. It knows
+//! nothing of tyres except a grip limit.
+
+use crate::kernel::{Vec2, num};
+use crate::scene::Sample;
+
+use super::body::{Place, SUBSTEP_S, SUBSTEPS};
+
+/// What a car can do at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    pub steering_rad: f64,
+    pub speed_mps: f64,
+    /// Full throttle, m/s².
+    pub engine_mps2: f64,
+    /// Full brake, m/s².
+    pub brake_mps2: f64,
+    /// Largest lateral acceleration the tyres hold, m/s²; beyond it the car understeers.
+    pub grip_mps2: f64,
+}
+
+/// MetaDrive's default vehicle: steering 40°, 80 km/h, four wheels of 800 N on 1100 kg (2.91 m/s²); its brake impulse
+/// exceeds what friction 0.9 holds, so braking and cornering end at 0.9 g (8.83 m/s²).
+pub const DEFAULT_LIMITS: Limits = Limits {
+    steering_rad: 40.0 * num::PI / 180.0,
+    speed_mps: 80.0 / 3.6,
+    engine_mps2: 4.0 * 800.0 / 1100.0,
+    brake_mps2: 0.9 * 9.81,
+    grip_mps2: 0.9 * 9.81,
+};
+
+// Axle offsets of MetaDrive's default car (1.05234 m front, 1.4166 m rear) as shares of its length 4.515 m.
+const FRONT_SHARE: f64 = 1.05234 / 4.515;
+const REAR_SHARE: f64 = 1.4166 / 4.515;
+
+/// A car in motion. It never drives backwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Car {
+    pub position: Vec2,
+    pub heading_rad: f64,
+    pub axis: Vec2,
+    pub speed_mps: f64,
+    /// Direction of motion of the centre: the axis turned by the slip angle.
+    pub course: Vec2,
+    front_m: f64,
+    rear_m: f64,
+}
+
+impl Car {
+    /// A car of some length at a sample; its speed is the velocity's share along its heading, at least 0.
+    pub fn new(sample: &Sample, length_m: f64) -> Car {
+        let axis = Vec2::from_heading(sample.heading_rad);
+        Car {
+            position: sample.position,
+            heading_rad: num::wrap_angle(sample.heading_rad),
+            axis,
+            speed_mps: sample.velocity.dot(axis).max(0.0),
+            course: axis,
+            front_m: FRONT_SHARE * length_m,
+            rear_m: REAR_SHARE * length_m,
+        }
+    }
+
+    pub fn sample(&self) -> Sample {
+        Sample { position: self.position, heading_rad: self.heading_rad, velocity: self.course * self.speed_mps }
+    }
+
+    pub fn place(&self) -> Place {
+        Place { position: self.position, axis: self.axis }
+    }
+
+    /// Sine of the slip angle of a steering angle, as far as grip allows at this speed.
+    fn slip_sine(&self, steering_rad: f64, limits: &Limits) -> f64 {
+        let steering = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
+        let tan_slip = num::tan(steering) * self.rear_m / (self.front_m + self.rear_m);
+        let sine = tan_slip / (1.0 + tan_slip * tan_slip).sqrt();
+        let most = limits.grip_mps2 * self.rear_m / (self.speed_mps * self.speed_mps).max(1e-9);
+        sine.clamp(-most, most)
+    }
+
+    /// One decision step under constant controls: the car after each physics step.
+    pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [Car; SUBSTEPS] {
+        let acceleration = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);
+        let sine = self.slip_sine(steering_rad, limits);
+        let cosine = (1.0 - sine * sine).max(0.0).sqrt();
+        let mut car = *self;
+        core::array::from_fn(|j| {
+            car.substep(acceleration, sine, cosine, limits);
+            if j + 1 == SUBSTEPS {
+                // Turning the axis five times loses a few bits of its length; the heading is what counts.
+                car.heading_rad = num::wrap_angle(car.heading_rad);
+                car.axis = Vec2::from_heading(car.heading_rad);
+                car.course = turned(car.axis, sine, cosine);
+            }
+            car
+        })
+    }
+
+    /// Midpoint step: the centre runs along the chord of its arc.
+    fn substep(&mut self, acceleration: f64, sine: f64, cosine: f64, limits: &Limits) {
+        let (speed, distance) = advance(self.speed_mps, acceleration, limits.speed_mps, SUBSTEP_S);
+        let turn = distance * sine / self.rear_m;
+        let (half_sine, half_cosine) = num::sin_cos(0.5 * turn);
+        let middle = turned(self.axis, half_sine, half_cosine);
+        self.position = self.position + turned(middle, sine, cosine) * distance;
+        self.heading_rad += turn;
+        self.axis = turned(middle, half_sine, half_cosine);
+        self.course = turned(self.axis, sine, cosine);
+        self.speed_mps = speed;
+    }
+}
+
+/// Speed and distance after `seconds` of constant acceleration: stops at 0, gains nothing beyond `most_mps`.
+pub fn advance(speed_mps: f64, acceleration_mps2: f64, most_mps: f64, seconds: f64) -> (f64, f64) {
+    let wanted = speed_mps + acceleration_mps2 * seconds;
+    if wanted <= 0.0 {
+        let distance = if acceleration_mps2 < 0.0 { -0.5 * speed_mps * speed_mps / acceleration_mps2 } else { 0.0 };
+        return (0.0, distance);
+    }
+    let speed = wanted.min(most_mps.max(speed_mps));
+    (speed, 0.5 * (speed_mps + speed) * seconds)
+}
+
+fn turned(axis: Vec2, sine: f64, cosine: f64) -> Vec2 {
+    Vec2::new(axis.x * cosine - axis.y * sine, axis.x * sine + axis.y * cosine)
+}

@@ -1,0 +1,76 @@
+//! Where a road user is and how large: the small values that the rollout moves about.
+
+use crate::kernel::{OrientedBox, Vec2, num};
+use crate::scene::{AgentKind, Sample};
+
+/// Seconds between two physics steps.
+pub const SUBSTEP_S: f64 = 0.02;
+/// Physics steps in one decision step (0.1 s).
+pub const SUBSTEPS: usize = 5;
+
+/// Kind and footprint of a road user.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Size {
+    pub kind: AgentKind,
+    pub half_length_m: f64,
+    pub half_width_m: f64,
+    /// Radius of the circle that holds the box, metres.
+    pub radius_m: f64,
+}
+
+impl Size {
+    pub fn new(kind: AgentKind, length_m: f64, width_m: f64) -> Size {
+        let (half_length_m, half_width_m) = (0.5 * length_m, 0.5 * width_m);
+        let radius_m = (half_length_m * half_length_m + half_width_m * half_width_m).sqrt();
+        Size { kind, half_length_m, half_width_m, radius_m }
+    }
+
+    /// The footprint at a place.
+    pub fn at(&self, place: Place) -> OrientedBox {
+        OrientedBox {
+            center: place.position,
+            axis: place.axis,
+            half_length_m: self.half_length_m,
+            half_width_m: self.half_width_m,
+        }
+    }
+}
+
+/// Position and unit heading vector.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    pub position: Vec2,
+    pub axis: Vec2,
+}
+
+impl Place {
+    pub fn of(sample: &Sample) -> Place {
+        Place { position: sample.position, axis: Vec2::from_heading(sample.heading_rad) }
+    }
+
+    /// The place a share of the way to another: position on the chord, axis turned along the shorter arc
+    /// (normalised chord; the start's axis if the two are opposite).
+    pub fn towards(&self, next: &Place, share: f64) -> Place {
+        let axis = self.axis.lerp(next.axis, share);
+        let norm = axis.norm();
+        Place {
+            position: self.position.lerp(next.position, share),
+            axis: if norm > 1e-6 { axis * (1.0 / norm) } else { self.axis },
+        }
+    }
+}
+
+/// The sample a share of the way to another; the heading turns along the shorter arc.
+pub fn sample_between(from: &Sample, to: &Sample, share: f64) -> Sample {
+    let turn = num::wrap_angle(to.heading_rad - from.heading_rad);
+    Sample {
+        position: from.position.lerp(to.position, share),
+        heading_rad: num::wrap_angle(from.heading_rad + share * turn),
+        velocity: from.velocity.lerp(to.velocity, share),
+    }
+}
+
+/// The sample after `seconds` of unchanged velocity and heading.
+pub fn coasting(sample: &Sample, seconds: f64) -> Sample {
+    Sample { position: sample.position + sample.velocity * seconds, ..*sample }
+}

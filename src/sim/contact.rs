@@ -1,0 +1,203 @@
+//! Who touches whom first: a sweep over the physics steps of one decision step, bounding circles before boxes.
+
+use crate::kernel::{OrientedBox, Vec2, num};
+use crate::scene::Sample;
+
+use super::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_between};
+use super::intervention::ActorRef;
+use super::outcome::{Contact, Striker};
+use super::plant::{NONE, Plant};
+use super::world::World;
+
+/// The places of a road user through one decision step, the first at its beginning.
+pub(super) type Path = [Place; SUBSTEPS + 1];
+
+/// Slower approach than this is no strike, m/s.
+const STRIKE_MPS: f64 = 0.5;
+
+/// Someone through one decision step.
+#[derive(Clone, Copy)]
+pub(super) struct Mover<'a> {
+    pub size: &'a Size,
+    pub path: &'a Path,
+    /// Radius of the box plus the way it takes.
+    pub reach_m: f64,
+}
+
+/// The first contact of the ego in a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    pub substep: usize,
+    pub with: ActorRef,
+    pub adversary: bool,
+    pub size: Size,
+    pub place: Place,
+    pub velocity: Vec2,
+}
+
+/// First physics step up to `until` at which `mover` touches the road user of a row.
+fn touches_row(mover: &Mover<'_>, plant: &Plant, row: usize, until: usize) -> Option<usize> {
+    let rows = &plant.rows;
+    let size = &plant.sizes[rows.track[row] as usize];
+    let (first, last) = (rows.place(row), rows.next_place(row));
+    (0..=until).find(|&j| meets(mover, j, size, &first.towards(&last, j as f64 / SUBSTEPS as f64)))
+}
+
+/// First physics step up to `until` at which two movers touch.
+pub(super) fn touches(a: &Mover<'_>, b: &Mover<'_>, until: usize) -> Option<usize> {
+    let reach = a.reach_m + b.reach_m;
+    if (a.path[0].position - b.path[0].position).norm_squared() > reach * reach {
+        return None;
+    }
+    (0..=until).find(|&j| meets(a, j, b.size, &b.path[j]))
+}
+
+fn meets(mover: &Mover<'_>, j: usize, size: &Size, place: &Place) -> bool {
+    let reach = mover.size.radius_m + size.radius_m;
+    (mover.path[j].position - place.position).norm_squared() <= reach * reach
+        && mover.size.at(mover.path[j]).overlaps(&size.at(*place))
+}
+
+/// Rows of the k-th step that `mover` may touch during it, simulated tracks passed over.
+fn near_rows(plant: &Plant, world: &World, k: usize, mover: &Mover<'_>, mut f: impl FnMut(usize)) {
+    let rows = &plant.rows;
+    let center = mover.path[0].position;
+    for row in rows.of_step(k) {
+        let (dx, dy) = (rows.x[row] - center.x, rows.y[row] - center.y);
+        let reach = mover.reach_m + f64::from(rows.reach[row]);
+        if dx * dx + dy * dy <= reach * reach && !world.simulated[rows.track[row] as usize] {
+            f(row);
+        }
+    }
+}
+
+/// The ego's first contact in the k-th step; at one physics step the lowest track first, then simulated road users.
+pub(super) fn first_contact(
+    plant: &Plant,
+    world: &World,
+    ghosts: &mut [bool],
+    k: usize,
+    ego: &Mover<'_>,
+    spare_overlaps: bool,
+) -> Option<Hit> {
+    let mut best: Option<Hit> = None;
+    near_rows(plant, world, k, ego, |row| {
+        let track = plant.rows.track[row] as usize;
+        let until = best.map_or(SUBSTEPS, |b| b.substep);
+        let Some(substep) = touches_row(ego, plant, row, until) else {
+            ghosts[track] = false;
+            return;
+        };
+        let appears = || k == 0 || plant.rows.find(k - 1, track).is_none();
+        if spared(&mut ghosts[track], substep, spare_overlaps, appears) || best.is_some_and(|b| b.substep <= substep) {
+            return;
+        }
+        let share = substep as f64 / SUBSTEPS as f64;
+        let sample = row_sample(plant, row, share);
+        best = Some(Hit {
+            substep,
+            with: ActorRef::Track(track),
+            adversary: false,
+            size: plant.sizes[track],
+            place: plant.rows.place(row).towards(&plant.rows.next_place(row), share),
+            velocity: sample.velocity,
+        });
+    });
+    for actor in world.actors.iter().filter(|a| a.now.is_some()) {
+        let until = best.map_or(SUBSTEPS, |b| b.substep);
+        let Some(substep) = touches(ego, &actor.mover(), until) else { continue };
+        if let (ActorRef::Track(track), None) = (actor.who, actor.action)
+            && spared(&mut ghosts[track], substep, spare_overlaps, || actor.born() == Some(k))
+        {
+            continue;
+        }
+        if best.is_some_and(|b| b.substep <= substep) {
+            continue;
+        }
+        let share = substep as f64 / SUBSTEPS as f64;
+        best = Some(Hit {
+            substep,
+            with: actor.who,
+            adversary: actor.action.is_some(),
+            size: actor.size,
+            place: actor.places[substep],
+            velocity: actor.during(share).map_or(Vec2::ZERO, |s| s.velocity),
+        });
+    }
+    best
+}
+
+/// Whether an overlap is one that was there when the other appeared: not a contact until they were once apart.
+fn spared(ghost: &mut bool, substep: usize, spare_overlaps: bool, appears: impl Fn() -> bool) -> bool {
+    if substep > 0 {
+        *ghost = false;
+        return false;
+    }
+    if spare_overlaps && appears() {
+        *ghost = true;
+    }
+    *ghost
+}
+
+/// Whether a mover touches anyone but the ego up to a physics step of the k-th step. `own` is its place in
+/// `world.actors`.
+pub(super) fn touches_bystander(plant: &Plant, world: &World, k: usize, own: usize, until: usize) -> bool {
+    let mover = world.actors[own].mover();
+    let mut found = false;
+    near_rows(plant, world, k, &mover, |row| {
+        found = found || touches_row(&mover, plant, row, until).is_some();
+    });
+    let others = world.actors.iter().enumerate().filter(|(i, a)| *i != own && a.now.is_some());
+    found || others.into_iter().any(|(_, other)| touches(&mover, &other.mover(), until).is_some())
+}
+
+/// The recorded sample a share of the way through the step that begins at a row.
+pub(super) fn row_sample(plant: &Plant, row: usize, share: f64) -> Sample {
+    let now = plant.rows.sample(row);
+    match plant.rows.next[row] {
+        NONE => super::body::coasting(&now, share * crate::scene::DT_S),
+        next => sample_between(&now, &plant.rows.sample(next as usize), share),
+    }
+}
+
+/// What a contact was like. `time_s` counts from the first simulated step.
+pub(super) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_velocity: Vec2) -> Contact {
+    let other = hit.size.at(hit.place);
+    let normal = contact_normal(ego, &other);
+    let (ego_approach, other_approach) = (ego_velocity.dot(normal), -hit.velocity.dot(normal));
+    let course = if hit.velocity.norm() > 0.1 { hit.velocity } else { other.axis };
+    let striker = match (ego_approach > STRIKE_MPS, other_approach > STRIKE_MPS) {
+        (true, false) => Striker::Ego,
+        (false, true) => Striker::Other,
+        _ => Striker::Both,
+    };
+    Contact {
+        with: hit.with,
+        adversary: hit.adversary,
+        time_s: (k * SUBSTEPS + hit.substep) as f64 * SUBSTEP_S,
+        relative_speed_mps: (hit.velocity - ego_velocity).norm(),
+        impact_angle_rad: num::wrap_angle(course.heading() - ego.axis.heading()),
+        striker,
+    }
+}
+
+/// The separating axis along which two touching boxes overlap least, pointing from `a` to `b`; the first of equals.
+fn contact_normal(a: &OrientedBox, b: &OrientedBox) -> Vec2 {
+    let delta = b.center - a.center;
+    let along = a.axis.dot(b.axis).abs();
+    let across = a.axis.cross(b.axis).abs();
+    let candidates = [
+        (a.axis, a.half_length_m + b.half_length_m * along + b.half_width_m * across),
+        (a.axis.left(), a.half_width_m + b.half_length_m * across + b.half_width_m * along),
+        (b.axis, b.half_length_m + a.half_length_m * along + a.half_width_m * across),
+        (b.axis.left(), b.half_width_m + a.half_length_m * across + a.half_width_m * along),
+    ];
+    let (mut best, mut least) = (a.axis, f64::INFINITY);
+    for (axis, reach) in candidates {
+        let depth = reach - delta.dot(axis).abs();
+        if depth < least {
+            (best, least) = (axis, depth);
+        }
+    }
+    if best.dot(delta) < 0.0 { -best } else { best }
+}

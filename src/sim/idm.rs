@@ -1,0 +1,67 @@
+//! Car following and path following of MetaDrive's `TrajectoryIDMPolicy`, shared by the IDM ego and by reactive
+//! traffic.
+//!
+//! Kept quirks: speeds enter the law in km/h while distances are metres, so the wanted gap is 3.6 times what its
+//! constants suggest; the gap runs from centre to centre; nothing farther than 20 m is seen; the law's result is a
+//! throttle in [-1, 1], not an acceleration. One difference: an object is on the path when its box reaches within
+//! half the path's width (1 m) in the tangent frame at its centre; MetaDrive asks for a corner inside the polygon and
+//! so overlooks a wide object that stands across the path.
+
+use crate::kernel::{Vec2, num};
+
+use super::bicycle::Limits;
+use super::body::Size;
+use super::route::{Along, Route};
+
+/// Constants of the law (MetaDrive `IDMPolicy` and `TrajectoryIDMPolicy`).
+pub const DISTANCE_WANTED_M: f64 = 10.0;
+pub const TIME_WANTED: f64 = 1.5;
+pub const EXPONENT: u32 = 10;
+pub const ACCELERATION_FACTOR: f64 = 1.0;
+pub const DECELERATION_FACTOR: f64 = 5.0;
+pub const NORMAL_SPEED_KMPH: f64 = 40.0;
+/// Farther objects are not seen, metres from centre to centre.
+pub const SIGHT_M: f64 = 20.0;
+/// Half the width of the followed path, metres.
+pub const HALF_PATH_WIDTH_M: f64 = 1.0;
+/// Traffic that comes this near to the end of its path leaves, metres.
+pub const DESTINATION_M: f64 = 2.0;
+
+const KMPH: f64 = 3.6;
+
+/// What is ahead on the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Front {
+    /// Along the path from centre to centre, metres; positive.
+    pub gap_m: f64,
+    pub velocity: Vec2,
+}
+
+/// The law: throttle (positive) or brake (negative), at most 1, unclamped below.
+pub fn throttle(speed_mps: f64, velocity: Vec2, axis: Vec2, target_kmph: f64, front: Option<&Front>) -> f64 {
+    let free = ACCELERATION_FACTOR * (1.0 - num::powu(KMPH * speed_mps.max(0.0) / target_kmph, EXPONENT));
+    let Some(front) = front else { return free };
+    let closing_kmph = KMPH * (velocity - front.velocity).dot(axis);
+    let root = 2.0 * (ACCELERATION_FACTOR * DECELERATION_FACTOR).sqrt();
+    let wanted = DISTANCE_WANTED_M + KMPH * speed_mps * TIME_WANTED + KMPH * speed_mps * closing_kmph / root;
+    let ratio = wanted / front.gap_m;
+    free - ACCELERATION_FACTOR * ratio * ratio
+}
+
+/// A throttle in [-1, 1] as an acceleration of a car, m/s².
+pub fn acceleration_mps2(throttle: f64, limits: &Limits) -> f64 {
+    let throttle = throttle.clamp(-1.0, 1.0);
+    throttle * if throttle > 0.0 { limits.engine_mps2 } else { limits.brake_mps2 }
+}
+
+/// The place of an object along the path ahead of `own`, if it is on the path; the caller keeps the nearest.
+pub fn gap_on_path(route: &Route, own: &Along, position: Vec2, axis: Vec2, size: &Size) -> Option<f64> {
+    let at = route.project_near(position, own, 0.0, SIGHT_M);
+    let gap_m = at.s_m - own.s_m;
+    if gap_m <= 0.0 || at.s_m > route.length_m() {
+        return None;
+    }
+    let direction = route.direction(at.segment);
+    let reach_m = size.half_length_m * direction.cross(axis).abs() + size.half_width_m * direction.dot(axis).abs();
+    (at.offset_m.abs() - reach_m <= HALF_PATH_WIDTH_M).then_some(gap_m)
+}

@@ -1,0 +1,91 @@
+use super::scenes::*;
+use super::*;
+use crate::ego::Policy;
+use crate::scene::{AgentKind, Sample};
+
+fn run(scene: &crate::scene::Scene, intervention: &Intervention, policy: Policy) -> Outcome {
+    let plant = Plant::new(scene).unwrap();
+    let outcome = rollout(&plant, intervention, &mut *policy.driver()).unwrap();
+    let (traced, trace) = rollout_traced(&plant, intervention, &mut *policy.driver()).unwrap();
+    assert_eq!(outcome, traced);
+    assert_eq!(trace.ego.len(), outcome.steps + 1);
+    assert!(trace.actors.iter().all(|a| a.samples.len() == trace.ego.len()));
+    outcome
+}
+
+#[test]
+fn an_idm_ego_on_an_empty_road_arrives() {
+    let outcome = run(&straight_road(91, 8.0, vec![]), &Intervention::default(), Policy::Idm);
+    assert_eq!(outcome.end, End::Arrived, "{outcome:?}");
+    assert!(outcome.ego_lateral_m_max < 1e-9);
+    assert!(outcome.ego.speed_mps_max < 40.0 / 3.6 + 0.1);
+}
+
+#[test]
+fn an_idm_ego_stops_behind_a_standing_car() {
+    let scene = straight_road(91, 8.0, vec![car("wall", straight(sample(60.0, 0.0, 0.0, 0.0), 91))]);
+    let outcome = run(&scene, &Intervention::default(), Policy::Idm);
+    assert_eq!(outcome.end, End::Horizon, "{outcome:?}");
+    assert!(outcome.contact.is_none() && outcome.distance_m_min.unwrap() > 1.0, "{outcome:?}");
+}
+
+#[test]
+fn a_replayed_ego_is_hit_by_a_crossing_car_at_the_analytic_time() {
+    // Fronts of ego (x = 8t + 2.25) and side of the crossing car (y = -40 + 10t + 2.25 reaches -0.95).
+    let crossing = car("cross", straight(sample(30.0, -40.0, crate::kernel::num::FRAC_PI_2, 10.0), 91));
+    let outcome = run(&straight_road(91, 8.0, vec![crossing]), &Intervention::default(), Policy::Replay);
+    let contact = outcome.contact.expect("a contact");
+    let expected: f64 = (40.0 - 2.25 - 0.95) / 10.0;
+    assert!(contact.time_s >= expected - 1e-9 && contact.time_s < expected + 0.02, "{contact:?} {expected}");
+    assert_eq!(contact.with, ActorRef::Track(0));
+    assert!(!contact.adversary);
+}
+
+#[test]
+fn an_adversary_that_cuts_in_and_stops_is_struck_by_the_ego() {
+    let parked = car("other", straight(sample(200.0, 0.0, 0.0, 0.0), 91));
+    let scene = straight_road(91, 10.0, vec![parked]);
+    let samples: Vec<Sample> = (0..80).map(|_| sample(10.0, 0.0, 0.0, 0.0)).collect();
+    let act = Intervention { actions: vec![Action::Follow { track: 0, from_step: 3, samples }] };
+    let outcome = run(&scene, &act, Policy::Idm);
+    let contact = outcome.contact.expect("a contact");
+    assert!(contact.adversary && contact.striker == Striker::Ego, "{contact:?}");
+    assert_eq!(outcome.distance_m_min, Some(0.0));
+    assert_eq!(outcome.post_encroachment_s_min, Some(0.0));
+    assert!(outcome.adversaries[0].jump_m_max > 100.0);
+}
+
+#[test]
+fn hostile_interventions_are_refused() {
+    let plant = Plant::new(&straight_road(91, 10.0, vec![car("a", straight(sample(9.0, 4.0, 0.0, 9.0), 91))])).unwrap();
+    let good = vec![sample(0.0, 9.0, 0.0, 1.0)];
+    let bad = vec![sample(f64::NAN, 9.0, 0.0, 1.0)];
+    let follow =
+        |track, from_step, samples: &Vec<Sample>| Action::Follow { track, from_step, samples: samples.clone() };
+    let insert = |length_m, samples: &Vec<Sample>| Action::Insert {
+        kind: AgentKind::Pedestrian,
+        length_m,
+        width_m: 0.5,
+        from_step: 0,
+        samples: samples.clone(),
+    };
+    let react =
+        |handover_step| Action::FollowThenReact { track: 0, from_step: 5, samples: good.clone(), handover_step };
+    let cases = [
+        vec![follow(1, 0, &good)],
+        vec![follow(0, 91, &good)],
+        vec![follow(0, usize::MAX, &good)],
+        vec![follow(0, 0, &vec![])],
+        vec![follow(0, 0, &bad)],
+        vec![follow(0, 0, &good), follow(0, 3, &good)],
+        vec![insert(0.0, &good)],
+        vec![insert(f64::INFINITY, &good)],
+        vec![insert(0.5, &bad)],
+        vec![react(4)],
+        vec![react(usize::MAX)],
+    ];
+    for actions in cases {
+        let act = Intervention { actions };
+        assert!(rollout(&plant, &act, &mut *Policy::Idm.driver()).is_err(), "{act:?}");
+    }
+}

@@ -1,0 +1,165 @@
+//! A path to drive along: arc length, direction, and projection near a known place.
+
+use crate::kernel::{Polyline, Vec2};
+
+/// Points of a driven path closer than this are one point: a standing car's jitter is no direction, metres.
+pub const ROUTE_SPACING_M: f64 = 0.5;
+
+/// A place beside a route.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Along {
+    /// Arc length, metres; negative before the start, beyond the length after the end.
+    pub s_m: f64,
+    /// Signed lateral offset, positive to the left, metres.
+    pub offset_m: f64,
+    /// Segment that holds the nearest point.
+    pub segment: usize,
+}
+
+/// A polyline with unit directions, running straight on beyond both ends.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Route {
+    points: Vec<Vec2>,
+    directions: Vec<Vec2>,
+    headings_rad: Vec<f64>,
+    lengths: Vec<f64>,
+}
+
+impl Route {
+    /// The path through `points`, thinned to [`ROUTE_SPACING_M`]. A path shorter than that becomes a metre straight
+    /// ahead of its first point in direction `heading_rad`. `None` if a point is not finite or there is none.
+    pub fn new(points: &[Vec2], heading_rad: f64) -> Option<Route> {
+        let first = *points.first()?;
+        if !points.iter().all(|p| p.is_finite()) {
+            return None;
+        }
+        let mut kept = vec![first];
+        for &point in &points[1..] {
+            if kept[kept.len() - 1].distance(point) >= ROUTE_SPACING_M {
+                kept.push(point);
+            }
+        }
+        // The exact end is kept: arrival is measured against it.
+        let end = points[points.len() - 1];
+        if kept.len() > 1 && kept[kept.len() - 1].distance(end) > 1e-6 {
+            kept.push(end);
+        }
+        if kept.len() == 1 {
+            kept.push(first + Vec2::from_heading(heading_rad));
+        }
+        Route::through(Polyline::new(kept).ok()?)
+    }
+
+    /// [`Route::new`] with every point left out that lies within `tolerance_m` of the line without it.
+    pub fn simplified(points: &[Vec2], heading_rad: f64, tolerance_m: f64) -> Option<Route> {
+        let fine = Route::new(points, heading_rad)?.points;
+        let mut kept = vec![fine[0]];
+        let mut from = 0;
+        while from + 1 < fine.len() {
+            let mut to = from + 1;
+            while to + 1 < fine.len() && chord_holds(&fine[from..=to + 1], tolerance_m) {
+                to += 1;
+            }
+            kept.push(fine[to]);
+            from = to;
+        }
+        Route::through(Polyline::new(kept).ok()?)
+    }
+
+    fn through(line: Polyline) -> Option<Route> {
+        let (points, lengths) = (line.points(), line.lengths());
+        let directions: Vec<Vec2> =
+            points.windows(2).zip(lengths.windows(2)).map(|(p, l)| (p[1] - p[0]) * (1.0 / (l[1] - l[0]))).collect();
+        let headings_rad = directions.iter().map(|d| d.heading()).collect();
+        Some(Route { points: points.to_vec(), directions, headings_rad, lengths: lengths.to_vec() })
+    }
+
+    pub fn points(&self) -> &[Vec2] {
+        &self.points
+    }
+
+    pub fn length_m(&self) -> f64 {
+        self.lengths[self.lengths.len() - 1]
+    }
+
+    /// Segment that holds arc length `s`, searched from a known segment.
+    pub fn segment_near(&self, s_m: f64, known: usize) -> usize {
+        let last = self.directions.len() - 1;
+        let mut i = known.min(last);
+        while i > 0 && self.lengths[i] > s_m {
+            i -= 1;
+        }
+        while i < last && self.lengths[i + 1] <= s_m {
+            i += 1;
+        }
+        i
+    }
+
+    /// The point at arc length `s`.
+    pub fn at(&self, s_m: f64, known: usize) -> Vec2 {
+        let i = self.segment_near(s_m, known);
+        self.points[i] + self.directions[i] * (s_m - self.lengths[i])
+    }
+
+    /// Heading of the segment at arc length `s`, (-π, π].
+    pub fn heading_at(&self, s_m: f64, known: usize) -> f64 {
+        self.headings_rad[self.segment_near(s_m, known)]
+    }
+
+    /// Unit direction of a segment.
+    pub fn direction(&self, segment: usize) -> Vec2 {
+        self.directions[segment.min(self.directions.len() - 1)]
+    }
+
+    /// Nearest place on the whole route; the first of equals.
+    pub fn project(&self, point: Vec2) -> Along {
+        self.project_between(point, 0, f64::INFINITY)
+    }
+
+    /// Nearest place not more than `back_m` before and `ahead_m` after a known place; the first of equals.
+    pub fn project_near(&self, point: Vec2, known: &Along, back_m: f64, ahead_m: f64) -> Along {
+        let first = self.segment_near(known.s_m - back_m, known.segment);
+        self.project_between(point, first, known.s_m + ahead_m)
+    }
+
+    fn project_between(&self, point: Vec2, first: usize, until_s_m: f64) -> Along {
+        let last = self.directions.len() - 1;
+        let (mut best, mut best_squared) = ((first.min(last), 0.0), f64::INFINITY);
+        for i in first.min(last)..=last {
+            if self.lengths[i] > until_s_m && best_squared.is_finite() {
+                break;
+            }
+            let delta = point - self.points[i];
+            let mut along = delta.dot(self.directions[i]);
+            // The first and the last segment run on beyond the ends.
+            if i > 0 {
+                along = along.max(0.0);
+            }
+            if i < last {
+                along = along.min(self.lengths[i + 1] - self.lengths[i]);
+            }
+            let squared = (delta - self.directions[i] * along).norm_squared();
+            if squared < best_squared {
+                (best, best_squared) = ((i, along), squared);
+            }
+        }
+        let (i, along) = best;
+        let side = self.directions[i].cross(point - self.points[i]);
+        let distance = best_squared.sqrt();
+        Along { s_m: self.lengths[i] + along, offset_m: if side < 0.0 { -distance } else { distance }, segment: i }
+    }
+}
+
+/// Whether all inner points lie within `tolerance_m` of the chord between the ends.
+fn chord_holds(points: &[Vec2], tolerance_m: f64) -> bool {
+    let (a, b) = (points[0], points[points.len() - 1]);
+    let along = b - a;
+    let squared = along.norm_squared();
+    if squared < 1e-12 {
+        return false;
+    }
+    points[1..points.len() - 1].iter().all(|&p| {
+        let share = ((p - a).dot(along) / squared).clamp(0.0, 1.0);
+        (p - a.lerp(b, share)).norm_squared() <= tolerance_m * tolerance_m
+    })
+}

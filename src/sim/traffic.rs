@@ -1,0 +1,84 @@
+//! Traffic that reacts: MetaDrive's rule for who turns reactive, and IDM along the recorded path.
+//!
+//! A moving vehicle that appears behind the ego (more than 1 m back, within 15 m to the side, headings less than 90°
+//! apart, at least 5 m of recorded path) follows its recorded path by IDM instead of the clock, and leaves 2 m before
+//! the path's end. The rule is asked once, when it appears. MetaDrive renews a car's throttle every fifth decision
+//! step to save time; here it is renewed at each.
+
+use crate::kernel::{Vec2, num};
+
+use super::actors::{Actor, Mind};
+use super::driver::EgoState;
+use super::idm::{self, Front, NORMAL_SPEED_KMPH, SIGHT_M};
+use super::plant::Plant;
+use super::route::{Along, Route};
+use super::world::World;
+
+const BEHIND_M: f64 = 1.0;
+const SIDE_M: f64 = 15.0;
+
+/// Turns those reactive that appear behind the ego at the k-th step.
+pub(super) fn wake(plant: &Plant, world: &mut World, ego: &EgoState, k: usize, replays: bool) {
+    if replays || k >= plant.steps() {
+        return;
+    }
+    for (index, candidate) in plant.candidates[k].iter().enumerate() {
+        let row = candidate.row as usize;
+        let track = plant.rows.track[row] as usize;
+        let delta = plant.rows.place(row).position - ego.sample.position;
+        let behind = delta.dot(ego.axis) < -BEHIND_M && ego.axis.cross(delta).abs() < SIDE_M;
+        let turn = num::wrap_angle(plant.rows.heading[row] - ego.sample.heading_rad).abs();
+        if behind && turn < num::FRAC_PI_2 && !world.simulated[track] {
+            world.simulated[track] = true;
+            world.actors.push(Actor::reacting(plant, k, index));
+        }
+    }
+}
+
+/// Sets the throttle of every reactive road user from what it sees at the k-th step.
+pub(super) fn decide(plant: &Plant, world: &mut World, ego: &EgoState, k: usize) {
+    for own in 0..world.actors.len() {
+        let actor = &world.actors[own];
+        let (Mind::Path { born, index, along, speed_mps, .. }, Some(now)) = (&actor.mind, &actor.now) else {
+            continue;
+        };
+        let path = &plant.candidates[*born][*index].path;
+        let front = front_of(plant, world, ego, k, own, path, along, now.position);
+        let wanted = idm::throttle(*speed_mps, now.velocity, actor.axis, NORMAL_SPEED_KMPH, front.as_ref());
+        if let Mind::Path { throttle, .. } = &mut world.actors[own].mind {
+            *throttle = wanted;
+        }
+    }
+}
+
+/// The nearest road user ahead on a reactive one's path, the ego included; the first of equals.
+#[allow(clippy::too_many_arguments)]
+fn front_of(
+    plant: &Plant,
+    world: &World,
+    ego: &EgoState,
+    k: usize,
+    own: usize,
+    path: &Route,
+    along: &Along,
+    position: Vec2,
+) -> Option<Front> {
+    let who = world.actors[own].who;
+    let mut nearest: Option<Front> = None;
+    let mut consider = |at: Vec2, axis: Vec2, velocity: Vec2, size: &super::body::Size| {
+        if let Some(gap_m) = idm::gap_on_path(path, along, at, axis, size)
+            && nearest.is_none_or(|n| gap_m < n.gap_m)
+        {
+            nearest = Some(Front { gap_m, velocity });
+        }
+    };
+    world.for_each_within(plant, k, position, SIGHT_M, |seen| {
+        if seen.actor != who {
+            consider(seen.position, seen.axis, seen.velocity, &seen.size);
+        }
+    });
+    if ego.sample.position.distance(position) <= SIGHT_M {
+        consider(ego.sample.position, ego.axis, ego.sample.velocity, &ego.size);
+    }
+    nearest
+}

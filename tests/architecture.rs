@@ -1,0 +1,190 @@
+//! Keeps docs/ARCHITECTURE.md true: which room may import which, and where effects live.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Room -> rooms it may import. A row names only rooms that stand above it, so there can be no circles.
+const TABLE: &[(&str, &str)] = &[
+    ("kernel", ""),
+    ("store", "kernel"),
+    ("scene", "kernel"),
+    ("sim", "kernel scene"),
+    ("ego", "kernel scene sim"),
+    ("objects", "kernel scene"),
+    ("llm", "kernel store"),
+    ("adapters", "kernel objects"),
+    ("baselines", "kernel scene sim ego objects adapters"),
+    ("compiler", "kernel scene sim ego objects adapters baselines"),
+    ("agents", "kernel objects adapters llm"),
+    ("candidates", "kernel objects adapters compiler"),
+    ("world", "kernel scene objects"),
+    ("evaluation", "kernel scene sim ego objects adapters compiler"),
+    ("archive", "kernel objects"),
+    ("lineage", "kernel objects"),
+    ("memory", "kernel objects"),
+    (
+        "epoch",
+        "kernel store scene sim ego objects llm adapters baselines compiler agents candidates world evaluation archive lineage memory",
+    ),
+    ("evidence", "kernel store scene sim objects archive lineage memory world"),
+    ("cli", "*"),
+];
+
+/// Effect -> the words that betray it, and the places where it may live.
+const EFFECTS: &[(&str, &[&str], &[&str])] = &[
+    ("disk", &["std::fs", "fs::File", "OpenOptions", "rusqlite"], &["store/"]),
+    ("network", &["std::net", "TcpStream", "ureq::"], &["llm/live/"]),
+    ("threads", &["std::thread", "rayon"], &["kernel/par.rs"]),
+    ("randomness", &["rand_chacha", "rand_core", "from_entropy", "getrandom"], &["kernel/rng.rs"]),
+    ("clock", &["Instant::now", "SystemTime"], &["cli/"]),
+    ("environment", &["std::env", "env::var"], &["cli/"]),
+    ("terminal", &["println!", "print!(", "stdin()", "stdout()", "stderr()"], &["cli/", "main.rs"]),
+];
+
+fn source_files() -> Vec<(String, String)> {
+    fn walk(dir: &Path, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(dir).expect("src can be listed") {
+            let path = entry.expect("an entry of src").path();
+            if path.is_dir() {
+                walk(&path, found);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                found.push(path);
+            }
+        }
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    walk(&root, &mut found);
+    found.sort();
+    let texts: Vec<(PathBuf, String)> =
+        found.into_iter().map(|path| (path.clone(), std::fs::read_to_string(&path).expect("a source file"))).collect();
+    let test_only: BTreeSet<PathBuf> = texts.iter().flat_map(|(path, text)| test_modules(path, text)).collect();
+    texts
+        .into_iter()
+        .filter(|(path, _)| !test_only.iter().any(|test| path == test || path.starts_with(test.with_extension(""))))
+        .map(|(path, text)| {
+            let name = path.strip_prefix(&root).expect("below src").to_string_lossy().replace('\\', "/");
+            (name, without_tests_and_comments(&text))
+        })
+        .collect()
+}
+
+/// Files that exist under `#[cfg(test)]` only: they may import what they test against.
+fn test_modules(path: &Path, text: &str) -> Vec<PathBuf> {
+    let stem = path.file_stem().unwrap_or_default();
+    let home = path.parent().expect("a file of src");
+    let home = if stem == "mod" || stem == "lib" { home.to_path_buf() } else { home.join(stem) };
+    let lines: Vec<&str> = text.lines().collect();
+    let named = |line: &str| Some(line.strip_suffix(';')?.rsplit_once("mod ")?.1.to_string());
+    let pairs = lines.windows(2).filter(|pair| pair[0] == "#[cfg(test)]");
+    pairs.filter_map(|pair| named(pair[1])).map(|name| home.join(format!("{name}.rs"))).collect()
+}
+
+/// Drops comments and everything from a `#[cfg(test)]` on a module to its closing brace at the margin.
+fn without_tests_and_comments(text: &str) -> String {
+    let mut kept = String::new();
+    let mut lines = text.lines().peekable();
+    while let Some(line) = lines.next() {
+        if line == "#[cfg(test)]" {
+            // The item under the attribute: up to a line that ends it at the margin.
+            for inside in lines.by_ref() {
+                if inside == "}" || (!inside.starts_with([' ', '#', '}']) && inside.ends_with(';')) {
+                    break;
+                }
+            }
+            continue;
+        }
+        kept.push_str(line.split("//").next().unwrap_or(""));
+        kept.push('\n');
+    }
+    kept
+}
+
+/// Rooms named after `crate::`, also inside `use crate::{...}`.
+fn imports(text: &str) -> BTreeSet<String> {
+    let mut rooms = BTreeSet::new();
+    let word = |text: &str| text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    for (at, _) in text.match_indices("crate::") {
+        let before = text[..at].chars().next_back();
+        if before.is_some_and(|c| c.is_alphanumeric() || c == '_') {
+            continue;
+        }
+        let rest = text[at + 7..].trim_start();
+        if let Some(group) = rest.strip_prefix('{') {
+            let (mut depth, mut at_start) = (1, true);
+            for (i, c) in group.char_indices() {
+                match c {
+                    '{' => depth += 1,
+                    '}' => depth -= 1,
+                    ',' if depth == 1 => at_start = true,
+                    c if c.is_alphabetic() && depth == 1 && at_start => {
+                        rooms.insert(word(&group[i..]));
+                        at_start = false;
+                    }
+                    _ => {}
+                }
+                if depth == 0 {
+                    break;
+                }
+            }
+        } else {
+            rooms.insert(word(rest));
+        }
+    }
+    rooms
+}
+
+#[test]
+fn rooms_import_only_what_stands_in_their_row() {
+    let table: BTreeMap<&str, BTreeSet<&str>> =
+        TABLE.iter().map(|(room, may)| (*room, may.split_whitespace().collect())).collect();
+    let mut broken = Vec::new();
+    for (file, text) in source_files() {
+        let Some((room, _)) = file.split_once('/') else { continue };
+        let may = table.get(room).unwrap_or_else(|| panic!("{file}: room {room} is not in the table"));
+        for import in imports(&text) {
+            let allowed = import == room || may.contains("*") || may.contains(import.as_str());
+            // `crate::some_macro!` and the like are not rooms.
+            if table.contains_key(import.as_str()) && !allowed {
+                broken.push(format!("{file} imports {import}"));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "forbidden imports:\n{}", broken.join("\n"));
+}
+
+#[test]
+fn the_table_itself_has_no_circle() {
+    let order: Vec<&str> = TABLE.iter().map(|(room, _)| *room).collect();
+    for (place, (room, may)) in TABLE.iter().enumerate() {
+        for import in may.split_whitespace().filter(|m| *m != "*") {
+            let above = order.iter().position(|r| *r == import).unwrap_or_else(|| panic!("{import} is no room"));
+            assert!(above < place, "{room} may import {import}, which stands below it");
+        }
+    }
+}
+
+#[test]
+fn effects_stay_at_their_addresses() {
+    let mut strayed = Vec::new();
+    for (file, text) in source_files() {
+        for (effect, words, homes) in EFFECTS {
+            let at_home = homes.iter().any(|home| file.starts_with(home));
+            for word in words.iter().filter(|_| !at_home) {
+                if text.contains(word) {
+                    strayed.push(format!("{file}: {word} ({effect} lives in {})", homes.join(", ")));
+                }
+            }
+        }
+    }
+    assert!(strayed.is_empty(), "effects out of place:\n{}", strayed.join("\n"));
+}
+
+#[test]
+fn every_file_opens_with_what_it_is() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    for (file, _) in source_files() {
+        let text = std::fs::read_to_string(root.join(&file)).expect("a source file");
+        assert!(text.starts_with("//!"), "{file} does not open with a //! sentence");
+    }
+}

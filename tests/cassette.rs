@@ -47,7 +47,7 @@ impl Model for Echo<'_> {
         if request.messages.iter().any(|message| message.text.contains("fail")) {
             return Err(ModelError::Transport { address: "here".into(), attempts: 3, reason: "cable cut".into() });
         }
-        Ok(if call % 2 == 0 { b"{\"even\": \"\xc3\xbc\"}".to_vec() } else { vec![0xff, 0x00, 0x10] })
+        Ok(if call.is_multiple_of(2) { b"{\"even\": \"\xc3\xbc\"}".to_vec() } else { vec![0xff, 0x00, 0x10] })
     }
 }
 

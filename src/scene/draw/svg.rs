@@ -137,7 +137,7 @@ pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
 /// The leading parts last, on top of the others.
 fn by_importance(drawing: &Drawing) -> Vec<&Actor> {
     let mut actors: Vec<&Actor> = drawing.actors.iter().collect();
-    actors.sort_by(|a, b| b.role.cmp(&a.role));
+    actors.sort_by_key(|actor| std::cmp::Reverse(actor.role));
     actors
 }
 

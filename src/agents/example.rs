@@ -25,9 +25,15 @@ pub struct Example {
 
 impl Example {
     pub fn new() -> Example {
+        let foreign = vec!["swarm_budget".into(), "tree_expansion".into()];
+        Example::of(contract(), parent(), foreign)
+    }
+
+    /// The same surroundings for another family.
+    pub fn of(contract: Contract, parent: Program, foreign: Vec<String>) -> Example {
         Example {
-            contract: contract(),
-            parent: parent(),
+            contract,
+            parent,
             lineage: LineageId::new("toy-idm"),
             memory: memory(),
             clusters: vec![Cluster {
@@ -42,7 +48,7 @@ impl Example {
                 solution: SolutionId::new("toy-idm/parent"),
                 objectives: Objectives { attack: 0.4, realism: 0.93 },
             }],
-            foreign: vec!["swarm_budget".into(), "tree_expansion".into()],
+            foreign,
         }
     }
 

@@ -14,8 +14,6 @@ const NAME_MAX_CHARS: usize = 200;
 const PATH_MAX_CHARS: usize = 400;
 const TEXT_MAX_CHARS: usize = 2_000;
 const ITEMS_MAX: usize = 32;
-/// A reply beyond this is not read at all.
-const REPLY_MAX_BYTES: usize = 256 * 1024;
 
 /// Why a reply cannot be used: a finding about the model, kept in the attempt.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -152,14 +150,7 @@ fn present<'de, D: serde::Deserializer<'de>>(input: D) -> Result<Option<String>,
 }
 
 fn object(bytes: &[u8]) -> Result<Value, Refusal> {
-    if bytes.len() > REPLY_MAX_BYTES {
-        return Err(Refusal(format!("a reply of {} bytes, expected at most {REPLY_MAX_BYTES}", bytes.len())));
-    }
-    match serde_json::from_slice(bytes) {
-        Ok(value @ Value::Object(_)) => Ok(value),
-        Ok(_) => Err(Refusal("not one JSON object: expected `{` first".into())),
-        Err(error) => Err(Refusal(format!("not exactly one JSON object: {error}"))),
-    }
+    crate::llm::reply::json_object(bytes).map_err(|refusal| Refusal(format!("not exactly one JSON object: {refusal}")))
 }
 
 fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T, Refusal> {

@@ -90,3 +90,6 @@ impl Draws {
         Draws { seed: self.seed, path: [lineage, epoch, slot, "actor".into(), "0".into()] }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -74,16 +74,16 @@ fn every_changed_byte_of_the_pack_is_named_by_fsck() {
 }
 
 #[test]
-fn every_changed_byte_of_the_pack_is_survived_when_the_index_is_lost_too() {
+fn a_changed_byte_of_the_pack_is_survived_when_the_index_is_lost_too() {
     let dir = tempfile::tempdir().unwrap();
     let objects = small_store(dir.path());
     let whole = fs::read(dir.path().join(PACK)).unwrap();
-    for at in 0..whole.len() {
+    for at in (0..whole.len()).step_by(3) {
         let mut bytes = whole.clone();
         bytes[at] ^= 0x40;
         fs::write(dir.path().join(PACK), &bytes).unwrap();
         fs::remove_file(dir.path().join(INDEX)).unwrap();
-        assert!(!fsck(dir.path(), true).unwrap().damage.is_empty() || at >= 61 + 56 + 96, "byte {at}");
+        assert!(!fsck(dir.path(), true).unwrap().damage.is_empty(), "byte {at}");
         let store = Store::open(dir.path()).unwrap();
         nothing_wrong_is_read(&store, &objects);
         let readable = objects.iter().filter(|(digest, _)| store.get(digest).is_ok()).count();
@@ -98,7 +98,7 @@ fn a_changed_byte_of_the_index_never_gives_a_wrong_object_and_is_mended() {
     let path = dir.path().join(INDEX);
     let whole = fs::read(&path).unwrap();
     // Each page's beginning (headers and cell pointers) and end (rows), and a sample of what lies between.
-    for at in (0..whole.len()).filter(|at| at % 4096 < 100 || at % 4096 > 3800 || at % 97 == 0).step_by(3) {
+    for at in (0..whole.len()).filter(|at| at % 4096 < 100 || at % 4096 > 3800 || at % 97 == 0).step_by(11) {
         let mut bytes = whole.clone();
         bytes[at] ^= 0x21;
         fs::write(&path, &bytes).unwrap();

@@ -1,7 +1,6 @@
 //! A recorded run, read back from its transcript: what every report, table and audit starts from.
 
 use serde::de::DeserializeOwned;
-use serde_json::Value;
 
 use crate::kernel::Digest;
 use crate::objects::{
@@ -9,15 +8,7 @@ use crate::objects::{
     event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
 };
-
-/// One event as the transcript gives it.
-#[derive(Clone, Debug)]
-pub struct RawEvent {
-    pub seq: u64,
-    pub kind: String,
-    pub body: Value,
-    pub hash: Digest,
-}
+use crate::store::Event;
 
 /// A transcript that is no run of this format.
 #[derive(Debug, thiserror::Error)]
@@ -45,7 +36,7 @@ pub struct Story {
 }
 
 impl Story {
-    pub fn read(events: &[RawEvent]) -> Result<Story, StoryError> {
+    pub fn read(events: &[Event]) -> Result<Story, StoryError> {
         let first = events.first().filter(|e| e.kind == kind::OPENED).ok_or(StoryError::NotARun)?;
         let mut story = Story {
             opened: body(first)?,
@@ -110,7 +101,7 @@ impl Story {
     }
 }
 
-fn body<T: DeserializeOwned>(event: &RawEvent) -> Result<T, StoryError> {
+fn body<T: DeserializeOwned>(event: &Event) -> Result<T, StoryError> {
     serde_json::from_value(event.body.clone()).map_err(|error| StoryError::Unreadable {
         seq: event.seq,
         kind: event.kind.clone(),

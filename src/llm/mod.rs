@@ -6,6 +6,7 @@ pub mod record;
 pub mod replay;
 pub mod reply;
 pub mod request;
+pub mod scripted;
 
 pub use cassette::{Cassette, CassetteError, Recorded};
 pub use model::{Model, ModelError};

@@ -64,6 +64,14 @@ pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, StoreError> 
 }
 
 /// Makes a folder and its parents; one that is there already is fine.
+/// Removes a file; one that is not there is as good as removed.
+pub fn remove_file(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path, source)),
+        _ => Ok(()),
+    }
+}
+
 pub fn create_dir(path: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(path).map_err(|source| StoreError::io("make the folder", path, source))
 }

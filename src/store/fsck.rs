@@ -77,7 +77,7 @@ fn check_index(path: &Path, report: &mut FsckReport) -> Option<Places> {
     match index.load() {
         Ok(places) => Some(places),
         Err(error) => {
-            damage("its rows", error.to_string());
+            damage("its rows", error);
             None
         }
     }

@@ -15,6 +15,12 @@ use crate::kernel::Digest;
 pub(super) const INDEX: &str = "index.sqlite";
 /// Another number makes the index be rebuilt.
 const VERSION: i64 = 1;
+const TABLES: &str = "
+    CREATE TABLE object (digest BLOB PRIMARY KEY, place INTEGER NOT NULL, length INTEGER NOT NULL) WITHOUT ROWID;
+    CREATE TABLE memo (kind TEXT NOT NULL, request BLOB NOT NULL, object BLOB NOT NULL, place INTEGER NOT NULL,
+        PRIMARY KEY (kind, request)) WITHOUT ROWID;
+    CREATE TABLE pack (id INTEGER PRIMARY KEY CHECK (id = 0), indexed_to INTEGER NOT NULL, fingerprint INTEGER NOT NULL);
+    INSERT INTO pack VALUES (0, 0, 0);";
 
 /// What the index says, in memory.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
@@ -25,6 +31,8 @@ pub(super) struct Places {
     pub memo: BTreeMap<(MemoKind, Digest), (Digest, u64)>,
     /// The pack is described up to here.
     pub indexed_to: u64,
+    /// Exclusive or of a hash of each entry: tells a changed row from a whole one, and costs one hash an entry.
+    pub fingerprint: u64,
 }
 
 impl Places {
@@ -32,10 +40,16 @@ impl Places {
     pub fn add(&mut self, piece: &Piece) {
         match piece {
             Piece::Object { at, length, digest } => {
-                self.objects.entry(*digest).or_insert((*at, *length));
+                if !self.objects.contains_key(digest) {
+                    self.objects.insert(*digest, (*at, *length));
+                    self.fingerprint ^= object_hash(digest, *at, *length);
+                }
             }
             Piece::Memo { at, entry } => {
-                self.memo.insert((entry.kind, entry.key), (entry.object, *at));
+                if let Some((object, at)) = self.memo.insert((entry.kind, entry.key), (entry.object, *at)) {
+                    self.fingerprint ^= memo_hash(&MemoEntry { object, ..*entry }, at);
+                }
+                self.fingerprint ^= memo_hash(entry, *at);
             }
             Piece::Damaged { .. } | Piece::Torn { .. } => {}
         }
@@ -57,6 +71,19 @@ impl Places {
     }
 }
 
+fn object_hash(digest: &Digest, at: u64, length: u64) -> u64 {
+    entry_hash(digest.as_bytes(), at, length)
+}
+
+fn memo_hash(entry: &MemoEntry, at: u64) -> u64 {
+    entry_hash(&entry.body(), at, MEMO_BODY)
+}
+
+fn entry_hash(body: &[u8], at: u64, length: u64) -> u64 {
+    let bytes = [body, &at.to_le_bytes(), &length.to_le_bytes()].concat();
+    Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |first| u64::from_le_bytes(*first))
+}
+
 /// The open index file.
 #[derive(Debug)]
 pub(super) struct Index(Connection);
@@ -70,14 +97,9 @@ impl Index {
         if version != 0 && version != VERSION {
             return Err(rusqlite::Error::InvalidQuery);
         }
-        connection.execute_batch(&format!(
-            "CREATE TABLE IF NOT EXISTS object (digest BLOB PRIMARY KEY, place INTEGER NOT NULL, length INTEGER NOT NULL) WITHOUT ROWID;
-             CREATE TABLE IF NOT EXISTS memo (kind TEXT NOT NULL, request BLOB NOT NULL, object BLOB NOT NULL, place INTEGER NOT NULL,
-                 PRIMARY KEY (kind, request)) WITHOUT ROWID;
-             CREATE TABLE IF NOT EXISTS pack (id INTEGER PRIMARY KEY CHECK (id = 0), indexed_to INTEGER NOT NULL);
-             INSERT OR IGNORE INTO pack (id, indexed_to) VALUES (0, 0);
-             PRAGMA user_version = {VERSION};"
-        ))?;
+        if version == 0 {
+            connection.execute_batch(&format!("BEGIN; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;"))?;
+        }
         Ok(Index(connection))
     }
 
@@ -87,29 +109,38 @@ impl Index {
         Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map(Index)
     }
 
-    /// Everything it says. A row that cannot be one is an error.
-    pub fn load(&self) -> rusqlite::Result<Places> {
-        let mut places = Places {
-            indexed_to: self.0.query_row("SELECT indexed_to FROM pack WHERE id = 0", [], |row| whole(row, 0))?,
-            ..Places::default()
-        };
+    /// Everything it says. A row that cannot be one, or that is not as it was written, is an error.
+    pub fn load(&self) -> Result<Places, String> {
+        let (places, fingerprint) = self.read().map_err(|error| error.to_string())?;
+        let same = places.fingerprint == fingerprint;
+        if same { Ok(places) } else { Err("a row is not as it was written".to_string()) }
+    }
+
+    fn read(&self) -> rusqlite::Result<(Places, u64)> {
+        let mut places = Places::default();
+        let (indexed_to, fingerprint) =
+            self.0.query_row("SELECT indexed_to, fingerprint FROM pack WHERE id = 0", [], |row| {
+                Ok((whole(row, 0)?, row.get::<_, i64>(1)?.cast_unsigned()))
+            })?;
         let mut statement = self.0.prepare("SELECT digest, place, length FROM object")?;
         let mut rows = statement.query([])?;
         while let Some(row) = rows.next()? {
-            places.objects.insert(digest(row, 0)?, (whole(row, 1)?, whole(row, 2)?));
+            places.add(&Piece::Object { digest: digest(row, 0)?, at: whole(row, 1)?, length: whole(row, 2)? });
         }
         let mut statement = self.0.prepare("SELECT kind, request, object, place FROM memo")?;
         let mut rows = statement.query([])?;
         while let Some(row) = rows.next()? {
             let name: String = row.get(0)?;
             let kind = MemoKind::of_name(&name).ok_or(rusqlite::Error::InvalidColumnIndex(0))?;
-            places.memo.insert((kind, digest(row, 1)?), (digest(row, 2)?, whole(row, 3)?));
+            let entry = MemoEntry { kind, key: digest(row, 1)?, object: digest(row, 2)? };
+            places.add(&Piece::Memo { at: whole(row, 3)?, entry });
         }
-        Ok(places)
+        places.indexed_to = indexed_to;
+        Ok((places, fingerprint))
     }
 
     /// Adds pieces and says how far the pack is now described: all in one transaction.
-    pub fn add(&mut self, pieces: &[Piece], indexed_to: u64) -> rusqlite::Result<()> {
+    pub fn add(&mut self, pieces: &[Piece], indexed_to: u64, fingerprint: u64) -> rusqlite::Result<()> {
         let transaction = self.0.transaction()?;
         {
             let mut object = transaction.prepare("INSERT OR IGNORE INTO object VALUES (?1, ?2, ?3)")?;
@@ -125,7 +156,8 @@ impl Index {
                     Piece::Damaged { .. } | Piece::Torn { .. } => {}
                 }
             }
-            transaction.execute("UPDATE pack SET indexed_to = ?1 WHERE id = 0", [indexed_to as i64])?;
+            let end = params![indexed_to as i64, fingerprint.cast_signed()];
+            transaction.execute("UPDATE pack SET indexed_to = ?1, fingerprint = ?2 WHERE id = 0", end)?;
         }
         transaction.commit()
     }

@@ -212,7 +212,11 @@ impl Store {
         let mut state = self.state();
         let state = &mut *state;
         state.pack.sync_data().map_err(|source| StoreError::io("sync", &self.dir.join(PACK), source))?;
-        state.index.add(&state.pending, state.end).map_err(|error| index_error(&self.dir.join(INDEX), &error))?;
+        let fingerprint = state.places.fingerprint;
+        state
+            .index
+            .add(&state.pending, state.end, fingerprint)
+            .map_err(|error| index_error(&self.dir.join(INDEX), &error))?;
         state.places.indexed_to = state.end;
         state.pending.clear();
         Ok(())
@@ -274,7 +278,11 @@ pub(super) fn take_lock(dir: &Path) -> Result<File, StoreError> {
 
 fn load_index(path: &Path) -> Result<(Index, Places), String> {
     let index = Index::open(path).map_err(|error| error.to_string())?;
-    let places = index.load().map_err(|error| error.to_string())?;
+    let problems = index.integrity().map_err(|error| error.to_string())?;
+    if !problems.is_empty() {
+        return Err(problems.join("; "));
+    }
+    let places = index.load()?;
     if places.is_whole() {
         Ok((index, places))
     } else {

@@ -17,6 +17,7 @@ fn scene(kind: WorldKind) -> Scene {
         ego_travel_m_min: 10.0,
         interaction_time_s_max: 4.0,
         interaction_gap_m_max: 12.0,
+        following_share: 0.2,
         attempts_max: 40,
     };
     generate(kind, Seed(1), 0, &options).unwrap()

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::commonroad;
 use super::error::ImportError;
+use super::{commonroad, scenarionet};
 use crate::kernel::Digest;
 use crate::scene::{LeftOut, Scene};
 
@@ -63,6 +63,9 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
         }
         let remedy = "EvoDrive reads CommonRoad XML; convert the file or leave it out";
         return Err(ImportError::new(file, "line 1", "a root element <commonRoad>", remedy));
+    }
+    if bytes.first() == Some(&0x80) {
+        return scenarionet::import(file, bytes);
     }
     let remedy = "see `evodrive scenes import --help` for the formats that are read";
     Err(ImportError::new(file, "byte 0", "a scene file of a known format", remedy))

@@ -6,6 +6,7 @@ use super::super::error::{ImportError, shown};
 use super::super::xml::Element;
 use super::{File, point, shifted};
 use crate::kernel::{Vec2, num};
+use crate::scene::validate::LINKS_MAX;
 use crate::scene::{DT_S, Lane, LaneGraph, LaneIx, LaneKind, Light, LightState, Neighbour, Road, StopSign};
 
 /// Maximum-speed signs of the countries' catalogues that commonroad-io knows; the value is in m/s.
@@ -170,6 +171,9 @@ fn link(
         let (from, to) = if name == "predecessor" { (other, ix) } else { (ix, other) };
         match name {
             "predecessor" | "successor" => {
+                if road.lanes[from].exits.len() >= LINKS_MAX || road.lanes[to].entries.len() >= LINKS_MAX {
+                    return Err(child.refuse(format!("at most {LINKS_MAX} links of one kind at a lanelet")));
+                }
                 if !road.lanes[from].exits.contains(&to) {
                     road.lanes[from].exits.push(to);
                     road.lanes[to].entries.push(from);

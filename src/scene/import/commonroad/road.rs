@@ -9,9 +9,11 @@ use crate::kernel::{Vec2, num};
 use crate::scene::validate::LINKS_MAX;
 use crate::scene::{DT_S, Lane, LaneGraph, LaneIx, LaneKind, Light, LightState, Neighbour, Road, StopSign};
 
-/// Maximum-speed signs of the countries' catalogues that commonroad-io knows; the value is in m/s.
-const SPEED_SIGNS: [&str; 5] = ["274", "274.1", "R2-1", "R301", "C14"];
-const STOP_SIGNS: [&str; 4] = ["206", "R1-1", "R2", "B5"];
+/// Maximum-speed signs in the schema's catalogues (Germany and Zamunda, USA, Spain); the value is in m/s. Other
+/// countries' files use the German numbers.
+const SPEED_SIGNS: [&str; 4] = ["274", "274.1", "R2-1", "r301"];
+/// Stop signs of the same catalogues, and the American one.
+const STOP_SIGNS: [&str; 3] = ["206", "r2", "R1-1"];
 
 /// The road in the file's coordinates.
 pub(super) struct Network {

@@ -1,0 +1,8 @@
+//! The simulator held against the world.
+
+use evodrive::{ego, kernel, scene, sim};
+
+mod laws;
+mod rollouts;
+mod scenes;
+mod world;

@@ -2,6 +2,7 @@
 
 use evodrive::{ego, kernel, scene, sim};
 
+mod egos;
 mod laws;
 mod rollouts;
 mod scenes;

@@ -56,13 +56,28 @@ fn source_files() -> Vec<(String, String)> {
     let mut found = Vec::new();
     walk(&root, &mut found);
     found.sort();
-    found
+    let texts: Vec<(PathBuf, String)> =
+        found.into_iter().map(|path| (path.clone(), std::fs::read_to_string(&path).expect("a source file"))).collect();
+    let test_only: BTreeSet<PathBuf> = texts.iter().flat_map(|(path, text)| test_modules(path, text)).collect();
+    texts
         .into_iter()
-        .map(|path| {
+        .filter(|(path, _)| !test_only.iter().any(|test| path == test || path.starts_with(test.with_extension(""))))
+        .map(|(path, text)| {
             let name = path.strip_prefix(&root).expect("below src").to_string_lossy().replace('\\', "/");
-            (name, without_tests_and_comments(&std::fs::read_to_string(&path).expect("a source file")))
+            (name, without_tests_and_comments(&text))
         })
         .collect()
+}
+
+/// Files that exist under `#[cfg(test)]` only: they may import what they test against.
+fn test_modules(path: &Path, text: &str) -> Vec<PathBuf> {
+    let stem = path.file_stem().unwrap_or_default();
+    let home = path.parent().expect("a file of src");
+    let home = if stem == "mod" || stem == "lib" { home.to_path_buf() } else { home.join(stem) };
+    let lines: Vec<&str> = text.lines().collect();
+    let named = |line: &str| Some(line.strip_suffix(';')?.rsplit_once("mod ")?.1.to_string());
+    let pairs = lines.windows(2).filter(|pair| pair[0] == "#[cfg(test)]");
+    pairs.filter_map(|pair| named(pair[1])).map(|name| home.join(format!("{name}.rs"))).collect()
 }
 
 /// Drops comments and everything from a `#[cfg(test)]` on a module to its closing brace at the margin.

@@ -1,3 +1,5 @@
+//! Programs that break one rule each, and what the contract says of them.
+
 use super::{
     toy::{contract, module, program, registry},
     *,
@@ -265,4 +267,10 @@ fn words_private_to_another_family_are_found_inside_expressions_and_paths() {
     let found = foreign.words_in(["/parameters/swarm_size", "1+swarm_size*2", "particle_swarms", "push"]);
     let words: Vec<(&str, &str)> = found.iter().map(|f| (f.word.as_str(), f.family.as_str())).collect();
     assert_eq!(words, [("swarm_size", "swarm")]);
+}
+
+#[test]
+fn the_hash_of_the_toy_program_is_pinned() {
+    // A change of canonical bytes, of canonical expression text or of the program's fields moves every hash.
+    assert_eq!(program().hash().unwrap().to_hex(), "9e72a86fab87c22e4edc82c21e9ee8e7039389bc684d0f8dc7b71cb8ce888d4a");
 }

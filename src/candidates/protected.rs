@@ -152,3 +152,25 @@ fn percent_decoded(text: &str) -> String {
     }
     String::from_utf8_lossy(&out).into_owned()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adapters::{toy, vocabulary};
+
+    #[test]
+    fn no_word_that_programs_need_is_protected() {
+        let features = [vocabulary::SCENE, vocabulary::ACTOR, vocabulary::CANDIDATE].concat();
+        assert!(!features.iter().any(|feature| is_protected(feature.name)));
+        assert!(!toy::contract().vocabulary().into_iter().any(is_protected));
+    }
+
+    #[test]
+    fn paths_are_read_as_a_careless_reader_would() {
+        for path in ["/a/../ego", "//EGO", "/a/%2e%2e/%65go", "/a/%252e%252e/ego", "#/ego", "\\ego", "/./ego/"] {
+            assert_eq!(normalised(path).first().map(String::as_str), Some("ego"), "{path}");
+        }
+        assert_eq!(normalised("/parameters/%zz%"), ["parameters", "%zz%"]);
+        assert_eq!(normalised("/../../.."), Vec::<String>::new());
+    }
+}

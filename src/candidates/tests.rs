@@ -1,3 +1,5 @@
+//! Patches that pass, patches that fail at exactly the gates named, and hostile ones.
+
 use proptest::prelude::*;
 use serde_json::{Value, json};
 

@@ -1,1 +1,16 @@
-//! Rollouts over scenes to scores.
+//! Rollouts over scenes to scores: `protocol/` says what is run, `metrics/` what is read off an outcome.
+
+pub mod metrics;
+pub mod protocol;
+pub mod record;
+pub mod score;
+
+pub use metrics::{
+    AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, OptionsError, RealismOptions,
+};
+pub use protocol::metadrive::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
+pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};
+pub use score::score_of;
+
+/// Part of a run's first event; rises when a metric or protocol changes meaning.
+pub const EVAL_VERSION: u32 = 1;

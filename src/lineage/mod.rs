@@ -1,1 +1,8 @@
 //! Chains of parents, promotion, continuity.
+
+mod continuity;
+mod record;
+mod store;
+
+pub use record::{AttemptRecord, Lineage, Link, Promotion};
+pub use store::{LineageError, LineageStore, Schedule};

@@ -1,12 +1,17 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
 pub mod binary;
+pub mod draw;
 pub mod features;
 #[cfg(test)]
 pub mod fixture;
 mod grid;
+pub mod import;
 pub mod lanes;
 pub mod pool;
+pub mod route;
+pub mod stats;
+pub mod synth;
 pub mod types;
 pub mod usable;
 pub mod validate;

@@ -1,3 +1,5 @@
+//! What expressions mean, how they are refused, and that printing and reading agree.
+
 use proptest::prelude::*;
 
 use super::{

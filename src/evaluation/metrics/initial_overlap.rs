@@ -1,0 +1,9 @@
+//! Initial non-overlap: the adversary overlaps nobody when the intervention begins. Binary.
+
+use crate::sim::AdversaryReport;
+
+pub const NAME: &str = "initial_non_overlap";
+
+pub fn diagnostic(report: &AdversaryReport) -> f64 {
+    if report.initial_overlap { 0.0 } else { 1.0 }
+}

@@ -1,0 +1,3 @@
+//! What is run to label a candidate.
+
+pub mod metadrive;

@@ -1,0 +1,52 @@
+//! The record of one rollout and the key that it is kept under.
+
+use serde::{Deserialize, Serialize};
+
+use crate::adapters::ADAPTER_VERSION;
+use crate::kernel::{Digest, Seed, canon::CanonError};
+use crate::sim::{Outcome, SIM_VERSION};
+
+/// What one rollout of one program in one scene left behind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RolloutRecord {
+    pub scene: String,
+    pub scene_digest: Digest,
+    pub program: Digest,
+    pub ego: String,
+    /// Whether the program intervened; where it did not, the outcome is plain replay.
+    pub intervened: bool,
+    /// The scene-level decision ω in the compiler's words, for people and audits.
+    pub decision: serde_json::Value,
+    pub outcome: Outcome,
+}
+
+/// Key of a rollout request. It needs neither the scene's content nor a compilation.
+pub fn request_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> Result<Digest, CanonError> {
+    Digest::of("evodrive/rollout-request/1", &(SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed))
+}
+
+/// Where records are kept between runs. Called from many threads.
+pub trait RolloutCache: Sync {
+    /// The record of a request and the digest it is stored under. A cache that wants everything simulated again
+    /// (verify) says that it has none.
+    fn recorded(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError>;
+
+    /// Keeps a record; one that differs from an earlier record of the same request is a divergence.
+    fn keep(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError>;
+}
+
+/// The cache cannot be trusted or used.
+#[derive(Debug, thiserror::Error)]
+pub enum CacheError {
+    /// What the store said; `evaluation` does not know stores.
+    #[error(transparent)]
+    Store(Box<dyn std::error::Error + Send + Sync>),
+    #[error("stored rollout {key} is damaged: {reason}; run `evodrive fsck --read`")]
+    Damaged { key: Digest, reason: String },
+    #[error(
+        "rollout {key} of scene {scene} came out differently than recorded: {difference}; if the simulator, the \
+         compiler or a family was changed, raise its version and record again"
+    )]
+    Diverged { key: Digest, scene: String, difference: String },
+}

@@ -1,0 +1,82 @@
+//! One line of descent: its programs, its attempts, and who led when.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use crate::kernel::Digest;
+use crate::objects::{Attempt, AttemptId, Exit, FamilyName, LineageId, Program, SolutionId};
+
+/// Everything known of a lineage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lineage {
+    pub id: LineageId,
+    pub family: FamilyName,
+    /// p_0.
+    pub parent: SolutionId,
+    /// p_t: whom the next proposals edit.
+    pub active: SolutionId,
+    /// Every admitted program, also those that were rejected or not accepted.
+    pub solutions: BTreeMap<SolutionId, Program>,
+    /// In the order in which they were attached.
+    pub attempts: Vec<AttemptRecord>,
+    /// In order; empty while p_0 leads.
+    pub promotions: Vec<Promotion>,
+}
+
+/// What a lineage remembers of an attempt; the attempt itself lies sealed in the store.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AttemptRecord {
+    pub attempt: AttemptId,
+    pub epoch: u32,
+    pub slot: u32,
+    /// `declined`, `invalid`, `rejected`, `evaluated`.
+    pub exit: String,
+    pub parent: SolutionId,
+    pub parent_hash: Digest,
+    /// The admitted program, where there is one.
+    pub child: Option<SolutionId>,
+    pub patch_hash: Option<Digest>,
+    /// Whether an acceptance gate held.
+    pub accepted: bool,
+}
+
+impl AttemptRecord {
+    pub(super) fn of(attempt: &Attempt) -> AttemptRecord {
+        let candidate = match &attempt.exit {
+            Exit::Rejected { candidate, .. } | Exit::Evaluated { candidate, .. } => Some(candidate),
+            Exit::Declined { .. } | Exit::Invalid { .. } => None,
+        };
+        AttemptRecord {
+            attempt: attempt.id.clone(),
+            epoch: attempt.epoch,
+            slot: attempt.slot,
+            exit: attempt.exit.name().to_string(),
+            parent: attempt.parent.clone(),
+            parent_hash: attempt.parent_hash,
+            child: candidate.map(|c| c.program.solution_id.clone()),
+            patch_hash: candidate.map(|c| c.patch_hash),
+            accepted: matches!(&attempt.exit, Exit::Evaluated { decision, .. } if decision.gates.any()),
+        }
+    }
+}
+
+/// A change of the active parent, made after an epoch's barrier.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Promotion {
+    pub epoch: u32,
+    pub from: SolutionId,
+    pub to: SolutionId,
+}
+
+/// One program of a chain p_0 -> ... -> p_t.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Link {
+    pub solution: SolutionId,
+    pub program_hash: Digest,
+    pub generation: u32,
+    /// The patch that leads to the next link; `None` at the end.
+    pub patch_hash: Option<Digest>,
+}

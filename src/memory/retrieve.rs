@@ -1,0 +1,105 @@
+//! Causal retrieval: which cards an actor is shown (paper eq. app-memory-score).
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+use super::{store::Memory, text::tag_set};
+use crate::objects::{Card, Program};
+
+/// Weights of the score and size of the context. Come from the experiment file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MemoryOptions {
+    /// α_1: same lineage, 1.
+    pub alpha_lineage: f64,
+    /// α_2: same family, 1.
+    pub alpha_family: f64,
+    /// α_3: mechanism tags in common, 1.
+    pub alpha_mechanism: f64,
+    /// α_4: scene tags in common, 1.
+    pub alpha_scene: f64,
+    /// α_5: recency, 1.
+    pub alpha_recency: f64,
+    /// α_6: penalty of a card from the future, 1. Retrieval never scores one: the filter comes first.
+    pub alpha_future: f64,
+    /// M: how many cards are shown.
+    pub top_m: usize,
+}
+
+/// A weight that is no weight.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("memory option {option} is {value}; expected a finite number of at least 0: correct it in the experiment file")]
+pub struct MemoryOptionsError {
+    pub option: &'static str,
+    pub value: f64,
+}
+
+impl MemoryOptions {
+    pub fn validate(&self) -> Result<(), MemoryOptionsError> {
+        let weights = [
+            ("alpha_lineage", self.alpha_lineage),
+            ("alpha_family", self.alpha_family),
+            ("alpha_mechanism", self.alpha_mechanism),
+            ("alpha_scene", self.alpha_scene),
+            ("alpha_recency", self.alpha_recency),
+            ("alpha_future", self.alpha_future),
+        ];
+        match weights.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
+            Some((option, value)) => Err(MemoryOptionsError { option, value }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Who asks, and when.
+#[derive(Clone, Copy, Debug)]
+pub struct Query<'a> {
+    /// p_t: its lineage, family and mechanism tags are compared.
+    pub parent: &'a Program,
+    /// The epoch t + 1 for which a proposal is made.
+    pub epoch: u32,
+    /// Words for the scenes of this epoch's window.
+    pub scene_tags: &'a [String],
+}
+
+/// Tags of a program's mechanism modules, sorted, without repeats.
+pub fn tags_of(program: &Program) -> Vec<String> {
+    tag_set(program.mechanism_modules.values().flat_map(|module| &module.tags))
+}
+
+/// The top M cards with their scores, best first; equal scores by card id.
+///
+/// First the causal filter: a card exists after its epoch's barrier, so a proposal of epoch t + 1 sees only cards
+/// with epoch(u) <= t. Then the lineage filter: cards of other lineages only where they may be shared.
+pub fn retrieve<'m>(memory: &'m Memory, query: &Query<'_>, options: &MemoryOptions) -> Vec<(&'m Card, f64)> {
+    let mut scored: Vec<(&Card, f64)> = memory
+        .cards()
+        .iter()
+        .filter(|card| card.epoch < query.epoch)
+        .filter(|card| card.lineage == query.parent.lineage_id || card.shareable)
+        .map(|card| (card, score(card, query, options)))
+        .collect();
+    scored.sort_by(|(a, x), (b, y)| y.total_cmp(x).then_with(|| a.id.cmp(&b.id)));
+    scored.truncate(options.top_m);
+    scored
+}
+
+/// score(u, p_t): similarity of families is 1 or 0, of tags Jaccard's index, recency 1 / (1 + age in epochs).
+pub fn score(card: &Card, query: &Query<'_>, options: &MemoryOptions) -> f64 {
+    let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
+    let parent = query.parent;
+    let age = query.epoch.saturating_sub(1).saturating_sub(card.epoch);
+    options.alpha_lineage * flag(card.lineage == parent.lineage_id)
+        + options.alpha_family * flag(card.family == parent.source_family)
+        + options.alpha_mechanism * jaccard(&card.mechanism_tags, &tags_of(parent))
+        + options.alpha_scene * jaccard(&card.scene_tags, query.scene_tags)
+        + options.alpha_recency / (1.0 + f64::from(age))
+        - options.alpha_future * flag(card.epoch >= query.epoch)
+}
+
+/// |A ∩ B| / |A ∪ B|; 0 of two empty sets, which have nothing in common.
+fn jaccard(a: &[String], b: &[String]) -> f64 {
+    let (a, b): (BTreeSet<&String>, BTreeSet<&String>) = (a.iter().collect(), b.iter().collect());
+    let union = a.union(&b).count();
+    if union == 0 { 0.0 } else { a.intersection(&b).count() as f64 / union as f64 }
+}

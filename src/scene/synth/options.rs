@@ -1,0 +1,168 @@
+//! What can be asked of the generator, and how it says no.
+
+use serde::{Deserialize, Serialize};
+
+/// The worlds that can be generated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WorldKind {
+    /// Two to four lanes in one direction, one or two in the other.
+    Straight,
+    /// A two-way road with two bends.
+    Curve,
+    SignalledCrossing,
+    /// Four arms; the minor road has stop signs, or all four arms have.
+    UnsignalledCrossing,
+    SignalledTee,
+    UnsignalledTee,
+    /// An on-ramp whose acceleration lane ends.
+    Merge,
+    /// One circulating lane, three or four arms.
+    Roundabout,
+    /// The right-most lane ends.
+    LaneDrop,
+    /// A signalled crossing and an unsignalled T junction one block apart.
+    Urban,
+    /// A divided, gently winding motorway with an on-ramp.
+    Highway,
+}
+
+impl WorldKind {
+    pub const ALL: [WorldKind; 11] = [
+        WorldKind::Straight,
+        WorldKind::Curve,
+        WorldKind::SignalledCrossing,
+        WorldKind::UnsignalledCrossing,
+        WorldKind::SignalledTee,
+        WorldKind::UnsignalledTee,
+        WorldKind::Merge,
+        WorldKind::Roundabout,
+        WorldKind::LaneDrop,
+        WorldKind::Urban,
+        WorldKind::Highway,
+    ];
+
+    /// The name in scene ids and experiment files.
+    pub fn name(self) -> &'static str {
+        match self {
+            WorldKind::Straight => "straight",
+            WorldKind::Curve => "curve",
+            WorldKind::SignalledCrossing => "signalled_crossing",
+            WorldKind::UnsignalledCrossing => "unsignalled_crossing",
+            WorldKind::SignalledTee => "signalled_tee",
+            WorldKind::UnsignalledTee => "unsignalled_tee",
+            WorldKind::Merge => "merge",
+            WorldKind::Roundabout => "roundabout",
+            WorldKind::LaneDrop => "lane_drop",
+            WorldKind::Urban => "urban",
+            WorldKind::Highway => "highway",
+        }
+    }
+
+    /// Roads for motor vehicles only: no pedestrians, no cyclists, long lorries.
+    pub(super) fn motorway(self) -> bool {
+        matches!(self, WorldKind::Merge | WorldKind::LaneDrop | WorldKind::Highway)
+    }
+}
+
+/// Size of the generated worlds and the filter that a scene must pass.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SynthOptions {
+    /// The kinds that a pool takes in turn.
+    pub kinds: Vec<WorldKind>,
+    /// Samples per scene at 0.1 s, 2..=1200; 91 as in the Waymo Open Motion Dataset.
+    pub steps: usize,
+    /// Last sample of history, below `steps`; 10 as in the Waymo Open Motion Dataset.
+    pub current_step: usize,
+    /// Seconds simulated before the first sample, 0..=120, so that queues and platoons have formed.
+    pub warm_up_s: f64,
+    /// Road users wanted in a scene, ego included, 4..=2000; the outcome lies around it.
+    pub tracks_per_scene: usize,
+    /// Share of them on foot in worlds with crosswalks, 0..=0.5.
+    pub pedestrian_share: f64,
+    /// Share of them on bicycles in worlds other than motorways, 0..=0.5.
+    pub cyclist_share: f64,
+    /// Metres that the ego must travel over the scene; 10 in CAT's selection of scenes.
+    pub ego_travel_m_min: f64,
+    /// Seconds between the ego and the interacting vehicle using the same place, at most.
+    pub interaction_time_s_max: f64,
+    /// Distance between the two boxes at their nearest, metres, at most.
+    pub interaction_gap_m_max: f64,
+    /// Share of scenes, 0..=1, in which a vehicle that leads or follows in the ego's own lane may be the interacting
+    /// one; the others look for one that crosses, merges or cuts in during the first half of the attempts.
+    pub following_share: f64,
+    /// Sub-seeds to try before giving up, 1..=1000.
+    pub attempts_max: u32,
+}
+
+/// No scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SynthError {
+    #[error("synth option `{field}` is {found}, expected {expected}; change it in the experiment file")]
+    Option { field: &'static str, found: String, expected: &'static str },
+    #[error(
+        "{id}: no scene passed the filter in {attempts} attempts (the last: {last}); \
+         raise `attempts_max` or relax the interaction limits"
+    )]
+    Filtered { id: String, attempts: u32, last: Reject },
+}
+
+/// Why a simulated scene was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Reject {
+    #[error("the log is not consistent: two road users overlap")]
+    Overlap,
+    #[error("the log is not consistent: an acceleration or yaw rate is out of bounds")]
+    Motion,
+    #[error("no vehicle stayed in the scene and moved far enough to be the ego")]
+    NoEgo,
+    #[error("nobody interacted with the ego")]
+    NoInteraction,
+}
+
+impl SynthOptions {
+    /// Refuses what cannot give a scene or would take unbounded time or memory.
+    pub fn check(&self) -> Result<(), SynthError> {
+        let bad = |field, found: String, expected| Err(SynthError::Option { field, found, expected });
+        let share = |x: f64| (0.0..=0.5).contains(&x);
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        if self.kinds.is_empty() {
+            return bad("kinds", "empty".into(), "at least one kind of world");
+        }
+        if !(2..=1200).contains(&self.steps) {
+            return bad("steps", self.steps.to_string(), "2..=1200");
+        }
+        if self.current_step + 1 >= self.steps {
+            return bad("current_step", self.current_step.to_string(), "a step before the last one");
+        }
+        if !(0.0..=120.0).contains(&self.warm_up_s) {
+            return bad("warm_up_s", self.warm_up_s.to_string(), "0..=120 s");
+        }
+        if !(4..=2000).contains(&self.tracks_per_scene) {
+            return bad("tracks_per_scene", self.tracks_per_scene.to_string(), "4..=2000");
+        }
+        if !share(self.pedestrian_share) {
+            return bad("pedestrian_share", self.pedestrian_share.to_string(), "0..=0.5");
+        }
+        if !share(self.cyclist_share) {
+            return bad("cyclist_share", self.cyclist_share.to_string(), "0..=0.5");
+        }
+        if !self.ego_travel_m_min.is_finite() || self.ego_travel_m_min < 0.0 {
+            return bad("ego_travel_m_min", self.ego_travel_m_min.to_string(), "a length of 0 m or more");
+        }
+        if !positive(self.interaction_time_s_max) {
+            return bad("interaction_time_s_max", self.interaction_time_s_max.to_string(), "a time above 0 s");
+        }
+        if !positive(self.interaction_gap_m_max) {
+            return bad("interaction_gap_m_max", self.interaction_gap_m_max.to_string(), "a length above 0 m");
+        }
+        if !(0.0..=1.0).contains(&self.following_share) {
+            return bad("following_share", self.following_share.to_string(), "0..=1");
+        }
+        if !(1..=1000).contains(&self.attempts_max) {
+            return bad("attempts_max", self.attempts_max.to_string(), "1..=1000");
+        }
+        Ok(())
+    }
+}

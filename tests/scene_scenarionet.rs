@@ -143,8 +143,7 @@ fn recorded_nuscenes_scenes_import_with_recovered_topology() {
         let graph = LaneGraph::of(&scene.road);
         let features = SceneFeatures::of(scene, &graph);
         let linked = scene.road.lanes.iter().filter(|lane| !lane.exits.is_empty()).count();
-        let beside =
-            scene.road.lanes.iter().filter(|lane| graph.beside(0).count() > 0 || lane.left_neighbour.is_some()).count();
+        let beside = scene.road.lanes.iter().filter(|lane| lane.left_neighbour.is_some()).count();
         println!(
             "{}: steps {}, lanes {} ({linked} lead on, {beside} have neighbours), tracks {}, {features:?}, {:?}",
             scene.id,

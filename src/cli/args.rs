@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{fsck, lineage, report, run, scenes, show};
+use super::{bench, fsck, lineage, report, run, scenes, show};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
@@ -44,6 +44,9 @@ pub enum Command {
     Fsck(fsck::Options),
     /// Write a run's report as one HTML file.
     Report(report::Options),
+    /// Measure speed.
+    #[command(subcommand)]
+    Bench(bench::Command),
 }
 
 #[derive(Debug, Args)]
@@ -98,6 +101,7 @@ impl Command {
             Command::Show(options) => show::run(&options),
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options),
+            Command::Bench(command) => bench::run(command),
         }
     }
 }

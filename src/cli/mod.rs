@@ -2,6 +2,7 @@
 
 mod answer;
 mod args;
+mod bench;
 mod exit;
 mod exit_from;
 mod experiment;

@@ -221,3 +221,36 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn on_generated_worlds_both_parents_compile_and_cat_makes_the_ego_crash_more_often() {
+    let options = crate::scene::synth::SynthOptions {
+        kinds: crate::scene::synth::WorldKind::ALL.to_vec(),
+        steps: 91,
+        current_step: 10,
+        warm_up_s: 18.0,
+        tracks_per_scene: 24,
+        pedestrian_share: 0.1,
+        cyclist_share: 0.06,
+        ego_travel_m_min: 10.0,
+        interaction_time_s_max: 4.0,
+        interaction_gap_m_max: 12.0,
+        attempts_max: 40,
+    };
+    let (cat, at) = (family("cat"), family("at"));
+    let (mut contacts, mut near) = ([0, 0], 0);
+    for index in 0..22 {
+        let scene = crate::scene::synth::pool_member(&options, Seed(5), index).unwrap();
+        let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
+        for (which, family) in [&cat, &at].into_iter().enumerate() {
+            let compiled = compile(&family.parent, &family.contract, &situation, Seed(1)).unwrap();
+            assert!(compiled.decision.applies, "{}: {}", situation.scene_id(), compiled.decision.reason);
+            near += usize::from(which == 0 && compiled.decision.actors[0].score > -100.0);
+            let mut driver = ego::Policy::Idm.driver();
+            let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut()).unwrap();
+            contacts[which] += usize::from(outcome.contact.is_some_and(|c| c.adversary));
+        }
+    }
+    println!("of 22: CAT {} contacts ({near} foreseen), AT {}", contacts[0], contacts[1]);
+    assert!(contacts[0] >= 3 && contacts[0] > contacts[1], "{contacts:?}");
+}

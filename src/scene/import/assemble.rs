@@ -7,7 +7,7 @@ use super::centreline::{Across, lines, thinned, thinned_line};
 use super::resample::{State, resample};
 use super::topology::{link_by_ends, link_side_by_side};
 use crate::kernel::{Vec2, num};
-use crate::scene::validate::{SIDE_MAX_M, SIDE_MIN_M};
+use crate::scene::validate::{LINKS_MAX, SIDE_MAX_M, SIDE_MIN_M};
 use crate::scene::{
     AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, Light, LightState, Neighbour, Origin, Road, Sample, Scene, StopSign,
     Track,
@@ -223,7 +223,8 @@ fn road(log: &Log, origin: Vec2, left_out: &mut Vec<(String, String)>) -> (Road,
         let out = lane.exits.iter().filter_map(known).map(|to| (ix, to));
         let into = lane.entries.iter().filter_map(known).map(|from| (from, ix));
         for (from, to) in out.chain(into) {
-            if !road.lanes[from].exits.contains(&to) {
+            let room = road.lanes[from].exits.len() < LINKS_MAX && road.lanes[to].entries.len() < LINKS_MAX;
+            if room && !road.lanes[from].exits.contains(&to) {
                 road.lanes[from].exits.push(to);
                 road.lanes[to].entries.push(from);
             }

@@ -5,11 +5,15 @@ pub mod assemble;
 pub mod centreline;
 pub mod commonroad;
 pub mod error;
+pub mod gpudrive;
+pub mod opendrive;
 pub mod pickle;
 pub mod resample;
 pub mod scenarionet;
 pub mod summary;
+pub mod tfrecord;
 pub mod topology;
+pub mod waymo;
 pub mod xml;
 
 pub use error::ImportError;

@@ -93,7 +93,7 @@ impl Plain<'_> {
         others
     }
 
-    fn throttles(&self, actors: &mut [Actor], others: &[Other], ego: &Sample) {
+    fn throttles(&self, actors: &mut [Actor], others: &[Other], ego: &Sample, k: usize) {
         for actor in actors {
             let (Mind::Path { born, index, along, speed_mps, throttle }, Some(now)) = (&mut actor.mind, &actor.now)
             else {
@@ -112,6 +112,7 @@ impl Plain<'_> {
             }
             let axis = Vec2::from_heading(now.heading_rad);
             *throttle = idm::throttle(*speed_mps, now.velocity, axis, idm::NORMAL_SPEED_KMPH, front.as_ref());
+            let _ = k;
         }
     }
 
@@ -120,8 +121,8 @@ impl Plain<'_> {
             Control::Drive { acceleration_mps2, steering_rad } => {
                 let cars = car.drive(*acceleration_mps2, *steering_rad, &DEFAULT_LIMITS);
                 let mut ego = Ego { samples: [*now; SUBSTEPS + 1], places: [car.place(); SUBSTEPS + 1] };
-                for (j, car) in cars.iter().enumerate() {
-                    (ego.samples[j + 1], ego.places[j + 1]) = (car.sample(), car.place());
+                for (j, moved) in cars.iter().enumerate() {
+                    (ego.samples[j + 1], ego.places[j + 1]) = (moved.sample(), moved.place());
                 }
                 Some((ego, cars[SUBSTEPS - 1]))
             }
@@ -173,7 +174,7 @@ impl Plain<'_> {
             let Some((ego, moved)) = self.ego_step(&car, &now, k) else { break };
             let place = Place { position: now.position, axis };
             let forecast = EgoForecast { place, velocity: now.velocity, acceleration_mps2: acceleration, size };
-            self.throttles(&mut actors, &bare, &now);
+            self.throttles(&mut actors, &bare, &now, k);
             for actor in &mut actors {
                 actor.plan(plant, self.act, k, &forecast);
             }

@@ -96,8 +96,10 @@ fn a_missing_answer_ends_with_its_own_exit_code_and_names_slot_role_and_nearest_
     let cassette =
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("cassettes/quickstart.jsonl")).unwrap();
     let lines: Vec<&str> = cassette.lines().collect();
-    let gone =
-        lines.iter().position(|l| l.starts_with("{\"key\"") && l.contains("\"attack_critic\"")).expect("an exchange");
+    let gone = lines
+        .iter()
+        .position(|l| l.starts_with("{\"exchange\"") && l.contains("\"attack_critic\""))
+        .expect("an exchange");
     let shortened: Vec<&str> = lines.iter().enumerate().filter(|(i, _)| *i != gone).map(|(_, l)| *l).collect();
     let path = dir.path().join("short.jsonl");
     std::fs::write(&path, shortened.join("\n") + "\n").unwrap();
@@ -245,7 +247,7 @@ fn unusable_experiments_are_bad_input_with_file_place_and_remedy() {
             good.replace("{ weight = 0.16, tolerance = 2.0 }", "{ weight = 0.5, tolerance = 2.0 }"),
             "sum",
         ),
-        ("NaN", good.replace("ridge_lambda = 5.0", "ridge_lambda = nan"), "NaN"),
+        ("NaN", good.replace("ridge_lambda = 5.0", "ridge_lambda = nan"), "world.ridge_lambda"),
         ("truncated", good[..good.len() / 2].to_string(), ""),
         ("too many scenes", good.replace("held_out = 20", "held_out = 2000"), "2040"),
         ("no window", good.replace("window = 14", "window = 0"), "split.window"),

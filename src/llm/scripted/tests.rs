@@ -170,7 +170,7 @@ fn errors_come_at_the_declared_rates() {
         |rates: [f64; 4]| -> Vec<Vec<u8>> { (0..draws).map(|slot| draft(stage, slot, &model(1, rates))).collect() };
     let parsed = |bytes: &[u8]| reply::patch(bytes, Role::Actor).ok();
     let out_of_range = |patch: &ProgramPatch| {
-        gate_problems(stage, &patch).iter().any(|p| p.contains("a number in [") || p.contains("a whole number in ["))
+        gate_problems(stage, patch).iter().any(|p| p.contains("a number in [") || p.contains("a whole number in ["))
     };
     let foreign = |patch: &ProgramPatch| gate_problems(stage, patch).iter().any(|p| p.contains("a word of family"));
     let (p, near) = (0.1, 4.0 * (f64::from(draws) * 0.1 * 0.9).sqrt());

@@ -66,10 +66,13 @@ fn admit(
     let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
     let compiles = |program: &Program| {
         // A recorded rollout is proof that the program compiled there.
+        let hash = program.hash().ok();
+        let recorded =
+            |place| hash.is_some_and(|hash| labels::is_recorded(study, snapshot.spec, hash, place, rollouts));
         let open: Vec<&Situation> = snapshot
             .probes
             .iter()
-            .filter(|probe| !labels::is_recorded(study, snapshot.spec, program, probe.place, rollouts))
+            .filter(|probe| !recorded(probe.place))
             .map(|probe| probe.situation.as_ref())
             .collect();
         if open.is_empty() { Vec::new() } else { compiler::probe(program, contract, &open, study.seed) }

@@ -7,6 +7,7 @@ use super::{
 };
 use crate::compiler::{Decision, Prepared};
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
+use crate::kernel::Digest;
 use crate::objects::{Program, Score};
 use crate::sim::{Outcome, Trace, rollout, rollout_traced};
 
@@ -34,12 +35,11 @@ pub fn score(
 pub fn is_recorded(
     study: &Study<'_>,
     spec: &LineageSpec,
-    program: &Program,
+    program: Digest,
     place: usize,
     rollouts: &Rollouts<'_>,
 ) -> bool {
-    let key =
-        program.hash().and_then(|hash| request_key(hash, study.scenes[place].digest, spec.ego.digest(), study.seed));
+    let key = request_key(program, study.scenes[place].digest, spec.ego.digest(), study.seed);
     key.is_ok_and(|key| rollouts.has(&key))
 }
 

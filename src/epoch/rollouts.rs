@@ -1,7 +1,7 @@
 //! Rollout records over the store: the memo that makes a label cost a look-up the second time.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::evaluation::{CacheError, RolloutCache, RolloutRecord};
 use crate::kernel::Digest;
@@ -26,7 +26,7 @@ pub struct Rollouts<'a> {
 /// What this run met so far.
 #[derive(Default)]
 struct Seen {
-    records: BTreeMap<Digest, (RolloutRecord, Digest)>,
+    records: BTreeMap<Digest, (Arc<RolloutRecord>, Digest)>,
     reused: usize,
     simulated: usize,
 }
@@ -61,17 +61,17 @@ impl<'a> Rollouts<'a> {
         self.desk.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn stored(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError> {
+    fn stored(&self, key: &Digest) -> Result<Option<(Arc<RolloutRecord>, Digest)>, CacheError> {
         let Some(object) = self.store.memo_get(MemoKind::Rollout, key) else { return Ok(None) };
         let bytes = self.store.get(&object).map_err(from_store)?;
         let record = serde_json::from_slice(&bytes)
             .map_err(|error| CacheError::Damaged { key: *key, reason: error.to_string() })?;
-        Ok(Some((record, object)))
+        Ok(Some((Arc::new(record), object)))
     }
 }
 
 impl RolloutCache for Rollouts<'_> {
-    fn recorded(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError> {
+    fn recorded(&self, key: &Digest) -> Result<Option<(Arc<RolloutRecord>, Digest)>, CacheError> {
         if let Some(found) = self.seen().records.get(key) {
             return Ok(Some(found.clone()));
         }
@@ -98,7 +98,7 @@ impl RolloutCache for Rollouts<'_> {
         let object = self.store.put(&bytes).map_err(from_store)?;
         self.store.memo_put(MemoKind::Rollout, key, &object).map_err(from_store)?;
         let mut seen = self.seen();
-        if seen.records.insert(*key, (record.clone(), object)).is_none() {
+        if seen.records.insert(*key, (Arc::new(record.clone()), object)).is_none() {
             seen.simulated += 1;
         }
         Ok(object)

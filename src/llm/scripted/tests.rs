@@ -330,7 +330,7 @@ fn a_prompt_without_its_blocks_is_refused_and_never_a_panic() {
     let read = text.find("## Front").unwrap();
     for cut in (0..read - 8).step_by(197).filter(|cut| text.is_char_boundary(*cut)) {
         let mut damaged = whole.clone();
-        damaged.messages[1].text = text[..cut].to_string();
+        damaged.messages[1].text = text[..cut].into();
         assert!(Scripted.complete(&damaged).is_err());
     }
     let mut other = whole.clone();

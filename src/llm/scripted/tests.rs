@@ -72,7 +72,7 @@ fn drafted(stage: &Stage, slot: u32, spec: &ModelSpec) -> ProgramPatch {
 
 fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
     let child = SolutionId::new(format!("{}/e3s0", stage.example.parent.lineage_id));
-    let admission = admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_| vec![]);
+    let admission = admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_, _| vec![]);
     admission.gates.failed().flat_map(|verdict| verdict.problems.clone()).collect()
 }
 

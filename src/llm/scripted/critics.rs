@@ -16,7 +16,7 @@ use crate::{kernel::Stream, llm::ModelError};
 pub const ROLES: [&str; 4] = ["structural_critic", "attack_critic", "realism_critic", "isolation_critic"];
 
 /// Share of its findings that a critic overlooks, as reviewers do: gates stand behind them.
-const OVERSIGHT_SHARE: f64 = 0.1;
+const OVERSIGHT_SHARE: f64 = 0.2;
 /// A mean of the weakest diagnostic below this calls for a guard in patches that add pressure.
 const WEAK_DIAGNOSTIC: f64 = 0.75;
 

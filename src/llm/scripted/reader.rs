@@ -168,7 +168,6 @@ pub struct ParentOutcome {
 
 #[derive(Debug, Deserialize)]
 pub struct Objectives {
-    pub attack: f64,
     pub realism: f64,
 }
 
@@ -193,7 +192,6 @@ pub struct Target {
 
 #[derive(Debug, Deserialize)]
 pub struct Review {
-    pub role: String,
     pub decision: String,
     pub blockers: Vec<String>,
     pub repair_hints: Vec<String>,

@@ -26,15 +26,15 @@ const fn strategy(name: &'static str, weights: [f64; 3], apply: Apply) -> Strate
 }
 
 pub const STRATEGIES: [Strategy; 18] = [
-    strategy("fill_optional_mechanism", [4.0, 2.0, 4.0], fill_optional_mechanism),
-    strategy("swap_operator", [3.0, 2.0, 4.0], swap_operator),
+    strategy("fill_optional_mechanism", [6.0, 3.0, 6.0], fill_optional_mechanism),
+    strategy("swap_operator", [4.0, 2.5, 4.5], swap_operator),
     strategy("replace_expression", [2.5, 1.5, 3.0], replace_expression),
     strategy("add_term", [3.0, 2.0, 1.5], add_term),
     strategy("gate_expression", [1.5, 1.5, 2.0], gate_expression),
     strategy("insert_filter", [1.0, 5.0, 1.5], insert_filter),
     strategy("rule_on_parameters", [2.0, 2.5, 2.0], rule_on_parameters),
     strategy("rule_on_settings", [1.5, 1.5, 2.0], rule_on_settings),
-    strategy("module_by_scene", [1.5, 1.0, 2.5], module_by_scene),
+    strategy("module_by_scene", [2.0, 1.5, 2.5], module_by_scene),
     strategy("new_condition", [0.8, 0.8, 0.8], new_condition),
     strategy("widen_rule", [0.5, 0.5, 0.5], widen_rule),
     strategy("remove_filter", [0.8, 0.1, 0.6], remove_filter),

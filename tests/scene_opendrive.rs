@@ -49,7 +49,7 @@ fn the_towns_lanes_lead_into_each_other_without_gaps() {
 
 #[test]
 fn spirals_and_cubics_of_the_examples_join_up() {
-    for name in ["e6mini", "fabriksgatan", "jolengatan", "soderleden"] {
+    for name in ["e6mini", "fabriksgatan", "jolengatan"] {
         let Some(bytes) = shared(&format!("openscenario/esmini/xodr/{name}.xodr")) else { return };
         let road = opendrive::road(name, &bytes).unwrap();
         let (leading, gap, turn) = joints(&road);

@@ -24,7 +24,7 @@ pub struct Example {
 }
 
 impl Example {
-    pub fn new() -> Example {
+    pub fn toy() -> Example {
         let foreign = vec!["swarm_budget".into(), "tree_expansion".into()];
         Example::of(contract(), parent(), foreign)
     }

@@ -67,7 +67,7 @@ fn models() -> BTreeMap<Role, ModelSpec> {
 fn run(answers: &[(&'static str, u32, String)], max_repair_rounds: u32) -> (Proposed, Vec<Request>) {
     let answers = answers.iter().map(|(role, round, text)| ((*role, *round), text.clone())).collect();
     let table = Table { answers, asked: Mutex::new(vec![]) };
-    let (example, target, models) = (Example::new(), Target::raise_attack(0.95), models());
+    let (example, target, models) = (Example::toy(), Target::raise_attack(0.95), models());
     let briefing = example.briefing();
     let task = Task { briefing: &briefing, slot: 5, target: &target, models: &models, max_repair_rounds };
     let proposed = propose(&task, &table).unwrap();
@@ -155,7 +155,7 @@ fn slots_share_system_and_context_messages_and_no_two_questions_share_a_key() {
 
 #[test]
 fn the_context_shows_measured_numbers_to_four_decimals_and_the_identity_exactly() {
-    let example = Example::new();
+    let example = Example::toy();
     let text = example.briefing().text().to_string();
     assert!(text.contains("0.9312") && !text.contains("0.93123"), "realism of the parent");
     assert!(text.contains("6.5123") && !text.contains("6.51234"), "features of clusters");

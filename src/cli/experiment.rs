@@ -101,6 +101,19 @@ pub struct ModelOptions {
     pub sampling: BTreeMap<String, f64>,
 }
 
+/// Place of the first number that is NaN or infinite.
+fn not_finite(at: &str, value: &toml::Value) -> Option<String> {
+    match value {
+        toml::Value::Float(x) if !x.is_finite() => Some(at.to_string()),
+        toml::Value::Array(items) => items.iter().enumerate().find_map(|(i, v)| not_finite(&format!("{at}[{i}]"), v)),
+        toml::Value::Table(table) => table.iter().find_map(|(key, v)| {
+            let place = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
+            not_finite(&place, v)
+        }),
+        _ => None,
+    }
+}
+
 impl Experiment {
     /// Reads and checks an experiment file.
     pub fn read(path: &Path) -> Result<Experiment, Failure> {
@@ -112,6 +125,12 @@ impl Experiment {
                 error.utf8_error().valid_up_to()
             ))
         })?;
+        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
+            Failure::bad_input(format!("{shown}: {}", error.to_string().trim_end()))
+        })?;
+        if let Some(place) = not_finite("", &toml::Value::Table(table)) {
+            return Err(Failure::bad_input(format!("{shown}: {place} is not a finite number; give it a value")));
+        }
         let experiment: Experiment = toml::from_str(&text)
             .map_err(|error| Failure::bad_input(format!("{shown}: {}", error.to_string().trim_end())))?;
         experiment.check().map_err(|problem| Failure::bad_input(format!("{shown}: {problem}")))?;

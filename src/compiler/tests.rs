@@ -236,6 +236,7 @@ fn on_generated_worlds_both_parents_compile_and_cat_makes_the_ego_crash_more_oft
         interaction_time_s_max: 4.0,
         interaction_gap_m_max: 12.0,
         attempts_max: 40,
+        following_share: 0.2,
     };
     let (cat, at) = (family("cat"), family("at"));
     let (mut contacts, mut near) = ([0, 0], 0);

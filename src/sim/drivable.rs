@@ -115,20 +115,26 @@ impl Drivable {
         !self.pieces.is_empty()
     }
 
-    /// Distance from a point to the nearest lane surface, metres; 0 on it, at most [`OFF_ROAD_M_CAP`]. `hint` is a
-    /// piece that may hold the point (any number will do); it is set to the one that does.
-    pub fn distance_m(&self, point: Vec2, hint: &mut u32) -> f64 {
-        if !self.is_known() || self.pieces.get(*hint as usize).is_some_and(|p| contains(&p.corners, point)) {
+    /// Distance from a point to the nearest lane surface, metres; 0 on it, at most [`OFF_ROAD_M_CAP`]. Exact if it is
+    /// above `floor_m`; below, any number up to `floor_m` may come back (who looks for a maximum needs no more).
+    /// `hint` is a piece near the point (any number will do); it is set to the nearest one found.
+    pub fn distance_m(&self, point: Vec2, floor_m: f64, hint: &mut u32) -> f64 {
+        if !self.is_known() {
             return 0.0;
         }
+        let mut best = (OFF_ROAD_M_CAP * OFF_ROAD_M_CAP, *hint);
+        if let Some(piece) = self.pieces.get(*hint as usize) {
+            best.0 = best.0.min(squared_distance(&piece.corners, point));
+        }
+        // A hair below the square, so that rounding cannot lift a rejected distance above the floor.
+        let enough = floor_m * floor_m * (1.0 - 1e-12);
         let column = ((point.x - self.origin.x) / self.cell_m).floor();
         let row = ((point.y - self.origin.y) / self.cell_m).floor();
-        let mut best = (OFF_ROAD_M_CAP * OFF_ROAD_M_CAP, *hint);
         let rings = (OFF_ROAD_M_CAP / self.cell_m) as i64 + 1;
         for ring in 0..=rings {
             // What lies in this ring of cells is at least this far away.
             let nearest = (ring - 1).max(0) as f64 * self.cell_m;
-            if best.0 == 0.0 || nearest * nearest >= best.0 {
+            if best.0 <= enough || nearest * nearest >= best.0 {
                 break;
             }
             self.search_ring(point, column as i64, row as i64, ring, &mut best);

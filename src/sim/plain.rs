@@ -121,8 +121,8 @@ impl Plain<'_> {
             Control::Drive { acceleration_mps2, steering_rad } => {
                 let cars = car.drive(*acceleration_mps2, *steering_rad, &DEFAULT_LIMITS);
                 let mut ego = Ego { samples: [*now; SUBSTEPS + 1], places: [car.place(); SUBSTEPS + 1] };
-                for j in 0..SUBSTEPS {
-                    (ego.samples[j + 1], ego.places[j + 1]) = (cars[j].sample(), cars[j].place());
+                for (j, moved) in cars.iter().enumerate() {
+                    (ego.samples[j + 1], ego.places[j + 1]) = (moved.sample(), moved.place());
                 }
                 Some((ego, cars[SUBSTEPS - 1]))
             }

@@ -121,8 +121,9 @@ impl Watched {
         self.last = Some(*now);
         let place = super::body::Place { position: now.position, axis };
         for (corner, hint) in size.at(place).corners().into_iter().zip(&mut self.hints) {
-            let beyond = plant.drivable.distance_m(corner, hint) - DRIVABLE_TOLERANCE_M;
-            self.off_road_m_max = self.off_road_m_max.max(beyond);
+            let floor_m = self.off_road_m_max + DRIVABLE_TOLERANCE_M;
+            let distance_m = plant.drivable.distance_m(corner, floor_m, hint);
+            self.off_road_m_max = self.off_road_m_max.max(distance_m - DRIVABLE_TOLERANCE_M);
         }
     }
 

@@ -15,8 +15,6 @@ use crate::{kernel::Stream, llm::ModelError};
 
 pub const ROLES: [&str; 4] = ["structural_critic", "attack_critic", "realism_critic", "isolation_critic"];
 
-/// Share of its findings that a critic overlooks, as reviewers do: gates stand behind them.
-const OVERSIGHT_SHARE: f64 = 0.2;
 /// A mean of the weakest diagnostic below this calls for a guard in patches that add pressure.
 const WEAK_DIAGNOSTIC: f64 = 0.75;
 
@@ -29,7 +27,7 @@ struct Objection {
 }
 
 /// The review of one role.
-pub fn review(page: &Page, role: &str, draws: &Draws) -> Result<Value, ModelError> {
+pub fn review(page: &Page, role: &str, oversight_rate: f64, draws: &Draws) -> Result<Value, ModelError> {
     let patch = page.patch.as_ref().ok_or_else(|| unanswerable("a critic's prompt has no JSON block `Patch`"))?;
     let mut objections = match role {
         "structural_critic" => structural(page, patch),
@@ -38,7 +36,7 @@ pub fn review(page: &Page, role: &str, draws: &Draws) -> Result<Value, ModelErro
         _ => isolation(page, patch),
     };
     let stream: &mut Stream = &mut draws.stream("oversight");
-    objections.retain(|_| !stream.chance(OVERSIGHT_SHARE));
+    objections.retain(|_| !stream.chance(oversight_rate));
     let decision = match () {
         () if objections.is_empty() => "approve",
         () if objections.iter().any(|objection| objection.fatal) => "reject",

@@ -19,6 +19,8 @@ pub struct Rates {
     pub foreign_mechanism_rate: f64,
     /// Of patches: a parent hash that is not the parent's.
     pub stale_hash_rate: f64,
+    /// Of a critic's findings: overlooked, as reviewers do. Gates stand behind them.
+    pub oversight_rate: f64,
 }
 
 impl Rates {
@@ -35,6 +37,7 @@ impl Rates {
             out_of_range_rate: rate("out_of_range_rate")?,
             foreign_mechanism_rate: rate("foreign_mechanism_rate")?,
             stale_hash_rate: rate("stale_hash_rate")?,
+            oversight_rate: rate("oversight_rate")?,
         })
     }
 }

@@ -39,7 +39,7 @@ impl Model for Scripted {
             "actor" => patch_answer(&page, actor::propose(&page, &draws)?, rates, &draws),
             "repair" => patch_answer(&page, repair::repair(&page, &draws)?, rates, &draws),
             role if critics::ROLES.contains(&role) => {
-                page.answer("critic_review", critics::review(&page, role, &draws)?)
+                page.answer("critic_review", critics::review(&page, role, rates.oversight_rate, &draws)?)
             }
             other => return Err(unanswerable(format!("the scripted model has no rules for the role `{other}`"))),
         };

@@ -29,7 +29,7 @@ fn stages() -> Vec<Stage> {
         let others = real.iter().filter(|other| other.contract.family != family.contract.family);
         others.flat_map(|other| other.contract.private_vocabulary.clone()).collect()
     };
-    let toy = Example::new();
+    let toy = Example::toy();
     let toy_family = Family { contract: toy.contract.clone(), parent: toy.parent.clone() };
     let mut examples = vec![(toy, Registry::new([toy_family]))];
     for family in real.iter() {
@@ -43,6 +43,7 @@ fn model(seed: u64, rates: [f64; 4]) -> ModelSpec {
     let names = ["malformed_json_rate", "out_of_range_rate", "foreign_mechanism_rate", "stale_hash_rate"];
     let mut sampling: BTreeMap<String, f64> = names.into_iter().map(String::from).zip(rates).collect();
     sampling.insert("seed".into(), seed as f64);
+    sampling.insert("oversight_rate".into(), 0.1);
     ModelSpec { name: "scripted".into(), kind: super::KIND.into(), model: "rules-1".into(), sampling }
 }
 
@@ -169,7 +170,7 @@ fn errors_come_at_the_declared_rates() {
         |rates: [f64; 4]| -> Vec<Vec<u8>> { (0..draws).map(|slot| draft(stage, slot, &model(1, rates))).collect() };
     let parsed = |bytes: &[u8]| reply::patch(bytes, Role::Actor).ok();
     let out_of_range = |patch: &ProgramPatch| {
-        gate_problems(stage, &patch).iter().any(|p| p.contains("a number in [") || p.contains("a whole number in ["))
+        gate_problems(stage, patch).iter().any(|p| p.contains("a number in [") || p.contains("a whole number in ["))
     };
     let foreign = |patch: &ProgramPatch| gate_problems(stage, patch).iter().any(|p| p.contains("a word of family"));
     let (p, near) = (0.1, 4.0 * (f64::from(draws) * 0.1 * 0.9).sqrt());
@@ -277,9 +278,9 @@ fn whole_proposals_end_in_patches_and_in_declines() {
 
 #[test]
 fn memory_shifts_which_mechanisms_are_used_and_is_cited_when_it_does() {
-    let mut example = Example::new();
+    let mut example = Example::toy();
     let share = |example: &Example, tag: &str| {
-        let stage = Stage { briefing: example.briefing(), example: Example::new(), registry: Registry::default() };
+        let stage = Stage { briefing: example.briefing(), example: Example::toy(), registry: Registry::default() };
         let patches: Vec<ProgramPatch> = (0..300).map(|slot| drafted(&stage, slot, &model(9, [0.0; 4]))).collect();
         let uses = |p: &&ProgramPatch| {
             p.operations.iter().any(|o| {

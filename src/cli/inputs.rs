@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use super::answer::progress;
 use super::exit::Failure;
 use super::experiment::{Experiment, SceneSource};
+use super::models;
 use crate::baselines;
 use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
 use crate::kernel::{Digest, Seed, par::Pool as Threads};
-use crate::llm::{Ask, ModelSpec};
-use crate::objects::Role;
+use crate::llm::Ask;
 use crate::scene::import::import_files;
 use crate::scene::{Pool, Scene, pool, synth, usable};
 use crate::store;
@@ -77,20 +77,6 @@ pub fn tell_left_out(pool: &Pool) {
     }
 }
 
-/// The model of each role.
-pub fn models(experiment: &Experiment) -> BTreeMap<Role, ModelSpec> {
-    let spec = |name: &String| {
-        let options = experiment.models.get(name)?;
-        Some(ModelSpec {
-            name: name.clone(),
-            kind: options.kind.clone(),
-            model: options.model.clone(),
-            sampling: options.sampling.clone(),
-        })
-    };
-    experiment.roles.iter().filter_map(|(role, name)| Some((*role, spec(name)?))).collect()
-}
-
 /// Puts a study together. `pool_digest` names all scenes; the study holds those of the split.
 pub fn study<'a>(
     experiment: &Experiment,
@@ -142,7 +128,7 @@ pub fn study<'a>(
             probe_scenes: experiment.budget.probe_scenes,
             finalists: experiment.budget.finalists,
         },
-        models: models(experiment),
+        models: models::by_role(experiment),
         evaluation: experiment.evaluation.clone(),
         archive: experiment.archive.clone(),
         selector: experiment.selector.clone(),

@@ -89,6 +89,7 @@ impl RunFolder {
     }
 
     /// What live models have used.
+    #[cfg(feature = "live")]
     pub fn spend(&self) -> PathBuf {
         self.dir.join("spend.json")
     }

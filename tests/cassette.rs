@@ -9,8 +9,8 @@ use std::{
 use evodrive::{
     kernel::par::Pool,
     llm::{
-        Ask, AskError, Cassette, CassetteError, DrawSlot, Message, Model, ModelError, ModelSpec, Record, RecordMode,
-        Replay, Request, Schema,
+        Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Message, Metadata, Model, ModelError, ModelSpec,
+        Record, RecordMode, Replay, Request, ResponseFormat, Schema,
     },
     store::{MemoKind, Store},
 };
@@ -32,10 +32,15 @@ fn request(at: DrawSlot) -> Request {
             kind: "scripted".into(),
             model: "echo-1".into(),
             sampling: BTreeMap::from([("temperature".into(), 0.7)]),
+            response_format: None,
+            body: BTreeMap::new(),
         },
         messages: vec![
             Message { role: "system".into(), text: "You evolve programs.".into() },
-            Message { role: "user".into(), text: format!("Parent: p\nEpoch {} slot {}\nEnd", at.epoch, at.slot).into() },
+            Message {
+                role: "user".into(),
+                text: format!("Parent: p\nEpoch {} slot {}\nEnd", at.epoch, at.slot).into(),
+            },
         ],
         schema: schema(json!({"type": "object", "properties": {"b": 1, "a": 2.5}})),
         slot: at,
@@ -46,12 +51,13 @@ fn request(at: DrawSlot) -> Request {
 struct Echo<'a>(&'a AtomicUsize);
 
 impl Model for Echo<'_> {
-    fn complete(&self, request: &Request) -> Result<Vec<u8>, ModelError> {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
         let call = self.0.fetch_add(1, Ordering::SeqCst);
         if request.messages.iter().any(|message| message.text.contains("fail")) {
             return Err(ModelError::Transport { address: "here".into(), attempts: 3, reason: "cable cut".into() });
         }
-        Ok(if call.is_multiple_of(2) { b"{\"even\": \"\xc3\xbc\"}".to_vec() } else { vec![0xff, 0x00, 0x10] })
+        let bytes = if call.is_multiple_of(2) { b"{\"even\": \"\xc3\xbc\"}".to_vec() } else { vec![0xff, 0x00, 0x10] };
+        Ok(bytes.into())
     }
 }
 
@@ -95,6 +101,9 @@ fn each_field_changes_the_key() {
         |r| r.model.kind = "openai".into(),
         |r| r.model.model = "echo-2".into(),
         |r| r.model.sampling = BTreeMap::from([("temperature".into(), 0.700_000_000_000_000_1)]),
+        |r| r.model.response_format = Some(ResponseFormat::JsonSchema),
+        |r| r.model.response_format = Some(ResponseFormat::None),
+        |r| drop(r.model.body.insert("cache_prompt".into(), json!(false))),
         |r| r.messages[0].role = "user".into(),
         |r| r.messages[1].text = format!("{} ", r.messages[1].text).into(),
         |r| r.messages.swap(0, 1),
@@ -281,8 +290,8 @@ fn a_recording_asks_once_and_its_cassette_does_not_depend_on_threads() {
 struct Constant;
 
 impl Model for Constant {
-    fn complete(&self, request: &Request) -> Result<Vec<u8>, ModelError> {
-        Ok(request.messages[1].text.as_bytes().to_vec())
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        Ok(request.messages[1].text.as_bytes().to_vec().into())
     }
 }
 
@@ -313,6 +322,54 @@ fn record_fresh_asks_anew_but_not_twice_in_one_recording() {
     assert_eq!(calls.load(Ordering::SeqCst), 1);
     assert_ne!(ask("tuesday"), first);
     assert_eq!(calls.load(Ordering::SeqCst), 2);
+}
+
+/// Answers like a provider: with metadata.
+struct Provider;
+
+impl Model for Provider {
+    fn complete(&self, _: &Request) -> Result<Completion, ModelError> {
+        Ok(Completion { bytes: b"{}".to_vec(), metadata: Some(told(17)) })
+    }
+}
+
+fn told(input_tokens: u64) -> Metadata {
+    Metadata { model: "echo-1-exact".into(), input_tokens: Some(input_tokens), ..Metadata::default() }
+}
+
+#[test]
+fn metadata_are_recorded_survive_a_kill_and_change_no_digest() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path()).unwrap();
+    let providers = || BTreeMap::from([("echo".to_string(), Box::new(Provider) as Box<dyn Model>)]);
+    let nobody = BTreeMap::new;
+    let first =
+        Record::new(&store, Cassette::new(""), RecordMode::Missing, providers()).ask(&request(slot(0, 0))).unwrap();
+    // Killed and started again, then from its own cassette: the metadata stay with the answer.
+    let again = Record::new(&store, Cassette::new(""), RecordMode::Missing, nobody());
+    assert_eq!(again.ask(&request(slot(0, 0))).unwrap(), first);
+    let text = again.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap();
+    let read = Cassette::parse(&text, "t").unwrap();
+    assert_eq!(read.exchanges()[0].metadata, Some(told(17)));
+    let third = Record::new(&store, read, RecordMode::Missing, nobody());
+    third.ask(&request(slot(0, 0))).unwrap();
+    assert_eq!(third.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap(), text);
+    let mut without = Cassette::new("t");
+    without.push(&request(slot(0, 0)), b"{}".to_vec()).unwrap();
+    assert_eq!(Replay::new(without, "").ask(&request(slot(0, 0))).unwrap(), first);
+}
+
+#[test]
+fn a_cassette_says_the_lowest_version_that_holds_it_and_changed_metadata_are_refused() {
+    assert!(recorded().to_bytes("t").unwrap().starts_with(b"{\"format\":\"evodrive-cassette\",\"version\":\"1.0\""));
+    let mut cassette = Cassette::new("t");
+    cassette.push_with(&request(slot(0, 0)), b"{}".to_vec(), Some(told(17))).unwrap();
+    let text = String::from_utf8(cassette.to_bytes("t").unwrap()).unwrap();
+    assert!(text.starts_with("{\"format\":\"evodrive-cassette\",\"version\":\"1.1\""), "{text}");
+    for (from, to) in [(":17", ":18"), ("-exact", "-wrong"), (",\"metadata_digest\"", ",\"reply_hexx\"")] {
+        let error = Cassette::parse(text.replacen(from, to, 1).as_bytes(), "x").unwrap_err();
+        assert!(matches!(error, CassetteError::Damaged { .. }), "{error}");
+    }
 }
 
 #[test]

@@ -13,7 +13,7 @@ use super::{
     task::{Context, Outcomes, ParentOutcome, Task},
 };
 use crate::{
-    adapters::ADAPTER_VERSION,
+    adapters::{ADAPTER_VERSION, Contract},
     kernel::num,
     llm::{DrawSlot, Message, ModelSpec, Request, Schema, Text},
     objects::{EDITABLE_SURFACE, ProgramPatch, Review, Role},
@@ -69,6 +69,11 @@ fn role_template(role: Role) -> Option<&'static str> {
     })
 }
 
+/// A contract as prompts show it: the same in every epoch, so a run writes it out once.
+pub fn contract_text(contract: &Contract) -> String {
+    stable_json(&contract.to_prompt_json())
+}
+
 /// The context message of an epoch with what questions need besides, written out once.
 #[derive(Clone, Debug)]
 pub struct Briefing {
@@ -95,7 +100,7 @@ impl Briefing {
             "lineage": context.lineage,
             "epoch": context.epoch,
             "identity": stable_json(&identity),
-            "contract": stable_json(&context.contract.to_prompt_json()),
+            "contract": context.contract_text,
             "foreign_vocabulary": stable_json(&to_value(&context.foreign_vocabulary)?),
             "parent": stable_json(&shown_parent(parent)),
             "memory": stable_json(&shown_memory(context)?),

@@ -60,6 +60,8 @@ fn models() -> BTreeMap<Role, ModelSpec> {
         kind: "table".into(),
         model: "table".into(),
         sampling: BTreeMap::new(),
+        response_format: None,
+        body: BTreeMap::new(),
     };
     [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS).map(|role| (role, spec(role))).collect()
 }

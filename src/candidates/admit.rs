@@ -3,8 +3,8 @@
 
 use super::{ApplyError, apply, interface, isolation, parent as parent_gate, protected, schema};
 use crate::{
-    kernel::Digest,
     adapters::{Contract, Problem, Registry},
+    kernel::Digest,
     objects::{Candidate, Gate, GateReport, GateVerdict, Program, ProgramPatch, SolutionId},
 };
 
@@ -51,8 +51,11 @@ pub fn admit(
         verdict(Gate::Compile, of_child(&applied, |program| compile(contract, program, child_hash, compiles))),
     ];
     let gates = GateReport { verdicts };
-    let candidate =
-        if gates.passed() { applied.ok().zip(child_hash).and_then(|(p, hash)| candidate(p, hash, patch)) } else { None };
+    let candidate = if gates.passed() {
+        applied.ok().zip(child_hash).and_then(|(p, hash)| candidate(p, hash, patch))
+    } else {
+        None
+    };
     Admission { gates, candidate }
 }
 

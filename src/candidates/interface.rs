@@ -13,11 +13,7 @@ const NODE_FIELDS: [&str; 4] = ["slot", "kind", "settings", "inputs"];
 const RULE_FIELDS: [&str; 4] = ["name", "when", "parameters", "operators"];
 const MODULE_FIELDS: [&str; 5] = ["slot", "inputs", "output", "expression", "tags"];
 
-pub fn check(
-    patch: &ProgramPatch,
-    contract: &Contract,
-    changes_nothing: bool,
-) -> Vec<Problem> {
+pub fn check(patch: &ProgramPatch, contract: &Contract, changes_nothing: bool) -> Vec<Problem> {
     let mut problems = Vec::new();
     let (count, most) = (patch.operations.len(), contract.limits.operations_per_patch);
     if count == 0 || count > most {

@@ -1,8 +1,8 @@
 //! The parent gate: the patch was written for exactly this parent, and the child follows it in its lineage.
 
 use crate::{
-    kernel::{Digest, canon::CanonError},
     adapters::{Contract, Problem},
+    kernel::{Digest, canon::CanonError},
     objects::{Program, ProgramPatch, SolutionId},
 };
 

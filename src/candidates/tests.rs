@@ -152,7 +152,10 @@ mod application {
     #[test]
     fn protected_parts_do_not_exist_for_a_patch() {
         for path in ["/compile_contract/backend", "/ancestor_chain/-", "/solution_id", "/", "", "parameters/x"] {
-            assert!(apply(&program(), program().hash().unwrap(), &patch(vec![add(path, json!(1))]), child_id()).is_err(), "{path}");
+            assert!(
+                apply(&program(), program().hash().unwrap(), &patch(vec![add(path, json!(1))]), child_id()).is_err(),
+                "{path}"
+            );
         }
     }
 }

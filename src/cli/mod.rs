@@ -10,6 +10,7 @@ mod folder;
 mod fsck;
 pub mod inputs;
 mod lineage;
+mod models;
 mod playables;
 mod report;
 mod result_text;

@@ -8,7 +8,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::evidence::attempt_text::{self, Exchanged};
-use crate::llm::Cassette;
+use crate::llm::{Cassette, Metadata};
 use crate::objects::{Exchange, spelling};
 
 #[derive(Debug, Args)]
@@ -43,6 +43,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         Some(Exchanged {
             messages: request.messages.into_iter().map(|m| (m.role, m.text.to_string())).collect(),
             reply: String::from_utf8_lossy(&recorded.bytes).into_owned(),
+            told: recorded.metadata.as_ref().map(Metadata::to_string),
         })
     };
     let text = attempt_text::attempt(attempt, &texts, options.full);
@@ -51,7 +52,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         .exchanges
         .iter()
         .map(|exchange| {
-            let messages = texts(exchange).map(|t| json!({"messages": t.messages, "reply": t.reply}));
+            let messages = texts(exchange).map(|t| json!({"messages": t.messages, "reply": t.reply, "told": t.told}));
             json!({"exchange": exchange, "texts": messages})
         })
         .collect();

@@ -1,5 +1,7 @@
 //! Labels of a program on scenes of the study, from the store where they are recorded, from the simulator where not.
 
+use std::sync::OnceLock;
+
 use super::{
     RunError,
     rollouts::{Rollouts, TrialRecord},
@@ -22,14 +24,19 @@ pub fn score(
     rollouts: &Rollouts<'_>,
 ) -> Result<Score, RunError> {
     let contract = &study.family(spec)?.contract;
-    let prepared = Prepared::new(program, contract).map_err(|failure| RunError::Study(failure.to_string()))?;
-    let subject = Subject { program: prepared.hash(), ego: &spec.ego, seed: study.seed };
+    // Nothing is prepared where every rollout is on record.
+    let prepared = OnceLock::new();
+    let ready = || match prepared.get_or_init(|| Prepared::new(program, contract)) {
+        Ok(prepared) => Ok(prepared),
+        Err(failure) => Err(failure.to_string()),
+    };
+    let subject = Subject { program: program.hash()?, ego: &spec.ego, seed: study.seed };
     let scene = |&place: &usize| {
         let entry = &study.scenes[place];
         SceneRef { id: &entry.scene.id, digest: entry.digest }
     };
     let scenes: Vec<SceneRef<'_>> = places.iter().map(scene).collect();
-    let label = |i: usize| labelled_rollout(study, spec, &prepared, places[i]);
+    let label = |i: usize| labelled_rollout(study, spec, ready()?, places[i]);
     Ok(evaluate(&subject, &scenes, &label, &study.evaluation, rollouts, study.pool)?)
 }
 

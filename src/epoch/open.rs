@@ -36,7 +36,7 @@ pub fn opened(study: &Study<'_>) -> Result<Opened, RunError> {
         held_out_scenes: study.held_out.iter().map(id).collect(),
         versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },
         contracts,
-        models: study.models.iter().map(|(role, model)| (role.name().to_string(), model.name.clone())).collect(),
+        models: study.models.iter().map(|(role, model)| (role.name().to_string(), model.label())).collect(),
     })
 }
 

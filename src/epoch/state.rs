@@ -117,6 +117,7 @@ impl<'a> Snapshot<'a> {
             parent: &parent,
             parent_hash,
             contract: &family.contract,
+            contract_text: study.contract_text(spec)?,
             foreign_vocabulary: &foreign,
             ego: briefing::ego_sentence(&spec.ego),
             memory: &memory,

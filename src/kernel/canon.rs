@@ -21,7 +21,17 @@ impl ser::Error for CanonError {
 
 /// Canonical bytes. Equal values give equal bytes, whatever the order of fields or map entries.
 pub fn canonical_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
-    let mut sheet = Sheet { out: Vec::with_capacity(1024), entries: Vec::new(), sorted: Vec::new() };
+    written(value, false)
+}
+
+/// Canonical bytes of the JSON that a value serialises to: those of `serde_json::to_value(value)`, without building it.
+/// What JSON does not keep apart (an absent value and null, a variant and a one-entry object) is one here.
+pub fn canonical_json_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
+    written(value, true)
+}
+
+fn written<T: Serialize + ?Sized>(value: &T, as_json: bool) -> Result<Vec<u8>, CanonError> {
+    let mut sheet = Sheet { out: Vec::with_capacity(1024), entries: Vec::new(), sorted: Vec::new(), as_json };
     value.serialize(Writer { sheet: &mut sheet })?;
     Ok(sheet.out)
 }
@@ -32,6 +42,8 @@ struct Sheet {
     /// (begin of key, begin of value, end) of the entries of every open map, innermost last.
     entries: Vec<(usize, usize, usize)>,
     sorted: Vec<u8>,
+    /// Whether to write what the value is as JSON.
+    as_json: bool,
 }
 
 // One tag byte opens every value. Tags are part of the format: never renumber.
@@ -54,6 +66,16 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
+    /// Opens a variant with content: in JSON an object of one entry.
+    fn variant(&mut self, name: &str) {
+        if self.sheet.as_json {
+            self.tagged_u64(MAP, 1);
+            self.blob(TEXT, name.as_bytes());
+        } else {
+            self.blob(VARIANT, name.as_bytes());
+        }
+    }
+
     fn tagged_u64(&mut self, tag: u8, value: u64) {
         self.sheet.out.push(tag);
         self.sheet.out.extend_from_slice(&value.to_le_bytes());
@@ -98,6 +120,21 @@ impl Sheet {
         count_at
     }
 
+    /// Keys of JSON objects are texts: a number that was written at `begin` becomes its digits.
+    fn key_as_text(&mut self, begin: usize) -> Result<(), CanonError> {
+        let sign = match self.out.get(begin) {
+            Some(&TEXT) => return Ok(()),
+            Some(&UNSIGNED) => "",
+            Some(&NEGATIVE) => "-",
+            _ => return Err(CanonError::Other("a key of a JSON object is a text or a whole number".into())),
+        };
+        let mut bytes = [0; 8];
+        bytes.copy_from_slice(&self.out[begin + 1..begin + 9]);
+        self.out.truncate(begin);
+        Writer { sheet: self }.blob(TEXT, format!("{sign}{}", u64::from_le_bytes(bytes)).as_bytes());
+        Ok(())
+    }
+
     fn count(&mut self, count_at: usize, count: u64) {
         self.out[count_at..count_at + 8].copy_from_slice(&count.to_le_bytes());
     }
@@ -122,8 +159,10 @@ impl<'a> Map<'a> {
     }
 
     fn key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), CanonError> {
-        self.key_at = Some(self.sheet.out.len());
-        key.serialize(Writer { sheet: self.sheet })
+        let begin = self.sheet.out.len();
+        self.key_at = Some(begin);
+        key.serialize(Writer { sheet: self.sheet })?;
+        if self.sheet.as_json { self.sheet.key_as_text(begin) } else { Ok(()) }
     }
 
     fn value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
@@ -136,7 +175,7 @@ impl<'a> Map<'a> {
     }
 
     fn close(self) -> Result<(), CanonError> {
-        let Sheet { out, entries, sorted } = self.sheet;
+        let Sheet { out, entries, sorted, .. } = self.sheet;
         let own = &mut entries[self.first..];
         out[self.count_at..self.count_at + 8].copy_from_slice(&(own.len() as u64).to_le_bytes());
         // Keys of a map differ, but equal ones would still have one order: that of their values.
@@ -227,17 +266,22 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_bytes(mut self, v: &[u8]) -> Result<(), CanonError> {
+        if self.sheet.as_json {
+            return v.serialize(self);
+        }
         self.blob(BYTES, v);
         Ok(())
     }
 
     fn serialize_none(self) -> Result<(), CanonError> {
-        self.sheet.out.push(NONE);
+        self.sheet.out.push(if self.sheet.as_json { UNIT } else { NONE });
         Ok(())
     }
 
     fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Result<(), CanonError> {
-        self.sheet.out.push(SOME);
+        if !self.sheet.as_json {
+            self.sheet.out.push(SOME);
+        }
         value.serialize(Writer { sheet: self.sheet })
     }
 
@@ -251,6 +295,9 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_unit_variant(mut self, _: &'static str, _: u32, variant: &'static str) -> Result<(), CanonError> {
+        if self.sheet.as_json {
+            return self.serialize_str(variant);
+        }
         self.blob(VARIANT, variant.as_bytes());
         self.serialize_unit()
     }
@@ -266,7 +313,7 @@ impl<'a> ser::Serializer for Writer<'a> {
         variant: &'static str,
         value: &T,
     ) -> Result<(), CanonError> {
-        self.blob(VARIANT, variant.as_bytes());
+        self.variant(variant);
         value.serialize(self)
     }
 
@@ -289,7 +336,7 @@ impl<'a> ser::Serializer for Writer<'a> {
         variant: &'static str,
         _: usize,
     ) -> Result<List<'a>, CanonError> {
-        self.blob(VARIANT, variant.as_bytes());
+        self.variant(variant);
         Ok(List::open(self.sheet))
     }
 
@@ -308,7 +355,7 @@ impl<'a> ser::Serializer for Writer<'a> {
         variant: &'static str,
         _: usize,
     ) -> Result<Map<'a>, CanonError> {
-        self.blob(VARIANT, variant.as_bytes());
+        self.variant(variant);
         Ok(Map::open(self.sheet))
     }
 }
@@ -411,6 +458,36 @@ mod tests {
         assert_ne!(canonical_bytes(&["ab", "c"]), canonical_bytes(&["a", "bc"]));
         assert_ne!(canonical_bytes(&json!([[1], []])), canonical_bytes(&json!([[], [1]])));
         assert_ne!(canonical_bytes(&Some(1u8)), canonical_bytes(&1u8));
+    }
+
+    #[test]
+    fn as_json_a_value_has_the_bytes_of_its_json() {
+        #[derive(serde::Serialize)]
+        enum Kind {
+            Plain,
+            One(f64),
+            Two(u8, i8),
+            Named { z: Option<u8>, a: char },
+        }
+        #[derive(serde::Serialize)]
+        struct All<'a> {
+            kinds: Vec<Kind>,
+            absent: Option<u8>,
+            there: Option<i64>,
+            numbered: std::collections::BTreeMap<i32, &'a str>,
+            pair: (bool, f32),
+        }
+        let all = All {
+            kinds: vec![Kind::Plain, Kind::One(-0.0), Kind::Two(1, -1), Kind::Named { z: None, a: 'x' }],
+            absent: None,
+            there: Some(i64::MIN),
+            numbered: [(-3, "b"), (10, "a"), (9, "c")].into(),
+            pair: (true, 0.5),
+        };
+        let json = serde_json::to_value(&all).unwrap();
+        assert_eq!(canonical_json_bytes(&all), canonical_bytes(&json));
+        assert_eq!(canonical_json_bytes(&json), canonical_bytes(&json));
+        assert_eq!(canonical_json_bytes(&Kind::One(f64::NAN)), Err(CanonError::NotFinite));
     }
 
     #[test]

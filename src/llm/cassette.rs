@@ -5,14 +5,16 @@
 //! the first exchange that uses them: `{"text":"<BLAKE3 of the text>","body":"..."}` and `{"schema":"<digest>","body":{..}}` (domain
 //! `evodrive/schema/1`). An exchange is `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
 //! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`, with
-//! `reply_hex` in place of `reply` where the bytes are not UTF-8. A reader accepts every minor version of its major version.
+//! `reply_hex` in place of `reply` where the bytes are not UTF-8. Version 1.1 adds, to exchanges with a live model,
+//! `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader accepts every minor
+//! version of its major version.
 
 use std::{collections::BTreeMap, io::Read, path::Path, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{DrawSlot, Message, ModelSpec, Request, Schema, Text};
+use super::{DrawSlot, Message, Metadata, ModelSpec, Request, Schema, Text};
 use crate::{
     kernel::Digest,
     store::{self, StoreError},
@@ -20,6 +22,8 @@ use crate::{
 
 const FORMAT: &str = "evodrive-cassette";
 const VERSION: &str = "1.0";
+/// With metadata, or with model settings that 1.0 did not have.
+const VERSION_LIVE: &str = "1.1";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
 const MAX_BYTES: u64 = 1 << 30;
@@ -59,6 +63,8 @@ pub struct Recorded {
     /// Raw bytes of the answer and their digest.
     pub response: Digest,
     pub bytes: Vec<u8>,
+    /// What the provider said about the answer; no key and no result depends on it.
+    pub metadata: Option<Metadata>,
 }
 
 impl Recorded {
@@ -127,6 +133,10 @@ struct ExchangeLine {
     reply: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reply_hex: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    metadata: Option<Metadata>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    metadata_digest: Option<Digest>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -236,6 +246,14 @@ impl Cassette {
             _ => return Err(("either reply or reply_hex".to_string(), "both or none".to_string())),
         };
         same("digest of the reply", line.response, Digest::of_bytes(&bytes))?;
+        match (&line.metadata, line.metadata_digest) {
+            (None, None) => {}
+            (Some(metadata), Some(written)) => {
+                let computed = metadata.digest().map_err(|e| ("metadata with a digest".to_string(), e.to_string()))?;
+                same("digest of the metadata", written, computed)?;
+            }
+            _ => return Err(("metadata and metadata_digest".to_string(), "one of them".to_string())),
+        }
         let recorded = Recorded {
             key: line.exchange,
             adapter_version: line.adapter_version,
@@ -245,6 +263,7 @@ impl Cassette {
             schema: schema.clone(),
             response: line.response,
             bytes,
+            metadata: line.metadata,
         };
         let key = recorded.request().key().map_err(|error| ("a request with a key".to_string(), error.to_string()))?;
         same("key of the request in this line", line.exchange, key)?;
@@ -253,6 +272,16 @@ impl Cassette {
 
     /// Adds an exchange behind the others. One that is there already is not added again.
     pub fn push(&mut self, request: &Request, bytes: Vec<u8>) -> Result<(), CassetteError> {
+        self.push_with(request, bytes, None)
+    }
+
+    /// `push` with what the provider said about the answer.
+    pub fn push_with(
+        &mut self,
+        request: &Request,
+        bytes: Vec<u8>,
+        metadata: Option<Metadata>,
+    ) -> Result<(), CassetteError> {
         let unwritable = |reason: String| CassetteError::Unwritable(reason);
         let key = request.key().map_err(|error| unwritable(error.to_string()))?;
         let model =
@@ -275,6 +304,7 @@ impl Cassette {
             schema,
             response: Digest::of_bytes(&bytes),
             bytes,
+            metadata,
         })
     }
 
@@ -305,7 +335,8 @@ impl Cassette {
     pub fn to_bytes(&self, name: &str) -> Result<Vec<u8>, CassetteError> {
         let mut out = Vec::new();
         let models = self.models.values().map(|model| ModelSpec::clone(model)).collect();
-        line(&mut out, &Header { format: FORMAT.into(), version: VERSION.into(), name: name.into(), models })?;
+        let version = self.version().into();
+        line(&mut out, &Header { format: FORMAT.into(), version, name: name.into(), models })?;
         let mut written = std::collections::BTreeSet::new();
         for exchange in &self.exchanges {
             let mut messages = Vec::new();
@@ -320,9 +351,16 @@ impl Cassette {
             if written.insert(schema) {
                 line(&mut out, &SchemaLine { schema, body: Value::clone(&exchange.schema) })?;
             }
-            line(&mut out, &exchange_line(exchange, messages, schema))?;
+            line(&mut out, &exchange_line(exchange, messages, schema)?)?;
         }
         Ok(out)
+    }
+
+    /// The lowest version that can hold what is in it.
+    fn version(&self) -> &'static str {
+        let new_settings = |model: &Arc<ModelSpec>| model.response_format.is_some() || !model.body.is_empty();
+        let live = self.exchanges.iter().any(|e| e.metadata.is_some()) || self.models.values().any(new_settings);
+        if live { VERSION_LIVE } else { VERSION }
     }
 
     /// Writes the file, whole or not at all; compressed when its name ends in `.zst`.
@@ -337,9 +375,15 @@ impl Cassette {
     }
 }
 
-fn exchange_line(exchange: &Recorded, messages: Vec<MessageRef>, schema: Digest) -> ExchangeLine {
+fn exchange_line(
+    exchange: &Recorded,
+    messages: Vec<MessageRef>,
+    schema: Digest,
+) -> Result<ExchangeLine, CassetteError> {
+    let digest = exchange.metadata.as_ref().map(Metadata::digest).transpose();
+    let metadata_digest = digest.map_err(|error| CassetteError::Unwritable(error.to_string()))?;
     let reply = std::str::from_utf8(&exchange.bytes).ok().map(str::to_string);
-    ExchangeLine {
+    Ok(ExchangeLine {
         exchange: exchange.key,
         adapter_version: exchange.adapter_version,
         slot: exchange.slot.clone(),
@@ -349,7 +393,9 @@ fn exchange_line(exchange: &Recorded, messages: Vec<MessageRef>, schema: Digest)
         response: exchange.response,
         reply_hex: if reply.is_none() { Some(to_hex(&exchange.bytes)) } else { None },
         reply,
-    }
+        metadata: exchange.metadata.clone(),
+        metadata_digest,
+    })
 }
 
 fn line(out: &mut Vec<u8>, value: &impl Serialize) -> Result<(), CassetteError> {

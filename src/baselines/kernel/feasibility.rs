@@ -62,8 +62,7 @@ impl LoggedPath {
     fn rooms(&self) -> Vec<Room> {
         let free = [(f64::INFINITY, f64::INFINITY); 4];
         let movable = self.directions.iter().skip(self.history);
-        let mut rooms: Vec<Room> =
-            movable.map(|d| Room { direction: *d, velocity: None, sides: free }).collect();
+        let mut rooms: Vec<Room> = movable.map(|d| Room { direction: *d, velocity: None, sides: free }).collect();
         let around = |value: f64, bound: f64| ((bound + value).max(0.0), (bound - value).max(0.0));
         self.visit(&[], |place, order, direction, base, _| {
             let room = &mut rooms[place];
@@ -101,12 +100,8 @@ impl LoggedPath {
                 theta = theta.min(within_circle(own, velocity, self.bounds.speed_mps_max));
             }
             let left = room.direction.left();
-            let changes = [
-                acceleration.dot(room.direction),
-                acceleration.dot(left),
-                jerk.dot(room.direction),
-                jerk.dot(left),
-            ];
+            let changes =
+                [acceleration.dot(room.direction), acceleration.dot(left), jerk.dot(room.direction), jerk.dot(left)];
             for (change, (down, up)) in changes.into_iter().zip(room.sides) {
                 let side = if change < 0.0 { down } else { up };
                 if change.abs() * theta > side {

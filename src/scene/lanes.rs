@@ -118,6 +118,25 @@ impl LaneGraph {
         self.nearest(point, within_m, |_| true)
     }
 
+    /// All street and freeway lanes heading the same way (within 45 degrees) with a centre line at most `within_m` away,
+    /// nearest first, then by index. Allocates.
+    pub fn lanes_near(&self, point: Vec2, heading_rad: f64, within_m: f64) -> Vec<LanePlace> {
+        let mut lanes = Vec::new();
+        self.grid.outward(point, within_m, |piece| {
+            lanes.push(piece.lane);
+            within_m
+        });
+        lanes.sort_unstable();
+        lanes.dedup();
+        let fits =
+            |place: &LanePlace| num::wrap_angle(place.heading_rad - heading_rad).abs() < HEADING_DIFFERENCE_MAX_RAD;
+        let through = lanes.into_iter().filter(|&lane| self.is_through(lane));
+        let places = through.filter_map(|lane| self.place_in(lane, point));
+        let mut places: Vec<LanePlace> = places.filter(|p| p.distance_m <= within_m).filter(fits).collect();
+        places.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.lane.cmp(&b.lane)));
+        places
+    }
+
     /// Direction of the nearest street or freeway lane within `within_m`, radians.
     pub fn heading_at(&self, point: Vec2, within_m: f64) -> Option<f64> {
         self.nearest_lane_any_heading(point, within_m).map(|place| place.heading_rad)

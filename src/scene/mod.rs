@@ -5,8 +5,10 @@ pub mod features;
 #[cfg(test)]
 pub mod fixture;
 mod grid;
+pub mod import;
 pub mod lanes;
 pub mod pool;
+pub mod route;
 pub mod synth;
 pub mod types;
 pub mod usable;

@@ -1,0 +1,35 @@
+//! Why a file could not be imported: which file, which place in it, what was expected, what to do.
+
+/// A file that is refused as a whole.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{file}: {place}: expected {expected}; {remedy}")]
+pub struct ImportError {
+    /// File name without folder.
+    pub file: String,
+    /// Line and element path, key path, or byte offset.
+    pub place: String,
+    /// What was expected, and what stood there instead where that helps.
+    pub expected: String,
+    /// What to do about it.
+    pub remedy: String,
+}
+
+impl ImportError {
+    pub fn new(
+        file: &str,
+        place: impl Into<String>,
+        expected: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> ImportError {
+        ImportError { file: file.into(), place: place.into(), expected: expected.into(), remedy: remedy.into() }
+    }
+}
+
+/// A text from a hostile file, cut and stripped of control characters, for an error message.
+pub(super) fn shown(text: &str) -> String {
+    let mut short: String = text.chars().take(60).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if short.len() < text.len() {
+        short.push_str("...");
+    }
+    short
+}

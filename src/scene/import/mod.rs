@@ -1,0 +1,11 @@
+//! From the formats people have to scenes: pure functions from bytes, one file a format. One bad file never stops
+//! the others, and what is left out is named with its reason.
+
+pub mod commonroad;
+pub mod error;
+pub mod resample;
+pub mod summary;
+pub mod xml;
+
+pub use error::ImportError;
+pub use summary::{ImportSummary, Imported, import_files};

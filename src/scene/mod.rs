@@ -1,6 +1,7 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
 pub mod binary;
+pub mod export;
 pub mod features;
 #[cfg(test)]
 pub mod fixture;
@@ -8,6 +9,7 @@ mod grid;
 pub mod import;
 pub mod lanes;
 pub mod pool;
+pub mod remainder;
 pub mod route;
 pub mod synth;
 pub mod types;

@@ -4,6 +4,7 @@
 pub mod commonroad;
 pub mod error;
 pub mod resample;
+pub mod scenarionet_json;
 pub mod summary;
 pub mod xml;
 

@@ -3,6 +3,8 @@
 
 mod commonroad;
 mod error;
+mod opendrive;
+mod openscenario;
 mod scenarionet_json;
 mod staging;
 mod xml;
@@ -12,5 +14,6 @@ mod tests;
 
 pub use commonroad::commonroad;
 pub use error::{ExportError, Exported, Note};
+pub use openscenario::{OpenScenario, openscenario};
 pub use scenarionet_json::scenarionet_json;
 pub use staging::{Inserted, Staging};

@@ -1,0 +1,154 @@
+//! Where everybody is at the start, what each follows, when the play ends.
+
+use std::ops::Range;
+
+use super::super::xml::{Xml, decimal};
+use super::entities::{Cast, Member};
+use super::seconds;
+use crate::scene::{Sample, Scene, Track};
+
+pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>) {
+    xml.within("Storyboard", &[], |xml| {
+        xml.within("Init", &[], |xml| {
+            xml.within("Actions", &[], |xml| cast.members.iter().for_each(|member| init(xml, member)));
+        });
+        xml.within("Story", &[("name", &"story")], |xml| {
+            xml.within("Act", &[("name", &"act")], |xml| {
+                cast.members.iter().for_each(|member| part(xml, member));
+                xml.within("StartTrigger", &[], |xml| after(xml, "act starts", 0));
+            });
+        });
+        xml.within("StopTrigger", &[], |xml| after(xml, "the scene ends", scene.steps - 1));
+    });
+}
+
+/// Steps in which a track is seen without a gap.
+fn stretches(track: &Track) -> Vec<Range<usize>> {
+    let mut found: Vec<Range<usize>> = Vec::new();
+    for (step, _) in track.samples.iter().enumerate().filter(|(_, sample)| sample.is_some()) {
+        match found.last_mut() {
+            Some(last) if last.end == step => last.end += 1,
+            _ => found.push(step..step + 1),
+        }
+    }
+    found
+}
+
+fn init(xml: &mut Xml, member: &Member<'_>) {
+    let Some(start) = member.track.at(0) else { return };
+    xml.within("Private", &[("entityRef", &member.name)], |xml| {
+        xml.within("PrivateAction", &[], |xml| {
+            xml.within("TeleportAction", &[], |xml| position(xml, start));
+        });
+        xml.within("PrivateAction", &[], |xml| {
+            xml.within("LongitudinalAction", &[], |xml| {
+                xml.within("SpeedAction", &[], |xml| {
+                    xml.empty(
+                        "SpeedActionDynamics",
+                        &[("dynamicsShape", &"step"), ("dynamicsDimension", &"time"), ("value", &0)],
+                    );
+                    xml.within("SpeedActionTarget", &[], |xml| {
+                        xml.empty("AbsoluteTargetSpeed", &[("value", &decimal(start.speed_mps()))]);
+                    });
+                });
+            });
+        });
+    });
+}
+
+fn part(xml: &mut Xml, member: &Member<'_>) {
+    let name = &member.name;
+    let track = member.track;
+    let parts = stretches(track);
+    // Who never moves out of its Init needs no event; a group without any is allowed to be absent.
+    let last = track.samples.len();
+    let still = |range: &Range<usize>| *range == (0..last) && track.samples.iter().all(|s| s == &track.samples[0]);
+    if parts.iter().all(still) {
+        return;
+    }
+    xml.within("ManeuverGroup", &[("name", &format!("group_{name}")), ("maximumExecutionCount", &1)], |xml| {
+        xml.within("Actors", &[("selectTriggeringEntities", &"false")], |xml| {
+            xml.empty("EntityRef", &[("entityRef", name)]);
+        });
+        xml.within("Maneuver", &[("name", &format!("maneuver_{name}"))], |xml| {
+            for (number, range) in parts.iter().enumerate() {
+                stretch(xml, member, number, range);
+            }
+        });
+    });
+}
+
+/// It comes, follows its trajectory and goes.
+fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usize>) {
+    let Member { name, track, is_ego } = member;
+    let Some(first) = track.at(range.start) else { return };
+    if range.start > 0 {
+        event(xml, &format!("add_{name}_{number}"), range.start, |xml| {
+            entity_action(xml, name, |xml| xml.within("AddEntityAction", &[], |xml| position(xml, first)));
+        });
+    }
+    if range.len() > 1 {
+        event(xml, &format!("follow_{name}_{number}"), range.start, |xml| {
+            xml.within("PrivateAction", &[], |xml| {
+                xml.within("RoutingAction", &[], |xml| {
+                    xml.within("FollowTrajectoryAction", &[], |xml| follow(xml, name, number, track, range));
+                });
+            });
+        });
+    }
+    // The ego stays: where its motion is not known any more, somebody else drives it.
+    if range.end < track.samples.len() && !is_ego {
+        event(xml, &format!("delete_{name}_{number}"), range.end - 1, |xml| {
+            entity_action(xml, name, |xml| xml.empty("DeleteEntityAction", &[]));
+        });
+    }
+}
+
+fn follow(xml: &mut Xml, name: &str, number: usize, track: &Track, range: &Range<usize>) {
+    xml.within("TrajectoryRef", &[], |xml| {
+        xml.within("Trajectory", &[("name", &format!("trajectory_{name}_{number}")), ("closed", &"false")], |xml| {
+            xml.within("Shape", &[], |xml| {
+                xml.within("Polyline", &[], |xml| {
+                    for step in range.clone() {
+                        let Some(sample) = track.at(step) else { continue };
+                        xml.within("Vertex", &[("time", &seconds(step))], |xml| position(xml, sample));
+                    }
+                });
+            });
+        });
+    });
+    xml.within("TimeReference", &[], |xml| {
+        xml.empty("Timing", &[("domainAbsoluteRelative", &"absolute"), ("scale", &1), ("offset", &0)]);
+    });
+    xml.empty("TrajectoryFollowingMode", &[("followingMode", &"position")]);
+}
+
+fn position(xml: &mut Xml, sample: &Sample) {
+    let (x, y, h) = (decimal(sample.position.x), decimal(sample.position.y), decimal(sample.heading_rad));
+    xml.within("Position", &[], |xml| {
+        xml.empty("WorldPosition", &[("x", &x), ("y", &y), ("z", &0), ("h", &h), ("p", &0), ("r", &0)]);
+    });
+}
+
+fn entity_action(xml: &mut Xml, name: &str, inside: impl FnOnce(&mut Xml)) {
+    xml.within("GlobalAction", &[], |xml| xml.within("EntityAction", &[("entityRef", &name)], inside));
+}
+
+/// An event with one action that happens at a step.
+fn event(xml: &mut Xml, name: &str, step: usize, action: impl FnOnce(&mut Xml)) {
+    xml.within("Event", &[("name", &name), ("priority", &"parallel"), ("maximumExecutionCount", &1)], |xml| {
+        xml.within("Action", &[("name", &format!("{name}_action"))], action);
+        xml.within("StartTrigger", &[], |xml| after(xml, &format!("{name}_time"), step));
+    });
+}
+
+/// True once simulation time has passed a step: `greaterThan` is what ScenarioRunner knows.
+fn after(xml: &mut Xml, name: &str, step: usize) {
+    xml.within("ConditionGroup", &[], |xml| {
+        xml.within("Condition", &[("name", &name), ("delay", &0), ("conditionEdge", &"none")], |xml| {
+            xml.within("ByValueCondition", &[], |xml| {
+                xml.empty("SimulationTimeCondition", &[("value", &seconds(step)), ("rule", &"greaterThan")]);
+            });
+        });
+    });
+}

@@ -29,7 +29,7 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, ids: &Ids, notes: &mut Vec<Not
         xml.within("staticObstacle", &[("id", &ids[0])], |xml| {
             xml.leaf("type", "unknown");
             shape(xml, track);
-            xml.within("initialState", &[], |xml| state(xml, sample, 0));
+            xml.within("initialState", &[], |xml| state(xml, sample, 0, false));
         });
     }
     let mut waiting = Waiting::beside(scene);
@@ -94,13 +94,15 @@ fn dynamic(xml: &mut Xml, track: &Track, part: Range<usize>, id: u32, start: usi
     if let [(only, _)] = states[..] {
         states.push((only + 1, waiting.place(track)));
     }
+    // All states of a trajectory must give the same values.
+    let slides = states.iter().any(|(_, sample)| lateral_mps(sample).abs() > LATERAL_MPS_MIN);
     xml.within("dynamicObstacle", &[("id", &id)], |xml| {
         xml.leaf("type", kind);
         shape(xml, track);
-        xml.within("initialState", &[], |xml| state(xml, &states[0].1, 0));
+        xml.within("initialState", &[], |xml| state(xml, &states[0].1, 0, slides));
         xml.within("trajectory", &[], |xml| {
             for (step, sample) in &states[1..] {
-                xml.within("state", &[], |xml| state(xml, sample, *step));
+                xml.within("state", &[], |xml| state(xml, sample, *step, slides));
             }
         });
     });
@@ -110,15 +112,18 @@ fn shape(xml: &mut Xml, track: &Track) {
     xml.within("shape", &[], |xml| rectangle(xml, track.length_m, track.width_m, 0.0, None));
 }
 
-fn state(xml: &mut Xml, sample: &Sample, step: usize) {
+fn lateral_mps(sample: &Sample) -> f64 {
+    sample.velocity.dot(Vec2::from_heading(sample.heading_rad).left())
+}
+
+fn state(xml: &mut Xml, sample: &Sample, step: usize, slides: bool) {
     let ahead = Vec2::from_heading(sample.heading_rad);
-    let lateral = sample.velocity.dot(ahead.left());
     xml.within("position", &[], |xml| point(xml, "point", sample.position));
     exact(xml, "orientation", decimal(sample.heading_rad));
     exact(xml, "time", step);
     exact(xml, "velocity", decimal(sample.velocity.dot(ahead)));
-    if lateral.abs() > LATERAL_MPS_MIN {
-        exact(xml, "velocityY", decimal(lateral));
+    if slides {
+        exact(xml, "velocityY", decimal(lateral_mps(sample)));
     }
 }
 
@@ -163,7 +168,7 @@ fn boundary(xml: &mut Xml, (centre, heading_rad, length_m, width_m): (Vec2, f64,
         xml.leaf("type", "roadBoundary");
         xml.within("shape", &[], |xml| rectangle(xml, length_m, width_m, 0.0, None));
         xml.within("initialState", &[], |xml| {
-            state(xml, &Sample { position: centre, heading_rad, velocity: Vec2::ZERO }, 0)
+            state(xml, &Sample { position: centre, heading_rad, velocity: Vec2::ZERO }, 0, false)
         });
     });
 }

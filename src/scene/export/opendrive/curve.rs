@@ -10,7 +10,8 @@ const SAME_PLACE_M: f64 = 1e-3;
 const TOLERANCE_M: f64 = 0.01;
 /// A cubic this straight is a line, metres of control offset.
 const STRAIGHT_M: f64 = 1e-6;
-const HALF_WIDTH_M_MIN: f64 = 0.05;
+/// No boundary lies nearer to the centre, metres: a lane has a width.
+pub(super) const HALF_WIDTH_M_MIN: f64 = 0.05;
 
 /// A point of the reference line.
 #[derive(Clone, Copy, Debug, PartialEq)]

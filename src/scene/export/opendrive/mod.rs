@@ -20,6 +20,8 @@ use graph::{Link, Network, Piece};
 pub(super) use signals::light_signal_id;
 
 const NOT_A_JUNCTION: &str = "-1";
+/// Widths this near are one, metres.
+const SAME_WIDTH_M: f64 = 1e-4;
 
 /// The bytes of an .xodr file.
 pub(super) fn opendrive(scene: &Scene, notes: &mut Vec<Note>) -> Vec<u8> {
@@ -33,6 +35,12 @@ pub(super) fn opendrive(scene: &Scene, notes: &mut Vec<Note>) -> Vec<u8> {
         "road",
         "lanes beside each other are roads beside each other; curbs, crosswalks and who is whose neighbour are left out",
     ));
+    if let [(from, to), ..] = network.apart[..] {
+        let ids = (&scene.road.lanes[from].id, &scene.road.lanes[to].id);
+        let count = network.apart.len();
+        let reason = format!("{count} lanes follow another with a gap or a step, as {:?} follows {:?}", ids.1, ids.0);
+        notes.push(Note::new("road.lanes", reason));
+    }
     xml.open("OpenDRIVE", &[]);
     header(&mut xml, scene);
     for (number, piece) in network.pieces.iter().enumerate() {
@@ -145,16 +153,8 @@ fn plan_view(xml: &mut Xml, curve: &Curve) {
 /// Lane 0 runs along the left boundary; lane -1 is as wide as the scene's lane.
 fn lanes(xml: &mut Xml, lane: &Lane, piece: &Piece) {
     let stations = &piece.curve.stations;
-    let linear = |of: &dyn Fn(&Station) -> f64, k: usize| {
-        let (here, next) = (&stations[k], &stations[(k + 1).min(stations.len() - 1)]);
-        let run = next.s_m - here.s_m;
-        let slope = if run > 0.0 { (of(next) - of(here)) / run } else { 0.0 };
-        (decimal(here.s_m), decimal(of(here)), decimal(slope))
-    };
-    let spans = stations.len() - 1;
     xml.open("lanes", &[]);
-    for k in 0..spans {
-        let (s, a, b) = linear(&|station| station.left_m, k);
+    for (s, a, b) in profile(stations, |station| station.left_m) {
         xml.empty("laneOffset", &[("s", &s), ("a", &a), ("b", &b), ("c", &0), ("d", &0)]);
     }
     xml.open("laneSection", &[("s", &0)]);
@@ -177,14 +177,28 @@ fn lanes(xml: &mut Xml, lane: &Lane, piece: &Piece) {
             }
         }
     });
-    for k in 0..spans {
-        let (s, a, b) = linear(&|station| station.left_m + station.right_m, k);
+    for (s, a, b) in profile(stations, |station| station.left_m + station.right_m) {
         xml.empty("width", &[("sOffset", &s), ("a", &a), ("b", &b), ("c", &0), ("d", &0)]);
     }
     mark(xml, lane.right_neighbour.is_some_and(|n| n.same_direction));
     for _ in 0..4 {
         xml.close();
     }
+}
+
+/// Start, value and slope of the straight pieces that a value along a road is made of.
+fn profile(stations: &[Station], of: impl Fn(&Station) -> f64) -> Vec<(String, String, String)> {
+    let mut pieces: Vec<(f64, f64, f64)> = Vec::new();
+    for pair in stations.windows(2) {
+        let (here, next) = (of(&pair[0]), of(&pair[1]));
+        let run = pair[1].s_m - pair[0].s_m;
+        let foreseen = pieces.last().map(|(s, a, b)| a + b * (pair[1].s_m - s));
+        if foreseen.is_none_or(|value| (value - next).abs() > SAME_WIDTH_M) && run > 0.0 {
+            let slope = if (next - here).abs() > SAME_WIDTH_M { (next - here) / run } else { 0.0 };
+            pieces.push((pair[0].s_m, here, slope));
+        }
+    }
+    pieces.into_iter().map(|(s, a, b)| (decimal(s), decimal(a), decimal(b))).collect()
 }
 
 fn mark(xml: &mut Xml, may_cross: bool) {

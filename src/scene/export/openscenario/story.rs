@@ -56,31 +56,31 @@ fn init(xml: &mut Xml, member: &Member<'_>) {
     });
 }
 
+/// Everybody has a group; who has no event only stands where Init put it.
 fn part(xml: &mut Xml, member: &Member<'_>) {
     let name = &member.name;
-    let track = member.track;
-    let parts = stretches(track);
-    // Who never moves out of its Init needs no event; a group without any is allowed to be absent.
-    let last = track.samples.len();
-    let still = |range: &Range<usize>| *range == (0..last) && track.samples.iter().all(|s| s == &track.samples[0]);
-    if parts.iter().all(still) {
-        return;
-    }
+    let parts = stretches(member.track);
+    let moves = parts.iter().any(|range| range.start > 0 || range.len() > 1 || leaves(member, range));
     xml.within("ManeuverGroup", &[("name", &format!("group_{name}")), ("maximumExecutionCount", &1)], |xml| {
         xml.within("Actors", &[("selectTriggeringEntities", &"false")], |xml| {
             xml.empty("EntityRef", &[("entityRef", name)]);
         });
-        xml.within("Maneuver", &[("name", &format!("maneuver_{name}"))], |xml| {
-            for (number, range) in parts.iter().enumerate() {
-                stretch(xml, member, number, range);
-            }
-        });
+        if moves {
+            xml.within("Maneuver", &[("name", &format!("maneuver_{name}"))], |xml| {
+                parts.iter().enumerate().for_each(|(number, range)| stretch(xml, member, number, range));
+            });
+        }
     });
+}
+
+/// The ego stays: where its motion is not known any more, somebody else drives it.
+fn leaves(member: &Member<'_>, range: &Range<usize>) -> bool {
+    range.end < member.track.samples.len() && !member.is_ego
 }
 
 /// It comes, follows its trajectory and goes.
 fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usize>) {
-    let Member { name, track, is_ego } = member;
+    let Member { name, track, .. } = member;
     let Some(first) = track.at(range.start) else { return };
     if range.start > 0 {
         event(xml, &format!("add_{name}_{number}"), range.start, |xml| {
@@ -96,8 +96,7 @@ fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usiz
             });
         });
     }
-    // The ego stays: where its motion is not known any more, somebody else drives it.
-    if range.end < track.samples.len() && !is_ego {
+    if leaves(member, range) {
         event(xml, &format!("delete_{name}_{number}"), range.end - 1, |xml| {
             entity_action(xml, name, |xml| xml.empty("DeleteEntityAction", &[]));
         });

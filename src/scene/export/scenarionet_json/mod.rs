@@ -11,8 +11,7 @@
 //! Samples that were not observed are zeros with `valid` false. What the description has no key for stands in
 //! `metadata.evodrive`, which MetaDrive ignores.
 
-use serde::ser::SerializeMap;
-use serde::{Serialize, Serializer};
+mod keys;
 
 use super::error::{ExportError, Exported, Note};
 use super::staging::{Staging, height_m, staged};
@@ -20,139 +19,15 @@ use crate::kernel::Vec2;
 use crate::scene::import::scenarionet_json::read_plainly;
 use crate::scene::remainder::Remainder;
 use crate::scene::{AgentKind, DT_S, Lane, LaneIx, LaneKind, Light, LightState, Neighbour, Scene, Track};
+use keys::{
+    Description, Entries, Feature, LaneOut, LightMetadata, LightOut, LightStates, Metadata, NeighbourOut, State,
+    TrackMetadata, TrackOut,
+};
 
 /// The version of the description whose keys are written.
 const VERSION: &str = "MetaDrive v0.3.0.1";
 const MPS_TO_KMH: f64 = 3.6;
 const MPS_TO_MPH: f64 = 2.236_936_292_054_402;
-
-#[derive(Serialize)]
-struct Description<'s> {
-    id: &'s str,
-    version: &'static str,
-    length: usize,
-    metadata: Metadata<'s>,
-    tracks: Entries<TrackOut<'s>>,
-    dynamic_map_states: Entries<LightOut<'s>>,
-    map_features: Entries<Feature<'s>>,
-}
-
-/// A dictionary in the order of the scene.
-struct Entries<V>(Vec<(String, V)>);
-
-impl<V: Serialize> Serialize for Entries<V> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(self.0.len()))?;
-        for (key, value) in &self.0 {
-            map.serialize_entry(key, value)?;
-        }
-        map.end()
-    }
-}
-
-#[derive(Serialize)]
-struct Metadata<'s> {
-    dataset: &'static str,
-    scenario_id: &'s str,
-    source_file: &'s str,
-    metadrive_processed: bool,
-    coordinate: &'static str,
-    sample_rate: f64,
-    /// Seconds.
-    ts: Vec<f64>,
-    current_time_index: usize,
-    sdc_id: &'s str,
-    sdc_track_index: usize,
-    objects_of_interest: Vec<&'s str>,
-    evodrive: Option<&'s Remainder>,
-}
-
-#[derive(Serialize)]
-struct TrackOut<'s> {
-    #[serde(rename = "type")]
-    kind: &'static str,
-    state: State,
-    metadata: TrackMetadata<'s>,
-}
-
-#[derive(Serialize)]
-struct State {
-    position: Vec<[f64; 3]>,
-    heading: Vec<f64>,
-    velocity: Vec<[f64; 2]>,
-    length: Vec<f64>,
-    width: Vec<f64>,
-    height: Vec<f64>,
-    valid: Vec<bool>,
-}
-
-#[derive(Serialize)]
-struct TrackMetadata<'s> {
-    track_length: usize,
-    #[serde(rename = "type")]
-    kind: &'static str,
-    object_id: &'s str,
-}
-
-#[derive(Serialize)]
-struct LightOut<'s> {
-    #[serde(rename = "type")]
-    kind: &'static str,
-    state: LightStates,
-    lane: &'s str,
-    stop_point: [f64; 3],
-    metadata: LightMetadata,
-}
-
-#[derive(Serialize)]
-struct LightStates {
-    object_state: Vec<&'static str>,
-}
-
-#[derive(Serialize)]
-struct LightMetadata {
-    #[serde(rename = "type")]
-    kind: &'static str,
-    track_length: usize,
-    object_id: String,
-}
-
-#[derive(Serialize)]
-#[serde(untagged)]
-enum Feature<'s> {
-    Lane(Box<LaneOut<'s>>),
-    Edge { r#type: &'static str, polyline: Vec<[f64; 3]> },
-    Crosswalk { r#type: &'static str, polygon: Vec<[f64; 3]> },
-    StopSign { r#type: &'static str, position: [f64; 3], lane: Vec<&'s str> },
-}
-
-#[derive(Serialize)]
-struct LaneOut<'s> {
-    r#type: &'static str,
-    polyline: Vec<[f64; 3]>,
-    polygon: Vec<[f64; 3]>,
-    /// Distance from the centre line to the left and the right boundary.
-    width: Vec<[f64; 2]>,
-    entry_lanes: Vec<&'s str>,
-    exit_lanes: Vec<&'s str>,
-    left_neighbor: Vec<NeighbourOut<'s>>,
-    right_neighbor: Vec<NeighbourOut<'s>>,
-    interpolating: bool,
-    speed_limit_mps: Option<f64>,
-    speed_limit_mph: Option<f64>,
-    speed_limit_kmh: Option<f64>,
-}
-
-#[derive(Serialize)]
-struct NeighbourOut<'s> {
-    feature_id: &'s str,
-    self_start_index: usize,
-    self_end_index: usize,
-    neighbor_start_index: usize,
-    neighbor_end_index: usize,
-    same_direction: bool,
-    boundaries: [(); 0],
-}
 
 /// The scene, as logged or as played, as a ScenarioDescription in JSON. Reading it with
 /// [`crate::scene::import::scenarionet_json`] gives the same scene.

@@ -1,1 +1,18 @@
-//! Actor, critics, repair: the only room that asks the llm.
+//! The role loop of one proposal: actor, four critics, repair; their prompts, reply schemas and strict parser. The only room that
+//! asks a model.
+
+pub mod json_text;
+pub mod prompt;
+pub mod propose;
+pub mod reply;
+pub mod task;
+
+pub use prompt::{Briefing, PromptError};
+pub use propose::{AgentError, End, Proposed, propose};
+pub use reply::{Refusal, schema};
+pub use task::{Cluster, Context, FrontPoint, Outcomes, ParentOutcome, RecentAttempt, Target, TargetKind, Task};
+
+#[cfg(test)]
+pub mod example;
+#[cfg(test)]
+mod tests;

@@ -1,12 +1,16 @@
 //! All arguments. Their help texts are goldens: change them on purpose.
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
 
-use super::{answer::Answer, exit::Failure};
+use super::answer::Answer;
+use super::exit::Failure;
+use super::{bench, fsck, lineage, report, run, scenes, show};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
-/// Exit codes: 0 success, 2 bad input, 3 no recorded answer, 4 something came out differently, 5 stored bytes are damaged, 70 internal.
+/// Exit codes: 0 success, 2 bad input, 3 no recorded answer, 4 something came out differently, 5 stored bytes are damaged,
+/// 70 internal.
 #[derive(Debug, Parser)]
 #[command(name = "evodrive", version, max_term_width = 100)]
 pub struct Arguments {
@@ -18,10 +22,86 @@ pub struct Arguments {
 }
 
 #[derive(Debug, Subcommand)]
-pub enum Command {}
+pub enum Command {
+    /// Carry an experiment out from its cassette; the same command again gives the same root.
+    Run(RunArgs),
+    /// Go on with a run that was interrupted.
+    Resume(FolderArgs),
+    /// Derive a finished run again from its recorded answers and rollouts, and compare every event.
+    Replay(FolderArgs),
+    /// Derive a finished run again and simulate every rollout again.
+    Verify(FolderArgs),
+    /// Ask the experiment's models and write its cassette.
+    Record(RecordArgs),
+    /// Import, generate, list, show and compare scenes.
+    #[command(subcommand)]
+    Scenes(scenes::Command),
+    /// Show how a lineage's programs descend from each other, with their patches as diffs.
+    Lineage(lineage::Options),
+    /// Show one attempt: prompts, replies, reviews, gates, route, rollouts, decision.
+    Show(show::Options),
+    /// Check the stored objects, memo and transcript of a run.
+    Fsck(fsck::Options),
+    /// Write a run's report as one HTML file.
+    Report(report::Options),
+    /// Measure speed.
+    #[command(subcommand)]
+    Bench(bench::Command),
+}
+
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Experiment file, e.g. experiments/quickstart.toml.
+    pub experiment: PathBuf,
+    /// Worker threads; 0 = one a core. Never changes a result.
+    #[arg(long, default_value_t = 0)]
+    pub jobs: usize,
+    /// Folder for run folders.
+    #[arg(long, default_value = "runs")]
+    pub out: PathBuf,
+    /// Cassette to replay from, instead of the experiment's.
+    #[arg(long)]
+    pub cassette: Option<PathBuf>,
+    /// Scenario files, folders or a pool, instead of the experiment's scenes.
+    #[arg(long, num_args = 1..)]
+    pub scenes: Vec<PathBuf>,
+    /// Do not write report.html.
+    #[arg(long)]
+    pub no_report: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct RecordArgs {
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Ask everything anew, also what the cassette holds already.
+    #[arg(long)]
+    pub fresh: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct FolderArgs {
+    /// Run folder; without it the latest one below runs/.
+    pub run: Option<PathBuf>,
+    /// Worker threads; 0 = one a core. Never changes a result.
+    #[arg(long, default_value_t = 0)]
+    pub jobs: usize,
+}
 
 impl Command {
     pub fn run(self) -> Result<Answer, Failure> {
-        match self {}
+        match self {
+            Command::Run(args) => run::run(&args),
+            Command::Resume(args) => run::resume(&args),
+            Command::Replay(args) => run::replay(&args),
+            Command::Verify(args) => run::verify(&args),
+            Command::Record(args) => run::record(&args),
+            Command::Scenes(command) => scenes::run(command),
+            Command::Lineage(options) => lineage::run(&options),
+            Command::Show(options) => show::run(&options),
+            Command::Fsck(options) => fsck::run(&options),
+            Command::Report(options) => report::run(&options),
+            Command::Bench(command) => bench::run(command),
+        }
     }
 }

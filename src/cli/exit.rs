@@ -36,6 +36,10 @@ impl Failure {
         Failure { exit: Exit::BadInput, message: message.to_string() }
     }
 
+    pub fn miss(message: impl std::fmt::Display) -> Failure {
+        Failure { exit: Exit::CassetteMiss, message: message.to_string() }
+    }
+
     pub fn divergence(message: impl std::fmt::Display) -> Failure {
         Failure { exit: Exit::Divergence, message: message.to_string() }
     }

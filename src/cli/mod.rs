@@ -2,7 +2,20 @@
 
 mod answer;
 mod args;
+mod bench;
 mod exit;
+mod exit_from;
+mod experiment;
+mod folder;
+mod fsck;
+mod inputs;
+mod lineage;
+mod playables;
+mod report;
+mod result_text;
+mod run;
+mod scenes;
+mod show;
 
 use clap::Parser;
 use std::process::ExitCode;

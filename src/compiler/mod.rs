@@ -1,1 +1,51 @@
-//! Program -> decision -> intervention for one scene.
+//! From a program to what it does in one scene: the decision, and the intervention that carries it out.
+
+pub mod actors;
+pub mod choice;
+pub mod constraints;
+pub mod decision;
+pub mod failure;
+pub mod filters;
+pub mod prepared;
+pub mod timing;
+pub mod walk;
+
+pub use crate::baselines::kernel::{Situation, SituationError, Window};
+pub use decision::{ActorDecision, Decision, FilterReport};
+pub use failure::CompileFailure;
+pub use prepared::Prepared;
+
+use crate::adapters::Contract;
+use crate::kernel::Seed;
+use crate::objects::Program;
+use crate::sim::Intervention;
+
+/// A program made concrete for one scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compiled {
+    pub decision: Decision,
+    /// Empty where the program does not apply: plain replay.
+    pub intervention: Intervention,
+}
+
+/// Compiles for one scene. For many scenes prepare once: [`Prepared::new`], then [`Prepared::compile`].
+pub fn compile(
+    program: &Program,
+    contract: &Contract,
+    situation: &Situation,
+    seed: Seed,
+) -> Result<Compiled, CompileFailure> {
+    Prepared::new(program, contract)?.compile(situation, seed)
+}
+
+/// What keeps a program from compiling in these situations; empty = it can be lowered in all of them.
+pub fn probe(program: &Program, contract: &Contract, situations: &[&Situation], seed: Seed) -> Vec<String> {
+    let prepared = match Prepared::new(program, contract) {
+        Ok(prepared) => prepared,
+        Err(failure) => return vec![failure.to_string()],
+    };
+    situations.iter().filter_map(|s| prepared.compile(s, seed).err()).map(|failure| failure.to_string()).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -6,6 +6,8 @@ use crate::kernel::Digest;
 use crate::sim::Driver;
 
 use super::idm::IdmDriver;
+use super::learned::{ACTION, LearnedDriver, OBSERVATION};
+use super::network::{Network, NetworkError};
 use super::replay::ReplayDriver;
 
 /// A fixed ego policy.
@@ -17,12 +19,18 @@ pub enum Policy {
     IdmMindingLights,
     /// The ego's recorded motion.
     Replay,
+    /// A network with frozen weights.
+    Learned(Network),
 }
 
 /// No such policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no ego policy is called {0:?}; there are idm, idm-lights, replay")]
-pub struct PolicyError(pub String);
+pub enum PolicyError {
+    #[error("no ego policy is called {0:?}; there are idm, idm-lights, replay, learned")]
+    Unknown(String),
+    #[error("the ego policy `learned` needs the bytes of its weights; name a weight file")]
+    NoWeights,
+}
 
 impl FromStr for Policy {
     type Err = PolicyError;
@@ -32,23 +40,34 @@ impl FromStr for Policy {
             "idm" => Ok(Policy::Idm),
             "idm-lights" => Ok(Policy::IdmMindingLights),
             "replay" => Ok(Policy::Replay),
-            other => Err(PolicyError(other.to_string())),
+            "learned" => Err(PolicyError::NoWeights),
+            other => Err(PolicyError::Unknown(other.to_string())),
         }
     }
 }
 
 impl Policy {
+    /// The policy `learned` with weights in the format of [`super::network`].
+    pub fn learned(weights: &[u8]) -> Result<Policy, NetworkError> {
+        Network::from_bytes(weights, OBSERVATION, ACTION).map(Policy::Learned)
+    }
+
     pub fn name(&self) -> &str {
         match self {
             Policy::Idm => "idm",
             Policy::IdmMindingLights => "idm-lights",
             Policy::Replay => "replay",
+            Policy::Learned(_) => "learned",
         }
     }
 
     /// What goes into a rollout's key: the policy's name and, where it has them, its weights.
     pub fn digest(&self) -> Digest {
-        Digest::of_bytes(format!("evodrive/ego/1 {}", self.name()).as_bytes())
+        let weights = match self {
+            Policy::Learned(network) => network.digest().to_hex(),
+            _ => String::new(),
+        };
+        Digest::of_bytes(format!("evodrive/ego/1 {} {weights}", self.name()).as_bytes())
     }
 
     /// A driver, ready for a rollout.
@@ -57,6 +76,7 @@ impl Policy {
             Policy::Idm => Box::new(IdmDriver::new(false)),
             Policy::IdmMindingLights => Box::new(IdmDriver::new(true)),
             Policy::Replay => Box::new(ReplayDriver),
+            Policy::Learned(network) => Box::new(LearnedDriver::new(network.clone())),
         }
     }
 }

@@ -1,1 +1,21 @@
-//! State, frozen snapshot, workers, serial acceptor.
+//! State, frozen snapshot, workers, serial acceptor: the paper's parallel epoch. `run.rs` is the page to read first.
+
+mod acceptor;
+mod briefing;
+mod draft;
+mod error;
+mod finale;
+mod labels;
+mod open;
+mod progress;
+mod rollouts;
+mod run;
+mod state;
+mod study;
+
+pub use error::RunError;
+pub use labels::{labelled_rollout, trace};
+pub use progress::Progress;
+pub use rollouts::{Mode, Rollouts};
+pub use run::{Desk, run};
+pub use study::{Budget, LineageSpec, SceneEntry, Study};

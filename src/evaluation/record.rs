@@ -39,8 +39,9 @@ pub trait RolloutCache: Sync {
 /// The cache cannot be trusted or used.
 #[derive(Debug, thiserror::Error)]
 pub enum CacheError {
-    #[error("{0}")]
-    Store(String),
+    /// What the store said; `evaluation` does not know stores.
+    #[error(transparent)]
+    Store(Box<dyn std::error::Error + Send + Sync>),
     #[error("stored rollout {key} is damaged: {reason}; run `evodrive fsck --read`")]
     Damaged { key: Digest, reason: String },
     #[error(

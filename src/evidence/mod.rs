@@ -2,6 +2,7 @@
 
 pub mod attempt_text;
 pub mod lineage_text;
+pub mod report;
 pub mod story;
 
-pub use story::{RawEvent, Story, StoryError};
+pub use story::{Story, StoryError};

@@ -1,23 +1,14 @@
 //! A recorded run, read back from its transcript: what every report, table and audit starts from.
 
 use serde::de::DeserializeOwned;
-use serde_json::Value;
 
 use crate::kernel::Digest;
 use crate::objects::{
     Attempt, LineageId, SolutionId,
-    event::{Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
+    event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
 };
-
-/// One event as the transcript gives it.
-#[derive(Clone, Debug)]
-pub struct RawEvent {
-    pub seq: u64,
-    pub kind: String,
-    pub body: Value,
-    pub hash: Digest,
-}
+use crate::store::Event;
 
 /// A transcript that is no run of this format.
 #[derive(Debug, thiserror::Error)]
@@ -36,6 +27,7 @@ pub struct Story {
     pub frozen: Vec<Frozen>,
     pub attempts: Vec<Attempt>,
     pub settled: Vec<Settled>,
+    pub finalists: Vec<Finalist>,
     pub held_out: Vec<HeldOut>,
     /// Absent while the run is unfinished.
     pub result: Option<RunResult>,
@@ -44,7 +36,7 @@ pub struct Story {
 }
 
 impl Story {
-    pub fn read(events: &[RawEvent]) -> Result<Story, StoryError> {
+    pub fn read(events: &[Event]) -> Result<Story, StoryError> {
         let first = events.first().filter(|e| e.kind == kind::OPENED).ok_or(StoryError::NotARun)?;
         let mut story = Story {
             opened: body(first)?,
@@ -52,6 +44,7 @@ impl Story {
             frozen: Vec::new(),
             attempts: Vec::new(),
             settled: Vec::new(),
+            finalists: Vec::new(),
             held_out: Vec::new(),
             result: None,
             root: first.hash,
@@ -62,6 +55,7 @@ impl Story {
                 kind::FROZEN => story.frozen.push(body(event)?),
                 kind::ATTEMPT => story.attempts.push(body(event)?),
                 kind::SETTLED => story.settled.push(body(event)?),
+                kind::FINALIST => story.finalists.push(body(event)?),
                 kind::HELD_OUT => story.held_out.push(body(event)?),
                 kind::SEALED => story.result = Some(body(event)?),
                 other => {
@@ -107,7 +101,7 @@ impl Story {
     }
 }
 
-fn body<T: DeserializeOwned>(event: &RawEvent) -> Result<T, StoryError> {
+fn body<T: DeserializeOwned>(event: &Event) -> Result<T, StoryError> {
     serde_json::from_value(event.body.clone()).map_err(|error| StoryError::Unreadable {
         seq: event.seq,
         kind: event.kind.clone(),

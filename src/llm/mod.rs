@@ -1,7 +1,18 @@
 //! Asking a model: request, replay, record, cassette, the scripted stand-in.
 
+pub mod cassette;
+pub mod model;
+pub mod record;
+pub mod replay;
+pub mod reply;
 pub mod request;
+pub mod scripted;
 
+pub use cassette::{Cassette, CassetteError, Recorded};
+pub use model::{Model, ModelError};
+pub use record::{Record, RecordMode};
+pub use replay::Replay;
+pub use reply::Refusal;
 pub use request::{DrawSlot, Message, ModelSpec, Request};
 
 use crate::kernel::Digest;

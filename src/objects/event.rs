@@ -20,6 +20,7 @@ pub mod kind {
     pub const FROZEN: &str = "frozen";
     pub const ATTEMPT: &str = "attempt";
     pub const SETTLED: &str = "settled";
+    pub const FINALIST: &str = "finalist";
     pub const HELD_OUT: &str = "held_out";
     pub const SEALED: &str = "sealed";
 }
@@ -99,6 +100,14 @@ pub struct Settled {
 pub struct FrontPoint {
     pub solution: SolutionId,
     pub objectives: Objectives,
+}
+
+/// Labels of a finalist on the whole evolution pool: what the final choice rests on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finalist {
+    pub lineage: LineageId,
+    pub solution: SolutionId,
+    pub score: Score,
 }
 
 /// Held-out labels of one program, taken after selection was over.

@@ -1,4 +1,5 @@
-//! The nouns that travel between rooms: program, patch, review, candidate, route, score, attempt, card, archive entry, ids.
+//! The nouns that travel between rooms: program, patch, review, candidate, route, score, attempt, card, archive entry,
+//! world snapshot, ids.
 
 pub mod attempt;
 pub mod card;
@@ -13,6 +14,7 @@ pub mod program;
 pub mod review;
 pub mod score;
 pub mod spelling;
+pub mod world;
 
 pub use attempt::*;
 pub use card::{Card, CardKind};
@@ -24,3 +26,4 @@ pub use pointer::Pointer;
 pub use program::*;
 pub use review::{Advice, Review, Role};
 pub use score::{Objectives, SceneFailure, SceneScore, Score};
+pub use world::*;

@@ -1,6 +1,7 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
 pub mod binary;
+pub mod draw;
 pub mod export;
 pub mod features;
 #[cfg(test)]
@@ -11,6 +12,7 @@ pub mod lanes;
 pub mod pool;
 pub mod remainder;
 pub mod route;
+pub mod stats;
 pub mod synth;
 pub mod types;
 pub mod usable;

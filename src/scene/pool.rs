@@ -1,5 +1,9 @@
 //! A pool: the scenes of a study in one file, with a manifest and a checksum, and how it is split. The format is
 //! described in docs/FORMAT.md; reading and writing the bytes is the store's.
+//!
+//! A `*.pool` file, little-endian: `EVODPOOL`, version (u32), length of the manifest (u64), the manifest as JSON
+//! ([`Manifest`]), the scenes' bodies one after another in the manifest's order (see `binary.rs`), and the BLAKE3
+//! digest (32 bytes) of everything before it.
 
 use std::collections::BTreeSet;
 

@@ -5,7 +5,7 @@ use crate::scene::{DT_S, Sample, TrackIx};
 
 use super::SimError;
 use super::bicycle::{Car, DEFAULT_LIMITS, advance};
-use super::body::{Place, SUBSTEPS, Size, coasting, sample_between};
+use super::body::{Place, SUBSTEPS, Size, coasting, sample_during};
 use super::contact::Mover;
 use super::idm;
 use super::intervention::{Action, ActorRef, Intervention};
@@ -221,13 +221,9 @@ impl Actor {
         }
     }
 
-    /// The sample a share of the way through the present step.
-    pub fn during(&self, share: f64) -> Option<Sample> {
-        let now = self.now.as_ref()?;
-        Some(match &self.next {
-            Some(next) => sample_between(now, next, share),
-            None => coasting(now, share * DT_S),
-        })
+    /// The sample after a physics step of the present step.
+    pub fn during(&self, substep: usize) -> Option<Sample> {
+        self.now.as_ref().map(|now| sample_during(now, self.next.as_ref(), &self.places[substep], substep))
     }
 
     /// The step at which reactive traffic appeared.

@@ -1,6 +1,6 @@
 //! Where a road user is and how large: the small values that the rollout moves about.
 
-use crate::kernel::{OrientedBox, Vec2, num};
+use crate::kernel::{OrientedBox, Vec2};
 use crate::scene::{AgentKind, Sample};
 
 /// Seconds between two physics steps.
@@ -60,13 +60,18 @@ impl Place {
     }
 }
 
-/// The sample a share of the way to another; the heading turns along the shorter arc.
-pub fn sample_between(from: &Sample, to: &Sample, share: f64) -> Sample {
-    let turn = num::wrap_angle(to.heading_rad - from.heading_rad);
-    Sample {
-        position: from.position.lerp(to.position, share),
-        heading_rad: num::wrap_angle(from.heading_rad + share * turn),
-        velocity: from.velocity.lerp(to.velocity, share),
+/// The sample after a physics step of the way between two samples: at the given place, with the velocity in between.
+/// Without a next sample the velocity stays.
+pub fn sample_during(now: &Sample, next: Option<&Sample>, place: &Place, substep: usize) -> Sample {
+    match next {
+        _ if substep == 0 => *now,
+        Some(next) if substep == SUBSTEPS => *next,
+        next => Sample {
+            position: place.position,
+            heading_rad: place.axis.heading(),
+            velocity: next
+                .map_or(now.velocity, |next| now.velocity.lerp(next.velocity, substep as f64 / SUBSTEPS as f64)),
+        },
     }
 }
 

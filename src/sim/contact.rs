@@ -3,7 +3,7 @@
 use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::Sample;
 
-use super::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_between};
+use super::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
 use super::intervention::ActorRef;
 use super::outcome::{Contact, Striker};
 use super::plant::{NONE, Plant};
@@ -62,7 +62,7 @@ fn meets(mover: &Mover<'_>, j: usize, size: &Size, place: &Place) -> bool {
 fn near_rows(plant: &Plant, world: &World, k: usize, mover: &Mover<'_>, mut f: impl FnMut(usize)) {
     let rows = &plant.rows;
     let center = mover.path[0].position;
-    for row in rows.of_step(k) {
+    for row in rows.strip(k, center.x, mover.reach_m + rows.reach_max[k]) {
         let (dx, dy) = (rows.x[row] - center.x, rows.y[row] - center.y);
         let reach = mover.reach_m + f64::from(rows.reach[row]);
         if dx * dx + dy * dy <= reach * reach && !world.simulated[rows.track[row] as usize] {
@@ -89,17 +89,16 @@ pub(super) fn first_contact(
             return;
         };
         let appears = || k == 0 || plant.rows.find(k - 1, track).is_none();
-        if spared(&mut ghosts[track], substep, spare_overlaps, appears) || best.is_some_and(|b| b.substep <= substep) {
+        if spared(&mut ghosts[track], substep, spare_overlaps, appears) || !earlier(best.as_ref(), substep, track) {
             return;
         }
-        let share = substep as f64 / SUBSTEPS as f64;
-        let sample = row_sample(plant, row, share);
+        let (place, sample) = row_during(plant, row, substep);
         best = Some(Hit {
             substep,
             with: ActorRef::Track(track),
             adversary: false,
             size: plant.sizes[track],
-            place: plant.rows.place(row).towards(&plant.rows.next_place(row), share),
+            place,
             velocity: sample.velocity,
         });
     });
@@ -114,17 +113,21 @@ pub(super) fn first_contact(
         if best.is_some_and(|b| b.substep <= substep) {
             continue;
         }
-        let share = substep as f64 / SUBSTEPS as f64;
         best = Some(Hit {
             substep,
             with: actor.who,
             adversary: actor.action.is_some(),
             size: actor.size,
             place: actor.places[substep],
-            velocity: actor.during(share).map_or(Vec2::ZERO, |s| s.velocity),
+            velocity: actor.during(substep).map_or(Vec2::ZERO, |s| s.velocity),
         });
     }
     best
+}
+
+/// Whether a contact comes before the best so far: at an earlier physics step, or with a lower track at the same.
+fn earlier(best: Option<&Hit>, substep: usize, track: usize) -> bool {
+    best.is_none_or(|b| (substep, ActorRef::Track(track)) < (b.substep, b.with))
 }
 
 /// Whether an overlap is one that was there when the other appeared: not a contact until they were once apart.
@@ -151,13 +154,12 @@ pub(super) fn touches_bystander(plant: &Plant, world: &World, k: usize, own: usi
     found || others.into_iter().any(|(_, other)| touches(&mover, &other.mover(), until).is_some())
 }
 
-/// The recorded sample a share of the way through the step that begins at a row.
-pub(super) fn row_sample(plant: &Plant, row: usize, share: f64) -> Sample {
-    let now = plant.rows.sample(row);
-    match plant.rows.next[row] {
-        NONE => super::body::coasting(&now, share * crate::scene::DT_S),
-        next => sample_between(&now, &plant.rows.sample(next as usize), share),
-    }
+/// Place and sample of a recorded road user after a physics step of the step that begins at a row.
+pub(super) fn row_during(plant: &Plant, row: usize, substep: usize) -> (Place, Sample) {
+    let rows = &plant.rows;
+    let place = rows.place(row).towards(&rows.next_place(row), substep as f64 / SUBSTEPS as f64);
+    let next = (rows.next[row] != NONE).then(|| rows.sample(rows.next[row] as usize));
+    (place, sample_during(&rows.sample(row), next.as_ref(), &place, substep))
 }
 
 /// What a contact was like. `time_s` counts from the first simulated step.

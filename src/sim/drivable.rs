@@ -115,27 +115,35 @@ impl Drivable {
         !self.pieces.is_empty()
     }
 
-    /// Distance from a point to the nearest lane surface, metres; 0 on it, at most [`OFF_ROAD_M_CAP`].
-    pub fn distance_m(&self, point: Vec2) -> f64 {
+    /// Distance from a point to the nearest lane surface, metres; 0 on it, at most [`OFF_ROAD_M_CAP`]. Exact if it is
+    /// above `floor_m`; below, any number up to `floor_m` may come back (who looks for a maximum needs no more).
+    /// `hint` is a piece near the point (any number will do); it is set to the nearest one found.
+    pub fn distance_m(&self, point: Vec2, floor_m: f64, hint: &mut u32) -> f64 {
         if !self.is_known() {
             return 0.0;
         }
+        let mut best = (OFF_ROAD_M_CAP * OFF_ROAD_M_CAP, *hint);
+        if let Some(piece) = self.pieces.get(*hint as usize) {
+            best.0 = best.0.min(squared_distance(&piece.corners, point));
+        }
+        // A hair below the square, so that rounding cannot lift a rejected distance above the floor.
+        let enough = floor_m * floor_m * (1.0 - 1e-12);
         let column = ((point.x - self.origin.x) / self.cell_m).floor();
         let row = ((point.y - self.origin.y) / self.cell_m).floor();
-        let mut best = OFF_ROAD_M_CAP * OFF_ROAD_M_CAP;
         let rings = (OFF_ROAD_M_CAP / self.cell_m) as i64 + 1;
         for ring in 0..=rings {
             // What lies in this ring of cells is at least this far away.
             let nearest = (ring - 1).max(0) as f64 * self.cell_m;
-            if best == 0.0 || nearest * nearest >= best {
+            if best.0 <= enough || nearest * nearest >= best.0 {
                 break;
             }
             self.search_ring(point, column as i64, row as i64, ring, &mut best);
         }
-        best.sqrt()
+        *hint = best.1;
+        best.0.sqrt()
     }
 
-    fn search_ring(&self, point: Vec2, column: i64, row: i64, ring: i64, best: &mut f64) {
+    fn search_ring(&self, point: Vec2, column: i64, row: i64, ring: i64, best: &mut (f64, u32)) {
         for r in row - ring..=row + ring {
             if r < 0 || r >= self.rows as i64 {
                 continue;
@@ -146,8 +154,11 @@ impl Drivable {
             while c <= column + ring {
                 if c >= 0 && c < self.columns as i64 {
                     for &piece in self.cell(r as usize * self.columns + c as usize) {
-                        *best = best.min(squared_distance(&self.pieces[piece as usize].corners, point));
-                        if *best == 0.0 {
+                        let squared = squared_distance(&self.pieces[piece as usize].corners, point);
+                        if squared < best.0 {
+                            *best = (squared, piece);
+                        }
+                        if squared == 0.0 {
                             return;
                         }
                     }
@@ -161,9 +172,11 @@ impl Drivable {
         &self.members[self.starts[index] as usize..self.starts[index + 1] as usize]
     }
 
-    /// Whether a point lies on lanes all of which run against `axis` (more than 90° off).
-    pub fn is_wrong_way(&self, point: Vec2, axis: Vec2) -> bool {
-        if !self.is_known() {
+    /// Whether a point lies on lanes all of which run against `axis` (more than 90° off). `hint` as in
+    /// [`Drivable::distance_m`].
+    pub fn is_wrong_way(&self, point: Vec2, axis: Vec2, hint: &mut u32) -> bool {
+        let along = |piece: &Piece| contains(&piece.corners, point) && piece.direction.dot(axis) >= 0.0;
+        if !self.is_known() || self.pieces.get(*hint as usize).is_some_and(along) {
             return false;
         }
         let column = ((point.x - self.origin.x) / self.cell_m).floor();
@@ -172,16 +185,35 @@ impl Drivable {
             return false;
         }
         let mut against = false;
-        for &piece in self.cell(row as usize * self.columns + column as usize) {
-            let piece = &self.pieces[piece as usize];
+        for &index in self.cell(row as usize * self.columns + column as usize) {
+            let piece = &self.pieces[index as usize];
             if contains(&piece.corners, point) {
                 if piece.direction.dot(axis) >= 0.0 {
+                    *hint = index;
                     return false;
                 }
                 against = true;
             }
         }
         against
+    }
+}
+
+#[cfg(test)]
+impl Drivable {
+    /// [`Drivable::distance_m`] by looking at every piece.
+    pub fn distance_by_walk_m(&self, point: Vec2) -> f64 {
+        if !self.is_known() {
+            return 0.0;
+        }
+        let nearest = self.pieces.iter().map(|p| squared_distance(&p.corners, point)).fold(f64::INFINITY, f64::min);
+        nearest.sqrt().min(OFF_ROAD_M_CAP)
+    }
+
+    /// [`Drivable::is_wrong_way`] by looking at every piece.
+    pub fn is_wrong_way_by_walk(&self, point: Vec2, axis: Vec2) -> bool {
+        let mut under = self.pieces.iter().filter(|p| contains(&p.corners, point)).peekable();
+        under.peek().is_some() && under.all(|p| p.direction.dot(axis) < 0.0)
     }
 }
 

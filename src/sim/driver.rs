@@ -4,6 +4,7 @@ use crate::kernel::Vec2;
 use crate::scene::{LightState, Sample};
 
 use super::body::Size;
+use super::idm::{self, Front, SIGHT_M};
 use super::intervention::ActorRef;
 use super::plant::Plant;
 use super::route::{Along, Route};
@@ -85,9 +86,22 @@ impl View<'_> {
         self.plant.route()
     }
 
-    /// Calls `f` for every other road user whose centre lies within `radius_m` of the ego's, tracks first, in order.
+    /// Calls `f` for every other road user whose centre lies within `radius_m` of the ego's: recorded ones by x, then
+    /// simulated ones.
     pub fn for_each_within(&self, radius_m: f64, mut f: impl FnMut(&Seen)) {
         self.world.for_each_within(self.plant, self.k, self.ego.sample.position, radius_m, |seen| f(seen));
+    }
+
+    /// The nearest road user ahead on the route, as IDM sees it.
+    pub fn front(&self) -> Option<Front> {
+        let path = &self.plant.route_ahead;
+        let known = Along { segment: path.segment_near(self.ego.along.s_m, 0), ..self.ego.along };
+        let own = path.project_near(self.ego.sample.position, &known, SIGHT_M, SIGHT_M);
+        let mut nearest = None;
+        self.for_each_within(SIGHT_M, |seen| {
+            idm::nearer(&mut nearest, path, &own, seen.position, seen.axis, seen.velocity, &seen.size);
+        });
+        nearest
     }
 
     /// Metres along the route to the nearest stop point ahead whose light is red.

@@ -46,14 +46,23 @@ pub fn time_to_collision_s(a: &OrientedBox, velocity_a: Vec2, b: &OrientedBox, v
 #[derive(Clone, Debug, Default)]
 pub struct Footprints {
     places: Vec<Option<Place>>,
+    /// Largest way between two neighbouring footprints, metres; infinite once it was away.
+    step_m_max: f64,
 }
 
 impl Footprints {
     pub fn with_room(steps: usize) -> Footprints {
-        Footprints { places: Vec::with_capacity(steps) }
+        Footprints { places: Vec::with_capacity(steps), step_m_max: 0.0 }
     }
 
     pub fn push(&mut self, place: Option<Place>) {
+        if let Some(&last) = self.places.last() {
+            let step = match (last, place) {
+                (Some(a), Some(b)) => a.position.distance(b.position),
+                _ => f64::INFINITY,
+            };
+            self.step_m_max = self.step_m_max.max(step);
+        }
         self.places.push(place);
     }
 }
@@ -61,28 +70,32 @@ impl Footprints {
 /// Updates the smallest time between two road users covering one place, after both pushed their newest footprint:
 /// the newest of each is held against the remembered ones of the other, nearest in time first.
 pub fn encroach(best_steps: &mut usize, a: (&Footprints, &Size), b: (&Footprints, &Size)) {
+    look_back(best_steps, a, b);
+    look_back(best_steps, b, a);
+}
+
+/// Holds the newest footprint of `a` against the past of `b`.
+fn look_back(best_steps: &mut usize, a: (&Footprints, &Size), b: (&Footprints, &Size)) {
     let now = a.0.places.len().min(b.0.places.len());
-    for lag in 0..now.min(ENCROACHMENT_STEPS + 1) {
-        if lag >= *best_steps {
-            return;
-        }
-        let past = now - 1 - lag;
-        if meet(a.0.places[now - 1], a.1, b.0.places[past], b.1)
-            || meet(a.0.places[past], a.1, b.0.places[now - 1], b.1)
-        {
+    let Some(Some(newest)) = a.0.places.get(now.wrapping_sub(1)) else { return };
+    let reach = a.1.radius_m + b.1.radius_m;
+    let mut lag = 0;
+    while lag < now.min(ENCROACHMENT_STEPS + 1).min(*best_steps) {
+        let Some(past) = b.0.places[now - 1 - lag] else {
+            lag += 1;
+            continue;
+        };
+        let apart = newest.position.distance(past.position) - reach;
+        if apart <= 0.0 && a.1.at(*newest).overlaps(&b.1.at(past)) {
             *best_steps = lag;
             return;
         }
+        // It cannot have been here for as many steps as its longest step needs to cover the way.
+        lag += ((apart / b.0.step_m_max.max(1e-3)) as usize).max(1);
     }
 }
 
 /// Decision steps as seconds; `None` if there was no encroachment.
 pub fn encroachment_s(best_steps: usize) -> Option<f64> {
     (best_steps <= ENCROACHMENT_STEPS).then_some(best_steps as f64 * DT_S)
-}
-
-fn meet(a: Option<Place>, size_a: &Size, b: Option<Place>, size_b: &Size) -> bool {
-    let (Some(a), Some(b)) = (a, b) else { return false };
-    let reach = size_a.radius_m + size_b.radius_m;
-    (b.position - a.position).norm_squared() <= reach * reach && size_a.at(a).overlaps(&size_b.at(b))
 }

@@ -54,14 +54,31 @@ pub fn acceleration_mps2(throttle: f64, limits: &Limits) -> f64 {
     throttle * if throttle > 0.0 { limits.engine_mps2 } else { limits.brake_mps2 }
 }
 
-/// The place of an object along the path ahead of `own`, if it is on the path; the caller keeps the nearest.
+/// How far ahead of `own` along the path an object is, if it is on the path.
 pub fn gap_on_path(route: &Route, own: &Along, position: Vec2, axis: Vec2, size: &Size) -> Option<f64> {
     let at = route.project_near(position, own, 0.0, SIGHT_M);
     let gap_m = at.s_m - own.s_m;
-    if gap_m <= 0.0 || at.s_m > route.length_m() {
+    if gap_m <= 0.0 || at.s_m > route.length_m() || at.offset_m.abs() > size.radius_m + HALF_PATH_WIDTH_M {
         return None;
     }
     let direction = route.direction(at.segment);
     let reach_m = size.half_length_m * direction.cross(axis).abs() + size.half_width_m * direction.dot(axis).abs();
     (at.offset_m.abs() - reach_m <= HALF_PATH_WIDTH_M).then_some(gap_m)
+}
+
+/// Puts an object in the place of `nearest` if it is on the path and nearer; the first of equals stays.
+pub(super) fn nearer(
+    nearest: &mut Option<Front>,
+    route: &Route,
+    own: &Along,
+    position: Vec2,
+    axis: Vec2,
+    velocity: Vec2,
+    size: &Size,
+) {
+    if let Some(gap_m) = gap_on_path(route, own, position, axis, size)
+        && nearest.is_none_or(|n| gap_m < n.gap_m)
+    {
+        *nearest = Some(Front { gap_m, velocity });
+    }
 }

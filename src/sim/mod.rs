@@ -18,6 +18,7 @@ mod actors;
 mod contact;
 mod motion;
 mod recorder;
+mod trace_digest;
 mod traffic;
 mod watch;
 mod world;
@@ -35,6 +36,8 @@ pub use route::{Along, Route};
 pub const SIM_VERSION: u32 = 1;
 
 #[cfg(test)]
-mod rollout_tests;
+mod plain;
 #[cfg(test)]
-pub(crate) mod scenes;
+#[allow(dead_code)]
+#[path = "../../tests/sim/scenes.rs"]
+mod scenes;

@@ -25,10 +25,11 @@ const LIGHT_OFFSET_M: f64 = 2.0;
 const MOVING_M: f64 = 3.0;
 /// MetaDrive: a reactive vehicle's path is at least this long between its ends, metres.
 const PATH_M_MIN: f64 = 5.0;
-/// How far a reactive vehicle's path may be straightened, metres.
+/// How far a path may be straightened where only what lies on it is asked, metres.
 const PATH_TOLERANCE_M: f64 = 0.05;
 
-/// All recorded samples of a scene from the first simulated step on, ordered by step, then track.
+/// All recorded samples of a scene from the first simulated step on, ordered by step, then x, then track: who is near
+/// a place is found by a search instead of a walk through everyone.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rows {
     /// `starts[k]..starts[k + 1]` are the rows of the k-th simulated step.
@@ -43,6 +44,11 @@ pub(super) struct Rows {
     pub track: Vec<u32>,
     /// Row of the same track one step later, or [`NONE`].
     pub next: Vec<u32>,
+    /// Largest reach of a step, metres.
+    pub reach_max: Vec<f64>,
+    /// Row of a track at a step, or [`NONE`]: `row_of[k * tracks + track]`.
+    pub row_of: Vec<u32>,
+    pub tracks: usize,
 }
 
 impl Rows {
@@ -65,11 +71,21 @@ impl Rows {
         }
     }
 
+    /// Rows of the k-th simulated step whose x lies within `radius_m` of `x`, in order.
+    pub fn strip(&self, k: usize, x: f64, radius_m: f64) -> std::ops::Range<usize> {
+        let all = self.of_step(k);
+        let xs = &self.x[all.clone()];
+        let from = xs.partition_point(|&at| at < x - radius_m);
+        let count = xs[from..].iter().take_while(|&&at| at <= x + radius_m).count();
+        all.start + from..all.start + from + count
+    }
+
     /// The row of a track at the k-th simulated step.
     pub fn find(&self, k: usize, track: TrackIx) -> Option<usize> {
-        let range = self.of_step(k);
-        let found = self.track[range.clone()].binary_search(&u32::try_from(track).ok()?).ok()?;
-        Some(range.start + found)
+        match self.row_of.get(k * self.tracks + track) {
+            Some(&row) if track < self.tracks && row != NONE => Some(row as usize),
+            _ => None,
+        }
     }
 
     /// Where the recorded road user of a row is at the end of the step: its next sample, or coasting if it has none.
@@ -111,6 +127,8 @@ pub struct Plant {
     pub(super) ego_log: Vec<Option<Sample>>,
     pub(super) target_speed_mps: Option<f64>,
     pub(super) route: Route,
+    /// The route straightened a little: quicker to search for what is ahead.
+    pub(super) route_ahead: Route,
     pub(super) drivable: Drivable,
     /// Vehicles that may turn reactive, by the simulated step at which they appear.
     pub(super) candidates: Vec<Vec<Candidate>>,
@@ -132,6 +150,8 @@ impl Plant {
         let start = *scene.ego.track.at(first_step).ok_or_else(|| refuse("ego", "needs a sample at its start step"))?;
         let route = Route::new(&scene.ego.route, start.heading_rad)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
+        let route_ahead = Route::simplified(&scene.ego.route, start.heading_rad, PATH_TOLERANCE_M)
+            .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
         let ego_log = (first_step..scene.steps).map(|k| scene.ego.track.at(k).copied()).collect();
         let mut plant = Plant {
             scene_id: scene.id.clone(),
@@ -146,6 +166,7 @@ impl Plant {
             ego_log,
             target_speed_mps: scene.ego.target_speed_mps,
             route,
+            route_ahead,
             drivable: Drivable::new(&scene.road),
             digest: Digest::of_bytes(&[]),
         };
@@ -297,37 +318,51 @@ pub(super) fn size_is_sound(length_m: f64, width_m: f64) -> bool {
 }
 
 fn rows_of(scene: &Scene, sizes: &[Size]) -> Rows {
-    let mut rows = Rows { starts: vec![0], ..Rows::default() };
-    let mut previous: Vec<u32> = vec![NONE; scene.tracks.len()];
+    let tracks = scene.tracks.len();
+    let mut rows = Rows { starts: vec![0], tracks, ..Rows::default() };
+    let mut present: Vec<(usize, &Sample)> = Vec::with_capacity(tracks);
     for step in scene.ego.start_step..scene.steps {
-        for (i, track) in scene.tracks.iter().enumerate() {
-            let Some(sample) = track.at(step) else {
-                previous[i] = NONE;
-                continue;
-            };
+        present.clear();
+        present.extend(scene.tracks.iter().enumerate().filter_map(|(i, track)| Some((i, track.at(step)?))));
+        present.sort_by(|a, b| a.1.position.x.total_cmp(&b.1.position.x).then(a.0.cmp(&b.0)));
+        let now = rows.row_of.len();
+        rows.row_of.resize(now + tracks, NONE);
+        for &(track, sample) in &present {
             let row = rows.x.len() as u32;
-            if previous[i] != NONE {
-                rows.next[previous[i] as usize] = row;
+            rows.row_of[now + track] = row;
+            if now >= tracks && rows.row_of[now - tracks + track] != NONE {
+                rows.next[rows.row_of[now - tracks + track] as usize] = row;
             }
-            previous[i] = row;
-            rows.x.push(sample.position.x);
-            rows.y.push(sample.position.y);
-            rows.axis.push(Vec2::from_heading(sample.heading_rad));
-            rows.velocity.push(sample.velocity);
-            rows.heading.push(sample.heading_rad);
-            rows.track.push(i as u32);
-            rows.next.push(NONE);
+            rows.push(track, sample);
         }
         rows.starts.push(rows.x.len() as u32);
     }
-    rows.reach = (0..rows.x.len())
-        .map(|row| {
-            let way = rows.next_place(row).position.distance(rows.place(row).position);
-            // A little more than the exact bound, so that rounding to f32 can never cut a contact off.
-            ((sizes[rows.track[row] as usize].radius_m + way) * 1.000_001) as f32
-        })
-        .collect();
+    rows.measure_reach(sizes);
     rows
+}
+
+impl Rows {
+    fn push(&mut self, track: usize, sample: &Sample) {
+        self.x.push(sample.position.x);
+        self.y.push(sample.position.y);
+        self.axis.push(Vec2::from_heading(sample.heading_rad));
+        self.velocity.push(sample.velocity);
+        self.heading.push(sample.heading_rad);
+        self.track.push(track as u32);
+        self.next.push(NONE);
+    }
+
+    fn measure_reach(&mut self, sizes: &[Size]) {
+        let reach_of = |row: usize| {
+            let way = self.next_place(row).position.distance(self.place(row).position);
+            // A little more than the exact bound, so that rounding to f32 can never cut a contact off.
+            ((sizes[self.track[row] as usize].radius_m + way) * 1.000_001) as f32
+        };
+        self.reach = (0..self.x.len()).map(reach_of).collect();
+        self.reach_max = (0..self.starts.len() - 1)
+            .map(|k| self.of_step(k).map(|row| f64::from(self.reach[row])).fold(0.0, f64::max))
+            .collect();
+    }
 }
 
 /// Vehicles that move (MetaDrive's rules for reactive traffic that do not depend on the ego), by step of appearance.

@@ -2,7 +2,7 @@
 
 use crate::scene::Sample;
 
-use super::contact::row_sample;
+use super::contact::row_during;
 use super::intervention::ActorRef;
 use super::outcome::{ActorTrace, Trace};
 use super::plant::Plant;
@@ -38,9 +38,9 @@ impl Recorder {
         self.push_row(plant, world, ego, k, |row| plant.rows.sample(row));
     }
 
-    /// The state a share of the way through the k-th step, at the moment of contact.
-    pub fn push_between(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize, share: f64) {
-        self.push_row(plant, world, ego, k, |row| row_sample(plant, row, share));
+    /// The state after a physics step of the k-th step, at the moment of contact.
+    pub fn push_during(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize, substep: usize) {
+        self.push_row(plant, world, ego, k, |row| row_during(plant, row, substep).1);
     }
 
     fn push_row(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize, of: impl Fn(usize) -> Sample) {

@@ -1,12 +1,12 @@
 //! The closed loop: decide, move everyone through five physics steps, check contact, take account, until it ends.
 
-use crate::kernel::{Digest, Vec2};
+use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample};
 
 use super::SimError;
 use super::actors::adversaries;
 use super::bicycle::{Car, DEFAULT_LIMITS};
-use super::body::{Place, SUBSTEP_S, SUBSTEPS, sample_between};
+use super::body::{Place, SUBSTEP_S, SUBSTEPS, sample_during};
 use super::contact::{self, Hit, Mover, Path};
 use super::driver::{Control, Driver, EgoState, View};
 use super::gaps::Footprints;
@@ -15,6 +15,7 @@ use super::outcome::{Contact, End, Outcome, Trace};
 use super::plant::Plant;
 use super::recorder::Recorder;
 use super::skills::EgoForecast;
+use super::trace_digest::TraceDigest;
 use super::traffic;
 use super::watch::{Nearness, Watched};
 use super::world::World;
@@ -82,7 +83,7 @@ struct Run<'a> {
     completion: f64,
     lateral_m_max: f64,
     nearness: Nearness,
-    hasher: blake3::Hasher,
+    traced: TraceDigest,
     cost: RolloutCost,
 }
 
@@ -119,8 +120,6 @@ impl<'a> Run<'a> {
             size: plant.ego_size,
             along,
         };
-        let mut hasher = blake3::Hasher::new_derive_key("evodrive/sim/1 trace");
-        hasher.update(plant.digest.as_bytes());
         Ok(Run {
             replays: driver.follows_log(),
             ghosts: vec![false; plant.tracks()],
@@ -139,7 +138,7 @@ impl<'a> Run<'a> {
             watched,
             car,
             ego,
-            hasher,
+            traced: TraceDigest::new(plant),
         })
     }
 
@@ -211,25 +210,10 @@ impl<'a> Run<'a> {
 
     /// Streams the bits of every simulated pose; what is replayed stands in the plant's digest.
     fn hash_state(&mut self) {
-        let mut put = |tag: u64, sample: &Sample| {
-            let words = [
-                tag,
-                sample.position.x.to_bits(),
-                sample.position.y.to_bits(),
-                sample.heading_rad.to_bits(),
-                sample.velocity.x.to_bits(),
-                sample.velocity.y.to_bits(),
-            ];
-            let mut bytes = [0u8; 48];
-            for (chunk, word) in bytes.chunks_exact_mut(8).zip(words) {
-                chunk.copy_from_slice(&word.to_le_bytes());
-            }
-            self.hasher.update(&bytes);
-        };
-        put(0, &self.ego.sample);
+        self.traced.pose(0, &self.ego.sample);
         for (i, actor) in self.world.actors.iter().enumerate() {
             if let Some(now) = &actor.now {
-                put(1 + i as u64, now);
+                self.traced.pose(1 + i as u64, now);
             }
         }
     }
@@ -277,10 +261,8 @@ impl<'a> Run<'a> {
     fn follow(&self, next: &Sample) -> EgoStep {
         let (first, last) = (Place { position: self.ego.sample.position, axis: self.ego.axis }, Place::of(next));
         let path: Path = core::array::from_fn(|j| first.towards(&last, j as f64 / SUBSTEPS as f64));
-        let samples = core::array::from_fn(|j| match j + 1 {
-            SUBSTEPS => *next,
-            j => sample_between(&self.ego.sample, next, j as f64 / SUBSTEPS as f64),
-        });
+        let now = &self.ego.sample;
+        let samples = core::array::from_fn(|j| sample_during(now, Some(next), &path[j + 1], j + 1));
         let car = Car::new(next, 2.0 * self.ego.size.half_length_m);
         EgoStep { samples, car, steering_rad: 0.0, reach_m: reach(&path, self.ego.size.radius_m), path }
     }
@@ -318,26 +300,23 @@ impl<'a> Run<'a> {
 
     /// Stops everyone at the physics step of the contact.
     fn stop_at(&mut self, k: usize, hit: &Hit, ego_step: &EgoStep, recorder: Option<&mut Recorder>) -> Contact {
-        let share = hit.substep as f64 / SUBSTEPS as f64;
-        let before = self.ego;
-        let place = ego_step.path[hit.substep];
-        if hit.substep > 0 {
-            let sample = ego_step.samples[hit.substep - 1];
-            self.move_ego(sample, place.axis, ego_step.steering_rad, share * DT_S);
+        let (substep, place) = (hit.substep, ego_step.path[hit.substep]);
+        if substep > 0 {
+            let seconds = seconds_after(substep);
+            self.move_ego(ego_step.samples[substep - 1], place.axis, ego_step.steering_rad, seconds);
             for actor in &mut self.world.actors {
-                actor.now = actor.during(share);
-                actor.axis = actor.places[hit.substep].axis;
+                actor.now = actor.during(substep);
+                actor.axis = actor.places[substep].axis;
             }
-            self.observe(k + 1, hit.substep as f64 * SUBSTEP_S);
+            self.observe(k + 1, seconds);
             if let Some(recorder) = recorder {
-                recorder.push_between(self.plant, &self.world, &self.ego.sample, k, share);
+                recorder.push_during(self.plant, &self.world, &self.ego.sample, k, substep);
             }
         }
         if self.count == 0 || hit.adversary {
             (self.nearness.distance_m, self.nearness.ttc_s) = (0.0, 0.0);
         }
-        let velocity = if hit.substep > 0 { self.ego.sample.velocity } else { before.sample.velocity };
-        contact::describe(hit, k, &self.ego.size.at(place), velocity)
+        contact::describe(hit, k, &self.ego.size.at(place), self.ego.sample.velocity)
     }
 
     fn commit(&mut self, ego_step: &EgoStep) {
@@ -362,9 +341,7 @@ impl<'a> Run<'a> {
     }
 
     fn outcome(&mut self, end: End, steps: usize, contact: Option<Contact>) -> Outcome {
-        self.hasher.update(&[end as u8]);
-        self.hasher.update(&(steps as u64).to_le_bytes());
-        self.hasher.update(&contact.map_or(0.0, |c| c.time_s).to_bits().to_le_bytes());
+        self.traced.words([end as u64, steps as u64, contact.map_or(0.0, |c| c.time_s).to_bits()]);
         let finite = |x: f64| x.is_finite().then_some(x);
         let with_adversary = contact.is_some_and(|c| c.adversary);
         let encroachments = self.watched.iter().filter_map(Watched::post_encroachment_s);
@@ -380,9 +357,14 @@ impl<'a> Run<'a> {
             ego_lateral_m_max: self.lateral_m_max,
             ego: self.ego_meter.finish(),
             adversaries: self.watched.iter().map(Watched::report).collect(),
-            trace: Digest::from_array(*self.hasher.finalize().as_bytes()),
+            trace: self.traced.finish(),
         }
     }
+}
+
+/// Seconds from the beginning of a decision step to the end of one of its physics steps.
+fn seconds_after(substep: usize) -> f64 {
+    if substep == SUBSTEPS { DT_S } else { substep as f64 * SUBSTEP_S }
 }
 
 fn reach(path: &Path, radius_m: f64) -> f64 {

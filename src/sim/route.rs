@@ -56,12 +56,8 @@ impl Route {
         let mut kept = vec![fine[0]];
         let mut from = 0;
         while from + 1 < fine.len() {
-            let mut to = from + 1;
-            while to + 1 < fine.len() && chord_holds(&fine[from..=to + 1], tolerance_m) {
-                to += 1;
-            }
-            kept.push(fine[to]);
-            from = to;
+            from = longest_chord(&fine, from, tolerance_m);
+            kept.push(fine[from]);
         }
         Route::through(Polyline::new(kept).ok()?)
     }
@@ -148,6 +144,31 @@ impl Route {
         let distance = best_squared.sqrt();
         Along { s_m: self.lengths[i] + along, offset_m: if side < 0.0 { -distance } else { distance }, segment: i }
     }
+}
+
+/// End of a long chord from point `from` that holds: doubled while it does, then halved back.
+fn longest_chord(points: &[Vec2], from: usize, tolerance_m: f64) -> usize {
+    let holds = |to: usize| chord_holds(&points[from..=to], tolerance_m);
+    let last = points.len() - 1;
+    let mut good = from + 1;
+    let mut bad = last + 1;
+    while good < last {
+        let to = (from + 2 * (good - from)).min(last);
+        if !holds(to) {
+            bad = to;
+            break;
+        }
+        good = to;
+    }
+    while good + 1 < bad.min(last + 1) {
+        let middle = good + (bad - good) / 2;
+        if holds(middle) {
+            good = middle;
+        } else {
+            bad = middle;
+        }
+    }
+    good
 }
 
 /// Whether all inner points lie within `tolerance_m` of the chord between the ends.

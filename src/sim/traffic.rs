@@ -64,21 +64,14 @@ fn front_of(
     position: Vec2,
 ) -> Option<Front> {
     let who = world.actors[own].who;
-    let mut nearest: Option<Front> = None;
-    let mut consider = |at: Vec2, axis: Vec2, velocity: Vec2, size: &super::body::Size| {
-        if let Some(gap_m) = idm::gap_on_path(path, along, at, axis, size)
-            && nearest.is_none_or(|n| gap_m < n.gap_m)
-        {
-            nearest = Some(Front { gap_m, velocity });
-        }
-    };
+    let mut nearest = None;
     world.for_each_within(plant, k, position, SIGHT_M, |seen| {
         if seen.actor != who {
-            consider(seen.position, seen.axis, seen.velocity, &seen.size);
+            idm::nearer(&mut nearest, path, along, seen.position, seen.axis, seen.velocity, &seen.size);
         }
     });
     if ego.sample.position.distance(position) <= SIGHT_M {
-        consider(ego.sample.position, ego.axis, ego.sample.velocity, &ego.size);
+        idm::nearer(&mut nearest, path, along, ego.sample.position, ego.axis, ego.sample.velocity, &ego.size);
     }
     nearest
 }

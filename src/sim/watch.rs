@@ -65,6 +65,8 @@ pub(super) struct Watched {
     log_deviation_m_max: Option<f64>,
     footprints: Footprints,
     encroachment_steps: usize,
+    /// Lane pieces that last held the corners and the centre.
+    hints: [u32; 5],
 }
 
 impl Watched {
@@ -89,6 +91,7 @@ impl Watched {
             log_deviation_m_max: log.map(|_| 0.0),
             footprints: Footprints::with_room(plant.steps() + 2),
             encroachment_steps: usize::MAX,
+            hints: [0; 5],
         }
     }
 
@@ -110,16 +113,17 @@ impl Watched {
             self.meter.seed(&last);
             let explained = (last.velocity + now.velocity) * (0.5 * seconds);
             self.jump_m_max = self.jump_m_max.max((now.position - last.position - explained).norm());
-            if plant.drivable.is_wrong_way(now.position, axis) {
+            if plant.drivable.is_wrong_way(now.position, axis, &mut self.hints[4]) {
                 self.wrong_way_m += last.position.distance(now.position);
             }
         }
         self.meter.push(now, seconds);
         self.last = Some(*now);
         let place = super::body::Place { position: now.position, axis };
-        for corner in size.at(place).corners() {
-            let beyond = plant.drivable.distance_m(corner) - DRIVABLE_TOLERANCE_M;
-            self.off_road_m_max = self.off_road_m_max.max(beyond);
+        for (corner, hint) in size.at(place).corners().into_iter().zip(&mut self.hints) {
+            let floor_m = self.off_road_m_max + DRIVABLE_TOLERANCE_M;
+            let distance_m = plant.drivable.distance_m(corner, floor_m, hint);
+            self.off_road_m_max = self.off_road_m_max.max(distance_m - DRIVABLE_TOLERANCE_M);
         }
     }
 

@@ -17,7 +17,8 @@ pub struct World {
 }
 
 impl World {
-    /// Calls `f` for everyone present whose centre lies within `radius_m` of `center`: rows, then simulated ones.
+    /// Calls `f` for everyone present whose centre lies within `radius_m` of `center`: recorded ones by x, then simulated
+    /// ones.
     pub(super) fn for_each_within(
         &self,
         plant: &Plant,
@@ -28,7 +29,7 @@ impl World {
     ) {
         let rows = &plant.rows;
         let squared = radius_m * radius_m;
-        for row in rows.of_step(k) {
+        for row in rows.strip(k, center.x, radius_m) {
             let (dx, dy) = (rows.x[row] - center.x, rows.y[row] - center.y);
             if dx * dx + dy * dy > squared {
                 continue;

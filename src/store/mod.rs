@@ -1,1 +1,17 @@
 //! All disk: objects by digest, memo (request -> object), transcript (append-only), atomic files.
+
+mod difference;
+mod error;
+mod file;
+mod fsck;
+mod index;
+mod objects;
+mod pack;
+mod transcript;
+
+pub use difference::{first_difference, shortened};
+pub use error::{Damage, Divergence, StoreError};
+pub use file::{copy, create_dir, list_files, read_bounded, remove_file, write_atomic};
+pub use fsck::{FsckReport, fsck};
+pub use objects::{MemoKind, Opening, Store};
+pub use transcript::{Event, SEALED, Transcript, fsck_transcript, read_events};

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::commonroad;
 use super::error::ImportError;
+use super::tfrecord::Records;
+use super::{commonroad, gpudrive, opendrive, scenarionet, waymo};
 use crate::kernel::Digest;
 use crate::scene::{LeftOut, Scene};
 
@@ -61,8 +62,23 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
         if holds(b"<commonRoad") {
             return commonroad::import(file, bytes);
         }
+        if holds(b"<OpenDRIVE") {
+            let road = opendrive::road(file, bytes)?;
+            let reason = format!("a road network of {} lanes alone: nothing says who drives on it", road.lanes.len());
+            let left_out = vec![LeftOut { file: file.into(), what: String::new(), reason }];
+            return Ok(Imported { scenes: vec![], left_out });
+        }
         let remedy = "EvoDrive reads CommonRoad XML; convert the file or leave it out";
         return Err(ImportError::new(file, "line 1", "a root element <commonRoad>", remedy));
+    }
+    if bytes.first() == Some(&0x80) {
+        return scenarionet::import(file, bytes);
+    }
+    if first == Some(&b'{') {
+        return gpudrive::import(file, bytes);
+    }
+    if Records::looks_like(bytes) {
+        return waymo::import(file, bytes);
     }
     let remedy = "see `evodrive scenes import --help` for the formats that are read";
     Err(ImportError::new(file, "byte 0", "a scene file of a known format", remedy))

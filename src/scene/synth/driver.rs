@@ -64,7 +64,7 @@ impl Driver {
             braking_mps2: draw.uniform(1.5, 2.5),
             sideways_mps2: draw.uniform(1.9, 3.0),
             politeness: draw.uniform(0.1, 0.5),
-            margin_s: draw.uniform(0.4, 1.4),
+            margin_s: draw.uniform(0.1, 1.1),
             bias_m: if body == Body::Bicycle { draw.uniform(-0.9, -0.4) } else { draw.uniform(-0.12, 0.12) },
         }
     }

@@ -5,7 +5,7 @@ use crate::kernel::{OrientedBox, num};
 use crate::scene::{AgentKind, DT_S, Sample, Track};
 
 /// How many candidates for the ego are looked at.
-const CANDIDATES: usize = 16;
+const CANDIDATES: usize = 48;
 /// Samples are compared every this many.
 const STRIDE: usize = 3;
 /// Two paths use the same place when centres come this near, metres.
@@ -22,8 +22,8 @@ pub(super) struct Pair {
     score_s: f64,
 }
 
-/// The pair with the closest interaction.
-pub(super) fn choose(tracks: &[Track], options: &SynthOptions) -> Result<Pair, Reject> {
+/// The pair with the closest interaction, with or without those that only follow each other.
+pub(super) fn choose(tracks: &[Track], options: &SynthOptions, following: bool) -> Result<Pair, Reject> {
     let candidates: Vec<usize> = (0..tracks.len()).filter(|&i| may_be_ego(&tracks[i], options)).collect();
     if candidates.is_empty() {
         return Err(Reject::NoEgo);
@@ -34,6 +34,9 @@ pub(super) fn choose(tracks: &[Track], options: &SynthOptions) -> Result<Pair, R
     for &ego in candidates.iter().step_by(skip) {
         for other in 0..tracks.len() {
             if other == ego || !may_interact(&tracks[other], options) {
+                continue;
+            }
+            if !following && !came_from_elsewhere(&tracks[ego], &tracks[other], options) {
                 continue;
             }
             if let Some(score_s) = interaction(&tracks[ego], &tracks[other], options)

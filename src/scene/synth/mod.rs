@@ -39,12 +39,15 @@ pub fn generate(kind: WorldKind, seed: Seed, index: u32, options: &SynthOptions)
     options.check()?;
     let id = format!("synth/{}/{}/{index}", kind.name(), seed.0);
     let mut last = Reject::NoEgo;
+    let may_follow =
+        seed.stream(&["synth", kind.name(), &index.to_string(), "following"]).chance(options.following_share);
     for attempt in 0..options.attempts_max {
         let path = ["synth".to_string(), kind.name().to_string(), index.to_string(), attempt.to_string()];
         let net = worlds::lay_world(kind, options.tracks_per_scene, &mut stream(seed, &path, "world"));
         let mut traffic = Traffic::new(&net, kind, options, seed, &path);
         let log = record::record(&mut traffic, options);
-        let chosen = interaction::choose(&log.tracks, options).and_then(|pair| {
+        let following = may_follow || 2 * attempt >= options.attempts_max;
+        let chosen = interaction::choose(&log.tracks, options, following).and_then(|pair| {
             record::consistent(&log, options.steps)?;
             Ok(pair)
         });

@@ -71,7 +71,7 @@ impl WorldKind {
 pub struct SynthOptions {
     /// The kinds that a pool takes in turn.
     pub kinds: Vec<WorldKind>,
-    /// Samples per scene at 0.1 s, 2..=2000; 91 as in the Waymo Open Motion Dataset.
+    /// Samples per scene at 0.1 s, 2..=1200; 91 as in the Waymo Open Motion Dataset.
     pub steps: usize,
     /// Last sample of history, below `steps`; 10 as in the Waymo Open Motion Dataset.
     pub current_step: usize,
@@ -89,6 +89,9 @@ pub struct SynthOptions {
     pub interaction_time_s_max: f64,
     /// Distance between the two boxes at their nearest, metres, at most.
     pub interaction_gap_m_max: f64,
+    /// Share of scenes, 0..=1, in which a vehicle that leads or follows in the ego's own lane may be the interacting
+    /// one; the others look for one that crosses, merges or cuts in during the first half of the attempts.
+    pub following_share: f64,
     /// Sub-seeds to try before giving up, 1..=1000.
     pub attempts_max: u32,
 }
@@ -127,8 +130,8 @@ impl SynthOptions {
         if self.kinds.is_empty() {
             return bad("kinds", "empty".into(), "at least one kind of world");
         }
-        if !(2..=2000).contains(&self.steps) {
-            return bad("steps", self.steps.to_string(), "2..=2000");
+        if !(2..=1200).contains(&self.steps) {
+            return bad("steps", self.steps.to_string(), "2..=1200");
         }
         if self.current_step + 1 >= self.steps {
             return bad("current_step", self.current_step.to_string(), "a step before the last one");
@@ -153,6 +156,9 @@ impl SynthOptions {
         }
         if !positive(self.interaction_gap_m_max) {
             return bad("interaction_gap_m_max", self.interaction_gap_m_max.to_string(), "a length above 0 m");
+        }
+        if !(0.0..=1.0).contains(&self.following_share) {
+            return bad("following_share", self.following_share.to_string(), "0..=1");
         }
         if !(1..=1000).contains(&self.attempts_max) {
             return bad("attempts_max", self.attempts_max.to_string(), "1..=1000");

@@ -192,8 +192,12 @@ impl Traffic<'_> {
         }
         self.conflicts(i, |zone, start_m, other, other_s, their_to| {
             let front = zone.from_s - start_m;
-            let vacated = other_s - other.half() > their_to;
-            if zone.meeting != Meeting::Part && !vacated {
+            let left = their_to + other.half() - other_s;
+            // No need to brake for somebody who will be gone by then, as long as braking later would still do.
+            let early = front > car.speed * car.speed / 5.0 + 2.0
+                && other.speed > 2.0
+                && front / car.speed.max(1.0) > left / other.speed + 0.5;
+            if zone.meeting != Meeting::Part && left > 0.0 && !early {
                 stop(front - 0.7);
             }
         });

@@ -17,6 +17,7 @@ pub(crate) fn options() -> SynthOptions {
         ego_travel_m_min: 10.0,
         interaction_time_s_max: 4.0,
         interaction_gap_m_max: 12.0,
+        following_share: 0.2,
         attempts_max: 40,
     }
 }
@@ -130,6 +131,17 @@ fn the_ego_travels_and_the_marked_vehicle_comes_near_it() {
             .fold(f64::INFINITY, f64::min);
         assert!(nearest <= options().interaction_gap_m_max && nearest > 0.0, "{}: {nearest} m", scene.id);
     }
+}
+
+#[test]
+fn most_marked_vehicles_cross_merge_or_cut_in_rather_than_follow() {
+    let scenes = few_scenes();
+    let from_elsewhere = |scene: &&Scene| {
+        let pair = [scene.ego.track.clone(), scene.tracks[scene.objects_of_interest[0]].clone()];
+        interaction::choose(&pair, &options(), false).is_ok()
+    };
+    let found = scenes.iter().filter(from_elsewhere).count();
+    assert!(2 * found > scenes.len(), "{found} of {}", scenes.len());
 }
 
 #[test]
@@ -248,7 +260,7 @@ fn the_bits_of_a_generated_scene_are_pinned() {
 }
 
 // Whatever moves this moves every generated pool, and every result on one.
-const PINNED: &str = "60ef9e666834217ce0bdffd2ea331b81fa07891c02a4a35e7dbf8628744147a7";
+const PINNED: &str = "0e3e3d4cc80d32e0e1f770a57fa39c5e84087c2121070543216eb2eaeaf07097";
 
 #[test]
 fn small_and_large_scenes_have_about_as_many_tracks_as_asked_for() {
@@ -286,7 +298,7 @@ proptest! {
     }
 
     #[test]
-    fn absurd_options_are_refused(steps in 2001usize.., users in 2001usize..) {
+    fn absurd_options_are_refused(steps in 1201usize.., users in 2001usize..) {
         let cases = [
             SynthOptions { steps, ..options() },
             SynthOptions { tracks_per_scene: users, ..options() },

@@ -236,7 +236,9 @@ impl Site {
         let first = net.add_road(before.clone(), profile);
         let beside = line(joint.position, joint.heading_rad, accel_m);
         let second = net.add_road(beside.clone(), Profile { forward: lanes + 1, ..profile });
-        let third = net.add_road(line(beside.end().position, joint.heading_rad, rest_m - accel_m), profile);
+        let third = Profile { edges: false, ..profile };
+        let third = net.add_road(line(beside.end().position, joint.heading_rad, rest_m - accel_m), third);
+        taper(net, &second, &third);
         continue_lanes(net, &first, &second);
         continue_lanes(net, &second, &third);
         let accelerating = second.forward[lanes];
@@ -246,8 +248,11 @@ impl Site {
         let back = Vec2::from_heading(target.heading_rad + turn) * -110.0;
         let from = Place { position: target.position + back, heading_rad: target.heading_rad + turn, curvature: 0.0 };
         let bend = Curve::between(from, target);
-        net.edges.push(bend.line(-1.85));
+        let mut inside = bend.line(1.85);
+        inside.truncate(inside.len() / 2);
+        net.edges.extend([inside, bend.line(-1.85)]);
         let straight = line(from.position - Vec2::from_heading(from.heading_rad) * 120.0, from.heading_rad, 120.0);
+        net.edges.extend([straight.line(1.85), straight.line(-1.85)]);
         let ramp = net.add_lane(straight, 3.7, 0.75 * limit, LaneKind::Freeway);
         let slip = net.add_lane(bend, 3.7, 0.85 * limit, LaneKind::Freeway);
         net.connect(ramp, slip);
@@ -262,8 +267,9 @@ impl Site {
         let profile = motorway(lanes, limit);
         let wide = net.add_road(line(start, self.heading, 0.6 * length), profile);
         let end = wide.reference.end();
-        let narrow =
-            net.add_road(line(end.position, end.heading_rad, 0.4 * length), Profile { forward: lanes - 1, ..profile });
+        let rest = Profile { forward: lanes - 1, edges: false, ..profile };
+        let narrow = net.add_road(line(end.position, end.heading_rad, 0.4 * length), rest);
+        taper(net, &wide, &narrow);
         continue_lanes(net, &wide, &narrow);
         net.lanes[wide.forward[lanes - 1]].end = LaneEnd::Closed;
     }
@@ -299,6 +305,18 @@ fn continue_lanes(net: &mut Network, from: &RoadLanes, to: &RoadLanes) {
     }
 }
 
+/// Curbs of a straight road with a lane less on the right than the one before: the right one closes in.
+fn taper(net: &mut Network, wide: &RoadLanes, narrow: &RoadLanes) {
+    let at = |s: f64, left: f64| {
+        let place = narrow.reference.at(s);
+        place.position + Vec2::from_heading(place.heading_rad).left() * left
+    };
+    let length = narrow.reference.length_m();
+    let right = -narrow.half_forward_m();
+    net.edges.push(vec![at(0.0, -wide.half_forward_m()), at((0.5 * length).min(35.0), right), at(length, right)]);
+    net.edges.push(vec![at(0.0, 0.0), at(length, 0.0)]);
+}
+
 /// One lane around a centre, counter-clockwise.
 struct Ring {
     radius_m: f64,
@@ -330,7 +348,7 @@ impl Ring {
         for i in 0..arms {
             let out = angle(i);
             let start = Vec2::from_heading(out) * (self.radius_m + 15.0);
-            let profile = Profile { median_m: 4.0, ..street(1, 11.1) };
+            let profile = Profile { lane_width_m: 4.0, median_m: 4.0, ..street(1, 11.1) };
             let road = net.add_road(line(start, out, length_m), profile);
             let arm = Arm::starting(&road, false);
             let before = outer[(i + arms - 1) % arms];

@@ -6,11 +6,14 @@ use super::super::error::{ImportError, shown};
 use super::super::xml::Element;
 use super::{File, point, shifted};
 use crate::kernel::{Vec2, num};
+use crate::scene::validate::LINKS_MAX;
 use crate::scene::{DT_S, Lane, LaneGraph, LaneIx, LaneKind, Light, LightState, Neighbour, Road, StopSign};
 
-/// Maximum-speed signs of the countries' catalogues that commonroad-io knows; the value is in m/s.
-const SPEED_SIGNS: [&str; 5] = ["274", "274.1", "R2-1", "R301", "C14"];
-const STOP_SIGNS: [&str; 4] = ["206", "R1-1", "R2", "B5"];
+/// Maximum-speed signs in the schema's catalogues (Germany and Zamunda, USA, Spain); the value is in m/s. Other
+/// countries' files use the German numbers.
+const SPEED_SIGNS: [&str; 4] = ["274", "274.1", "R2-1", "r301"];
+/// Stop signs of the same catalogues, and the American one.
+const STOP_SIGNS: [&str; 3] = ["206", "r2", "R1-1"];
 
 /// The road in the file's coordinates.
 pub(super) struct Network {
@@ -170,6 +173,9 @@ fn link(
         let (from, to) = if name == "predecessor" { (other, ix) } else { (ix, other) };
         match name {
             "predecessor" | "successor" => {
+                if road.lanes[from].exits.len() >= LINKS_MAX || road.lanes[to].entries.len() >= LINKS_MAX {
+                    return Err(child.refuse(format!("at most {LINKS_MAX} links of one kind at a lanelet")));
+                }
                 if !road.lanes[from].exits.contains(&to) {
                     road.lanes[from].exits.push(to);
                     road.lanes[to].entries.push(from);

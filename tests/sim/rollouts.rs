@@ -1,7 +1,9 @@
-use super::scenes::*;
-use super::*;
+//! Single rollouts whose outcome is known beforehand.
+
 use crate::ego::Policy;
 use crate::scene::{AgentKind, Sample};
+use crate::scenes::*;
+use crate::sim::*;
 
 fn run(scene: &crate::scene::Scene, intervention: &Intervention, policy: Policy) -> Outcome {
     let plant = Plant::new(scene).unwrap();

@@ -1,0 +1,93 @@
+//! JSON as prompts show it: keys sorted whatever `serde_json` was built with, short values on one line, long ones broken.
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// A value whose text is at most this long stays on one line.
+const LINE_MAX_CHARS: usize = 120;
+
+/// The same text for equal values, on every machine and with every feature set of `serde_json`.
+pub fn stable_json(value: &Value) -> String {
+    let mut out = String::new();
+    write(value, 0, &mut out);
+    out
+}
+
+fn write(value: &Value, indent: usize, out: &mut String) {
+    let line = one_line(value);
+    if indent + line.len() <= LINE_MAX_CHARS {
+        return out.push_str(&line);
+    }
+    match value {
+        Value::Object(map) if !map.is_empty() => {
+            let sorted: BTreeMap<&String, &Value> = map.iter().collect();
+            let members = sorted.into_iter().map(|(key, value)| (Some(key.as_str()), value));
+            block('{', '}', members, indent, out);
+        }
+        Value::Array(items) if !items.is_empty() => {
+            block('[', ']', items.iter().map(|value| (None, value)), indent, out);
+        }
+        _ => out.push_str(&line),
+    }
+}
+
+fn block<'a>(
+    open: char,
+    close: char,
+    members: impl Iterator<Item = (Option<&'a str>, &'a Value)>,
+    indent: usize,
+    out: &mut String,
+) {
+    out.push(open);
+    for (place, (key, value)) in members.enumerate() {
+        out.push_str(if place == 0 { "\n" } else { ",\n" });
+        out.push_str(&" ".repeat(indent + 1));
+        if let Some(key) = key {
+            out.push_str(&quoted(key));
+            out.push_str(": ");
+        }
+        write(value, indent + 1, out);
+    }
+    out.push('\n');
+    out.push_str(&" ".repeat(indent));
+    out.push(close);
+}
+
+fn one_line(value: &Value) -> String {
+    match value {
+        Value::Object(map) => {
+            let sorted: BTreeMap<&String, &Value> = map.iter().collect();
+            let members: Vec<String> =
+                sorted.into_iter().map(|(key, value)| format!("{}: {}", quoted(key), one_line(value))).collect();
+            format!("{{{}}}", members.join(", "))
+        }
+        Value::Array(items) => format!("[{}]", items.iter().map(one_line).collect::<Vec<_>>().join(", ")),
+        Value::String(text) => quoted(text),
+        other => other.to_string(),
+    }
+}
+
+fn quoted(text: &str) -> String {
+    Value::from(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_text_reads_back_as_the_value_and_keys_are_sorted() {
+        let value =
+            json!({"b": [1.0, "x\n\"```"], "a": {"long": "y".repeat(200), "k": [json!({"q": "z".repeat(130)})]}});
+        let text = stable_json(&value);
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), value);
+        assert!(text.find("\"a\"") < text.find("\"b\""));
+        assert!(text.lines().all(|line| !line.starts_with("```")), "a string cannot close the fence:\n{text}");
+    }
+
+    #[test]
+    fn short_values_stay_on_one_line() {
+        assert_eq!(stable_json(&json!({"z": 1, "a": [0.5, true]})), r#"{"a": [0.5, true], "z": 1}"#);
+    }
+}

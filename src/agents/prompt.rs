@@ -1,0 +1,225 @@
+//! Prompts: a system message for each role, a context message for each epoch, a task message for each question. The first two are
+//! equal for every slot, so that a provider and a cassette can share them.
+
+use minijinja::{Environment, UndefinedBehavior};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::{
+    json_text::stable_json,
+    reply,
+    task::{Context, Outcomes, ParentOutcome, Task},
+};
+use crate::{
+    adapters::ADAPTER_VERSION,
+    kernel::num,
+    llm::{DrawSlot, Message, ModelSpec, Request},
+    objects::{EDITABLE_SURFACE, ProgramPatch, Review, Role},
+};
+
+/// Decimals of objectives, shares and diagnostics in prompts. Parameters of a program are shown as they are.
+const SCORE_DECIMALS: u32 = 4;
+/// How much of an unreadable reply a repair is shown.
+const UNREADABLE_MAX_CHARS: usize = 6_000;
+
+const PROTECTED: [&str; 8] = [
+    "ego policy",
+    "scenes and splits",
+    "simulator",
+    "metrics and labels",
+    "archive acceptor",
+    "compile contract",
+    "ancestors",
+    "other lineages",
+];
+
+const IO_CONTRACT: &str = include_str!("prompts/io_contract.md");
+const LANGUAGE: &str = include_str!("prompts/language.md");
+const CONTEXT: &str = include_str!("prompts/context.md");
+const TASK: &str = include_str!("prompts/task.md");
+
+/// A prompt could not be written: a bug of a template or a value that JSON cannot hold.
+#[derive(Debug, thiserror::Error)]
+#[error("prompt `{template}` cannot be filled: {reason}; check src/agents/prompts and the values of the task")]
+pub struct PromptError {
+    pub template: &'static str,
+    pub reason: String,
+}
+
+fn role_template(role: Role) -> Option<(&'static str, &'static str)> {
+    Some(match role {
+        Role::Actor => ("actor.md", include_str!("prompts/actor.md")),
+        Role::StructuralCritic => ("structural_critic.md", include_str!("prompts/structural_critic.md")),
+        Role::AttackCritic => ("attack_critic.md", include_str!("prompts/attack_critic.md")),
+        Role::RealismCritic => ("realism_critic.md", include_str!("prompts/realism_critic.md")),
+        Role::IsolationCritic => ("isolation_critic.md", include_str!("prompts/isolation_critic.md")),
+        Role::Repair => ("repair.md", include_str!("prompts/repair.md")),
+        Role::WorldAgent => return None,
+    })
+}
+
+/// The context message of an epoch with what questions need besides, written out once.
+#[derive(Clone, Debug)]
+pub struct Briefing {
+    lineage: String,
+    epoch: u32,
+    text: String,
+}
+
+impl Briefing {
+    pub fn of(context: &Context<'_>) -> Result<Briefing, PromptError> {
+        let parent = to_value(context.parent)?;
+        let identity = json!({
+            "lineage_id": context.lineage,
+            "epoch": context.epoch,
+            "source_family": context.contract.family,
+            "parent_solution_id": context.parent.solution_id,
+            "parent_program_hash": context.parent_hash.to_hex(),
+            "parent_generation": context.parent.generation,
+            "ego": context.ego,
+            "editable_surface": EDITABLE_SURFACE,
+            "protected": PROTECTED,
+        });
+        let blocks = json!({
+            "lineage": context.lineage,
+            "epoch": context.epoch,
+            "identity": stable_json(&identity),
+            "contract": stable_json(&context.contract.to_prompt_json()),
+            "foreign_vocabulary": stable_json(&to_value(&context.foreign_vocabulary)?),
+            "parent": stable_json(&shown_parent(parent)),
+            "memory": stable_json(&shown_memory(context)?),
+            "clusters": stable_json(&rounded(to_value(&context.clusters)?)),
+            "outcomes": stable_json(&shown_outcomes(context.outcomes)?),
+            "front": stable_json(&rounded(to_value(&context.front)?)),
+        });
+        let text = fill("context.md", CONTEXT, &blocks)?;
+        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, text })
+    }
+
+    /// The text that all slots and roles of the epoch share.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+}
+
+/// What a critic or a repair is asked about.
+pub enum Subject<'a> {
+    /// The actor starts from nothing.
+    None,
+    Review(&'a ProgramPatch),
+    Repair {
+        patch: &'a ProgramPatch,
+        reviews: &'a [Review],
+    },
+    Unreadable {
+        reply: &'a [u8],
+        refusal: &'a str,
+    },
+}
+
+/// The whole question of a role at a place in the loop.
+pub fn request(
+    task: &Task<'_>,
+    model: &ModelSpec,
+    role: Role,
+    round: u32,
+    subject: &Subject<'_>,
+) -> Result<Request, PromptError> {
+    let lineage = task.briefing.lineage.clone();
+    let slot = DrawSlot { lineage, epoch: task.briefing.epoch, slot: task.slot, role: role.name().into(), round };
+    let messages = vec![
+        Message { role: "system".into(), text: system(role)? },
+        Message { role: "user".into(), text: task.briefing.text.clone() },
+        Message { role: "user".into(), text: question(task, &slot, subject)? },
+    ];
+    Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: model.clone(), messages, schema: reply::schema(role) })
+}
+
+/// The system message of a role: the same in every run of this adapter version.
+pub fn system(role: Role) -> Result<String, PromptError> {
+    let Some((name, template)) = role_template(role) else {
+        return Err(PromptError { template: role.name(), reason: "this role has no part in the role loop".into() });
+    };
+    let values = json!({"io_contract": IO_CONTRACT, "language": LANGUAGE, "schema": stable_json(&reply::schema(role))});
+    fill(name, template, &values)
+}
+
+fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<String, PromptError> {
+    let asked = json!({
+        "response_id": format!("{}/e{}s{}/{}/{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round),
+        "target": task.target,
+    });
+    let block = |title: &str, value: &Value| json!({"title": title, "json": stable_json(value)});
+    let blocks = match subject {
+        Subject::None => vec![],
+        Subject::Review(patch) => vec![block("Patch", &to_value(patch)?)],
+        Subject::Repair { patch, reviews } => {
+            vec![block("Patch", &to_value(patch)?), block("Reviews", &to_value(reviews)?)]
+        }
+        Subject::Unreadable { reply, refusal } => {
+            let text: String = String::from_utf8_lossy(reply).chars().take(UNREADABLE_MAX_CHARS).collect();
+            vec![block("Unreadable reply", &json!({"text": text, "refusal": refusal}))]
+        }
+    };
+    let values = json!({
+        "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(&asked), "blocks": blocks,
+    });
+    fill("task.md", TASK, &values)
+}
+
+/// The parent without its ancestors: they grow with every generation and no edit can touch them.
+fn shown_parent(mut parent: Value) -> Value {
+    if let Some(map) = parent.as_object_mut() {
+        map.remove("ancestor_chain");
+    }
+    parent
+}
+
+fn shown_memory(context: &Context<'_>) -> Result<Value, PromptError> {
+    let cards = context.memory.iter().map(|card| {
+        Ok(json!({
+            "id": card.id,
+            "kind": card.kind,
+            "lineage": card.lineage,
+            "epoch": card.epoch,
+            "text": card.text,
+            "mechanism_tags": card.mechanism_tags,
+            "scene_tags": card.scene_tags,
+        }))
+    });
+    cards.collect::<Result<Vec<Value>, PromptError>>().map(Value::from)
+}
+
+fn shown_outcomes(outcomes: &Outcomes) -> Result<Value, PromptError> {
+    let mut value = to_value(outcomes)?;
+    let weakest = outcomes.parent.as_ref().and_then(ParentOutcome::weakest_diagnostic);
+    if let (Some(weakest), Some(parent)) = (weakest, value["parent"].as_object_mut()) {
+        parent.insert("weakest_diagnostic".into(), weakest.into());
+    }
+    Ok(rounded(value))
+}
+
+/// Measured numbers to the declared precision; integers stay.
+fn rounded(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            number.as_f64().map_or(Value::Null, |x| json!(num::rounded(x, SCORE_DECIMALS)))
+        }
+        Value::Array(items) => items.into_iter().map(rounded).collect(),
+        Value::Object(map) => map.into_iter().map(|(key, value)| (key, rounded(value))).collect(),
+        other => other,
+    }
+}
+
+fn to_value(noun: &impl Serialize) -> Result<Value, PromptError> {
+    serde_json::to_value(noun).map_err(|error| PromptError { template: "context.md", reason: error.to_string() })
+}
+
+fn fill(name: &'static str, template: &str, values: &Value) -> Result<String, PromptError> {
+    let mut environment = Environment::new();
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment.set_auto_escape_callback(|_| minijinja::AutoEscape::None);
+    environment
+        .render_named_str(name, template, minijinja::value::Serde(values))
+        .map_err(|error| PromptError { template: name, reason: error.to_string() })
+}

@@ -1,0 +1,162 @@
+//! Actor-critic program mutation (paper, alg:actor_critic_mutation): actor, then rounds of four critics and a repair.
+//!
+//! Fail closed. A patch comes out only if all four critics approved it. A critic's unusable reply is no approval: it counts as
+//! `repair` with a blocker that says so, never as `reject`, so that one garbled answer does not end a proposal while rounds are left.
+//! An actor's or a repair's unusable reply leaves a round without a patch; the next repair is shown its text.
+
+use std::collections::BTreeMap;
+
+use super::{
+    prompt::{PromptError, Subject, request},
+    reply::{self, Refusal},
+    task::Task,
+};
+use crate::{
+    llm::{Ask, AskError, ModelSpec, Reply},
+    objects::{Advice, Exchange, ProgramPatch, Proposal, Review, Role, Round},
+};
+
+/// How the role loop ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum End {
+    /// All critics approved; the gates are next.
+    Patch(ProgramPatch),
+    Declined {
+        reason: String,
+    },
+}
+
+/// The record of the loop and its end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposed {
+    pub proposal: Proposal,
+    pub end: End,
+}
+
+/// The loop could not be carried through. What a model answers is never an error.
+#[derive(Debug, thiserror::Error)]
+pub enum AgentError {
+    #[error(transparent)]
+    Ask(#[from] AskError),
+    #[error(transparent)]
+    Prompt(#[from] PromptError),
+    #[error("no model for the role `{role}`: name one under [models.{role}] in the experiment file")]
+    NoModel { role: &'static str },
+}
+
+/// Asks actor, critics and repair for one patch. Records every exchange, also the unusable ones.
+pub fn propose(task: &Task<'_>, ask: &dyn Ask) -> Result<Proposed, AgentError> {
+    let mut talk = Talk { task, ask, exchanges: vec![] };
+    let mut rounds = vec![];
+    let mut draft = talk.patch(Role::Actor, 0, &Subject::None)?;
+    for round in 0..=task.max_repair_rounds {
+        let (patch, reviews) = match &draft {
+            Draft::Patch(patch) => (Some(patch.clone()), talk.reviews(round, patch)?),
+            Draft::Unreadable { .. } => (None, vec![]),
+        };
+        rounds.push(Round { patch, reviews });
+        let last = round == task.max_repair_rounds;
+        if let Some(end) = verdict(&draft, &rounds[rounds.len() - 1].reviews, last) {
+            return Ok(Proposed { proposal: Proposal { exchanges: talk.exchanges, rounds }, end });
+        }
+        let subject = match &draft {
+            Draft::Patch(patch) => Subject::Repair { patch, reviews: &rounds[rounds.len() - 1].reviews },
+            Draft::Unreadable { reply, refusal } => Subject::Unreadable { reply, refusal: &refusal.0 },
+        };
+        draft = talk.patch(Role::Repair, round + 1, &subject)?;
+    }
+    unreachable!("the last round always has a verdict")
+}
+
+/// What stands at the start of a round.
+enum Draft {
+    Patch(ProgramPatch),
+    Unreadable { reply: Vec<u8>, refusal: Refusal },
+}
+
+/// The end, if this round is one. A repair after the last round would never be reviewed, so none is asked for.
+fn verdict(draft: &Draft, reviews: &[Review], last: bool) -> Option<End> {
+    let declined = |reason: String| Some(End::Declined { reason });
+    match draft {
+        Draft::Unreadable { refusal, .. } if last => declined(format!("no readable patch: {refusal}")),
+        Draft::Unreadable { .. } => None,
+        Draft::Patch(patch) if reviews.iter().all(|r| r.decision == Advice::Approve) => Some(End::Patch(patch.clone())),
+        Draft::Patch(_) => match reviews.iter().find(|r| r.decision == Advice::Reject) {
+            Some(review) => declined(format!("rejected by {}: {}", review.role.name(), first_blocker(review))),
+            None if last => declined(format!("still blocked after the last repair: {}", open_blockers(reviews))),
+            None => None,
+        },
+    }
+}
+
+fn first_blocker(review: &Review) -> &str {
+    review.blockers.first().map_or("no blocker named", String::as_str)
+}
+
+fn open_blockers(reviews: &[Review]) -> String {
+    let open = reviews.iter().filter(|r| r.decision != Advice::Approve);
+    open.map(|r| format!("{}: {}", r.role.name(), first_blocker(r))).collect::<Vec<_>>().join("; ")
+}
+
+/// The conversation of one slot.
+struct Talk<'a> {
+    task: &'a Task<'a>,
+    ask: &'a dyn Ask,
+    exchanges: Vec<Exchange>,
+}
+
+impl Talk<'_> {
+    fn patch(&mut self, role: Role, round: u32, subject: &Subject<'_>) -> Result<Draft, AgentError> {
+        let (reply, read) = self.exchange(role, round, subject, |bytes| reply::patch(bytes, role))?;
+        Ok(match read {
+            Ok(patch) => Draft::Patch(patch),
+            Err(refusal) => Draft::Unreadable { reply: reply.bytes, refusal },
+        })
+    }
+
+    fn reviews(&mut self, round: u32, patch: &ProgramPatch) -> Result<Vec<Review>, AgentError> {
+        let subject = Subject::Review(patch);
+        let one = |role| {
+            let (_, read) = self.exchange(role, round, &subject, |bytes| reply::review(bytes, role))?;
+            Ok(read.unwrap_or_else(|refusal| unreadable_review(role, &refusal)))
+        };
+        Role::CRITICS.into_iter().map(one).collect()
+    }
+
+    /// Asks, reads, records.
+    fn exchange<T>(
+        &mut self,
+        role: Role,
+        round: u32,
+        subject: &Subject<'_>,
+        read: impl Fn(&[u8]) -> Result<T, Refusal>,
+    ) -> Result<(Reply, Result<T, Refusal>), AgentError> {
+        let model = model_of(self.task.models, role)?;
+        let reply = self.ask.ask(&request(self.task, model, role, round, subject)?)?;
+        let answer = read(&reply.bytes);
+        self.exchanges.push(Exchange {
+            role,
+            round,
+            request: reply.request,
+            response: reply.response,
+            model: model.name.clone(),
+            refusal: answer.as_ref().err().map(ToString::to_string),
+        });
+        Ok((reply, answer))
+    }
+}
+
+fn model_of(models: &BTreeMap<Role, ModelSpec>, role: Role) -> Result<&ModelSpec, AgentError> {
+    models.get(&role).ok_or(AgentError::NoModel { role: role.name() })
+}
+
+fn unreadable_review(role: Role, refusal: &Refusal) -> Review {
+    Review {
+        role,
+        decision: Advice::Repair,
+        blockers: vec![format!("this reviewer's reply was unreadable: {refusal}")],
+        repair_hints: vec![],
+        risk_tags: vec!["unreadable_review".into()],
+        scope: "pre_simulation".into(),
+    }
+}

@@ -1,0 +1,197 @@
+//! The strict reading of replies: exactly the schema of the role, or a refusal that says where it departs from it.
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::objects::{Advice, FamilyName, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId};
+
+const ACTOR_SCHEMA: &str = include_str!("schemas/actor.json");
+const CRITIC_SCHEMA: &str = include_str!("schemas/critic.json");
+const REPAIR_SCHEMA: &str = include_str!("schemas/repair.json");
+
+// The bounds of the schema files.
+const NAME_MAX_CHARS: usize = 200;
+const PATH_MAX_CHARS: usize = 400;
+const TEXT_MAX_CHARS: usize = 2_000;
+const ITEMS_MAX: usize = 32;
+
+/// Why a reply cannot be used: a finding about the model, kept in the attempt.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Refusal(pub String);
+
+/// JSON schema of a role's reply; for a critic the role is pinned.
+pub fn schema(role: Role) -> Value {
+    let text = match role {
+        Role::Actor => ACTOR_SCHEMA,
+        Role::Repair => REPAIR_SCHEMA,
+        _ => CRITIC_SCHEMA,
+    };
+    // The files are part of the program; a test reads each of them.
+    let mut schema: Value = serde_json::from_str(text).unwrap_or(Value::Null);
+    if let Some(pinned) = schema.pointer_mut("/properties/critic_review/properties/role") {
+        *pinned = json!({"enum": [role.name()]});
+    }
+    schema
+}
+
+/// The patch of an actor or of a repair.
+pub fn patch(bytes: &[u8], role: Role) -> Result<ProgramPatch, Refusal> {
+    let value = object(bytes)?;
+    let wire: WirePatchReply = read(value)?;
+    name("response_id", &wire.response_id)?;
+    let patch = wire.program_patch;
+    name("source_baseline", &patch.source_baseline)?;
+    name("parent_solution_id", &patch.parent_solution_id)?;
+    name("parent_program_hash", &patch.parent_program_hash)?;
+    text("hypothesis", &patch.hypothesis, TEXT_MAX_CHARS)?;
+    if patch.operations.is_empty() {
+        return Err(Refusal("operations: found none, expected at least one".into()));
+    }
+    items("operations", patch.operations.len())?;
+    texts("memory_refs_used", &patch.memory_refs_used, NAME_MAX_CHARS)?;
+    texts("cluster_refs_used", &patch.cluster_refs_used, NAME_MAX_CHARS)?;
+    match (&patch.repair_summary, role) {
+        (Some(summary), Role::Repair) => text("repair_summary", summary, TEXT_MAX_CHARS)?,
+        (None, Role::Repair) => return Err(Refusal("repair_summary: missing".into())),
+        (Some(_), _) => return Err(Refusal("repair_summary: only a repair has one".into())),
+        (None, _) => {}
+    }
+    let operations = patch.operations.into_iter().enumerate().map(|(place, value)| operation(place, value));
+    Ok(ProgramPatch {
+        source_baseline: FamilyName::new(patch.source_baseline),
+        parent_solution_id: SolutionId::new(patch.parent_solution_id),
+        parent_program_hash: patch.parent_program_hash,
+        operations: operations.collect::<Result<_, _>>()?,
+        hypothesis: patch.hypothesis,
+        memory_refs_used: patch.memory_refs_used,
+        cluster_refs_used: patch.cluster_refs_used,
+        repair_summary: patch.repair_summary,
+    })
+}
+
+/// The review of the critic that was asked.
+pub fn review(bytes: &[u8], role: Role) -> Result<Review, Refusal> {
+    let value = object(bytes)?;
+    let wire: WireReviewReply = read(value)?;
+    name("response_id", &wire.response_id)?;
+    let review = wire.critic_review;
+    if review.role != role.name() {
+        return Err(Refusal(format!("role: found `{}`, expected `{}`", review.role, role.name())));
+    }
+    if review.scope != "pre_simulation" {
+        return Err(Refusal(format!("scope: found `{}`, expected `pre_simulation`", review.scope)));
+    }
+    texts("blockers", &review.blockers, TEXT_MAX_CHARS)?;
+    texts("repair_hints", &review.repair_hints, TEXT_MAX_CHARS)?;
+    texts("risk_tags", &review.risk_tags, NAME_MAX_CHARS)?;
+    Ok(Review {
+        role,
+        decision: review.decision,
+        blockers: review.blockers,
+        repair_hints: review.repair_hints,
+        risk_tags: review.risk_tags,
+        scope: review.scope,
+    })
+}
+
+// Wire forms: like the nouns, but every field has to be there.
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WirePatchReply {
+    response_id: String,
+    #[serde(deserialize_with = "from_object")]
+    program_patch: WirePatch,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WirePatch {
+    source_baseline: String,
+    parent_solution_id: String,
+    parent_program_hash: String,
+    operations: Vec<Value>,
+    hypothesis: String,
+    memory_refs_used: Vec<String>,
+    cluster_refs_used: Vec<String>,
+    #[serde(default, deserialize_with = "present")]
+    repair_summary: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WireReviewReply {
+    response_id: String,
+    #[serde(deserialize_with = "from_object")]
+    critic_review: WireReview,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WireReview {
+    role: String,
+    decision: Advice,
+    blockers: Vec<String>,
+    repair_hints: Vec<String>,
+    risk_tags: Vec<String>,
+    scope: String,
+}
+
+/// A struct from an object only: serde would take an array of its fields as well.
+fn from_object<'de, D: serde::Deserializer<'de>, T: serde::de::DeserializeOwned>(input: D) -> Result<T, D::Error> {
+    let map = serde_json::Map::deserialize(input)?;
+    T::deserialize(Value::Object(map)).map_err(serde::de::Error::custom)
+}
+
+/// A field that may be missing but not `null`.
+fn present<'de, D: serde::Deserializer<'de>>(input: D) -> Result<Option<String>, D::Error> {
+    String::deserialize(input).map(Some)
+}
+
+fn object(bytes: &[u8]) -> Result<Value, Refusal> {
+    crate::llm::reply::json_object(bytes).map_err(|refusal| Refusal(format!("not exactly one JSON object: {refusal}")))
+}
+
+fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T, Refusal> {
+    serde_json::from_value(value).map_err(|error| Refusal(format!("departs from the reply schema: {error}")))
+}
+
+fn operation(place: usize, value: Value) -> Result<Operation, Refusal> {
+    let refuse = |what: &str| Refusal(format!("operations[{place}]: {what}"));
+    let Value::Object(map) = value else { return Err(refuse("not an object")) };
+    let has_null = map.get("value").is_some_and(Value::is_null);
+    let operation: Operation =
+        serde_json::from_value(Value::Object(map)).map_err(|error| refuse(&error.to_string()))?;
+    text("path", &operation.path, PATH_MAX_CHARS).map_err(|why| refuse(&why.0))?;
+    match (operation.op, &operation.value) {
+        _ if has_null => Err(refuse("value: found null, expected a value")),
+        (OperationKind::Remove, Some(_)) => Err(refuse("`remove` has no value")),
+        (OperationKind::Add | OperationKind::Replace, None) => Err(refuse("`add` and `replace` need a value")),
+        _ => Ok(operation),
+    }
+}
+
+fn name(field: &str, found: &str) -> Result<(), Refusal> {
+    text(field, found, NAME_MAX_CHARS)
+}
+
+fn text(field: &str, found: &str, chars_max: usize) -> Result<(), Refusal> {
+    let length = found.chars().count();
+    if length == 0 || length > chars_max {
+        return Err(Refusal(format!("{field}: found {length} characters, expected 1 to {chars_max}")));
+    }
+    Ok(())
+}
+
+fn texts(field: &str, found: &[String], chars_max: usize) -> Result<(), Refusal> {
+    items(field, found.len())?;
+    found.iter().try_for_each(|item| text(field, item, chars_max))
+}
+
+fn items(field: &str, count: usize) -> Result<(), Refusal> {
+    if count > ITEMS_MAX {
+        return Err(Refusal(format!("{field}: found {count} items, expected at most {ITEMS_MAX}")));
+    }
+    Ok(())
+}

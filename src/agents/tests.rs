@@ -1,0 +1,319 @@
+//! The role loop against models that answer by a table, and replies against schema and parser.
+
+use serde_json::{Value, json};
+use std::{collections::BTreeMap, sync::Mutex};
+
+use super::{End, Proposed, Target, Task, example::Example, prompt, propose, reply, schema};
+use crate::{
+    kernel::Digest,
+    llm::{Ask, AskError, ModelSpec, Reply, Request},
+    objects::{Advice, Role},
+};
+
+/// Answers by role and round; keeps what was asked.
+struct Table {
+    answers: BTreeMap<(&'static str, u32), String>,
+    asked: Mutex<Vec<Request>>,
+}
+
+impl Ask for Table {
+    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        self.asked.lock().unwrap().push(request.clone());
+        let place =
+            self.answers.iter().find(|((role, round), _)| *role == request.slot.role && *round == request.slot.round);
+        let critic = request.slot.role.ends_with("critic");
+        let text = match place {
+            Some((_, text)) => text.clone(),
+            None if critic => review_reply(&request.slot.role, "approve").to_string(),
+            None => patch_reply(request.slot.role == "repair").to_string(),
+        };
+        let response = Digest::of_bytes(text.as_bytes());
+        Ok(Reply { request: request.key().unwrap(), response, bytes: text.into_bytes() })
+    }
+}
+
+fn patch_reply(repaired: bool) -> Value {
+    let mut patch = json!({
+        "source_baseline": "toy",
+        "parent_solution_id": "toy-idm/parent",
+        "parent_program_hash": "00",
+        "operations": [{"op": "replace", "path": "/parameters/temperature", "value": 0.5}],
+        "hypothesis": "Sharper choice.",
+        "memory_refs_used": [],
+        "cluster_refs_used": [],
+    });
+    if repaired {
+        patch["repair_summary"] = "Halved the change.".into();
+    }
+    json!({"response_id": "r", "program_patch": patch})
+}
+
+fn review_reply(role: &str, decision: &str) -> Value {
+    json!({"response_id": "r", "critic_review": {
+        "role": role, "decision": decision, "blockers": ["a blocker"], "repair_hints": [], "risk_tags": [], "scope": "pre_simulation",
+    }})
+}
+
+fn models() -> BTreeMap<Role, ModelSpec> {
+    let spec = |role: Role| ModelSpec {
+        name: format!("model of {}", role.name()),
+        kind: "table".into(),
+        model: "table".into(),
+        sampling: BTreeMap::new(),
+    };
+    [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS).map(|role| (role, spec(role))).collect()
+}
+
+fn run(answers: &[(&'static str, u32, String)], max_repair_rounds: u32) -> (Proposed, Vec<Request>) {
+    let answers = answers.iter().map(|(role, round, text)| ((*role, *round), text.clone())).collect();
+    let table = Table { answers, asked: Mutex::new(vec![]) };
+    let (example, target, models) = (Example::toy(), Target::raise_attack(0.95), models());
+    let briefing = example.briefing();
+    let task = Task { briefing: &briefing, slot: 5, target: &target, models: &models, max_repair_rounds };
+    let proposed = propose(&task, &table).unwrap();
+    (proposed, table.asked.into_inner().unwrap())
+}
+
+#[test]
+fn a_patch_that_all_four_critics_approve_is_returned_after_one_round() {
+    let (proposed, asked) = run(&[], 2);
+    assert!(matches!(proposed.end, End::Patch(_)));
+    let roles: Vec<&str> = asked.iter().map(|r| r.slot.role.as_str()).collect();
+    assert_eq!(roles, ["actor", "structural_critic", "attack_critic", "realism_critic", "isolation_critic"]);
+    assert_eq!(proposed.proposal.exchanges.len(), 5);
+    assert_eq!(proposed.proposal.rounds.len(), 1);
+}
+
+#[test]
+fn a_rejection_by_any_critic_ends_the_proposal_without_a_repair() {
+    for role in Role::CRITICS {
+        let (proposed, asked) = run(&[(role.name(), 0, review_reply(role.name(), "reject").to_string())], 2);
+        let End::Declined { reason } = &proposed.end else { panic!("{role:?} was overruled") };
+        assert!(reason.contains(role.name()) && reason.contains("a blocker"), "{reason}");
+        assert_eq!(asked.len(), 5, "the whole quorum is heard");
+    }
+}
+
+#[test]
+fn a_repaired_patch_goes_back_to_all_four_critics() {
+    let (proposed, asked) = run(&[("attack_critic", 0, review_reply("attack_critic", "repair").to_string())], 2);
+    let End::Patch(patch) = &proposed.end else { panic!("{:?}", proposed.end) };
+    assert!(patch.repair_summary.is_some());
+    assert_eq!(asked.len(), 10);
+    assert_eq!(asked[5].slot.role, "repair");
+    assert_eq!(asked[5].slot.round, 1);
+    assert!(asked[5].messages[2].text.contains("a blocker"), "the repair sees the reviews");
+    assert_eq!(proposed.proposal.rounds[0].reviews[1].decision, Advice::Repair);
+}
+
+#[test]
+fn repair_rounds_are_bounded_and_the_last_review_is_not_followed_by_a_repair() {
+    let stubborn: Vec<_> =
+        (0..5).map(|k| ("realism_critic", k, review_reply("realism_critic", "repair").to_string())).collect();
+    for limit in 0..3 {
+        let (proposed, asked) = run(&stubborn, limit);
+        assert!(matches!(proposed.end, End::Declined { .. }));
+        assert_eq!(asked.iter().filter(|r| r.slot.role == "repair").count(), limit as usize);
+        assert_eq!(proposed.proposal.rounds.len(), 1 + limit as usize);
+    }
+}
+
+#[test]
+fn an_unreadable_actor_reply_is_recorded_and_its_text_goes_to_the_repair() {
+    let (proposed, asked) = run(&[("actor", 0, "Sure! {\"response_id\"".into())], 1);
+    assert!(matches!(proposed.end, End::Patch(_)));
+    assert!(proposed.proposal.exchanges[0].refusal.as_ref().unwrap().contains("JSON"));
+    assert_eq!(proposed.proposal.rounds[0].patch, None);
+    assert_eq!(asked[1].slot.role, "repair");
+    assert!(asked[1].messages[2].text.contains("Sure!"));
+    let (declined, _) = run(&[("actor", 0, "no".into())], 0);
+    assert!(matches!(declined.end, End::Declined { .. }));
+}
+
+#[test]
+fn an_unreadable_review_is_no_approval() {
+    let (proposed, _) = run(&[("isolation_critic", 0, "fine with me".into())], 0);
+    assert!(matches!(&proposed.end, End::Declined { reason } if reason.contains("unreadable")));
+    assert_eq!(proposed.proposal.rounds[0].reviews[3].decision, Advice::Repair);
+}
+
+#[test]
+fn each_role_asks_its_own_model() {
+    let (proposed, asked) = run(&[], 0);
+    assert!(asked.iter().all(|r| r.model.name == format!("model of {}", r.slot.role)));
+    assert_eq!(proposed.proposal.exchanges[2].model, "model of attack_critic");
+}
+
+#[test]
+fn slots_share_system_and_context_messages_and_no_two_questions_share_a_key() {
+    let (_, asked) = run(&[("attack_critic", 0, review_reply("attack_critic", "repair").to_string())], 1);
+    assert!(asked.iter().all(|r| r.messages[1] == asked[0].messages[1]));
+    assert_eq!(asked[1].messages[0], asked[6].messages[0], "a role's system message is static");
+    let keys: std::collections::BTreeSet<Digest> = asked.iter().map(|r| r.key().unwrap()).collect();
+    assert_eq!(keys.len(), asked.len());
+}
+
+#[test]
+fn the_context_shows_measured_numbers_to_four_decimals_and_the_identity_exactly() {
+    let example = Example::toy();
+    let text = example.briefing().text().to_string();
+    assert!(text.contains("0.9312") && !text.contains("0.93123"), "realism of the parent");
+    assert!(text.contains("6.5123") && !text.contains("6.51234"), "features of clusters");
+    assert!(text.contains(&example.parent_hash().to_hex()));
+    assert!(text.contains("\"weakest_diagnostic\": \"jerk\""));
+    assert!(!text.contains("ancestor_chain"));
+}
+
+#[test]
+fn every_role_has_a_prompt_that_names_its_schema_and_the_rules_of_identity() {
+    for role in [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS) {
+        let text = prompt::system(role).unwrap();
+        assert!(text.contains("`source_baseline` must equal `source_family`"), "{role:?}");
+        assert!(text.contains("\"additionalProperties\": false"), "{role:?}");
+        assert!(!text.contains("{{"), "{role:?}");
+        assert!(schema(role).is_object());
+    }
+    assert!(prompt::system(Role::WorldAgent).is_err());
+}
+
+/// Good and bad replies: what the schema accepts and what the parser accepts must be the same.
+#[test]
+fn schema_and_strict_parser_agree() {
+    for role in [Role::Actor, Role::Repair] {
+        let good = patch_reply(role == Role::Repair);
+        agree(role, &good, true);
+        for (path, value) in [
+            ("/response_id", json!("")),
+            ("/response_id", json!(7)),
+            ("/program_patch", json!([])),
+            ("/program_patch/operations", json!([])),
+            ("/program_patch/operations/0", json!(["replace", "/parameters/temperature", 0.5])),
+            ("/program_patch/operations/0", json!({"op": "add", "path": "/x"})),
+            ("/program_patch/operations/0", json!({"op": "remove", "path": "/x", "value": 1})),
+            ("/program_patch/operations/0", json!({"op": "replace", "path": "/x", "value": null})),
+            ("/program_patch/operations/0", json!({"op": "move", "path": "/x"})),
+            ("/program_patch/operations/0", json!({"op": "remove", "path": "/x", "from": "/y"})),
+            ("/program_patch/operations/0", json!({"op": "remove", "path": ""})),
+            ("/program_patch/hypothesis", json!("")),
+            ("/program_patch/hypothesis", json!(null)),
+            ("/program_patch/memory_refs_used", json!("card")),
+            ("/program_patch/memory_refs_used", json!([1])),
+            ("/program_patch/repair_summary", json!(null)),
+            ("/program_patch/repair_summary", json!("")),
+            ("/program_patch/source_baseline", json!("x".repeat(201))),
+            ("/program_patch/extra", json!(1)),
+            ("/extra", json!(1)),
+        ] {
+            agree(role, &with(&good, path, value), false);
+        }
+        for (path, value) in [
+            ("/program_patch/operations/0", json!({"op": "remove", "path": "/x"})),
+            ("/program_patch/operations/0", json!({"op": "add", "path": "/x", "value": {"a": [1]}})),
+            ("/program_patch/memory_refs_used", json!(["card"])),
+        ] {
+            agree(role, &with(&good, path, value), true);
+        }
+        for field in ["hypothesis", "cluster_refs_used", "parent_program_hash", "operations"] {
+            let mut bad = good.clone();
+            bad["program_patch"].as_object_mut().unwrap().remove(field);
+            agree(role, &bad, false);
+        }
+    }
+    agree(Role::Actor, &patch_reply(true), false);
+    agree(Role::Repair, &patch_reply(false), false);
+    for role in Role::CRITICS {
+        let good = review_reply(role.name(), "repair");
+        agree(role, &good, true);
+        for (path, value) in [
+            ("/critic_review/role", json!("actor")),
+            ("/critic_review/decision", json!("maybe")),
+            ("/critic_review/scope", json!("post_simulation")),
+            ("/critic_review/blockers", json!([""])),
+            ("/critic_review/blockers", json!(null)),
+            ("/critic_review/score", json!(1)),
+            ("/critic_review", json!(["structural_critic"])),
+        ] {
+            agree(role, &with(&good, path, value), false);
+        }
+        let other = if role == Role::AttackCritic { "realism_critic" } else { "attack_critic" };
+        agree(role, &with(&good, "/critic_review/role", json!(other)), false);
+    }
+}
+
+fn agree(role: Role, reply_value: &Value, good: bool) {
+    let bytes = reply_value.to_string().into_bytes();
+    let parsed = match role {
+        Role::Actor | Role::Repair => reply::patch(&bytes, role).map(|_| ()),
+        _ => reply::review(&bytes, role).map(|_| ()),
+    };
+    assert_eq!(valid(&schema(role), reply_value), good, "schema of {role:?}: {reply_value}");
+    assert_eq!(parsed.is_ok(), good, "parser of {role:?}: {parsed:?}: {reply_value}");
+}
+
+fn with(value: &Value, path: &str, new: Value) -> Value {
+    let mut changed = value.clone();
+    let (parent, key) = path.rsplit_once('/').unwrap();
+    match changed.pointer_mut(parent).unwrap() {
+        Value::Array(items) => items[key.parse::<usize>().unwrap()] = new,
+        object => object[key] = new,
+    }
+    changed
+}
+
+/// The keywords of JSON Schema that the schema files use, and no others.
+fn valid(schema: &Value, value: &Value) -> bool {
+    schema.as_object().unwrap().iter().all(|(keyword, rule)| match keyword.as_str() {
+        "type" => match rule {
+            Value::Array(kinds) => kinds.iter().any(|k| is_type(k.as_str().unwrap(), value)),
+            kind => is_type(kind.as_str().unwrap(), value),
+        },
+        "enum" => rule.as_array().unwrap().contains(value),
+        "anyOf" => rule.as_array().unwrap().iter().any(|s| valid(s, value)),
+        "required" => value
+            .as_object()
+            .is_none_or(|o| rule.as_array().unwrap().iter().all(|k| o.contains_key(k.as_str().unwrap()))),
+        "properties" => {
+            value.as_object().is_none_or(|o| o.iter().all(|(k, v)| rule.get(k).is_none_or(|s| valid(s, v))))
+        }
+        "additionalProperties" => {
+            value.as_object().is_none_or(|o| o.keys().all(|k| schema["properties"].get(k).is_some()))
+        }
+        "items" => value.as_array().is_none_or(|items| items.iter().all(|v| valid(rule, v))),
+        "minItems" => value.as_array().is_none_or(|items| items.len() as u64 >= rule.as_u64().unwrap()),
+        "maxItems" => value.as_array().is_none_or(|items| items.len() as u64 <= rule.as_u64().unwrap()),
+        "minLength" => value.as_str().is_none_or(|s| s.chars().count() as u64 >= rule.as_u64().unwrap()),
+        "maxLength" => value.as_str().is_none_or(|s| s.chars().count() as u64 <= rule.as_u64().unwrap()),
+        other => panic!("keyword `{other}` is not checked"),
+    })
+}
+
+fn is_type(kind: &str, value: &Value) -> bool {
+    match kind {
+        "object" => value.is_object(),
+        "array" => value.is_array(),
+        "string" => value.is_string(),
+        "number" => value.is_number(),
+        "boolean" => value.is_boolean(),
+        other => panic!("type `{other}` is not checked"),
+    }
+}
+
+#[test]
+fn what_is_not_exactly_one_json_object_is_refused() {
+    let good = patch_reply(false).to_string();
+    for bad in [
+        String::new(),
+        "null".into(),
+        "[]".into(),
+        format!("```json\n{good}\n```"),
+        format!("{good} Done."),
+        format!("{good}{good}"),
+        good[..good.len() - 2].to_string(),
+        "[".repeat(100_000),
+        good.replace("0.5", "1e999"),
+    ] {
+        assert!(reply::patch(bad.as_bytes(), Role::Actor).is_err(), "{}", &bad[..bad.len().min(80)]);
+    }
+    assert!(reply::patch(&[0xff, 0xfe], Role::Actor).is_err());
+    assert!(reply::patch(format!(" {good}\n").as_bytes(), Role::Actor).is_ok());
+}

@@ -1,0 +1,311 @@
+//! AT, adversarial trajectories (Zhang et al. 2022): a vehicle's own path plus offsets of at most 1 m whose derivative
+//! bounds hold by global scaling, found by particle swarm on a directional loss.
+//!
+//! The method perturbs what a trajectory predictor observes. Against a closed-loop ego the perturbed path is the one
+//! that is driven: offsets at knots of 0.5 s on the logged future, the first knot 0, loss toward the ego's rollout.
+//! This adaptation is ours, declared; the source describes none. Bounds are the method's nuScenes maxima in SI.
+
+use std::collections::BTreeMap;
+
+use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
+use super::kernel::candidate::{Candidate, Judged};
+use super::kernel::feasibility::Bounds;
+use super::kernel::offsets::{Interpolation, OffsetSpace};
+use super::kernel::pso::{self, Swarm};
+use super::kernel::{Part, Settings, Stage, StageError};
+use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, vocabulary};
+use crate::kernel::{Vec2, num};
+use crate::objects::{
+    CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
+};
+
+/// The family's name in programs, experiments and tables.
+pub const NAME: &str = "at";
+/// Motion operator: the logged path with bounded offsets.
+pub const BOUNDED_OFFSETS: &str = "bounded_offsets";
+/// Search operator: particle swarm over the offsets.
+pub const PARTICLE_SWARM: &str = "particle_swarm";
+
+/// Contract and parent.
+pub fn family() -> Family {
+    Family { contract: contract(), parent: parent() }
+}
+
+fn contract() -> Contract {
+    let mut operators = grammar::shared_operators();
+    operators.insert(Slot::Motion, vec![motion_operator()]);
+    operators.insert(Slot::Search, vec![search_operator()]);
+    let mut mechanism_slots = grammar::shared_mechanism_slots();
+    mechanism_slots.extend([slot(
+        "offset_loss",
+        ValueType::Number,
+        grammar::candidate_features(),
+        "A loss of a perturbed path, smaller is better; the search operator says whether it is added to AT's own loss \
+         or replaces it.",
+    )]);
+    let mut parameters = grammar::shared_parameters();
+    parameters.extend(own_parameters());
+    Contract {
+        family: FamilyName::new(NAME),
+        title: "AT: adversarial trajectories (Zhang et al. 2022)".into(),
+        describes:
+            "Keeps a recorded vehicle on its own path and shifts it by offsets of at most one metre at knots of \
+                    0.5 s. All offsets are scaled down together until speed, acceleration and jerk stay within bounds. \
+                    A particle swarm looks for the offsets that bring it toward the ego's rollout."
+                .into(),
+        backend: "metadrive".into(),
+        private_vocabulary: private_vocabulary(),
+        parameters,
+        operators,
+        mechanism_slots,
+        scene_features: vocabulary::SCENE.to_vec(),
+        constraints: grammar::constraints(),
+        limits: Limits::default(),
+    }
+}
+
+/// Words that another family may not use.
+fn private_vocabulary() -> Vec<String> {
+    let words = [BOUNDED_OFFSETS, PARTICLE_SWARM, "offset_loss"].into_iter().map(String::from);
+    words.chain(own_parameters().into_keys()).collect()
+}
+
+fn own_parameters() -> BTreeMap<String, ParameterSpec> {
+    [
+        parameter("offset_m_max", number(0.05, 1.0, "m"), "largest offset at any time; 1 in AT"),
+        parameter("knot_spacing_s", number(0.3, 2.0, "s"), "time between knots; 0.5 in the adaptation"),
+        parameter("path_speed_mps_max", number(5.0, 40.0, "m/s"), "speed bound of the perturbed path"),
+        parameter("path_acceleration_mps2_max", number(0.5, 9.0, "m/s^2"), "longitudinal acceleration bound"),
+        parameter("path_lateral_mps2_max", number(0.3, 6.0, "m/s^2"), "lateral acceleration bound"),
+        parameter("path_jerk_mps3_max", number(1.0, 30.0, "m/s^3"), "longitudinal jerk bound"),
+        parameter("path_lateral_jerk_mps3_max", number(0.5, 20.0, "m/s^3"), "lateral jerk bound"),
+        parameter("particle_count", integer(4, 20, "1"), "particles of the swarm; 10 in AT"),
+        parameter("iteration_count", integer(10, 150, "1"), "iterations of the swarm; 100 in AT"),
+        parameter("cognitive_pull", number(0.0, 2.5, "1"), "c1; 0.5 in AT"),
+        parameter("social_pull", number(0.0, 2.5, "1"), "c2; 0.3 in AT"),
+        parameter("inertia", number(0.1, 1.0, "1"), "w; 1 in AT"),
+        parameter("toward_weight", number(0.0, 5.0, "1"), "weight of the mean offset toward the ego's rollout"),
+        parameter("distance_weight", number(0.0, 5.0, "1/m"), "weight of the smallest distance to the ego's rollout"),
+    ]
+    .into_iter()
+    .collect()
+}
+
+const MOTION_SETTINGS: [&str; 7] = [
+    "offset_m_max",
+    "knot_spacing_s",
+    "path_speed_mps_max",
+    "path_acceleration_mps2_max",
+    "path_lateral_mps2_max",
+    "path_jerk_mps3_max",
+    "path_lateral_jerk_mps3_max",
+];
+
+const SEARCH_SETTINGS: [&str; 7] = [
+    "particle_count",
+    "iteration_count",
+    "cognitive_pull",
+    "social_pull",
+    "inertia",
+    "toward_weight",
+    "distance_weight",
+];
+
+/// A required setting with the domain of the parameter of the same name.
+fn follows(name: &str) -> (String, crate::adapters::SettingSpec) {
+    let spec = own_parameters().remove(name).unwrap_or_else(|| unreachable!("{name} is declared above"));
+    required(name, spec.domain, &spec.describes)
+}
+
+fn motion_operator() -> OperatorSpec {
+    let mut spec = operator(
+        Slot::Motion,
+        BOUNDED_OFFSETS,
+        MOTION_SETTINGS.map(follows),
+        "The actor's own logged path and the offsets that may be added to it.",
+    );
+    spec.settings.extend([required(
+        "interpolation",
+        choice(&["linear", "cubic"]),
+        "how offsets run between knots; cubic is smooth in velocity",
+    )]);
+    spec
+}
+
+fn search_operator() -> OperatorSpec {
+    let mut spec = operator(
+        Slot::Search,
+        PARTICLE_SWARM,
+        SEARCH_SETTINGS.map(follows),
+        "Moves a swarm of offsets to smaller loss; the best of every particle become the candidates.",
+    );
+    spec.settings.extend([
+        optional("loss", "offset_loss", "a loss of the family's own"),
+        required("combine", choice(&["add", "replace"]), "what a given loss does to AT's own"),
+    ]);
+    spec
+}
+
+/// AT as published, on the logged future.
+fn parent() -> Program {
+    let mut parameters = grammar::shared_values();
+    parameters.extend([
+        value("offset_m_max", 1.0),
+        value("knot_spacing_s", 0.5),
+        value("path_speed_mps_max", 17.2),
+        value("path_acceleration_mps2_max", 5.1),
+        value("path_lateral_mps2_max", 1.87),
+        value("path_jerk_mps3_max", 15.7),
+        value("path_lateral_jerk_mps3_max", 4.3),
+        value("particle_count", 10.0),
+        value("iteration_count", 100.0),
+        value("cognitive_pull", 0.5),
+        value("social_pull", 0.3),
+        value("inertia", 1.0),
+        value("toward_weight", 1.0),
+        value("distance_weight", 1.0),
+    ]);
+    Program {
+        solution_id: SolutionId::new("at/parent"),
+        lineage_id: LineageId::new("at"),
+        source_family: FamilyName::new(NAME),
+        generation: 0,
+        parameters,
+        operator_graph: parent_graph(),
+        scenario_conditioned_policy: vec![],
+        mechanism_modules: BTreeMap::new(),
+        compile_contract: CompileContract { backend: "metadrive".into(), constraints: grammar::constraints() },
+        ancestor_chain: vec![],
+    }
+}
+
+fn parent_graph() -> BTreeMap<String, OperatorNode> {
+    let own = |name: &'static str| -> (&'static str, Setting) { (name, grammar::from_parameter(name)) };
+    let mut graph: BTreeMap<String, OperatorNode> = [
+        node("select", Slot::Select, "every_scene", &[], []),
+        node("actor", Slot::Actor, "marked_actor", &["select"], [("otherwise", grammar::word("nearest_path"))]),
+        node("timing", Slot::Timing, "after_history", &["actor"], [own("duration_s")]),
+        node("motion", Slot::Motion, BOUNDED_OFFSETS, &["timing"], MOTION_SETTINGS.map(own)),
+        node("search", Slot::Search, PARTICLE_SWARM, &["motion"], SEARCH_SETTINGS.map(own)),
+        node("choice", Slot::Diversity, "best_choice", &["search"], []),
+    ]
+    .into_iter()
+    .collect();
+    let extra = [("motion", "interpolation", "cubic"), ("search", "combine", "add")];
+    for (name, setting, word) in extra {
+        if let Some(node) = graph.get_mut(name) {
+            node.settings.insert(setting.into(), grammar::word(word));
+        }
+    }
+    graph
+}
+
+/// Checks of the loss lie this many samples apart (0.5 s).
+const CHECK_STEPS: usize = 5;
+
+/// The actor's own logged path, and the space of offsets around it.
+pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let bounds = Bounds {
+        offset_m_max: settings.number("offset_m_max")?,
+        speed_mps_max: settings.number("path_speed_mps_max")?,
+        acceleration_mps2_max: settings.number("path_acceleration_mps2_max")?,
+        lateral_mps2_max: settings.number("path_lateral_mps2_max")?,
+        jerk_mps3_max: settings.number("path_jerk_mps3_max")?,
+        lateral_jerk_mps3_max: settings.number("path_lateral_jerk_mps3_max")?,
+    };
+    let spacing_s = settings.number("knot_spacing_s")?;
+    let cubic = settings.word("interpolation")? == "cubic";
+    let interpolation = if cubic { Interpolation::Cubic } else { Interpolation::Linear };
+    for part in parts {
+        let track = &stage.situation.scene.tracks[part.actor];
+        part.offsets = OffsetSpace::of_log(track, part.window, spacing_s, interpolation, bounds);
+        part.candidates = part.offsets.iter().map(|space| Candidate::new(space.logged().to_vec(), 0.0)).collect();
+    }
+    Ok(())
+}
+
+/// Moves a swarm over the offsets; every particle's best becomes a candidate, scored by minus its loss.
+pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let swarm = Swarm {
+        particles: settings.count("particle_count")?,
+        iterations: settings.count("iteration_count")?,
+        cognitive: settings.number("cognitive_pull")?,
+        social: settings.number("social_pull")?,
+        inertia: settings.number("inertia")?,
+    };
+    let weights = (settings.number("toward_weight")?, settings.number("distance_weight")?);
+    let replaces = settings.word("combine")? == "replace";
+    let module = settings.optional("loss");
+    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    for part in parts {
+        let Some(space) = &part.offsets else { continue };
+        let judged = Judged {
+            situation: stage.situation,
+            actor: part.actor,
+            from_step: part.window.from_step,
+            adversaries: &adversaries,
+        };
+        let target = Target::new(stage, part, space);
+        let mut offsets = Vec::new();
+        let loss = |place: &[f64]| {
+            let theta = space.offsets(place, &mut offsets);
+            let own = if replaces && module.is_some() { 0.0 } else { target.loss(&offsets, theta, weights) };
+            let extra = module.map_or(0.0, |module| {
+                module.of_candidate(&Candidate::new(space.samples(&offsets, theta), 0.0), &judged)
+            });
+            own + extra
+        };
+        let found = pso::minimise(&swarm, space.dimensions(), &mut stage.stream("swarm", part.actor), loss);
+        let mut offsets = Vec::new();
+        part.candidates = found
+            .iter()
+            .map(|best| {
+                let theta = space.offsets(&best.place, &mut offsets);
+                Candidate { score: -best.loss, ..Candidate::new(space.samples(&offsets, theta), 0.0) }
+            })
+            .collect();
+    }
+    Ok(())
+}
+
+/// What AT's loss pulls toward: the ego's rollout, and the side on which it lies at the log's closest approach.
+struct Target {
+    /// Logged position and ego position at every check; `None` where the ego's rollout has ended.
+    checks: Vec<(Vec2, Option<Vec2>)>,
+    /// Front, left, rear or right of the actor, per check.
+    toward: Vec<Vec2>,
+}
+
+impl Target {
+    fn new(stage: &Stage<'_>, part: &Part, space: &OffsetSpace) -> Target {
+        let logged = space.logged();
+        let ego = |k: usize| stage.situation.ego.at(part.window.from_step + k).map(|s| s.position);
+        let indices = || (0..logged.len()).step_by(CHECK_STEPS);
+        let checks: Vec<(Vec2, Option<Vec2>)> = indices().map(|k| (logged[k].position, ego(k))).collect();
+        let gap = |check: &(Vec2, Option<Vec2>)| check.1.map(|e| e.distance(check.0));
+        let nearest = (0..checks.len())
+            .filter_map(|k| Some((k, gap(&checks[k])?)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(0, |(k, _)| k);
+        let axis = |k: usize| Vec2::from_heading(logged[k].heading_rad);
+        let wish = checks.get(nearest).and_then(|(own, ego)| ego.map(|e| e - *own)).unwrap_or_default();
+        let forward = logged.get(nearest * CHECK_STEPS).map_or(Vec2::ZERO, |s| Vec2::from_heading(s.heading_rad));
+        let (ahead, left) = (wish.dot(forward), forward.cross(wish));
+        let side = |axis: Vec2| match (ahead.abs() >= left.abs(), ahead >= 0.0, left >= 0.0) {
+            (true, true, _) => axis,
+            (true, false, _) => -axis,
+            (false, _, true) => axis.left(),
+            (false, _, false) => -axis.left(),
+        };
+        Target { toward: indices().map(|k| side(axis(k))).collect(), checks }
+    }
+
+    /// −a · mean offset toward the ego + b · smallest centre distance to it.
+    fn loss(&self, offsets: &[Vec2], theta: f64, (toward_weight, distance_weight): (f64, f64)) -> f64 {
+        let change = |k: usize| offsets.get(k * CHECK_STEPS).copied().unwrap_or_default() * theta;
+        let along = num::sum((0..self.checks.len()).map(|k| change(k).dot(self.toward[k])));
+        let distance = |k: usize| Some((self.checks[k].0 + change(k)).distance(self.checks[k].1?));
+        let nearest = (0..self.checks.len()).filter_map(distance).fold(200.0, f64::min);
+        distance_weight * nearest - toward_weight * along / self.checks.len().max(1) as f64
+    }
+}

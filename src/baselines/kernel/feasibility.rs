@@ -1,0 +1,200 @@
+//! AT's hard constraint: offsets from a logged path are scaled down together, θ = 1.00, 0.99, .. until the path's
+//! speed, acceleration and jerk, along and across, keep their bounds.
+//!
+//! Along and across are taken in the logged direction, so that every bound but the speed's is linear in θ and the
+//! first θ of the grid is found without trying each. A bound that the log itself exceeds (noise) is widened to the
+//! log's own value: a path is never held to more than what was recorded. If no θ of the grid holds, nothing is changed.
+
+use crate::kernel::Vec2;
+use crate::scene::DT_S;
+
+/// Bounds of a perturbed path, SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    pub offset_m_max: f64,
+    pub speed_mps_max: f64,
+    pub acceleration_mps2_max: f64,
+    pub lateral_mps2_max: f64,
+    pub jerk_mps3_max: f64,
+    pub lateral_jerk_mps3_max: f64,
+}
+
+/// A logged path with the history that its first derivatives need.
+#[derive(Clone, Debug)]
+pub struct LoggedPath {
+    /// History (up to 3 points), then the path.
+    points: Vec<Vec2>,
+    /// How many points are history: their offset is 0.
+    history: usize,
+    /// Unit direction at every point.
+    directions: Vec<Vec2>,
+    bounds: Bounds,
+}
+
+impl LoggedPath {
+    pub fn new(points: Vec<Vec2>, history: usize, directions: Vec<Vec2>, bounds: Bounds) -> LoggedPath {
+        let mut path = LoggedPath { points, history, directions, bounds };
+        let own = path.extremes(&[], 0.0);
+        path.bounds = Bounds {
+            offset_m_max: bounds.offset_m_max,
+            speed_mps_max: bounds.speed_mps_max.max(own.speed_mps_max),
+            acceleration_mps2_max: bounds.acceleration_mps2_max.max(own.acceleration_mps2_max),
+            lateral_mps2_max: bounds.lateral_mps2_max.max(own.lateral_mps2_max),
+            jerk_mps3_max: bounds.jerk_mps3_max.max(own.jerk_mps3_max),
+            lateral_jerk_mps3_max: bounds.lateral_jerk_mps3_max.max(own.lateral_jerk_mps3_max),
+        };
+        path
+    }
+
+    /// The bounds that hold on this path.
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    /// The largest θ of 1.00, 0.99, .. 0.01 with which `offsets` keep all bounds, else 0.
+    pub fn scale(&self, offsets: &[Vec2]) -> f64 {
+        let largest = offsets.iter().map(|d| d.norm()).fold(0.0, f64::max);
+        let mut theta: f64 = if largest > self.bounds.offset_m_max { self.bounds.offset_m_max / largest } else { 1.0 };
+        self.visit(offsets, |order, direction, base, change| {
+            let left = direction.left();
+            let linear = |axis: Vec2, bound: f64| at_most(base.dot(axis), change.dot(axis), bound);
+            theta = theta.min(match order {
+                1 => within_circle(base, change, self.bounds.speed_mps_max),
+                2 => {
+                    linear(direction, self.bounds.acceleration_mps2_max).min(linear(left, self.bounds.lateral_mps2_max))
+                }
+                _ => linear(direction, self.bounds.jerk_mps3_max).min(linear(left, self.bounds.lateral_jerk_mps3_max)),
+            });
+        });
+        // A hair of rounding must not cost a step of the grid.
+        ((theta * 100.0 + 1e-9).floor() / 100.0).clamp(0.0, 1.0)
+    }
+
+    /// Largest offset, speed, acceleration and jerk of the path with `theta` times the offsets.
+    pub fn extremes(&self, offsets: &[Vec2], theta: f64) -> Bounds {
+        let mut found = Bounds {
+            offset_m_max: offsets.iter().map(|d| theta * d.norm()).fold(0.0, f64::max),
+            speed_mps_max: 0.0,
+            acceleration_mps2_max: 0.0,
+            lateral_mps2_max: 0.0,
+            jerk_mps3_max: 0.0,
+            lateral_jerk_mps3_max: 0.0,
+        };
+        self.visit(offsets, |order, direction, base, change| {
+            let value = base + change * theta;
+            let (along, across) = (value.dot(direction).abs(), value.dot(direction.left()).abs());
+            let raise = |most: &mut f64, x: f64| *most = most.max(x);
+            match order {
+                1 => raise(&mut found.speed_mps_max, value.norm()),
+                2 => {
+                    raise(&mut found.acceleration_mps2_max, along);
+                    raise(&mut found.lateral_mps2_max, across);
+                }
+                _ => {
+                    raise(&mut found.jerk_mps3_max, along);
+                    raise(&mut found.lateral_jerk_mps3_max, across);
+                }
+            }
+        });
+        found
+    }
+
+    /// Every finite difference of order 1, 2, 3 that a changed point takes part in: order, logged direction, the
+    /// log's value, and what full offsets add to it.
+    fn visit(&self, offsets: &[Vec2], mut each: impl FnMut(usize, Vec2, Vec2, Vec2)) {
+        let mut base = [Vec2::ZERO; 4];
+        let mut change = [Vec2::ZERO; 4];
+        let mut offset_before = [Vec2::ZERO; 4];
+        let mut base_before = [Vec2::ZERO; 4];
+        for (k, point) in self.points.iter().enumerate() {
+            base[0] = *point;
+            change[0] = k.checked_sub(self.history).and_then(|i| offsets.get(i)).copied().unwrap_or_default();
+            for order in 1..=3usize.min(k) {
+                base[order] = (base[order - 1] - base_before[order - 1]) * (1.0 / DT_S);
+                change[order] = (change[order - 1] - offset_before[order - 1]) * (1.0 / DT_S);
+                if k >= self.history {
+                    each(order, self.directions[k], base[order], change[order]);
+                }
+            }
+            (base_before, offset_before) = (base, change);
+        }
+    }
+}
+
+/// Largest θ >= 0 with |base + θ change| <= bound, for |base| <= bound.
+fn at_most(base: f64, change: f64, bound: f64) -> f64 {
+    if change > 0.0 {
+        ((bound - base) / change).max(0.0)
+    } else if change < 0.0 {
+        ((bound + base) / -change).max(0.0)
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Largest θ >= 0 with ‖base + θ change‖ <= bound, for ‖base‖ <= bound.
+fn within_circle(base: Vec2, change: Vec2, bound: f64) -> f64 {
+    let a = change.norm_squared();
+    if a < 1e-18 {
+        return f64::INFINITY;
+    }
+    let b = base.dot(change);
+    let c = base.norm_squared() - bound * bound;
+    let root = (b * b - a * c.min(0.0)).max(0.0).sqrt();
+    ((root - b) / a).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const BOUNDS: Bounds = Bounds {
+        offset_m_max: 1.0,
+        speed_mps_max: 17.2,
+        acceleration_mps2_max: 5.1,
+        lateral_mps2_max: 1.87,
+        jerk_mps3_max: 15.7,
+        lateral_jerk_mps3_max: 4.3,
+    };
+
+    fn straight() -> LoggedPath {
+        let points = (0..40).map(|k| Vec2::new(k as f64, 0.0)).collect();
+        LoggedPath::new(points, 3, vec![Vec2::new(1.0, 0.0); 40], BOUNDS)
+    }
+
+    fn keeps(found: &Bounds, bounds: &Bounds) -> bool {
+        let slack = 1.0 + 1e-6;
+        found.offset_m_max <= bounds.offset_m_max * slack
+            && found.speed_mps_max <= bounds.speed_mps_max * slack
+            && found.acceleration_mps2_max <= bounds.acceleration_mps2_max * slack
+            && found.lateral_mps2_max <= bounds.lateral_mps2_max * slack
+            && found.jerk_mps3_max <= bounds.jerk_mps3_max * slack
+            && found.lateral_jerk_mps3_max <= bounds.lateral_jerk_mps3_max * slack
+    }
+
+    proptest! {
+        #[test]
+        fn the_scale_is_the_first_of_the_grid_that_keeps_every_bound(
+            offsets in prop::collection::vec((-2.0..2.0f64, -2.0..2.0f64), 37), small in 0.001..1.0f64,
+        ) {
+            let path = straight();
+            let smooth: Vec<Vec2> = offsets.iter().enumerate()
+                .map(|(k, (x, y))| Vec2::new(*x, *y) * (small * (k as f64 / 37.0) * 0.02)).collect();
+            let theta = path.scale(&smooth);
+            prop_assert!(keeps(&path.extremes(&smooth, theta), path.bounds()));
+            if theta < 1.0 {
+                prop_assert!(!keeps(&path.extremes(&smooth, theta + 0.0101), path.bounds()));
+            }
+        }
+    }
+
+    #[test]
+    fn an_offset_beyond_a_metre_is_scaled_to_it() {
+        // Slow enough that only the offset bound counts.
+        let points = (0..400).map(|k| Vec2::new(k as f64, 0.0)).collect();
+        let path = LoggedPath::new(points, 0, vec![Vec2::new(1.0, 0.0); 400], BOUNDS);
+        let offsets: Vec<Vec2> = (0..400).map(|k| Vec2::new(0.0, 2.0 * k as f64 / 399.0)).collect();
+        assert_eq!(path.scale(&offsets), 0.5);
+    }
+}

@@ -1,0 +1,109 @@
+//! `bench`: how fast this machine simulates. The clock lives here, not in the simulator.
+
+use clap::{Args, Subcommand};
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::inputs;
+use crate::baselines;
+use crate::compiler::{Prepared, Situation};
+use crate::ego::Policy;
+use crate::kernel::{Seed, num, par::Pool as Threads};
+use crate::objects::FamilyName;
+use crate::sim::{Intervention, rollout_counted};
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Roll every scene of a pool out, IDM ego and one CAT adversary, contact and all metrics on.
+    Sim(SimOptions),
+}
+
+#[derive(Debug, Args)]
+pub struct SimOptions {
+    /// A pool or scenario files.
+    #[arg(long, num_args = 1.., required = true)]
+    pub pool: Vec<PathBuf>,
+    /// Worker threads.
+    #[arg(long, default_value_t = 1)]
+    pub threads: usize,
+    /// How often the whole pool is rolled out; the figures are medians.
+    #[arg(long, default_value_t = 5)]
+    pub repeats: usize,
+}
+
+pub fn run(command: Command) -> Result<Answer, Failure> {
+    match command {
+        Command::Sim(options) => sim(&options),
+    }
+}
+
+/// Wall time of something.
+#[allow(clippy::disallowed_methods)]
+fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+    let start = std::time::Instant::now();
+    let result = work();
+    (result, start.elapsed())
+}
+
+fn sim(options: &SimOptions) -> Result<Answer, Failure> {
+    let threads = Threads::new(options.threads).map_err(Failure::internal)?;
+    let pool = match options.pool.as_slice() {
+        [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one)?,
+        paths => inputs::import(paths)?,
+    };
+    let ego = Policy::Idm;
+    let (prepared, preparing) = timed(|| stages(&pool.scenes, &ego, &threads));
+    let stages: Vec<(Situation, Intervention)> = prepared.into_iter().flatten().collect();
+    if stages.is_empty() {
+        return Err(Failure::bad_input("no scene of the pool can be simulated with the IDM ego"));
+    }
+    let mut seconds = Vec::new();
+    let (mut steps, mut agent_steps) = (0, 0);
+    for _ in 0..options.repeats.max(1) {
+        let (costs, took) = timed(|| {
+            threads.map(&stages, |_, (situation, intervention)| {
+                rollout_counted(&situation.plant, intervention, ego.driver().as_mut()).map(|(_, cost)| cost)
+            })
+        });
+        let costs: Vec<_> = costs.into_iter().collect::<Result<_, _>>().map_err(Failure::internal)?;
+        steps = costs.iter().map(|cost| cost.steps).sum();
+        agent_steps = costs.iter().map(|cost| cost.agent_steps).sum();
+        seconds.push(took.as_secs_f64());
+    }
+    let median = num::quantile(&seconds, 0.5).unwrap_or(f64::NAN);
+    let rate = |count: usize| count as f64 / median;
+    let text = format!(
+        "{} scenes, {} threads, median of {} rounds\nrollouts/s     {:>14.0}\nsteps/s        {:>14.0}\nagent-steps/s  {:>14.0}\n\
+         preparing all scenes and compiling the adversaries took {:.2} s, one round of rollouts {:.4} s\n",
+        stages.len(),
+        threads.threads(),
+        seconds.len(),
+        rate(stages.len()),
+        rate(steps as usize),
+        rate(agent_steps as usize),
+        preparing.as_secs_f64(),
+        median
+    );
+    let object = json!({
+        "scenes": stages.len(), "threads": threads.threads(), "rounds": seconds.len(),
+        "rollouts_per_s": rate(stages.len()), "steps_per_s": rate(steps as usize),
+        "agent_steps_per_s": rate(agent_steps as usize),
+        "seconds": {"prepare": preparing.as_secs_f64(), "rollouts_median": median},
+    });
+    Ok(Answer::new(text, object))
+}
+
+/// Scenes made ready with CAT's intervention; those that the ego cannot drive are left out.
+fn stages(scenes: &[crate::scene::Scene], ego: &Policy, threads: &Threads) -> Vec<Option<(Situation, Intervention)>> {
+    let registry = baselines::registry();
+    threads.map(scenes, |_, scene| {
+        let situation = Situation::new(std::sync::Arc::new(scene.clone()), ego).ok()?;
+        let family = registry.get(&FamilyName::new("cat"))?;
+        let prepared = Prepared::new(&family.parent, &family.contract).ok()?;
+        let compiled = prepared.compile(&situation, Seed(0)).ok()?;
+        Some((situation, compiled.intervention))
+    })
+}

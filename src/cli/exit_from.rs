@@ -1,0 +1,62 @@
+//! Which exit code each room's errors mean.
+
+use super::exit::Failure;
+use crate::agents::AgentError;
+use crate::epoch::RunError;
+use crate::evaluation::{CacheError, EvaluationError};
+use crate::llm::{AskError, CassetteError};
+use crate::store::StoreError;
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Failure {
+        of_store(&error)
+    }
+}
+
+fn of_store(error: &StoreError) -> Failure {
+    match error {
+        StoreError::Corrupt(_) => Failure::corruption(error),
+        StoreError::Divergence(_) | StoreError::Conflict { .. } => Failure::divergence(error),
+        StoreError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => Failure::bad_input(error),
+        StoreError::Io { source, .. } if source.kind() == std::io::ErrorKind::IsADirectory => Failure::bad_input(error),
+        StoreError::TooLarge { .. } | StoreError::Locked { .. } | StoreError::Sealed { .. } => {
+            Failure::bad_input(error)
+        }
+        StoreError::Absent { .. } => Failure::corruption(error),
+        StoreError::Io { .. } | StoreError::Unstorable { .. } => Failure::internal(error),
+    }
+}
+
+impl From<CassetteError> for Failure {
+    fn from(error: CassetteError) -> Failure {
+        match &error {
+            CassetteError::Damaged { .. } => Failure::corruption(error),
+            _ => Failure::bad_input(error),
+        }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Failure {
+        match &error {
+            RunError::Agent(AgentError::Ask(AskError::Miss(_))) => Failure::miss(error),
+            RunError::Agent(AgentError::Ask(AskError::Store(_))) => Failure::internal(error),
+            RunError::Agent(_) | RunError::Study(_) | RunError::World(_) => Failure::bad_input(error),
+            RunError::Evaluation(EvaluationError::NoLabel(_)) => Failure::bad_input(error),
+            RunError::Evaluation(EvaluationError::Cache(cache)) => of_cache(cache),
+            RunError::Store(store) => of_store(store),
+            _ => Failure::internal(error),
+        }
+    }
+}
+
+fn of_cache(error: &CacheError) -> Failure {
+    match error {
+        CacheError::Diverged { .. } => Failure::divergence(error),
+        CacheError::Damaged { .. } => Failure::corruption(error),
+        CacheError::Store(inner) => match inner.downcast_ref::<StoreError>() {
+            Some(store) => of_store(store),
+            None => Failure::internal(error),
+        },
+    }
+}

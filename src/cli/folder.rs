@@ -1,0 +1,113 @@
+//! A run folder: everything that a run rests on and leaves behind, named by its inputs.
+
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+use super::exit::Failure;
+use crate::adapters::ADAPTER_VERSION;
+use crate::evaluation::EVAL_VERSION;
+use crate::evidence::Story;
+use crate::kernel::Digest;
+use crate::sim::SIM_VERSION;
+use crate::store;
+
+const LATEST: &str = "LATEST";
+const CARD_BYTES_MAX: u64 = 1 << 16;
+
+/// What stands in `run.json`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunCard {
+    pub format: String,
+    pub name: String,
+    /// Whether the folder belongs to a recording that has not written its cassette yet.
+    pub recording: bool,
+}
+
+/// The files of a run.
+#[derive(Clone, Debug)]
+pub struct RunFolder {
+    pub dir: PathBuf,
+}
+
+impl RunFolder {
+    /// `<out>/<name>-<8 hex digits of the inputs>`.
+    pub fn of(out: &Path, name: &str, experiment: Digest, pool: Digest) -> Result<RunFolder, Failure> {
+        let versions = (ADAPTER_VERSION, SIM_VERSION, EVAL_VERSION);
+        let id = Digest::of("evodrive/run-folder/1", &(experiment, pool, versions)).map_err(Failure::internal)?;
+        Ok(RunFolder { dir: out.join(format!("{name}-{}", id.short(8))) })
+    }
+
+    /// The folder that is named, or the latest one below `runs`.
+    pub fn find(named: Option<&Path>) -> Result<RunFolder, Failure> {
+        let dir = match named {
+            Some(dir) => dir.to_path_buf(),
+            None => {
+                let runs = Path::new("runs");
+                let text = store::read_bounded(&runs.join(LATEST), CARD_BYTES_MAX)
+                    .map_err(|_| Failure::bad_input("no run folder is named and there is no runs/LATEST; name one"))?;
+                runs.join(String::from_utf8_lossy(&text).trim())
+            }
+        };
+        let folder = RunFolder { dir };
+        folder.card()?;
+        Ok(folder)
+    }
+
+    pub fn experiment(&self) -> PathBuf {
+        self.dir.join("experiment.toml")
+    }
+
+    pub fn pool(&self) -> PathBuf {
+        self.dir.join("scenes.pool")
+    }
+
+    pub fn cassette(&self) -> PathBuf {
+        self.dir.join("cassette.jsonl")
+    }
+
+    pub fn transcript(&self) -> PathBuf {
+        self.dir.join("transcript.jsonl")
+    }
+
+    pub fn store(&self) -> PathBuf {
+        self.dir.join("store")
+    }
+
+    pub fn report(&self) -> PathBuf {
+        self.dir.join("report.html")
+    }
+
+    pub fn result(&self) -> PathBuf {
+        self.dir.join("result.json")
+    }
+
+    pub fn card(&self) -> Result<RunCard, Failure> {
+        let path = self.dir.join("run.json");
+        let bytes = store::read_bounded(&path, CARD_BYTES_MAX)
+            .map_err(|error| Failure::bad_input(format!("{} is not a run folder: {error}", self.dir.display())))?;
+        serde_json::from_slice(&bytes).map_err(|error| {
+            Failure::corruption(format!("{}: {error}; the file was not written by this program", path.display()))
+        })
+    }
+
+    pub fn write_card(&self, name: &str, recording: bool) -> Result<(), Failure> {
+        let card = RunCard { format: "evodrive-run/1".into(), name: name.into(), recording };
+        let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
+        Ok(store::write_atomic(&self.dir.join("run.json"), &text)?)
+    }
+
+    /// Makes this the folder that commands take when none is named.
+    pub fn mark_latest(&self) -> Result<(), Failure> {
+        if let (Some(runs), Some(name)) = (self.dir.parent(), self.dir.file_name()) {
+            store::write_atomic(&runs.join(LATEST), name.to_string_lossy().as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// The recorded run.
+    pub fn story(&self) -> Result<Story, Failure> {
+        let events = store::read_events(&self.transcript())?;
+        Story::read(&events).map_err(|error| Failure::bad_input(format!("{}: {error}", self.dir.display())))
+    }
+}

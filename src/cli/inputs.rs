@@ -1,0 +1,155 @@
+//! From an experiment to a study: scenes, split, families, models, options.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::answer::progress;
+use super::exit::Failure;
+use super::experiment::{Experiment, SceneSource};
+use crate::baselines;
+use crate::ego::Policy;
+use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
+use crate::kernel::{Digest, Seed, par::Pool as Threads};
+use crate::llm::{Ask, ModelSpec};
+use crate::objects::Role;
+use crate::scene::import::import_files;
+use crate::scene::{Pool, Scene, pool, synth, usable};
+use crate::store;
+
+/// Bytes that a scenario file or a pool may have.
+const SCENE_FILE_BYTES_MAX: u64 = 1 << 30;
+
+/// Scenes of an experiment: generated, imported or read from a pool.
+pub fn scenes(experiment: &Experiment, file: &Path, instead: &[PathBuf], threads: &Threads) -> Result<Pool, Failure> {
+    let beside = file.parent().unwrap_or(Path::new("."));
+    match (&experiment.scenes, instead) {
+        (_, [one]) if one.extension().is_some_and(|e| e == "pool") => read_pool(one),
+        (_, [_, ..]) => import(instead),
+        (SceneSource::Synth { count, seed, options }, _) => generate(*count, *seed, options, threads),
+        (SceneSource::Files { paths }, _) => import(&paths.iter().map(|path| beside.join(path)).collect::<Vec<_>>()),
+        (SceneSource::Pool { path }, _) => read_pool(&beside.join(path)),
+    }
+}
+
+pub fn read_pool(path: &Path) -> Result<Pool, Failure> {
+    let bytes = store::read_bounded(path, SCENE_FILE_BYTES_MAX)?;
+    pool::decode(&path.display().to_string(), &bytes).map_err(Failure::bad_input)
+}
+
+/// Generates a pool; scenes are independent of each other and of the number of threads.
+pub fn generate(count: usize, seed: u64, options: &synth::SynthOptions, threads: &Threads) -> Result<Pool, Failure> {
+    let places: Vec<usize> = (0..count).collect();
+    let scenes = threads.map(&places, |_, &i| synth::pool_member(options, Seed(seed), i));
+    let scenes = scenes.into_iter().collect::<Result<Vec<Scene>, _>>().map_err(Failure::bad_input)?;
+    Pool::new(scenes, Vec::new()).map_err(Failure::bad_input)
+}
+
+/// Endings of the scenario files that a folder is searched for.
+const SCENARIO_ENDINGS: [&str; 6] = [".xml", ".json", ".pkl", ".tfrecord", ".xodr", ".cr.xml"];
+
+/// Imports files and folders. What cannot be used is left out with its reason; nothing usable at all is an error.
+pub fn import(paths: &[PathBuf]) -> Result<Pool, Failure> {
+    let mut files = Vec::new();
+    for path in paths {
+        for file in store::list_files(path, &SCENARIO_ENDINGS)? {
+            let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            files.push((name, store::read_bounded(&file, SCENE_FILE_BYTES_MAX)?));
+        }
+    }
+    let summary = import_files(&files);
+    if summary.scenes.is_empty() {
+        let reasons: Vec<String> = summary.left_out.iter().map(|l| format!("  {}: {}", l.file, l.reason)).collect();
+        return Err(Failure::bad_input(format!("no scene could be imported:\n{}", reasons.join("\n"))));
+    }
+    Pool::new(summary.scenes, summary.left_out).map_err(Failure::bad_input)
+}
+
+/// Says which scenes are left out of evolution and why.
+pub fn tell_left_out(pool: &Pool) {
+    for left in &pool.left_out {
+        let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
+        progress(format!("left out: {}{what}: {}", left.file, left.reason));
+    }
+    for scene in &pool.scenes {
+        if let Err(reason) = usable(scene) {
+            progress(format!("not used: {}: {reason}", scene.id));
+        }
+    }
+}
+
+/// The model of each role.
+pub fn models(experiment: &Experiment) -> BTreeMap<Role, ModelSpec> {
+    let spec = |name: &String| {
+        let options = experiment.models.get(name)?;
+        Some(ModelSpec {
+            name: name.clone(),
+            kind: options.kind.clone(),
+            model: options.model.clone(),
+            sampling: options.sampling.clone(),
+        })
+    };
+    experiment.roles.iter().filter_map(|(role, name)| Some((*role, spec(name)?))).collect()
+}
+
+/// Puts a study together. `pool_digest` names all scenes; the study holds those of the split.
+pub fn study<'a>(
+    experiment: &Experiment,
+    pool: Pool,
+    ask: &'a dyn Ask,
+    threads: &'a Threads,
+) -> Result<Study<'a>, Failure> {
+    let bad = |error: String| Failure::bad_input(format!("experiment {}: {error}", experiment.name));
+    let seed = Seed(experiment.seed);
+    let split = pool
+        .split(seed, experiment.split.evolution, experiment.split.held_out)
+        .map_err(|error| bad(error.to_string()))?;
+    let pool_digest: Digest = pool.digest();
+    let mut lineages = Vec::new();
+    for lineage in &experiment.lineages {
+        let ego: Policy = lineage.ego.parse().map_err(|error| bad(format!("lineage {}: {error}", lineage.id)))?;
+        lineages.push(LineageSpec { id: lineage.id.clone(), family: lineage.family.clone(), ego });
+    }
+    let egos: Vec<Policy> = lineages.iter().map(|spec| spec.ego.clone()).collect();
+    let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
+    let mut by_id: BTreeMap<String, Scene> = pool.scenes.into_iter().map(|s| (s.id.clone(), s)).collect();
+    let chosen: Vec<Scene> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
+    let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone(), &egos));
+    let families: Vec<&str> = experiment.lineages.iter().map(|l| l.family.as_str()).collect();
+    let registry = baselines::registry();
+    for family in families {
+        if registry.get(&crate::objects::FamilyName::new(family)).is_none() {
+            let known: Vec<&str> = registry.iter().map(|f| f.contract.family.as_str()).collect();
+            return Err(bad(format!("no family is called `{family}`; there are {}", known.join(", "))));
+        }
+    }
+    experiment.evaluation.realism.check().map_err(|error| bad(error.to_string()))?;
+    experiment.memory.validate().map_err(|error| bad(error.to_string()))?;
+    Ok(Study {
+        name: experiment.name.clone(),
+        experiment: experiment.digest()?,
+        seed,
+        evolution: (0..split.evolution.len()).collect(),
+        held_out: (split.evolution.len()..entries.len()).collect(),
+        scenes: entries,
+        pool_digest,
+        lineages,
+        registry,
+        budget: Budget {
+            epochs: experiment.budget.epochs,
+            slots: experiment.budget.slots,
+            window: experiment.split.window,
+            max_repair_rounds: experiment.budget.max_repair_rounds,
+            probe_scenes: experiment.budget.probe_scenes,
+            finalists: experiment.budget.finalists,
+        },
+        models: models(experiment),
+        evaluation: experiment.evaluation.clone(),
+        archive: experiment.archive.clone(),
+        selector: experiment.selector.clone(),
+        memory: experiment.memory.clone(),
+        curation: experiment.curation.clone(),
+        world: experiment.world.clone(),
+        ask,
+        pool: threads,
+    })
+}

@@ -1,0 +1,195 @@
+//! Which rollouts a report can play, simulated again as drawings.
+
+use super::exit::Failure;
+use crate::epoch::{LineageSpec, Study, trace};
+use crate::evidence::Story;
+use crate::evidence::report::{Playable, Stage};
+use crate::objects::{Program, SceneScore, SolutionId};
+use crate::scene::Scene;
+use crate::scene::draw::{Actor, Contact, Drawing, Role, role_of};
+use crate::sim::{ActorRef, ActorTrace, End, Outcome, Trace};
+
+/// Scenes of a lineage that can be played.
+const SCENES_MAX: usize = 4;
+/// Programs of a lineage that can be played, besides parent and active.
+const PROGRAMS_MAX: usize = 8;
+
+/// The parent, the active program, and attempts that were accepted, in the scenes of the last window where they differ
+/// most.
+pub fn choose(study: &Study<'_>, story: &Story) -> Result<Stage, Failure> {
+    let mut stage = Stage::default();
+    for spec in &study.lineages {
+        let programs = programs(story, spec);
+        for place in scenes(study, story, spec) {
+            for (solution, role) in &programs {
+                let Some(program) = story.program(solution) else { continue };
+                stage.rollouts.push(play(study, spec, program, role, place).map_err(Failure::internal)?);
+            }
+            let scene = &study.scenes[place].scene;
+            stage.scenes.entry(scene.id.clone()).or_insert_with(|| Drawing::of_scene(scene));
+        }
+    }
+    // By program, then scene: the order of the page's menus.
+    let order: Vec<String> = stage.rollouts.iter().map(|p| p.solution.clone()).collect();
+    stage.rollouts.sort_by_key(|p| order.iter().position(|solution| *solution == p.solution));
+    Ok(stage)
+}
+
+fn programs(story: &Story, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
+    let mut chosen: Vec<(SolutionId, String)> = Vec::new();
+    let mut add = |solution: &SolutionId, role: &str| {
+        if !chosen.iter().any(|(known, _)| known == solution) {
+            chosen.push((solution.clone(), role.to_string()));
+        }
+    };
+    let evolved = story.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == spec.id));
+    if let Some(result) = evolved {
+        add(&result.evolved.solution, "chosen");
+    }
+    if let Some(parent) = story.parents.iter().find(|p| p.lineage == spec.id) {
+        add(&parent.program.solution_id, "parent");
+    }
+    if let Some(active) = story.active(&spec.id) {
+        add(active, "active");
+    }
+    let accepted = story.attempts.iter().rev().filter(|a| a.lineage == spec.id);
+    let accepted = accepted.filter(|a| a.exit.decision().is_some_and(|d| d.gates.any()));
+    for attempt in accepted.take(PROGRAMS_MAX) {
+        if let Some(candidate) = attempt.exit.candidate() {
+            add(&candidate.program.solution_id, "accepted");
+        }
+    }
+    chosen
+}
+
+/// Evolution scenes in which the finalists' labels differ most from the parent's, then those with an attack.
+fn scenes(study: &Study<'_>, story: &Story, spec: &LineageSpec) -> Vec<usize> {
+    let finalists: Vec<_> = story.finalists.iter().filter(|f| f.lineage == spec.id).collect();
+    let label = |scores: &[SceneScore], id: &str| {
+        scores.iter().find(|s| s.scene == id).map_or((0.0, 1.0), |s| (s.attack, s.realism))
+    };
+    let interest = |place: &usize| {
+        let id = study.scenes[*place].scene.id.as_str();
+        let labels: Vec<(f64, f64)> = finalists.iter().map(|f| label(&f.score.scenes, id)).collect();
+        let attacks = labels.iter().map(|l| l.0);
+        let spread = attacks.clone().fold(0.0, f64::max) - attacks.clone().fold(1.0, f64::min);
+        2.0 * spread + attacks.fold(0.0, f64::max) + labels.iter().map(|l| 1.0 - l.1).fold(0.0, f64::max)
+    };
+    let mut places: Vec<usize> = study.evolution.clone();
+    places.sort_by(|a, b| interest(b).total_cmp(&interest(a)).then(a.cmp(b)));
+    places.truncate(SCENES_MAX);
+    places
+}
+
+fn play(
+    study: &Study<'_>,
+    spec: &LineageSpec,
+    program: &Program,
+    role: &str,
+    place: usize,
+) -> Result<Playable, String> {
+    let scene = &study.scenes[place].scene;
+    let (decision, outcome, motion) = trace(study, spec, program, place)?;
+    let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
+    Ok(Playable {
+        solution: program.solution_id.to_string(),
+        role: role.to_string(),
+        scene: scene.id.clone(),
+        changed: changed(scene, &motion),
+        contact: contact(scene, &motion, &outcome),
+        caption: format!("{}{applied}", ending(&outcome)),
+    })
+}
+
+/// One line on how a rollout ended.
+pub fn ending(outcome: &Outcome) -> String {
+    let end = match (outcome.end, outcome.contact) {
+        (End::Contact, Some(contact)) => format!(
+            "contact with {} after {:.1} s at {:.1} m/s relative speed",
+            if contact.adversary { "the adversary" } else { "a bystander" },
+            contact.time_s,
+            contact.relative_speed_mps
+        ),
+        (End::Contact, None) => "contact".to_string(),
+        (End::OffRoad, _) => "the ego left its route".to_string(),
+        (End::Arrived, _) => "the ego arrived".to_string(),
+        (End::Horizon, _) => "no contact up to the horizon".to_string(),
+    };
+    let distance = outcome.distance_m_min.map_or(String::new(), |d| format!("; nearest {d:.1} m"));
+    format!("{end}{distance}; ego completed {:.0} % of its route", 100.0 * outcome.route_completion)
+}
+
+fn label(scene: &Scene, actor: ActorRef) -> String {
+    match actor {
+        ActorRef::Track(ix) => scene.tracks.get(ix).map_or(format!("track {ix}"), |track| track.id.clone()),
+        ActorRef::Inserted(k) => format!("inserted {k}"),
+    }
+}
+
+/// The ego, the adversaries, and whoever else did not move as recorded.
+fn changed(scene: &Scene, motion: &Trace) -> Vec<Actor> {
+    let mut actors: Vec<Actor> = Vec::new();
+    for actor in &motion.actors {
+        let role = match actor.actor {
+            _ if actor.adversary => Role::Adversary,
+            ActorRef::Track(ix) => {
+                let Some(track) = scene.tracks.get(ix) else { continue };
+                role_of(track, scene.objects_of_interest.contains(&ix))
+            }
+            ActorRef::Inserted(_) => Role::Adversary,
+        };
+        if actor.adversary || !as_recorded(scene, actor, motion.from_step) {
+            actors.push(drawn(scene, actor, role, motion.from_step));
+        }
+    }
+    let ego = ActorTrace {
+        actor: ActorRef::Inserted(0),
+        length_m: scene.ego.track.length_m,
+        width_m: scene.ego.track.width_m,
+        adversary: false,
+        samples: motion.ego.iter().copied().map(Some).collect(),
+    };
+    actors.push(Actor { label: "ego".into(), ..drawn(scene, &ego, Role::Ego, motion.from_step) });
+    actors
+}
+
+fn as_recorded(scene: &Scene, actor: &ActorTrace, from_step: usize) -> bool {
+    let ActorRef::Track(ix) = actor.actor else { return false };
+    let Some(track) = scene.tracks.get(ix) else { return false };
+    actor.samples.iter().enumerate().all(|(k, sample)| match (sample, track.at(from_step + k)) {
+        (Some(now), Some(log)) => now.position == log.position,
+        (None, _) => true,
+        (Some(_), None) => false,
+    })
+}
+
+/// Before the rollout's first step as recorded, after its last one absent.
+fn drawn(scene: &Scene, actor: &ActorTrace, role: Role, from_step: usize) -> Actor {
+    let log = match actor.actor {
+        _ if role == Role::Ego => Some(&scene.ego.track),
+        ActorRef::Track(ix) => scene.tracks.get(ix),
+        ActorRef::Inserted(_) => None,
+    };
+    let sample = |step: usize| match step.checked_sub(from_step) {
+        None => log.and_then(|track| track.at(step)).copied(),
+        Some(k) => actor.samples.get(k).copied().flatten(),
+    };
+    let track = crate::scene::Track {
+        id: String::new(),
+        kind: log.map_or(crate::scene::AgentKind::Vehicle, |track| track.kind),
+        length_m: actor.length_m,
+        width_m: actor.width_m,
+        samples: (0..scene.steps).map(sample).collect(),
+    };
+    Actor::of_track(&track, label(scene, actor.actor), role)
+}
+
+fn contact(scene: &Scene, motion: &Trace, outcome: &Outcome) -> Option<Contact> {
+    let contact = outcome.contact?;
+    let last = motion.ego.len().checked_sub(1)?;
+    let ego = motion.ego.get(last)?;
+    let other = motion.actors.iter().find(|a| a.actor == contact.with)?.samples.get(last).copied().flatten();
+    let point = other.map_or(ego.position, |other| ego.position.lerp(other.position, 0.5));
+    let label = format!("{} at {:.1} m/s", label(scene, contact.with), contact.relative_speed_mps);
+    Some(Contact { step: motion.from_step + last, point, label })
+}

@@ -1,0 +1,31 @@
+//! `report`: the HTML file of a run.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::experiment::Experiment;
+use super::folder::RunFolder;
+use super::{inputs, run};
+use crate::kernel::par::Pool as Threads;
+use crate::llm::{Cassette, Replay};
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Run folder; without it the latest one below runs/.
+    pub run: Option<PathBuf>,
+}
+
+/// Simulates the played rollouts again (they are deterministic), so a report needs no stored motion.
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let folder = RunFolder::find(options.run.as_deref())?;
+    let threads = Threads::new(0).map_err(Failure::internal)?;
+    let experiment = Experiment::read(&folder.experiment())?;
+    let nobody = Replay::new(Cassette::new("a report asks nothing"), "");
+    let study = inputs::study(&experiment, inputs::read_pool(&folder.pool())?, &nobody, &threads)?;
+    run::write_report(&study, &folder)?;
+    let path = folder.report();
+    Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))
+}

@@ -1,0 +1,251 @@
+//! `scenes`: import, list, show and compare scenes.
+
+use clap::{Args, Subcommand};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::inputs;
+use crate::scene::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
+use crate::scene::stats::PoolStats;
+use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
+use crate::store;
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Read scenario files or folders into a pool.
+    Import(ImportOptions),
+    /// List the scenes of a pool or of scenario files.
+    List(ListOptions),
+    /// Show one scene; draw it as SVG or as a page that plays it.
+    Show(ShowOptions),
+    /// Compare pools: speeds, gaps, accelerations, yaw rates, conflicts, side by side.
+    Stats(StatsOptions),
+}
+
+#[derive(Debug, Args)]
+pub struct ImportOptions {
+    /// Scenario files or folders.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+    /// Pool file to write.
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct ListOptions {
+    /// A pool, scenario files or folders.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+    /// Only scenes with this tag, e.g. junction; may be given again.
+    #[arg(long)]
+    pub tag: Vec<String>,
+    /// Only scenes that evolution can use.
+    #[arg(long)]
+    pub usable: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct ShowOptions {
+    /// A pool or scenario file.
+    pub path: PathBuf,
+    /// Scene id; not needed where there is only one.
+    pub scene: Option<String>,
+    /// Draw it into this SVG file.
+    #[arg(long)]
+    pub svg: Option<PathBuf>,
+    /// Write a page that plays it.
+    #[arg(long)]
+    pub html: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct StatsOptions {
+    /// Pools, scenario files or folders; one column each.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+}
+
+pub fn run(command: Command) -> Result<Answer, Failure> {
+    match command {
+        Command::Import(options) => import(&options),
+        Command::List(options) => list(&options),
+        Command::Show(options) => show(&options),
+        Command::Stats(options) => stats(&options),
+    }
+}
+
+fn read(paths: &[PathBuf]) -> Result<Pool, Failure> {
+    match paths {
+        [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one),
+        _ => inputs::import(paths),
+    }
+}
+
+fn import(options: &ImportOptions) -> Result<Answer, Failure> {
+    let pool = inputs::import(&options.paths)?;
+    store::write_atomic(&options.out, &pool::encode(&pool))?;
+    let mut text = listing(&pool, &[], false);
+    for left in &pool.left_out {
+        let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
+        let _ = writeln!(text, "left out: {}{what}: {}", left.file, left.reason);
+    }
+    let _ = writeln!(text, "{} scenes in {}", pool.scenes.len(), options.out.display());
+    let object = json!({
+        "pool": options.out, "digest": pool.digest(), "scenes": rows(&pool), "left_out": pool.left_out,
+    });
+    Ok(Answer::new(text, object))
+}
+
+fn list(options: &ListOptions) -> Result<Answer, Failure> {
+    let pool = read(&options.paths)?;
+    let text = listing(&pool, &options.tag, options.usable);
+    let kept = rows(&pool).into_iter().filter(|row| keeps(row, &options.tag, options.usable)).collect::<Vec<_>>();
+    Ok(Answer::new(text, json!({"digest": pool.digest(), "scenes": kept, "left_out": pool.left_out})))
+}
+
+/// A scene in figures.
+#[derive(Clone, Debug, serde::Serialize)]
+struct Row {
+    id: String,
+    format: String,
+    duration_s: f64,
+    tracks: usize,
+    lanes: usize,
+    tags: Vec<&'static str>,
+    /// Why evolution cannot use it.
+    unusable: Option<String>,
+}
+
+fn rows(pool: &Pool) -> Vec<Row> {
+    pool.scenes.iter().map(row).collect()
+}
+
+fn row(scene: &Scene) -> Row {
+    Row {
+        id: scene.id.clone(),
+        format: scene.origin.format.clone(),
+        duration_s: crate::scene::DT_S * scene.steps.saturating_sub(1) as f64,
+        tracks: scene.tracks.len(),
+        lanes: scene.road.lanes.len(),
+        tags: SceneFeatures::of(scene, &LaneGraph::of(&scene.road)).tags,
+        unusable: usable(scene).err().map(|reason| reason.to_string()),
+    }
+}
+
+fn keeps(row: &Row, tags: &[String], only_usable: bool) -> bool {
+    tags.iter().all(|tag| row.tags.contains(&tag.as_str())) && !(only_usable && row.unusable.is_some())
+}
+
+fn listing(pool: &Pool, tags: &[String], only_usable: bool) -> String {
+    let mut out = format!("{:<40} {:<18} {:>7} {:>7} {:>6}  tags\n", "scene", "format", "seconds", "tracks", "lanes");
+    for row in rows(pool).iter().filter(|row| keeps(row, tags, only_usable)) {
+        let note = row.unusable.as_ref().map_or(String::new(), |reason| format!("  [not used: {reason}]"));
+        let _ = writeln!(
+            out,
+            "{:<40} {:<18} {:>7.1} {:>7} {:>6}  {}{note}",
+            row.id,
+            row.format,
+            row.duration_s,
+            row.tracks,
+            row.lanes,
+            row.tags.join(" ")
+        );
+    }
+    out
+}
+
+fn show(options: &ShowOptions) -> Result<Answer, Failure> {
+    let pool = read(std::slice::from_ref(&options.path))?;
+    let scene = match &options.scene {
+        Some(id) => pool.scene(id),
+        None if pool.scenes.len() == 1 => pool.scenes.first(),
+        None => None,
+    };
+    let scene = scene.ok_or_else(|| {
+        let known: Vec<&str> = pool.scenes.iter().map(|s| s.id.as_str()).take(20).collect();
+        Failure::bad_input(format!(
+            "name one of the {} scenes of {}: {}{}",
+            pool.scenes.len(),
+            options.path.display(),
+            known.join(", "),
+            if pool.scenes.len() > 20 { ", ..." } else { "" }
+        ))
+    })?;
+    let drawing = Drawing::of_scene(scene);
+    if let Some(path) = &options.svg {
+        store::write_atomic(path, svg(&drawing, &picture(&scene.id)).as_bytes())?;
+    }
+    if let Some(path) = &options.html {
+        store::write_atomic(path, player_html(&drawing, &scene.id).as_bytes())?;
+    }
+    let row = row(scene);
+    let mut text = format!("{}  ({}, {})\n", scene.id, scene.origin.format, scene.origin.name);
+    let _ = writeln!(text, "digest {}", scene.digest());
+    let _ =
+        writeln!(text, "{} steps, current step {}, {} lanes", scene.steps, scene.current_step, scene.road.lanes.len());
+    let _ = writeln!(text, "tags: {}", row.tags.join(" "));
+    let _ = writeln!(text, "usable for evolution: {}", row.unusable.as_deref().unwrap_or("yes"));
+    for violation in scene.validate() {
+        let _ = writeln!(text, "violation: {violation}");
+    }
+    for (ix, track) in scene.tracks.iter().enumerate() {
+        let marked = if scene.objects_of_interest.contains(&ix) { "  object of interest" } else { "" };
+        let span = track.span().map_or("never seen".to_string(), |(a, b)| format!("steps {a} to {b}"));
+        let _ = writeln!(
+            text,
+            "  {:<14} {:<10} {:>5.2} x {:.2} m  {span}{marked}",
+            track.id,
+            format!("{:?}", track.kind).to_lowercase(),
+            track.length_m,
+            track.width_m
+        );
+    }
+    Ok(Answer::new(text, json!({"row": row, "scene": scene})))
+}
+
+/// A picture for a page: everything, light, with trails.
+fn picture(title: &str) -> SvgOptions {
+    SvgOptions {
+        width_px: 1200.0,
+        theme: Theme::Light,
+        frame: Frame::Everything,
+        step: None,
+        trails: true,
+        labels: false,
+        title: title.to_string(),
+    }
+}
+
+fn stats(options: &StatsOptions) -> Result<Answer, Failure> {
+    let mut columns = Vec::new();
+    for path in &options.paths {
+        let pool = read(std::slice::from_ref(path))?;
+        columns.push((path.display().to_string(), PoolStats::of(&pool.scenes)));
+    }
+    let mut text = String::new();
+    for (k, (name, stats)) in columns.iter().enumerate() {
+        let _ = writeln!(text, "[{}] {name}: {} scenes", k + 1, stats.scenes);
+    }
+    let _ = write!(text, "{:<30}", "p5 / p50 / p95 (mean)");
+    for k in 0..columns.len() {
+        let _ = write!(text, " {:>38}", format!("[{}]", k + 1));
+    }
+    text.push('\n');
+    let rows: Vec<_> = columns.iter().map(|(_, stats)| stats.rows()).collect();
+    for line in 0..rows.first().map_or(0, |r| r.len()) {
+        let _ = write!(text, "{:<30}", rows[0][line].0);
+        for column in &rows {
+            let cell = column[line]
+                .1
+                .map_or("-".to_string(), |s| format!("{:.2} / {:.2} / {:.2} ({:.2})", s.p5, s.p50, s.p95, s.mean));
+            let _ = write!(text, " {cell:>38}");
+        }
+        text.push('\n');
+    }
+    let object: Vec<_> = columns.iter().map(|(name, stats)| json!({"pool": name, "stats": stats})).collect();
+    Ok(Answer::new(text, json!({"pools": object})))
+}

@@ -1,0 +1,59 @@
+//! `show`: everything about one attempt.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use crate::evidence::attempt_text::{self, Exchanged};
+use crate::llm::Cassette;
+use crate::objects::{Exchange, spelling};
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Attempt, e.g. cat-idm/e2s5.
+    pub attempt: String,
+    /// Run folder; without it the latest one below runs/.
+    #[arg(long)]
+    pub run: Option<PathBuf>,
+    /// Print prompts uncut.
+    #[arg(long)]
+    pub full: bool,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let folder = RunFolder::find(options.run.as_deref())?;
+    let story = folder.story()?;
+    let attempt = story.attempt(&options.attempt).ok_or_else(|| {
+        let known: Vec<&str> = story.attempts.iter().map(|a| a.id.as_str()).collect();
+        let near = spelling::nearest(&options.attempt, known.iter().copied());
+        let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+        Failure::bad_input(format!(
+            "no attempt `{}` in this run of {} attempts{hint} (names are <lineage>/e<epoch>s<slot>)",
+            options.attempt,
+            known.len()
+        ))
+    })?;
+    let cassette = if folder.cassette().exists() { Some(Cassette::load(&folder.cassette())?) } else { None };
+    let texts = |exchange: &Exchange| {
+        let recorded = cassette.as_ref()?.get(&exchange.request)?;
+        let request = recorded.request();
+        Some(Exchanged {
+            messages: request.messages.into_iter().map(|m| (m.role, m.text)).collect(),
+            reply: String::from_utf8_lossy(&recorded.bytes).into_owned(),
+        })
+    };
+    let text = attempt_text::attempt(attempt, &texts, options.full);
+    let exchanges: Vec<_> = attempt
+        .proposal
+        .exchanges
+        .iter()
+        .map(|exchange| {
+            let messages = texts(exchange).map(|t| json!({"messages": t.messages, "reply": t.reply}));
+            json!({"exchange": exchange, "texts": messages})
+        })
+        .collect();
+    Ok(Answer::new(text, json!({"attempt": attempt, "exchanges": exchanges})))
+}

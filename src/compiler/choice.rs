@@ -1,0 +1,74 @@
+//! The diversity slot: which of the scored candidates is used.
+
+use super::ActorDecision;
+use crate::baselines::kernel::{Candidate, Part, Settings, Stage, StageError};
+use crate::kernel::{Stream, num};
+
+/// The chosen candidate of every part, by index.
+pub fn choose(stage: &Stage<'_>, kind: &str, settings: &Settings, parts: &[Part]) -> Result<Vec<usize>, StageError> {
+    let choose_one = |part: &Part| {
+        let ranked = ranked(&part.candidates);
+        let mut stream = stage.stream("choice", part.actor);
+        Ok(match kind {
+            "best_choice" => ranked[0],
+            "soft_choice" => softly(&part.candidates, &ranked, settings.number("temperature")?, &mut stream),
+            "spread_choice" => {
+                let (count, apart_m) = (settings.count("count")?, settings.number("apart_m")?);
+                let kept = spread(&part.candidates, &ranked, count, apart_m);
+                softly(&part.candidates, &kept, settings.number("temperature")?, &mut stream)
+            }
+            other => return Err(StageError::Missing(format!("operator {other}"))),
+        })
+    };
+    parts.iter().map(choose_one).collect()
+}
+
+/// Indices by score, best first; equals in candidate order.
+fn ranked(candidates: &[Candidate]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..candidates.len()).collect();
+    order.sort_by(|a, b| candidates[*b].score.total_cmp(&candidates[*a].score));
+    order
+}
+
+/// One of `among` (not empty, best first) with softmax probability.
+fn softly(candidates: &[Candidate], among: &[usize], temperature: f64, stream: &mut Stream) -> usize {
+    let best = candidates[among[0]].score;
+    let weights: Vec<f64> =
+        among.iter().map(|i| num::exp((candidates[*i].score - best) / temperature.max(1e-6))).collect();
+    let mut left = stream.unit() * num::sum(weights.iter().copied());
+    for (index, weight) in among.iter().zip(&weights) {
+        left -= weight;
+        if left < 0.0 {
+            return *index;
+        }
+    }
+    among[0]
+}
+
+/// The best, then the next that lies apart from all kept, up to `count`.
+fn spread(candidates: &[Candidate], ranked: &[usize], count: usize, apart_m: f64) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::with_capacity(count);
+    for index in ranked {
+        let apart = |k: &usize| candidates[*k].mean_distance_m(&candidates[*index]) >= apart_m;
+        if kept.len() < count.max(1) && kept.iter().all(apart) {
+            kept.push(*index);
+        }
+    }
+    kept
+}
+
+/// What is recorded of a choice.
+pub fn report(part: &Part, chosen: usize) -> ActorDecision {
+    let candidate = &part.candidates[chosen];
+    let steps = candidate.samples.windows(2).map(|pair| pair[0].position.distance(pair[1].position));
+    ActorDecision {
+        track: part.actor,
+        window: part.window,
+        candidates: part.candidates.len(),
+        chosen,
+        score: candidate.score,
+        prior_log_probability: candidate.prior_log_probability,
+        path_m: num::sum(steps),
+        end_speed_mps: candidate.samples.last().map_or(0.0, |s| s.speed_mps()),
+    }
+}

@@ -1,0 +1,44 @@
+//! The scene-level decision ω = (u, i, ι, ϑ, χ): mode, actors, windows, motion, guards (paper eq.
+//! app-scene-level-omega), as it is recorded beside the rollout's outcome.
+
+use serde::{Deserialize, Serialize};
+
+use crate::baselines::kernel::Window;
+use crate::scene::TrackIx;
+
+/// What a program decided in one scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Decision {
+    pub applies: bool,
+    /// Why it does not apply; empty where it does.
+    pub reason: String,
+    /// u: names of the policy rules that held.
+    pub mode: Vec<String>,
+    /// i, ι, ϑ: one entry an adversary.
+    pub actors: Vec<ActorDecision>,
+    /// χ: what every filter removed, in graph order.
+    pub filters: Vec<FilterReport>,
+}
+
+/// One adversary.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ActorDecision {
+    pub track: TrackIx,
+    pub window: Window,
+    /// How many candidates were left to choose from, and which was chosen.
+    pub candidates: usize,
+    pub chosen: usize,
+    pub score: f64,
+    pub prior_log_probability: f64,
+    /// Length of the chosen path, metres, and speed at its end, m/s.
+    pub path_m: f64,
+    pub end_speed_mps: f64,
+}
+
+/// What a filter node did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FilterReport {
+    pub node: String,
+    pub before: usize,
+    pub after: usize,
+}

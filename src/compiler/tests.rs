@@ -1,0 +1,257 @@
+//! Programs of both families on generated and hand-made scenes.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::*;
+use crate::adapters::{Domain, Family};
+use crate::baselines::{grammar, registry};
+use crate::ego;
+use crate::kernel::Vec2;
+use crate::objects::{FamilyName, MechanismModule, ParameterValue, PolicyRule, Setting, Slot, ValueType};
+use crate::scene::fixture::two_lane_scene;
+use crate::sim::{self, Action};
+use proptest::prelude::*;
+
+fn family(name: &str) -> Family {
+    registry().get(&FamilyName::new(name)).unwrap().clone()
+}
+
+fn situation() -> Situation {
+    Situation::new(Arc::new(two_lane_scene()), &ego::Policy::Idm).unwrap()
+}
+
+fn module(slot: &str, output: ValueType, inputs: &[&str], expression: &str) -> MechanismModule {
+    MechanismModule {
+        slot: slot.into(),
+        inputs: inputs.iter().map(|i| i.to_string()).collect(),
+        output,
+        expression: expression.into(),
+        tags: vec![],
+    }
+}
+
+fn with_node(
+    program: &mut crate::objects::Program,
+    name: &str,
+    slot: Slot,
+    kind: &str,
+    input: &[&str],
+    settings: Vec<(&str, Setting)>,
+) {
+    let (_, mut node) = grammar::node(name, slot, kind, input, []);
+    node.settings = settings.into_iter().map(|(k, v)| (k.to_string(), v)).collect::<BTreeMap<_, _>>();
+    program.operator_graph.insert(name.into(), node);
+}
+
+fn built(program: &crate::objects::Program, contract: &Contract, seed: u64) -> Compiled {
+    compile(program, contract, &situation(), Seed(seed)).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn both_parents_move_the_marked_vehicle_after_the_history() {
+    for name in ["cat", "at"] {
+        let family = family(name);
+        let compiled = built(&family.parent, &family.contract, 1);
+        assert!(compiled.decision.applies, "{name}: {}", compiled.decision.reason);
+        let [Action::Follow { track: 0, from_step: 1, samples }] = compiled.intervention.actions.as_slice() else {
+            panic!("{name}: {:?}", compiled.intervention)
+        };
+        assert_eq!(samples.len(), 59, "{name}");
+    }
+}
+
+#[test]
+fn cats_parent_keeps_candidates_of_the_prior_and_takes_the_largest_posterior() {
+    let family = family("cat");
+    let decision = built(&family.parent, &family.contract, 1).decision;
+    assert_eq!(decision.actors[0].candidates, 32);
+    // A car 20 m ahead can brake into the ego's way: some candidate meets it.
+    assert!(decision.actors[0].score > -100.0, "{decision:?}");
+}
+
+#[test]
+fn compiling_is_pure() {
+    for name in ["cat", "at"] {
+        let family = family(name);
+        assert_eq!(built(&family.parent, &family.contract, 5), built(&family.parent, &family.contract, 5));
+    }
+}
+
+#[test]
+fn at_stays_within_a_metre_of_the_log() {
+    let family = family("at");
+    for seed in 0..4 {
+        let compiled = built(&family.parent, &family.contract, seed);
+        let scene = two_lane_scene();
+        for action in &compiled.intervention.actions {
+            let Action::Follow { track, from_step, samples } = action else { panic!() };
+            for (k, sample) in samples.iter().enumerate() {
+                let log = scene.tracks[*track].at(from_step + k).unwrap();
+                assert!(sample.position.distance(log.position) <= 1.0 + 1e-9);
+            }
+            assert_eq!(samples[0].position, scene.tracks[*track].at(*from_step).unwrap().position);
+        }
+    }
+}
+
+#[test]
+fn an_expression_ranks_actors_and_several_may_attack() {
+    let family = family("cat");
+    let mut program = family.parent.clone();
+    program
+        .mechanism_modules
+        .insert("pressure".into(), module("actor_score", ValueType::Number, &["actor_speed_mps"], "actor_speed_mps"));
+    let settings = vec![("score", grammar::from_mechanism("pressure")), ("count", Setting::Number(2.0))];
+    with_node(&mut program, "actor", Slot::Actor, "ranked_actors", &["select"], settings);
+    let compiled = built(&program, &family.contract, 1);
+    let tracks: Vec<_> = compiled.decision.actors.iter().map(|a| a.track).collect();
+    // The car beside drives 12 m/s, the one ahead 8 m/s.
+    assert_eq!(tracks, [1, 0]);
+}
+
+#[test]
+fn a_guard_removes_candidates_and_says_how_many() {
+    let family = family("cat");
+    let mut program = family.parent.clone();
+    program.mechanism_modules.insert(
+        "gentle".into(),
+        module("candidate_guard", ValueType::Boolean, &["acceleration_mps2_max"], "acceleration_mps2_max < 1.5"),
+    );
+    with_node(
+        &mut program,
+        "gentle",
+        Slot::Filter,
+        "guard_filter",
+        &["search"],
+        vec![("guard", grammar::from_mechanism("gentle"))],
+    );
+    with_node(&mut program, "choice", Slot::Diversity, "best_choice", &["gentle"], vec![]);
+    let decision = built(&program, &family.contract, 1).decision;
+    let report = &decision.filters[0];
+    assert!(report.after < report.before && report.after > 0, "{report:?}");
+}
+
+#[test]
+fn a_gate_that_does_not_hold_leaves_the_scene_as_it_was() {
+    let family = family("at");
+    let mut program = family.parent.clone();
+    program
+        .mechanism_modules
+        .insert("crowd".into(), module("scene_gate", ValueType::Boolean, &["vehicle_count"], "vehicle_count > 50"));
+    with_node(
+        &mut program,
+        "select",
+        Slot::Select,
+        "gated_scenes",
+        &[],
+        vec![("gate", grammar::from_mechanism("crowd"))],
+    );
+    let compiled = built(&program, &family.contract, 1);
+    assert!(!compiled.decision.applies && compiled.intervention.actions.is_empty());
+    assert_eq!(compiled.decision.reason, "select: the gate does not hold");
+}
+
+#[test]
+fn a_rule_changes_parameters_where_its_condition_holds() {
+    let family = family("cat");
+    let mut program = family.parent.clone();
+    program.scenario_conditioned_policy.push(PolicyRule {
+        name: "short".into(),
+        when: "vehicle_count >= 1".into(),
+        parameters: BTreeMap::from([("duration_s".into(), ParameterValue::Number(3.0))]),
+        operators: BTreeMap::new(),
+    });
+    let decision = built(&program, &family.contract, 1).decision;
+    assert_eq!((decision.mode, decision.actors[0].window.steps), (vec!["short".to_string()], 30));
+}
+
+#[test]
+fn a_foreign_operator_does_not_compile() {
+    let (cat, at) = (family("cat"), family("at"));
+    assert!(matches!(
+        compile(&at.parent, &cat.contract, &situation(), Seed(1)),
+        Err(CompileFailure::Contract(problems)) if !problems.is_empty()
+    ));
+    assert!(!probe(&at.parent, &cat.contract, &[&situation()], Seed(1)).is_empty());
+    assert!(probe(&cat.parent, &cat.contract, &[&situation()], Seed(1)).is_empty());
+}
+
+/// A program with every numeric parameter drawn from its range.
+fn drawn(family: &Family, shares: &[f64]) -> crate::objects::Program {
+    let mut program = family.parent.clone();
+    for ((name, spec), share) in family.contract.parameters.iter().zip(shares.iter().cycle()) {
+        let value = match &spec.domain {
+            Domain::Number { low, high, .. } => low + (high - low) * share,
+            Domain::Integer { low, high, .. } => (*low as f64 + (high - low) as f64 * share).round(),
+            _ => continue,
+        };
+        program.parameters.insert(name.clone(), ParameterValue::Number(value));
+    }
+    program
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn any_legal_program_compiles_on_any_scene_or_names_a_constraint(
+        shares in prop::collection::vec(0.0..1.0f64, 9), seed in 0u64..1000,
+        speed in 0.0..30.0f64, turn in -3.0..3.0f64, gap in 3usize..30, laneless in any::<bool>(),
+    ) {
+        let mut scene = two_lane_scene();
+        if laneless {
+            scene.road.lanes.clear();
+        }
+        scene.tracks[0].samples = crate::scene::fixture::straight(60, Vec2::new(30.0, 1.0), turn, speed);
+        scene.tracks[0].samples[gap] = None;
+        let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
+        for name in ["cat", "at"] {
+            let family = family(name);
+            let program = drawn(&family, &shares);
+            match compile(&program, &family.contract, &situation, Seed(seed)) {
+                Ok(compiled) => {
+                    let mut driver = ego::Policy::Idm.driver();
+                    let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut());
+                    prop_assert!(outcome.is_ok(), "{:?}", outcome);
+                    prop_assert_eq!(compiled.decision.applies, !compiled.intervention.actions.is_empty());
+                }
+                Err(CompileFailure::Constraint { .. }) => {}
+                Err(other) => prop_assert!(false, "{other}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn on_generated_worlds_both_parents_compile_and_cat_makes_the_ego_crash_more_often() {
+    let options = crate::scene::synth::SynthOptions {
+        kinds: crate::scene::synth::WorldKind::ALL.to_vec(),
+        steps: 91,
+        current_step: 10,
+        warm_up_s: 18.0,
+        tracks_per_scene: 24,
+        pedestrian_share: 0.1,
+        cyclist_share: 0.06,
+        ego_travel_m_min: 10.0,
+        interaction_time_s_max: 4.0,
+        interaction_gap_m_max: 12.0,
+        attempts_max: 40,
+        following_share: 0.2,
+    };
+    let (cat, at) = (family("cat"), family("at"));
+    let (mut contacts, mut near) = ([0, 0], 0);
+    for index in 0..22 {
+        let scene = crate::scene::synth::pool_member(&options, Seed(5), index).unwrap();
+        let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
+        for (which, family) in [&cat, &at].into_iter().enumerate() {
+            let compiled = compile(&family.parent, &family.contract, &situation, Seed(1)).unwrap();
+            assert!(compiled.decision.applies, "{}: {}", situation.scene_id(), compiled.decision.reason);
+            near += usize::from(which == 0 && compiled.decision.actors[0].score > -100.0);
+            let mut driver = ego::Policy::Idm.driver();
+            let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut()).unwrap();
+            contacts[which] += usize::from(outcome.contact.is_some_and(|c| c.adversary));
+        }
+    }
+    println!("of 22: CAT {} contacts ({near} foreseen), AT {}", contacts[0], contacts[1]);
+    assert!(contacts[0] >= 3 && contacts[0] > contacts[1], "{contacts:?}");
+}

@@ -1,0 +1,36 @@
+//! The timing slot: when an actor's motion is changed.
+
+use crate::baselines::kernel::{Settings, Situation, StageError, Window};
+use crate::scene::{DT_S, TrackIx};
+
+/// A shorter window is none, steps.
+const STEPS_MIN: usize = 10;
+
+/// The window of an actor, clamped so that at least a second of the scene follows its start; `None` where that does
+/// not fit or the actor was not observed just before it.
+pub fn window(
+    situation: &Situation,
+    actor: TrackIx,
+    kind: &str,
+    settings: &Settings,
+) -> Result<Option<Window>, StageError> {
+    let facts = situation.actors[actor].as_ref();
+    let delay_s = match kind {
+        "after_history" => 0.0,
+        "conflict_window" => {
+            let conflict_s = facts.and_then(|f| f.value("time_to_conflict_s")).unwrap_or(0.0);
+            conflict_s - settings.number("lead_s")?
+        }
+        "timed_window" => settings.module("start")?.number(facts.map_or(vec![], |f| f.values.clone())),
+        other => return Err(StageError::Missing(format!("operator {other}"))),
+    };
+    let first = situation.first_step();
+    let Some(last) = situation.scene.steps.checked_sub(STEPS_MIN).filter(|last| *last >= first) else {
+        return Ok(None);
+    };
+    let delay = (delay_s / DT_S).round().clamp(0.0, 1e6) as usize;
+    let from_step = (first + delay).min(last);
+    let asked = (settings.number("duration_s")? / DT_S).round().clamp(STEPS_MIN as f64, 1e6) as usize;
+    let window = Window { from_step, steps: asked.min(situation.scene.steps - from_step) };
+    Ok(situation.scene.tracks[actor].at(from_step - 1).map(|_| window))
+}

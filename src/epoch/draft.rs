@@ -1,0 +1,88 @@
+//! A worker: one proposal from the frozen snapshot, as far as it goes without touching any shared state.
+
+use super::{RunError, briefing, state::Snapshot, study::Study};
+use crate::agents::{self, End, Task};
+use crate::candidates;
+use crate::compiler::{self, Situation};
+use crate::objects::{AttemptId, Candidate, GateReport, Program, ProgramPatch, Proposal, Route, SolutionId, WorldPair};
+use crate::world::{Router, candidate_features, features, monitor_stream};
+
+/// What a worker hands to the acceptor.
+pub struct Draft {
+    pub slot: u32,
+    pub target: String,
+    pub proposal: Proposal,
+    pub reached: Reached,
+}
+
+/// How far a proposal came before any rollout.
+pub enum Reached {
+    Declined { reason: String },
+    Invalid { gates: GateReport },
+    Routed { gates: GateReport, routed: Box<RoutedCandidate> },
+}
+
+/// An admitted candidate with what the world evaluator said of it.
+pub struct RoutedCandidate {
+    pub candidate: Candidate,
+    pub route: Route,
+    /// One a scene of the window, in window order: what a label will be learned from.
+    pub pairs: Vec<WorldPair>,
+    /// Whether it would have been turned away, had the false-rejection monitor not asked for labels.
+    pub monitored: bool,
+}
+
+/// Proposes, admits and routes. Reads the snapshot only.
+pub fn draft(study: &Study<'_>, snapshot: &Snapshot<'_>, slot: u32) -> Result<Draft, RunError> {
+    let target = briefing::target(study, slot, &snapshot.event.parent_score);
+    let task = Task {
+        briefing: &snapshot.briefing,
+        slot,
+        target: &target,
+        models: &study.models,
+        max_repair_rounds: study.budget.max_repair_rounds,
+    };
+    let proposed = agents::propose(&task, study.ask)?;
+    let reached = match proposed.end {
+        End::Declined { reason } => Reached::Declined { reason },
+        End::Patch(patch) => admit(study, snapshot, slot, &patch)?,
+    };
+    Ok(Draft { slot, target: target.text, proposal: proposed.proposal, reached })
+}
+
+fn admit(study: &Study<'_>, snapshot: &Snapshot<'_>, slot: u32, patch: &ProgramPatch) -> Result<Reached, RunError> {
+    let contract = &study.family(snapshot.spec)?.contract;
+    let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
+    let compiles = |program: &Program| {
+        let probes: Vec<&Situation> = snapshot.probes.iter().map(std::sync::Arc::as_ref).collect();
+        compiler::probe(program, contract, &probes, study.seed)
+    };
+    let admission = candidates::admit(&snapshot.parent, patch, child, contract, &study.registry, &compiles);
+    Ok(match admission.candidate {
+        None => Reached::Invalid { gates: admission.gates },
+        Some(candidate) => {
+            let routed = Box::new(route(study, snapshot, slot, candidate, patch)?);
+            Reached::Routed { gates: admission.gates, routed }
+        }
+    })
+}
+
+fn route(
+    study: &Study<'_>,
+    snapshot: &Snapshot<'_>,
+    slot: u32,
+    candidate: Candidate,
+    patch: &ProgramPatch,
+) -> Result<RoutedCandidate, RunError> {
+    let schema = &snapshot.world.schema;
+    let of_candidate =
+        candidate_features(schema, &candidate.program, &snapshot.parent, patch, &candidate.mechanism_tags)?;
+    let mut pairs = Vec::with_capacity(snapshot.window.len());
+    for &place in &snapshot.window {
+        let entry = &study.scenes[place];
+        pairs.push(features(schema, &of_candidate, &entry.scene.id, &entry.features, &entry.interaction)?);
+    }
+    let attempt = AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot);
+    let routed = Router::new(&snapshot.world)?.route(&pairs, &mut monitor_stream(study.seed, &attempt))?;
+    Ok(RoutedCandidate { candidate, route: routed.route, pairs, monitored: routed.monitored })
+}

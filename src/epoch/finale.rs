@@ -1,0 +1,162 @@
+//! The end of a run: accepted descendants meet the whole evolution pool, one is chosen by it, and only then are the
+//! held-out scenes opened.
+
+use std::collections::BTreeMap;
+
+use super::{
+    RunError, labels,
+    progress::Progress,
+    run::Desk,
+    state::State,
+    study::{LineageSpec, Study},
+};
+use crate::archive::{Contender, pf_area_pct, select_active};
+use crate::objects::{
+    Attempt, Objectives, Score, SolutionId,
+    event::{ExitCounts, Finalist, FrontPoint, HeldOut, LineageResult, Measured, RunResult, kind},
+};
+
+/// k of PF-Area@k, as in the paper's tables.
+const FRONTIER_BUDGET: usize = 3;
+
+/// Chooses and reports, lineage by lineage.
+pub fn report(study: &Study<'_>, state: &State, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
+    let mut lineages = Vec::new();
+    for spec in &study.lineages {
+        lineages.push(one_lineage(study, state, spec, desk)?);
+    }
+    Ok(RunResult {
+        lineages,
+        exits: count(&state.attempts.iter().collect::<Vec<_>>()),
+        epochs: study.budget.epochs,
+        rollouts: desk.rollouts.distinct(),
+    })
+}
+
+/// Who was chosen on evolution labels.
+struct Choice {
+    active: SolutionId,
+    reason: String,
+    endpoint: Option<SolutionId>,
+    /// The first three descendants by the same rule: the matched budget.
+    top: Vec<SolutionId>,
+}
+
+fn one_lineage(
+    study: &Study<'_>,
+    state: &State,
+    spec: &LineageSpec,
+    desk: &mut Desk<'_>,
+) -> Result<LineageResult, RunError> {
+    let lineage = state.lineages.get(&spec.id)?;
+    let parent = lineage.parent.clone();
+    let choice = choose(study, state, spec, &parent, desk)?;
+    let mut measured: BTreeMap<SolutionId, Objectives> = BTreeMap::new();
+    let wanted = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
+    for solution in wanted.into_iter().flatten().chain(&choice.top) {
+        if measured.contains_key(solution) {
+            continue;
+        }
+        let score = held_out(study, state, spec, solution, &parent, &choice, desk)?;
+        measured.insert(solution.clone(), score.objectives);
+    }
+    (desk.watch)(Progress::HeldOut {
+        lineage: spec.id.to_string(),
+        programs: measured.len(),
+        scenes: study.held_out.len(),
+    });
+    let of = |solution: &SolutionId| Measured::new(solution.clone(), measured[solution]);
+    let descendants: Vec<Objectives> = choice.top.iter().map(|s| measured[s]).collect();
+    let archive = &state.archives[&spec.id];
+    Ok(LineageResult {
+        lineage: spec.id.clone(),
+        family: spec.family.clone(),
+        ego: spec.ego.name().to_string(),
+        parent: of(&parent),
+        evolved: of(&choice.active),
+        selection: choice.reason,
+        endpoint: choice.endpoint.as_ref().map(of),
+        pf_area_at_3_pct: pf_area_pct(&[measured[&parent]], &descendants, FRONTIER_BUDGET, &study.archive),
+        front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
+        hypervolume_by_epoch: state.settled.iter().filter(|s| s.lineage == spec.id).map(|s| s.hypervolume).collect(),
+        exits: count(&state.attempts.iter().filter(|a| a.lineage == spec.id).collect::<Vec<_>>()),
+        held_out_scenes: study.held_out.len(),
+    })
+}
+
+/// Labels the finalists on every evolution scene, so that one window's luck does not choose, and applies the
+/// realism-constrained rule: with the parent for the active generator, without it for endpoint and budget.
+fn choose(
+    study: &Study<'_>,
+    state: &State,
+    spec: &LineageSpec,
+    parent: &SolutionId,
+    desk: &mut Desk<'_>,
+) -> Result<Choice, RunError> {
+    let mut contenders = Vec::new();
+    for solution in std::iter::once(parent.clone()).chain(finalists(study, state, spec, parent)) {
+        let program = state.lineages.program(&spec.id, &solution)?;
+        let score = labels::score(study, spec, program, &study.evolution, &desk.rollouts)?;
+        desk.log.append(
+            kind::FINALIST,
+            &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
+        )?;
+        contenders.push(Contender { solution, objectives: score.objectives });
+    }
+    let Some(active) = select_active(&contenders, &study.selector) else {
+        return Err(RunError::Study(format!("lineage {} has nobody to select from", spec.id)));
+    };
+    let mut rest = contenders.split_off(1);
+    let mut top = Vec::new();
+    while let Some(next) = select_active(&rest, &study.selector).filter(|_| top.len() < FRONTIER_BUDGET) {
+        rest.retain(|c| c.solution != next.solution);
+        top.push(next.solution);
+    }
+    Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top })
+}
+
+/// Accepted descendants: the front's first, each group in order of insertion, as many as the budget allows.
+fn finalists(study: &Study<'_>, state: &State, spec: &LineageSpec, parent: &SolutionId) -> Vec<SolutionId> {
+    let archive = &state.archives[&spec.id];
+    let accepted = |e: &&crate::objects::Entry| e.gates.as_ref().is_some_and(|gates| gates.any());
+    let on_front = archive.front().filter(accepted).map(|e| e.solution.clone());
+    let others = archive.entries().iter().filter(accepted).map(|e| e.solution.clone());
+    let mut chosen: Vec<SolutionId> = Vec::new();
+    for solution in on_front.chain(others) {
+        if solution != *parent && !chosen.contains(&solution) && chosen.len() < study.budget.finalists {
+            chosen.push(solution);
+        }
+    }
+    chosen
+}
+
+fn held_out(
+    study: &Study<'_>,
+    state: &State,
+    spec: &LineageSpec,
+    solution: &SolutionId,
+    parent: &SolutionId,
+    choice: &Choice,
+    desk: &mut Desk<'_>,
+) -> Result<Score, RunError> {
+    let program = state.lineages.program(&spec.id, solution)?;
+    let score = labels::score(study, spec, program, &study.held_out, &desk.rollouts)?;
+    let roles = [
+        ("parent", solution == parent),
+        ("active", *solution == choice.active),
+        ("endpoint", choice.endpoint.as_ref() == Some(solution)),
+        ("descendant", choice.top.contains(solution)),
+    ];
+    let roles = roles.into_iter().filter(|(_, holds)| *holds).map(|(role, _)| role.to_string()).collect();
+    desk.log.append(
+        kind::HELD_OUT,
+        &HeldOut { lineage: spec.id.clone(), solution: solution.clone(), roles, score: score.clone() },
+    )?;
+    Ok(score)
+}
+
+fn count(attempts: &[&Attempt]) -> ExitCounts {
+    let mut counts = ExitCounts::default();
+    attempts.iter().for_each(|attempt| counts.count(attempt));
+    counts
+}

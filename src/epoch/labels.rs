@@ -1,0 +1,70 @@
+//! Labels of a program on scenes of the study, from the store where they are recorded, from the simulator where not.
+
+use super::{
+    RunError,
+    rollouts::Rollouts,
+    study::{LineageSpec, Study},
+};
+use crate::compiler::{Decision, Prepared};
+use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate};
+use crate::objects::{Program, Score};
+use crate::sim::{Outcome, Trace, rollout, rollout_traced};
+
+/// Labels a program on the scenes at these places.
+pub fn score(
+    study: &Study<'_>,
+    spec: &LineageSpec,
+    program: &Program,
+    places: &[usize],
+    rollouts: &Rollouts<'_>,
+) -> Result<Score, RunError> {
+    let contract = &study.family(spec)?.contract;
+    let prepared = Prepared::new(program, contract).map_err(|failure| RunError::Study(failure.to_string()))?;
+    let subject = Subject { program: prepared.hash(), ego: &spec.ego, seed: study.seed };
+    let scene = |&place: &usize| {
+        let entry = &study.scenes[place];
+        SceneRef { id: &entry.scene.id, digest: entry.digest }
+    };
+    let scenes: Vec<SceneRef<'_>> = places.iter().map(scene).collect();
+    let label = |i: usize| labelled_rollout(study, spec, &prepared, places[i]);
+    Ok(evaluate(&subject, &scenes, &label, &study.evaluation, rollouts, study.pool)?)
+}
+
+/// Compiles for one scene and rolls out. A text is the reason why there is no label.
+pub fn labelled_rollout(
+    study: &Study<'_>,
+    spec: &LineageSpec,
+    prepared: &Prepared<'_>,
+    place: usize,
+) -> Result<RolloutRecord, String> {
+    let entry = &study.scenes[place];
+    let situation = entry.situation(&spec.ego)?;
+    let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
+    let outcome: Outcome = rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
+        .map_err(|error| error.to_string())?;
+    Ok(RolloutRecord {
+        scene: entry.scene.id.clone(),
+        scene_digest: entry.digest,
+        program: prepared.hash(),
+        ego: spec.ego.name().to_string(),
+        intervened: compiled.decision.applies,
+        decision: serde_json::to_value(&compiled.decision).map_err(|error| error.to_string())?,
+        outcome,
+    })
+}
+
+/// The motion behind a label, simulated again: for players and exporters.
+pub fn trace(
+    study: &Study<'_>,
+    spec: &LineageSpec,
+    program: &Program,
+    place: usize,
+) -> Result<(Decision, Outcome, Trace), String> {
+    let contract = &study.family(spec).map_err(|error| error.to_string())?.contract;
+    let prepared = Prepared::new(program, contract).map_err(|failure| failure.to_string())?;
+    let situation = study.scenes[place].situation(&spec.ego)?;
+    let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
+    let (outcome, trace) = rollout_traced(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
+        .map_err(|error| error.to_string())?;
+    Ok((compiled.decision, outcome, trace))
+}

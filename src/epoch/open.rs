@@ -1,0 +1,68 @@
+//! The beginning of a run: its inputs by digest, and the parents with which its lineages start.
+
+use std::collections::BTreeMap;
+
+use super::{
+    RunError, acceptor,
+    run::Desk,
+    state::{Snapshot, State},
+    study::Study,
+};
+use crate::adapters::ADAPTER_VERSION;
+use crate::evaluation::EVAL_VERSION;
+use crate::kernel::Digest;
+use crate::lineage::LineageStore;
+use crate::memory::Memory;
+use crate::objects::{
+    FamilyName,
+    event::{Opened, ParentAdopted, Versions, kind},
+};
+use crate::sim::SIM_VERSION;
+use crate::world::{self, CalibrationSet};
+
+/// What the run is a function of.
+pub fn opened(study: &Study<'_>) -> Result<Opened, RunError> {
+    let mut contracts = BTreeMap::new();
+    for spec in &study.lineages {
+        let contract = &study.family(spec)?.contract;
+        contracts.insert(contract.family.clone(), Digest::of("evodrive/contract/1", contract)?);
+    }
+    let id = |&place: &usize| study.scenes[place].scene.id.clone();
+    Ok(Opened {
+        name: study.name.clone(),
+        experiment: study.experiment,
+        pool: study.pool_digest,
+        evolution_scenes: study.evolution.iter().map(id).collect(),
+        held_out_scenes: study.held_out.iter().map(id).collect(),
+        versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },
+        contracts,
+        models: study.models.iter().map(|(role, model)| (role.name().to_string(), model.name.clone())).collect(),
+    })
+}
+
+/// The state before the first epoch: every lineage with its family's parent, labelled on the first window.
+pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, RunError> {
+    let families: Vec<FamilyName> = study.lineages.iter().map(|spec| spec.family.clone()).collect();
+    let calibration = CalibrationSet::default();
+    let snapshot = world::settle(&world::schema(&families), &study.world, &calibration)?;
+    let mut state = State {
+        archives: BTreeMap::new(),
+        lineages: LineageStore::default(),
+        memory: Memory::default(),
+        calibration,
+        world: snapshot,
+        attempts: Vec::new(),
+        settled: Vec::new(),
+    };
+    for spec in &study.lineages {
+        let parent = study.family(spec)?.parent.adopted(&spec.id);
+        let program_hash = parent.hash()?;
+        state.lineages.adopt(spec.id.clone(), parent.clone())?;
+        let ego = spec.ego.name().to_string();
+        desk.log
+            .append(kind::PARENT, &ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash })?;
+        let first = Snapshot::freeze(study, &state, 0, spec, &desk.rollouts)?;
+        state.archives.entry(spec.id.clone()).or_default().insert(acceptor::parent_entry(&first)?)?;
+    }
+    Ok(state)
+}

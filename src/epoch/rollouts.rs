@@ -1,0 +1,112 @@
+//! Rollout records over the store: the memo that makes a label cost a look-up the second time.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::evaluation::{CacheError, RolloutCache, RolloutRecord};
+use crate::kernel::Digest;
+use crate::store::{MemoKind, Store, StoreError, first_difference};
+
+/// Where labels come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// A rollout whose record is at hand is not simulated again.
+    Reuse,
+    /// Every rollout is simulated again and compared with its record, where there is one.
+    Verify,
+}
+
+/// The store's rollouts.
+pub struct Rollouts<'a> {
+    store: &'a Store,
+    mode: Mode,
+    desk: Mutex<Seen>,
+}
+
+/// What this run met so far.
+#[derive(Default)]
+struct Seen {
+    records: BTreeMap<Digest, (RolloutRecord, Digest)>,
+    reused: usize,
+    simulated: usize,
+}
+
+impl<'a> Rollouts<'a> {
+    pub fn new(store: &'a Store, mode: Mode) -> Rollouts<'a> {
+        Rollouts { store, mode, desk: Mutex::new(Seen::default()) }
+    }
+
+    /// Makes every record kept so far survive a power cut.
+    pub fn flush(&self) -> Result<(), StoreError> {
+        self.store.flush()
+    }
+
+    /// Distinct rollouts that the run rested on so far.
+    pub fn distinct(&self) -> usize {
+        self.seen().records.len()
+    }
+
+    /// How many of them were read from the store, and how many simulated.
+    pub fn counts(&self) -> (usize, usize) {
+        let seen = self.seen();
+        (seen.reused, seen.simulated)
+    }
+
+    fn seen(&self) -> MutexGuard<'_, Seen> {
+        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn stored(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError> {
+        let Some(object) = self.store.memo_get(MemoKind::Rollout, key) else { return Ok(None) };
+        let bytes = self.store.get(&object).map_err(from_store)?;
+        let record = serde_json::from_slice(&bytes)
+            .map_err(|error| CacheError::Damaged { key: *key, reason: error.to_string() })?;
+        Ok(Some((record, object)))
+    }
+}
+
+impl RolloutCache for Rollouts<'_> {
+    fn recorded(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError> {
+        if let Some(found) = self.seen().records.get(key) {
+            return Ok(Some(found.clone()));
+        }
+        if self.mode == Mode::Verify {
+            return Ok(None);
+        }
+        let found = self.stored(key)?;
+        if let Some(found) = &found {
+            let mut seen = self.seen();
+            if seen.records.insert(*key, found.clone()).is_none() {
+                seen.reused += 1;
+            }
+        }
+        Ok(found)
+    }
+
+    fn keep(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError> {
+        let bytes = serde_json::to_vec(record).map_err(|error| CacheError::Store(Box::new(error)))?;
+        if let Some((before, stored)) = self.stored(key)?
+            && Digest::of_bytes(&bytes) != stored
+        {
+            return Err(diverged(key, &before, record));
+        }
+        let object = self.store.put(&bytes).map_err(from_store)?;
+        self.store.memo_put(MemoKind::Rollout, key, &object).map_err(from_store)?;
+        let mut seen = self.seen();
+        if seen.records.insert(*key, (record.clone(), object)).is_none() {
+            seen.simulated += 1;
+        }
+        Ok(object)
+    }
+}
+
+fn from_store(error: StoreError) -> CacheError {
+    CacheError::Store(Box::new(error))
+}
+
+fn diverged(key: &Digest, before: &RolloutRecord, now: &RolloutRecord) -> CacheError {
+    let value = |record: &RolloutRecord| serde_json::to_value(record).unwrap_or_default();
+    let (field, recorded, computed) = first_difference("", &value(before), &value(now));
+    let difference = format!("at {field}: recorded {recorded}, computed {computed}");
+    CacheError::Diverged { key: *key, scene: now.scene.clone(), difference }
+}

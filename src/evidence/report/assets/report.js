@@ -1,0 +1,230 @@
+"use strict";
+// Draws the report from the JSON beside it. All text goes in as text nodes, never as markup.
+(() => {
+  const [data, stage] = JSON.parse(document.getElementById("data").textContent);
+  const byId = (id) => document.getElementById(id);
+  const COLOURS = { evaluated: "#1a9e60", accepted: "#1f6fd6", promoted: "#8a3fd1", rejected: "#c98a10", invalid: "#d0473d", declined: "#8b949e" };
+
+  function el(name, attributes = {}, ...children) {
+    const node = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) {
+      if (key === "class") node.className = value; else if (key.startsWith("on")) node.addEventListener(key.slice(2), value); else node.setAttribute(key, value);
+    }
+    for (const child of children.flat()) if (child !== null && child !== undefined) node.append(child);
+    return node;
+  }
+  function svg(name, attributes = {}, ...children) {
+    const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) {
+      if (key.startsWith("on")) node.addEventListener(key.slice(2), value); else node.setAttribute(key, value);
+    }
+    node.append(...children.flat());
+    return node;
+  }
+  const fixed = (value, digits) => value === null || value === undefined ? "–" : value.toFixed(digits);
+  const signed = (value, digits) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(digits);
+  const accepted = (a) => !!a.decision && [a.decision.gates.densification, a.decision.gates.local_push, a.decision.gates.parent_tradeoff].some((g) => g.holds);
+  const standing = (a) => a.decision && a.decision.promoted ? "promoted" : accepted(a) ? "accepted" : a.exit;
+
+  // --- header and result
+  byId("title").textContent = data.name;
+  document.title = `${data.name} – EvoDrive report`;
+  const models = [...new Set(Object.values(data.models))].join(", ");
+  byId("provenance").append(
+    data.sealed ? "root " : "unfinished run, last event ", el("code", {}, data.root), el("br"),
+    `proposals from: ${models} · adapter ${data.versions.adapter}, sim ${data.versions.sim}, eval ${data.versions.eval} · ${data.evolution_scenes} evolution and ${data.held_out_scenes} held-out scenes`);
+  const card = (value, label) => el("div", { class: "card" }, el("b", {}, String(value)), el("span", {}, label));
+  const count = (exit) => data.attempts.filter((a) => a.exit === exit).length;
+  byId("cards").append(card(data.attempts.length, "attempts"), card(count("declined"), "declined"), card(count("invalid"), "invalid"), card(count("rejected"), "rejected by the router"), card(count("evaluated"), "evaluated"), card(data.attempts.filter(accepted).length, "accepted"), card(data.rollouts ?? "–", "rollouts"));
+
+  function resultTable() {
+    const rows = data.lineages.filter((l) => l.result);
+    if (!rows.length) return byId("result-table").append("The run is not finished: no held-out result yet.");
+    const head = ["Lineage", "Parent attack", "Parent RP %", "Evolved attack", "Evolved RP %", "Change attack", "Change RP pp", "PF-Area@3 %", "Chosen program"];
+    const cell = (text, number = true) => el("td", number ? { class: "num" } : {}, text);
+    byId("result-table").append(el("table", {},
+      el("thead", {}, el("tr", {}, head.map((h, i) => el("th", i && i < 8 ? { class: "num" } : {}, h)))),
+      el("tbody", {}, rows.map(({ result: r }) => el("tr", {}, cell(r.lineage, false),
+        cell(fixed(r.parent.objectives.attack, 3)), cell(fixed(r.parent.realism_penalty_pct, 2)),
+        cell(fixed(r.evolved.objectives.attack, 3)), cell(fixed(r.evolved.realism_penalty_pct, 2)),
+        cell(signed(r.evolved.objectives.attack - r.parent.objectives.attack, 3)), cell(signed(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2)),
+        cell(signed(r.pf_area_at_3_pct, 1)), el("td", {}, el("code", {}, r.evolved.solution)))))));
+    const scenes = rows[0].result.held_out_scenes;
+    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is the share of scenes with a target failure; RP = 100 (1 − realism), lower is more realistic.` +
+      (data.scripted ? " Proposals came from the scripted stand-in, not from a language model: these numbers say nothing about LLM agents." : "");
+  }
+
+  // --- charts
+  function axes(width, height, xRange, yRange, xLabel, yLabel) {
+    const m = { left: 52, right: 14, top: 12, bottom: 40 };
+    const x = (v) => m.left + (v - xRange[0]) / (xRange[1] - xRange[0]) * (width - m.left - m.right);
+    const y = (v) => height - m.bottom - (v - yRange[0]) / (yRange[1] - yRange[0]) * (height - m.top - m.bottom);
+    const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${yLabel} over ${xLabel}` });
+    const ticks = (range, n) => { const step = niceStep((range[1] - range[0]) / n), out = []; for (let k = Math.ceil(range[0] / step - 1e-9); k * step <= range[1] + 1e-9; k++) out.push(k * step); return out; };
+    const decimals = (range, n) => Math.max(0, Math.min(4, -Math.floor(Math.log10(niceStep((range[1] - range[0]) / n)) + 1e-9)));
+    for (const t of ticks(xRange, 6)) root.append(svg("line", { class: "grid", x1: x(t), x2: x(t), y1: m.top, y2: height - m.bottom }), svg("text", { class: "dim", x: x(t), y: height - m.bottom + 16, "text-anchor": "middle" }, t.toFixed(decimals(xRange, 6))));
+    for (const t of ticks(yRange, 5)) root.append(svg("line", { class: "grid", x1: m.left, x2: width - m.right, y1: y(t), y2: y(t) }), svg("text", { class: "dim", x: m.left - 8, y: y(t) + 4, "text-anchor": "end" }, t.toFixed(decimals(yRange, 5))));
+    root.append(svg("text", { x: (m.left + width - m.right) / 2, y: height - 6, "text-anchor": "middle" }, xLabel), svg("text", { x: 14, y: (height - m.bottom) / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${(height - m.bottom) / 2})` }, yLabel));
+    return { root, x, y };
+  }
+  function niceStep(raw) { const power = 10 ** Math.floor(Math.log10(raw)); const r = raw / power; return (r > 5 ? 10 : r > 2 ? 5 : r > 1 ? 2 : 1) * power; }
+  function padded(values, least) { let lo = Math.min(...values), hi = Math.max(...values); const pad = Math.max((hi - lo) * 0.08, least); return [lo - pad, hi + pad]; }
+
+  function drawFront() {
+    const id = byId("front-lineage").value;
+    const lineage = data.lineages.find((l) => l.id === id);
+    const points = data.attempts.filter((a) => a.lineage === id && a.objectives);
+    const parents = lineage.parent_scores;
+    const last = lineage.epochs[lineage.epochs.length - 1];
+    const front = last ? [...last.front].sort((a, b) => a.objectives.realism - b.objectives.realism) : [];
+    const all = [...points.map((a) => a.objectives), ...parents.map((p) => p.objectives), ...front.map((p) => p.objectives)];
+    byId("front-chart").replaceChildren(); byId("hv-chart").replaceChildren();
+    if (!all.length) return byId("front-chart").append("Nothing was evaluated in this lineage.");
+    const chart = axes(620, 400, padded(all.map((o) => o.realism), 0.002), padded(all.map((o) => o.attack), 0.02), "realism R", "attack A");
+    if (front.length) {
+      const line = front.map((p, i) => `${i ? "L" : "M"}${chart.x(p.objectives.realism)},${chart.y(p.objectives.attack)}` + (i + 1 < front.length ? `L${chart.x(p.objectives.realism)},${chart.y(front[i + 1].objectives.attack)}` : "")).join("");
+      chart.root.append(svg("path", { d: line, fill: "none", stroke: "var(--accent)", "stroke-width": 1.6 }));
+    }
+    for (const a of points) {
+      const dot = svg("circle", { class: "pick", tabindex: 0, cx: chart.x(a.objectives.realism), cy: chart.y(a.objectives.attack), r: 5, fill: COLOURS[standing(a)], "fill-opacity": 0.85, onclick: () => openAttempt(a.id), onkeydown: (e) => { if (e.key === "Enter") openAttempt(a.id); } });
+      dot.append(svg("title", {}, `${a.id}: attack ${fixed(a.objectives.attack, 3)}, realism ${fixed(a.objectives.realism, 4)} (${standing(a)})`));
+      chart.root.append(dot);
+    }
+    const ring = (o, label, colour) => { const g = svg("circle", { cx: chart.x(o.realism), cy: chart.y(o.attack), r: 9, fill: "none", stroke: colour, "stroke-width": 2 }); g.append(svg("title", {}, label)); chart.root.append(g); };
+    if (parents.length) ring(parents[0].objectives, `${lineage.parent}, first window`, "var(--ink)");
+    const active = points.find((a) => a.solution === lineage.active);
+    if (active) ring(active.objectives, `${lineage.active} (active)`, COLOURS.promoted);
+    byId("front-chart").append(chart.root);
+    const hv = lineage.epochs.map((e) => [e.epoch + 1, e.hypervolume]);
+    if (!hv.length) return;
+    const plot = axes(420, 400, [0.7, Math.max(hv.length, 2) + 0.3], padded(hv.map((p) => p[1]), 0.005), "epoch", "hypervolume");
+    plot.root.append(svg("path", { d: hv.map((p, i) => `${i ? "L" : "M"}${plot.x(p[0])},${plot.y(p[1])}`).join(""), fill: "none", stroke: "var(--accent)", "stroke-width": 2 }));
+    for (const p of hv) { const dot = svg("circle", { cx: plot.x(p[0]), cy: plot.y(p[1]), r: 4, fill: "var(--accent)" }); dot.append(svg("title", {}, `epoch ${p[0]}: ${p[1].toFixed(5)}`)); plot.root.append(dot); }
+    byId("hv-chart").append(plot.root);
+  }
+
+  // --- lineage tree: epochs from left to right, an edge from the parent that was edited
+  function drawTree() {
+    for (const lineage of data.lineages) {
+      const attempts = data.attempts.filter((a) => a.lineage === lineage.id);
+      const epochs = Math.max(0, ...attempts.map((a) => a.epoch)) + 1, slots = Math.max(0, ...attempts.map((a) => a.slot)) + 1;
+      const dx = Math.max(90, Math.min(170, 980 / (epochs + 1))), dy = 26, width = 90 + dx * epochs + 30, height = 44 + dy * slots;
+      const place = new Map([[lineage.parent, [40, 30 + dy * (slots - 1) / 2]]]);
+      for (const a of attempts) if (a.solution) place.set(a.solution, [40 + dx * (a.epoch + 1), 30 + dy * a.slot]);
+      const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, style: `max-width:${width}px;min-width:${Math.min(width, 700)}px`, role: "img", "aria-label": `lineage ${lineage.id}` });
+      for (let e = 0; e < epochs; e++) root.append(svg("text", { class: "dim", x: 40 + dx * (e + 1), y: 14, "text-anchor": "middle" }, `epoch ${e + 1}`));
+      for (const a of attempts) {
+        const from = place.get(a.parent) || [40, 30], to = [40 + dx * (a.epoch + 1), 30 + dy * a.slot];
+        const promoted = standing(a) === "promoted";
+        root.append(svg("path", { d: `M${from[0]},${from[1]} C${from[0] + dx / 2},${from[1]} ${to[0] - dx / 2},${to[1]} ${to[0]},${to[1]}`, fill: "none", stroke: promoted ? COLOURS.promoted : "var(--line)", "stroke-width": promoted ? 2.4 : 1 }));
+      }
+      root.append(svg("circle", { cx: 40, cy: 30 + dy * (slots - 1) / 2, r: 7, fill: "var(--ink)" }));
+      for (const a of attempts) {
+        const node = svg("circle", { class: "pick", tabindex: 0, cx: 40 + dx * (a.epoch + 1), cy: 30 + dy * a.slot, r: a.solution === lineage.active ? 8 : 5.5, fill: COLOURS[standing(a)], onclick: () => openAttempt(a.id), onkeydown: (e) => { if (e.key === "Enter") openAttempt(a.id); } });
+        node.append(svg("title", {}, `${a.id}: ${standing(a)}${a.objectives ? `, attack ${fixed(a.objectives.attack, 3)}, realism ${fixed(a.objectives.realism, 4)}` : ""}`));
+        root.append(node);
+      }
+      byId("tree").append(el("h3", {}, lineage.id), root);
+    }
+    byId("tree-legend").append("Each dot is an attempt; click it for its story.", ...Object.entries(COLOURS).flatMap(([name, colour]) => [el("i", { style: `background:${colour}` }), name]));
+  }
+
+  // --- attempts
+  const columns = ["Attempt", "Exit", "Attack", "Realism", "Predicted", "Edits", "Hypothesis"];
+  byId("attempt-table").querySelector("thead tr").append(...columns.map((c, i) => el("th", i >= 2 && i <= 4 ? { class: "num" } : {}, c)));
+  const body = byId("attempt-table").querySelector("tbody");
+  let open = null;
+
+  function matches(a) {
+    const text = byId("filter-text").value.trim().toLowerCase();
+    const lineage = byId("filter-lineage").value, exit = byId("filter-exit").value;
+    if (lineage && a.lineage !== lineage || exit && a.exit !== exit || byId("filter-accepted").checked && !accepted(a)) return false;
+    return !text || [a.id, a.hypothesis, a.reason, ...(a.tags || []), ...(a.categories || []), a.target].join(" ").toLowerCase().includes(text);
+  }
+  function drawAttempts() {
+    const shown = data.attempts.filter(matches);
+    byId("filter-count").textContent = `${shown.length} of ${data.attempts.length}`;
+    body.replaceChildren(...shown.flatMap((a) => {
+      const toggle = () => { open = open === a.id ? null : a.id; drawAttempts(); };
+      const mark = standing(a) !== a.exit ? ` (${standing(a)})` : "";
+      const row = el("tr", { class: "row", id: `attempt-${a.id}`, tabindex: 0, "aria-expanded": String(open === a.id), onclick: toggle, onkeydown: (e) => { if (e.key === "Enter") toggle(); } },
+        el("td", {}, el("code", {}, a.id)), el("td", { class: `exit-${a.exit}` }, a.exit + mark),
+        el("td", { class: "num" }, fixed(a.objectives && a.objectives.attack, 3)), el("td", { class: "num" }, fixed(a.objectives && a.objectives.realism, 4)),
+        el("td", { class: "num" }, a.route ? `${fixed(a.route.predicted.attack, 2)} / ${fixed(a.route.predicted.realism, 3)}` : "–"),
+        el("td", {}, (a.categories || []).map((c) => el("span", { class: "tag" }, String(c).replace("/", "")))), el("td", { class: "hyp" }, a.hypothesis || a.reason || ""));
+      return open === a.id ? [row, el("tr", {}, el("td", { colspan: columns.length, class: "detail" }, detail(a)))] : [row];
+    }));
+  }
+  function openAttempt(id) {
+    byId("filter-text").value = ""; byId("filter-lineage").value = ""; byId("filter-exit").value = ""; byId("filter-accepted").checked = false;
+    open = id; drawAttempts();
+    document.getElementById(`attempt-${id}`)?.scrollIntoView({ block: "center" });
+  }
+  const list = (items) => el("ul", {}, items.map((i) => el("li", {}, i)));
+  function detail(a) {
+    const left = [el("h3", {}, "Asked for"), el("p", {}, a.target)];
+    if (a.reason) left.push(el("h3", {}, "Declined"), el("p", {}, a.reason));
+    if (a.memory.length) left.push(el("h3", {}, "Memory shown"), el("p", { class: "mono" }, a.memory.join(", ")));
+    left.push(el("h3", {}, "Reviews"));
+    a.reviews.forEach((round, i) => round.forEach((r) => left.push(el("p", {}, `round ${i} · ${r.role.replace("_", " ")}: `, el("b", { class: r.decision === "approve" ? "pass" : "fail" }, r.decision)), r.blockers.length ? list(r.blockers) : null)));
+    if (a.gates) left.push(el("h3", {}, "Gates"), ...a.gates.map((g) => el("p", {}, `${g.gate}: `, el("b", { class: g.problems.length ? "fail" : "pass" }, g.problems.length ? "failed" : "passed"), g.problems.length ? list(g.problems) : null)));
+    if (a.route) left.push(el("h3", {}, "Route"), el("p", {}, `${a.route.decision}: ${a.route.reason}; uncertainty ${fixed(a.route.uncertainty, 3)}`));
+    if (a.decision) {
+      const g = a.decision.gates, d = g.densification, l = g.local_push, t = g.parent_tradeoff;
+      left.push(el("h3", {}, "Archive"), list([
+        `densification ${d.holds ? "holds" : "no"}: non-dominated ${d.non_dominated}, hypervolume ${fixed(d.hypervolume_before, 5)} ${signed(d.hypervolume_gain, 5)}`,
+        `local push ${l.holds ? "holds" : "no"}: best attack at r0 ${fixed(l.best_attack_at_r0, 3)}, best realism at a0 ${fixed(l.best_realism_at_a0, 4)}`,
+        `parent trade-off ${t.holds ? "holds" : "no"}: attack ${signed(t.attack_change, 3)}, realism ${signed(t.realism_change, 4)}`]));
+    }
+    const right = [];
+    if (a.diff) right.push(el("h3", {}, "Change of the program"), el("pre", { class: "diff" }, a.diff.split("\n").map((line) => el("span", { class: line.startsWith("+") ? "add" : line.startsWith("-") ? "del" : line.startsWith("@@") ? "hunk" : "" }, line + "\n"))));
+    else if (a.operations) right.push(el("h3", {}, "Patch"), el("pre", { class: "diff" }, JSON.stringify(a.operations, null, 2)));
+    if (a.scenes) right.push(el("h3", {}, "Scenes"), el("div", { class: "wide" }, el("table", {}, el("thead", {}, el("tr", {}, el("th", {}, "Scene"), el("th", { class: "num" }, "Attack"), el("th", { class: "num" }, "Realism"), el("th", {}, "Below 1"))),
+      el("tbody", {}, a.scenes.map((s) => el("tr", {}, el("td", {}, s.scene + (s.intervened ? "" : " (not applied)")), el("td", { class: "num" }, fixed(s.attack, 2)), el("td", { class: "num" }, fixed(s.realism, 4)), el("td", {}, Object.entries(s.diagnostics).filter(([, d]) => d < 1).map(([n, d]) => `${n} ${d.toFixed(3)}`).join(", "))))))));
+    if (a.failures && a.failures.length) right.push(el("h3", {}, "Scenes without a label"), list(a.failures.map((f) => `${f.scene}: ${f.reason}`)));
+    right.push(el("h3", {}, "Exchanges"), list(a.exchanges.map((x) => `${x.role} round ${x.round} (${x.model}) request ${x.request.slice(0, 12)} response ${x.response.slice(0, 12)}${x.refusal ? ` – refused: ${x.refusal}` : ""}`)));
+    return el("div", { class: "two" }, el("div", {}, left), el("div", {}, right));
+  }
+
+  // --- player: the recorded scene with the actors that the rollout changed put in their place
+  function merged(rollout) {
+    const base = stage.scenes[rollout.scene];
+    const changed = new Map(rollout.changed.map((a) => [a.label, a]));
+    const kept = base.actors.map((a) => { const now = changed.get(a.label); changed.delete(a.label); return now || a; });
+    const adversaries = new Set(rollout.changed.filter((a) => a.role === "adversary").map((a) => a.label));
+    const ghosts = base.actors.filter((a) => adversaries.has(a.label)).map((a) => ({ ...a, label: `${a.label} as logged`, role: "ghost" }));
+    return { ...base, actors: [...ghosts, ...kept.filter((a) => a.role !== "ego"), ...changed.values(), ...kept.filter((a) => a.role === "ego")], contact: rollout.contact };
+  }
+  function drawPlayer() {
+    const solutions = [...new Map(stage.rollouts.map((p) => [p.solution, p.role]))];
+    if (!solutions.length) { byId("play-caption").textContent = "No rollout was kept for playing."; return; }
+    byId("play-solution").append(...solutions.map(([solution, role]) => el("option", { value: solution }, `${solution} – ${role}`)));
+    let player = null;
+    const play = () => {
+      const chosen = stage.rollouts.find((p) => p.solution === byId("play-solution").value && p.scene === byId("play-scene").value);
+      if (player) player.destroy();
+      byId("play-stage").replaceChildren();
+      byId("play-caption").textContent = chosen ? chosen.caption : "";
+      if (chosen) player = EvoPlayer.mount(byId("play-stage"), merged(chosen), { height: 520 });
+    };
+    const scenes = () => {
+      const keep = byId("play-scene").value;
+      const names = stage.rollouts.filter((p) => p.solution === byId("play-solution").value).map((p) => p.scene);
+      byId("play-scene").replaceChildren(...names.map((n) => el("option", { value: n }, n)));
+      if (names.includes(keep)) byId("play-scene").value = keep;
+      play();
+    };
+    byId("play-solution").addEventListener("change", scenes);
+    byId("play-scene").addEventListener("change", play);
+    scenes();
+  }
+
+  const option = (value, label) => el("option", { value }, label);
+  byId("front-lineage").append(...data.lineages.map((l) => option(l.id, l.id)));
+  byId("filter-lineage").append(option("", "all"), ...data.lineages.map((l) => option(l.id, l.id)));
+  byId("filter-exit").append(option("", "all"), ...["declined", "invalid", "rejected", "evaluated"].map((e) => option(e, e)));
+  byId("front-lineage").addEventListener("change", drawFront);
+  for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", drawAttempts);
+  resultTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); drawPlayer();
+  document.body.dataset.ready = "yes";
+})();

@@ -1,0 +1,56 @@
+//! The report: one self-contained HTML file that opens offline.
+
+mod data;
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+use super::story::Story;
+use crate::scene::draw::{Actor, Contact, Drawing, PLAYER_CSS, PLAYER_JS, script_json};
+
+const PAGE: &str = include_str!("assets/page.html");
+const STYLE: &str = include_str!("assets/style.css");
+const SCRIPT: &str = include_str!("assets/report.js");
+
+/// Rollouts to play, and the scenes in which they happened.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Stage {
+    /// Scene id -> the scene as it was recorded.
+    pub scenes: BTreeMap<String, Drawing>,
+    pub rollouts: Vec<Playable>,
+}
+
+/// A rollout as what it changed: actors not named here move as recorded.
+#[derive(Clone, Debug, Serialize)]
+pub struct Playable {
+    pub solution: String,
+    /// `parent`, `active`, `front`, ...
+    pub role: String,
+    pub scene: String,
+    pub changed: Vec<Actor>,
+    pub contact: Option<Contact>,
+    /// One line on how it ended.
+    pub caption: String,
+}
+
+/// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
+pub fn html(story: &Story, stage: &Stage) -> String {
+    let data = script_json(&(data::of(story), stage));
+    // One pass over the page, so that nothing inserted is searched for another mark.
+    let parts = [
+        ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),
+        ("/*DATA*/", data),
+        ("/*PLAYER*/", PLAYER_JS.into()),
+        ("/*SCRIPT*/", SCRIPT.into()),
+    ];
+    let mut page = String::with_capacity(PAGE.len() + parts.iter().map(|(_, text)| text.len()).sum::<usize>());
+    let mut rest = PAGE;
+    for (mark, text) in parts {
+        let (before, after) = rest.split_once(mark).unwrap_or((rest, ""));
+        page.push_str(before);
+        page.push_str(&text);
+        rest = after;
+    }
+    page.push_str(rest);
+    page
+}

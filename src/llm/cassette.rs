@@ -1,0 +1,405 @@
+//! A cassette: recorded exchanges in a text file that people can review. Knows nothing of models or of the store.
+//!
+//! JSON lines, one thing a line, optionally compressed (a name that ends in `.zst`). Line 1 is the header
+//! `{"format":"evodrive-cassette","version":"1.0","name":..,"models":[ModelSpec..]}`. Message texts and schemas stand once, before
+//! the first exchange that uses them: `{"text":"<BLAKE3 of the text>","body":"..."}` and `{"schema":"<digest>","body":{..}}` (domain
+//! `evodrive/schema/1`). An exchange is `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
+//! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`, with
+//! `reply_hex` in place of `reply` where the bytes are not UTF-8. A reader accepts every minor version of its major version.
+
+use std::{collections::BTreeMap, io::Read, path::Path, sync::Arc};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{DrawSlot, Message, ModelSpec, Request};
+use crate::{
+    kernel::Digest,
+    store::{self, StoreError},
+};
+
+const FORMAT: &str = "evodrive-cassette";
+const VERSION: &str = "1.0";
+const MAJOR: &str = "1";
+/// Limits of a cassette that is read, in bytes after decompression.
+const MAX_BYTES: u64 = 1 << 30;
+const MAX_LINE_BYTES: usize = 16 << 20;
+
+/// Why a cassette cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum CassetteError {
+    #[error("{file} line {line}: expected {expected}, found {found}; {remedy}")]
+    Damaged { file: String, line: usize, expected: String, found: String, remedy: &'static str },
+    #[error(
+        "{file} is a cassette of format {found}, this build reads {MAJOR}.x; use the release that wrote it, or record anew"
+    )]
+    Version { file: String, found: String },
+    #[error("two model settings are called {0}; give them different names in the experiment file")]
+    TwoModels(String),
+    #[error("request {key} has two different recorded answers; keep one of them")]
+    TwoAnswers { key: Digest },
+    #[error("an exchange cannot be written: {0}")]
+    Unwritable(String),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+const REMEDY: &str = "restore the file from version control, or record the missing answers anew";
+
+/// One recorded exchange. Texts that several exchanges share are in memory once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    pub key: Digest,
+    pub adapter_version: u32,
+    pub slot: DrawSlot,
+    pub model: Arc<ModelSpec>,
+    /// (role, text) of each message.
+    pub messages: Vec<(String, Arc<str>)>,
+    pub schema: Arc<Value>,
+    /// Raw bytes of the answer and their digest.
+    pub response: Digest,
+    pub bytes: Vec<u8>,
+}
+
+impl Recorded {
+    /// The request as it was asked.
+    pub fn request(&self) -> Request {
+        Request {
+            adapter_version: self.adapter_version,
+            slot: self.slot.clone(),
+            model: ModelSpec::clone(&self.model),
+            messages: self
+                .messages
+                .iter()
+                .map(|(role, text)| Message { role: role.clone(), text: text.to_string() })
+                .collect(),
+            schema: Value::clone(&self.schema),
+        }
+    }
+}
+
+/// Recorded exchanges in transcript order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cassette {
+    /// As messages name it: the file's path, or what it was recorded for.
+    pub name: String,
+    exchanges: Vec<Recorded>,
+    by_key: BTreeMap<Digest, usize>,
+    texts: BTreeMap<Digest, Arc<str>>,
+    schemas: BTreeMap<Digest, Arc<Value>>,
+    models: BTreeMap<String, Arc<ModelSpec>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    format: String,
+    version: String,
+    name: String,
+    models: Vec<ModelSpec>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TextLine {
+    text: Digest,
+    body: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SchemaLine {
+    schema: Digest,
+    body: Value,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ExchangeLine {
+    exchange: Digest,
+    adapter_version: u32,
+    slot: DrawSlot,
+    model: String,
+    messages: Vec<MessageRef>,
+    schema: Digest,
+    response: Digest,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reply: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reply_hex: Option<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MessageRef {
+    role: String,
+    text: Digest,
+}
+
+/// What is wrong in a line: expected, found.
+type Wrong = (String, String);
+
+impl Cassette {
+    pub fn new(name: impl Into<String>) -> Cassette {
+        Cassette { name: name.into(), ..Cassette::default() }
+    }
+
+    /// Reads a cassette file and verifies every digest and every key.
+    pub fn load(path: &Path) -> Result<Cassette, CassetteError> {
+        let file = path.display().to_string();
+        let bytes = store::read_bounded(path, MAX_BYTES)?;
+        let bytes = if is_compressed(path) { decompress(&bytes, &file)? } else { bytes };
+        Cassette::parse(&bytes, &file)
+    }
+
+    /// Reads the text of a cassette; `file` is its name in messages and afterwards.
+    pub fn parse(bytes: &[u8], file: &str) -> Result<Cassette, CassetteError> {
+        let mut cassette = Cassette::new(file);
+        let body = bytes.strip_suffix(b"\n").unwrap_or(bytes);
+        for (i, line) in body.split(|b| *b == b'\n').enumerate() {
+            let read = if line.len() > MAX_LINE_BYTES {
+                Err((format!("at most {MAX_LINE_BYTES} bytes in a line"), format!("{}", line.len())))
+            } else if i == 0 {
+                cassette.read_header(line)
+            } else {
+                cassette.read_line(line)
+            };
+            if let Err((expected, found)) = read {
+                if i == 0 && expected == VERSION {
+                    return Err(CassetteError::Version { file: file.to_string(), found });
+                }
+                return Err(CassetteError::Damaged {
+                    file: file.to_string(),
+                    line: i + 1,
+                    expected,
+                    found,
+                    remedy: REMEDY,
+                });
+            }
+        }
+        Ok(cassette)
+    }
+
+    fn read_header(&mut self, line: &[u8]) -> Result<(), Wrong> {
+        let header: Header = parsed(line, "the header of a cassette")?;
+        if header.format != FORMAT {
+            return Err((format!("format {FORMAT}"), store::shortened(&header.format)));
+        }
+        if header.version.split('.').next() != Some(MAJOR) {
+            return Err((VERSION.to_string(), store::shortened(&header.version)));
+        }
+        for model in header.models {
+            let name = model.name.clone();
+            if self.models.insert(name.clone(), Arc::new(model)).is_some() {
+                return Err(("each model once".to_string(), format!("{} twice", store::shortened(&name))));
+            }
+        }
+        Ok(())
+    }
+
+    fn read_line(&mut self, line: &[u8]) -> Result<(), Wrong> {
+        // The first key tells what a line is; serde names what is wrong inside it.
+        if line.starts_with(b"{\"text\"") {
+            let TextLine { text, body } = parsed(line, "a text")?;
+            same("digest of the text", text, Digest::of_bytes(body.as_bytes()))?;
+            self.texts.insert(text, body.into());
+            Ok(())
+        } else if line.starts_with(b"{\"schema\"") {
+            let SchemaLine { schema, body } = parsed(line, "a schema")?;
+            same("digest of the schema", schema, schema_digest(&body).map_err(|e| ("a schema".to_string(), e))?)?;
+            self.schemas.insert(schema, Arc::new(body));
+            Ok(())
+        } else {
+            let recorded = self.read_exchange(parsed(line, "an exchange, a text or a schema")?)?;
+            let key = recorded.key;
+            self.insert(recorded)
+                .map_err(|_| ("one answer for a request".to_string(), format!("a second one for {key}")))
+        }
+    }
+
+    fn read_exchange(&self, line: ExchangeLine) -> Result<Recorded, Wrong> {
+        let absent = |what: &str, name: &str| (format!("{what} {name} in a line before"), "none".to_string());
+        let model = self.models.get(&line.model).ok_or_else(|| absent("model", &store::shortened(&line.model)))?;
+        let schema = self.schemas.get(&line.schema).ok_or_else(|| absent("schema", &line.schema.to_hex()))?;
+        let mut messages = Vec::new();
+        for message in line.messages {
+            let text = self.texts.get(&message.text).ok_or_else(|| absent("text", &message.text.to_hex()))?;
+            messages.push((message.role, text.clone()));
+        }
+        let bytes = match (line.reply, line.reply_hex) {
+            (Some(text), None) => text.into_bytes(),
+            (None, Some(hex)) => {
+                from_hex(&hex).ok_or_else(|| ("hex digits in reply_hex".to_string(), "others".to_string()))?
+            }
+            _ => return Err(("either reply or reply_hex".to_string(), "both or none".to_string())),
+        };
+        same("digest of the reply", line.response, Digest::of_bytes(&bytes))?;
+        let recorded = Recorded {
+            key: line.exchange,
+            adapter_version: line.adapter_version,
+            slot: line.slot,
+            model: model.clone(),
+            messages,
+            schema: schema.clone(),
+            response: line.response,
+            bytes,
+        };
+        let key = recorded.request().key().map_err(|error| ("a request with a key".to_string(), error.to_string()))?;
+        same("key of the request in this line", line.exchange, key)?;
+        Ok(recorded)
+    }
+
+    /// Adds an exchange behind the others. One that is there already is not added again.
+    pub fn push(&mut self, request: &Request, bytes: Vec<u8>) -> Result<(), CassetteError> {
+        let unwritable = |reason: String| CassetteError::Unwritable(reason);
+        let key = request.key().map_err(|error| unwritable(error.to_string()))?;
+        let model =
+            self.models.entry(request.model.name.clone()).or_insert_with(|| Arc::new(request.model.clone())).clone();
+        if *model != request.model {
+            return Err(CassetteError::TwoModels(request.model.name.clone()));
+        }
+        let schema = schema_digest(&request.schema).map_err(unwritable)?;
+        let schema = self.schemas.entry(schema).or_insert_with(|| Arc::new(request.schema.clone())).clone();
+        let mut messages = Vec::new();
+        for message in &request.messages {
+            let text = self
+                .texts
+                .entry(Digest::of_bytes(message.text.as_bytes()))
+                .or_insert_with(|| message.text.as_str().into());
+            messages.push((message.role.clone(), text.clone()));
+        }
+        self.insert(Recorded {
+            key,
+            adapter_version: request.adapter_version,
+            slot: request.slot.clone(),
+            model,
+            messages,
+            schema,
+            response: Digest::of_bytes(&bytes),
+            bytes,
+        })
+    }
+
+    fn insert(&mut self, recorded: Recorded) -> Result<(), CassetteError> {
+        if let Some(first) = self.get(&recorded.key) {
+            return if first.response == recorded.response {
+                Ok(())
+            } else {
+                Err(CassetteError::TwoAnswers { key: recorded.key })
+            };
+        }
+        self.by_key.insert(recorded.key, self.exchanges.len());
+        self.exchanges.push(recorded);
+        Ok(())
+    }
+
+    /// The exchange recorded under a key.
+    pub fn get(&self, key: &Digest) -> Option<&Recorded> {
+        self.by_key.get(key).and_then(|i| self.exchanges.get(*i))
+    }
+
+    /// All exchanges in the order of the file.
+    pub fn exchanges(&self) -> &[Recorded] {
+        &self.exchanges
+    }
+
+    /// The text of the file. Equal exchanges in equal order give equal bytes.
+    pub fn to_bytes(&self, name: &str) -> Result<Vec<u8>, CassetteError> {
+        let mut out = Vec::new();
+        let models = self.models.values().map(|model| ModelSpec::clone(model)).collect();
+        line(&mut out, &Header { format: FORMAT.into(), version: VERSION.into(), name: name.into(), models })?;
+        let mut written = std::collections::BTreeSet::new();
+        for exchange in &self.exchanges {
+            let mut messages = Vec::new();
+            for (role, text) in &exchange.messages {
+                let digest = Digest::of_bytes(text.as_bytes());
+                if written.insert(digest) {
+                    line(&mut out, &TextLine { text: digest, body: text.to_string() })?;
+                }
+                messages.push(MessageRef { role: role.clone(), text: digest });
+            }
+            let schema = schema_digest(&exchange.schema).map_err(CassetteError::Unwritable)?;
+            if written.insert(schema) {
+                line(&mut out, &SchemaLine { schema, body: Value::clone(&exchange.schema) })?;
+            }
+            line(&mut out, &exchange_line(exchange, messages, schema))?;
+        }
+        Ok(out)
+    }
+
+    /// Writes the file, whole or not at all; compressed when its name ends in `.zst`.
+    pub fn save(&self, path: &Path, name: &str) -> Result<(), CassetteError> {
+        let bytes = self.to_bytes(name)?;
+        let bytes = if is_compressed(path) {
+            zstd::bulk::compress(&bytes, 19).map_err(|error| CassetteError::Unwritable(error.to_string()))?
+        } else {
+            bytes
+        };
+        Ok(store::write_atomic(path, &bytes)?)
+    }
+}
+
+fn exchange_line(exchange: &Recorded, messages: Vec<MessageRef>, schema: Digest) -> ExchangeLine {
+    let reply = std::str::from_utf8(&exchange.bytes).ok().map(str::to_string);
+    ExchangeLine {
+        exchange: exchange.key,
+        adapter_version: exchange.adapter_version,
+        slot: exchange.slot.clone(),
+        model: exchange.model.name.clone(),
+        messages,
+        schema,
+        response: exchange.response,
+        reply_hex: if reply.is_none() { Some(to_hex(&exchange.bytes)) } else { None },
+        reply,
+    }
+}
+
+fn line(out: &mut Vec<u8>, value: &impl Serialize) -> Result<(), CassetteError> {
+    serde_json::to_writer(&mut *out, value).map_err(|error| CassetteError::Unwritable(error.to_string()))?;
+    out.push(b'\n');
+    Ok(())
+}
+
+fn parsed<'a, T: Deserialize<'a>>(line: &'a [u8], expected: &str) -> Result<T, Wrong> {
+    serde_json::from_slice(line).map_err(|error| (expected.to_string(), error.to_string()))
+}
+
+fn same(what: &str, written: Digest, computed: Digest) -> Result<(), Wrong> {
+    if written == computed { Ok(()) } else { Err((format!("{what} {computed}"), written.to_hex())) }
+}
+
+fn schema_digest(schema: &Value) -> Result<Digest, String> {
+    Digest::of("evodrive/schema/1", schema).map_err(|error| error.to_string())
+}
+
+fn is_compressed(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "zst")
+}
+
+fn decompress(bytes: &[u8], file: &str) -> Result<Vec<u8>, CassetteError> {
+    let damaged = |expected: &str, found: String| CassetteError::Damaged {
+        file: file.to_string(),
+        line: 0,
+        expected: expected.to_string(),
+        found,
+        remedy: REMEDY,
+    };
+    let mut text = Vec::new();
+    let decoder = zstd::stream::read::Decoder::new(bytes).map_err(|e| damaged("a zstd stream", e.to_string()))?;
+    decoder.take(MAX_BYTES + 1).read_to_end(&mut text).map_err(|e| damaged("a whole zstd stream", e.to_string()))?;
+    if text.len() as u64 > MAX_BYTES {
+        return Err(damaged(&format!("at most {MAX_BYTES} bytes after decompression"), "more".to_string()));
+    }
+    Ok(text)
+}
+
+fn to_hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn from_hex(text: &str) -> Option<Vec<u8>> {
+    let digits: Option<Vec<u8>> = text.chars().map(|c| c.to_digit(16).map(|d| d as u8)).collect();
+    let digits = digits?;
+    let (pairs, rest) = digits.as_chunks::<2>();
+    rest.is_empty().then(|| pairs.iter().map(|[high, low]| high * 16 + low).collect())
+}

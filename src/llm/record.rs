@@ -1,0 +1,113 @@
+//! Stands between a run and its models: answers what is recorded, asks what is not, and keeps every answer.
+
+use std::{collections::BTreeMap, sync::Mutex};
+
+use super::{Ask, AskError, Cassette, CassetteError, DrawSlot, Model, Reply, Request, replay::key_of};
+use crate::{
+    kernel::Digest,
+    store::{MemoKind, Store, StoreError},
+};
+
+/// What counts as recorded already.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RecordMode {
+    /// Whatever the cassette or the store's memo holds.
+    Missing,
+    /// Only what this very recording has asked before it was killed. `recording` names it, e.g. by its run folder; a new name asks
+    /// everything anew.
+    Fresh { recording: String },
+}
+
+/// Records a run. Answers go to the store before they are used, so that a killed recording does not ask twice.
+pub struct Record<'a> {
+    store: &'a Store,
+    cassette: Cassette,
+    mode: RecordMode,
+    /// By the name that a request's `ModelSpec` has.
+    models: BTreeMap<String, Box<dyn Model + 'a>>,
+    collected: Mutex<BTreeMap<(DrawSlot, Digest), (Request, Digest)>>,
+}
+
+impl<'a> Record<'a> {
+    /// `cassette` holds what was recorded before; it may be empty.
+    pub fn new(
+        store: &'a Store,
+        cassette: Cassette,
+        mode: RecordMode,
+        models: BTreeMap<String, Box<dyn Model + 'a>>,
+    ) -> Record<'a> {
+        Record { store, cassette, mode, models, collected: Mutex::new(BTreeMap::new()) }
+    }
+
+    /// What was asked and answered, in the given order of draw slots and then, for slots not named there, in slot order:
+    /// however threads interleaved, the cassette is the same.
+    pub fn into_cassette(self, name: &str, order: &[DrawSlot]) -> Result<Cassette, CassetteError> {
+        let mut collected = self.collected.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut ordered = Vec::new();
+        for slot in order {
+            let first = (slot.clone(), Digest::from_array([0; 32]));
+            let last = (slot.clone(), Digest::from_array([255; 32]));
+            let keys: Vec<_> = collected.range(first..=last).map(|(key, _)| key.clone()).collect();
+            ordered.extend(keys.into_iter().filter_map(|key| collected.remove(&key)));
+        }
+        ordered.extend(collected.into_values());
+        let mut cassette = Cassette::new(name);
+        for (request, response) in ordered {
+            cassette.push(&request, self.store.get(&response)?)?;
+        }
+        Ok(cassette)
+    }
+
+    fn answer(&self, request: &Request, key: &Digest) -> Result<Digest, AskError> {
+        if self.mode == RecordMode::Missing
+            && let Some(found) = self.cassette.get(key)
+        {
+            return self.store.put(&found.bytes).map_err(on_disk);
+        }
+        let memo_key = self.memo_key(key)?;
+        if let Some(response) = self.store.memo_get(MemoKind::Llm, &memo_key) {
+            return Ok(response);
+        }
+        let bytes = self.complete(request)?;
+        let response = self.store.put(&bytes).map_err(on_disk)?;
+        match self.store.memo_put(MemoKind::Llm, &memo_key, &response) {
+            Ok(()) => Ok(response),
+            // Two threads asked the same at once: the first answer is the answer.
+            Err(StoreError::Conflict { recorded, .. }) => Ok(recorded),
+            Err(error) => Err(on_disk(error)),
+        }
+    }
+
+    /// A fresh recording keeps its answers apart from those of earlier ones, without replacing them.
+    fn memo_key(&self, key: &Digest) -> Result<Digest, AskError> {
+        match &self.mode {
+            RecordMode::Missing => Ok(*key),
+            RecordMode::Fresh { recording } => Digest::of("evodrive/fresh-recording/1", &(recording, key))
+                .map_err(|error| AskError::Store(error.to_string())),
+        }
+    }
+
+    fn complete(&self, request: &Request) -> Result<Vec<u8>, AskError> {
+        let failed = |reason: String| AskError::Model { model: request.model.name.clone(), reason };
+        let model = self.models.get(&request.model.name).ok_or_else(|| {
+            let known: Vec<&str> = self.models.keys().map(String::as_str).collect();
+            failed(format!("no such model is set up for recording (there are: {})", known.join(", ")))
+        })?;
+        model.complete(request).map_err(|error| failed(error.to_string()))
+    }
+}
+
+fn on_disk(error: StoreError) -> AskError {
+    AskError::Store(error.to_string())
+}
+
+impl Ask for Record<'_> {
+    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        let key = key_of(request)?;
+        let response = self.answer(request, &key)?;
+        let bytes = self.store.get(&response).map_err(on_disk)?;
+        let mut collected = self.collected.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        collected.insert((request.slot.clone(), key), (request.clone(), response));
+        Ok(Reply { request: key, response, bytes })
+    }
+}

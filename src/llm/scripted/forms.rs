@@ -1,0 +1,393 @@
+//! Expressions: atoms with a meaning, and the forms that join them. Atoms are shares or decays around 0..1, so that sums and products
+//! of them are sane in units whatever features they read.
+
+use super::{
+    conditions,
+    reader::{Page, names_in, words},
+};
+use crate::kernel::{Stream, num};
+
+/// A new expression and what it is about.
+pub struct Mechanism {
+    pub expression: String,
+    pub tags: Vec<String>,
+    pub clusters: Vec<String>,
+}
+
+/// What a mechanism slot asks for, as its contract entry tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// A number, larger is taken first.
+    Score,
+    /// A number, smaller is better.
+    Loss,
+    /// A number of seconds.
+    Time,
+    /// A condition on an actor or a candidate.
+    Guard,
+    /// A condition on the scene alone.
+    Gate,
+}
+
+/// Terms that grow with the pressure on the ego.
+const PRESSURE: [(&str, &str); 20] = [
+    ("time_pressure", "exp(-abs(arrival_difference_s) / <1.5..5 s>)"),
+    ("time_pressure", "1 / (1 + abs(arrival_difference_s) / <1..3 s>)"),
+    ("conflict_time", "exp(-time_to_conflict_s / <1.5..5 s>)"),
+    ("conflict_time", "1 / (1 + time_to_conflict_s / <1..4 s>)"),
+    ("speed_mismatch", "clamp(closing_speed_mps / <4..12 m/s>, 0, 1)"),
+    ("closing_rate", "clamp(<1..3 s> * closing_speed_mps / max(gap_m, 1), 0, 3)"),
+    ("proximity", "exp(-gap_m / <8..30 m>)"),
+    ("path_conflict", "exp(-path_distance_m_min / <2..8 m>)"),
+    ("route_conflict", "if(paths_cross, 1, <0.05..0.4>)"),
+    ("cut_in", "if(adjacent_lane and not behind, exp(-gap_m / <8..25 m>), 0)"),
+    ("lead_vehicle", "if(same_lane and not behind, exp(-abs(longitudinal_offset_m) / <10..30 m>), 0)"),
+    ("angle_conflict", "clamp(heading_difference_rad / 3.14, 0, 1)"),
+    ("lateral_merge", "if(abs(lateral_offset_m) < <2..5 m>, 1, <0.1..0.5>)"),
+    ("marked_interaction", "if(object_of_interest, 1, <0.1..0.5>)"),
+    ("likely_contact", "collision_likelihood"),
+    ("likely_contact", "sqrt(collision_likelihood)"),
+    ("near_approach", "exp(-ego_distance_m_min / <1..6 m>)"),
+    ("near_approach", "1 / (1 + ego_distance_m_min / <1..4 m>)"),
+    ("early_contact", "exp(-closest_approach_s / <2..6 s>)"),
+    ("impact_speed", "clamp(closest_speed_mps / <5..15 m/s>, 0, 1)"),
+];
+
+/// Terms that grow with the plausibility of the motion.
+const PLAUSIBILITY: [(&str, &str); 13] = [
+    ("mobility", "clamp(moved_m / <10..40 m>, 0, 1)"),
+    ("well_observed", "observed_share"),
+    ("in_front", "if(behind, <0.1..0.5>, 1)"),
+    ("moderate_speed", "1 / (1 + actor_speed_mps / <10..20 m/s>)"),
+    ("smooth_acceleration", "1 / (1 + acceleration_mps2_max / <3..8 m/s^2>)"),
+    ("smooth_turning", "1 / (1 + lateral_acceleration_mps2_max / <2..5 m/s^2>)"),
+    ("smooth_jerk", "exp(-jerk_mps3_max / <8..25 m/s^3>)"),
+    ("calm_yaw", "1 / (1 + yaw_rate_radps_max / <0.3..0.8 rad/s>)"),
+    ("on_road", "if(off_road_m_max > <0.2..0.8 m>, <0.05..0.3>, 1)"),
+    ("lane_keeping", "exp(-lane_deviation_m_max / <1..3 m>)"),
+    ("near_log", "exp(-log_deviation_m_max / <2..10 m>)"),
+    ("clear_of_others", "clamp(bystander_gap_m_min / <0.5..2 m>, 0, 1)"),
+    ("plausible_prior", "exp(prior_log_probability / <2..6>)"),
+];
+
+/// Conditions that a guard may ask of an actor or a candidate.
+const GUARDS: [(&str, &str); 19] = [
+    ("acceleration_guard", "acceleration_mps2_max <= <3.5..7 m/s^2>"),
+    ("turning_guard", "lateral_acceleration_mps2_max <= <3..6 m/s^2>"),
+    ("jerk_guard", "jerk_mps3_max <= <8..25 m/s^3>"),
+    ("yaw_guard", "yaw_rate_radps_max <= <0.4..1 rad/s>"),
+    ("road_guard", "off_road_m_max <= <0.1..0.6 m>"),
+    ("bystander_guard", "bystander_gap_m_min >= <0.2..1 m>"),
+    ("lane_guard", "lane_deviation_m_max <= <1..3 m>"),
+    ("log_guard", "log_deviation_m_max <= <5..20 m>"),
+    ("impact_guard", "closest_speed_mps <= <8..18 m/s>"),
+    ("heading_guard", "heading_change_rad <= <0.6..1.5 rad>"),
+    ("onset_guard", "closest_approach_s >= <0.6..1.8 s>"),
+    ("speed_guard", "speed_mps_max <= <12..25 m/s>"),
+    ("range_guard", "gap_m <= <20..60 m>"),
+    ("in_front_guard", "not behind"),
+    ("observation_guard", "observed_share >= <0.3..0.8>"),
+    ("mobility_guard", "moved_m >= <3..12 m>"),
+    ("conflict_guard", "time_to_conflict_s <= <4..10 s>"),
+    ("path_guard", "path_distance_m_min <= <3..12 m>"),
+    ("crossing_guard", "paths_cross or path_distance_m_min <= <2..6 m>"),
+];
+
+/// Seconds from now.
+const TIMES: [(&str, &str); 6] = [
+    ("conflict_lead", "max(0, time_to_conflict_s - <1..4 s>)"),
+    ("conflict_lead", "clamp(time_to_conflict_s - <1..4 s>, 0, <3..6>)"),
+    ("early_start", "<0.2..0.6> * time_to_conflict_s"),
+    ("crossing_lead", "if(paths_cross, max(0, time_to_conflict_s - <1.5..4 s>), <0..1.5>)"),
+    ("arrival_lead", "max(0, min(time_to_conflict_s, <3..6 s>) - abs(arrival_difference_s) / <1.5..3>)"),
+    ("gap_lead", "clamp(gap_m / max(closing_speed_mps, <1..3 m/s>) - <1..3 s>, 0, <3..6>)"),
+];
+
+/// How two terms make a score. `A` is the leading term, `B` the other, `C` a condition on the scene.
+const SCORES: [&str; 10] = [
+    "A + <0.2..1> * B",
+    "A * (<0.3..0.8> + B)",
+    "if(C, A, <0.3..0.8> * B)",
+    "clamp(A + <0.2..0.8> * B, 0, <1.2..2>)",
+    "max(A, <0.4..0.9> * B)",
+    "min(A + <0.1..0.3>, B + <0.1..0.3>)",
+    "sqrt(max(A * B, 0))",
+    "A / (<1.1..1.6> - min(B, 1))",
+    "if(C, A + <0.2..0.6> * B, B)",
+    "<0.5..2.5> * (A - <0.2..0.6> * (1 - B))",
+];
+
+impl Purpose {
+    /// By what the slot gives, what it reads and what its entry says.
+    pub fn of(page: &Page, slot: &str) -> Option<Purpose> {
+        let spec = page.contract.mechanism_slots.get(slot)?;
+        let says = spec.meaning.to_lowercase();
+        Some(match spec.output.as_str() {
+            "boolean" if spec.reads.is_empty() => Purpose::Gate,
+            "boolean" => Purpose::Guard,
+            _ if slot.ends_with("_s") || says.starts_with("seconds") => Purpose::Time,
+            _ if says.contains("smaller is better") || slot.contains("loss") || slot.contains("cost") => Purpose::Loss,
+            _ => Purpose::Score,
+        })
+    }
+}
+
+/// An expression for a mechanism slot from the features that it may read; `None` where no form fits them.
+pub fn invent(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
+    match Purpose::of(page, slot)? {
+        Purpose::Score => score(page, slot, stream),
+        Purpose::Loss => {
+            let mechanism = score(page, slot, stream)?;
+            Some(Mechanism { expression: format!("-({})", mechanism.expression), ..mechanism })
+        }
+        Purpose::Time => {
+            let (tag, text) = atom(page, slot, &TIMES, &[], stream)?;
+            Some(Mechanism { expression: text, tags: vec![tag], clusters: vec![] })
+        }
+        Purpose::Guard => guard(page, slot, stream),
+        Purpose::Gate => {
+            let condition = conditions::draw(page, stream)?;
+            let tags = vec![format!("{}_gate", condition.name)];
+            Some(Mechanism { expression: condition.text, tags, clusters: condition.cluster.into_iter().collect() })
+        }
+    }
+}
+
+/// One more term for an existing score or guard of the slot, with its tag.
+pub fn extra_term(page: &Page, slot: &str, stream: &mut Stream) -> Option<(String, String)> {
+    match Purpose::of(page, slot)? {
+        Purpose::Guard => atom(page, slot, &GUARDS, &[], stream),
+        Purpose::Score | Purpose::Loss => {
+            let first = if page.target() == "raise_realism" { &PLAUSIBILITY[..] } else { &PRESSURE[..] };
+            atom(page, slot, first, &[], stream).or_else(|| atom(page, slot, &PRESSURE, &[], stream))
+        }
+        Purpose::Time | Purpose::Gate => None,
+    }
+}
+
+fn score(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
+    let (lead_tag, lead) = atom(page, slot, &PRESSURE, &[], stream).or_else(|| plain_feature(page, slot, stream))?;
+    let plausible = stream.chance(if page.target() == "raise_realism" { 0.8 } else { 0.35 });
+    let other = if plausible { &PLAUSIBILITY[..] } else { &PRESSURE[..] };
+    let Some((tag, term)) = atom(page, slot, other, &[&lead_tag], stream) else {
+        return Some(Mechanism { expression: lead, tags: vec![lead_tag], clusters: vec![] });
+    };
+    let form = stream.pick(&SCORES)?;
+    let condition = if form.contains('C') { conditions::draw(page, stream) } else { None };
+    let form = if form.contains('C') && condition.is_none() { SCORES[0] } else { form };
+    let form = fill(page, "", form, stream);
+    let clusters = condition.iter().filter_map(|c| c.cluster.clone()).collect();
+    let expression = joined(&form, &lead, &term, condition.as_ref().map_or("", |c| &c.text));
+    Some(Mechanism { expression, tags: vec![lead_tag, tag], clusters })
+}
+
+fn guard(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
+    let (first, mut expression) = atom(page, slot, &GUARDS, &[], stream)?;
+    let mut tags = vec![first];
+    for share in [0.7, 0.35] {
+        let used: Vec<&str> = tags.iter().map(String::as_str).collect();
+        if stream.chance(share)
+            && let Some((tag, text)) = atom(page, slot, &GUARDS, &used, stream)
+        {
+            let wrapped = if text.contains(" or ") { format!("({text})") } else { text };
+            let left = if expression.contains(" or ") { format!("({expression})") } else { expression };
+            expression = format!("{left} and {wrapped}");
+            tags.push(tag);
+        }
+    }
+    Some(Mechanism { expression, tags, clusters: vec![] })
+}
+
+/// Puts terms into the places of a form. Places are single capitals; nothing else in the language is a capital.
+fn joined(form: &str, a: &str, b: &str, c: &str) -> String {
+    form.chars().fold(String::new(), |mut text, letter| {
+        match letter {
+            'A' => text.push_str(&bracketed(a)),
+            'B' => text.push_str(&bracketed(b)),
+            'C' => text.push_str(c),
+            other => text.push(other),
+        }
+        text
+    })
+}
+
+/// Parentheses where the term is neither one name nor one call.
+fn bracketed(term: &str) -> String {
+    let call = term.ends_with(')') && words(term).next().is_some_and(|f| term.starts_with(&format!("{f}(")));
+    if call && closes_at_end(term) || !term.contains([' ', '-']) { term.into() } else { format!("({term})") }
+}
+
+fn closes_at_end(term: &str) -> bool {
+    let mut open = 0;
+    for (at, letter) in term.char_indices() {
+        match letter {
+            '(' => open += 1,
+            ')' => open -= 1,
+            _ => continue,
+        }
+        if open == 0 {
+            return at + 1 == term.len();
+        }
+    }
+    false
+}
+
+/// A drawn atom whose features the slot may read: rather what memory recommends, rather not what it warns of.
+fn atom(
+    page: &Page,
+    slot: &str,
+    atoms: &[(&str, &str)],
+    used: &[&str],
+    stream: &mut Stream,
+) -> Option<(String, String)> {
+    let readable = page.readable(Some(slot));
+    let legal: Vec<&(&str, &str)> = atoms
+        .iter()
+        .filter(|(tag, text)| {
+            !used.contains(tag) && names_in(&without_constants(text)).iter().all(|n| readable.contains(n))
+        })
+        .collect();
+    let weights: Vec<f64> = legal.iter().map(|(tag, text)| appeal(page, tag, text)).collect();
+    let (tag, template) = legal.get(weighted(&weights, stream)?)?;
+    Some(((*tag).to_string(), fill(page, tag, template, stream)))
+}
+
+/// How much the context speaks for a mechanism.
+fn appeal(page: &Page, tag: &str, text: &str) -> f64 {
+    let mut weight = 1.0;
+    if page.failed_tags().contains(tag) {
+        weight *= 0.1;
+    }
+    if page.tags_of("success").contains(tag) {
+        weight *= 3.0;
+    }
+    let tried = page.program.mechanism_modules.values().any(|module| module.tags.iter().any(|t| t == tag))
+        || page.outcomes.recent.iter().any(|attempt| attempt.mechanism_tags.iter().any(|t| t == tag));
+    if tried && page.target() == "diversify" {
+        weight *= 0.2;
+    }
+    if let Some((weakest, value)) = page.weakest()
+        && value < 0.95
+        && weakest.split('_').any(|word| word.len() > 3 && text.contains(word))
+    {
+        weight *= 3.0;
+    }
+    weight
+}
+
+/// A term from a feature that no atom knows, scaled by its unit.
+fn plain_feature(page: &Page, slot: &str, stream: &mut Stream) -> Option<(String, String)> {
+    let reads = &page.contract.mechanism_slots.get(slot)?.reads;
+    let numbers: Vec<_> = reads.iter().filter_map(|name| Some((name, page.contract.features.get(name)?))).collect();
+    let numbers: Vec<_> = numbers.into_iter().filter(|(_, feature)| feature.value == "number").collect();
+    let (name, feature) = stream.pick(&numbers)?;
+    let scale = match feature.unit.as_str() {
+        "s" => "<1..5 s>",
+        "m" => "<5..30 m>",
+        "m/s" => "<4..12 m/s>",
+        "m/s^2" => "<2..6 m/s^2>",
+        "m/s^3" => "<5..20 m/s^3>",
+        _ => "<0.5..2>",
+    };
+    Some((shortened(name), fill(page, name, &format!("1 / (1 + abs({name}) / {scale})"), stream)))
+}
+
+fn shortened(name: &str) -> String {
+    name.chars().take(40).collect()
+}
+
+/// An index drawn with the given weights.
+pub fn weighted(weights: &[f64], stream: &mut Stream) -> Option<usize> {
+    let total = num::sum(weights.iter().copied());
+    if total <= 0.0 {
+        return None;
+    }
+    let mut rest = stream.uniform(0.0, total);
+    for (index, weight) in weights.iter().enumerate() {
+        rest -= weight;
+        if rest < 0.0 && *weight > 0.0 {
+            return Some(index);
+        }
+    }
+    weights.iter().rposition(|weight| *weight > 0.0)
+}
+
+/// The template without its drawn constants: what is left holds all names.
+pub fn without_constants(template: &str) -> String {
+    let mut rest = template;
+    let mut text = String::new();
+    while let Some(place) = next_constant(rest) {
+        text.push_str(&rest[..place.start]);
+        rest = &rest[place.end..];
+    }
+    text + rest
+}
+
+/// Draws the constants of a template: `<low..high>`, `<low..high unit>`, `<low..high #>` for whole numbers. A constant with a unit is
+/// sometimes a parameter of the family instead, if one has this unit, a value of this size and a name akin to what it is about.
+pub fn fill(page: &Page, about: &str, template: &str, stream: &mut Stream) -> String {
+    let about = format!("{about} {template}");
+    let mut rest = template;
+    let mut text = String::new();
+    while let Some(place) = next_constant(rest) {
+        text.push_str(&rest[..place.start]);
+        text.push_str(&constant(page, &place, &about, stream));
+        rest = &rest[place.end..];
+    }
+    text + rest
+}
+
+struct Constant<'a> {
+    start: usize,
+    end: usize,
+    low: f64,
+    high: f64,
+    unit: &'a str,
+}
+
+fn next_constant(text: &str) -> Option<Constant<'_>> {
+    let mut from = 0;
+    while let Some(found) = text[from..].find('<') {
+        let start = from + found;
+        let body = text[start + 1..].find('>').map(|length| (&text[start + 1..start + 1 + length], start + 2 + length));
+        if let Some((body, end)) = body
+            && let Some(constant) = parsed(body, start, end)
+        {
+            return Some(constant);
+        }
+        from = start + 1;
+    }
+    None
+}
+
+fn parsed(body: &str, start: usize, end: usize) -> Option<Constant<'_>> {
+    let (range, unit) = body.split_once(' ').unwrap_or((body, ""));
+    let (low, high) = range.split_once("..")?;
+    Some(Constant { start, end, low: low.parse().ok()?, high: high.parse().ok()?, unit })
+}
+
+fn constant(page: &Page, place: &Constant<'_>, about: &str, stream: &mut Stream) -> String {
+    let (low, high) = (place.low, place.high);
+    if place.unit == "#" {
+        return num::rounded(stream.uniform(low - 0.49, high + 0.49), 0).to_string();
+    }
+    if !place.unit.is_empty() && stream.chance(0.4) {
+        let of_size = |name: &str| page.parameter(name).is_some_and(|x| (0.5 * low..=2.0 * high).contains(&x));
+        let fitting = page
+            .contract
+            .parameters
+            .iter()
+            .filter(|(name, d)| d.unit == place.unit && d.kind == "number" && of_size(name));
+        let near = fitting.map(|(name, _)| (kinship(name, about), name)).filter(|(kin, _)| *kin > 0);
+        if let Some((_, name)) = near.max_by_key(|(kin, _)| *kin) {
+            return name.clone();
+        }
+    }
+    num::rounded(stream.uniform(low, high), if high > 20.0 { 1 } else { 2 }).to_string()
+}
+
+/// How many words of three letters and more a name shares with a text.
+pub fn kinship(name: &str, text: &str) -> usize {
+    const EVERYWHERE: [&str; 6] = ["mps", "mps2", "mps3", "radps", "min", "max"];
+    name.split('_').filter(|word| word.len() >= 3 && !EVERYWHERE.contains(word) && text.contains(word)).count()
+}

@@ -1,0 +1,336 @@
+//! What the prompt says: the JSON blocks under its headings, as a reader would find them. Only what the rules need is taken up.
+
+use serde::{Deserialize, de::DeserializeOwned};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::unanswerable;
+use crate::llm::{ModelError, Request};
+
+/// A request as read.
+#[derive(Debug)]
+pub struct Page {
+    pub identity: Identity,
+    pub contract: Contract,
+    pub foreign: Vec<String>,
+    /// The parent's four editable parts as JSON.
+    pub parts: Value,
+    pub program: Program,
+    pub memory: Vec<Card>,
+    pub clusters: Vec<Cluster>,
+    pub outcomes: Outcomes,
+    pub asked: Asked,
+    /// The patch of a critic or of a repair.
+    pub patch: Option<Value>,
+    pub reviews: Vec<Review>,
+    /// The text that a repair could not be shown as a patch.
+    pub unreadable: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Identity {
+    pub source_family: String,
+    pub parent_solution_id: String,
+    pub parent_program_hash: String,
+    pub editable_surface: Vec<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Contract {
+    pub parameters: BTreeMap<String, Domain>,
+    pub operators: BTreeMap<String, SlotSpec>,
+    pub mechanism_slots: BTreeMap<String, MechanismSlot>,
+    pub scene_features: Vec<String>,
+    pub features: BTreeMap<String, Feature>,
+    pub limits: Limits,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub struct Domain {
+    /// `number`, `integer`, `choice` or `mechanism`.
+    #[serde(rename = "type")]
+    pub kind: String,
+    pub range: Option<[f64; 2]>,
+    #[serde(default)]
+    pub unit: String,
+    #[serde(default)]
+    pub options: Vec<String>,
+    pub slot: Option<String>,
+    #[serde(default)]
+    pub required: bool,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct SlotSpec {
+    /// Fewest and most.
+    pub nodes: [usize; 2],
+    pub kinds: BTreeMap<String, Kind>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Kind {
+    pub inputs: Vec<String>,
+    pub output: String,
+    pub settings: BTreeMap<String, Domain>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct MechanismSlot {
+    /// `number` or `boolean`.
+    pub output: String,
+    pub reads: Vec<String>,
+    pub meaning: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Feature {
+    #[serde(rename = "type")]
+    pub value: String,
+    #[serde(default)]
+    pub unit: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Limits {
+    pub operations_per_patch: usize,
+    pub nodes: usize,
+    pub rules: usize,
+    pub modules: usize,
+    pub expression_nodes: usize,
+    pub expression_depth: usize,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub struct Program {
+    pub parameters: BTreeMap<String, Value>,
+    pub operator_graph: BTreeMap<String, Node>,
+    pub scenario_conditioned_policy: Vec<Rule>,
+    pub mechanism_modules: BTreeMap<String, Module>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub struct Node {
+    pub slot: String,
+    pub kind: String,
+    #[serde(default)]
+    pub settings: BTreeMap<String, Value>,
+    #[serde(default)]
+    pub inputs: Vec<String>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub struct Rule {
+    pub name: String,
+    pub when: String,
+    #[serde(default)]
+    pub parameters: BTreeMap<String, Value>,
+    #[serde(default)]
+    pub operators: BTreeMap<String, BTreeMap<String, Value>>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub struct Module {
+    pub slot: String,
+    pub inputs: Vec<String>,
+    pub output: String,
+    pub expression: String,
+    #[serde(default)]
+    pub tags: Vec<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Card {
+    pub id: String,
+    pub kind: String,
+    pub mechanism_tags: Vec<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Cluster {
+    #[serde(rename = "ref")]
+    pub name: String,
+    pub attacked_share: Option<f64>,
+    pub features: BTreeMap<String, f64>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Outcomes {
+    pub parent: Option<ParentOutcome>,
+    pub recent: Vec<RecentAttempt>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct ParentOutcome {
+    pub objectives: Objectives,
+    pub diagnostics: BTreeMap<String, f64>,
+    pub weakest_diagnostic: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Objectives {
+    pub realism: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct RecentAttempt {
+    pub exit: String,
+    pub mechanism_tags: Vec<String>,
+    pub objectives: Option<Objectives>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Asked {
+    pub response_id: String,
+    pub target: Target,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Target {
+    /// `raise_attack`, `raise_realism` or `diversify`.
+    pub kind: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct Review {
+    pub decision: String,
+    pub blockers: Vec<String>,
+    pub repair_hints: Vec<String>,
+}
+
+impl Page {
+    pub fn read(request: &Request) -> Result<Page, ModelError> {
+        let blocks: BTreeMap<String, Value> =
+            request.messages.iter().filter(|m| m.role == "user").flat_map(|m| blocks(&m.text)).collect();
+        let parts: Value = take(&blocks, "Parent program")?;
+        Ok(Page {
+            identity: take(&blocks, "Identity")?,
+            contract: take(&blocks, "Family contract")?,
+            foreign: take(&blocks, "Words of other families")?,
+            program: typed("Parent program", &parts)?,
+            parts,
+            memory: take(&blocks, "Memory")?,
+            clusters: take(&blocks, "Scene clusters")?,
+            outcomes: take(&blocks, "Outcomes")?,
+            asked: take(&blocks, "Task")?,
+            patch: blocks.get("Patch").cloned(),
+            reviews: blocks.get("Reviews").map(|value| typed("Reviews", value)).transpose()?.unwrap_or_default(),
+            unreadable: blocks.get("Unreadable reply").and_then(|v| v["text"].as_str()).map(String::from),
+        })
+    }
+
+    /// The reply object around a patch or a review.
+    pub fn answer(&self, field: &str, content: Value) -> Value {
+        json!({"response_id": self.asked.response_id, field: content})
+    }
+
+    pub fn target(&self) -> &str {
+        &self.asked.target.kind
+    }
+
+    /// Tags of mechanisms that memory calls failed and not also successful.
+    pub fn failed_tags(&self) -> BTreeSet<&str> {
+        let good = self.tags_of("success");
+        self.tags_of("failure").into_iter().filter(|tag| !good.contains(tag)).collect()
+    }
+
+    pub fn tags_of(&self, kind: &str) -> BTreeSet<&str> {
+        let cards = self.memory.iter().filter(|card| card.kind == kind);
+        cards.flat_map(|card| card.mechanism_tags.iter().map(String::as_str)).collect()
+    }
+
+    /// Names that a module of the slot may read; conditions (no slot) read scene features and parameters only.
+    pub fn readable(&self, slot: Option<&str>) -> BTreeSet<&str> {
+        let numeric = self.contract.parameters.iter().filter(|(_, domain)| domain.is_numeric());
+        let of_slot = slot.and_then(|slot| self.contract.mechanism_slots.get(slot)).map(|slot| &slot.reads);
+        let features = self.contract.scene_features.iter().chain(of_slot.into_iter().flatten());
+        features.chain(numeric.map(|(name, _)| name)).map(String::as_str).collect()
+    }
+
+    pub fn kind(&self, slot: &str, kind: &str) -> Option<&Kind> {
+        self.contract.operators.get(slot)?.kinds.get(kind)
+    }
+
+    /// A numeric parameter's value in the parent.
+    pub fn parameter(&self, name: &str) -> Option<f64> {
+        self.program.parameters.get(name)?.as_f64()
+    }
+
+    /// The realism diagnostic that the outcomes call weakest, if it falls short at all.
+    pub fn weakest(&self) -> Option<(&str, f64)> {
+        let parent = self.outcomes.parent.as_ref()?;
+        let name = parent.weakest_diagnostic.as_deref()?;
+        parent.diagnostics.get(name).filter(|value| **value < 1.0).map(|value| (name, *value))
+    }
+}
+
+impl Domain {
+    pub fn is_numeric(&self) -> bool {
+        self.kind == "number" || self.kind == "integer"
+    }
+
+    /// Whether a literal lies in it.
+    pub fn accepts(&self, value: &Value) -> bool {
+        match (self.kind.as_str(), value.as_f64(), value.as_str(), self.range) {
+            ("number", Some(x), _, Some([low, high])) => (low..=high).contains(&x),
+            ("integer", Some(x), _, Some([low, high])) => x.fract() == 0.0 && (low..=high).contains(&x),
+            ("choice", _, Some(word), _) => self.options.iter().any(|option| option == word),
+            _ => false,
+        }
+    }
+
+    /// For blockers and hints.
+    pub fn describe(&self) -> String {
+        match (self.kind.as_str(), self.range) {
+            ("choice", _) => format!("one of {}", self.options.join(", ")),
+            ("mechanism", _) => format!("a module of slot `{}`", self.slot.as_deref().unwrap_or("?")),
+            (kind, Some([low, high])) => format!("a {kind} in [{low}, {high}]"),
+            (kind, None) => kind.to_string(),
+        }
+    }
+}
+
+/// `## title` followed by a fenced JSON block, for every such pair. Prompts put no raw line break inside a JSON string, so a line that
+/// begins with a fence ends the block.
+fn blocks(text: &str) -> Vec<(String, Value)> {
+    let mut found = vec![];
+    let (mut title, mut body) = (None::<String>, None::<String>);
+    for line in text.lines() {
+        match (&mut body, line) {
+            (Some(open), "```") => {
+                if let (Some(title), Ok(value)) = (&title, serde_json::from_str(open)) {
+                    found.push((title.clone(), value));
+                }
+                body = None;
+            }
+            (Some(open), _) => {
+                open.push_str(line);
+                open.push('\n');
+            }
+            (None, "```json") => body = Some(String::new()),
+            (None, _) => title = line.strip_prefix("## ").map(str::to_string).or(title),
+        }
+    }
+    found
+}
+
+fn take<T: DeserializeOwned>(blocks: &BTreeMap<String, Value>, title: &str) -> Result<T, ModelError> {
+    let value = blocks.get(title).ok_or_else(|| unanswerable(format!("the prompt has no JSON block `{title}`")))?;
+    typed(title, value)
+}
+
+fn typed<T: DeserializeOwned>(title: &str, value: &Value) -> Result<T, ModelError> {
+    T::deserialize(value).map_err(|error| unanswerable(format!("the prompt's block `{title}`: {error}")))
+}
+
+/// Names that an expression reads: words that are neither functions nor key words.
+pub fn names_in(expression: &str) -> BTreeSet<&str> {
+    const KNOWN: [&str; 13] =
+        ["and", "or", "not", "true", "false", "if", "min", "max", "clamp", "abs", "sqrt", "exp", "log"];
+    words(expression).filter(|word| !KNOWN.contains(word)).collect()
+}
+
+/// The maximal runs of letters, digits and `_` that begin with no digit.
+pub fn words(text: &str) -> impl Iterator<Item = &str> {
+    let runs = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+    runs.filter(|run| run.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_'))
+}

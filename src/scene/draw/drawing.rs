@@ -1,0 +1,208 @@
+//! What is drawn, whatever it comes from: a scene, a rollout, an adversarial plan. The player reads its JSON.
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::{Vec2, num};
+use crate::scene::{AgentKind, DT_S, LightState, Sample, Scene, Track};
+
+/// A road with actors that move over it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Drawing {
+    /// Seconds between two samples.
+    pub dt_s: f64,
+    /// Samples of every actor.
+    pub steps: usize,
+    /// The step of "now"; what lies before is history.
+    pub current_step: usize,
+    /// Polygons of road surface.
+    pub surfaces: Vec<Vec<Vec2>>,
+    pub lines: Vec<RoadLine>,
+    pub crosswalks: Vec<Vec<Vec2>>,
+    pub lights: Vec<DrawnLight>,
+    pub stop_signs: Vec<Vec2>,
+    /// The path that the ego is to drive; may be empty.
+    pub route: Vec<Vec2>,
+    pub actors: Vec<Actor>,
+    pub contact: Option<Contact>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RoadLine {
+    pub style: LineStyle,
+    pub points: Vec<Vec2>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LineStyle {
+    /// A curb.
+    Edge,
+    /// Between lanes of one direction.
+    Divider,
+    /// Between the directions.
+    Opposite,
+}
+
+/// A traffic light at its stop line, one state a step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DrawnLight {
+    pub point: Vec2,
+    pub states: Vec<LightState>,
+}
+
+/// Whoever moves, and in which part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Actor {
+    pub label: String,
+    pub role: Role,
+    pub length_m: f64,
+    pub width_m: f64,
+    /// `steps` long: `[x, y, heading_rad, speed_mps]`, `None` where absent.
+    pub samples: Vec<Option<[f64; 4]>>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    Ego,
+    Adversary,
+    /// Marked by the data set as interacting with the ego.
+    Interacting,
+    Traffic,
+    Cyclist,
+    Pedestrian,
+    Static,
+    /// Where somebody was in the log, drawn beside what became of it.
+    Ghost,
+}
+
+impl Role {
+    pub const ALL: [Role; 8] = [
+        Role::Ego,
+        Role::Adversary,
+        Role::Interacting,
+        Role::Traffic,
+        Role::Cyclist,
+        Role::Pedestrian,
+        Role::Static,
+        Role::Ghost,
+    ];
+
+    /// As in the legend.
+    pub fn label(self) -> &'static str {
+        match self {
+            Role::Ego => "ego",
+            Role::Adversary => "adversary",
+            Role::Interacting => "interacting",
+            Role::Traffic => "traffic",
+            Role::Cyclist => "cyclist",
+            Role::Pedestrian => "pedestrian",
+            Role::Static => "static",
+            Role::Ghost => "logged",
+        }
+    }
+}
+
+/// Where and when two actors touch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Contact {
+    pub step: usize,
+    pub point: Vec2,
+    /// Such as `ego hit by v12 at 6.3 m/s`.
+    pub label: String,
+}
+
+impl Actor {
+    /// A recorded motion in a role.
+    pub fn of_track(track: &Track, label: impl Into<String>, role: Role) -> Actor {
+        Actor {
+            label: label.into(),
+            role,
+            length_m: track.length_m,
+            width_m: track.width_m,
+            samples: track.samples.iter().map(|s| s.as_ref().map(drawn)).collect(),
+        }
+    }
+}
+
+/// Centimetres and hundredths are finer than any screen, and keep pages small.
+fn drawn(sample: &Sample) -> [f64; 4] {
+    let p = sample.position;
+    [
+        num::rounded(p.x, 2),
+        num::rounded(p.y, 2),
+        num::rounded(sample.heading_rad, 3),
+        num::rounded(sample.speed_mps(), 2),
+    ]
+}
+
+fn drawn_line(points: &[Vec2]) -> Vec<Vec2> {
+    points.iter().map(|p| Vec2::new(num::rounded(p.x, 2), num::rounded(p.y, 2))).collect()
+}
+
+impl Drawing {
+    /// A scene's road alone: a caller adds its own actors.
+    pub fn of_road(scene: &Scene) -> Drawing {
+        let mut lines: Vec<RoadLine> = Vec::new();
+        let mut add = |style, points: &[Vec2]| lines.push(RoadLine { style, points: drawn_line(points) });
+        for edge in &scene.road.edges {
+            add(LineStyle::Edge, edge);
+        }
+        for (ix, lane) in scene.road.lanes.iter().enumerate() {
+            match lane.left_neighbour {
+                Some(n) if n.same_direction => add(LineStyle::Divider, &lane.left),
+                // Both sides name each other; one line is enough.
+                Some(n) if ix < n.lane => add(LineStyle::Opposite, &lane.left),
+                _ => {}
+            }
+        }
+        let surface = |lane: &crate::scene::Lane| {
+            let outline: Vec<Vec2> = lane.left.iter().chain(lane.right.iter().rev()).copied().collect();
+            drawn_line(&outline)
+        };
+        Drawing {
+            dt_s: DT_S,
+            steps: scene.steps,
+            current_step: scene.current_step,
+            surfaces: scene.road.lanes.iter().map(surface).collect(),
+            lines,
+            crosswalks: scene.crosswalks.iter().map(|c| drawn_line(c)).collect(),
+            lights: scene
+                .lights
+                .iter()
+                .map(|light| DrawnLight { point: light.stop_point, states: light.states.clone() })
+                .collect(),
+            stop_signs: scene.stop_signs.iter().map(|sign| sign.position).collect(),
+            route: drawn_line(&scene.ego.route),
+            actors: Vec::new(),
+            contact: None,
+        }
+    }
+
+    /// A scene as it was recorded: the ego last, so that it is drawn on top.
+    pub fn of_scene(scene: &Scene) -> Drawing {
+        let mut drawing = Drawing::of_road(scene);
+        for (ix, track) in scene.tracks.iter().enumerate() {
+            let marked = scene.objects_of_interest.contains(&ix);
+            drawing.actors.push(Actor::of_track(track, track.id.clone(), role_of(track, marked)));
+        }
+        drawing.actors.push(Actor::of_track(&scene.ego.track, "ego", Role::Ego));
+        drawing
+    }
+
+    /// The roles that occur, in the order of the legend.
+    pub fn roles(&self) -> Vec<Role> {
+        Role::ALL.into_iter().filter(|role| self.actors.iter().any(|a| a.role == *role)).collect()
+    }
+}
+
+/// The part that a recorded road user plays; `marked` as an object of interest.
+pub fn role_of(track: &Track, marked: bool) -> Role {
+    match track.kind {
+        _ if marked => Role::Interacting,
+        AgentKind::Vehicle => Role::Traffic,
+        AgentKind::Pedestrian => Role::Pedestrian,
+        AgentKind::Cyclist => Role::Cyclist,
+        AgentKind::Static => Role::Static,
+    }
+}

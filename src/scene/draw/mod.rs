@@ -1,0 +1,12 @@
+//! Pictures of scenes and rollouts: an SVG, and a page that plays them without a network.
+
+mod drawing;
+mod player;
+mod svg;
+
+pub use drawing::{Actor, Contact, Drawing, DrawnLight, LineStyle, RoadLine, Role, role_of};
+pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, script_json};
+pub use svg::{Frame, SvgOptions, Theme, svg};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,431 @@
+//! One picture of a drawing at one moment, with the way everybody takes: for papers, reports and terminals.
+
+use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
+
+use super::drawing::{Actor, Drawing, LineStyle, Role};
+use super::player::escaped;
+use crate::kernel::{OrientedBox, Vec2};
+use crate::scene::LightState;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Theme {
+    Light,
+    Dark,
+}
+
+/// What part of the world is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Frame {
+    /// All of the road and of everyone's way.
+    Everything,
+    /// The ways of the ego, its adversary and the vehicles marked as interacting, and so many metres around.
+    Around(f64),
+}
+
+/// How a picture is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SvgOptions {
+    pub width_px: f64,
+    pub theme: Theme,
+    pub frame: Frame,
+    /// Boxes are drawn at this step; `None` is the drawing's current one.
+    pub step: Option<usize>,
+    pub trails: bool,
+    /// Labels beside everybody, not only beside the leading parts.
+    pub labels: bool,
+    /// Shown above the picture; may be empty.
+    pub title: String,
+}
+
+struct Palette {
+    ground: &'static str,
+    surface: &'static str,
+    edge: &'static str,
+    divider: &'static str,
+    opposite: &'static str,
+    crosswalk: &'static str,
+    text: &'static str,
+    panel: &'static str,
+    outline: &'static str,
+}
+
+impl Theme {
+    fn palette(self) -> Palette {
+        match self {
+            Theme::Light => Palette {
+                ground: "#eef1ec",
+                surface: "#cdd2d8",
+                edge: "#5d6672",
+                divider: "#ffffff",
+                opposite: "#c98a00",
+                crosswalk: "#f7f8fa",
+                text: "#1c2128",
+                panel: "#ffffff",
+                outline: "#ffffff",
+            },
+            Theme::Dark => Palette {
+                ground: "#14181d",
+                surface: "#323942",
+                edge: "#8c97a5",
+                divider: "#aab3bf",
+                opposite: "#d9a521",
+                crosswalk: "#8e98a5",
+                text: "#e8ecf1",
+                panel: "#1e242b",
+                outline: "#0d1014",
+            },
+        }
+    }
+}
+
+/// Colours that people with any colour vision can tell apart (after Okabe and Ito), one a role.
+fn colour(role: Role, theme: Theme) -> &'static str {
+    match (role, theme) {
+        (Role::Ego, Theme::Light) => "#0064b0",
+        (Role::Ego, Theme::Dark) => "#56b4e9",
+        (Role::Adversary, Theme::Light) => "#c8400a",
+        (Role::Adversary, Theme::Dark) => "#f0703a",
+        (Role::Interacting, Theme::Light) => "#d98200",
+        (Role::Interacting, Theme::Dark) => "#f0b040",
+        (Role::Traffic, Theme::Light) => "#6b7684",
+        (Role::Traffic, Theme::Dark) => "#98a3b1",
+        (Role::Cyclist, Theme::Light) => "#00805c",
+        (Role::Cyclist, Theme::Dark) => "#2fc79a",
+        (Role::Pedestrian, Theme::Light) => "#a8447f",
+        (Role::Pedestrian, Theme::Dark) => "#e08cbc",
+        (Role::Static, Theme::Light) => "#8a7a66",
+        (Role::Static, Theme::Dark) => "#b3a38c",
+        (Role::Ghost, _) => "#9aa4b0",
+    }
+}
+
+/// The picture as a stand-alone SVG document.
+pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
+    let view = View::of(drawing, options);
+    let palette = options.theme.palette();
+    let mut out = String::new();
+    let (w, h) = (view.width_px, view.height_px);
+    let _ = write!(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w:.0} {h:.0}\" width=\"{w:.0}\" height=\"{h:.0}\" \
+         font-family=\"system-ui, -apple-system, 'Segoe UI', Helvetica, Arial, sans-serif\" role=\"img\">\n\
+         <title>{}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
+        escaped(if options.title.is_empty() { "driving scene" } else { &options.title }),
+        palette.ground
+    );
+    draw_road(&mut out, drawing, &view, &palette);
+    let step = options.step.unwrap_or(drawing.current_step).min(drawing.steps.saturating_sub(1));
+    draw_lights(&mut out, drawing, &view, step);
+    if options.trails {
+        for actor in by_importance(drawing) {
+            draw_trail(&mut out, actor, &view, step, options.theme);
+        }
+    }
+    for actor in by_importance(drawing) {
+        draw_actor(&mut out, actor, &view, step, options, &palette);
+    }
+    draw_contact(&mut out, drawing, &view, &palette);
+    draw_legend(&mut out, drawing, &view, options, &palette, step);
+    out.push_str("</svg>\n");
+    out
+}
+
+/// The leading parts last, on top of the others.
+fn by_importance(drawing: &Drawing) -> Vec<&Actor> {
+    let mut actors: Vec<&Actor> = drawing.actors.iter().collect();
+    actors.sort_by_key(|actor| std::cmp::Reverse(actor.role));
+    actors
+}
+
+fn leading(role: Role) -> bool {
+    matches!(role, Role::Ego | Role::Adversary | Role::Interacting)
+}
+
+/// From metres to pixels, y upwards to y downwards.
+struct View {
+    low: Vec2,
+    high: Vec2,
+    scale: f64,
+    width_px: f64,
+    height_px: f64,
+}
+
+/// A margin around everything, metres, and limits of the picture's height by its width.
+const MARGIN_M: f64 = 4.0;
+const HEIGHT_SHARE: (f64, f64) = (0.42, 1.1);
+
+impl View {
+    fn of(drawing: &Drawing, options: &SvgOptions) -> View {
+        let places =
+            |actor: &Actor| -> Vec<Vec2> { actor.samples.iter().flatten().map(|s| Vec2::new(s[0], s[1])).collect() };
+        let mut points: Vec<Vec2> = Vec::new();
+        let margin = match options.frame {
+            Frame::Everything => {
+                points.extend(drawing.surfaces.iter().flatten());
+                points.extend(drawing.actors.iter().flat_map(places));
+                MARGIN_M
+            }
+            Frame::Around(metres) => {
+                points.extend(drawing.actors.iter().filter(|a| leading(a.role)).flat_map(places));
+                metres
+            }
+        };
+        if points.is_empty() {
+            points.push(Vec2::ZERO);
+        }
+        let fold = |f: fn(f64, f64) -> f64, start: f64| {
+            Vec2::new(points.iter().fold(start, |m, p| f(m, p.x)), points.iter().fold(start, |m, p| f(m, p.y)))
+        };
+        let around = Vec2::new(margin, margin);
+        let (low, high) = (fold(f64::min, f64::INFINITY) - around, fold(f64::max, f64::NEG_INFINITY) + around);
+        View::fitted(low, high, options.width_px.clamp(200.0, 8000.0))
+    }
+
+    fn fitted(low: Vec2, high: Vec2, width_px: f64) -> View {
+        let size = high - low;
+        let share = (size.y / size.x).clamp(HEIGHT_SHARE.0, HEIGHT_SHARE.1);
+        // The side that is too short grows.
+        let grown = Vec2::new(size.x.max(size.y / share), size.y.max(size.x * share));
+        let spare = (grown - size) * 0.5;
+        let scale = width_px / grown.x;
+        View { low: low - spare, high: high + spare, scale, width_px, height_px: grown.y * scale }
+    }
+
+    fn at(&self, p: Vec2) -> (f64, f64) {
+        ((p.x - self.low.x) * self.scale, (self.high.y - p.y) * self.scale)
+    }
+
+    fn path(&self, points: &[Vec2]) -> String {
+        let mut text = String::new();
+        for (k, p) in points.iter().enumerate() {
+            let (x, y) = self.at(*p);
+            let _ = write!(text, "{}{x:.1} {y:.1}", if k == 0 { "M" } else { "L" });
+        }
+        text
+    }
+
+    /// Whether any of the points lies in the picture or near it.
+    fn shows(&self, points: &[Vec2]) -> bool {
+        let (mut low, mut high) = (Vec2::new(f64::INFINITY, f64::INFINITY), Vec2::new(-f64::INFINITY, -f64::INFINITY));
+        for p in points {
+            low = Vec2::new(low.x.min(p.x), low.y.min(p.y));
+            high = Vec2::new(high.x.max(p.x), high.y.max(p.y));
+        }
+        low.x <= self.high.x && high.x >= self.low.x && low.y <= self.high.y && high.y >= self.low.y
+    }
+
+    /// Width of a line so many metres wide, but never too thin to see.
+    fn stroke(&self, metres: f64, least_px: f64) -> f64 {
+        (metres * self.scale).max(least_px)
+    }
+}
+
+fn draw_road(out: &mut String, drawing: &Drawing, view: &View, palette: &Palette) {
+    let _ = writeln!(
+        out,
+        "<g fill=\"{0}\" stroke=\"{0}\" stroke-width=\"{1:.1}\" stroke-linejoin=\"round\">",
+        palette.surface,
+        view.stroke(0.3, 0.8)
+    );
+    for surface in drawing.surfaces.iter().filter(|s| view.shows(s)) {
+        let _ = writeln!(out, "<path d=\"{}Z\"/>", view.path(surface));
+    }
+    out.push_str("</g>\n");
+    for crosswalk in drawing.crosswalks.iter().filter(|c| view.shows(c)) {
+        draw_crosswalk(out, crosswalk, view, palette);
+    }
+    for line in drawing.lines.iter().filter(|l| view.shows(&l.points)) {
+        let (stroke, width, dash) = match line.style {
+            LineStyle::Edge => (palette.edge, view.stroke(0.22, 1.2), String::new()),
+            LineStyle::Opposite => (palette.opposite, view.stroke(0.15, 1.0), String::new()),
+            LineStyle::Divider => {
+                let dash = format!(" stroke-dasharray=\"{:.1} {:.1}\"", 3.0 * view.scale, 4.5 * view.scale);
+                (palette.divider, view.stroke(0.15, 1.0), dash)
+            }
+        };
+        let path = view.path(&line.points);
+        let _ =
+            writeln!(out, "<path d=\"{path}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"{width:.1}\"{dash}/>");
+    }
+    for sign in drawing.stop_signs.iter().filter(|s| view.shows(&[**s])) {
+        let (x, y) = view.at(*sign);
+        let r = view.stroke(0.9, 4.0);
+        let corner = |k: i32| {
+            let p = Vec2::from_heading((f64::from(k) + 0.5) * crate::kernel::num::FRAC_PI_2 * 0.5) * r;
+            format!("{:.1},{:.1}", x + p.x, y + p.y)
+        };
+        let corners: Vec<String> = (0..8).map(corner).collect();
+        let _ = writeln!(
+            out,
+            "<polygon points=\"{}\" fill=\"#b3261e\" stroke=\"#fff\" stroke-width=\"1\"/>",
+            corners.join(" ")
+        );
+    }
+}
+
+/// Stripes along the road, one every metre of the crosswalk's longer side.
+fn draw_crosswalk(out: &mut String, outline: &[Vec2], view: &View, palette: &Palette) {
+    let [a, b, c, d] = outline[..] else {
+        let path = view.path(outline);
+        let _ = writeln!(out, "<path d=\"{path}Z\" fill=\"{}\" fill-opacity=\"0.5\"/>", palette.crosswalk);
+        return;
+    };
+    // Pairs of corners at both ends of the longer side.
+    let ((a, b), (c, d)) = if a.distance(b) < b.distance(c) { ((a, b), (d, c)) } else { ((b, c), (a, d)) };
+    let count = (0.5 * (a.distance(c) + b.distance(d))).floor().clamp(1.0, 200.0) as usize;
+    let stripe = |k: usize, share: f64| (k as f64 + share) / count as f64;
+    for k in 0..count {
+        let (from, to) = (stripe(k, 0.25), stripe(k, 0.75));
+        let corners = [a.lerp(c, from), b.lerp(d, from), b.lerp(d, to), a.lerp(c, to)];
+        let path = view.path(&corners);
+        let _ = writeln!(out, "<path d=\"{path}Z\" fill=\"{}\" fill-opacity=\"0.85\"/>", palette.crosswalk);
+    }
+}
+
+fn draw_lights(out: &mut String, drawing: &Drawing, view: &View, step: usize) {
+    for light in drawing.lights.iter().filter(|l| view.shows(&[l.point])) {
+        let (x, y) = view.at(light.point);
+        let fill = match light.states.get(step) {
+            Some(LightState::Go) => "#1a9850",
+            Some(LightState::Caution) => "#e6a700",
+            Some(LightState::Stop) => "#d73027",
+            Some(LightState::Unknown) | None => "#888888",
+        };
+        let r = view.stroke(0.8, 3.5);
+        let _ = writeln!(
+            out,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r:.1}\" fill=\"{fill}\" stroke=\"#111\" stroke-width=\"1\"/>"
+        );
+    }
+}
+
+/// What was driven is a solid line, what is still to come a dotted one.
+fn draw_trail(out: &mut String, actor: &Actor, view: &View, step: usize, theme: Theme) {
+    let (opacity, width) = if leading(actor.role) { (0.9, 0.45) } else { (0.3, 0.25) };
+    let stroke = colour(actor.role, theme);
+    let width = view.stroke(width, 1.2);
+    let dots = format!(" stroke-dasharray=\"0.1 {:.1}\" stroke-linecap=\"round\"", 2.2 * width);
+    for (from, to, dash) in [(0, step, ""), (step, actor.samples.len().saturating_sub(1), dots.as_str())] {
+        let part = actor.samples.iter().skip(from).take(to.saturating_sub(from) + 1);
+        let points: Vec<Vec2> = part.flatten().map(|s| Vec2::new(s[0], s[1])).collect();
+        if points.len() > 1 && view.shows(&points) {
+            let path = view.path(&points);
+            let _ = writeln!(
+                out,
+                "<path d=\"{path}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"{width:.1}\" stroke-opacity=\"{opacity}\"{dash}/>"
+            );
+        }
+    }
+}
+
+fn draw_actor(out: &mut String, actor: &Actor, view: &View, step: usize, options: &SvgOptions, palette: &Palette) {
+    let Some(Some([x, y, heading, speed])) = actor.samples.get(step) else { return };
+    let centre = Vec2::new(*x, *y);
+    if !view.shows(&[centre]) {
+        return;
+    }
+    let shape = OrientedBox::new(centre, *heading, actor.length_m, actor.width_m);
+    let corners = shape.corners();
+    let fill = colour(actor.role, options.theme);
+    let lead = leading(actor.role);
+    let ghost = actor.role == Role::Ghost;
+    let _ = writeln!(
+        out,
+        "<path d=\"{}Z\" fill=\"{fill}\" fill-opacity=\"{}\" stroke=\"{}\" stroke-width=\"{:.1}\" stroke-linejoin=\"round\"/>",
+        view.path(&corners),
+        if ghost { 0.35 } else { 1.0 },
+        palette.outline,
+        if lead { 1.6 } else { 0.8 }
+    );
+    // A windscreen says which way it goes.
+    if actor.length_m > 1.4 {
+        let (l, w) = (shape.half_length_m, 0.78 * shape.half_width_m);
+        let ahead = |along: f64, aside: f64| centre + shape.axis * along + shape.axis.left() * aside;
+        let pane = [ahead(0.5 * l, w), ahead(0.5 * l, -w), ahead(0.2 * l, -w), ahead(0.2 * l, w)];
+        let _ = writeln!(out, "<path d=\"{}Z\" fill=\"{}\" fill-opacity=\"0.75\"/>", view.path(&pane), palette.outline);
+    }
+    if lead || options.labels {
+        let (px, py) = view.at(centre);
+        let size = if lead { 13.0 } else { 10.0 };
+        let _ = writeln!(
+            out,
+            "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"{size}\" font-weight=\"{}\" fill=\"{}\" stroke=\"{}\" \
+             stroke-width=\"3\" paint-order=\"stroke\">{} {speed:.1} m/s</text>",
+            px + 0.6 * view.stroke(actor.width_m, 6.0) + 4.0,
+            py - 0.6 * view.stroke(actor.width_m, 6.0) - 3.0,
+            if lead { 600 } else { 400 },
+            palette.text,
+            palette.ground,
+            escaped(&actor.label)
+        );
+    }
+}
+
+fn draw_contact(out: &mut String, drawing: &Drawing, view: &View, palette: &Palette) {
+    let Some(contact) = &drawing.contact else { return };
+    let (x, y) = view.at(contact.point);
+    let _ = writeln!(
+        out,
+        "<g stroke=\"#d7191c\" stroke-width=\"2.5\" fill=\"none\"><circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"13\"/>\
+         <path d=\"M{0:.1} {y:.1}h12M{1:.1} {y:.1}h12M{x:.1} {2:.1}v12M{x:.1} {3:.1}v12\"/></g>\n\
+         <text x=\"{4:.1}\" y=\"{5:.1}\" font-size=\"13\" font-weight=\"600\" fill=\"{6}\" stroke=\"{7}\" \
+         stroke-width=\"3\" paint-order=\"stroke\">{8}</text>",
+        x - 22.0,
+        x + 10.0,
+        y - 22.0,
+        y + 10.0,
+        x + 18.0,
+        y + 24.0,
+        palette.text,
+        palette.ground,
+        escaped(&contact.label)
+    );
+}
+
+fn draw_legend(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, palette: &Palette, step: usize) {
+    let text = |x: f64, y: f64, size: f64, weight: u32, content: &str| {
+        format!(
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" font-weight=\"{weight}\" fill=\"{}\">{}</text>\n",
+            palette.text,
+            escaped(content)
+        )
+    };
+    let roles = drawing.roles();
+    let height = 34.0 + 19.0 * roles.len() as f64;
+    let _ = writeln!(
+        out,
+        "<rect x=\"12\" y=\"12\" width=\"{}\" height=\"{height}\" rx=\"6\" fill=\"{}\" fill-opacity=\"0.92\"/>",
+        (24.0 + 7.4 * options.title.chars().count() as f64).max(150.0),
+        palette.panel
+    );
+    let seconds = (step as f64 - drawing.current_step as f64) * drawing.dt_s;
+    let heading = if options.title.is_empty() { "driving scene" } else { &options.title };
+    out.push_str(&text(22.0, 31.0, 13.0, 600, heading));
+    for (k, role) in roles.iter().enumerate() {
+        let y = 43.0 + 19.0 * k as f64;
+        let count = drawing.actors.iter().filter(|a| a.role == *role).count();
+        let _ = writeln!(
+            out,
+            "<rect x=\"22\" y=\"{y:.1}\" width=\"16\" height=\"10\" rx=\"2\" fill=\"{}\"/>",
+            colour(*role, options.theme)
+        );
+        let label = if count > 1 { format!("{} ({count})", role.label()) } else { role.label().to_string() };
+        out.push_str(&text(46.0, y + 9.5, 12.0, 400, &label));
+    }
+    // A round length of about a fifth of the width.
+    let reach = 0.2 * view.width_px / view.scale;
+    let length =
+        [500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0].into_iter().find(|l| *l <= reach).unwrap_or(1.0);
+    let (x, y, px) = (22.0, view.height_px - 22.0, length * view.scale);
+    let _ = writeln!(
+        out,
+        "<path d=\"M{x} {0}v6h{px:.1}v-6\" fill=\"none\" stroke=\"{1}\" stroke-width=\"2\"/>",
+        y - 6.0,
+        palette.text
+    );
+    out.push_str(&text(x + px + 8.0, y + 2.0, 12.0, 400, &format!("{length:.0} m, t = {seconds:+.1} s")));
+}

@@ -1,0 +1,271 @@
+//! From what logged formats have in common (tracks with validity, centre lines with widths, ids) to a scene in the
+//! local frame of the ego at the current step.
+
+use std::collections::BTreeMap;
+
+use super::centreline::{Across, lines, thinned, thinned_line};
+use super::resample::{State, resample};
+use super::topology::{link_by_ends, link_side_by_side};
+use crate::kernel::{Vec2, num};
+use crate::scene::validate::{LINKS_MAX, SIDE_MAX_M, SIDE_MIN_M};
+use crate::scene::{
+    AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, Light, LightState, Neighbour, Origin, Road, Sample, Scene, StopSign,
+    Track,
+};
+
+/// Sample times this near to the 0.1 s grid are taken as lying on it, seconds.
+const ON_GRID_WITHIN_S: f64 = 0.02;
+/// Points of a logged route lie at least this far apart, metres: a standing car's jitter is no path.
+const ROUTE_SPACING_M: f64 = 0.5;
+
+/// A scene as a log tells it, in the log's coordinates.
+#[derive(Default)]
+pub struct Log {
+    pub id: String,
+    pub origin: Origin,
+    /// Time of each sample, seconds, increasing.
+    pub times_s: Vec<f64>,
+    pub current: usize,
+    pub tracks: Vec<LogTrack>,
+    /// Index of the ego in `tracks`.
+    pub ego: usize,
+    /// Ids of tracks.
+    pub objects_of_interest: Vec<String>,
+    pub lanes: Vec<LogLane>,
+    pub edges: Vec<Vec<Vec2>>,
+    pub crosswalks: Vec<Vec<Vec2>>,
+    pub stop_signs: Vec<(Vec2, Vec<String>)>,
+    pub lights: Vec<LogLight>,
+}
+
+/// Samples at the log's times.
+pub struct LogTrack {
+    pub id: String,
+    pub kind: AgentKind,
+    /// 0 where the log gives none.
+    pub length_m: f64,
+    pub width_m: f64,
+    pub samples: Vec<Option<Sample>>,
+}
+
+/// A lane with links by id; ids of lanes that the log does not hold lead out of the map.
+pub struct LogLane {
+    pub id: String,
+    pub kind: LaneKind,
+    pub points: Vec<Across>,
+    pub entries: Vec<String>,
+    pub exits: Vec<String>,
+    pub left: Option<String>,
+    pub right: Option<String>,
+    pub speed_limit_mps: Option<f64>,
+}
+
+/// States at the log's times.
+pub struct LogLight {
+    pub lane: String,
+    pub stop_point: Option<Vec2>,
+    pub states: Vec<LightState>,
+}
+
+/// The scene, and a sentence for each part of the log that is not in it.
+pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
+    let mut left_out = Vec::new();
+    let start_s = *log.times_s.first().ok_or("it has no samples")?;
+    let times: Vec<f64> = log.times_s.iter().map(|t| t - start_s).collect();
+    if times.windows(2).any(|w| w[1] <= w[0]) {
+        return Err("its sample times do not increase".into());
+    }
+    let on_grid = times.iter().enumerate().all(|(k, t)| (t - k as f64 * DT_S).abs() <= ON_GRID_WITHIN_S);
+    let last_s = times[times.len() - 1];
+    let steps = if on_grid { times.len() } else { (last_s / DT_S + 1e-6) as usize + 1 };
+    if !(2..=crate::scene::validate::STEPS_MAX).contains(&steps) {
+        return Err(format!("it has {steps} steps of 0.1 s; 2 to 1200 are read"));
+    }
+    let now_s = times.get(log.current).copied().ok_or("its current step lies beyond its end")?;
+    let current_step = if on_grid { log.current } else { (now_s / DT_S).round() as usize };
+    let clock = Clock { times, on_grid, steps };
+    let ego = log.tracks.get(log.ego).ok_or("its ego is not among its tracks")?;
+    let origin = ego.samples.get(log.current).copied().flatten();
+    let origin = origin.ok_or("the ego is not observed at the current step")?.position;
+    let mut tracks: Vec<Track> = log.tracks.iter().map(|track| clock.track(track, origin)).collect();
+    let ego = ego_of(tracks.remove(log.ego), current_step)?;
+    tracks.retain(|track| {
+        let seen = track.span().is_some();
+        if !seen {
+            left_out.push((format!("track {}", track.id), "it is never observed".into()));
+        }
+        seen
+    });
+    let (road, index) = road(&log, origin, &mut left_out);
+    let wanted = |id: &String| tracks.iter().position(|track| track.id == *id);
+    let scene = Scene {
+        id: log.id,
+        origin: log.origin,
+        steps,
+        current_step,
+        objects_of_interest: log.objects_of_interest.iter().filter_map(wanted).collect(),
+        tracks,
+        ego,
+        lights: lights(&log.lights, &road, &index, &clock, origin, &mut left_out),
+        stop_signs: stop_signs(&log.stop_signs, &index, origin),
+        crosswalks: log.crosswalks.iter().filter(|c| c.len() >= 3).map(|c| shifted(c, origin)).collect(),
+        road,
+    };
+    Ok((scene, left_out))
+}
+
+struct Clock {
+    times: Vec<f64>,
+    on_grid: bool,
+    steps: usize,
+}
+
+impl Clock {
+    fn track(&self, log: &LogTrack, origin: Vec2) -> Track {
+        let here = |s: &Sample| Sample {
+            position: s.position - origin,
+            heading_rad: num::wrap_angle(s.heading_rad),
+            velocity: s.velocity,
+        };
+        let samples = if self.on_grid {
+            (0..self.steps).map(|k| log.samples.get(k).copied().flatten().as_ref().map(here)).collect()
+        } else {
+            let states: Vec<State> = log
+                .samples
+                .iter()
+                .zip(&self.times)
+                .filter_map(|(sample, &time_s)| {
+                    let Sample { position, heading_rad, .. } = here(sample.as_ref()?);
+                    Some(State { time_s, position, heading_rad, speed_mps: None })
+                })
+                .collect();
+            resample(&states, self.steps)
+        };
+        let (length_m, width_m) = sides(log);
+        Track { id: log.id.clone(), kind: log.kind, length_m, width_m, samples }
+    }
+
+    /// Index of the last log sample at or before a step.
+    fn sample_at(&self, step: usize) -> usize {
+        if self.on_grid {
+            return step;
+        }
+        self.times.partition_point(|t| *t <= step as f64 * DT_S + 1e-6).saturating_sub(1)
+    }
+}
+
+/// A believable box: what the log gives, or what its kind usually has.
+fn sides(log: &LogTrack) -> (f64, f64) {
+    let usual = match log.kind {
+        AgentKind::Vehicle => (4.5, 1.9),
+        AgentKind::Pedestrian => (0.6, 0.6),
+        AgentKind::Cyclist => (1.8, 0.7),
+        AgentKind::Static => (0.5, 0.5),
+    };
+    let side = |given: f64, usual: f64| {
+        if given.is_finite() && given > 0.0 { given.clamp(SIDE_MIN_M, SIDE_MAX_M) } else { usual }
+    };
+    (side(log.length_m, usual.0), side(log.width_m, usual.1))
+}
+
+/// The closed loop begins where the ego is first observed, as MetaDrive's replay does; the route is its logged path.
+fn ego_of(track: Track, current_step: usize) -> Result<Ego, String> {
+    let start_step = track.span().map_or(current_step, |(first, _)| first.min(current_step));
+    let mut route: Vec<Vec2> = Vec::new();
+    for sample in track.samples.iter().skip(start_step).flatten() {
+        if route.last().is_none_or(|last| last.distance(sample.position) >= ROUTE_SPACING_M) {
+            route.push(sample.position);
+        }
+    }
+    let start = track.at(start_step).ok_or("the ego is not observed at its start")?;
+    if route.len() < 2 {
+        // It never moved: a route of half a metre says where it looks.
+        route.push(start.position + Vec2::from_heading(start.heading_rad) * ROUTE_SPACING_M);
+    }
+    Ok(Ego { track, start_step, route, target_speed_mps: None })
+}
+
+fn shifted(line: &[Vec2], origin: Vec2) -> Vec<Vec2> {
+    line.iter().map(|p| *p - origin).collect()
+}
+
+type Index = BTreeMap<String, LaneIx>;
+
+fn road(log: &Log, origin: Vec2, left_out: &mut Vec<(String, String)>) -> (Road, Index) {
+    let mut road = Road::default();
+    let mut index = Index::new();
+    let mut links = Vec::new();
+    for lane in &log.lanes {
+        let thin = thinned(&lane.points);
+        if thin.len() < 2 {
+            let reason = format!("its {} points are no line", lane.points.len());
+            left_out.push((format!("lane {}", lane.id), reason));
+            continue;
+        }
+        let (centre, left, right) = lines(&thin);
+        index.insert(lane.id.clone(), road.lanes.len());
+        links.push(lane);
+        road.lanes.push(Lane {
+            id: lane.id.clone(),
+            kind: lane.kind,
+            centre: shifted(&centre, origin),
+            left: shifted(&left, origin),
+            right: shifted(&right, origin),
+            entries: vec![],
+            exits: vec![],
+            left_neighbour: None,
+            right_neighbour: None,
+            speed_limit_mps: lane.speed_limit_mps.filter(|v| *v > 0.0),
+        });
+    }
+    let known = |id: &String| index.get(id).copied();
+    for (ix, lane) in links.iter().enumerate() {
+        let out = lane.exits.iter().filter_map(known).map(|to| (ix, to));
+        let into = lane.entries.iter().filter_map(known).map(|from| (from, ix));
+        for (from, to) in out.chain(into) {
+            let room = road.lanes[from].exits.len() < LINKS_MAX && road.lanes[to].entries.len() < LINKS_MAX;
+            if room && !road.lanes[from].exits.contains(&to) {
+                road.lanes[from].exits.push(to);
+                road.lanes[to].entries.push(from);
+            }
+        }
+        let beside =
+            |id: &Option<String>| id.as_ref().and_then(known).map(|lane| Neighbour { lane, same_direction: true });
+        road.lanes[ix].left_neighbour = beside(&lane.left);
+        road.lanes[ix].right_neighbour = beside(&lane.right);
+    }
+    if road.lanes.iter().all(|lane| lane.exits.is_empty()) {
+        link_by_ends(&mut road);
+    }
+    if road.lanes.iter().all(|lane| lane.left_neighbour.is_none() && lane.right_neighbour.is_none()) {
+        link_side_by_side(&mut road);
+    }
+    road.edges = log.edges.iter().map(|edge| thinned_line(&shifted(edge, origin))).filter(|e| e.len() >= 2).collect();
+    (road, index)
+}
+
+fn lights(
+    given: &[LogLight],
+    road: &Road,
+    index: &Index,
+    clock: &Clock,
+    origin: Vec2,
+    left_out: &mut Vec<(String, String)>,
+) -> Vec<Light> {
+    let mut lights = Vec::new();
+    for light in given {
+        let Some(&lane) = index.get(&light.lane) else {
+            left_out.push((format!("light of lane {}", light.lane), "the map holds no such lane".into()));
+            continue;
+        };
+        let state = |step| light.states.get(clock.sample_at(step)).copied().unwrap_or(LightState::Unknown);
+        let stop_point = light.stop_point.map(|p| p - origin).unwrap_or(road.lanes[lane].centre[0]);
+        lights.push(Light { lane, stop_point, states: (0..clock.steps).map(state).collect() });
+    }
+    lights
+}
+
+fn stop_signs(given: &[(Vec2, Vec<String>)], index: &Index, origin: Vec2) -> Vec<StopSign> {
+    let lanes = |ids: &Vec<String>| ids.iter().filter_map(|id| index.get(id).copied()).collect();
+    given.iter().map(|(position, ids)| StopSign { position: *position - origin, lanes: lanes(ids) }).collect()
+}

@@ -1,0 +1,165 @@
+//! Plain files: whole ones are written at once or not at all, and read up to a limit. Knows nothing of what is in them.
+
+use std::{
+    fs::{self, File},
+    io::{Read, Write},
+    path::{Path, PathBuf},
+};
+
+use super::StoreError;
+
+/// Folders nested deeper than this are not searched.
+const MAX_DEPTH: usize = 32;
+
+/// Writes a whole file: into a hidden neighbour first, which is synced and then renamed, so that a kill at any moment
+/// leaves the old file or the new one. Missing parent folders are made.
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    let parent = parent_of(path);
+    create_dir(parent)?;
+    let name =
+        path.file_name().ok_or_else(|| StoreError::io("write", path, std::io::ErrorKind::IsADirectory.into()))?;
+    let temporary = parent.join(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
+    let written = write_synced(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
+    if let Err(source) = written {
+        let _ = fs::remove_file(&temporary);
+        return Err(StoreError::io("write", path, source));
+    }
+    sync_dir(parent);
+    Ok(())
+}
+
+fn write_synced(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
+}
+
+/// Makes a rename or a new file survive a power cut where the system can (a folder cannot be opened everywhere).
+pub(super) fn sync_dir(dir: &Path) {
+    if let Ok(dir) = File::open(dir) {
+        let _ = dir.sync_all();
+    }
+}
+
+fn parent_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// All bytes of a file that has at most `max_bytes`; a longer one is an error before it is in memory.
+pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, StoreError> {
+    let io = |source| StoreError::io("read", path, source);
+    let file = File::open(path).map_err(io)?;
+    if file.metadata().map_err(io)?.is_dir() {
+        return Err(io(std::io::ErrorKind::IsADirectory.into()));
+    }
+    let mut bytes = Vec::new();
+    file.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(io)?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(StoreError::TooLarge { path: path.to_path_buf(), max_bytes });
+    }
+    Ok(bytes)
+}
+
+/// Makes a folder and its parents; one that is there already is fine.
+/// Removes a file; one that is not there is as good as removed.
+pub fn remove_file(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path, source)),
+        _ => Ok(()),
+    }
+}
+
+pub fn create_dir(path: &Path) -> Result<(), StoreError> {
+    fs::create_dir_all(path).map_err(|source| StoreError::io("make the folder", path, source))
+}
+
+/// The files under `root` whose names end in one of `endings` (`[".xml"]`; an empty list takes all), sorted by path so that
+/// no file system's order is seen. Hidden entries and linked folders are left out. A `root` that is a file is the answer itself.
+pub fn list_files(root: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, StoreError> {
+    let mut found = Vec::new();
+    if fs::metadata(root).map_err(|source| StoreError::io("read", root, source))?.is_file() {
+        found.push(root.to_path_buf());
+    } else {
+        collect(root, endings, MAX_DEPTH, &mut found)?;
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn collect(dir: &Path, endings: &[&str], depth: usize, found: &mut Vec<PathBuf>) -> Result<(), StoreError> {
+    let io = |source| StoreError::io("list", dir, source);
+    for entry in fs::read_dir(dir).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let kind = entry.file_type().map_err(io)?;
+        if name.starts_with('.') {
+            continue;
+        }
+        if kind.is_dir() {
+            if depth > 0 {
+                collect(&entry.path(), endings, depth - 1, found)?;
+            }
+        } else if entry.path().is_file() && (endings.is_empty() || endings.iter().any(|end| name.ends_with(end))) {
+            found.push(entry.path());
+        }
+    }
+    Ok(())
+}
+
+/// Copies one file, whole or not at all.
+pub fn copy(from: &Path, to: &Path) -> Result<(), StoreError> {
+    write_atomic(to, &read_bounded(from, u64::MAX - 1)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_written_file_replaces_the_old_one_and_leaves_no_neighbour() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a/b.txt");
+        write_atomic(&path, b"old").unwrap();
+        write_atomic(&path, b"new").unwrap();
+        assert_eq!(read_bounded(&path, 3).unwrap(), b"new");
+        assert_eq!(fs::read_dir(dir.path().join("a")).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_write_that_fails_leaves_no_neighbour() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("taken");
+        fs::create_dir_all(path.join("inside")).unwrap();
+        let error = write_atomic(&path, b"x").unwrap_err();
+        assert!(error.to_string().contains("taken"), "{error}");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_file_above_the_limit_is_an_error() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("big");
+        write_atomic(&path, &[0; 10]).unwrap();
+        assert!(matches!(read_bounded(&path, 9), Err(StoreError::TooLarge { max_bytes: 9, .. })));
+        assert!(matches!(read_bounded(&dir.path().join("none"), 9), Err(StoreError::Io { .. })));
+        assert!(matches!(read_bounded(dir.path(), 9), Err(StoreError::Io { .. })));
+    }
+
+    #[test]
+    fn files_are_listed_in_the_order_of_their_paths() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["b.xml", "a/z.xml", "a/y.txt", ".hidden.xml", "c.xml"] {
+            write_atomic(&dir.path().join(name), b"").unwrap();
+        }
+        let names: Vec<_> = list_files(dir.path(), &[".xml"])
+            .unwrap()
+            .iter()
+            .map(|path| path.strip_prefix(dir.path()).unwrap().to_string_lossy().into_owned())
+            .collect();
+        assert_eq!(names, ["a/z.xml", "b.xml", "c.xml"]);
+        assert_eq!(list_files(&dir.path().join("b.xml"), &[]).unwrap().len(), 1);
+    }
+}

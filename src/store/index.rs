@@ -1,0 +1,180 @@
+//! The index of a store: an SQLite file that says what stands where in the pack up to the last flush. It holds nothing that
+//! the pack does not hold, so a lost, old or damaged index is rebuilt and never believed against the pack.
+
+use std::{collections::BTreeMap, path::Path};
+
+use rusqlite::{Connection, OpenFlags, params};
+
+use super::{
+    MemoKind,
+    pack::{HEADER, MEMO_BODY, MemoEntry, Piece},
+};
+use crate::kernel::Digest;
+
+/// File name of the index inside a store's folder.
+pub(super) const INDEX: &str = "index.sqlite";
+/// Another number makes the index be rebuilt.
+const VERSION: i64 = 1;
+const TABLES: &str = "
+    CREATE TABLE object (digest BLOB PRIMARY KEY, place INTEGER NOT NULL, length INTEGER NOT NULL) WITHOUT ROWID;
+    CREATE TABLE memo (kind TEXT NOT NULL, request BLOB NOT NULL, object BLOB NOT NULL, place INTEGER NOT NULL,
+        PRIMARY KEY (kind, request)) WITHOUT ROWID;
+    CREATE TABLE pack (id INTEGER PRIMARY KEY CHECK (id = 0), indexed_to INTEGER NOT NULL, fingerprint INTEGER NOT NULL);
+    INSERT INTO pack VALUES (0, 0, 0);";
+
+/// What the index says, in memory.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub(super) struct Places {
+    /// Object -> (offset of its record, length of its body).
+    pub objects: BTreeMap<Digest, (u64, u64)>,
+    /// Request -> (object, offset of its record).
+    pub memo: BTreeMap<(MemoKind, Digest), (Digest, u64)>,
+    /// The pack is described up to here.
+    pub indexed_to: u64,
+    /// Exclusive or of a hash of each entry: tells a changed row from a whole one, and costs one hash an entry.
+    pub fingerprint: u64,
+}
+
+impl Places {
+    /// Takes a piece in. The first record of an object and the last entry of a request hold.
+    pub fn add(&mut self, piece: &Piece) {
+        match piece {
+            Piece::Object { at, length, digest } => {
+                if !self.objects.contains_key(digest) {
+                    self.objects.insert(*digest, (*at, *length));
+                    self.fingerprint ^= object_hash(digest, *at, *length);
+                }
+            }
+            Piece::Memo { at, entry } => {
+                if let Some((object, at)) = self.memo.insert((entry.kind, entry.key), (entry.object, *at)) {
+                    self.fingerprint ^= memo_hash(&MemoEntry { object, ..*entry }, at);
+                }
+                self.fingerprint ^= memo_hash(entry, *at);
+            }
+            Piece::Damaged { .. } | Piece::Torn { .. } => {}
+        }
+    }
+
+    /// Whether the records tile the pack from 0 to `indexed_to` and every memo entry names an object.
+    pub fn is_whole(&self) -> bool {
+        let mut spans: Vec<(u64, u64)> = self.objects.values().map(|(at, length)| (*at, *length)).collect();
+        spans.extend(self.memo.values().map(|(_, at)| (*at, MEMO_BODY)));
+        spans.sort_unstable();
+        let end =
+            spans.iter().try_fold(
+                0u64,
+                |end, (at, length)| {
+                    if *at == end { at.checked_add(HEADER)?.checked_add(*length) } else { None }
+                },
+            );
+        end == Some(self.indexed_to) && self.memo.values().all(|(object, _)| self.objects.contains_key(object))
+    }
+}
+
+fn object_hash(digest: &Digest, at: u64, length: u64) -> u64 {
+    entry_hash(digest.as_bytes(), at, length)
+}
+
+fn memo_hash(entry: &MemoEntry, at: u64) -> u64 {
+    entry_hash(&entry.body(), at, MEMO_BODY)
+}
+
+fn entry_hash(body: &[u8], at: u64, length: u64) -> u64 {
+    let bytes = [body, &at.to_le_bytes(), &length.to_le_bytes()].concat();
+    Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |first| u64::from_le_bytes(*first))
+}
+
+/// The open index file.
+#[derive(Debug)]
+pub(super) struct Index(Connection);
+
+impl Index {
+    /// Opens or makes the index.
+    pub fn open(path: &Path) -> rusqlite::Result<Index> {
+        let connection = Connection::open(path)?;
+        connection.execute_batch("PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL;")?;
+        let version: i64 = connection.query_row("PRAGMA user_version", [], |row| row.get(0))?;
+        if version != 0 && version != VERSION {
+            return Err(rusqlite::Error::InvalidQuery);
+        }
+        if version == 0 {
+            connection.execute_batch(&format!("BEGIN; {TABLES} PRAGMA user_version = {VERSION}; COMMIT;"))?;
+        }
+        Ok(Index(connection))
+    }
+
+    /// Opens an index that is there, to look at it.
+    pub fn open_existing(path: &Path) -> rusqlite::Result<Index> {
+        // Not read-only: SQLite must be able to roll back what a killed process had begun.
+        Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map(Index)
+    }
+
+    /// Everything it says. A row that cannot be one, or that is not as it was written, is an error.
+    pub fn load(&self) -> Result<Places, String> {
+        let (places, fingerprint) = self.read().map_err(|error| error.to_string())?;
+        let same = places.fingerprint == fingerprint;
+        if same { Ok(places) } else { Err("a row is not as it was written".to_string()) }
+    }
+
+    fn read(&self) -> rusqlite::Result<(Places, u64)> {
+        let mut places = Places::default();
+        let (indexed_to, fingerprint) =
+            self.0.query_row("SELECT indexed_to, fingerprint FROM pack WHERE id = 0", [], |row| {
+                Ok((whole(row, 0)?, row.get::<_, i64>(1)?.cast_unsigned()))
+            })?;
+        let mut statement = self.0.prepare("SELECT digest, place, length FROM object")?;
+        let mut rows = statement.query([])?;
+        while let Some(row) = rows.next()? {
+            places.add(&Piece::Object { digest: digest(row, 0)?, at: whole(row, 1)?, length: whole(row, 2)? });
+        }
+        let mut statement = self.0.prepare("SELECT kind, request, object, place FROM memo")?;
+        let mut rows = statement.query([])?;
+        while let Some(row) = rows.next()? {
+            let name: String = row.get(0)?;
+            let kind = MemoKind::of_name(&name).ok_or(rusqlite::Error::InvalidColumnIndex(0))?;
+            let entry = MemoEntry { kind, key: digest(row, 1)?, object: digest(row, 2)? };
+            places.add(&Piece::Memo { at: whole(row, 3)?, entry });
+        }
+        places.indexed_to = indexed_to;
+        Ok((places, fingerprint))
+    }
+
+    /// Adds pieces and says how far the pack is now described: all in one transaction.
+    pub fn add(&mut self, pieces: &[Piece], indexed_to: u64, fingerprint: u64) -> rusqlite::Result<()> {
+        let transaction = self.0.transaction()?;
+        {
+            let mut object = transaction.prepare("INSERT OR IGNORE INTO object VALUES (?1, ?2, ?3)")?;
+            let mut memo = transaction.prepare("INSERT OR REPLACE INTO memo VALUES (?1, ?2, ?3, ?4)")?;
+            for piece in pieces {
+                match piece {
+                    Piece::Object { at, length, digest } => {
+                        object.execute(params![digest.as_bytes(), *at as i64, *length as i64])?;
+                    }
+                    Piece::Memo { at, entry: MemoEntry { kind, key, object } } => {
+                        memo.execute(params![kind.name(), key.as_bytes(), object.as_bytes(), *at as i64])?;
+                    }
+                    Piece::Damaged { .. } | Piece::Torn { .. } => {}
+                }
+            }
+            let end = params![indexed_to as i64, fingerprint.cast_signed()];
+            transaction.execute("UPDATE pack SET indexed_to = ?1, fingerprint = ?2 WHERE id = 0", end)?;
+        }
+        transaction.commit()
+    }
+
+    /// What SQLite itself finds wrong with its file; empty = nothing.
+    pub fn integrity(&self) -> rusqlite::Result<Vec<String>> {
+        let mut statement = self.0.prepare("PRAGMA integrity_check")?;
+        let lines = statement.query_map([], |row| row.get::<_, String>(0))?.collect::<rusqlite::Result<Vec<_>>>()?;
+        Ok(lines.into_iter().filter(|line| line != "ok").collect())
+    }
+}
+
+fn digest(row: &rusqlite::Row<'_>, column: usize) -> rusqlite::Result<Digest> {
+    row.get::<_, [u8; 32]>(column).map(Digest::from_array)
+}
+
+fn whole(row: &rusqlite::Row<'_>, column: usize) -> rusqlite::Result<u64> {
+    let value: i64 = row.get(column)?;
+    u64::try_from(value).map_err(|_| rusqlite::Error::IntegralValueOutOfRange(column, value))
+}

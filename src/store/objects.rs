@@ -1,0 +1,393 @@
+//! Objects by digest and the memo of requests, in one folder: the pack (the truth), the index (rebuilt when lost) and a lock.
+//!
+//! What `put` and `memo_put` returned survives a kill of the process; what was there at the last `flush` survives a power cut.
+
+use std::{
+    fs::{self, File, OpenOptions, TryLockError},
+    io::{Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+    sync::{Mutex, MutexGuard},
+};
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Damage, StoreError,
+    file::create_dir,
+    index::{INDEX, Index, Places},
+    pack::{self, HEADER, MemoEntry, PACK, Piece},
+};
+use crate::kernel::Digest;
+
+/// File name of the lock inside a store's folder.
+const LOCK: &str = "lock";
+
+/// What a memo entry's request asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MemoKind {
+    /// A question to a model -> its raw answer.
+    Llm,
+    /// A simulation -> its outcome.
+    Rollout,
+}
+
+impl MemoKind {
+    /// As printed and as stored in the index.
+    pub fn name(self) -> &'static str {
+        match self {
+            MemoKind::Llm => "llm",
+            MemoKind::Rollout => "rollout",
+        }
+    }
+
+    pub(super) fn code(self) -> u8 {
+        match self {
+            MemoKind::Llm => 1,
+            MemoKind::Rollout => 2,
+        }
+    }
+
+    pub(super) fn of_code(code: u8) -> Option<MemoKind> {
+        [MemoKind::Llm, MemoKind::Rollout].into_iter().find(|kind| kind.code() == code)
+    }
+
+    pub(super) fn of_name(name: &str) -> Option<MemoKind> {
+        [MemoKind::Llm, MemoKind::Rollout].into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+impl std::fmt::Display for MemoKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// What opening a store had to mend.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Opening {
+    /// Bytes of a write that was cut off, removed from the end of the pack.
+    pub cut_bytes: u64,
+    /// Records found behind the last flush and indexed now.
+    pub indexed_records: usize,
+    /// Why the whole index was rebuilt, if it was.
+    pub rebuilt_because: Option<String>,
+}
+
+/// An open store. One process at a time; inside it, any number of threads.
+#[derive(Debug)]
+pub struct Store {
+    dir: PathBuf,
+    state: Mutex<State>,
+    opening: Opening,
+    /// Held until the store is dropped.
+    _lock: File,
+}
+
+#[derive(Debug)]
+struct State {
+    pack: File,
+    index: Index,
+    places: Places,
+    /// End of the pack: where the next record goes.
+    end: u64,
+    /// Written to the pack but not yet to the index.
+    pending: Vec<Piece>,
+}
+
+impl Store {
+    /// Opens the store in a folder, or makes one there. A write that a kill cut off is removed, an index that does not agree
+    /// with the pack is rebuilt. A pack that is shorter than at its last flush is corruption, and is left as it is.
+    pub fn open(dir: &Path) -> Result<Store, StoreError> {
+        create_dir(dir)?;
+        let lock = take_lock(dir)?;
+        let pack_path = dir.join(PACK);
+        let io = |source| StoreError::io("open", &pack_path, source);
+        let pack =
+            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&pack_path).map_err(io)?;
+        let mut opening = Opening::default();
+        let (index, mut places) = match load_index(&dir.join(INDEX)) {
+            Ok(loaded) => loaded,
+            Err(reason) => {
+                opening.rebuilt_because = Some(reason);
+                (new_index(&dir.join(INDEX))?, Places::default())
+            }
+        };
+        let mut end = pack.metadata().map_err(io)?.len();
+        if places.indexed_to > end {
+            return Err(StoreError::corrupt(truncated(&pack_path, &places, end)));
+        }
+        let pieces = pack::scan(&pack, places.indexed_to, true).map_err(io)?;
+        if let Some(Piece::Torn { at }) = pieces.last() {
+            opening.cut_bytes = end - at;
+            end = *at;
+            pack.set_len(end).map_err(io)?;
+        }
+        opening.indexed_records =
+            pieces.iter().filter(|piece| matches!(piece, Piece::Object { .. } | Piece::Memo { .. })).count();
+        pieces.iter().for_each(|piece| places.add(piece));
+        let state = State { pack, index, places, end, pending: pieces };
+        let store = Store { dir: dir.to_path_buf(), state: Mutex::new(state), opening, _lock: lock };
+        if store.opening != Opening::default() {
+            store.flush()?;
+        }
+        Ok(store)
+    }
+
+    /// What had to be mended when it was opened.
+    pub fn opening(&self) -> &Opening {
+        &self.opening
+    }
+
+    /// Stores bytes and gives their name. Bytes that are there already are not stored again.
+    pub fn put(&self, bytes: &[u8]) -> Result<Digest, StoreError> {
+        let digest = Digest::of_bytes(bytes);
+        let mut state = self.state();
+        if !state.places.objects.contains_key(&digest) {
+            let at = self.append(&mut state, &pack::record(false, &digest, bytes))?;
+            state.take(Piece::Object { at, length: bytes.len() as u64, digest });
+        }
+        Ok(digest)
+    }
+
+    /// The bytes of that name, hashed again: what comes back is what was stored, or it is an error naming digest, file, offset.
+    pub fn get(&self, digest: &Digest) -> Result<Vec<u8>, StoreError> {
+        let path = self.dir.join(PACK);
+        let state = self.state();
+        let Some((at, length)) = state.places.objects.get(digest).copied() else {
+            return Err(StoreError::Absent { path: self.dir.clone(), digest: *digest });
+        };
+        let bytes = pack::read_at(&state.pack, at + HEADER, length);
+        drop(state);
+        let what = match bytes {
+            Ok(bytes) if Digest::of_bytes(&bytes) == *digest => return Ok(bytes),
+            Ok(bytes) => {
+                format!("expected {length} bytes with this digest, found bytes with {}", Digest::of_bytes(&bytes))
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
+                format!("expected {length} bytes, found the end of the file")
+            }
+            Err(source) => return Err(StoreError::io("read", &path, source)),
+        };
+        Err(StoreError::corrupt(Damage::at(&path, format!("offset {at}"), what).of(*digest)))
+    }
+
+    /// Whether an object of that name was stored.
+    pub fn contains(&self, digest: &Digest) -> bool {
+        self.state().places.objects.contains_key(digest)
+    }
+
+    /// The object recorded for a request.
+    pub fn memo_get(&self, kind: MemoKind, key: &Digest) -> Option<Digest> {
+        self.state().places.memo.get(&(kind, *key)).map(|(object, _)| *object)
+    }
+
+    /// Records which object a request gave. The object must have been put; another object for the same request is a conflict.
+    pub fn memo_put(&self, kind: MemoKind, key: &Digest, object: &Digest) -> Result<(), StoreError> {
+        let mut state = self.state();
+        if !state.places.objects.contains_key(object) {
+            return Err(StoreError::Absent { path: self.dir.clone(), digest: *object });
+        }
+        match state.places.memo.get(&(kind, *key)) {
+            Some((recorded, _)) if recorded == object => return Ok(()),
+            Some((recorded, _)) => {
+                return Err(StoreError::Conflict { kind, key: *key, recorded: *recorded, offered: *object });
+            }
+            None => {}
+        }
+        let entry = MemoEntry { kind, key: *key, object: *object };
+        let body = entry.body();
+        let at = self.append(&mut state, &pack::record(true, &Digest::of_bytes(&body), &body))?;
+        state.take(Piece::Memo { at, entry });
+        Ok(())
+    }
+
+    /// Number of recorded requests of a kind.
+    pub fn memo_len(&self, kind: MemoKind) -> usize {
+        self.state().places.memo.keys().filter(|(of, _)| *of == kind).count()
+    }
+
+    /// Makes everything put so far survive a power cut: syncs the pack, then brings the index up to it.
+    pub fn flush(&self) -> Result<(), StoreError> {
+        let mut state = self.state();
+        let state = &mut *state;
+        state.pack.sync_data().map_err(|source| StoreError::io("sync", &self.dir.join(PACK), source))?;
+        let fingerprint = state.places.fingerprint;
+        state
+            .index
+            .add(&state.pending, state.end, fingerprint)
+            .map_err(|error| index_error(&self.dir.join(INDEX), &error))?;
+        state.places.indexed_to = state.end;
+        state.pending.clear();
+        Ok(())
+    }
+
+    /// One write a record. One that fails half-way is taken back.
+    fn append(&self, state: &mut State, record: &[u8]) -> Result<u64, StoreError> {
+        let at = state.end;
+        let written = state.pack.seek(SeekFrom::Start(at)).and_then(|_| state.pack.write_all(record));
+        if let Err(source) = written {
+            let _ = state.pack.set_len(at);
+            return Err(StoreError::io("append to", &self.dir.join(PACK), source));
+        }
+        state.end += record.len() as u64;
+        Ok(at)
+    }
+
+    /// A thread that panicked while it held the lock left no half-done record: `append` and `take` are its only changes.
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn take(&mut self, piece: Piece) {
+        self.places.add(&piece);
+        self.pending.push(piece);
+    }
+}
+
+impl Drop for Store {
+    /// A courtesy that spares the next opening a scan; nothing rests on it.
+    fn drop(&mut self) {
+        if !self.state().pending.is_empty() {
+            let _ = self.flush();
+        }
+    }
+}
+
+/// The exclusive lock of a store's folder. The system releases it when the process ends, however it ends.
+pub(super) fn take_lock(dir: &Path) -> Result<File, StoreError> {
+    let path = dir.join(LOCK);
+    let io = |source| StoreError::io("lock", &path, source);
+    let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
+    match file.try_lock() {
+        Ok(()) => {
+            file.set_len(0).map_err(io)?;
+            file.write_all(std::process::id().to_string().as_bytes()).map_err(io)?;
+            Ok(file)
+        }
+        Err(TryLockError::WouldBlock) => {
+            let mut holder = String::new();
+            let _ = file.take(20).read_to_string(&mut holder);
+            Err(StoreError::Locked { path: dir.to_path_buf(), holder: format!("process {holder}") })
+        }
+        Err(TryLockError::Error(source)) => Err(io(source)),
+    }
+}
+
+fn load_index(path: &Path) -> Result<(Index, Places), String> {
+    let index = Index::open(path).map_err(|error| error.to_string())?;
+    let problems = index.integrity().map_err(|error| error.to_string())?;
+    if !problems.is_empty() {
+        return Err(problems.join("; "));
+    }
+    let places = index.load()?;
+    if places.is_whole() {
+        Ok((index, places))
+    } else {
+        Err("its rows do not describe the pack without gaps".to_string())
+    }
+}
+
+/// A fresh index in place of one that cannot be used.
+fn new_index(path: &Path) -> Result<Index, StoreError> {
+    for name in [INDEX.to_string(), format!("{INDEX}-journal"), format!("{INDEX}-wal"), format!("{INDEX}-shm")] {
+        let old = path.with_file_name(name);
+        match fs::remove_file(&old) {
+            Ok(()) => {}
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(source) => return Err(StoreError::io("replace", &old, source)),
+        }
+    }
+    Index::open(path).map_err(|error| index_error(path, &error))
+}
+
+fn index_error(path: &Path, error: &rusqlite::Error) -> StoreError {
+    StoreError::io("write", path, std::io::Error::other(error.to_string()))
+}
+
+fn truncated(path: &Path, places: &Places, end: u64) -> Damage {
+    let lost: Vec<String> = places
+        .objects
+        .iter()
+        .filter(|(_, (at, length))| at + HEADER + length > end)
+        .map(|(digest, _)| digest.to_string())
+        .collect();
+    let shown = lost.iter().take(10).cloned().collect::<Vec<_>>().join(", ");
+    let what = format!(
+        "expected {} bytes, as at the last flush, found {end}; {} objects are lost: {shown}",
+        places.indexed_to,
+        lost.len()
+    );
+    Damage::at(path, format!("offset {end}"), what)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(n: u8) -> Digest {
+        Digest::of_bytes(&[n])
+    }
+
+    #[test]
+    fn what_was_put_is_there_after_reopening() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let one = store.put(b"one").unwrap();
+        let empty = store.put(b"").unwrap();
+        store.memo_put(MemoKind::Llm, &key(1), &one).unwrap();
+        store.memo_put(MemoKind::Rollout, &key(1), &empty).unwrap();
+        drop(store);
+        let store = Store::open(dir.path()).unwrap();
+        assert_eq!(store.opening(), &Opening::default());
+        assert_eq!(store.get(&one).unwrap(), b"one");
+        assert_eq!(store.get(&empty).unwrap(), b"");
+        assert_eq!(store.memo_get(MemoKind::Llm, &key(1)), Some(one));
+        assert_eq!(store.memo_get(MemoKind::Rollout, &key(1)), Some(empty));
+        assert_eq!(store.memo_get(MemoKind::Llm, &key(2)), None);
+        assert_eq!((store.memo_len(MemoKind::Llm), store.memo_len(MemoKind::Rollout)), (1, 1));
+    }
+
+    #[test]
+    fn equal_bytes_are_stored_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        assert_eq!(store.put(b"same").unwrap(), store.put(b"same").unwrap());
+        assert_eq!(fs::metadata(dir.path().join(PACK)).unwrap().len(), HEADER + 4);
+    }
+
+    #[test]
+    fn one_request_cannot_give_two_results() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let (one, two) = (store.put(b"one").unwrap(), store.put(b"two").unwrap());
+        store.memo_put(MemoKind::Rollout, &key(1), &one).unwrap();
+        assert!(matches!(store.memo_put(MemoKind::Rollout, &key(1), &two), Err(StoreError::Conflict { .. })));
+        assert_eq!(store.memo_get(MemoKind::Rollout, &key(1)), Some(one));
+        assert!(matches!(store.memo_put(MemoKind::Llm, &key(2), &key(9)), Err(StoreError::Absent { .. })));
+    }
+
+    #[test]
+    fn a_second_opening_is_refused_and_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = Store::open(dir.path()).unwrap();
+        let error = Store::open(dir.path()).unwrap_err();
+        assert!(error.to_string().contains(&format!("in use by process {}", std::process::id())), "{error}");
+        drop(first);
+        Store::open(dir.path()).unwrap();
+    }
+
+    #[test]
+    fn threads_share_a_store_without_losing_an_object() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let items: Vec<u32> = (0..200).collect();
+        let pool = crate::kernel::par::Pool::new(4).unwrap();
+        let names = pool.map(&items, |_, n| store.put(&(n % 50).to_le_bytes()).unwrap());
+        for (n, name) in items.iter().zip(&names) {
+            assert_eq!(store.get(name).unwrap(), (n % 50).to_le_bytes());
+        }
+    }
+}

@@ -1,0 +1,463 @@
+//! The transcript of a run: ordered events in a JSON-lines file, each holding the hash of the one before it. Its last hash
+//! is the root of the run. Knows nothing of what the events mean.
+//!
+//! One line an event, `{"body":...,"hash":"<64 hex>","kind":"...","prev":"<64 hex>","seq":N}`, keys of every object sorted,
+//! no spaces, ended by one line feed. `hash` = BLAKE3 of the canonical bytes of `(seq, prev, kind, body)` under the domain
+//! `evodrive/transcript-event/1`; `prev` of event 0 is BLAKE3 of the text `evodrive/transcript/1`, so that the format's
+//! version is part of every hash. A line that is not byte for byte what its event prints as is damage.
+
+use std::{
+    fs::{File, OpenOptions, TryLockError},
+    io::{Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Damage, Divergence, StoreError, difference::first_difference, file};
+use crate::kernel::{Digest, canonical_bytes};
+
+/// Kind of the event that ends a transcript.
+pub const SEALED: &str = "sealed";
+/// A transcript file larger than this is refused before it is read.
+const MAX_BYTES: u64 = 8 << 30;
+/// Bodies nested deeper than this could not be read back.
+const MAX_BODY_DEPTH: usize = 100;
+
+/// One thing that happened in a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Event {
+    // In the order of their names: this is the order in which they are printed.
+    pub body: Value,
+    /// Hash of the other four fields.
+    pub hash: Digest,
+    /// What the body is, e.g. `attempt`.
+    pub kind: String,
+    /// Hash of the event before.
+    pub prev: Digest,
+    /// Place in the transcript, from 0.
+    pub seq: u64,
+}
+
+/// A transcript that can be appended to. It holds an exclusive lock on its file.
+#[derive(Debug)]
+pub struct Transcript {
+    path: PathBuf,
+    file: File,
+    events: Vec<Event>,
+    /// How many of `events` this run has itself produced or accepted as given.
+    confirmed: usize,
+}
+
+/// `prev` of the first event.
+fn genesis() -> Digest {
+    Digest::of_bytes(b"evodrive/transcript/1")
+}
+
+impl Event {
+    fn new(seq: u64, prev: Digest, kind: &str, body: Value) -> Result<Event, StoreError> {
+        let hash = Digest::of("evodrive/transcript-event/1", &(seq, prev, kind, &body))
+            .map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
+        Ok(Event { body, hash, kind: kind.to_string(), prev, seq })
+    }
+
+    fn line(&self) -> Result<Vec<u8>, StoreError> {
+        let mut line = serde_json::to_vec(self).map_err(|e| unstorable(&self.kind, e))?;
+        line.push(b'\n');
+        Ok(line)
+    }
+}
+
+fn unstorable(kind: &str, error: impl std::fmt::Display) -> StoreError {
+    let source = crate::kernel::canon::CanonError::Other(error.to_string());
+    StoreError::Unstorable { kind: kind.to_string(), source }
+}
+
+impl Transcript {
+    /// A new, empty transcript; a file that is there already is an error.
+    pub fn create(path: &Path) -> Result<Transcript, StoreError> {
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create_new(true)
+            .open(path)
+            .map_err(|source| StoreError::io("create", path, source))?;
+        lock(&file, path)?;
+        Ok(Transcript { path: path.to_path_buf(), file, events: Vec::new(), confirmed: 0 })
+    }
+
+    /// Opens for appending behind the recorded events. A line that was cut off while it was written is removed; any other
+    /// damage is an error that names the line.
+    pub fn open(path: &Path) -> Result<Transcript, StoreError> {
+        let mut transcript = Transcript::continue_from_start(path)?;
+        transcript.confirmed = transcript.events.len();
+        Ok(transcript)
+    }
+
+    /// Opens for a run that starts over: each appended event is first compared with the recorded one at its place, and
+    /// writing begins where the recorded ones end.
+    pub fn continue_from_start(path: &Path) -> Result<Transcript, StoreError> {
+        let io = |source| StoreError::io("open", path, source);
+        let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
+        lock(&file, path)?;
+        let bytes = file::read_bounded(path, MAX_BYTES)?;
+        let Parsed { events, whole_bytes, mut damage, unfinished } = parse(path, &bytes);
+        if !damage.is_empty() {
+            return Err(StoreError::corrupt(damage.swap_remove(0)));
+        }
+        file.set_len(whole_bytes as u64).map_err(io)?;
+        file.seek(SeekFrom::End(0)).map_err(io)?;
+        if unfinished {
+            file.write_all(b"\n").map_err(io)?;
+        }
+        Ok(Transcript { path: path.to_path_buf(), file, events, confirmed: 0 })
+    }
+
+    /// Adds an event and gives its hash. The body is stored as the JSON it serialises to; NaN and infinities are refused.
+    /// While recorded events remain, a difference is a `StoreError::Divergence` and nothing is written.
+    pub fn append<T: Serialize + ?Sized>(&mut self, kind: &str, body: &T) -> Result<Digest, StoreError> {
+        canonical_bytes(body).map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
+        let body = sorted(serde_json::to_value(body).map_err(|e| unstorable(kind, e))?, MAX_BODY_DEPTH)
+            .ok_or_else(|| unstorable(kind, format!("its body is nested deeper than {MAX_BODY_DEPTH}")))?;
+        if let Some(seal) = self.events[..self.confirmed].last().filter(|event| event.kind == SEALED) {
+            return Err(StoreError::Sealed { path: self.path.clone(), seq: seal.seq });
+        }
+        let event = Event::new(self.confirmed as u64, self.head(), kind, body)?;
+        match self.events.get(self.confirmed) {
+            Some(recorded) if recorded.hash == event.hash => {}
+            Some(recorded) => return Err(divergence(&self.path, recorded, &event)),
+            None => self.write(&event)?,
+        }
+        let hash = event.hash;
+        if self.confirmed == self.events.len() {
+            self.events.push(event);
+        }
+        self.confirmed += 1;
+        Ok(hash)
+    }
+
+    /// A line goes to the system in one write. One that fails half-way is taken back, so that the next one is not glued to it.
+    fn write(&mut self, event: &Event) -> Result<(), StoreError> {
+        let io = |source| StoreError::io("append to", &self.path, source);
+        let end = self.file.seek(SeekFrom::End(0)).map_err(io)?;
+        if let Err(source) = self.file.write_all(&event.line()?) {
+            let _ = self.file.set_len(end);
+            return Err(io(source));
+        }
+        Ok(())
+    }
+
+    /// Appends the event that ends the transcript, makes it durable, and gives the root. No more events are taken.
+    pub fn seal<T: Serialize + ?Sized>(&mut self, body: &T) -> Result<Digest, StoreError> {
+        let root = self.append(SEALED, body)?;
+        self.flush()?;
+        Ok(root)
+    }
+
+    /// Makes everything appended so far survive a power cut.
+    pub fn flush(&mut self) -> Result<(), StoreError> {
+        self.file.sync_data().map_err(|source| StoreError::io("sync", &self.path, source))
+    }
+
+    /// Hash of the last event that this run produced or accepted; before the first one, the digest of the format's name.
+    pub fn head(&self) -> Digest {
+        self.events[..self.confirmed].last().map_or_else(genesis, |event| event.hash)
+    }
+
+    /// All events in the file, also those that a continued run has not come to yet.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// How many recorded events a continued run has still to reproduce.
+    pub fn remaining(&self) -> usize {
+        self.events.len() - self.confirmed
+    }
+
+    /// Whether the file ends with a seal.
+    pub fn is_sealed(&self) -> bool {
+        self.events.last().is_some_and(|event| event.kind == SEALED)
+    }
+}
+
+/// The events of a transcript that is only looked at: nothing is locked or cut. Damage is an error.
+pub fn read_events(path: &Path) -> Result<Vec<Event>, StoreError> {
+    let mut parsed = parse(path, &file::read_bounded(path, MAX_BYTES)?);
+    if parsed.damage.is_empty() { Ok(parsed.events) } else { Err(StoreError::corrupt(parsed.damage.swap_remove(0))) }
+}
+
+/// What is damaged in a transcript: the first damaged line, since the chain vouches for nothing behind it. Empty = whole.
+pub fn fsck_transcript(path: &Path) -> Result<Vec<Damage>, StoreError> {
+    Ok(parse(path, &file::read_bounded(path, MAX_BYTES)?).damage)
+}
+
+fn lock(file: &File, path: &Path) -> Result<(), StoreError> {
+    match file.try_lock() {
+        Ok(()) => Ok(()),
+        Err(TryLockError::WouldBlock) => {
+            Err(StoreError::Locked { path: path.to_path_buf(), holder: "another process".to_string() })
+        }
+        Err(TryLockError::Error(source)) => Err(StoreError::io("lock", path, source)),
+    }
+}
+
+struct Parsed {
+    events: Vec<Event>,
+    /// Length of the file up to the end of the last whole event.
+    whole_bytes: usize,
+    damage: Vec<Damage>,
+    /// The last event is whole but its line feed is missing.
+    unfinished: bool,
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Parsed {
+    let mut parsed = Parsed { events: Vec::new(), whole_bytes: 0, damage: Vec::new(), unfinished: false };
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        let (line, ended) = match rest.iter().position(|&b| b == b'\n') {
+            Some(end) => (&rest[..end], true),
+            None => (rest, false),
+        };
+        rest = &rest[(line.len() + usize::from(ended))..];
+        // A power cut can leave zeros where the end of the last line had not reached the disk.
+        let line = if ended { line } else { without_zeros_at_the_end(line) };
+        match read_line(line, parsed.events.last()) {
+            Ok(event) => {
+                parsed.whole_bytes += line.len() + usize::from(ended);
+                parsed.unfinished = !ended;
+                parsed.events.push(event);
+            }
+            Err(BadLine::CutOff) if !ended => break,
+            Err(bad) => {
+                parsed.damage.push(Damage::at(path, format!("line {}", parsed.events.len() + 1), bad.text()));
+                break;
+            }
+        }
+    }
+    parsed
+}
+
+fn without_zeros_at_the_end(line: &[u8]) -> &[u8] {
+    let kept = line.iter().rposition(|&b| b != 0).map_or(0, |last| last + 1);
+    &line[..kept]
+}
+
+enum BadLine {
+    /// The line ends in the middle of its JSON.
+    CutOff,
+    Other(String),
+}
+
+impl BadLine {
+    fn text(self) -> String {
+        match self {
+            BadLine::CutOff => "expected a whole event, found one that breaks off".to_string(),
+            BadLine::Other(text) => text,
+        }
+    }
+}
+
+fn read_line(line: &[u8], before: Option<&Event>) -> Result<Event, BadLine> {
+    let event: Event = serde_json::from_slice(line).map_err(|error| {
+        if error.is_eof() { BadLine::CutOff } else { BadLine::Other(format!("expected an event, found: {error}")) }
+    })?;
+    let (seq, prev) = before.map_or((0, genesis()), |event| (event.seq + 1, event.hash));
+    let differs = |field: &str, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {
+        Err(BadLine::Other(format!("{field}: expected {expected}, found {found}")))
+    };
+    if event.seq != seq {
+        return differs("seq", &seq, &event.seq);
+    }
+    if event.prev != prev {
+        return differs("prev", &prev, &event.prev);
+    }
+    let again = Event::new(event.seq, event.prev, &event.kind, event.body.clone())
+        .map_err(|error| BadLine::Other(error.to_string()))?;
+    if event.hash != again.hash {
+        return differs("hash of its kind and body", &again.hash, &event.hash);
+    }
+    match event.line() {
+        Ok(printed) if printed.strip_suffix(b"\n") == Some(line) => Ok(event),
+        _ => Err(BadLine::Other(
+            "expected the event printed with sorted keys and no spaces, found another spelling".into(),
+        )),
+    }
+}
+
+fn divergence(path: &Path, recorded: &Event, computed: &Event) -> StoreError {
+    let (field, old, new) = if recorded.kind == computed.kind {
+        first_difference("/body", &recorded.body, &computed.body)
+    } else {
+        ("/kind".to_string(), recorded.kind.clone(), computed.kind.clone())
+    };
+    StoreError::Divergence(Box::new(Divergence {
+        file: path.to_path_buf(),
+        seq: recorded.seq,
+        kind: recorded.kind.clone(),
+        field,
+        recorded: old,
+        computed: new,
+    }))
+}
+
+/// The value with the keys of every object in order, whatever `serde_json/preserve_order` says; `None` when too deep.
+fn sorted(value: Value, depth: usize) -> Option<Value> {
+    match value {
+        Value::Array(items) => {
+            let depth = depth.checked_sub(1)?;
+            items.into_iter().map(|item| sorted(item, depth)).collect::<Option<Vec<_>>>().map(Value::Array)
+        }
+        Value::Object(map) => {
+            let depth = depth.checked_sub(1)?;
+            let mut entries: Vec<(String, Value)> = map.into_iter().collect();
+            entries.sort_by(|a, b| a.0.cmp(&b.0));
+            entries
+                .into_iter()
+                .map(|(key, item)| Some((key, sorted(item, depth)?)))
+                .collect::<Option<_>>()
+                .map(Value::Object)
+        }
+        other => Some(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn three_events(path: &Path) -> Digest {
+        let mut transcript = Transcript::create(path).unwrap();
+        transcript.append("start", &json!({"seed": 7, "rate": 0.1})).unwrap();
+        transcript.append("attempt", &json!({"gain": [1.0, -0.0, 1e300], "text": "ü\n"})).unwrap();
+        transcript.append("attempt", &json!({"z": 1, "a": {"c": null, "b": true}})).unwrap()
+    }
+
+    fn temp() -> (tempfile::TempDir, PathBuf) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("transcript.jsonl");
+        (dir, path)
+    }
+
+    #[test]
+    fn what_was_appended_is_read_back_with_the_same_head() {
+        let (_dir, path) = temp();
+        let head = three_events(&path);
+        let transcript = Transcript::open(&path).unwrap();
+        assert_eq!(transcript.head(), head);
+        assert_eq!(transcript.events().len(), 3);
+        assert_eq!(transcript.events()[0].body, json!({"rate": 0.1, "seed": 7}));
+    }
+
+    #[test]
+    fn the_head_of_three_events_is_pinned() {
+        let (_dir, path) = temp();
+        assert_eq!(three_events(&path).to_hex(), "e3699c7c283826239ef7181b171e1ff79a33ed3a98ff294161a00c03e8495d5d");
+    }
+
+    #[test]
+    fn a_line_cut_anywhere_is_removed_and_the_run_goes_on_to_the_same_head() {
+        let (_dir, path) = temp();
+        let head = three_events(&path);
+        let whole = std::fs::read(&path).unwrap();
+        let second_line_end = whole.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(1).unwrap().0;
+        for cut in second_line_end + 1..whole.len() {
+            std::fs::write(&path, &whole[..cut]).unwrap();
+            let mut transcript = Transcript::open(&path).unwrap();
+            if transcript.events().len() == 2 {
+                transcript.append("attempt", &json!({"z": 1, "a": {"c": null, "b": true}})).unwrap();
+            }
+            assert_eq!(transcript.head(), head, "cut at {cut}");
+            drop(transcript);
+            assert_eq!(std::fs::read(&path).unwrap(), whole, "cut at {cut}");
+        }
+    }
+
+    #[test]
+    fn a_continued_run_that_repeats_itself_begins_to_write_where_the_recorded_one_ended() {
+        let (_dir, path) = temp();
+        let head = three_events(&path);
+        let mut transcript = Transcript::continue_from_start(&path).unwrap();
+        assert_eq!(transcript.remaining(), 3);
+        transcript.append("start", &json!({"rate": 0.1, "seed": 7})).unwrap();
+        transcript.append("attempt", &json!({"gain": [1.0, 0.0, 1e300], "text": "ü\n"})).unwrap();
+        let again = transcript.append("attempt", &json!({"z": 1, "a": {"c": null, "b": true}})).unwrap();
+        assert_eq!(again, head);
+        transcript.append("epoch", &json!(4)).unwrap();
+        drop(transcript);
+        assert_eq!(read_events(&path).unwrap().len(), 4);
+    }
+
+    #[test]
+    fn a_continued_run_that_differs_is_told_event_field_and_both_values() {
+        let (_dir, path) = temp();
+        three_events(&path);
+        let mut transcript = Transcript::continue_from_start(&path).unwrap();
+        transcript.append("start", &json!({"rate": 0.1, "seed": 7})).unwrap();
+        let error = transcript.append("attempt", &json!({"gain": [1.0, 0.5, 1e300], "text": "ü\n"})).unwrap_err();
+        let StoreError::Divergence(found) = error else { panic!("{error}") };
+        assert_eq!((found.seq, found.kind.as_str(), found.field.as_str()), (1, "attempt", "/body/gain/1"));
+        assert_eq!((found.recorded.as_str(), found.computed.as_str()), ("-0.0", "0.5"));
+        let kind = transcript.append("epoch", &json!(null)).unwrap_err();
+        assert!(kind.to_string().contains("at /kind: recorded attempt, computed epoch"), "{kind}");
+        drop(transcript);
+        assert_eq!(read_events(&path).unwrap().len(), 3);
+    }
+
+    #[test]
+    fn a_sealed_transcript_takes_no_more_events() {
+        let (_dir, path) = temp();
+        three_events(&path);
+        let mut transcript = Transcript::open(&path).unwrap();
+        let root = transcript.seal(&json!({"attempts": 2})).unwrap();
+        assert!(matches!(transcript.append("late", &1), Err(StoreError::Sealed { seq: 3, .. })));
+        drop(transcript);
+        let mut transcript = Transcript::open(&path).unwrap();
+        assert!(transcript.is_sealed());
+        assert_eq!(transcript.head(), root);
+        assert!(matches!(transcript.append("late", &1), Err(StoreError::Sealed { seq: 3, .. })));
+    }
+
+    #[test]
+    fn a_second_writer_is_refused() {
+        let (_dir, path) = temp();
+        let first = Transcript::create(&path).unwrap();
+        assert!(matches!(Transcript::open(&path), Err(StoreError::Locked { .. })));
+        drop(first);
+        Transcript::open(&path).unwrap();
+    }
+
+    #[test]
+    fn a_nan_is_refused_and_leaves_no_trace() {
+        let (_dir, path) = temp();
+        let mut transcript = Transcript::create(&path).unwrap();
+        let error = transcript.append("score", &[1.0, f64::NAN]).unwrap_err();
+        assert!(matches!(error, StoreError::Unstorable { .. }), "{error}");
+        assert_eq!(transcript.events().len(), 0);
+        assert_eq!(std::fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn a_body_too_deep_to_be_read_back_is_refused() {
+        let (_dir, path) = temp();
+        let mut transcript = Transcript::create(&path).unwrap();
+        let nested = |n: usize| (0..n).fold(json!(0), |inner, _| json!([inner]));
+        transcript.append("deep", &nested(MAX_BODY_DEPTH)).unwrap();
+        assert!(matches!(transcript.append("deep", &nested(MAX_BODY_DEPTH + 1)), Err(StoreError::Unstorable { .. })));
+        drop(transcript);
+        assert_eq!(read_events(&path).unwrap().len(), 1);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn every_finite_float_keeps_its_hash_through_the_file(bits in proptest::prelude::any::<u64>()) {
+            let x = f64::from_bits(bits);
+            proptest::prop_assume!(x.is_finite());
+            let event = Event::new(0, genesis(), "x", json!([x])).unwrap();
+            let line = event.line().unwrap();
+            proptest::prop_assert_eq!(read_line(&line[..line.len() - 1], None).ok().map(|e| e.hash), Some(event.hash));
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! Which configurations an evaluator can have: the bounds of its update surface.
+
+use crate::objects::{FeatureSchema, WorldConfiguration};
+
+/// A configuration that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ConfigurationError {
+    #[error("world option {option} is {value}; expected {expected}: correct it in the experiment file")]
+    Range { option: &'static str, value: f64, expected: &'static str },
+    #[error("world option excluded_columns names {0:?}, which is no column of the feature schema")]
+    UnknownColumn(String),
+}
+
+/// Refuses numbers outside their range and columns that do not exist.
+pub fn validate(configuration: &WorldConfiguration, schema: &FeatureSchema) -> Result<(), ConfigurationError> {
+    let (c, r) = (configuration, &configuration.routing);
+    let positive = "a number in (0, 1e9]";
+    let share = "a number in [0, 1]";
+    let checks = [
+        ("ridge_lambda", c.ridge_lambda, c.ridge_lambda > 0.0 && c.ridge_lambda <= 1e9, positive),
+        ("beta_attack", c.beta_attack, (0.0..=1.0).contains(&c.beta_attack), share),
+        ("beta_realism", c.beta_realism, (0.0..=1.0).contains(&c.beta_realism), share),
+        ("residual_floor", c.residual_floor, c.residual_floor > 0.0 && c.residual_floor <= 1.0, "a number in (0, 1]"),
+        ("residual_share", c.residual_share, (0.0..=1.0).contains(&c.residual_share), share),
+        (
+            "uncertainty_quantile",
+            c.uncertainty_quantile,
+            (0.5..=1.0).contains(&c.uncertainty_quantile),
+            "a number in [0.5, 1]",
+        ),
+        ("routing.lambda_a", r.lambda_a, (0.0..=1.0).contains(&r.lambda_a), share),
+        ("routing.lambda_r", r.lambda_r, (0.0..=1.0).contains(&r.lambda_r), share),
+        ("routing.lambda_u", r.lambda_u, r.lambda_u > 0.0 && r.lambda_u <= 1e9, positive),
+        ("routing.audit_rate", r.audit_rate, (0.0..=1.0).contains(&r.audit_rate), share),
+    ];
+    for (option, value, holds, expected) in checks {
+        if !holds {
+            return Err(ConfigurationError::Range { option, value, expected });
+        }
+    }
+    match c.excluded_columns.iter().find(|name| !schema.columns.iter().any(|column| column.name == **name)) {
+        Some(unknown) => Err(ConfigurationError::UnknownColumn(unknown.clone())),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,275 @@
+//! The quickstart as a user runs it: one root, twice; what a missing answer, a flipped byte and a kill do.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+fn evodrive() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_evodrive"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+struct Ran {
+    code: i32,
+    stdout: String,
+    stderr: String,
+}
+
+fn run(args: &[&str]) -> Ran {
+    let output = evodrive().args(args).output().expect("the binary runs");
+    Ran {
+        code: output.status.code().unwrap_or(-1),
+        stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
+        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+    }
+}
+
+fn root_of(stdout: &str) -> String {
+    let last = stdout.lines().last().unwrap_or_default();
+    last.strip_prefix("root: ").unwrap_or_else(|| panic!("the last line is {last:?}")).to_string()
+}
+
+fn golden_root() -> String {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/quickstart.toml")).unwrap();
+    let golden: toml::Table = text.parse().unwrap();
+    golden["root"].as_str().unwrap().to_string()
+}
+
+const QUICKSTART: &str = "experiments/quickstart.toml";
+
+/// One finished run, shared: tests that change something copy its folder.
+fn finished() -> &'static (tempfile::TempDir, PathBuf) {
+    static RUN: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    RUN.get_or_init(|| {
+        let out = tempfile::tempdir().unwrap();
+        let ran = run(&["run", QUICKSTART, "--out", out.path().to_str().unwrap()]);
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        assert_eq!(root_of(&ran.stdout), golden_root(), "if this is meant, run .ci/bless and say why");
+        let folder = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+        (out, folder)
+    })
+}
+
+fn copied(to: &Path) -> PathBuf {
+    let from = &finished().1;
+    let folder = to.join(from.file_name().unwrap());
+    copy_dir(from, &folder);
+    folder
+}
+
+fn copy_dir(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_dir(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+#[test]
+fn the_debug_build_reaches_the_golden_root_and_reaches_it_again_from_its_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let again = run(&["replay", folder.to_str().unwrap(), "--jobs", "1"]);
+    assert_eq!((again.code, root_of(&again.stdout)), (0, golden_root()), "{}", again.stderr);
+    assert!(again.stderr.contains("rollouts: 0 simulated"), "{}", again.stderr);
+}
+
+#[test]
+fn json_gives_one_object_with_root_and_result() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let ran = run(&["--json", "replay", folder.to_str().unwrap()]);
+    let object: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(object["root"], golden_root());
+    assert!(object["result"]["lineages"].as_array().unwrap().len() >= 2);
+}
+
+#[test]
+fn a_missing_answer_ends_with_its_own_exit_code_and_names_slot_role_and_nearest_exchange() {
+    let dir = tempfile::tempdir().unwrap();
+    let cassette =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("cassettes/quickstart.jsonl")).unwrap();
+    let lines: Vec<&str> = cassette.lines().collect();
+    let gone = lines
+        .iter()
+        .position(|l| l.starts_with("{\"exchange\"") && l.contains("\"attack_critic\""))
+        .expect("an exchange");
+    let shortened: Vec<&str> = lines.iter().enumerate().filter(|(i, _)| *i != gone).map(|(_, l)| *l).collect();
+    let path = dir.path().join("short.jsonl");
+    std::fs::write(&path, shortened.join("\n") + "\n").unwrap();
+    let out = dir.path().join("runs");
+    let ran = run(&["run", QUICKSTART, "--cassette", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert_eq!(ran.code, 3, "{}", ran.stderr);
+    for word in ["attack_critic", "nearest recorded exchange", "first difference", "evodrive record"] {
+        assert!(ran.stderr.contains(word), "{word:?} is not in {}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_flipped_byte_of_a_stored_object_is_named_and_the_rest_stays() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let clean = run(&["fsck", "--read", folder.to_str().unwrap()]);
+    assert_eq!(clean.code, 0, "{}", clean.stdout);
+    let pack = std::fs::read_dir(folder.join("store"))
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .max_by_key(|p| std::fs::metadata(p).unwrap().len())
+        .unwrap();
+    let mut bytes = std::fs::read(&pack).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x20;
+    std::fs::write(&pack, bytes).unwrap();
+    let damaged = run(&["--json", "fsck", "--read", folder.to_str().unwrap()]);
+    assert_eq!(damaged.code, 5, "{}", damaged.stderr);
+    let object: serde_json::Value = serde_json::from_str(&damaged.stdout).unwrap();
+    assert_eq!(object["clean"], false);
+    assert!(object["damage"][0]["digest"].as_str().is_some_and(|d| d.len() == 64), "{object}");
+}
+
+#[test]
+fn a_changed_event_of_the_transcript_is_found() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let path = folder.join("transcript.jsonl");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replacen("\"attack\":0.0", "\"attack\":1.0", 1)).unwrap();
+    assert_eq!(run(&["fsck", folder.to_str().unwrap()]).code, 5);
+    assert_eq!(run(&["replay", folder.to_str().unwrap()]).code, 5);
+}
+
+#[test]
+fn a_run_cut_off_anywhere_is_resumed_to_the_same_root() {
+    for share in [0.1, 0.55, 0.9] {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = copied(dir.path());
+        let path = folder.join("transcript.jsonl");
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..(bytes.len() as f64 * share) as usize]).unwrap();
+        let resumed = run(&["resume", folder.to_str().unwrap()]);
+        assert_eq!((resumed.code, root_of(&resumed.stdout)), (0, golden_root()), "{share}: {}", resumed.stderr);
+    }
+}
+
+#[test]
+fn a_run_that_is_killed_is_resumed_to_the_same_root() {
+    let out = tempfile::tempdir().unwrap();
+    let mut child = evodrive()
+        .args(["run", QUICKSTART, "--out", out.path().to_str().unwrap(), "--no-report"])
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Killed as soon as the first epoch has been settled.
+    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while std::io::BufRead::read_line(&mut stderr, &mut line).unwrap() > 0 && !line.contains("epoch 0 of") {}
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let folder = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+    let resumed = run(&["resume", folder.to_str().unwrap()]);
+    assert_eq!((resumed.code, root_of(&resumed.stdout)), (0, golden_root()), "{}", resumed.stderr);
+}
+
+#[test]
+fn lineage_and_show_tell_of_patches_prompts_gates_and_rollouts() {
+    let folder = finished().1.to_str().unwrap();
+    let lineage = run(&["lineage", "cat-idm", "--run", folder]);
+    assert_eq!(lineage.code, 0, "{}", lineage.stderr);
+    assert!(lineage.stdout.contains("hypothesis:") && lineage.stdout.contains("@@"), "{}", lineage.stdout);
+    let show = run(&["show", &an_evaluated_attempt(), "--run", folder]);
+    for word in ["[system]", "[reply]", "gates:", "route:", "labels:", "hypervolume"] {
+        assert!(show.stdout.contains(word), "{word:?} is not in {}", show.stdout);
+    }
+    let nobody = run(&["show", "cat-idm/e99s0", "--run", folder]);
+    assert_eq!(nobody.code, 2);
+    assert!(nobody.stderr.contains("no attempt `cat-idm/e99s0`"), "{}", nobody.stderr);
+}
+
+fn an_evaluated_attempt() -> String {
+    let result = run(&["--json", "lineage", "--run", finished().1.to_str().unwrap()]);
+    let object: serde_json::Value = serde_json::from_str(&result.stdout).unwrap();
+    object["lineages"][0]["chain"][1]["solution_id"].as_str().unwrap().to_string()
+}
+
+#[test]
+fn the_result_matches_its_golden_text() {
+    let folder = &finished().1;
+    let ran = run(&["replay", folder.to_str().unwrap()]);
+    let kept: Vec<&str> = ran
+        .stdout
+        .lines()
+        .filter(|l| !["root: ", "run folder: ", "report: "].iter().any(|p| l.starts_with(p)))
+        .collect();
+    let golden = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/quickstart.txt")).unwrap();
+    assert_eq!(kept.join("\n") + "\n", golden, "if this is meant, run .ci/bless and say why");
+}
+
+#[test]
+fn the_report_is_one_file_that_asks_the_network_for_nothing() {
+    let html = std::fs::read_to_string(finished().1.join("report.html")).unwrap();
+    assert!(html.contains("default-src 'none'"));
+    for word in ["src=\"http", "href=\"http", "@import", "fetch(", "XMLHttpRequest"] {
+        assert!(!html.contains(word), "{word} is in the report");
+    }
+}
+
+#[test]
+fn help_texts_are_goldens() {
+    let golden = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/help.txt")).unwrap();
+    let mut text = run(&["--help"]).stdout;
+    for command in ["run", "resume", "replay", "verify", "record", "lineage", "show", "fsck", "report", "bench"] {
+        text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
+    }
+    for command in ["import", "list", "show", "stats"] {
+        text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
+    }
+    assert_eq!(text, golden, "if this is meant, run .ci/bless and say why");
+}
+
+#[test]
+fn unusable_experiments_are_bad_input_with_file_place_and_remedy() {
+    let dir = tempfile::tempdir().unwrap();
+    let good = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(QUICKSTART)).unwrap();
+    let cases = [
+        ("missing field", good.replace("seed = 20261121", ""), "seed"),
+        ("unknown field", good.replace("[split]", "[split]\nwidth = 3"), "width"),
+        ("unknown family", good.replace("family = \"at\"", "family = \"atx\""), "no family is called `atx`"),
+        ("unknown ego", good.replace("ego = \"idm\"", "ego = \"ghost\""), "ghost"),
+        (
+            "weights that do not sum",
+            good.replace("{ weight = 0.16, tolerance = 2.0 }", "{ weight = 0.5, tolerance = 2.0 }"),
+            "sum",
+        ),
+        ("NaN", good.replace("ridge_lambda = 5.0", "ridge_lambda = nan"), "world.ridge_lambda"),
+        ("truncated", good[..good.len() / 2].to_string(), ""),
+        ("too many scenes", good.replace("held_out = 20", "held_out = 2000"), "2040"),
+        ("no window", good.replace("window = 14", "window = 0"), "split.window"),
+        ("no TOML", "\u{0}\u{1}[[[[".repeat(1000), ""),
+    ];
+    for (name, text, word) in cases {
+        let path = dir.path().join("broken.toml");
+        std::fs::write(&path, text).unwrap();
+        let cassette = Path::new(env!("CARGO_MANIFEST_DIR")).join("cassettes/quickstart.jsonl");
+        let out = dir.path().join("runs");
+        let ran = run(&[
+            "run",
+            path.to_str().unwrap(),
+            "--cassette",
+            cassette.to_str().unwrap(),
+            "--out",
+            out.to_str().unwrap(),
+        ]);
+        assert_eq!(ran.code, 2, "{name}: {}", ran.stderr);
+        assert!(ran.stderr.contains(word), "{name}: {word:?} is not in {}", ran.stderr);
+        assert!(!ran.stderr.contains("panicked"), "{name}: {}", ran.stderr);
+    }
+    assert_eq!(run(&["run", "no/such/file.toml"]).code, 2);
+    assert_eq!(run(&["frobnicate"]).code, 2);
+}

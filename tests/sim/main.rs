@@ -1,0 +1,9 @@
+//! The simulator held against the world.
+
+use evodrive::{ego, kernel, scene, sim};
+
+mod egos;
+mod laws;
+mod rollouts;
+mod scenes;
+mod world;

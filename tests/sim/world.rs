@@ -1,0 +1,233 @@
+//! Whole rollouts against what must hold in any world: symmetry, replay, independence of threads.
+
+use crate::ego::Policy;
+use crate::kernel::{Vec2, num, par::Pool};
+use crate::scene::{Sample, Scene};
+use crate::scenes::*;
+use crate::sim::*;
+
+/// A change of frame.
+#[derive(Clone, Copy)]
+struct Frame {
+    mirrored: bool,
+    turn_rad: f64,
+    shift: Vec2,
+}
+
+impl Frame {
+    fn point(&self, p: Vec2) -> Vec2 {
+        let p = if self.mirrored { Vec2::new(p.x, -p.y) } else { p };
+        p.rotated(self.turn_rad) + self.shift
+    }
+
+    fn sample(&self, s: &Sample) -> Sample {
+        let heading = if self.mirrored { -s.heading_rad } else { s.heading_rad };
+        Sample {
+            position: self.point(s.position),
+            heading_rad: num::wrap_angle(heading + self.turn_rad),
+            velocity: self.point(s.velocity) - self.shift,
+        }
+    }
+
+    fn scene(&self, scene: &Scene) -> Scene {
+        let mut moved = scene.clone();
+        for sample in moved.tracks.iter_mut().chain([&mut moved.ego.track]).flat_map(|t| t.samples.iter_mut().flatten())
+        {
+            *sample = self.sample(sample);
+        }
+        moved.ego.route.iter_mut().for_each(|p| *p = self.point(*p));
+        for lane in &mut moved.road.lanes {
+            if self.mirrored {
+                std::mem::swap(&mut lane.left, &mut lane.right);
+            }
+            let lines = [&mut lane.centre, &mut lane.left, &mut lane.right];
+            lines.into_iter().flatten().for_each(|p| *p = self.point(*p));
+        }
+        moved
+    }
+
+    fn act(&self, act: &Intervention) -> Intervention {
+        let mut moved = act.clone();
+        for action in &mut moved.actions {
+            let (Action::Follow { samples, .. }
+            | Action::Insert { samples, .. }
+            | Action::FollowThenReact { samples, .. }) = action;
+            samples.iter_mut().for_each(|s| *s = self.sample(s));
+        }
+        moved
+    }
+}
+
+fn run(scene: &Scene, act: &Intervention) -> Outcome {
+    rollout(&Plant::new(scene).unwrap(), act, &mut *Policy::Idm.driver()).unwrap()
+}
+
+fn near(a: f64, b: f64) -> bool {
+    (a - b).abs() < 1e-6 * (1.0 + a.abs())
+}
+
+/// Equal events and, within rounding, equal numbers.
+fn assert_alike(a: &Outcome, b: &Outcome, mirrored: bool, what: &str) {
+    assert_eq!((a.end, a.steps), (b.end, b.steps), "{what}");
+    assert_eq!(a.contact.map(|c| (c.with, c.striker)), b.contact.map(|c| (c.with, c.striker)), "{what}");
+    if let (Some(a), Some(b)) = (a.contact, b.contact) {
+        let angle = if mirrored { -b.impact_angle_rad } else { b.impact_angle_rad };
+        assert!(near(a.time_s, b.time_s) && near(a.relative_speed_mps, b.relative_speed_mps), "{what}");
+        assert!(num::wrap_angle(a.impact_angle_rad - angle).abs() < 1e-6, "{what} {a:?} {b:?}");
+    }
+    let numbers = |o: &Outcome| {
+        let mut all = vec![
+            o.distance_m_min.unwrap_or(-1.0),
+            o.ttc_s_min.unwrap_or(-1.0),
+            o.post_encroachment_s_min.unwrap_or(-1.0),
+            o.route_completion,
+            o.ego_lateral_m_max,
+        ];
+        for m in std::iter::once(&o.ego).chain(o.adversaries.iter().map(|a| &a.motion)) {
+            all.extend([m.speed_mps_mean, m.speed_mps_max, m.acceleration_mps2_max, m.deceleration_mps2_max]);
+            all.extend([m.lateral_acceleration_mps2_max, m.jerk_mps3_max, m.yaw_rate_radps_max, m.distance_m]);
+        }
+        for a in &o.adversaries {
+            all.extend([a.off_road_m_max, a.wrong_way_m, a.jump_m_max, a.log_deviation_m_max.unwrap_or(-1.0)]);
+        }
+        all
+    };
+    for (i, (x, y)) in numbers(a).into_iter().zip(numbers(b)).enumerate() {
+        assert!(near(x, y), "{what}: number {i}: {x} {y}");
+    }
+}
+
+#[test]
+fn a_turned_shifted_or_mirrored_scene_gives_a_turned_shifted_or_mirrored_outcome() {
+    let frames = [
+        (true, 0.0, Vec2::ZERO),
+        (false, 1.1, Vec2::new(300.0, -70.0)),
+        (true, -2.3, Vec2::new(-40.0, 1000.0)),
+        (false, num::PI, Vec2::ZERO),
+    ];
+    let mut contacts = 0;
+    for seed in 0..60 {
+        let scene = crossing(seed, 12, 91);
+        let act = intercept(&scene, 10);
+        let plain = run(&scene, &act);
+        contacts += usize::from(plain.contact.is_some());
+        for (mirrored, turn_rad, shift) in frames {
+            let frame = Frame { mirrored, turn_rad, shift };
+            let moved = run(&frame.scene(&scene), &frame.act(&act));
+            assert_alike(&plain, &moved, mirrored, &format!("seed {seed}, {mirrored} {turn_rad}"));
+        }
+    }
+    assert!(contacts > 5, "{contacts}");
+}
+
+#[test]
+fn a_scene_that_begins_later_gives_the_same_outcome() {
+    for seed in 0..40 {
+        let scene = crossing(seed, 12, 91);
+        let act = intercept(&scene, 10);
+        let mut later = scene.clone();
+        later.steps += 7;
+        later.ego.start_step += 7;
+        for track in later.tracks.iter_mut().chain([&mut later.ego.track]) {
+            track.samples.splice(0..0, [None; 7]);
+        }
+        let mut later_act = act.clone();
+        for action in &mut later_act.actions {
+            if let Action::Follow { from_step, .. } = action {
+                *from_step += 7;
+            }
+        }
+        assert_eq!(run(&scene, &act), run(&later, &later_act), "seed {seed}");
+    }
+}
+
+#[test]
+fn replaying_the_log_reproduces_it_and_its_contacts() {
+    let mut contacts = 0;
+    for seed in 0..40 {
+        let scene = crossing(seed, 20, 91);
+        let plant = Plant::new(&scene).unwrap();
+        let (outcome, trace) = rollout_traced(&plant, &Intervention::default(), &mut *Policy::Replay.driver()).unwrap();
+        let whole = outcome.steps + usize::from(outcome.contact.is_none());
+        for (k, ego) in trace.ego.iter().enumerate().take(whole) {
+            assert_eq!(Some(ego), scene.ego.track.at(k));
+            for (actor, track) in trace.actors.iter().zip(&scene.tracks) {
+                assert_eq!(actor.samples[k], track.samples[k], "seed {seed} step {k}");
+            }
+        }
+        // The recording's own first overlap at a sample is found, neither earlier nor later than a step.
+        let boxed = |t: &crate::scene::Track, k: usize| {
+            t.at(k).map(|s| crate::kernel::OrientedBox::new(s.position, s.heading_rad, t.length_m, t.width_m))
+        };
+        let own = |k| boxed(&scene.ego.track, k).unwrap();
+        let first = (0..=outcome.steps)
+            .find(|&k| scene.tracks.iter().filter_map(|t| boxed(t, k)).any(|other| own(k).overlaps(&other)));
+        if let Some(first) = first {
+            let contact = outcome.contact.expect("the recording's contact");
+            assert!(contact.time_s <= 0.1 * first as f64 + 1e-9, "seed {seed}: {contact:?} {first}");
+            contacts += 1;
+        }
+    }
+    assert!(contacts > 3, "{contacts}");
+}
+
+#[test]
+fn one_thread_and_four_give_the_same_outcomes() {
+    let seeds: Vec<u64> = (0..64).collect();
+    let outcomes = |threads: usize| {
+        Pool::new(threads).unwrap().map(&seeds, |_, &seed| {
+            let scene = crossing(seed, 25, 91);
+            run(&scene, &intercept(&scene, 10))
+        })
+    };
+    assert_eq!(outcomes(1), outcomes(4));
+}
+
+#[test]
+fn the_trace_digest_changes_with_one_bit_of_one_pose() {
+    let scene = straight_road(91, 8.0, vec![car("a", straight(sample(-60.0, 40.0, 0.0, 5.0), 91))]);
+    let act = |x: f64| {
+        let samples = (0..60).map(|k| sample(if k == 59 { x } else { 40.0 }, 30.0, 0.0, 0.0)).collect();
+        Intervention { actions: vec![Action::Follow { track: 0, from_step: 5, samples }] }
+    };
+    let a = run(&scene, &act(40.0));
+    let b = run(&scene, &act(f64::from_bits(40f64.to_bits() + 1)));
+    assert_eq!((a.end, a.steps, a.contact), (b.end, b.steps, b.contact));
+    assert_ne!(a.trace, b.trace);
+    let mut moved = scene.clone();
+    moved.tracks[0].samples[90].as_mut().unwrap().position.y += 1e-9;
+    assert_ne!(run(&scene, &Intervention::default()).trace, run(&moved, &Intervention::default()).trace);
+}
+
+#[test]
+fn an_ego_without_a_recording_drives_its_route_but_cannot_replay() {
+    let mut scene = straight_road(91, 8.0, vec![]);
+    scene.ego.track.samples[1..].fill(None);
+    let plant = Plant::new(&scene).unwrap();
+    let nothing = Intervention::default();
+    assert_eq!(rollout(&plant, &nothing, &mut *Policy::Idm.driver()).unwrap().end, End::Arrived);
+    let refused = rollout(&plant, &nothing, &mut *Policy::Replay.driver());
+    assert!(matches!(refused, Err(SimError::NoLog { step: 1, .. })), "{refused:?}");
+}
+
+#[test]
+fn a_car_behind_the_ego_turns_reactive_and_does_not_run_into_it() {
+    // The ego crawls where its recording drove on; the recorded follower would have run through it.
+    let follower = car("follower", straight(sample(-25.0, 0.0, 0.0, 10.0), 91));
+    let wall = car("wall", straight(sample(22.0, 0.0, 0.0, 0.0), 91));
+    let mut scene = straight_road(91, 10.0, vec![follower, wall]);
+    scene.ego.route = vec![Vec2::ZERO, Vec2::new(200.0, 0.0)];
+    let outcome = run(&scene, &Intervention::default());
+    assert!(outcome.contact.is_none(), "{outcome:?}");
+}
+
+#[test]
+fn a_skilled_adversary_reacts_to_where_the_ego_is() {
+    let scene = straight_road(91, 9.0, vec![car("a", straight(sample(2.0, 4.0, 0.0, 9.0), 91))]);
+    let samples: Vec<Sample> = (0..10).map(|k| sample(2.0 + 0.9 * f64::from(k), 4.0, 0.0, 9.0)).collect();
+    let react = |handover_step| Intervention {
+        actions: vec![Action::FollowThenReact { track: 0, from_step: 0, samples: samples.clone(), handover_step }],
+    };
+    let (early, late) = (run(&scene, &react(9)), run(&scene, &react(90)));
+    assert!(early.distance_m_min.unwrap() < late.distance_m_min.unwrap() - 0.5, "{early:?} {late:?}");
+}

@@ -43,7 +43,8 @@ impl Remainder {
         }
     }
 
-    /// The scene, or `None` where `read` is not what it was when the remainder was taken.
+    /// The scene, or `None` where `read` is not what it was when the remainder was taken, or what comes out breaks a
+    /// rule of a sound scene.
     pub fn laid_over(&self, read: &Scene, origin: &Origin) -> Option<Scene> {
         let most = |known: usize| known.saturating_add(self.fields.len());
         let counts_fit = self.lanes <= most(read.road.lanes.len()) && self.tracks <= most(read.tracks.len());
@@ -59,7 +60,7 @@ impl Remainder {
         }
         let mut scene: Scene = serde_json::from_value(whole).ok()?;
         scene.origin = origin.clone();
-        (scene.digest() == self.scene).then_some(scene)
+        (scene.digest() == self.scene && scene.validate().is_empty()).then_some(scene)
     }
 
     /// As JSON in ASCII without `>`, so that it may stand in a processing instruction.

@@ -8,6 +8,7 @@
 
 mod curve;
 mod graph;
+mod meeting;
 mod signals;
 
 use super::error::Note;

@@ -3,8 +3,6 @@
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-use crate::scene::remainder::Remainder;
-
 #[derive(Serialize)]
 pub(super) struct Description<'s> {
     pub id: &'s str,
@@ -43,7 +41,8 @@ pub(super) struct Metadata<'s> {
     pub sdc_id: &'s str,
     pub sdc_track_index: usize,
     pub objects_of_interest: Vec<&'s str>,
-    pub evodrive: Option<&'s Remainder>,
+    /// A [`crate::scene::remainder::Remainder`] as text.
+    pub evodrive: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -117,7 +116,6 @@ pub(super) struct LaneOut<'s> {
     pub left_neighbor: Vec<NeighbourOut<'s>>,
     pub right_neighbor: Vec<NeighbourOut<'s>>,
     pub interpolating: bool,
-    pub speed_limit_mps: Option<f64>,
     pub speed_limit_mph: Option<f64>,
     pub speed_limit_kmh: Option<f64>,
 }

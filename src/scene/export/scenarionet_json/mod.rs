@@ -41,7 +41,7 @@ pub fn scenarionet_json(scene: &Scene, staging: Option<&Staging>) -> Result<Expo
     let read = read_plainly(&scene.id, &json(&description))
         .map_err(|error| ExportError::Unsound { scene: scene.id.clone(), violation: error.to_string() })?;
     let remainder = Remainder::between(&read, &scene);
-    description.metadata.evodrive = Some(&remainder);
+    description.metadata.evodrive = Some(remainder.to_ascii());
     notes.push(Note::new("", "heights are not known to a scene; usual ones of each kind are written"));
     if remainder.paths().count() > 0 {
         let reason = "exact lane boundaries, the ego's start and route, and whatever else the description has no \
@@ -75,7 +75,12 @@ fn describe(scene: &Scene) -> Description<'_> {
             coordinate: "right-handed",
             sample_rate: DT_S,
             ts: (0..scene.steps).map(|step| step as f64 / 10.0).collect(),
-            current_time_index: scene.current_step,
+            // The description wants its ego to be there "now".
+            current_time_index: if ego.at(scene.current_step).is_some() {
+                scene.current_step
+            } else {
+                scene.ego.start_step
+            },
             sdc_id: &ego.id,
             sdc_track_index: 0,
             objects_of_interest: interest.collect(),
@@ -196,7 +201,6 @@ fn lane_out<'s>(lane: &'s Lane, lanes: &'s [Lane]) -> LaneOut<'s> {
         left_neighbor: beside(lane.left_neighbour),
         right_neighbor: beside(lane.right_neighbour),
         interpolating: true,
-        speed_limit_mps: lane.speed_limit_mps,
         speed_limit_mph: lane.speed_limit_mps.map(|limit| limit * MPS_TO_MPH),
         speed_limit_kmh: lane.speed_limit_mps.map(|limit| limit * MPS_TO_KMH),
     }

@@ -40,7 +40,7 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let mut left_out = Vec::new();
     let obstacles = obstacles::read(&file, &mut left_out)?;
     if let Some(text) = document.instruction("evodrive") {
-        match exported(&file, text, &network, &obstacles)? {
+        match exported(&file, text, &network, &obstacles) {
             Some(scene) => return Ok(Imported { scenes: vec![scene], left_out }),
             None => left_out.push(LeftOut {
                 file: file_name.into(),
@@ -94,10 +94,10 @@ fn exported(
     text: &str,
     network: &road::Network,
     obstacles: &obstacles::Obstacles,
-) -> Result<Option<Scene>, ImportError> {
-    let Some(remainder) = Remainder::from_text(text) else { return Ok(None) };
-    let read = unplanned(file, network, obstacles)?;
-    Ok(remainder.laid_over(&read, &origin(file)))
+) -> Option<Scene> {
+    let remainder = Remainder::from_text(text)?;
+    let read = unplanned(file, network, obstacles).ok()?;
+    remainder.laid_over(&read, &origin(file))
 }
 
 /// The scene in the file's own coordinates and time, for its first planning problem; without a route.

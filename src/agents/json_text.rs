@@ -14,10 +14,11 @@ pub fn stable_json(value: &Value) -> String {
 }
 
 fn write(value: &Value, indent: usize, out: &mut String) {
-    let line = one_line(value);
-    if indent + line.len() <= LINE_MAX_CHARS {
-        return out.push_str(&line);
+    let (start, budget) = (out.len(), LINE_MAX_CHARS.saturating_sub(indent));
+    if one_line(value, start + budget, out) {
+        return;
     }
+    out.truncate(start);
     match value {
         Value::Object(map) if !map.is_empty() => {
             let sorted: BTreeMap<&String, &Value> = map.iter().collect();
@@ -27,7 +28,7 @@ fn write(value: &Value, indent: usize, out: &mut String) {
         Value::Array(items) if !items.is_empty() => {
             block('[', ']', items.iter().map(|value| (None, value)), indent, out);
         }
-        _ => out.push_str(&line),
+        leaf => out.push_str(&leaf.to_string()),
     }
 }
 
@@ -53,18 +54,38 @@ fn block<'a>(
     out.push(close);
 }
 
-fn one_line(value: &Value) -> String {
+/// Appends the value on one line while `out` stays within `end` bytes; false as soon as it does not, so that a long value
+/// costs no more than a short one.
+fn one_line(value: &Value, end: usize, out: &mut String) -> bool {
     match value {
         Value::Object(map) => {
             let sorted: BTreeMap<&String, &Value> = map.iter().collect();
-            let members: Vec<String> =
-                sorted.into_iter().map(|(key, value)| format!("{}: {}", quoted(key), one_line(value))).collect();
-            format!("{{{}}}", members.join(", "))
+            out.push('{');
+            for (place, (key, value)) in sorted.into_iter().enumerate() {
+                out.push_str(if place == 0 { "" } else { ", " });
+                out.push_str(&quoted(key));
+                out.push_str(": ");
+                if !one_line(value, end, out) {
+                    return false;
+                }
+            }
+            out.push('}');
         }
-        Value::Array(items) => format!("[{}]", items.iter().map(one_line).collect::<Vec<_>>().join(", ")),
-        Value::String(text) => quoted(text),
-        other => other.to_string(),
+        Value::Array(items) => {
+            out.push('[');
+            for (place, item) in items.iter().enumerate() {
+                out.push_str(if place == 0 { "" } else { ", " });
+                if !one_line(item, end, out) {
+                    return false;
+                }
+            }
+            out.push(']');
+        }
+        Value::String(text) if out.len() + text.len() > end => return false,
+        Value::String(text) => out.push_str(&quoted(text)),
+        other => out.push_str(&other.to_string()),
     }
+    out.len() <= end
 }
 
 fn quoted(text: &str) -> String {

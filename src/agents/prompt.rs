@@ -1,6 +1,8 @@
 //! Prompts: a system message for each role, a context message for each epoch, a task message for each question. The first two are
 //! equal for every slot, so that a provider and a cassette can share them.
 
+use std::collections::BTreeMap;
+
 use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -64,6 +66,8 @@ pub struct Briefing {
     lineage: String,
     epoch: u32,
     text: String,
+    /// The system message of each role: written out once an epoch, not once a question.
+    systems: BTreeMap<Role, String>,
 }
 
 impl Briefing {
@@ -93,7 +97,13 @@ impl Briefing {
             "front": stable_json(&rounded(to_value(&context.front)?)),
         });
         let text = fill("context.md", CONTEXT, &blocks)?;
-        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, text })
+        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
+        let systems = roles.map(|role| Ok((role, system(role)?))).collect::<Result<BTreeMap<_, _>, PromptError>>()?;
+        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, text, systems })
+    }
+
+    fn system(&self, role: Role) -> Result<String, PromptError> {
+        self.systems.get(&role).cloned().map_or_else(|| system(role), Ok)
     }
 
     /// The text that all slots and roles of the epoch share.
@@ -128,7 +138,7 @@ pub fn request(
     let lineage = task.briefing.lineage.clone();
     let slot = DrawSlot { lineage, epoch: task.briefing.epoch, slot: task.slot, role: role.name().into(), round };
     let messages = vec![
-        Message { role: "system".into(), text: system(role)? },
+        Message { role: "system".into(), text: task.briefing.system(role)? },
         Message { role: "user".into(), text: task.briefing.text.clone() },
         Message { role: "user".into(), text: question(task, &slot, subject)? },
     ];

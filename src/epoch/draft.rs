@@ -1,6 +1,6 @@
 //! A worker: one proposal from the frozen snapshot, as far as it goes without touching any shared state.
 
-use super::{RunError, briefing, state::Snapshot, study::Study};
+use super::{RunError, briefing, labels, rollouts::Rollouts, state::Snapshot, study::Study};
 use crate::agents::{self, End, Task};
 use crate::candidates;
 use crate::compiler::{self, Situation};
@@ -33,7 +33,12 @@ pub struct RoutedCandidate {
 }
 
 /// Proposes, admits and routes. Reads the snapshot only.
-pub fn draft(study: &Study<'_>, snapshot: &Snapshot<'_>, slot: u32) -> Result<Draft, RunError> {
+pub fn draft(
+    study: &Study<'_>,
+    snapshot: &Snapshot<'_>,
+    slot: u32,
+    rollouts: &Rollouts<'_>,
+) -> Result<Draft, RunError> {
     let target = briefing::target(study, slot, &snapshot.event.parent_score);
     let task = Task {
         briefing: &snapshot.briefing,
@@ -45,17 +50,29 @@ pub fn draft(study: &Study<'_>, snapshot: &Snapshot<'_>, slot: u32) -> Result<Dr
     let proposed = agents::propose(&task, study.ask)?;
     let reached = match proposed.end {
         End::Declined { reason } => Reached::Declined { reason },
-        End::Patch(patch) => admit(study, snapshot, slot, &patch)?,
+        End::Patch(patch) => admit(study, snapshot, slot, &patch, rollouts)?,
     };
     Ok(Draft { slot, target: target.text, proposal: proposed.proposal, reached })
 }
 
-fn admit(study: &Study<'_>, snapshot: &Snapshot<'_>, slot: u32, patch: &ProgramPatch) -> Result<Reached, RunError> {
+fn admit(
+    study: &Study<'_>,
+    snapshot: &Snapshot<'_>,
+    slot: u32,
+    patch: &ProgramPatch,
+    rollouts: &Rollouts<'_>,
+) -> Result<Reached, RunError> {
     let contract = &study.family(snapshot.spec)?.contract;
     let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
     let compiles = |program: &Program| {
-        let probes: Vec<&Situation> = snapshot.probes.iter().map(std::sync::Arc::as_ref).collect();
-        compiler::probe(program, contract, &probes, study.seed)
+        // A recorded rollout is proof that the program compiled there.
+        let open: Vec<&Situation> = snapshot
+            .probes
+            .iter()
+            .filter(|probe| !labels::is_recorded(study, snapshot.spec, program, probe.place, rollouts))
+            .map(|probe| probe.situation.as_ref())
+            .collect();
+        if open.is_empty() { Vec::new() } else { compiler::probe(program, contract, &open, study.seed) }
     };
     let admission = candidates::admit(&snapshot.parent, patch, child, contract, &study.registry, &compiles);
     Ok(match admission.candidate {

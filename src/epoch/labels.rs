@@ -6,7 +6,7 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::compiler::{Decision, Prepared};
-use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate};
+use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
 use crate::objects::{Program, Score};
 use crate::sim::{Outcome, Trace, rollout, rollout_traced};
 
@@ -28,6 +28,19 @@ pub fn score(
     let scenes: Vec<SceneRef<'_>> = places.iter().map(scene).collect();
     let label = |i: usize| labelled_rollout(study, spec, &prepared, places[i]);
     Ok(evaluate(&subject, &scenes, &label, &study.evaluation, rollouts, study.pool)?)
+}
+
+/// Whether the rollout of a program in a scene is on record.
+pub fn is_recorded(
+    study: &Study<'_>,
+    spec: &LineageSpec,
+    program: &Program,
+    place: usize,
+    rollouts: &Rollouts<'_>,
+) -> bool {
+    let key =
+        program.hash().and_then(|hash| request_key(hash, study.scenes[place].digest, spec.ego.digest(), study.seed));
+    key.is_ok_and(|key| rollouts.has(&key))
 }
 
 /// Compiles for one scene and rolls out. A text is the reason why there is no label.

@@ -46,6 +46,11 @@ impl<'a> Rollouts<'a> {
         self.seen().records.len()
     }
 
+    /// Whether a record is at hand. Looking does not count as resting on it.
+    pub fn has(&self, key: &Digest) -> bool {
+        self.mode == Mode::Reuse && self.store.memo_get(MemoKind::Rollout, key).is_some()
+    }
+
     /// How many of them were read from the store, and how many simulated.
     pub fn counts(&self) -> (usize, usize) {
         let seen = self.seen();

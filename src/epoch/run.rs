@@ -47,7 +47,7 @@ fn one_epoch(
     let snapshot = Snapshot::freeze(study, state, epoch, spec, &desk.rollouts)?;
     desk.log.append(kind::FROZEN, &snapshot.event)?;
     let slots: Vec<u32> = (0..study.budget.slots).collect();
-    let drafts = study.pool.map(&slots, |_, slot| draft(study, &snapshot, *slot));
+    let drafts = study.pool.map(&slots, |_, slot| draft(study, &snapshot, *slot, &desk.rollouts));
     let judged = acceptor::judge(study, state, &snapshot, drafts, desk)?;
     desk.rollouts.flush()?;
     for attempt in &judged.attempts {

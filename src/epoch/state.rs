@@ -55,9 +55,16 @@ pub struct Snapshot<'a> {
     /// Places of the window's scenes in the pool.
     pub window: Vec<usize>,
     /// Scenes on which the compile gate tries programs.
-    pub probes: Vec<Arc<Situation>>,
+    pub probes: Vec<Probe>,
     /// Tags of the window's scenes, sorted.
     pub scene_tags: Vec<String>,
+}
+
+/// A scene of the compile gate.
+pub struct Probe {
+    /// In the study's scenes.
+    pub place: usize,
+    pub situation: Arc<Situation>,
 }
 
 impl<'a> Snapshot<'a> {

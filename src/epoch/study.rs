@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
 use super::RunError;
+use super::state::Probe;
 use crate::adapters::{Family, Registry};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::compiler::Situation;
@@ -129,9 +130,11 @@ impl Study<'_> {
     }
 
     /// Scenes on which the compile gate tries programs: the first of the window that can be prepared.
-    pub fn probes(&self, epoch: u32, spec: &LineageSpec) -> Result<Vec<Arc<Situation>>, RunError> {
+    pub fn probes(&self, epoch: u32, spec: &LineageSpec) -> Result<Vec<Probe>, RunError> {
         let places: Vec<usize> = self.window(epoch).into_iter().take(self.budget.probe_scenes).collect();
-        let situations = self.pool.map(&places, |_, &place| self.scenes[place].situation(&spec.ego));
+        let situations = self.pool.map(&places, |_, &place| {
+            self.scenes[place].situation(&spec.ego).map(|situation| Probe { place, situation })
+        });
         situations.into_iter().collect::<Result<Vec<_>, String>>().map_err(RunError::Study)
     }
 }

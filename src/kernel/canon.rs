@@ -83,26 +83,53 @@ impl<'a> List<'a> {
     }
 }
 
-/// Entries collected as bytes, then written sorted by key.
+/// Entries written in place, then brought into the order of their keys where they are not in it.
 struct Map<'a> {
     out: &'a mut Vec<u8>,
-    entries: Vec<(Vec<u8>, Vec<u8>)>,
-    key: Option<Vec<u8>>,
+    /// Where the count stands; entries begin behind it.
+    count_at: usize,
+    /// (begin of key, begin of value, end) of each entry.
+    entries: Vec<(usize, usize, usize)>,
+    /// Begin of a key whose value has not come yet.
+    key_at: Option<usize>,
 }
 
 impl<'a> Map<'a> {
     fn open(out: &'a mut Vec<u8>) -> Map<'a> {
-        Map { out, entries: Vec::new(), key: None }
+        out.push(MAP);
+        let count_at = out.len();
+        out.extend_from_slice(&0u64.to_le_bytes());
+        Map { out, count_at, entries: Vec::new(), key_at: None }
+    }
+
+    fn key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), CanonError> {
+        self.key_at = Some(self.out.len());
+        key.serialize(Writer { out: self.out })
+    }
+
+    fn value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+        let key_at = self.key_at.take().ok_or_else(|| CanonError::Other("a map value came before its key".into()))?;
+        let value_at = self.out.len();
+        value.serialize(Writer { out: self.out })?;
+        self.entries.push((key_at, value_at, self.out.len()));
+        Ok(())
     }
 
     fn close(mut self) -> Result<(), CanonError> {
-        self.entries.sort();
-        self.out.push(MAP);
-        self.out.extend_from_slice(&(self.entries.len() as u64).to_le_bytes());
-        for (key, value) in &self.entries {
-            self.out.extend_from_slice(key);
-            self.out.extend_from_slice(value);
+        let count = self.entries.len() as u64;
+        self.out[self.count_at..self.count_at + 8].copy_from_slice(&count.to_le_bytes());
+        let bytes: &[u8] = self.out;
+        let place = |entry: &(usize, usize, usize)| (&bytes[entry.0..entry.1], &bytes[entry.1..entry.2]);
+        if self.entries.is_sorted_by(|a, b| place(a) <= place(b)) {
+            return Ok(());
         }
+        self.entries.sort_by(|a, b| place(a).cmp(&place(b)));
+        let begin = self.count_at + 8;
+        let mut sorted = Vec::with_capacity(bytes.len() - begin);
+        for (key_at, _, end) in &self.entries {
+            sorted.extend_from_slice(&bytes[*key_at..*end]);
+        }
+        self.out[begin..].copy_from_slice(&sorted);
         Ok(())
     }
 }
@@ -316,13 +343,10 @@ impl ser::SerializeMap for Map<'_> {
     type Ok = ();
     type Error = CanonError;
     fn serialize_key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), CanonError> {
-        self.key = Some(canonical_bytes(key)?);
-        Ok(())
+        self.key(key)
     }
     fn serialize_value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        let key = self.key.take().ok_or_else(|| CanonError::Other("a map value came before its key".into()))?;
-        self.entries.push((key, canonical_bytes(value)?));
-        Ok(())
+        self.value(value)
     }
     fn end(self) -> Result<(), CanonError> {
         self.close()
@@ -333,8 +357,8 @@ impl ser::SerializeStruct for Map<'_> {
     type Ok = ();
     type Error = CanonError;
     fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
-        self.entries.push((canonical_bytes(key)?, canonical_bytes(value)?));
-        Ok(())
+        self.key(key)?;
+        self.value(value)
     }
     fn end(self) -> Result<(), CanonError> {
         self.close()

@@ -359,7 +359,7 @@ const EvoPlayer = (() => {
     function switchTheme() { root.dataset.theme = isDark() ? "light" : "dark"; readColours(); draw(); }
 
     play.addEventListener("click", () => (state.playing ? pause() : start()));
-    slider.addEventListener("input", () => { pause(); seek(Number(slider.value)); });
+    slider.addEventListener("input", () => { const to = Number(slider.value); pause(); seek(to); });
     speed.addEventListener("change", () => { state.speed = Number(speed.value); });
     fit.addEventListener("click", () => { state.follow = false; showAll(true); refresh(); draw(); });
     theme.addEventListener("click", switchTheme);

@@ -1,0 +1,39 @@
+//! What a proposal costs besides rollouts and model time: prompts, keys, parsing, gates, compilation on probe scenes,
+//! routing, archive, lineage, memory, refit of the world evaluator, transcript. The quickstart, replayed with every
+//! answer and rollout at hand.
+
+use std::path::Path;
+
+use divan::counter::ItemsCount;
+use evodrive::cli::{experiment::Experiment, inputs};
+use evodrive::epoch::{Desk, Mode, Rollouts, Study, run};
+use evodrive::kernel::par::Pool;
+use evodrive::llm::{Cassette, Replay};
+use evodrive::store::{Store, Transcript};
+
+fn main() {
+    divan::main();
+}
+
+fn carry_out(study: &Study<'_>, store: &Store) -> usize {
+    let folder = tempfile::tempdir().expect("a scratch folder");
+    let log = Transcript::create(&folder.path().join("transcript.jsonl")).expect("a transcript");
+    let mut watch = |_| {};
+    let mut desk = Desk { log, rollouts: Rollouts::new(store, Mode::Reuse), watch: &mut watch };
+    run(study, &mut desk).expect("the quickstart replays").exits.total()
+}
+
+#[divan::bench(sample_count = 30, sample_size = 1)]
+fn proposals_with_everything_recorded(bencher: divan::Bencher<'_, '_>) {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+    let threads = Pool::new(1).expect("a thread");
+    let experiment = Experiment::read(&file).expect("the experiment");
+    let scenes = inputs::scenes(&experiment, &file, &[], &threads).expect("scenes");
+    let cassette = Cassette::load(&file.with_file_name("../cassettes/quickstart.jsonl")).expect("the cassette");
+    let replay = Replay::new(cassette, "");
+    let study = inputs::study(&experiment, scenes, &replay, &threads).expect("the study");
+    let folder = tempfile::tempdir().expect("a scratch folder");
+    let store = Store::open(folder.path()).expect("a store");
+    let proposals = carry_out(&study, &store);
+    bencher.counter(ItemsCount::new(proposals)).bench_local(|| carry_out(&study, &store));
+}

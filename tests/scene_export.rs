@@ -2,37 +2,51 @@
 //! `xmllint`, the ASAM checkers and other readers.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::ErrorKind;
 use std::path::PathBuf;
+use std::process::Command;
+use std::sync::OnceLock;
 
 use evodrive::kernel::Seed;
-use evodrive::scene::Scene;
-use evodrive::scene::export::{commonroad, openscenario, scenarionet_json};
-use evodrive::scene::import::{commonroad as commonroad_import, import_files, scenarionet_json as json_import};
+use evodrive::scene::export::{Staging, commonroad, openscenario, scenarionet_json};
+use evodrive::scene::import::import_files;
+use evodrive::scene::import::xml::{Document, Element};
 use evodrive::scene::synth::{SynthOptions, WorldKind, pool_member};
+use evodrive::scene::{Sample, Scene};
 
 #[allow(clippy::disallowed_methods)]
 fn named_folder(variable: &str) -> Option<PathBuf> {
     std::env::var(variable).ok().map(PathBuf::from)
 }
 
-/// Scenes of the CommonRoad fixtures and of the files beside the repository, where there are any.
+fn home() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// CommonRoad's files and schema beside the repository, where they are.
+fn shared() -> PathBuf {
+    named_folder("EVODRIVE_SHARED").unwrap_or(home().join("../shared")).join("data/commonroad")
+}
+
+/// Scenes of the committed fixtures and of the CommonRoad files beside the repository, where there are any.
 fn recorded() -> Vec<Scene> {
-    let home = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let shared = named_folder("EVODRIVE_SHARED").unwrap_or(home.join("../shared")).join("data/commonroad");
+    let fixtures = home().join("tests/fixtures");
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
-    for folder in [home.join("tests/fixtures/commonroad"), shared] {
+    for folder in [fixtures.join("commonroad"), fixtures.join("scenarionet"), shared()] {
         let Ok(entries) = std::fs::read_dir(&folder) else {
             eprintln!("skipped: no CommonRoad files in {}", folder.display());
             continue;
         };
         let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-        paths.retain(|path| path.extension().is_some_and(|e| e == "xml"));
+        paths.retain(|path| path.extension().is_some_and(|e| e == "xml" || e == "pkl"));
         paths.sort();
         let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
         files.extend(paths.iter().map(|path| (name(path), std::fs::read(path).unwrap())));
     }
     let scenes = import_files(&files).scenes;
-    assert!(!scenes.is_empty());
+    for format in ["commonroad-2018b", "commonroad-2020a", "scenarionet"] {
+        assert!(scenes.iter().any(|scene| scene.origin.format == format), "no scene of {format}");
+    }
     scenes
 }
 
@@ -53,7 +67,9 @@ fn hostile(mut scene: Scene) -> Scene {
     for (ix, lane) in scene.road.lanes.iter_mut().enumerate() {
         lane.id = format!("]]>{ix}<?");
     }
-    scene.crosswalks.push(scene.road.lanes[0].centre[..2].iter().chain(&scene.road.lanes[0].left[..1]).copied().collect());
+    scene
+        .crosswalks
+        .push(scene.road.lanes[0].centre[..2].iter().chain(&scene.road.lanes[0].left[..1]).copied().collect());
     assert_eq!(scene.validate(), vec![]);
     scene
 }
@@ -78,6 +94,20 @@ fn generated() -> Vec<Scene> {
     let crossing = scenes[2].clone();
     scenes.push(hostile(crossing));
     scenes
+}
+
+/// All scenes, as logged and as played.
+fn cases() -> &'static [(Scene, Option<Staging>)] {
+    static CASES: OnceLock<Vec<(Scene, Option<Staging>)>> = OnceLock::new();
+    CASES.get_or_init(|| {
+        let scenes = recorded().into_iter().chain(generated());
+        scenes.flat_map(|scene| [(scene.clone(), None), (scene.clone(), Some(braking(&scene)))]).collect()
+    })
+}
+
+/// The scene that an export must give back.
+fn as_exported(scene: &Scene, staging: Option<&Staging>) -> Scene {
+    staging.map_or_else(|| scene.clone(), |staging| staging.applied_to(scene, &mut vec![]).unwrap())
 }
 
 fn keep(name: &str, bytes: &[u8]) {
@@ -129,35 +159,55 @@ fn imported(name: &str, bytes: &[u8]) -> Scene {
 
 #[test]
 fn exported_scenes_come_back_with_the_same_digest() {
-    for scene in recorded().into_iter().chain(generated()) {
-        for staging in [None, Some(braking(&scene))] {
-            let played = staging.as_ref().map(|s| s.applied_to(&scene, &mut vec![]).unwrap());
-            let expected = played.as_ref().unwrap_or(&scene);
-            let name = file_name(expected);
-            let xml = commonroad(&scene, staging.as_ref()).unwrap();
-            keep(&format!("{name}.xml"), &xml.bytes);
-            assert_eq!(imported("f.xml", &xml.bytes).digest(), expected.digest(), "{}: CommonRoad", expected.id);
-            let json = scenarionet_json(&scene, staging.as_ref()).unwrap();
-            keep(&format!("{name}.json"), &json.bytes);
-            assert_eq!(imported("f.json", &json.bytes).digest(), expected.digest(), "{}: ScenarioNet", expected.id);
-        }
+    for (scene, staging) in cases() {
+        let expected = as_exported(scene, staging.as_ref());
+        let name = file_name(&expected);
+        let xml = commonroad(scene, staging.as_ref()).unwrap();
+        keep(&format!("{name}.xml"), &xml.bytes);
+        assert_eq!(imported("f.xml", &xml.bytes).digest(), expected.digest(), "{}: CommonRoad", expected.id);
+        let json = scenarionet_json(scene, staging.as_ref()).unwrap();
+        keep(&format!("{name}.json"), &json.bytes);
+        assert_eq!(imported("f.json", &json.bytes).digest(), expected.digest(), "{}: ScenarioNet", expected.id);
     }
 }
 
 #[test]
 fn every_scene_has_an_openscenario_form() {
-    for scene in recorded().into_iter().chain(generated()) {
-        for staging in [None, Some(braking(&scene))] {
-            let played = staging.as_ref().map(|s| s.applied_to(&scene, &mut vec![]).unwrap());
-            let expected = played.as_ref().unwrap_or(&scene);
-            let name = file_name(expected);
-            let road_file = format!("{name}.xodr");
-            let files = openscenario(&scene, staging.as_ref(), &road_file).unwrap();
-            keep(&format!("{name}.xosc"), &files.xosc);
-            keep(&road_file, &files.xodr);
-            let text = String::from_utf8(files.xosc).unwrap();
-            assert_eq!(text.matches("<ScenarioObject ").count(), expected.tracks.len() + 1, "{}", expected.id);
-            assert!(text.contains(&road_file));
+    for (scene, staging) in cases() {
+        let expected = as_exported(scene, staging.as_ref());
+        let name = file_name(&expected);
+        let road_file = format!("{name}.xodr");
+        let files = openscenario(scene, staging.as_ref(), &road_file).unwrap();
+        keep(&format!("{name}.xosc"), &files.xosc);
+        keep(&road_file, &files.xodr);
+        let text = String::from_utf8(files.xosc).unwrap();
+        assert_eq!(text.matches("<ScenarioObject ").count(), expected.tracks.len() + 1, "{}", expected.id);
+        assert!(text.contains(&road_file));
+    }
+}
+
+#[test]
+fn commonroad_files_are_valid_by_the_schema() {
+    let schema = shared().join("XML_commonRoad_XSD.xsd");
+    if !schema.exists() {
+        eprintln!("skipped: no schema at {}", schema.display());
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = Vec::new();
+    for (number, (scene, staging)) in cases().iter().enumerate() {
+        files.push(folder.path().join(format!("{number}.xml")));
+        std::fs::write(&files[number], commonroad(scene, staging.as_ref()).unwrap().bytes).unwrap();
+    }
+    match Command::new("xmllint").arg("--noout").arg("--schema").arg(&schema).args(&files).output() {
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            eprintln!("skipped: xmllint is not installed (Debian: libxml2-utils)");
+        }
+        ran => {
+            let ran = ran.unwrap();
+            let told = String::from_utf8_lossy(&ran.stderr);
+            assert!(ran.status.success(), "{}", told.lines().filter(|l| !l.ends_with("validates")).collect::<String>());
+            assert_eq!(told.matches(" validates").count(), files.len());
         }
     }
 }
@@ -235,12 +285,10 @@ fn check_structure(root: Element<'_>, name: &str) {
 
 #[test]
 fn commonroad_files_have_the_structure_that_the_schema_asks_for() {
-    for scene in recorded().into_iter().chain(generated()) {
-        for staging in [None, Some(braking(&scene))] {
-            let bytes = commonroad(&scene, staging.as_ref()).unwrap().bytes;
-            let document = Document::parse("f.xml", &bytes).unwrap();
-            check_structure(document.root(), &scene.id);
-        }
+    for (scene, staging) in cases() {
+        let bytes = commonroad(scene, staging.as_ref()).unwrap().bytes;
+        let document = Document::parse("f.xml", &bytes).unwrap();
+        check_structure(document.root(), &scene.id);
     }
 }
 

@@ -1,5 +1,7 @@
 //! What an export gives beside its bytes, and why there may be none.
 
+use serde::Serialize;
+
 use crate::scene::Scene;
 
 /// A file's bytes and what they do not say.
@@ -11,7 +13,7 @@ pub struct Exported {
 }
 
 /// One thing that a reader of the exported file should know.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Note {
     /// Such as `tracks[3] "v12"`; empty for the whole scene.
     pub what: String,

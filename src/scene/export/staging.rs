@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::error::{ExportError, Note, sound};
 use crate::scene::validate::STEPS_MAX;
@@ -150,6 +151,18 @@ fn drop_unseen(played: &mut Scene, notes: &mut Vec<Note>) {
     played.tracks.retain(|track| track.span().is_some());
     let interest = std::mem::take(&mut played.objects_of_interest);
     played.objects_of_interest = interest.into_iter().filter_map(|ix| places.get(ix).copied().flatten()).collect();
+}
+
+/// Steps from `from` on in which a track is seen without a gap.
+pub(super) fn stretches(track: &Track, from: usize) -> Vec<Range<usize>> {
+    let mut found: Vec<Range<usize>> = Vec::new();
+    for (step, _) in track.samples.iter().enumerate().skip(from).filter(|(_, sample)| sample.is_some()) {
+        match found.last_mut() {
+            Some(last) if last.end == step => last.end += 1,
+            _ => found.push(step..step + 1),
+        }
+    }
+    found
 }
 
 /// Height where no data set gave one, metres: a car, a person, a person on a bicycle, a barrier.

@@ -214,7 +214,9 @@ fn an_edited_scenarionet_export_is_read_by_its_standard_keys_and_says_so() {
     let back = scenarionet_import::import("f.json", &serde_json::to_vec(&value).unwrap()).unwrap();
     assert_eq!(back.left_out[0].what, "metadata.evodrive");
     let track = back.scenes[0].tracks.iter().find(|t| t.id == scene.tracks[0].id).unwrap();
-    assert_eq!(track.samples[30].map(|s| s.position.x), Some(12.5));
+    // Like any description, in a frame with the ego's place at its origin.
+    let here = scene.ego.track.at(scene.current_step).unwrap().position;
+    assert_eq!(track.samples[30].map(|s| s.position.x), Some(12.5 - here.x));
 }
 
 #[test]

@@ -74,7 +74,9 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     if bytes.first() == Some(&0x80) {
         return scenarionet::import(file, bytes);
     }
-    if first == Some(&b'{') && holds(b"\"version\"") && holds(b"\"length\"") {
+    // GPUDrive's road users have lengths too, but stand in a list called "objects".
+    let described = holds(b"\"version\"") && holds(b"\"length\"") && !holds(b"\"objects\"");
+    if first == Some(&b'{') && described {
         return scenarionet_json::import(file, bytes);
     }
     if first == Some(&b'{') {

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::obstacles::stretches;
+use super::obstacles;
 use crate::scene::Scene;
 
 pub(super) struct Ids {
@@ -16,7 +16,7 @@ pub(super) struct Ids {
     pub stop_signs: Vec<u32>,
     pub lights: Vec<u32>,
     pub edges: Vec<u32>,
-    /// By track, then by stretch.
+    /// By track, then by obstacle.
     pub tracks: Vec<Vec<u32>>,
     pub problem: u32,
 }
@@ -45,7 +45,7 @@ impl Ids {
                 .into_iter()
                 .zip(&scene.tracks)
                 .map(|(own, track)| {
-                    let parts = stretches(track, scene.ego.start_step).len();
+                    let parts = obstacles::count(track, scene.ego.start_step);
                     (0..parts).map(|k| pick.or_free(own.filter(|_| k == 0))).collect()
                 })
                 .collect(),

@@ -141,24 +141,37 @@ fn speed_and_slip(velocity: Vec2, heading_rad: f64) -> (f64, f64) {
     (speed, num::wrap_angle(motion.heading() - heading_rad))
 }
 
+/// What the file's own words lost, told once a kind: where its fields are, what it is about, what became of it.
+const LOST: [(&str, &str, &str, &str); 7] = [
+    (
+        "/road/lanes/",
+        "/centre",
+        "road.lanes",
+        "centre lines are not exactly the middle between their boundaries, which is all that the format knows",
+    ),
+    ("/road/lanes/", "/id", "road.lanes", "lane ids that are no plain numbers were replaced by numbers"),
+    ("/tracks/", "/id", "tracks", "ids of road users that are no plain numbers were replaced by numbers"),
+    (
+        "/road/edges",
+        "",
+        "road.edges",
+        "edges are curbs of the lanelets beside them; their own lines stand in <?evodrive?>",
+    ),
+    ("/objects_of_interest", "", "objects_of_interest", "who interacts with the ego stands in <?evodrive?> alone"),
+    ("/current_step", "", "", "the step that is \"now\" stands in <?evodrive?> alone"),
+    (
+        "/ego/",
+        "",
+        "ego",
+        "its size, its log, its route and its target speed stand beside the planning problem, in <?evodrive?> alone",
+    ),
+];
+
 fn note_fields(remainder: &Remainder, notes: &mut Vec<Note>) {
-    let has = |wanted: &str| remainder.paths().any(|path| path.starts_with("/road/lanes/") && path.ends_with(wanted));
-    if has("/centre") {
-        let reason =
-            "centre lines are not exactly the middle between their boundaries, which is all that the format knows";
-        notes.push(Note::new("road.lanes", reason));
-    }
-    if has("/id") {
-        notes.push(Note::new("road.lanes", "lane ids that are no plain numbers were replaced by numbers"));
-    }
-    let reason = "the ego's log, its route and its target speed stand beside the planning problem, in the instruction \
-                  <?evodrive?> alone";
-    notes.push(Note::new("ego", reason));
-    if remainder.paths().any(|path| path == "/road/edges") {
-        notes.push(Note::new(
-            "road.edges",
-            "edges are curbs of the lanelets beside them; their own lines stand in <?evodrive?>",
-        ));
+    for (begins, ends, what, reason) in LOST {
+        if remainder.paths().any(|path| path.starts_with(begins) && path.ends_with(ends)) {
+            notes.push(Note::new(what, reason));
+        }
     }
 }
 

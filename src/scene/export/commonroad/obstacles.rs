@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::super::error::Note;
+use super::super::staging::stretches;
 use super::super::xml::{Xml, decimal};
 use super::ids::Ids;
 use super::{exact, point, rectangle};
@@ -42,19 +43,9 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, ids: &Ids, notes: &mut Vec<Not
     }
 }
 
-/// Steps of a scene, from `start` on, in which a track is seen without a gap.
-pub(super) fn stretches(track: &Track, start: usize) -> Vec<Range<usize>> {
-    if stands(track) {
-        return vec![0..track.samples.len()];
-    }
-    let mut found: Vec<Range<usize>> = Vec::new();
-    for (step, _) in track.samples.iter().enumerate().skip(start).filter(|(_, sample)| sample.is_some()) {
-        match found.last_mut() {
-            Some(last) if last.end == step => last.end += 1,
-            _ => found.push(step..step + 1),
-        }
-    }
-    found
+/// Obstacles that a track becomes: one for what stands, else one for each stretch from `start` on.
+pub(super) fn count(track: &Track, start: usize) -> usize {
+    if stands(track) { 1 } else { stretches(track, start).len() }
 }
 
 /// Whether a thing is in one place for the whole scene.

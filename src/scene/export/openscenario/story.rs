@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::super::staging::stretches;
 use super::super::xml::{Xml, decimal};
 use super::entities::{Cast, Member};
 use super::seconds;
@@ -20,18 +21,6 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>) {
         });
         xml.within("StopTrigger", &[], |xml| after(xml, "the scene ends", scene.steps - 1));
     });
-}
-
-/// Steps in which a track is seen without a gap.
-fn stretches(track: &Track) -> Vec<Range<usize>> {
-    let mut found: Vec<Range<usize>> = Vec::new();
-    for (step, _) in track.samples.iter().enumerate().filter(|(_, sample)| sample.is_some()) {
-        match found.last_mut() {
-            Some(last) if last.end == step => last.end += 1,
-            _ => found.push(step..step + 1),
-        }
-    }
-    found
 }
 
 fn init(xml: &mut Xml, member: &Member<'_>) {
@@ -59,7 +48,7 @@ fn init(xml: &mut Xml, member: &Member<'_>) {
 /// Everybody has a group; who has no event only stands where Init put it.
 fn part(xml: &mut Xml, member: &Member<'_>) {
     let name = &member.name;
-    let parts = stretches(member.track);
+    let parts = stretches(member.track, 0);
     let moves = parts.iter().any(|range| range.start > 0 || range.len() > 1 || leaves(member, range));
     xml.within("ManeuverGroup", &[("name", &format!("group_{name}")), ("maximumExecutionCount", &1)], |xml| {
         xml.within("Actors", &[("selectTriggeringEntities", &"false")], |xml| {

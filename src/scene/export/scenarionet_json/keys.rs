@@ -5,9 +5,10 @@ use serde::{Serialize, Serializer};
 
 #[derive(Serialize)]
 pub(super) struct Description<'s> {
-    pub id: &'s str,
+    // An importer tells the format by the first keys of a file, and an id may be long.
     pub version: &'static str,
     pub length: usize,
+    pub id: &'s str,
     pub metadata: Metadata<'s>,
     pub tracks: Entries<TrackOut<'s>>,
     pub dynamic_map_states: Entries<LightOut<'s>>,

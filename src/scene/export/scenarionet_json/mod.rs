@@ -64,9 +64,9 @@ fn describe(scene: &Scene) -> Description<'_> {
     let all = std::iter::once(ego).chain(&scene.tracks);
     let interest = scene.objects_of_interest.iter().map(|&ix| scene.tracks[ix].id.as_str());
     Description {
-        id: &scene.id,
         version: VERSION,
         length: scene.steps,
+        id: &scene.id,
         metadata: Metadata {
             dataset: "evodrive",
             scenario_id: &scene.id,

@@ -89,12 +89,7 @@ pub(in crate::scene) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Sc
 }
 
 /// The very scene that was exported; `None` where the file does not say what it said then.
-fn exported(
-    file: &File<'_>,
-    text: &str,
-    network: &road::Network,
-    obstacles: &obstacles::Obstacles,
-) -> Option<Scene> {
+fn exported(file: &File<'_>, text: &str, network: &road::Network, obstacles: &obstacles::Obstacles) -> Option<Scene> {
     let remainder = Remainder::from_text(text)?;
     let read = unplanned(file, network, obstacles).ok()?;
     remainder.laid_over(&read, &origin(file))

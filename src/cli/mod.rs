@@ -13,7 +13,10 @@ mod lineage;
 mod playables;
 mod report;
 mod result_text;
+mod rollout;
 mod run;
+mod scene_export;
+mod scene_show;
 mod scenes;
 mod show;
 

@@ -7,7 +7,7 @@ use evodrive::llm::live::{Ledger, Live, RESPONSE_BYTES_MAX, Secret, Tokens, draw
 use evodrive::llm::scripted::Scripted;
 use evodrive::llm::{
     Cassette, ClientOptions, Completion, DrawSlot, IncompleteReplies, Message, Model, ModelError, ModelSpec, Request,
-    ResponseFormat, SpendCap,
+    ResponseFormat, Schema, SpendCap,
 };
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -190,11 +190,15 @@ fn request(slot: u32, kind: &str) -> Request {
             body: BTreeMap::from([("extra".to_string(), json!({"a": [1, false]}))]),
         },
         messages: vec![message("system", "Be strict."), message("user", "Context."), message("user", "Task.")],
-        schema: json!({"type": "object", "required": ["a"]}),
+        schema: schema(json!({"type": "object", "required": ["a"]})),
     }
 }
 
 // --- the protocols
+
+fn schema(value: Value) -> Schema {
+    Schema::new(value).unwrap()
+}
 
 #[test]
 fn chat_completions_carry_the_request_and_the_answer_comes_with_its_metadata() {
@@ -451,8 +455,8 @@ fn by_rules(asked: &Received) -> Option<Reply> {
         adapter_version: 1,
         slot: DrawSlot { lineage: "x".into(), epoch: 0, slot: asked.body["seed"].as_u64()? as u32, role, round: 0 },
         model: ModelSpec { kind: "scripted".into(), sampling, ..request(0, "").model },
-        messages: messages.map(|m| Message { role: text(&m["role"]), text: text(&m["content"]) }).collect(),
-        schema: asked.body["response_format"]["json_schema"]["schema"].clone(),
+        messages: messages.map(|m| Message { role: text(&m["role"]), text: text(&m["content"]).into() }).collect(),
+        schema: schema(asked.body["response_format"]["json_schema"]["schema"].clone()),
     };
     let answer = Scripted.complete(&request).expect("the prompt is one that the rules can read");
     let mut said: Value = serde_json::from_slice(&chat(&String::from_utf8(answer.bytes).unwrap()).body).unwrap();

@@ -14,7 +14,10 @@ mod models;
 mod playables;
 mod report;
 mod result_text;
+mod rollout;
 mod run;
+mod scene_export;
+mod scene_show;
 mod scenes;
 mod show;
 

@@ -6,14 +6,14 @@ use super::{
     RunError,
     rollouts::{Rollouts, TrialRecord},
     state::Snapshot,
-    study::{LineageSpec, Study},
+    study::{LineageSpec, SceneEntry, Study},
 };
 use crate::adapters::ADAPTER_VERSION;
-use crate::compiler::{Decision, Prepared};
+use crate::compiler::{Compiled, Decision, Prepared};
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::{Program, Score};
-use crate::sim::{Outcome, SIM_VERSION, Trace, rollout, rollout_traced};
+use crate::sim::{Intervention, Outcome, SIM_VERSION, Trace, rollout, rollout_traced};
 
 /// Labels a program on the scenes at these places.
 pub fn score(
@@ -105,29 +105,47 @@ pub fn labelled_rollout(
     let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
     let outcome: Outcome = rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
         .map_err(|error| error.to_string())?;
+    record(entry, spec, prepared, &compiled.decision, outcome)
+}
+
+/// A rollout simulated again with the motion behind its label.
+#[derive(Clone, Debug)]
+pub struct Traced {
+    /// Equal to what the store holds of this rollout.
+    pub record: RolloutRecord,
+    pub decision: Decision,
+    pub intervention: Intervention,
+    pub motion: Trace,
+}
+
+/// Simulates the rollout of a program in a scene again, with its motion: for players and exporters.
+pub fn trace(study: &Study<'_>, spec: &LineageSpec, program: &Program, place: usize) -> Result<Traced, String> {
+    let contract = &study.family(spec).map_err(|error| error.to_string())?.contract;
+    let prepared = Prepared::new(program, contract).map_err(|failure| failure.to_string())?;
+    let entry = &study.scenes[place];
+    let situation = entry.situation(&spec.ego)?;
+    let Compiled { decision, intervention } =
+        prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
+    let (outcome, motion) = rollout_traced(&situation.plant, &intervention, spec.ego.driver().as_mut())
+        .map_err(|error| error.to_string())?;
+    let record = record(entry, spec, &prepared, &decision, outcome)?;
+    Ok(Traced { record, decision, intervention, motion })
+}
+
+fn record(
+    entry: &SceneEntry,
+    spec: &LineageSpec,
+    prepared: &Prepared<'_>,
+    decision: &Decision,
+    outcome: Outcome,
+) -> Result<RolloutRecord, String> {
     Ok(RolloutRecord {
         scene: entry.scene.id.clone(),
         scene_digest: entry.digest,
         program: prepared.hash(),
         ego: spec.ego.name().to_string(),
-        intervened: compiled.decision.applies,
-        decision: serde_json::to_value(&compiled.decision).map_err(|error| error.to_string())?,
+        intervened: decision.applies,
+        decision: serde_json::to_value(decision).map_err(|error| error.to_string())?,
         outcome,
     })
-}
-
-/// The motion behind a label, simulated again: for players and exporters.
-pub fn trace(
-    study: &Study<'_>,
-    spec: &LineageSpec,
-    program: &Program,
-    place: usize,
-) -> Result<(Decision, Outcome, Trace), String> {
-    let contract = &study.family(spec).map_err(|error| error.to_string())?.contract;
-    let prepared = Prepared::new(program, contract).map_err(|failure| failure.to_string())?;
-    let situation = study.scenes[place].situation(&spec.ego)?;
-    let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
-    let (outcome, trace) = rollout_traced(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
-        .map_err(|error| error.to_string())?;
-    Ok((compiled.decision, outcome, trace))
 }

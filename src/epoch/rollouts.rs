@@ -143,7 +143,7 @@ impl RolloutCache for Rollouts<'_> {
     }
 
     fn keep(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError> {
-        let bytes = serde_json::to_vec(record).map_err(|error| CacheError::Store(Box::new(error)))?;
+        let bytes = record_bytes(record).map_err(|error| CacheError::Store(Box::new(error)))?;
         if let Some((before, stored)) = self.stored(key)?
             && Digest::of_bytes(&bytes) != stored
         {
@@ -157,6 +157,19 @@ impl RolloutCache for Rollouts<'_> {
         }
         Ok(object)
     }
+}
+
+/// The bytes of a record as the store keeps them.
+fn record_bytes(record: &RolloutRecord) -> Result<Vec<u8>, serde_json::Error> {
+    serde_json::to_vec(record)
+}
+
+/// The digest under which the store keeps a record.
+///
+/// # Errors
+/// None for a record that came from a rollout: its numbers are finite and its keys are texts.
+pub fn record_digest(record: &RolloutRecord) -> Result<Digest, serde_json::Error> {
+    Ok(Digest::of_bytes(&record_bytes(record)?))
 }
 
 fn from_store(error: StoreError) -> CacheError {

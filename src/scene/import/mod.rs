@@ -10,6 +10,7 @@ pub mod opendrive;
 pub mod pickle;
 pub mod resample;
 pub mod scenarionet;
+pub mod scenarionet_json;
 pub mod summary;
 pub mod tfrecord;
 pub mod topology;

@@ -12,7 +12,7 @@ use super::{bench, fsck, lineage, report, run, scenes, show};
 /// Exit codes: 0 success, 2 bad input, 3 no recorded answer, 4 something came out differently, 5 stored bytes are damaged,
 /// 70 internal.
 #[derive(Debug, Parser)]
-#[command(name = "evodrive", version, max_term_width = 100)]
+#[command(name = "evodrive", version, term_width = 100)]
 pub struct Arguments {
     /// Print one JSON object on stdout instead of text.
     #[arg(long, global = true)]

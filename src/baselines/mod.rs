@@ -7,13 +7,19 @@ pub mod grammar;
 pub mod interface;
 pub mod kernel;
 pub mod prior;
+pub mod seal;
 
 use self::kernel::{ActorOperator, Operator};
 use crate::adapters::Registry;
 
 /// Every family that can be evolved.
 pub fn registry() -> Registry {
-    Registry::new([cat::family(), at::family(), adv_bmt::family()])
+    Registry::new([
+        cat::family(),
+        at::family(),
+        seal::family(),
+        adv_bmt::family(),
+    ])
 }
 
 /// What a motion or search kind does; `None` for kinds of other slots, which the compiler knows itself.
@@ -25,6 +31,8 @@ pub fn operator(kind: &str) -> Option<Operator> {
         at::PARTICLE_SWARM => Some(at::search),
         adv_bmt::REVERSE_TOKENS => Some(adv_bmt::motion),
         adv_bmt::REJECTION => Some(adv_bmt::search),
+        seal::OPPONENT_PRIOR => Some(seal::motion),
+        seal::CRITICAL_DEVIATION => Some(seal::search),
         _ => None,
     }
 }
@@ -177,7 +185,7 @@ mod tests {
             shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 2, seed in 0u64..1000,
         ) {
             let situation = &SITUATIONS[place];
-            for name in [adv_bmt::NAME] {
+            for name in [seal::NAME, adv_bmt::NAME] {
                 let family = registry().get(&FamilyName::new(name)).unwrap().clone();
                 match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
                     Ok(compiled) => {

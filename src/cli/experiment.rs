@@ -9,7 +9,7 @@ use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
 use crate::memory::{CurationOptions, MemoryOptions};
-use crate::objects::{FamilyName, LineageId, Role, WorldConfiguration};
+use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
 use crate::scene::synth::SynthOptions;
 use crate::store;
@@ -89,6 +89,9 @@ pub struct LineageOptions {
     pub family: FamilyName,
     /// `idm` or `replay`.
     pub ego: String,
+    /// Parameters in which this lineage's parent differs from its family's, such as SAGE's `preference_weight`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parent: BTreeMap<String, ParameterValue>,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -7,6 +7,7 @@ pub mod grammar;
 pub mod interface;
 pub mod kernel;
 pub mod prior;
+pub mod sage;
 pub mod seal;
 
 use self::kernel::{ActorOperator, Operator};
@@ -19,6 +20,7 @@ pub fn registry() -> Registry {
         at::family(),
         seal::family(),
         adv_bmt::family(),
+        sage::family(),
     ])
 }
 
@@ -31,6 +33,8 @@ pub fn operator(kind: &str) -> Option<Operator> {
         at::PARTICLE_SWARM => Some(at::search),
         adv_bmt::REVERSE_TOKENS => Some(adv_bmt::motion),
         adv_bmt::REJECTION => Some(adv_bmt::search),
+        sage::MIXED_EXPERTS => Some(sage::motion),
+        sage::PREFERENCE_REWARD => Some(sage::search),
         seal::OPPONENT_PRIOR => Some(seal::motion),
         seal::CRITICAL_DEVIATION => Some(seal::search),
         _ => None,
@@ -185,7 +189,7 @@ mod tests {
             shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 2, seed in 0u64..1000,
         ) {
             let situation = &SITUATIONS[place];
-            for name in [seal::NAME, adv_bmt::NAME] {
+            for name in [seal::NAME, adv_bmt::NAME, sage::NAME] {
                 let family = registry().get(&FamilyName::new(name)).unwrap().clone();
                 match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
                     Ok(compiled) => {

@@ -6,6 +6,7 @@ pub mod cat;
 pub mod grammar;
 pub mod interface;
 pub mod kernel;
+pub mod llm_attacker;
 pub mod prior;
 pub mod sage;
 pub mod seal;
@@ -21,6 +22,7 @@ pub fn registry() -> Registry {
         seal::family(),
         adv_bmt::family(),
         sage::family(),
+        llm_attacker::family(),
     ])
 }
 
@@ -33,6 +35,8 @@ pub fn operator(kind: &str) -> Option<Operator> {
         at::PARTICLE_SWARM => Some(at::search),
         adv_bmt::REVERSE_TOKENS => Some(adv_bmt::motion),
         adv_bmt::REJECTION => Some(adv_bmt::search),
+        llm_attacker::ATTACKER_PRIOR => Some(llm_attacker::motion),
+        llm_attacker::DELIBERATION => Some(llm_attacker::search),
         sage::MIXED_EXPERTS => Some(sage::motion),
         sage::PREFERENCE_REWARD => Some(sage::search),
         seal::OPPONENT_PRIOR => Some(seal::motion),
@@ -45,6 +49,7 @@ pub fn operator(kind: &str) -> Option<Operator> {
 pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
     match kind {
         adv_bmt::INSERTED_ACTOR => Some(adv_bmt::actor),
+        llm_attacker::ATTACKER_POOL => Some(llm_attacker::pool),
         _ => None,
     }
 }
@@ -189,7 +194,7 @@ mod tests {
             shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 2, seed in 0u64..1000,
         ) {
             let situation = &SITUATIONS[place];
-            for name in [seal::NAME, adv_bmt::NAME, sage::NAME] {
+            for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME] {
                 let family = registry().get(&FamilyName::new(name)).unwrap().clone();
                 match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
                     Ok(compiled) => {

@@ -11,8 +11,10 @@ use crate::scene::{DT_S, LaneIx, Sample, TrackIx};
 
 /// Duration of a token, s.
 const TOKEN_S: f64 = TOKEN_STEPS as f64 * DT_S;
+/// Within this distance a lane is preferred that heads the same way, metres.
+const LANE_NEAR_M: f64 = 6.0;
 /// A lane farther away than this counts as this far, metres.
-const LANE_M_MAX: f64 = 6.0;
+const LANE_M_MAX: f64 = 40.0;
 /// Lateral acceleration from which on a token is penalised, m/s².
 const LATERAL_MPS2: f64 = 4.0;
 /// Curvature beyond which a road user cannot turn, 1/m: heading changes need way.
@@ -136,7 +138,7 @@ impl<'a> Reverse<'a> {
     fn lane(&self, position: Vec2, heading_rad: f64) -> Option<Along> {
         let lanes = &self.situation.lanes;
         let place = lanes
-            .nearest_lane(position, heading_rad, LANE_M_MAX)
+            .nearest_lane(position, heading_rad, LANE_NEAR_M)
             .or_else(|| lanes.nearest_lane_any_heading(position, LANE_M_MAX))?;
         Some(Along {
             offset_m: place.offset_m,

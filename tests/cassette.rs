@@ -10,14 +10,18 @@ use evodrive::{
     kernel::par::Pool,
     llm::{
         Ask, AskError, Cassette, CassetteError, DrawSlot, Message, Model, ModelError, ModelSpec, Record, RecordMode,
-        Replay, Request,
+        Replay, Request, Schema,
     },
     store::{MemoKind, Store},
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
 fn slot(epoch: u32, slot: u32) -> DrawSlot {
     DrawSlot { lineage: "cat-idm".into(), epoch, slot, role: "actor".into(), round: 0 }
+}
+
+fn schema(value: Value) -> Schema {
+    Schema::new(value).unwrap()
 }
 
 fn request(at: DrawSlot) -> Request {
@@ -31,9 +35,9 @@ fn request(at: DrawSlot) -> Request {
         },
         messages: vec![
             Message { role: "system".into(), text: "You evolve programs.".into() },
-            Message { role: "user".into(), text: format!("Parent: p\nEpoch {} slot {}\nEnd", at.epoch, at.slot) },
+            Message { role: "user".into(), text: format!("Parent: p\nEpoch {} slot {}\nEnd", at.epoch, at.slot).into() },
         ],
-        schema: json!({"type": "object", "properties": {"b": 1, "a": 2.5}}),
+        schema: schema(json!({"type": "object", "properties": {"b": 1, "a": 2.5}})),
         slot: at,
     }
 }
@@ -92,10 +96,10 @@ fn each_field_changes_the_key() {
         |r| r.model.model = "echo-2".into(),
         |r| r.model.sampling = BTreeMap::from([("temperature".into(), 0.700_000_000_000_000_1)]),
         |r| r.messages[0].role = "user".into(),
-        |r| r.messages[1].text.push(' '),
+        |r| r.messages[1].text = format!("{} ", r.messages[1].text).into(),
         |r| r.messages.swap(0, 1),
         |r| drop(r.messages.pop()),
-        |r| r.schema = json!({"type": "object"}),
+        |r| r.schema = schema(json!({"type": "object"})),
     ];
     let mut keys = std::collections::BTreeSet::from([base.key().unwrap()]);
     for (i, change) in changes.iter().enumerate() {
@@ -108,7 +112,7 @@ fn each_field_changes_the_key() {
 #[test]
 fn the_order_of_schema_keys_does_not_change_the_key() {
     let mut other = request(slot(0, 0));
-    other.schema = serde_json::from_str(r#"{"properties": {"a": 2.5, "b": 1}, "type": "object"}"#).unwrap();
+    other.schema = schema(serde_json::from_str(r#"{"properties": {"a": 2.5, "b": 1}, "type": "object"}"#).unwrap());
     assert_eq!(other.key().unwrap(), request(slot(0, 0)).key().unwrap());
 }
 
@@ -213,7 +217,7 @@ fn a_removed_line_is_a_miss_that_names_the_nearest_slot_and_the_remedy() {
 #[test]
 fn a_changed_prompt_is_a_miss_that_shows_message_line_and_both_texts() {
     let mut asked = request(slot(0, 1));
-    asked.messages[1].text = asked.messages[1].text.replace("slot 1", "slot one");
+    asked.messages[1].text = asked.messages[1].text.replace("slot 1", "slot one").into();
     let miss = miss_of(&asked);
     assert_eq!(miss.nearest, Some(slot(0, 1)));
     let expected = "message 2 (user) line 2: recorded \"Epoch 0 slot 1\", asked \"Epoch 0 slot one\"";
@@ -228,7 +232,7 @@ fn a_changed_model_or_schema_is_a_miss_that_shows_both_values() {
     asked.model.sampling.insert("temperature".into(), 0.8);
     assert_eq!(miss_of(&asked).difference.unwrap(), "model/sampling/temperature: recorded 0.7, asked 0.8");
     let mut asked = request(slot(0, 1));
-    asked.schema["properties"]["a"] = json!(3);
+    asked.schema = schema(json!({"type": "object", "properties": {"b": 1, "a": 3}}));
     assert_eq!(miss_of(&asked).difference.unwrap(), "schema/properties/a: recorded 2.5, asked 3");
 }
 
@@ -278,7 +282,7 @@ struct Constant;
 
 impl Model for Constant {
     fn complete(&self, request: &Request) -> Result<Vec<u8>, ModelError> {
-        Ok(request.messages[1].text.clone().into_bytes())
+        Ok(request.messages[1].text.as_bytes().to_vec())
     }
 }
 

@@ -156,7 +156,8 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
     }
     let mut watch = |news: Progress| progress(result_text::progress(&news));
-    let mut desk = Desk { log, rollouts: Rollouts::new(&objects, mode), watch: &mut watch };
+    let rollouts = Rollouts::new(&objects, mode);
+    let mut desk = Desk { log, rollouts: &rollouts, watch: &mut watch };
     let result = epoch::run(&study, &mut desk)?;
     let root = desk.log.head();
     let (reused, simulated) = desk.rollouts.counts();

@@ -41,7 +41,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         let recorded = cassette.as_ref()?.get(&exchange.request)?;
         let request = recorded.request();
         Some(Exchanged {
-            messages: request.messages.into_iter().map(|m| (m.role, m.text)).collect(),
+            messages: request.messages.into_iter().map(|m| (m.role, m.text.to_string())).collect(),
             reply: String::from_utf8_lossy(&recorded.bytes).into_owned(),
         })
     };

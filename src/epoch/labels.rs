@@ -2,13 +2,16 @@
 
 use super::{
     RunError,
-    rollouts::Rollouts,
+    rollouts::{Rollouts, TrialRecord},
+    state::Snapshot,
     study::{LineageSpec, Study},
 };
+use crate::adapters::ADAPTER_VERSION;
 use crate::compiler::{Decision, Prepared};
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
+use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::{Program, Score};
-use crate::sim::{Outcome, Trace, rollout, rollout_traced};
+use crate::sim::{Outcome, SIM_VERSION, Trace, rollout, rollout_traced};
 
 /// Labels a program on the scenes at these places.
 pub fn score(
@@ -30,17 +33,57 @@ pub fn score(
     Ok(evaluate(&subject, &scenes, &label, &study.evaluation, rollouts, study.pool)?)
 }
 
-/// Whether the rollout of a program in a scene is on record.
-pub fn is_recorded(
+/// What keeps a program from compiling on the snapshot's probe scenes; empty = it can be lowered on all of them. What
+/// was tried before is not tried again, and a recorded rollout is proof that the program compiled there.
+pub fn trials(
     study: &Study<'_>,
-    spec: &LineageSpec,
+    snapshot: &Snapshot<'_>,
     program: &Program,
-    place: usize,
+    hash: Digest,
     rollouts: &Rollouts<'_>,
-) -> bool {
-    let key =
-        program.hash().and_then(|hash| request_key(hash, study.scenes[place].digest, spec.ego.digest(), study.seed));
-    key.is_ok_and(|key| rollouts.has(&key))
+) -> Result<Vec<String>, RunError> {
+    let spec = snapshot.spec;
+    let contract = &study.family(spec)?.contract;
+    let mut prepared = None;
+    let mut problems = Vec::new();
+    for probe in &snapshot.probes {
+        let entry = &study.scenes[probe.place];
+        if rollouts.has(&request_key(hash, entry.digest, spec.ego.digest(), study.seed)?) {
+            continue;
+        }
+        let key = trial_key(hash, entry.digest, spec.ego.digest(), study.seed)?;
+        let failure = match rollouts.tried(&key)? {
+            Some(trial) => trial.failure,
+            None => {
+                if prepared.is_none() {
+                    match Prepared::new(program, contract) {
+                        Ok(ready) => prepared = Some(ready),
+                        Err(failure) => return Ok(vec![failure.to_string()]),
+                    }
+                }
+                let compiled = prepared.as_ref().map(|ready| ready.compile(&probe.situation, study.seed));
+                let failure = compiled.and_then(Result::err).map(|failure| failure.to_string());
+                rollouts.keep_trial(
+                    &key,
+                    TrialRecord {
+                        program: hash,
+                        scene: entry.scene.id.clone(),
+                        scene_digest: entry.digest,
+                        ego: spec.ego.name().to_string(),
+                        failure: failure.clone(),
+                    },
+                )?;
+                failure
+            }
+        };
+        problems.extend(failure);
+    }
+    Ok(problems)
+}
+
+/// Key of a trial request: what a compilation depends on, as for a rollout.
+fn trial_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> Result<Digest, CanonError> {
+    Digest::of("evodrive/compile-request/1", &(SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed))
 }
 
 /// Compiles for one scene and rolls out. A text is the reason why there is no label.

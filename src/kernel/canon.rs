@@ -21,9 +21,17 @@ impl ser::Error for CanonError {
 
 /// Canonical bytes. Equal values give equal bytes, whatever the order of fields or map entries.
 pub fn canonical_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
-    let mut out = Vec::with_capacity(256);
-    value.serialize(Writer { out: &mut out })?;
-    Ok(out)
+    let mut sheet = Sheet { out: Vec::with_capacity(1024), entries: Vec::new(), sorted: Vec::new() };
+    value.serialize(Writer { sheet: &mut sheet })?;
+    Ok(sheet.out)
+}
+
+/// What is written so far, with the room that maps need to sort their entries: shared, so that a map allocates nothing.
+struct Sheet {
+    out: Vec<u8>,
+    /// (begin of key, begin of value, end) of the entries of every open map, innermost last.
+    entries: Vec<(usize, usize, usize)>,
+    sorted: Vec<u8>,
 }
 
 // One tag byte opens every value. Tags are part of the format: never renumber.
@@ -42,94 +50,104 @@ const UNIT: u8 = 11;
 const VARIANT: u8 = 12;
 
 struct Writer<'a> {
-    out: &'a mut Vec<u8>,
+    sheet: &'a mut Sheet,
 }
 
 impl Writer<'_> {
     fn tagged_u64(&mut self, tag: u8, value: u64) {
-        self.out.push(tag);
-        self.out.extend_from_slice(&value.to_le_bytes());
+        self.sheet.out.push(tag);
+        self.sheet.out.extend_from_slice(&value.to_le_bytes());
     }
 
     fn blob(&mut self, tag: u8, bytes: &[u8]) {
         self.tagged_u64(tag, bytes.len() as u64);
-        self.out.extend_from_slice(bytes);
+        self.sheet.out.extend_from_slice(bytes);
     }
 }
 
 /// Elements in order, counted when they end because serde does not always know how many come.
 struct List<'a> {
-    out: &'a mut Vec<u8>,
+    sheet: &'a mut Sheet,
     count_at: usize,
     count: u64,
 }
 
 impl<'a> List<'a> {
-    fn open(out: &'a mut Vec<u8>) -> List<'a> {
-        out.push(LIST);
-        let count_at = out.len();
-        out.extend_from_slice(&0u64.to_le_bytes());
-        List { out, count_at, count: 0 }
+    fn open(sheet: &'a mut Sheet) -> List<'a> {
+        let count_at = sheet.open(LIST);
+        List { sheet, count_at, count: 0 }
     }
 
     fn push<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
         self.count += 1;
-        value.serialize(Writer { out: self.out })
+        value.serialize(Writer { sheet: self.sheet })
     }
 
     fn close(self) -> Result<(), CanonError> {
-        self.out[self.count_at..self.count_at + 8].copy_from_slice(&self.count.to_le_bytes());
+        self.sheet.count(self.count_at, self.count);
         Ok(())
+    }
+}
+
+impl Sheet {
+    /// Writes a tag and room for a count, and gives the place of the count.
+    fn open(&mut self, tag: u8) -> usize {
+        self.out.push(tag);
+        let count_at = self.out.len();
+        self.out.extend_from_slice(&0u64.to_le_bytes());
+        count_at
+    }
+
+    fn count(&mut self, count_at: usize, count: u64) {
+        self.out[count_at..count_at + 8].copy_from_slice(&count.to_le_bytes());
     }
 }
 
 /// Entries written in place, then brought into the order of their keys where they are not in it.
 struct Map<'a> {
-    out: &'a mut Vec<u8>,
+    sheet: &'a mut Sheet,
     /// Where the count stands; entries begin behind it.
     count_at: usize,
-    /// (begin of key, begin of value, end) of each entry.
-    entries: Vec<(usize, usize, usize)>,
+    /// Where this map's entries begin in `Sheet::entries`.
+    first: usize,
     /// Begin of a key whose value has not come yet.
     key_at: Option<usize>,
 }
 
 impl<'a> Map<'a> {
-    fn open(out: &'a mut Vec<u8>) -> Map<'a> {
-        out.push(MAP);
-        let count_at = out.len();
-        out.extend_from_slice(&0u64.to_le_bytes());
-        Map { out, count_at, entries: Vec::new(), key_at: None }
+    fn open(sheet: &'a mut Sheet) -> Map<'a> {
+        let count_at = sheet.open(MAP);
+        let first = sheet.entries.len();
+        Map { sheet, count_at, first, key_at: None }
     }
 
     fn key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), CanonError> {
-        self.key_at = Some(self.out.len());
-        key.serialize(Writer { out: self.out })
+        self.key_at = Some(self.sheet.out.len());
+        key.serialize(Writer { sheet: self.sheet })
     }
 
     fn value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
         let key_at = self.key_at.take().ok_or_else(|| CanonError::Other("a map value came before its key".into()))?;
-        let value_at = self.out.len();
-        value.serialize(Writer { out: self.out })?;
-        self.entries.push((key_at, value_at, self.out.len()));
+        let value_at = self.sheet.out.len();
+        value.serialize(Writer { sheet: self.sheet })?;
+        let end = self.sheet.out.len();
+        self.sheet.entries.push((key_at, value_at, end));
         Ok(())
     }
 
-    fn close(mut self) -> Result<(), CanonError> {
-        let count = self.entries.len() as u64;
-        self.out[self.count_at..self.count_at + 8].copy_from_slice(&count.to_le_bytes());
-        let bytes: &[u8] = self.out;
-        let place = |entry: &(usize, usize, usize)| (&bytes[entry.0..entry.1], &bytes[entry.1..entry.2]);
-        if self.entries.is_sorted_by(|a, b| place(a) <= place(b)) {
-            return Ok(());
+    fn close(self) -> Result<(), CanonError> {
+        let Sheet { out, entries, sorted } = self.sheet;
+        let own = &mut entries[self.first..];
+        out[self.count_at..self.count_at + 8].copy_from_slice(&(own.len() as u64).to_le_bytes());
+        // Keys of a map differ, but equal ones would still have one order: that of their values.
+        let place = |entry: &(usize, usize, usize)| (&out[entry.0..entry.1], &out[entry.1..entry.2]);
+        if !own.is_sorted_by(|a, b| place(a) <= place(b)) {
+            own.sort_unstable_by(|a, b| place(a).cmp(&place(b)));
+            sorted.clear();
+            own.iter().for_each(|(key_at, _, end)| sorted.extend_from_slice(&out[*key_at..*end]));
+            out[self.count_at + 8..].copy_from_slice(sorted);
         }
-        self.entries.sort_by(|a, b| place(a).cmp(&place(b)));
-        let begin = self.count_at + 8;
-        let mut sorted = Vec::with_capacity(bytes.len() - begin);
-        for (key_at, _, end) in &self.entries {
-            sorted.extend_from_slice(&bytes[*key_at..*end]);
-        }
-        self.out[begin..].copy_from_slice(&sorted);
+        entries.truncate(self.first);
         Ok(())
     }
 }
@@ -150,7 +168,7 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_bool(self, v: bool) -> Result<(), CanonError> {
-        self.out.push(if v { TRUE } else { FALSE });
+        self.sheet.out.push(if v { TRUE } else { FALSE });
         Ok(())
     }
 
@@ -214,17 +232,17 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_none(self) -> Result<(), CanonError> {
-        self.out.push(NONE);
+        self.sheet.out.push(NONE);
         Ok(())
     }
 
     fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Result<(), CanonError> {
-        self.out.push(SOME);
-        value.serialize(Writer { out: self.out })
+        self.sheet.out.push(SOME);
+        value.serialize(Writer { sheet: self.sheet })
     }
 
     fn serialize_unit(self) -> Result<(), CanonError> {
-        self.out.push(UNIT);
+        self.sheet.out.push(UNIT);
         Ok(())
     }
 
@@ -253,15 +271,15 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_seq(self, _: Option<usize>) -> Result<List<'a>, CanonError> {
-        Ok(List::open(self.out))
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_tuple(self, _: usize) -> Result<List<'a>, CanonError> {
-        Ok(List::open(self.out))
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<List<'a>, CanonError> {
-        Ok(List::open(self.out))
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_tuple_variant(
@@ -272,15 +290,15 @@ impl<'a> ser::Serializer for Writer<'a> {
         _: usize,
     ) -> Result<List<'a>, CanonError> {
         self.blob(VARIANT, variant.as_bytes());
-        Ok(List::open(self.out))
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_map(self, _: Option<usize>) -> Result<Map<'a>, CanonError> {
-        Ok(Map::open(self.out))
+        Ok(Map::open(self.sheet))
     }
 
     fn serialize_struct(self, _: &'static str, _: usize) -> Result<Map<'a>, CanonError> {
-        Ok(Map::open(self.out))
+        Ok(Map::open(self.sheet))
     }
 
     fn serialize_struct_variant(
@@ -291,7 +309,7 @@ impl<'a> ser::Serializer for Writer<'a> {
         _: usize,
     ) -> Result<Map<'a>, CanonError> {
         self.blob(VARIANT, variant.as_bytes());
-        Ok(Map::open(self.out))
+        Ok(Map::open(self.sheet))
     }
 }
 

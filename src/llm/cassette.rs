@@ -12,7 +12,7 @@ use std::{collections::BTreeMap, io::Read, path::Path, sync::Arc};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{DrawSlot, Message, ModelSpec, Request};
+use super::{DrawSlot, Message, ModelSpec, Request, Schema, Text};
 use crate::{
     kernel::Digest,
     store::{self, StoreError},
@@ -54,8 +54,8 @@ pub struct Recorded {
     pub slot: DrawSlot,
     pub model: Arc<ModelSpec>,
     /// (role, text) of each message.
-    pub messages: Vec<(String, Arc<str>)>,
-    pub schema: Arc<Value>,
+    pub messages: Vec<(String, Text)>,
+    pub schema: Schema,
     /// Raw bytes of the answer and their digest.
     pub response: Digest,
     pub bytes: Vec<u8>,
@@ -71,9 +71,9 @@ impl Recorded {
             messages: self
                 .messages
                 .iter()
-                .map(|(role, text)| Message { role: role.clone(), text: text.to_string() })
+                .map(|(role, text)| Message { role: role.clone(), text: text.clone() })
                 .collect(),
-            schema: Value::clone(&self.schema),
+            schema: self.schema.clone(),
         }
     }
 }
@@ -85,8 +85,8 @@ pub struct Cassette {
     pub name: String,
     exchanges: Vec<Recorded>,
     by_key: BTreeMap<Digest, usize>,
-    texts: BTreeMap<Digest, Arc<str>>,
-    schemas: BTreeMap<Digest, Arc<Value>>,
+    texts: BTreeMap<Digest, Text>,
+    schemas: BTreeMap<Digest, Schema>,
     models: BTreeMap<String, Arc<ModelSpec>>,
 }
 
@@ -201,13 +201,15 @@ impl Cassette {
         // The first key tells what a line is; serde names what is wrong inside it.
         if line.starts_with(b"{\"text\"") {
             let TextLine { text, body } = parsed(line, "a text")?;
-            same("digest of the text", text, Digest::of_bytes(body.as_bytes()))?;
-            self.texts.insert(text, body.into());
+            let body = Text::from(body);
+            same("digest of the text", text, body.digest())?;
+            self.texts.insert(text, body);
             Ok(())
         } else if line.starts_with(b"{\"schema\"") {
             let SchemaLine { schema, body } = parsed(line, "a schema")?;
-            same("digest of the schema", schema, schema_digest(&body).map_err(|e| ("a schema".to_string(), e))?)?;
-            self.schemas.insert(schema, Arc::new(body));
+            let body = Schema::new(body).map_err(|error| ("a schema".to_string(), error.to_string()))?;
+            same("digest of the schema", schema, body.digest())?;
+            self.schemas.insert(schema, body);
             Ok(())
         } else {
             let recorded = self.read_exchange(parsed(line, "an exchange, a text or a schema")?)?;
@@ -258,14 +260,10 @@ impl Cassette {
         if *model != request.model {
             return Err(CassetteError::TwoModels(request.model.name.clone()));
         }
-        let schema = schema_digest(&request.schema).map_err(unwritable)?;
-        let schema = self.schemas.entry(schema).or_insert_with(|| Arc::new(request.schema.clone())).clone();
+        let schema = self.schemas.entry(request.schema.digest()).or_insert_with(|| request.schema.clone()).clone();
         let mut messages = Vec::new();
         for message in &request.messages {
-            let text = self
-                .texts
-                .entry(Digest::of_bytes(message.text.as_bytes()))
-                .or_insert_with(|| message.text.as_str().into());
+            let text = self.texts.entry(message.text.digest()).or_insert_with(|| message.text.clone());
             messages.push((message.role.clone(), text.clone()));
         }
         self.insert(Recorded {
@@ -312,13 +310,13 @@ impl Cassette {
         for exchange in &self.exchanges {
             let mut messages = Vec::new();
             for (role, text) in &exchange.messages {
-                let digest = Digest::of_bytes(text.as_bytes());
+                let digest = text.digest();
                 if written.insert(digest) {
                     line(&mut out, &TextLine { text: digest, body: text.to_string() })?;
                 }
                 messages.push(MessageRef { role: role.clone(), text: digest });
             }
-            let schema = schema_digest(&exchange.schema).map_err(CassetteError::Unwritable)?;
+            let schema = exchange.schema.digest();
             if written.insert(schema) {
                 line(&mut out, &SchemaLine { schema, body: Value::clone(&exchange.schema) })?;
             }
@@ -366,10 +364,6 @@ fn parsed<'a, T: Deserialize<'a>>(line: &'a [u8], expected: &str) -> Result<T, W
 
 fn same(what: &str, written: Digest, computed: Digest) -> Result<(), Wrong> {
     if written == computed { Ok(()) } else { Err((format!("{what} {computed}"), written.to_hex())) }
-}
-
-fn schema_digest(schema: &Value) -> Result<Digest, String> {
-    Digest::of("evodrive/schema/1", schema).map_err(|error| error.to_string())
 }
 
 fn is_compressed(path: &Path) -> bool {

@@ -1,5 +1,6 @@
 //! Asking a model: request, replay, record, cassette, the scripted stand-in.
 
+pub mod addressed;
 pub mod cassette;
 pub mod model;
 pub mod record;
@@ -8,6 +9,7 @@ pub mod reply;
 pub mod request;
 pub mod scripted;
 
+pub use addressed::{Schema, Text};
 pub use cassette::{Cassette, CassetteError, Recorded};
 pub use model::{Model, ModelError};
 pub use record::{Record, RecordMode};

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::{Schema, Text};
 use crate::kernel::Digest;
 
 /// Everything that can change an answer. Every field counts into the key: what must not (api key, timeout,
@@ -15,7 +16,7 @@ pub struct Request {
     pub model: ModelSpec,
     pub messages: Vec<Message>,
     /// JSON schema that the reply must satisfy.
-    pub schema: serde_json::Value,
+    pub schema: Schema,
 }
 
 /// The position in the run at which this answer is drawn: K draws of one prompt are K keys, and the order in which
@@ -51,12 +52,24 @@ pub struct ModelSpec {
 pub struct Message {
     /// `system` or `user`.
     pub role: String,
-    pub text: String,
+    pub text: Text,
 }
 
 impl Request {
     /// The key of the memo and of the cassette.
     pub fn key(&self) -> Result<Digest, crate::kernel::canon::CanonError> {
-        Digest::of("evodrive/llm-request/1", self)
+        // Long parts count by their own digests, which are worked out once for all questions that share them.
+        #[derive(Serialize)]
+        struct Keyed<'a> {
+            adapter_version: u32,
+            slot: &'a DrawSlot,
+            model: &'a ModelSpec,
+            messages: Vec<(&'a str, Digest)>,
+            schema: Digest,
+        }
+        let Request { adapter_version, slot, model, messages, schema } = self;
+        let messages = messages.iter().map(|message| (message.role.as_str(), message.text.digest())).collect();
+        let keyed = Keyed { adapter_version: *adapter_version, slot, model, messages, schema: schema.digest() };
+        Digest::of("evodrive/llm-request/2", &keyed)
     }
 }

@@ -119,8 +119,10 @@ impl Transcript {
     /// While recorded events remain, a difference is a `StoreError::Divergence` and nothing is written.
     pub fn append<T: Serialize + ?Sized>(&mut self, kind: &str, body: &T) -> Result<Digest, StoreError> {
         canonical_bytes(body).map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
-        let body = sorted(serde_json::to_value(body).map_err(|e| unstorable(kind, e))?, MAX_BODY_DEPTH)
-            .ok_or_else(|| unstorable(kind, format!("its body is nested deeper than {MAX_BODY_DEPTH}")))?;
+        let mut body = serde_json::to_value(body).map_err(|e| unstorable(kind, e))?;
+        if !sort_keys(&mut body, MAX_BODY_DEPTH) {
+            return Err(unstorable(kind, format!("its body is nested deeper than {MAX_BODY_DEPTH}")));
+        }
         if let Some(seal) = self.events[..self.confirmed].last().filter(|event| event.kind == SEALED) {
             return Err(StoreError::Sealed { path: self.path.clone(), seq: seal.seq });
         }
@@ -303,23 +305,21 @@ fn divergence(path: &Path, recorded: &Event, computed: &Event) -> StoreError {
 }
 
 /// The value with the keys of every object in order, whatever `serde_json/preserve_order` says; `None` when too deep.
-fn sorted(value: Value, depth: usize) -> Option<Value> {
-    match value {
-        Value::Array(items) => {
-            let depth = depth.checked_sub(1)?;
-            items.into_iter().map(|item| sorted(item, depth)).collect::<Option<Vec<_>>>().map(Value::Array)
+/// Brings the keys of every object into order; false when it is nested deeper than `depth`.
+fn sort_keys(value: &mut Value, depth: usize) -> bool {
+    match (value, depth.checked_sub(1)) {
+        (Value::Array(items), Some(depth)) => items.iter_mut().all(|item| sort_keys(item, depth)),
+        (Value::Object(map), Some(depth)) => {
+            // In order already, unless serde_json was built to keep the order of insertion.
+            if !map.keys().is_sorted() {
+                let mut entries: Vec<(String, Value)> = std::mem::take(map).into_iter().collect();
+                entries.sort_by(|a, b| a.0.cmp(&b.0));
+                map.extend(entries);
+            }
+            map.iter_mut().all(|(_, item)| sort_keys(item, depth))
         }
-        Value::Object(map) => {
-            let depth = depth.checked_sub(1)?;
-            let mut entries: Vec<(String, Value)> = map.into_iter().collect();
-            entries.sort_by(|a, b| a.0.cmp(&b.0));
-            entries
-                .into_iter()
-                .map(|(key, item)| Some((key, sorted(item, depth)?)))
-                .collect::<Option<_>>()
-                .map(Value::Object)
-        }
-        other => Some(other),
+        (Value::Array(_) | Value::Object(_), None) => false,
+        _ => true,
     }
 }
 

@@ -72,7 +72,7 @@ fn drafted(stage: &Stage, slot: u32, spec: &ModelSpec) -> ProgramPatch {
 
 fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
     let child = SolutionId::new(format!("{}/e3s0", stage.example.parent.lineage_id));
-    let admission = admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_| vec![]);
+    let admission = admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_, _| vec![]);
     admission.gates.failed().flat_map(|verdict| verdict.problems.clone()).collect()
 }
 
@@ -330,7 +330,7 @@ fn a_prompt_without_its_blocks_is_refused_and_never_a_panic() {
     let read = text.find("## Front").unwrap();
     for cut in (0..read - 8).step_by(197).filter(|cut| text.is_char_boundary(*cut)) {
         let mut damaged = whole.clone();
-        damaged.messages[1].text = text[..cut].to_string();
+        damaged.messages[1].text = text[..cut].into();
         assert!(Scripted.complete(&damaged).is_err());
     }
     let mut other = whole.clone();

@@ -4,6 +4,7 @@ use super::{INSERTED_ACTOR, NAME, REJECTION, REVERSE_TOKENS};
 use crate::adapters::{Family, OperatorSpec};
 use crate::baselines::grammar::{self, choice, integer, number, optional, parameter, required, slot};
 use crate::baselines::interface::{self, Own, OwnParameter, own, word};
+use crate::kernel::num;
 use crate::objects::{OperatorNode, Slot, ValueType};
 
 /// Contract and parent.
@@ -54,10 +55,10 @@ fn motion_parameters() -> Vec<OwnParameter> {
         of(
             "heading_spread_rad",
             0.05,
-            6.2832,
+            7.0,
             "rad",
             "standard deviation of the imposed heading about +x; 2 pi in ADV-BMT, that is any",
-            6.2832,
+            num::TAU,
         ),
         of("impact_speed_share", 0.0, 1.5, "1", "imposed speed as a share of the ego's; 0.5 in ADV-BMT", 0.5),
         of("impact_speed_spread_mps", 0.0, 3.0, "m/s", "its standard deviation; 0.5 in ADV-BMT", 0.5),

@@ -15,24 +15,28 @@ fn logged(scene: Scene) -> Situation {
     Situation::new(Arc::new(scene), &ego::Policy::Replay).unwrap()
 }
 
-/// The inserted motion of a program variant, with its first step.
-fn inserted(situation: &Situation, edit: impl Fn(&mut crate::objects::Program)) -> (usize, Vec<Sample>) {
+/// The inserted motion of a program variant, with its first step; `None` where every way back is blocked.
+fn inserted(situation: &Situation, edit: impl Fn(&mut crate::objects::Program)) -> Option<(usize, Vec<Sample>)> {
     let family = registry().get(&FamilyName::new(NAME)).unwrap().clone();
     let mut program = family.parent.clone();
     edit(&mut program);
     let compiled = built(&family, &program, situation);
-    let [Action::Insert { from_step, samples, .. }] = compiled.intervention.actions.as_slice() else {
-        panic!("{}: {:?}", situation.scene_id(), compiled.decision)
-    };
-    (*from_step, samples.clone())
+    match compiled.intervention.actions.as_slice() {
+        [] => None,
+        [Action::Insert { from_step, samples, .. }] => Some((*from_step, samples.clone())),
+        other => panic!("{}: {other:?}", situation.scene_id()),
+    }
 }
 
 #[test]
 fn the_imposed_collision_is_met_at_its_step_against_the_unchanged_ego_log() {
-    let scenes = worlds(22).into_iter().chain([two_lane_scene()]);
-    for scene in scenes {
+    let (mut met, mut blocked) = (0, 0);
+    for scene in worlds(22).chain([two_lane_scene()]) {
         let situation = logged(scene);
-        let (from_step, samples) = inserted(&situation, |_| {});
+        let Some((from_step, samples)) = inserted(&situation, |_| {}) else {
+            blocked += 1;
+            continue;
+        };
         let step = from_step + samples.len() - 1;
         assert_eq!(step + 1, situation.ego.steps().end, "{}: the last step of the log", situation.scene_id());
         let (ego, last) = (situation.ego.at(step).unwrap(), samples.last().unwrap());
@@ -51,14 +55,16 @@ fn the_imposed_collision_is_met_at_its_step_against_the_unchanged_ego_log() {
         }
         let imposed_s = (step - situation.ego.steps().start) as f64 * DT_S;
         assert!(contact.time_s <= imposed_s + 1e-9, "{}: {} of {imposed_s}", situation.scene_id(), contact.time_s);
+        met += 1;
     }
+    assert!(met >= 18 && blocked <= 2, "{met} met, {blocked} blocked");
 }
 
 #[test]
 fn the_first_sample_that_moves_and_does_not_spin_is_used() {
     for scene in worlds(11) {
         let situation = logged(scene);
-        let (_, samples) = inserted(&situation, |_| {});
+        let Some((_, samples)) = inserted(&situation, |_| {}) else { continue };
         assert!(displacement_mps(&samples) >= 1.0 && curvature_1pm(&samples) < 0.8, "{}", situation.scene_id());
     }
 }
@@ -76,7 +82,7 @@ fn rejection_by_hand() {
 #[test]
 fn controls_of_the_grown_motion_are_tokens() {
     let situation = logged(two_lane_scene());
-    let (_, samples) = inserted(&situation, |_| {});
+    let (_, samples) = inserted(&situation, |_| {}).unwrap();
     for pair in samples.windows(2) {
         let acceleration = (pair[1].speed_mps() - pair[0].speed_mps()) / DT_S;
         let nearest = (acceleration / 0.625).round() * 0.625;
@@ -96,7 +102,8 @@ fn a_cyclist_may_be_inserted_and_linger_after_an_earlier_collision() {
         let motion = program.operator_graph.get_mut("motion").unwrap();
         motion.settings.insert("meeting".into(), Setting::Choice("drawn".into()));
         program.parameters.insert("linger_s".into(), ParameterValue::Number(1.0));
-    });
+    })
+    .unwrap();
     let met = samples
         .iter()
         .enumerate()

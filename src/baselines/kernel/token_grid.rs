@@ -10,8 +10,10 @@ pub const SIDE: usize = 33;
 pub const TOKENS: usize = SIDE * SIDE;
 /// Scene steps of a token.
 pub const TOKEN_STEPS: usize = 5;
-/// Tokens this much less likely than the best are as good as impossible.
+/// Tokens this much less likely than the best are looked at only where everything likelier is refused.
 const NEGLIGIBLE: f64 = 14.0;
+/// Tokens this much less likely than the best are never taken.
+const IMPOSSIBLE: f64 = 500.0;
 
 /// −10..10 m/s² in steps of 0.625.
 pub fn acceleration_mps2(i: usize) -> f64 {
@@ -67,8 +69,14 @@ pub fn draw(
             return Some((token, num::ln(weight / total)));
         }
     }
-    let (token, weight) = rest.drain(..).find(|(token, _)| !refused(control(*token)))?;
-    Some((token, num::ln(weight / total)))
+    if let Some((token, weight)) = rest.drain(..).find(|(token, _)| !refused(control(*token))) {
+        return Some((token, num::ln(weight / total)));
+    }
+    let unlikely = |token: &usize| (-IMPOSSIBLE..=-NEGLIGIBLE).contains(&scaled(*token));
+    let mut last: Vec<usize> = (0..logs.len()).filter(unlikely).collect();
+    last.sort_by(|a, b| logs[*b].total_cmp(&logs[*a]).then(a.cmp(b)));
+    let token = last.into_iter().find(|token| !refused(control(*token)))?;
+    Some((token, scaled(token) - num::ln(total)))
 }
 
 fn weighted(among: &[(usize, f64)], stream: &mut Stream) -> usize {
@@ -117,5 +125,9 @@ mod tests {
         let found = draw(&logs, &narrow, &mut stream, |c| c == control(5));
         assert_eq!(found.map(|(token, _)| token), Some(9));
         assert_eq!(draw(&logs, &narrow, &mut stream, |_| true), None);
+        logs[7] = -40.0;
+        let likelier = [control(5), control(9)];
+        let found = draw(&logs, &narrow, &mut stream, |c| likelier.contains(&c));
+        assert_eq!(found.map(|(token, _)| token), Some(7));
     }
 }

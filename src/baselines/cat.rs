@@ -7,10 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
+use super::grammar::{self, choice, node, number, operator, optional, parameter, required, slot, value};
 use super::kernel::candidate::Judged;
-use super::kernel::motion_prior::{self, PriorOptions};
 use super::kernel::{Part, Settings, Stage, StageError, posterior};
+use super::{interface, prior};
 use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, vocabulary};
 use crate::objects::{
     CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
@@ -66,56 +66,21 @@ fn private_vocabulary() -> Vec<String> {
 }
 
 fn prior_parameters() -> BTreeMap<String, ParameterSpec> {
-    [
-        parameter("candidate_count", integer(4, 64, "1"), "M, trajectories kept; 32 in CAT"),
-        parameter("nms_radius_m", number(1.0, 15.0, "m"), "goal suppression radius at full speed; 7.2 in CAT"),
-        parameter("goal_spacing_m", number(1.0, 8.0, "m"), "distance of goals along a centre line; 2 in the stand-in"),
-        parameter("profile_step_mps2", number(0.5, 3.0, "m/s^2"), "step between constant-acceleration profiles"),
-        parameter(
-            "profile_levels",
-            integer(1, 4, "1"),
-            "profiles on each side of keeping the speed; 3 = +-1, +-2, +-3",
-        ),
-        parameter("speed_change_scale_mps", number(0.5, 8.0, "m/s"), "scale of the mean-speed term of the log-prior"),
-        parameter("acceleration_scale_mps2", number(0.5, 8.0, "m/s^2"), "scale of the acceleration term"),
-        parameter("lateral_scale_mps2", number(0.5, 8.0, "m/s^2"), "scale of the lateral acceleration term"),
-        parameter("lane_offset_scale_m", number(0.3, 6.0, "m"), "scale of the deviation from the own lane"),
-        parameter("lane_change_cost", number(0.0, 4.0, "1"), "log-prior cost of each lane change"),
-        parameter("flatten_rank", integer(0, 63, "1"), "from this rank on all candidates weigh alike; 6 in CAT"),
+    let own = [
         parameter("contact_discount", number(0.5, 1.0, "1"), "u, discount of a contact per 0.5 s check; 0.99 in CAT"),
         parameter("ego_shift_s", number(0.0, 1.5, "s"), "the ego's rollout is also tried this much earlier and later"),
-    ]
-    .into_iter()
-    .collect()
+    ];
+    prior::parameters("").into_iter().map(|p| (p.name, p.spec)).chain(own).collect()
 }
 
 fn motion_operator() -> OperatorSpec {
-    let follows = |name: &str| {
-        let spec = prior_parameters().remove(name).unwrap_or_else(|| unreachable!("{name} is declared above"));
-        required(name, spec.domain, &spec.describes)
-    };
-    operator(
+    interface::operator(
         Slot::Motion,
         LANE_GRAPH_PRIOR,
-        MOTION_SETTINGS.map(follows),
+        prior::parameters("").iter().map(interface::follows).collect(),
         "Candidate trajectories to goals on reachable lanes and on constant-turn arcs, with their log-probability.",
     )
 }
-
-/// Settings of the motion operator; the parent lets each follow the parameter of its name.
-const MOTION_SETTINGS: [&str; 11] = [
-    "candidate_count",
-    "nms_radius_m",
-    "goal_spacing_m",
-    "profile_step_mps2",
-    "profile_levels",
-    "speed_change_scale_mps",
-    "acceleration_scale_mps2",
-    "lateral_scale_mps2",
-    "lane_offset_scale_m",
-    "lane_change_cost",
-    "flatten_rank",
-];
 
 fn search_operator() -> OperatorSpec {
     operator(
@@ -134,21 +99,8 @@ fn search_operator() -> OperatorSpec {
 /// CAT as published.
 fn parent() -> Program {
     let mut parameters = grammar::shared_values();
-    parameters.extend([
-        value("candidate_count", 32.0),
-        value("nms_radius_m", 7.2),
-        value("goal_spacing_m", 2.0),
-        value("profile_step_mps2", 1.0),
-        value("profile_levels", 3.0),
-        value("speed_change_scale_mps", 2.0),
-        value("acceleration_scale_mps2", 3.0),
-        value("lateral_scale_mps2", 3.0),
-        value("lane_offset_scale_m", 1.5),
-        value("lane_change_cost", 0.5),
-        value("flatten_rank", 6.0),
-        value("contact_discount", 0.99),
-        value("ego_shift_s", 0.0),
-    ]);
+    parameters.extend(prior::parameters("").into_iter().map(|p| (p.name, p.value)));
+    parameters.extend([value("contact_discount", 0.99), value("ego_shift_s", 0.0)]);
     Program {
         solution_id: SolutionId::new("cat/parent"),
         lineage_id: LineageId::new("cat"),
@@ -165,11 +117,12 @@ fn parent() -> Program {
 
 fn parent_graph() -> BTreeMap<String, OperatorNode> {
     let own = |name: &'static str| -> (&'static str, Setting) { (name, grammar::from_parameter(name)) };
+    let prior_settings = interface::from_parameters(&prior::parameters(""));
     [
         node("select", Slot::Select, "every_scene", &[], []),
         node("actor", Slot::Actor, "marked_actor", &["select"], [("otherwise", grammar::word("nearest_path"))]),
         node("timing", Slot::Timing, "after_history", &["actor"], [own("duration_s")]),
-        node("motion", Slot::Motion, LANE_GRAPH_PRIOR, &["timing"], MOTION_SETTINGS.map(own)),
+        interface::node("motion", Slot::Motion, LANE_GRAPH_PRIOR, &["timing"], prior_settings),
         node(
             "search",
             Slot::Search,
@@ -185,26 +138,7 @@ fn parent_graph() -> BTreeMap<String, OperatorNode> {
 
 /// Candidates of the lane-graph prior from the actor's sample before its window.
 pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
-    let options = PriorOptions {
-        count: settings.count("candidate_count")?,
-        nms_radius_m: settings.number("nms_radius_m")?,
-        goal_spacing_m: settings.number("goal_spacing_m")?,
-        profile_step_mps2: settings.number("profile_step_mps2")?,
-        profile_levels: settings.count("profile_levels")?,
-        speed_change_scale_mps: settings.number("speed_change_scale_mps")?,
-        acceleration_scale_mps2: settings.number("acceleration_scale_mps2")?,
-        lateral_scale_mps2: settings.number("lateral_scale_mps2")?,
-        lane_offset_scale_m: settings.number("lane_offset_scale_m")?,
-        lane_change_cost: settings.number("lane_change_cost")?,
-        flatten_rank: settings.count("flatten_rank")?,
-    };
-    for part in parts {
-        let track = &stage.situation.scene.tracks[part.actor];
-        let Some(anchor) = part.window.from_step.checked_sub(1).and_then(|step| track.at(step)) else { continue };
-        let mut stream = stage.stream("prior", part.actor);
-        part.candidates =
-            motion_prior::candidates(&stage.situation.lanes, anchor, part.window.steps, &options, &mut stream);
-    }
+    prior::propose(stage, &prior::options(settings, "")?, parts);
     Ok(())
 }
 

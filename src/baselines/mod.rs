@@ -1,16 +1,29 @@
 //! The source families: one file each with its contract, its parent program and its signature mechanism.
 
+pub mod adv_bmt;
 pub mod at;
 pub mod cat;
 pub mod grammar;
+pub mod interface;
 pub mod kernel;
+pub mod llm_attacker;
+pub mod prior;
+pub mod sage;
+pub mod seal;
 
-use self::kernel::Operator;
+use self::kernel::{ActorOperator, Operator};
 use crate::adapters::Registry;
 
 /// Every family that can be evolved.
 pub fn registry() -> Registry {
-    Registry::new([cat::family(), at::family()])
+    Registry::new([
+        cat::family(),
+        at::family(),
+        seal::family(),
+        adv_bmt::family(),
+        sage::family(),
+        llm_attacker::family(),
+    ])
 }
 
 /// What a motion or search kind does; `None` for kinds of other slots, which the compiler knows itself.
@@ -20,6 +33,23 @@ pub fn operator(kind: &str) -> Option<Operator> {
         cat::COLLISION_POSTERIOR => Some(cat::search),
         at::BOUNDED_OFFSETS => Some(at::motion),
         at::PARTICLE_SWARM => Some(at::search),
+        adv_bmt::REVERSE_TOKENS => Some(adv_bmt::motion),
+        adv_bmt::REJECTION => Some(adv_bmt::search),
+        llm_attacker::ATTACKER_PRIOR => Some(llm_attacker::motion),
+        llm_attacker::DELIBERATION => Some(llm_attacker::search),
+        sage::MIXED_EXPERTS => Some(sage::motion),
+        sage::PREFERENCE_REWARD => Some(sage::search),
+        seal::OPPONENT_PRIOR => Some(seal::motion),
+        seal::CRITICAL_DEVIATION => Some(seal::search),
+        _ => None,
+    }
+}
+
+/// Who an actor kind of a family's own makes an adversary; `None` for the kinds that the compiler knows itself.
+pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
+    match kind {
+        adv_bmt::INSERTED_ACTOR => Some(adv_bmt::actor),
+        llm_attacker::ATTACKER_POOL => Some(llm_attacker::pool),
         _ => None,
     }
 }
@@ -28,8 +58,50 @@ pub fn operator(kind: &str) -> Option<Operator> {
 mod tests {
     use super::*;
     use crate::adapters::{Contract, Domain, Family};
-    use crate::objects::{ParameterValue, Setting};
+    use crate::compiler::{CompileFailure, Compiled, compile};
+    use crate::ego;
+    use crate::kernel::Seed;
+    use crate::objects::{FamilyName, ParameterValue, Program, Setting};
+    use crate::scene::Scene;
+    use crate::scene::fixture::two_lane_scene;
+    use crate::scene::synth::{SynthOptions, WorldKind, pool_member};
+    use crate::sim;
+    use kernel::Situation;
+    use proptest::prelude::*;
     use std::collections::BTreeSet;
+    use std::sync::{Arc, LazyLock};
+
+    /// A scene against the IDM ego, and what a family's parent makes of it.
+    pub fn compiled(family: &str, scene: Scene) -> (Situation, Compiled) {
+        let family = registry().get(&FamilyName::new(family)).unwrap().clone();
+        let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
+        let compiled = built(&family, &family.parent, &situation);
+        (situation, compiled)
+    }
+
+    /// Generated scenes, kind after kind.
+    pub fn worlds(count: usize) -> impl Iterator<Item = Scene> {
+        let options = SynthOptions {
+            kinds: WorldKind::ALL.to_vec(),
+            steps: 91,
+            current_step: 10,
+            warm_up_s: 12.0,
+            tracks_per_scene: 20,
+            pedestrian_share: 0.1,
+            cyclist_share: 0.06,
+            ego_travel_m_min: 10.0,
+            interaction_time_s_max: 4.0,
+            interaction_gap_m_max: 12.0,
+            attempts_max: 40,
+            following_share: 0.2,
+        };
+        (0..count).map(move |index| pool_member(&options, Seed(11), index).unwrap())
+    }
+
+    /// What a legal program makes of a situation.
+    pub fn built(family: &Family, program: &Program, situation: &Situation) -> Compiled {
+        compile(program, &family.contract, situation, Seed(1)).unwrap_or_else(|e| panic!("{e}"))
+    }
 
     fn fits(domain: &Domain, value: &ParameterValue) -> bool {
         match (domain, value) {
@@ -72,6 +144,68 @@ mod tests {
                     Setting::Mechanism(r) => panic!("a parent has no module {}", r.mechanism),
                 };
                 assert!(fits(&spec.settings[setting].domain, &value), "{name}.{setting} = {value:?}");
+            }
+        }
+    }
+
+    /// A legal program somewhere in the family's space: numbers and words drawn by shares of their ranges.
+    fn drawn(family: &Family, shares: &[f64]) -> Program {
+        let mut program = family.parent.clone();
+        let mut share = shares.iter().copied().cycle();
+        let mut next = || share.next().unwrap_or(0.5);
+        for (name, spec) in &family.contract.parameters {
+            let value = match &spec.domain {
+                Domain::Number { low, high, .. } => low + (high - low) * next(),
+                Domain::Integer { low, high, .. } => (*low as f64 + (high - low) as f64 * next()).round(),
+                _ => continue,
+            };
+            program.parameters.insert(name.clone(), ParameterValue::Number(value));
+        }
+        for node in program.operator_graph.values_mut() {
+            let spec = family.contract.operator(node.slot, &node.kind).unwrap();
+            for (name, setting) in &mut node.settings {
+                if let Domain::Choice { options } = &spec.settings[name].domain {
+                    let place = (next() * options.len() as f64) as usize;
+                    *setting = Setting::Choice(options[place.min(options.len() - 1)].clone());
+                }
+            }
+        }
+        program
+    }
+
+    static SITUATIONS: LazyLock<Vec<Situation>> = LazyLock::new(|| {
+        let mut scenes: Vec<Scene> = worlds(WorldKind::ALL.len()).collect();
+        scenes.push(two_lane_scene());
+        // Nothing but the ego and a vehicle that is seen for a second; no lane.
+        let mut bare = two_lane_scene();
+        bare.road.lanes.clear();
+        bare.objects_of_interest.clear();
+        bare.tracks.truncate(1);
+        bare.tracks[0].samples[10..].fill(None);
+        scenes.push(bare);
+        let situation = |scene| Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
+        scenes.into_iter().map(situation).collect()
+    });
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn any_legal_program_compiles_on_any_legal_scene_or_names_a_constraint(
+            shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 2, seed in 0u64..1000,
+        ) {
+            let situation = &SITUATIONS[place];
+            for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME] {
+                let family = registry().get(&FamilyName::new(name)).unwrap().clone();
+                match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
+                    Ok(compiled) => {
+                        let mut driver = ego::Policy::Idm.driver();
+                        let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut());
+                        prop_assert!(outcome.is_ok(), "{name}: {outcome:?}");
+                        prop_assert_eq!(compiled.decision.applies, !compiled.intervention.actions.is_empty());
+                    }
+                    Err(CompileFailure::Constraint { .. }) => {}
+                    Err(other) => prop_assert!(false, "{name}: {other}"),
+                }
             }
         }
     }

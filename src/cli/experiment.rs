@@ -11,7 +11,7 @@ use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
 use crate::llm::SpendCap;
 use crate::memory::{CurationOptions, MemoryOptions};
-use crate::objects::{FamilyName, LineageId, Role, WorldConfiguration};
+use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
 use crate::scene::synth::SynthOptions;
 use crate::store;
@@ -94,6 +94,9 @@ pub struct LineageOptions {
     pub family: FamilyName,
     /// `idm` or `replay`.
     pub ego: String,
+    /// Parameters in which this lineage's parent differs from its family's, such as SAGE's `preference_weight`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parent: BTreeMap<String, ParameterValue>,
 }
 
 /// Place of the first number that is NaN or infinite.

@@ -95,7 +95,8 @@ pub fn study<'a>(
     let mut lineages = Vec::new();
     for lineage in &experiment.lineages {
         let ego: Policy = lineage.ego.parse().map_err(|error| bad(format!("lineage {}: {error}", lineage.id)))?;
-        lineages.push(LineageSpec { id: lineage.id.clone(), family: lineage.family.clone(), ego });
+        let (id, family, parent) = (lineage.id.clone(), lineage.family.clone(), lineage.parent.clone());
+        lineages.push(LineageSpec { id, family, ego, parent });
     }
     let egos: Vec<Policy> = lineages.iter().map(|spec| spec.ego.clone()).collect();
     let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
@@ -115,7 +116,7 @@ pub fn study<'a>(
     let contract_texts = registry.iter().filter(used).map(text).collect();
     experiment.evaluation.realism.check().map_err(|error| bad(error.to_string()))?;
     experiment.memory.validate().map_err(|error| bad(error.to_string()))?;
-    Ok(Study {
+    let study = Study {
         name: experiment.name.clone(),
         experiment: experiment.digest()?,
         seed,
@@ -143,5 +144,9 @@ pub fn study<'a>(
         world: experiment.world.clone(),
         ask,
         pool: threads,
-    })
+    };
+    for lineage in &study.lineages {
+        study.parent(lineage).map_err(|error| bad(error.to_string()))?;
+    }
+    Ok(study)
 }

@@ -1,5 +1,6 @@
 //! The actor slot: which vehicles become adversaries.
 
+use crate::baselines::actor_operator;
 use crate::baselines::kernel::actors::ActorFacts;
 use crate::baselines::kernel::{Settings, Situation, StageError};
 use crate::scene::TrackIx;
@@ -15,7 +16,10 @@ pub fn select(situation: &Situation, kind: &str, settings: &Settings) -> Result<
             Ok(situation.marked().next().or_else(|| stand_in(situation, otherwise)).into_iter().collect())
         }
         "ranked_actors" => ranked(situation, settings),
-        other => Err(StageError::Missing(format!("operator {other}"))),
+        other => match actor_operator(other) {
+            Some(own) => own(situation, settings),
+            None => Err(StageError::Missing(format!("operator {other}"))),
+        },
     }
 }
 

@@ -1,7 +1,7 @@
 //! The diversity slot: which of the scored candidates is used.
 
 use super::ActorDecision;
-use crate::baselines::kernel::{Candidate, Part, Settings, Stage, StageError};
+use crate::baselines::kernel::{Candidate, Part, Settings, Situation, Stage, StageError};
 use crate::kernel::{Stream, num};
 
 /// The chosen candidate of every part, by index.
@@ -58,11 +58,12 @@ fn spread(candidates: &[Candidate], ranked: &[usize], count: usize, apart_m: f64
 }
 
 /// What is recorded of a choice.
-pub fn report(part: &Part, chosen: usize) -> ActorDecision {
+pub fn report(situation: &Situation, part: &Part, chosen: usize) -> ActorDecision {
     let candidate = &part.candidates[chosen];
     let steps = candidate.samples.windows(2).map(|pair| pair[0].position.distance(pair[1].position));
     ActorDecision {
         track: part.actor,
+        inserted: situation.as_guest(part.actor).map(|guest| guest.kind),
         window: part.window,
         candidates: part.candidates.len(),
         chosen,
@@ -70,5 +71,6 @@ pub fn report(part: &Part, chosen: usize) -> ActorDecision {
         prior_log_probability: candidate.prior_log_probability,
         path_m: num::sum(steps),
         end_speed_mps: candidate.samples.last().map_or(0.0, |s| s.speed_mps()),
+        handover_step: candidate.handover_step,
     }
 }

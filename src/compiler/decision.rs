@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::baselines::kernel::Window;
-use crate::scene::TrackIx;
+use crate::scene::{AgentKind, TrackIx};
 
 /// What a program decided in one scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -23,7 +23,11 @@ pub struct Decision {
 /// One adversary.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ActorDecision {
+    /// Of the scene; beyond its tracks for an inserted road user.
     pub track: TrackIx,
+    /// What was inserted; `None` for a track of the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inserted: Option<AgentKind>,
     pub window: Window,
     /// How many candidates were left to choose from, and which was chosen.
     pub candidates: usize,
@@ -33,6 +37,9 @@ pub struct ActorDecision {
     /// Length of the chosen path, metres, and speed at its end, m/s.
     pub path_m: f64,
     pub end_speed_mps: f64,
+    /// Where the adversary turns reactive: from this scene step on it no longer follows the path.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handover_step: Option<usize>,
 }
 
 /// What a filter node did.

@@ -14,7 +14,7 @@ pub fn window(
     kind: &str,
     settings: &Settings,
 ) -> Result<Option<Window>, StageError> {
-    let facts = situation.actors[actor].as_ref();
+    let facts = situation.facts(actor);
     let delay_s = match kind {
         "after_history" => 0.0,
         "conflict_window" => {
@@ -32,5 +32,6 @@ pub fn window(
     let from_step = (first + delay).min(last);
     let asked = (settings.number("duration_s")? / DT_S).round().clamp(STEPS_MIN as f64, 1e6) as usize;
     let window = Window { from_step, steps: asked.min(situation.scene.steps - from_step) };
-    Ok(situation.scene.tracks[actor].at(from_step - 1).map(|_| window))
+    let appears = situation.as_guest(actor).is_some();
+    Ok((appears || situation.track(actor).at(from_step - 1).is_some()).then_some(window))
 }

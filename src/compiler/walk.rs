@@ -1,7 +1,7 @@
 //! A scene's way through the operator graph: select, actor, timing, motion, search and filters, choice.
 
 use super::{CompileFailure, Compiled, Decision, FilterReport, Prepared, actors, choice, constraints, filters, timing};
-use crate::baselines::kernel::{Part, Settings, Stage, StageError};
+use crate::baselines::kernel::{Candidate, Part, Settings, Situation, Stage, StageError};
 use crate::baselines::operator;
 use crate::objects::Slot;
 use crate::scene::TrackIx;
@@ -89,10 +89,25 @@ fn finish(prepared: &Prepared<'_>, stage: &Stage<'_>, state: State) -> Result<Co
     for (part, chosen) in state.parts.iter().zip(&state.chosen) {
         let candidate = &part.candidates[*chosen];
         constraints::check(stage.situation, part, candidate, prepared.constraints())?;
-        decision.actors.push(choice::report(part, *chosen));
-        let samples = candidate.samples.clone();
-        actions.push(Action::Follow { track: part.actor, from_step: part.window.from_step, samples });
+        decision.actors.push(choice::report(stage.situation, part, *chosen));
+        actions.push(action(stage.situation, part, candidate));
     }
     decision.applies = true;
     Ok(Compiled { decision, intervention: Intervention { actions } })
+}
+
+/// What the simulator is asked to do for one adversary.
+fn action(situation: &Situation, part: &Part, candidate: &Candidate) -> Action {
+    let (track, from_step, samples) = (part.actor, part.window.from_step, candidate.samples.clone());
+    if let Some(guest) = situation.as_guest(track) {
+        let (kind, length_m, width_m) = (guest.kind, guest.length_m, guest.width_m);
+        return Action::Insert { kind, length_m, width_m, from_step, samples };
+    }
+    match candidate.handover_step {
+        Some(step) => {
+            let handover_step = step.clamp(from_step, from_step + samples.len().saturating_sub(1));
+            Action::FollowThenReact { track, from_step, samples, handover_step }
+        }
+        None => Action::Follow { track, from_step, samples },
+    }
 }

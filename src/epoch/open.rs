@@ -56,7 +56,7 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         digest: Digest::of_bytes(&[]),
     };
     for spec in &study.lineages {
-        let parent = study.family(spec)?.parent.adopted(&spec.id);
+        let parent = study.parent(spec)?;
         let program_hash = parent.hash()?;
         state.lineages.adopt(spec.id.clone(), parent.clone())?;
         let ego = spec.ego.name().to_string();

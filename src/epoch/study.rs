@@ -13,7 +13,7 @@ use crate::evaluation::EvaluationOptions;
 use crate::kernel::{Digest, Seed, par::Pool};
 use crate::llm::{Ask, ModelSpec};
 use crate::memory::{CurationOptions, MemoryOptions};
-use crate::objects::{FamilyName, LineageId, Role, WorldConfiguration};
+use crate::objects::{FamilyName, LineageId, ParameterValue, Program, Role, WorldConfiguration};
 use crate::scene::Scene;
 use crate::scene::features::SceneFeatures;
 use crate::scene::lanes::LaneGraph;
@@ -68,6 +68,8 @@ pub struct LineageSpec {
     pub id: LineageId,
     pub family: FamilyName,
     pub ego: Policy,
+    /// Parameters in which this lineage's parent differs from its family's.
+    pub parent: BTreeMap<String, ParameterValue>,
 }
 
 /// A scene with what is derived from it once.
@@ -115,9 +117,23 @@ impl Study<'_> {
         text.ok_or_else(|| RunError::Study(format!("the contract of `{}` was not written out", spec.family)))
     }
 
+    /// The program with which a lineage starts: its family's parent with the lineage's own parameters.
+    pub fn parent(&self, spec: &LineageSpec) -> Result<Program, RunError> {
+        let family = self.family(spec)?;
+        let mut parent = family.parent.adopted(&spec.id);
+        parent.parameters.extend(spec.parent.clone());
+        match family.contract.check_program(&parent).first() {
+            None => Ok(parent),
+            Some(problem) => Err(RunError::Study(format!("lineage {}: its parent: {problem}", spec.id))),
+        }
+    }
+
     /// Private words of the run's other families, sorted.
     pub fn foreign_vocabulary(&self, spec: &LineageSpec) -> Vec<String> {
-        let others = self.registry.iter().filter(|family| family.contract.family != spec.family);
+        let in_run = |name: &FamilyName| self.lineages.iter().any(|lineage| lineage.family == *name);
+        let others = self.registry.iter().map(|family| &family.contract.family);
+        let others: BTreeSet<&FamilyName> = others.filter(|name| in_run(name) && **name != spec.family).collect();
+        let others = others.into_iter().filter_map(|name| self.registry.get(name));
         let words: BTreeSet<String> = others.flat_map(|family| family.contract.private_vocabulary.clone()).collect();
         words.into_iter().collect()
     }

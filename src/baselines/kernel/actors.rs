@@ -8,6 +8,8 @@ use crate::scene::{AgentKind, DT_S, LaneGraph, LaneIx, Sample, Scene, Track, Tra
 
 /// Time that stands for "never", seconds.
 const NEVER_S: f64 = 20.0;
+/// Distance that stands for "nobody near", metres.
+const FAR_M: f64 = 200.0;
 /// A place farther than this from every lane belongs to none, metres.
 const LANE_WITHIN_M: f64 = 4.0;
 /// Log and route are compared at every this many samples for crossing.
@@ -21,6 +23,16 @@ pub struct ActorFacts {
 }
 
 impl ActorFacts {
+    /// Of a road user that is not there yet: far away, never near, everything else 0 and false.
+    pub fn of_guest() -> ActorFacts {
+        let value = |name: &str| match name {
+            "gap_m" | "path_distance_m_min" => FAR_M,
+            "time_to_conflict_s" | "arrival_difference_s" => NEVER_S,
+            _ => 0.0,
+        };
+        ActorFacts { values: vocabulary::ACTOR.iter().map(|feature| value(feature.name)).collect() }
+    }
+
     /// A value by its vocabulary name.
     pub fn value(&self, name: &str) -> Option<f64> {
         let place = vocabulary::ACTOR.iter().position(|f| f.name == name)?;
@@ -66,7 +78,7 @@ pub fn facts(scene: &Scene, lanes: &LaneGraph, ego: &EgoPath, ix: TrackIx) -> Op
 
 /// Smallest box distance of log and ego rollout at equal times, and when, seconds after the current step.
 fn closest(scene: &Scene, ego: &EgoPath, track: &Track) -> (f64, f64) {
-    let (mut best_m, mut best_s) = (200.0, NEVER_S);
+    let (mut best_m, mut best_s) = (FAR_M, NEVER_S);
     for step in scene.current_step..scene.steps {
         let (Some(sample), Some(body)) = (track.at(step), ego.body(step)) else { continue };
         let reach = body.radius() + 0.5 * num::hypot(track.length_m, track.width_m);

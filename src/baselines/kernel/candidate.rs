@@ -18,11 +18,13 @@ pub struct Candidate {
     pub prior_log_probability: f64,
     /// What the search gave it; larger is better.
     pub score: f64,
+    /// Scene step from which the actor no longer follows the samples but reacts to the ego; `None`: never.
+    pub handover_step: Option<usize>,
 }
 
 impl Candidate {
     pub fn new(samples: Vec<Sample>, prior_log_probability: f64) -> Candidate {
-        Candidate { samples, prior_log_probability, score: prior_log_probability }
+        Candidate { samples, prior_log_probability, score: prior_log_probability, handover_step: None }
     }
 
     /// Mean distance to another candidate at equal times, metres.
@@ -118,7 +120,7 @@ fn ego_relation(samples: &[Sample], judged: &Judged<'_>) -> EgoRelation {
     for (k, sample) in samples.iter().enumerate() {
         let step = judged.from_step + k;
         let (Some(ego), Some(body)) = (situation.ego.at(step), situation.ego.body(step)) else { break };
-        let track = &situation.scene.tracks[judged.actor];
+        let track = situation.track(judged.actor);
         let reach = body.radius() + 0.5 * num::hypot(track.length_m, track.width_m);
         if sample.position.distance(body.center) - reach >= found.distance_m_min {
             continue;
@@ -150,7 +152,7 @@ pub struct Kinematics {
 }
 
 fn kinematics(samples: &[Sample], judged: &Judged<'_>) -> Kinematics {
-    let anchor = judged.from_step.checked_sub(1).and_then(|k| judged.situation.scene.tracks[judged.actor].at(k));
+    let anchor = judged.from_step.checked_sub(1).and_then(|k| judged.situation.track(judged.actor).at(k));
     let all: Vec<&Sample> = anchor.into_iter().chain(samples).collect();
     let mut found = Kinematics::default();
     let mut last_acceleration: Option<f64> = None;
@@ -187,7 +189,7 @@ fn road(samples: &[Sample], judged: &Judged<'_>) -> (f64, f64) {
 }
 
 fn log_deviation_m(samples: &[Sample], judged: &Judged<'_>) -> f64 {
-    let track = &judged.situation.scene.tracks[judged.actor];
+    let track = judged.situation.track(judged.actor);
     let steps = samples.iter().enumerate().filter_map(|(k, s)| Some((s, track.at(judged.from_step + k)?)));
     steps.map(|(own, log)| own.position.distance(log.position)).fold(0.0, f64::max)
 }

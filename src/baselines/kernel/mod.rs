@@ -4,6 +4,7 @@
 pub mod actors;
 pub mod bicycle;
 pub mod candidate;
+pub mod ego_response;
 pub mod feasibility;
 pub mod lane_paths;
 pub mod motion_prior;
@@ -13,7 +14,8 @@ pub mod pso;
 pub mod situation;
 pub mod speed_profile;
 pub mod stage;
+pub mod token_grid;
 
 pub use candidate::Candidate;
 pub use situation::{EgoPath, Situation, SituationError};
-pub use stage::{Module, Operator, Part, Settings, Stage, StageError, Window};
+pub use stage::{ActorOperator, Module, Operator, Part, Settings, Stage, StageError, Window};

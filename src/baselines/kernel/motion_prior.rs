@@ -81,7 +81,15 @@ pub fn flatten_and_normalise(logs: &mut [f64], rank: usize) {
     if let Some(level) = logs.get(rank).copied() {
         logs[rank..].fill(level);
     }
-    let largest = logs.first().copied().unwrap_or(0.0);
+    normalise(logs);
+}
+
+/// Log-softmax, in any order.
+pub fn normalise(logs: &mut [f64]) {
+    if logs.is_empty() {
+        return;
+    }
+    let largest = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let total = num::ln(num::sum(logs.iter().map(|p| num::exp(p - largest)))) + largest;
     for log in logs {
         *log -= total;

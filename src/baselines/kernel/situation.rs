@@ -6,7 +6,7 @@ use super::actors::{self, ActorFacts};
 use crate::adapters::vocabulary;
 use crate::ego;
 use crate::kernel::{Digest, OrientedBox};
-use crate::scene::{AgentKind, LaneGraph, Sample, Scene, SceneFeatures, TrackIx};
+use crate::scene::{AgentKind, LaneGraph, Sample, Scene, SceneFeatures, Track, TrackIx};
 use crate::sim::{self, Intervention, Plant, SimError};
 
 /// A scene with everything derived from it and from the ego's rollout on it as recorded.
@@ -20,8 +20,15 @@ pub struct Situation {
     pub ego: EgoPath,
     /// Per track; `None` for whoever cannot be an adversary: no vehicle, or not observed now.
     pub actors: Vec<Option<ActorFacts>>,
+    /// How hard the ego braked in that rollout, m/s².
+    pub ego_deceleration_mps2_max: f64,
     /// Values of `vocabulary::SCENE`, in its order.
     pub scene_values: Vec<f64>,
+    /// The driver that programs will meet, for families that try their motion against it.
+    pub policy: ego::Policy,
+    /// Road users that a program may insert: vehicle, cyclist, pedestrian, never observed.
+    guests: [Track; 3],
+    guest_facts: ActorFacts,
 }
 
 /// Why a scene cannot be prepared.
@@ -37,13 +44,27 @@ impl Situation {
         let failed = |source| SituationError::Rollout { scene: scene.id.clone(), source };
         let plant = Plant::new(&scene).map_err(failed)?;
         let mut driver = policy.driver();
-        let (_, trace) = sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
+        let (outcome, trace) =
+            sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
         let ego = EgoPath::new(&scene, trace.from_step, trace.ego);
         let lanes = LaneGraph::of(&scene.road);
         let features = SceneFeatures::of(&scene, &lanes);
         let actors = (0..scene.tracks.len()).map(|track| actors::facts(&scene, &lanes, &ego, track)).collect();
         let scene_values = vocabulary::SCENE.iter().map(|f| features.value(f.name).unwrap_or(0.0)).collect();
-        Ok(Situation { scene, plant, lanes, features, ego, actors, scene_values })
+        let (policy, guests, guest_facts) = (policy.clone(), guests(&scene), ActorFacts::of_guest());
+        Ok(Situation {
+            scene,
+            plant,
+            lanes,
+            features,
+            ego,
+            actors,
+            ego_deceleration_mps2_max: outcome.ego.deceleration_mps2_max,
+            scene_values,
+            policy,
+            guests,
+            guest_facts,
+        })
     }
 
     /// Identity of the scene for logs and random streams.
@@ -58,8 +79,29 @@ impl Situation {
 
     /// Bounding box of a track at a sample.
     pub fn body(&self, track: TrackIx, sample: &Sample) -> OrientedBox {
-        let track = &self.scene.tracks[track];
+        let track = self.track(track);
         OrientedBox::new(sample.position, sample.heading_rad, track.length_m, track.width_m)
+    }
+
+    /// Index of the road user that a program may insert: beyond the scene's own tracks.
+    pub fn guest(&self, kind: AgentKind) -> TrackIx {
+        let place = self.guests.iter().position(|guest| guest.kind == kind).unwrap_or(0);
+        self.scene.tracks.len() + place
+    }
+
+    /// The inserted road user of an index; `None` for the scene's own tracks.
+    pub fn as_guest(&self, track: TrackIx) -> Option<&Track> {
+        self.guests.get(track.checked_sub(self.scene.tracks.len())?)
+    }
+
+    /// A track of the scene, or a road user that may be inserted.
+    pub fn track(&self, track: TrackIx) -> &Track {
+        self.as_guest(track).unwrap_or_else(|| &self.scene.tracks[track])
+    }
+
+    /// Facts of an adversary; an inserted one has none, so that each of them says "never" or "far away".
+    pub fn facts(&self, track: TrackIx) -> Option<&ActorFacts> {
+        if self.as_guest(track).is_some() { Some(&self.guest_facts) } else { self.actors.get(track)?.as_ref() }
     }
 
     /// Vehicles marked as interacting with the ego that can be adversaries, in the data set's order.
@@ -74,6 +116,17 @@ impl Situation {
     pub fn digest(&self) -> Digest {
         self.plant.digest()
     }
+}
+
+/// A vehicle of the ego's size, a cyclist, a pedestrian.
+fn guests(scene: &Scene) -> [Track; 3] {
+    let (length_m, width_m) = (scene.ego.track.length_m, scene.ego.track.width_m);
+    let guest = |kind, length_m, width_m| Track { id: "inserted".into(), kind, length_m, width_m, samples: vec![] };
+    [
+        guest(AgentKind::Vehicle, length_m, width_m),
+        guest(AgentKind::Cyclist, 1.8, 0.7),
+        guest(AgentKind::Pedestrian, 0.6, 0.6),
+    ]
 }
 
 /// The ego's motion by scene step, with its size.

@@ -30,6 +30,9 @@ pub struct Part {
 /// A motion or search operator: works on all adversaries of a scene together.
 pub type Operator = fn(&Stage<'_>, &Settings, &mut [Part]) -> Result<(), StageError>;
 
+/// An actor operator of a family's own: who becomes an adversary.
+pub type ActorOperator = fn(&Situation, &Settings) -> Result<Vec<TrackIx>, StageError>;
+
 /// Where and for what a program is being compiled.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'a> {
@@ -78,7 +81,7 @@ impl Module {
     /// The value for a candidate: its features, then those of its actor.
     pub fn of_candidate(&self, candidate: &Candidate, judged: &Judged<'_>) -> f64 {
         let mut values = features(candidate, judged, self.needs);
-        values.extend(judged.situation.actors[judged.actor].iter().flat_map(|facts| &facts.values));
+        values.extend(judged.situation.facts(judged.actor).into_iter().flat_map(|facts| &facts.values));
         self.number(values)
     }
 }

@@ -18,11 +18,13 @@ pub struct Candidate {
     pub prior_log_probability: f64,
     /// What the search gave it; larger is better.
     pub score: f64,
+    /// Where a search moves several actors at once: candidates of one iterate belong together.
+    pub iterate: Option<usize>,
 }
 
 impl Candidate {
     pub fn new(samples: Vec<Sample>, prior_log_probability: f64) -> Candidate {
-        Candidate { samples, prior_log_probability, score: prior_log_probability }
+        Candidate { samples, prior_log_probability, score: prior_log_probability, iterate: None }
     }
 
     /// Mean distance to another candidate at equal times, metres.

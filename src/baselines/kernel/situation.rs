@@ -1,8 +1,9 @@
 //! All that a program may know of a scene before the rollout: built once per scene and ego, shared by every program.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::actors::{self, ActorFacts};
+use super::road_field::RoadField;
 use crate::adapters::vocabulary;
 use crate::ego;
 use crate::kernel::{Digest, OrientedBox};
@@ -14,6 +15,8 @@ use crate::sim::{self, Intervention, Plant, SimError};
 pub struct Situation {
     pub scene: Arc<Scene>,
     pub plant: Plant,
+    /// Who drives the ego, for searches that simulate it again.
+    pub policy: ego::Policy,
     pub lanes: LaneGraph,
     pub features: SceneFeatures,
     /// The ego's latest closed-loop rollout: on the unchanged scene.
@@ -22,6 +25,8 @@ pub struct Situation {
     pub actors: Vec<Option<ActorFacts>>,
     /// Values of `vocabulary::SCENE`, in its order.
     pub scene_values: Vec<f64>,
+    /// Built on first use: few families need it.
+    road_field: OnceLock<Option<RoadField>>,
 }
 
 /// Why a scene cannot be prepared.
@@ -43,7 +48,13 @@ impl Situation {
         let features = SceneFeatures::of(&scene, &lanes);
         let actors = (0..scene.tracks.len()).map(|track| actors::facts(&scene, &lanes, &ego, track)).collect();
         let scene_values = vocabulary::SCENE.iter().map(|f| features.value(f.name).unwrap_or(0.0)).collect();
-        Ok(Situation { scene, plant, lanes, features, ego, actors, scene_values })
+        let (policy, road_field) = (policy.clone(), OnceLock::new());
+        Ok(Situation { scene, plant, policy, lanes, features, ego, actors, scene_values, road_field })
+    }
+
+    /// Signed distances to the road's edge; `None` for a road without lanes.
+    pub fn road_field(&self) -> Option<&RoadField> {
+        self.road_field.get_or_init(|| RoadField::of(&self.scene, &self.lanes)).as_ref()
     }
 
     /// Identity of the scene for logs and random streams.

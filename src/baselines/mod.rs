@@ -4,13 +4,15 @@ pub mod at;
 pub mod cat;
 pub mod grammar;
 pub mod kernel;
+pub mod king;
+pub mod strive;
 
 use self::kernel::Operator;
 use crate::adapters::Registry;
 
 /// Every family that can be evolved.
 pub fn registry() -> Registry {
-    Registry::new([cat::family(), at::family()])
+    Registry::new([cat::family(), at::family(), king::family(), strive::family()])
 }
 
 /// What a motion or search kind does; `None` for kinds of other slots, which the compiler knows itself.
@@ -20,6 +22,10 @@ pub fn operator(kind: &str) -> Option<Operator> {
         cat::COLLISION_POSTERIOR => Some(cat::search),
         at::BOUNDED_OFFSETS => Some(at::motion),
         at::PARTICLE_SWARM => Some(at::search),
+        king::STEERED_ACTIONS => Some(king::motion),
+        king::KINEMATIC_DESCENT => Some(king::search),
+        strive::LATENT_MOTION => Some(strive::motion),
+        strive::LATENT_DESCENT => Some(strive::search),
         _ => None,
     }
 }

@@ -41,7 +41,7 @@ fn situations() -> &'static [Situation] {
             attempts_max: 40,
             following_share: 0.2,
         };
-        let scenes = (0..2 * WorldKind::ALL.len() as u32).map(|k| pool_member(&options, Seed(11), k).unwrap());
+        let scenes = (0..2 * WorldKind::ALL.len()).map(|k| pool_member(&options, Seed(11), k).unwrap());
         scenes.map(|scene| Situation::new(Arc::new(scene), &Policy::Idm).unwrap()).collect()
     })
 }
@@ -94,9 +94,9 @@ fn kings_loss<'a>(situation: &'a Situation, parts: &[Part]) -> Loss<'a> {
     }
 }
 
-/// KING's search against an ego that does not answer: its undisturbed rollout.
+/// KING's search with its own step length against an ego that does not answer: its undisturbed rollout.
 fn kings_descent(situation: &Situation, parts: &[Part], iterations: usize) -> Vec<Iterate> {
-    let rates = Rates { rate: 0.025, first_decay: 0.8, second_decay: 0.99 };
+    let rates = Rates { rate: 0.005, first_decay: 0.8, second_decay: 0.99 };
     let descent = Descent { iterations, rates, replay_every: 1000 };
     let loss = kings_loss(situation, parts);
     descend(situation, parts, &descent, |movers, _, slopes| loss.of(movers, &situation.ego, slopes))
@@ -104,19 +104,22 @@ fn kings_descent(situation: &Situation, parts: &[Part], iterations: usize) -> Ve
 
 #[test]
 fn kings_loss_falls_in_every_scene() {
-    let mut fallen = Vec::new();
+    let mut shares = Vec::new();
     for situation in situations() {
         let parts = opened("king", situation);
-        let iterates = kings_descent(situation, &parts, 30);
+        let iterates = kings_descent(situation, &parts, 60);
+        // The record itself meets the ego: nothing is left to search.
+        if iterates.len() == 1 {
+            continue;
+        }
         let first = iterates[0].loss;
         let least = iterates.iter().map(|i| i.loss).fold(f64::INFINITY, f64::min);
-        assert!(least <= first, "{}", situation.scene_id());
-        if iterates.len() > 5 {
-            fallen.push((first - least, first));
-            assert!(least < first, "{}: {first} to {least}", situation.scene_id());
-        }
+        println!("{}: {first:.3} to {least:.3}", situation.scene_id());
+        assert!(least < first, "{}: {first} to {least}", situation.scene_id());
+        shares.push((first - least) / first.abs().max(1.0));
     }
-    assert!(fallen.len() >= 9, "{fallen:?}");
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    assert!(shares.len() >= 15 && mean > 0.1, "{mean} over {}", shares.len());
 }
 
 #[test]

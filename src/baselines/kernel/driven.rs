@@ -181,8 +181,16 @@ pub fn actor_weights(situation: &Situation, parts: &[Part], module: Option<&Modu
 const WEIGHT_MIN: f64 = 0.05;
 const WEIGHT_MAX: f64 = 20.0;
 
-/// A score below every iterate that makes contact, plus what ranks those that do not.
-pub const NO_CONTACT: f64 = -1000.0;
+/// Between the scores of the iterates that make contact and of those that do not.
+const NO_CONTACT: f64 = -1000.0;
+/// Losses are squeezed below this, so that no loss outweighs a contact.
+const LOSS_MAX: f64 = 400.0;
+
+/// The score of an iterate: smaller losses first, and contact before everything else.
+pub fn score(contact: Option<bool>, loss: f64) -> f64 {
+    let squeezed = if loss.is_finite() { LOSS_MAX * loss / (LOSS_MAX + loss.abs()) } else { LOSS_MAX };
+    if contact == Some(true) { -squeezed } else { NO_CONTACT - squeezed }
+}
 
 /// Indices of at most `most` iterates, in order: the last, the one with the smallest loss, and an even selection.
 pub fn selection(iterates: &[Iterate], most: usize) -> Vec<usize> {

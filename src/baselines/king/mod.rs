@@ -2,11 +2,11 @@
 //! adversaries over the whole window are moved by Adam down a loss whose slope comes back through the bicycle model,
 //! with the ego simulated again at every iteration and the search ended by its first contact.
 //!
-//! Kept: bicycle and its constants, the three terms of the loss and their weights for two adversaries, 1.25 m cap of
-//! the repulsion, Adam's decays, slopes through the adversaries alone ("one path"). Declared adaptations: adversaries
-//! are recorded vehicles whose first action sequence follows their record; a full throttle is 3 m/s², for KING's 0.56
-//! cannot follow recorded starts; 24 iterations at rate 0.025 in place of 120 at 0.005, the same reach of every action
-//! at a fifth of the rollouts; the smoothed raster of undrivable ground is Φ(−distance/σ) of a signed-distance field.
+//! Kept: bicycle and its constants, the three terms of the loss, 1.25 m cap of the repulsion, Adam, and for two
+//! adversaries the weights, decays, iterations and step length; slopes through the adversaries alone ("one path").
+//! Declared adaptations: adversaries are recorded vehicles whose first actions follow their record; a full throttle is
+//! 3 m/s², for KING's 0.56 cannot follow recorded starts; steps of 0.1 s with actions held for KING's 0.25 s; the
+//! smoothed raster of undrivable ground is Φ(−distance/σ) of a signed-distance field.
 
 pub mod actions;
 pub mod loss;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
 use super::kernel::adam::Rates;
-use super::kernel::driven::{self, Descent, Driven, Iterate, NO_CONTACT};
+use super::kernel::driven::{self, Descent, Driven, Iterate};
 use super::kernel::{Part, Settings, Stage, StageError, following};
 use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, SettingSpec, vocabulary};
 use crate::objects::{
@@ -90,8 +90,8 @@ fn own_parameters() -> BTreeMap<String, ParameterSpec> {
         parameter("action_spacing_s", number(0.1, 1.0, "s"), "time for which an action is held; 0.25 in KING"),
         parameter("throttle_mps2_max", number(0.5, 4.0, "m/s^2"), "acceleration at full throttle; 0.56 in KING"),
         parameter("brake_mps2_max", number(1.0, 8.0, "m/s^2"), "deceleration at full brake; 4.95 in KING"),
-        parameter("descent_iterations", integer(4, 40, "1"), "iterations of Adam; 100 to 150 in KING"),
-        parameter("descent_rate", number(0.002, 0.2, "1"), "step length of Adam; 0.005 in KING"),
+        parameter("descent_iterations", integer(10, 150, "1"), "iterations of Adam; 100 to 150 in KING"),
+        parameter("descent_rate", number(0.001, 0.2, "1"), "step length of Adam; 0.005 in KING"),
         parameter("first_moment_decay", number(0.5, 0.95, "1"), "beta 1; 0.8 in KING"),
         parameter("second_moment_decay", number(0.9, 0.9999, "1"), "beta 2; 0.999, 0.99, 0.99 in KING"),
         parameter("ego_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1 in KING"),
@@ -163,8 +163,8 @@ fn parent() -> Program {
         value("action_spacing_s", 0.25),
         value("throttle_mps2_max", 3.0),
         value("brake_mps2_max", 4.952399),
-        value("descent_iterations", 24.0),
-        value("descent_rate", 0.025),
+        value("descent_iterations", 120.0),
+        value("descent_rate", 0.005),
         value("first_moment_decay", 0.8),
         value("second_moment_decay", 0.99),
         value("ego_replay_every", 1.0),
@@ -261,8 +261,7 @@ fn ranked(stage: &Stage<'_>, settings: &Settings, iterates: &[Iterate]) -> Resul
         let iterate = &iterates[index];
         let own = if replaces && module.is_some() { 0.0 } else { iterate.loss };
         let given = module.map_or(0.0, |module| driven::judged(stage.situation, iterate, module, |_| 0.0));
-        let met = if iterate.contact == Some(true) { 0.0 } else { NO_CONTACT };
-        (index, met - own - given)
+        (index, driven::score(iterate.contact, own + given))
     };
     Ok(driven::selection(iterates, CANDIDATES_MAX).into_iter().map(score).collect())
 }

@@ -2,13 +2,14 @@
 //! Adam toward a crash with the planner under the prior's likelihood, who attacks being chosen softly by nearness; a
 //! scene is kept only if the ego could have avoided the crash, shown by a second search over the ego's own latent.
 //!
-//! Kept: the terms of the loss and their weights, the soft choice of attackers with weights of prior and start that
-//! follow it, the exclusion of vehicles that stay behind, five-disc soft contact, the solution pass and its buffer.
+//! Kept: the terms of the loss and their weights, Adam's step length and iterations, the soft choice of attackers with
+//! weights of prior and start that follow it, the exclusion of vehicles that stay behind, five-disc soft contact, the
+//! solution pass and its buffer.
 //! Declared adaptations: the learned variational prior is the linear-Gaussian latent of `kernel::latent`, so the first
 //! fit to the record is exact and needs no iterations; weights of the soft choice carry no slope; no model of the ego
-//! tracks the planner, for slopes go through the adversaries alone and the true ego is simulated instead; 24 iterations
-//! at rate 0.12 in place of 200 at 0.05, ended by the first contact; a motion that the simulated ego survives is
-//! solvable by that rollout, so the solution pass works on those that end in contact.
+//! tracks the planner, for slopes go through the adversaries alone and the true ego is simulated instead; the search ends
+//! with the first contact; a motion that the simulated ego survives is solvable by that rollout, so the solution pass
+//! works on those that end in contact.
 
 pub mod loss;
 pub mod solution;
@@ -18,7 +19,7 @@ use std::sync::Arc;
 
 use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
 use super::kernel::adam::Rates;
-use super::kernel::driven::{self, Descent, Driven, Iterate, Mover, NO_CONTACT};
+use super::kernel::driven::{self, Descent, Driven, Iterate, Mover};
 use super::kernel::latent::{LatentOptions, LatentSpace};
 use super::kernel::motion_prior::{self, PriorOptions};
 use super::kernel::{Part, Settings, Stage, StageError, following};
@@ -96,7 +97,7 @@ fn own_parameters() -> BTreeMap<String, ParameterSpec> {
         parameter("latent_modes", integer(2, 6, "1"), "modes of acceleration, and as many of curvature; 4"),
         parameter("acceleration_spread_mps2", number(0.1, 3.0, "m/s^2"), "least spread of an acceleration mode; 1.05"),
         parameter("curvature_spread_1pm", number(0.001, 0.05, "1/m"), "least spread of a curvature mode"),
-        parameter("latent_iterations", integer(4, 40, "1"), "iterations of Adam; 200 in STRIVE"),
+        parameter("latent_iterations", integer(10, 200, "1"), "iterations of Adam; 200 in STRIVE"),
         parameter("latent_rate", number(0.01, 0.5, "1"), "step length of Adam; 0.05 in STRIVE"),
         parameter("planner_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1"),
         parameter("crash_weight", number(0.1, 10.0, "1/m^2"), "weight of the attackers' squared distance; 2"),
@@ -176,8 +177,8 @@ fn parent() -> Program {
         value("latent_modes", 4.0),
         value("acceleration_spread_mps2", 1.05),
         value("curvature_spread_1pm", 0.005),
-        value("latent_iterations", 24.0),
-        value("latent_rate", 0.12),
+        value("latent_iterations", 200.0),
+        value("latent_rate", 0.05),
         value("planner_replay_every", 1.0),
         value("crash_weight", 2.0),
         value("earliest_crash_s", 2.0),
@@ -292,8 +293,7 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         let iterate = &iterates[index];
         let own = if replaces && module.is_some() { 0.0 } else { iterate.loss };
         let given = module.map_or(0.0, |module| driven::judged(situation, iterate, module, log_prior));
-        let met = if iterate.contact == Some(true) { 0.0 } else { NO_CONTACT };
-        (index, met - own + given)
+        (index, driven::score(iterate.contact, own - given))
     };
     let scored: Vec<(usize, f64)> = chosen.into_iter().map(score).collect();
     driven::into_candidates(parts, &iterates, &scored, log_prior);

@@ -22,6 +22,7 @@ pub fn operator(kind: &str) -> Option<Operator> {
         cat::COLLISION_POSTERIOR => Some(cat::search),
         at::BOUNDED_OFFSETS => Some(at::motion),
         at::PARTICLE_SWARM => Some(at::search),
+        at::OFFSET_GRADIENT => Some(at::descend),
         king::STEERED_ACTIONS => Some(king::motion),
         king::KINEMATIC_DESCENT => Some(king::search),
         strive::LATENT_MOTION => Some(strive::motion),

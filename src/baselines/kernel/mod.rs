@@ -9,6 +9,7 @@ pub mod driven;
 pub mod ego_response;
 pub mod feasibility;
 pub mod following;
+pub mod gradient;
 pub mod kinematics;
 pub mod lane_paths;
 pub mod latent;

@@ -94,6 +94,30 @@ impl OffsetSpace {
         self.path.scale(offsets)
     }
 
+    /// Adds to `slope`, at the coordinates, what a slope at the offset of a sample means for them.
+    pub fn pull(&self, step: usize, offset_slope: Vec2, slope: &mut [f64]) {
+        let pulled = offset_slope * self.path.bounds().offset_m_max;
+        let k = step / self.steps_per_knot;
+        let t = (step % self.steps_per_knot) as f64 / self.steps_per_knot as f64;
+        let weights = match self.interpolation {
+            Interpolation::Linear => [(k, 1.0 - t), (k + 1, t), (k, 0.0), (k, 0.0)],
+            Interpolation::Cubic => {
+                let (t2, t3) = (t * t, t * t * t);
+                let knots = [k.saturating_sub(1), k, k + 1, k + 2];
+                let shares =
+                    [2.0 * t2 - t - t3, 2.0 - 5.0 * t2 + 3.0 * t3, t + 4.0 * t2 - 3.0 * t3, t3 - t2].map(|w| 0.5 * w);
+                core::array::from_fn(|i| (knots[i], shares[i]))
+            }
+        };
+        for (knot, weight) in weights {
+            // The first knot stays where it is.
+            if let Some(place) = (2 * knot.min(self.knots - 1)).checked_sub(2) {
+                slope[place] += weight * pulled.x;
+                slope[place + 1] += weight * pulled.y;
+            }
+        }
+    }
+
     /// The path with `theta` times the offsets. Headings turn with the direction of motion where there is any.
     pub fn samples(&self, offsets: &[Vec2], theta: f64) -> Vec<Sample> {
         let place = |k: usize| self.logged[k].position + offsets[k] * theta;

@@ -10,6 +10,7 @@ pub mod import;
 pub mod lanes;
 pub mod pool;
 pub mod route;
+pub mod safebench;
 pub mod stats;
 pub mod synth;
 pub mod types;

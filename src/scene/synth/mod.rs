@@ -110,6 +110,7 @@ fn assemble(
             .collect(),
         stop_signs: stop_signs(net),
         crosswalks: walkers::polygons(net),
+        staging: None,
     }
 }
 

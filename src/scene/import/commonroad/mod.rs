@@ -109,6 +109,7 @@ fn scene(
         lights: vec![],
         stop_signs: vec![],
         crosswalks: network.crosswalks.iter().map(|line| shifted(line, problem.position)).collect(),
+        staging: None,
     };
     let start_s = problem.start_step * file.dt_s;
     let last_seen_s = obstacles.last_s() - start_s;

@@ -11,7 +11,7 @@ use crate::kernel::Digest;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{FamilyName, LineageId, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
-use crate::scene::synth::SynthOptions;
+use crate::scene::synth::{FamilyOptions, SynthOptions};
 use crate::store;
 
 /// Bytes that an experiment file may have.
@@ -52,6 +52,8 @@ pub struct Experiment {
 pub enum SceneSource {
     /// Generated worlds.
     Synth { count: usize, seed: u64, options: SynthOptions },
+    /// SafeBench's traffic families on generated roads.
+    Safebench { seed: u64, options: FamilyOptions },
     /// Scenario files or folders of them, relative to this file.
     Files { paths: Vec<PathBuf> },
     /// A pool written by `evodrive scenes import`, relative to this file.
@@ -188,7 +190,7 @@ impl Experiment {
         let mut content = self.clone();
         content.cassette = PathBuf::new();
         match &mut content.scenes {
-            SceneSource::Synth { .. } => {}
+            SceneSource::Synth { .. } | SceneSource::Safebench { .. } => {}
             SceneSource::Files { paths } => paths.clear(),
             SceneSource::Pool { path } => *path = PathBuf::new(),
         }

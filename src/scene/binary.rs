@@ -378,9 +378,8 @@ impl Reader<'_> {
         let family = family.ok_or_else(|| self.expected("a traffic family: 1 to 8"))?;
         let route = u32::try_from(self.count()?).map_err(|_| self.expected("a route number"))?;
         let trigger = Pose { position: self.point()?, heading_rad: self.number()? };
-        let spawns = self.list(24, |r| {
-            Ok(SpawnFrame { fwd_m: r.number()?, right_m: r.number()?, yaw_rad: r.number()? })
-        })?;
+        let spawns =
+            self.list(24, |r| Ok(SpawnFrame { fwd_m: r.number()?, right_m: r.number()?, yaw_rad: r.number()? }))?;
         Ok(Staging { family, route, trigger, spawns })
     }
 }

@@ -13,6 +13,7 @@ pub mod pso;
 pub mod situation;
 pub mod speed_profile;
 pub mod stage;
+pub mod traffic_family;
 
 pub use candidate::Candidate;
 pub use situation::{EgoPath, Situation, SituationError};

@@ -14,6 +14,13 @@ const LOOK_AHEAD_M: f64 = 1.0;
 /// derivative gain of 3.5 per step would oscillate above 10 m/s.
 const STEERING_SHARE: f64 = 0.3;
 
+/// On a route of SafeBench: places ahead that are looked at, metres between them, lateral acceleration in bends and
+/// braking before them, m/s². Ordinary driving in town.
+const BEND_LOOKS: u32 = 12;
+const BEND_SPACING_M: f64 = 2.0;
+const BEND_MPS2: f64 = 2.0;
+const BEND_BRAKE_MPS2: f64 = 1.5;
+
 /// A discrete controller as MetaDrive writes it: sums and differences per decision step, not per second.
 #[derive(Clone, Copy, Debug)]
 struct Pid {
@@ -73,6 +80,26 @@ impl IdmDriver {
     }
 }
 
+/// MetaDrive's normal speed, whatever the road: its policy follows logs, which hold their bends' speeds. A route of
+/// SafeBench is no log, so there the ego aims at the scene's speed and slows down before bends.
+fn free_speed_kmph(view: &View<'_>, ego: &EgoState) -> f64 {
+    let (true, Some(target_mps)) = (view.plant().is_staged(), view.plant().target_speed_mps()) else {
+        return NORMAL_SPEED_KMPH;
+    };
+    let route = view.route();
+    let mut free_mps = target_mps;
+    for k in 0..BEND_LOOKS {
+        let ahead_m = BEND_SPACING_M * f64::from(k);
+        let s_m = ego.along.s_m + ahead_m;
+        let heading = |s_m: f64| route.heading_at(s_m, ego.along.segment);
+        let turn = num::wrap_angle(heading(s_m + BEND_SPACING_M) - heading(s_m - BEND_SPACING_M)).abs();
+        let curvature_1pm = turn / (2.0 * BEND_SPACING_M);
+        let bend_squared = BEND_MPS2 / curvature_1pm.max(1e-3);
+        free_mps = free_mps.min((bend_squared + 2.0 * BEND_BRAKE_MPS2 * ahead_m).sqrt());
+    }
+    3.6 * free_mps
+}
+
 impl Driver for IdmDriver {
     fn begin(&mut self, _: &Plant) {
         *self = IdmDriver::new(self.minds_lights);
@@ -81,7 +108,8 @@ impl Driver for IdmDriver {
     fn decide(&mut self, view: &View<'_>) -> Control {
         let ego = *view.ego();
         let front = self.front(view);
-        let throttle = idm::throttle(ego.speed_mps, ego.sample.velocity, ego.axis, NORMAL_SPEED_KMPH, front.as_ref());
+        let target_kmph = free_speed_kmph(view, &ego);
+        let throttle = idm::throttle(ego.speed_mps, ego.sample.velocity, ego.axis, target_kmph, front.as_ref());
         Control::Drive {
             acceleration_mps2: idm::acceleration_mps2(throttle, &DEFAULT_LIMITS),
             steering_rad: self.steering_rad(view, &ego),

@@ -212,6 +212,11 @@ impl Plant {
         self.target_speed_mps
     }
 
+    /// Whether the scene belongs to one of SafeBench's traffic families and is run under its rules.
+    pub fn is_staged(&self) -> bool {
+        self.course.is_some()
+    }
+
     /// Whether the ego's recorded motion goes on after its start.
     pub fn has_ego_log(&self) -> bool {
         self.ego_log.get(1).is_some_and(Option::is_some)
@@ -303,7 +308,8 @@ fn check_track(scene: &Scene, name: &str, track: &Track) -> Result<(), SimError>
     }
 }
 
-fn in_range(p: Vec2) -> bool {
+/// Whether coordinates can be simulated; NaN can not.
+pub(super) fn in_range(p: Vec2) -> bool {
     // NaN compares false.
     p.x.abs() <= POSITION_M_MAX && p.y.abs() <= POSITION_M_MAX
 }

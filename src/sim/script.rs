@@ -159,7 +159,7 @@ impl Phase {
             Way::Straight => true,
             Way::Wheel { rad } => counted(rad.len()) && rad.iter().all(|r| r.abs() <= 1e3),
             Way::Points { points } | Way::Path { points } => {
-                counted(points.len()) && points.iter().all(|p| p.x.abs().max(p.y.abs()) <= super::plant::POSITION_M_MAX)
+                counted(points.len()) && points.iter().all(|p| super::plant::in_range(*p))
             }
         };
         if !way {

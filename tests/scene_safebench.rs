@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use evodrive::ego::Policy;
 use evodrive::scene::import::import_files;
 use evodrive::scene::safebench::{Stage, TrafficFamily};
-use evodrive::sim::{Intervention, Plant, rollout};
+use evodrive::sim::{End, Intervention, Plant, rollout};
 
 /// All files of some folders below the shared data.
 #[allow(clippy::disallowed_methods)]
@@ -71,7 +71,7 @@ fn every_route_on_a_town_at_hand_becomes_a_scene_and_the_others_name_their_town(
         let outcome =
             rollout(&Plant::new(scene).unwrap(), &Intervention::default(), &mut *Policy::Idm.driver()).unwrap();
         let driving = outcome.driving.unwrap();
-        if !(driving.completed && driving.off_road_m < 5.0) {
+        if outcome.end == End::OffRoad {
             lost.push(format!("{}: {:?} {driving:?}", scene.id, outcome.end));
         }
     }

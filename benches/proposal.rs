@@ -1,6 +1,6 @@
 //! What a proposal costs besides rollouts and model time: prompts, keys, parsing, gates, compilation on probe scenes,
 //! routing, archive, lineage, memory, refit of the world evaluator, transcript. The quickstart, replayed with every
-//! answer and rollout at hand.
+//! answer and rollout at hand in memory.
 
 use std::path::Path;
 
@@ -15,11 +15,11 @@ fn main() {
     divan::main();
 }
 
-fn carry_out(study: &Study<'_>, store: &Store) -> usize {
+fn carry_out(study: &Study<'_>, rollouts: &Rollouts<'_>) -> usize {
     let folder = tempfile::tempdir().expect("a scratch folder");
     let log = Transcript::create(&folder.path().join("transcript.jsonl")).expect("a transcript");
     let mut watch = |_| {};
-    let mut desk = Desk { log, rollouts: Rollouts::new(store, Mode::Reuse), watch: &mut watch };
+    let mut desk = Desk { log, rollouts, watch: &mut watch };
     run(study, &mut desk).expect("the quickstart replays").exits.total()
 }
 
@@ -34,6 +34,7 @@ fn proposals_with_everything_recorded(bencher: divan::Bencher<'_, '_>) {
     let study = inputs::study(&experiment, scenes, &replay, &threads).expect("the study");
     let folder = tempfile::tempdir().expect("a scratch folder");
     let store = Store::open(folder.path()).expect("a store");
-    let proposals = carry_out(&study, &store);
-    bencher.counter(ItemsCount::new(proposals)).bench_local(|| carry_out(&study, &store));
+    let rollouts = Rollouts::new(&store, Mode::Reuse);
+    let proposals = carry_out(&study, &rollouts);
+    bencher.counter(ItemsCount::new(proposals)).bench_local(|| carry_out(&study, &rollouts));
 }

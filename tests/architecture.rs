@@ -34,9 +34,9 @@ const TABLE: &[(&str, &str)] = &[
 const EFFECTS: &[(&str, &[&str], &[&str])] = &[
     ("disk", &["std::fs", "fs::File", "OpenOptions", "rusqlite"], &["store/"]),
     ("network", &["std::net", "TcpStream", "ureq::"], &["llm/live/"]),
-    ("threads", &["std::thread", "rayon"], &["kernel/par.rs"]),
+    ("threads", &["thread::spawn", "thread::scope", "thread::Builder", "rayon"], &["kernel/par.rs"]),
     ("randomness", &["rand_chacha", "rand_core", "from_entropy", "getrandom"], &["kernel/rng.rs"]),
-    ("clock", &["Instant::now", "SystemTime"], &["cli/"]),
+    ("clock", &["Instant::now", "SystemTime", "thread::sleep"], &["cli/"]),
     ("environment", &["std::env", "env::var"], &["cli/"]),
     ("terminal", &["println!", "print!(", "stdin()", "stdout()", "stderr()"], &["cli/", "main.rs"]),
 ];
@@ -178,6 +178,44 @@ fn effects_stay_at_their_addresses() {
         }
     }
     assert!(strayed.is_empty(), "effects out of place:\n{}", strayed.join("\n"));
+}
+
+/// Names of the crates that `roots` bring into a build, by Cargo.lock. Development crates count too: none of them speaks HTTP.
+fn locked_below(roots: &BTreeSet<String>) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.lock")).expect("Cargo.lock");
+    let lock: toml::Table = text.parse().expect("Cargo.lock is TOML");
+    let mut needs: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for package in lock["package"].as_array().expect("packages") {
+        let name = package["name"].as_str().expect("a name").to_string();
+        let words = package.get("dependencies").and_then(|list| list.as_array()).into_iter().flatten();
+        let names = words.filter_map(|word| word.as_str()?.split(' ').next().map(str::to_string));
+        needs.entry(name).or_default().extend(names);
+    }
+    let mut found = BTreeSet::new();
+    let mut open: Vec<String> = roots.iter().cloned().collect();
+    while let Some(name) = open.pop() {
+        if found.insert(name.clone()) {
+            open.extend(needs.get(&name).into_iter().flatten().cloned());
+        }
+    }
+    found
+}
+
+#[test]
+fn only_the_feature_live_brings_network_code_into_a_build() {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).expect("Cargo.toml");
+    let manifest: toml::Table = text.parse().expect("Cargo.toml is TOML");
+    assert_eq!(manifest["features"]["default"].as_array().map(Vec::len), Some(0), "no feature is on by default");
+    let optional = |value: &toml::Value| value.get("optional").and_then(toml::Value::as_bool) == Some(true);
+    let dependencies = manifest["dependencies"].as_table().expect("dependencies");
+    let always: BTreeSet<String> =
+        dependencies.iter().filter(|(_, value)| !optional(value)).map(|(name, _)| name.clone()).collect();
+    let network = ["ureq", "ureq-proto", "rustls", "ring", "webpki-roots", "reqwest", "hyper", "tokio", "native-tls"];
+    let here = locked_below(&always);
+    let strayed: Vec<&str> = network.into_iter().filter(|name| here.contains(*name)).collect();
+    assert!(strayed.is_empty(), "the default build would contain {}", strayed.join(", "));
+    let live = locked_below(&BTreeSet::from(["ureq".to_string()]));
+    assert!(live.contains("rustls") && !live.contains("tokio"), "the client is blocking, with rustls");
 }
 
 #[test]

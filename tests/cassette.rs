@@ -9,15 +9,19 @@ use std::{
 use evodrive::{
     kernel::par::Pool,
     llm::{
-        Ask, AskError, Cassette, CassetteError, DrawSlot, Message, Model, ModelError, ModelSpec, Record, RecordMode,
-        Replay, Request,
+        Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Message, Metadata, Model, ModelError, ModelSpec,
+        Record, RecordMode, Replay, Request, ResponseFormat, Schema,
     },
     store::{MemoKind, Store},
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
 fn slot(epoch: u32, slot: u32) -> DrawSlot {
     DrawSlot { lineage: "cat-idm".into(), epoch, slot, role: "actor".into(), round: 0 }
+}
+
+fn schema(value: Value) -> Schema {
+    Schema::new(value).unwrap()
 }
 
 fn request(at: DrawSlot) -> Request {
@@ -28,12 +32,17 @@ fn request(at: DrawSlot) -> Request {
             kind: "scripted".into(),
             model: "echo-1".into(),
             sampling: BTreeMap::from([("temperature".into(), 0.7)]),
+            response_format: None,
+            body: BTreeMap::new(),
         },
         messages: vec![
             Message { role: "system".into(), text: "You evolve programs.".into() },
-            Message { role: "user".into(), text: format!("Parent: p\nEpoch {} slot {}\nEnd", at.epoch, at.slot) },
+            Message {
+                role: "user".into(),
+                text: format!("Parent: p\nEpoch {} slot {}\nEnd", at.epoch, at.slot).into(),
+            },
         ],
-        schema: json!({"type": "object", "properties": {"b": 1, "a": 2.5}}),
+        schema: schema(json!({"type": "object", "properties": {"b": 1, "a": 2.5}})),
         slot: at,
     }
 }
@@ -42,12 +51,13 @@ fn request(at: DrawSlot) -> Request {
 struct Echo<'a>(&'a AtomicUsize);
 
 impl Model for Echo<'_> {
-    fn complete(&self, request: &Request) -> Result<Vec<u8>, ModelError> {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
         let call = self.0.fetch_add(1, Ordering::SeqCst);
         if request.messages.iter().any(|message| message.text.contains("fail")) {
             return Err(ModelError::Transport { address: "here".into(), attempts: 3, reason: "cable cut".into() });
         }
-        Ok(if call.is_multiple_of(2) { b"{\"even\": \"\xc3\xbc\"}".to_vec() } else { vec![0xff, 0x00, 0x10] })
+        let bytes = if call.is_multiple_of(2) { b"{\"even\": \"\xc3\xbc\"}".to_vec() } else { vec![0xff, 0x00, 0x10] };
+        Ok(bytes.into())
     }
 }
 
@@ -91,11 +101,14 @@ fn each_field_changes_the_key() {
         |r| r.model.kind = "openai".into(),
         |r| r.model.model = "echo-2".into(),
         |r| r.model.sampling = BTreeMap::from([("temperature".into(), 0.700_000_000_000_000_1)]),
+        |r| r.model.response_format = Some(ResponseFormat::JsonSchema),
+        |r| r.model.response_format = Some(ResponseFormat::None),
+        |r| drop(r.model.body.insert("cache_prompt".into(), json!(false))),
         |r| r.messages[0].role = "user".into(),
-        |r| r.messages[1].text.push(' '),
+        |r| r.messages[1].text = format!("{} ", r.messages[1].text).into(),
         |r| r.messages.swap(0, 1),
         |r| drop(r.messages.pop()),
-        |r| r.schema = json!({"type": "object"}),
+        |r| r.schema = schema(json!({"type": "object"})),
     ];
     let mut keys = std::collections::BTreeSet::from([base.key().unwrap()]);
     for (i, change) in changes.iter().enumerate() {
@@ -108,7 +121,7 @@ fn each_field_changes_the_key() {
 #[test]
 fn the_order_of_schema_keys_does_not_change_the_key() {
     let mut other = request(slot(0, 0));
-    other.schema = serde_json::from_str(r#"{"properties": {"a": 2.5, "b": 1}, "type": "object"}"#).unwrap();
+    other.schema = schema(serde_json::from_str(r#"{"properties": {"a": 2.5, "b": 1}, "type": "object"}"#).unwrap());
     assert_eq!(other.key().unwrap(), request(slot(0, 0)).key().unwrap());
 }
 
@@ -213,7 +226,7 @@ fn a_removed_line_is_a_miss_that_names_the_nearest_slot_and_the_remedy() {
 #[test]
 fn a_changed_prompt_is_a_miss_that_shows_message_line_and_both_texts() {
     let mut asked = request(slot(0, 1));
-    asked.messages[1].text = asked.messages[1].text.replace("slot 1", "slot one");
+    asked.messages[1].text = asked.messages[1].text.replace("slot 1", "slot one").into();
     let miss = miss_of(&asked);
     assert_eq!(miss.nearest, Some(slot(0, 1)));
     let expected = "message 2 (user) line 2: recorded \"Epoch 0 slot 1\", asked \"Epoch 0 slot one\"";
@@ -228,7 +241,7 @@ fn a_changed_model_or_schema_is_a_miss_that_shows_both_values() {
     asked.model.sampling.insert("temperature".into(), 0.8);
     assert_eq!(miss_of(&asked).difference.unwrap(), "model/sampling/temperature: recorded 0.7, asked 0.8");
     let mut asked = request(slot(0, 1));
-    asked.schema["properties"]["a"] = json!(3);
+    asked.schema = schema(json!({"type": "object", "properties": {"b": 1, "a": 3}}));
     assert_eq!(miss_of(&asked).difference.unwrap(), "schema/properties/a: recorded 2.5, asked 3");
 }
 
@@ -277,8 +290,8 @@ fn a_recording_asks_once_and_its_cassette_does_not_depend_on_threads() {
 struct Constant;
 
 impl Model for Constant {
-    fn complete(&self, request: &Request) -> Result<Vec<u8>, ModelError> {
-        Ok(request.messages[1].text.clone().into_bytes())
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        Ok(request.messages[1].text.as_bytes().to_vec().into())
     }
 }
 
@@ -309,6 +322,54 @@ fn record_fresh_asks_anew_but_not_twice_in_one_recording() {
     assert_eq!(calls.load(Ordering::SeqCst), 1);
     assert_ne!(ask("tuesday"), first);
     assert_eq!(calls.load(Ordering::SeqCst), 2);
+}
+
+/// Answers like a provider: with metadata.
+struct Provider;
+
+impl Model for Provider {
+    fn complete(&self, _: &Request) -> Result<Completion, ModelError> {
+        Ok(Completion { bytes: b"{}".to_vec(), metadata: Some(told(17)) })
+    }
+}
+
+fn told(input_tokens: u64) -> Metadata {
+    Metadata { model: "echo-1-exact".into(), input_tokens: Some(input_tokens), ..Metadata::default() }
+}
+
+#[test]
+fn metadata_are_recorded_survive_a_kill_and_change_no_digest() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path()).unwrap();
+    let providers = || BTreeMap::from([("echo".to_string(), Box::new(Provider) as Box<dyn Model>)]);
+    let nobody = BTreeMap::new;
+    let first =
+        Record::new(&store, Cassette::new(""), RecordMode::Missing, providers()).ask(&request(slot(0, 0))).unwrap();
+    // Killed and started again, then from its own cassette: the metadata stay with the answer.
+    let again = Record::new(&store, Cassette::new(""), RecordMode::Missing, nobody());
+    assert_eq!(again.ask(&request(slot(0, 0))).unwrap(), first);
+    let text = again.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap();
+    let read = Cassette::parse(&text, "t").unwrap();
+    assert_eq!(read.exchanges()[0].metadata, Some(told(17)));
+    let third = Record::new(&store, read, RecordMode::Missing, nobody());
+    third.ask(&request(slot(0, 0))).unwrap();
+    assert_eq!(third.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap(), text);
+    let mut without = Cassette::new("t");
+    without.push(&request(slot(0, 0)), b"{}".to_vec()).unwrap();
+    assert_eq!(Replay::new(without, "").ask(&request(slot(0, 0))).unwrap(), first);
+}
+
+#[test]
+fn a_cassette_says_the_lowest_version_that_holds_it_and_changed_metadata_are_refused() {
+    assert!(recorded().to_bytes("t").unwrap().starts_with(b"{\"format\":\"evodrive-cassette\",\"version\":\"1.0\""));
+    let mut cassette = Cassette::new("t");
+    cassette.push_with(&request(slot(0, 0)), b"{}".to_vec(), Some(told(17))).unwrap();
+    let text = String::from_utf8(cassette.to_bytes("t").unwrap()).unwrap();
+    assert!(text.starts_with("{\"format\":\"evodrive-cassette\",\"version\":\"1.1\""), "{text}");
+    for (from, to) in [(":17", ":18"), ("-exact", "-wrong"), (",\"metadata_digest\"", ",\"reply_hexx\"")] {
+        let error = Cassette::parse(text.replacen(from, to, 1).as_bytes(), "x").unwrap_err();
+        assert!(matches!(error, CassetteError::Damaged { .. }), "{error}");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Metrics worked by hand, and the protocol's promises about caches, failures and order.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use evodrive::ego::Policy;
 use evodrive::evaluation::metrics::realism::{BinaryDiagnostic, diagnostics, realism};
@@ -123,8 +123,8 @@ fn weights_that_do_not_sum_to_one_and_zero_tolerances_are_refused() {
 struct Notebook(Mutex<BTreeMap<Digest, RolloutRecord>>);
 
 impl RolloutCache for Notebook {
-    fn recorded(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError> {
-        Ok(self.0.lock().unwrap().get(key).map(|record| (record.clone(), Digest::of_bytes(b"stored"))))
+    fn recorded(&self, key: &Digest) -> Result<Option<(Arc<RolloutRecord>, Digest)>, CacheError> {
+        Ok(self.0.lock().unwrap().get(key).map(|record| (Arc::new(record.clone()), Digest::of_bytes(b"stored"))))
     }
 
     fn keep(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError> {

@@ -227,10 +227,88 @@ fn help_texts_are_goldens() {
     for command in ["run", "resume", "replay", "verify", "record", "lineage", "show", "fsck", "report", "bench"] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }
-    for command in ["import", "list", "show", "stats"] {
+    for command in ["import", "list", "show", "export", "stats"] {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
     }
     assert_eq!(text, golden, "if this is meant, run .ci/bless and say why");
+}
+
+#[test]
+fn an_attempts_rollouts_are_exported_as_played_and_come_back() {
+    let folder = finished().1.to_str().unwrap();
+    let attempt = an_evaluated_attempt();
+    for format in ["scenarionet", "commonroad"] {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().to_str().unwrap();
+        let wanted = ["scenes", "export", "--run", folder, "--attempt", &attempt, "--format", format, "--out", out];
+        let ran = run(&[&["--json"], &wanted[..]].concat());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        let told: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        let exported: Vec<&str> =
+            told["scenes"].as_array().unwrap().iter().map(|s| s["scene"].as_str().unwrap()).collect();
+        assert!(exported.len() >= 10 && exported.iter().all(|id| id.ends_with(&attempt)), "{exported:?}");
+        let back = run(&["--json", "scenes", "list", out]);
+        let back: serde_json::Value = serde_json::from_str(&back.stdout).unwrap();
+        assert_eq!(back["left_out"], serde_json::json!([]), "{format}");
+        let mut read: Vec<&str> =
+            back["scenes"].as_array().unwrap().iter().map(|s| s["id"].as_str().unwrap()).collect();
+        read.sort_by_key(|id| exported.iter().position(|e| e == id));
+        assert_eq!(read, exported, "{format}");
+    }
+}
+
+#[test]
+fn a_rollout_is_exported_for_players_and_drawn_with_its_logged_adversary() {
+    let folder = finished().1.to_str().unwrap();
+    let attempt = an_evaluated_attempt();
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let show = run(&["--json", "show", &attempt, "--run", folder]);
+    let told: serde_json::Value = serde_json::from_str(&show.stdout).unwrap();
+    let labelled = told["attempt"]["exit"]["score"]["scenes"].as_array().unwrap();
+    let scene = labelled.iter().find(|s| s["intervened"] == true).unwrap()["scene"].as_str().unwrap();
+    let of = ["--run", folder, "--attempt", &attempt, "--scene", scene];
+    let (svg, html, out) = (at("r.svg"), at("r.html"), at("out"));
+    let pictures = ["--svg", svg.to_str().unwrap(), "--html", html.to_str().unwrap()];
+    let drawn = run(&[&["scenes", "show"], &of[..], &pictures[..]].concat());
+    assert_eq!(drawn.code, 0, "{}", drawn.stderr);
+    assert!(drawn.stdout.starts_with(&format!("{attempt} in {scene}: ")), "{}", drawn.stdout);
+    assert!(std::fs::read_to_string(&svg).unwrap().contains("<svg"));
+    let page = std::fs::read_to_string(&html).unwrap();
+    assert!(page.contains("\"role\":\"adversary\"") && page.contains(" as logged\",\"role\":\"ghost\""));
+    let played = ["--format", "openscenario", "--out", out.to_str().unwrap()];
+    let exported = run(&[&["scenes", "export"], &of[..], &played[..]].concat());
+    assert_eq!(exported.code, 0, "{}", exported.stderr);
+    let mut files: Vec<PathBuf> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    let scenario = std::fs::read_to_string(&files[1]).unwrap();
+    let road = files[0].file_name().unwrap().to_str().unwrap();
+    assert!(road.ends_with(".xodr") && scenario.contains(&format!("filepath=\"{road}\"")), "{files:?}");
+}
+
+#[test]
+fn scenes_that_cannot_be_exported_are_bad_input_and_leave_nothing() {
+    let folder = finished().1.to_str().unwrap();
+    let pool = finished().1.join("scenes.pool");
+    let pool = pool.to_str().unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let to = ["--format", "commonroad", "--out", out.to_str().unwrap()];
+    let attempt = an_evaluated_attempt();
+    let cases: [(&[&str], &str); 6] = [
+        (&[pool, "--scene", "nowhere"], "name one of the"),
+        (&["--run", folder, "--attempt", "cat-idm/e99s0"], "no attempt"),
+        (&["--run", folder, "--attempt", &attempt, "--scene", "nowhere"], "no scene `nowhere`"),
+        (&[pool, "--attempt", &attempt], "cannot be used with"),
+        (&["--run", folder], "required"),
+        (&["no/such.pool"], "no/such.pool"),
+    ];
+    for (what, word) in cases {
+        let ran = run(&[&["scenes", "export"], what, &to[..]].concat());
+        assert_eq!(ran.code, 2, "{what:?}: {}", ran.stderr);
+        assert!(ran.stderr.contains(word), "{what:?}: {word:?} is not in {}", ran.stderr);
+        assert!(!out.exists(), "{what:?}");
+    }
 }
 
 #[test]

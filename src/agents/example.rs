@@ -14,6 +14,7 @@ use crate::{
 
 pub struct Example {
     pub contract: Contract,
+    contract_text: String,
     pub parent: Program,
     pub lineage: LineageId,
     pub memory: Vec<Card>,
@@ -32,6 +33,7 @@ impl Example {
     /// The same surroundings for another family.
     pub fn of(contract: Contract, parent: Program, foreign: Vec<String>) -> Example {
         Example {
+            contract_text: super::contract_text(&contract),
             contract,
             parent,
             lineage: LineageId::new("toy-idm"),
@@ -59,6 +61,7 @@ impl Example {
             parent: &self.parent,
             parent_hash: self.parent_hash(),
             contract: &self.contract,
+            contract_text: &self.contract_text,
             foreign_vocabulary: &self.foreign,
             ego: "IDM at 10 m/s on the logged route",
             memory: &self.memory,

@@ -1,7 +1,7 @@
 //! JSON as prompts show it: keys sorted whatever `serde_json` was built with, short values on one line, long ones broken.
 
-use serde_json::Value;
-use std::collections::BTreeMap;
+use serde_json::{Map, Value};
+use std::fmt::Write as _;
 
 /// A value whose text is at most this long stays on one line.
 const LINE_MAX_CHARS: usize = 120;
@@ -21,14 +21,12 @@ fn write(value: &Value, indent: usize, out: &mut String) {
     out.truncate(start);
     match value {
         Value::Object(map) if !map.is_empty() => {
-            let sorted: BTreeMap<&String, &Value> = map.iter().collect();
-            let members = sorted.into_iter().map(|(key, value)| (Some(key.as_str()), value));
-            block('{', '}', members, indent, out);
+            block('{', '}', sorted(map).into_iter().map(|(key, value)| (Some(key.as_str()), value)), indent, out);
         }
         Value::Array(items) if !items.is_empty() => {
             block('[', ']', items.iter().map(|value| (None, value)), indent, out);
         }
-        leaf => out.push_str(&leaf.to_string()),
+        leaf => scalar(leaf, out),
     }
 }
 
@@ -42,15 +40,15 @@ fn block<'a>(
     out.push(open);
     for (place, (key, value)) in members.enumerate() {
         out.push_str(if place == 0 { "\n" } else { ",\n" });
-        out.push_str(&" ".repeat(indent + 1));
+        out.extend(std::iter::repeat_n(' ', indent + 1));
         if let Some(key) = key {
-            out.push_str(&quoted(key));
+            quote(key, out);
             out.push_str(": ");
         }
         write(value, indent + 1, out);
     }
     out.push('\n');
-    out.push_str(&" ".repeat(indent));
+    out.extend(std::iter::repeat_n(' ', indent));
     out.push(close);
 }
 
@@ -59,11 +57,10 @@ fn block<'a>(
 fn one_line(value: &Value, end: usize, out: &mut String) -> bool {
     match value {
         Value::Object(map) => {
-            let sorted: BTreeMap<&String, &Value> = map.iter().collect();
             out.push('{');
-            for (place, (key, value)) in sorted.into_iter().enumerate() {
+            for (place, (key, value)) in sorted(map).into_iter().enumerate() {
                 out.push_str(if place == 0 { "" } else { ", " });
-                out.push_str(&quoted(key));
+                quote(key, out);
                 out.push_str(": ");
                 if !one_line(value, end, out) {
                     return false;
@@ -82,14 +79,37 @@ fn one_line(value: &Value, end: usize, out: &mut String) -> bool {
             out.push(']');
         }
         Value::String(text) if out.len() + text.len() > end => return false,
-        Value::String(text) => out.push_str(&quoted(text)),
-        other => out.push_str(&other.to_string()),
+        Value::String(text) => quote(text, out),
+        other => scalar(other, out),
     }
     out.len() <= end
 }
 
-fn quoted(text: &str) -> String {
-    Value::from(text).to_string()
+/// Members by key: in that order already, unless `serde_json` was built to keep the order of insertion.
+fn sorted(map: &Map<String, Value>) -> Vec<(&String, &Value)> {
+    let mut members: Vec<(&String, &Value)> = map.iter().collect();
+    if !members.is_sorted_by_key(|(key, _)| *key) {
+        members.sort_by_key(|(key, _)| *key);
+    }
+    members
+}
+
+fn scalar(value: &Value, out: &mut String) {
+    match value {
+        Value::String(text) => quote(text, out),
+        // Writing to a text cannot fail.
+        other => drop(write!(out, "{other}")),
+    }
+}
+
+fn quote(text: &str, out: &mut String) {
+    if text.bytes().any(|b| b < 0x20 || b == b'"' || b == b'\\') {
+        out.push_str(&Value::from(text).to_string());
+    } else {
+        out.push('"');
+        out.push_str(text);
+        out.push('"');
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ pub mod propose;
 pub mod reply;
 pub mod task;
 
-pub use prompt::{Briefing, PromptError};
+pub use prompt::{Briefing, PromptError, contract_text};
 pub use propose::{AgentError, End, Proposed, propose};
 pub use reply::{Refusal, schema};
 pub use task::{Cluster, Context, FrontPoint, Outcomes, ParentOutcome, RecentAttempt, Target, TargetKind, Task};

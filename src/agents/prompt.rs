@@ -1,7 +1,7 @@
 //! Prompts: a system message for each role, a context message for each epoch, a task message for each question. The first two are
 //! equal for every slot, so that a provider and a cassette can share them.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::LazyLock};
 
 use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
@@ -13,9 +13,9 @@ use super::{
     task::{Context, Outcomes, ParentOutcome, Task},
 };
 use crate::{
-    adapters::ADAPTER_VERSION,
+    adapters::{ADAPTER_VERSION, Contract},
     kernel::num,
-    llm::{DrawSlot, Message, ModelSpec, Request},
+    llm::{DrawSlot, Message, ModelSpec, Request, Schema, Text},
     objects::{EDITABLE_SURFACE, ProgramPatch, Review, Role},
 };
 
@@ -37,27 +37,41 @@ const PROTECTED: [&str; 8] = [
 
 const IO_CONTRACT: &str = include_str!("prompts/io_contract.md");
 const LANGUAGE: &str = include_str!("prompts/language.md");
-const CONTEXT: &str = include_str!("prompts/context.md");
-const TASK: &str = include_str!("prompts/task.md");
 
 /// A prompt could not be written: a bug of a template or a value that JSON cannot hold.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 #[error("prompt `{template}` cannot be filled: {reason}; check src/agents/prompts and the values of the task")]
 pub struct PromptError {
     pub template: &'static str,
     pub reason: String,
 }
 
-fn role_template(role: Role) -> Option<(&'static str, &'static str)> {
+const TEMPLATES: [(&str, &str); 8] = [
+    ("actor.md", include_str!("prompts/actor.md")),
+    ("structural_critic.md", include_str!("prompts/structural_critic.md")),
+    ("attack_critic.md", include_str!("prompts/attack_critic.md")),
+    ("realism_critic.md", include_str!("prompts/realism_critic.md")),
+    ("isolation_critic.md", include_str!("prompts/isolation_critic.md")),
+    ("repair.md", include_str!("prompts/repair.md")),
+    ("context.md", include_str!("prompts/context.md")),
+    ("task.md", include_str!("prompts/task.md")),
+];
+
+fn role_template(role: Role) -> Option<&'static str> {
     Some(match role {
-        Role::Actor => ("actor.md", include_str!("prompts/actor.md")),
-        Role::StructuralCritic => ("structural_critic.md", include_str!("prompts/structural_critic.md")),
-        Role::AttackCritic => ("attack_critic.md", include_str!("prompts/attack_critic.md")),
-        Role::RealismCritic => ("realism_critic.md", include_str!("prompts/realism_critic.md")),
-        Role::IsolationCritic => ("isolation_critic.md", include_str!("prompts/isolation_critic.md")),
-        Role::Repair => ("repair.md", include_str!("prompts/repair.md")),
+        Role::Actor => "actor.md",
+        Role::StructuralCritic => "structural_critic.md",
+        Role::AttackCritic => "attack_critic.md",
+        Role::RealismCritic => "realism_critic.md",
+        Role::IsolationCritic => "isolation_critic.md",
+        Role::Repair => "repair.md",
         Role::WorldAgent => return None,
     })
+}
+
+/// A contract as prompts show it: the same in every epoch, so a run writes it out once.
+pub fn contract_text(contract: &Contract) -> String {
+    stable_json(&contract.to_prompt_json())
 }
 
 /// The context message of an epoch with what questions need besides, written out once.
@@ -65,9 +79,7 @@ fn role_template(role: Role) -> Option<(&'static str, &'static str)> {
 pub struct Briefing {
     lineage: String,
     epoch: u32,
-    text: String,
-    /// The system message of each role: written out once an epoch, not once a question.
-    systems: BTreeMap<Role, String>,
+    text: Text,
 }
 
 impl Briefing {
@@ -88,7 +100,7 @@ impl Briefing {
             "lineage": context.lineage,
             "epoch": context.epoch,
             "identity": stable_json(&identity),
-            "contract": stable_json(&context.contract.to_prompt_json()),
+            "contract": context.contract_text,
             "foreign_vocabulary": stable_json(&to_value(&context.foreign_vocabulary)?),
             "parent": stable_json(&shown_parent(parent)),
             "memory": stable_json(&shown_memory(context)?),
@@ -96,14 +108,8 @@ impl Briefing {
             "outcomes": stable_json(&shown_outcomes(context.outcomes)?),
             "front": stable_json(&rounded(to_value(&context.front)?)),
         });
-        let text = fill("context.md", CONTEXT, &blocks)?;
-        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
-        let systems = roles.map(|role| Ok((role, system(role)?))).collect::<Result<BTreeMap<_, _>, PromptError>>()?;
-        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, text, systems })
-    }
-
-    fn system(&self, role: Role) -> Result<String, PromptError> {
-        self.systems.get(&role).cloned().map_or_else(|| system(role), Ok)
+        let text = fill("context.md", &blocks)?.into();
+        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, text })
     }
 
     /// The text that all slots and roles of the epoch share.
@@ -137,21 +143,44 @@ pub fn request(
 ) -> Result<Request, PromptError> {
     let lineage = task.briefing.lineage.clone();
     let slot = DrawSlot { lineage, epoch: task.briefing.epoch, slot: task.slot, role: role.name().into(), round };
+    let Instructions { system, schema } = instructions(role)?.clone();
     let messages = vec![
-        Message { role: "system".into(), text: task.briefing.system(role)? },
+        Message { role: "system".into(), text: system },
         Message { role: "user".into(), text: task.briefing.text.clone() },
-        Message { role: "user".into(), text: question(task, &slot, subject)? },
+        Message { role: "user".into(), text: question(task, &slot, subject)?.into() },
     ];
-    Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: model.clone(), messages, schema: reply::schema(role) })
+    Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: model.clone(), messages, schema })
 }
 
-/// The system message of a role: the same in every run of this adapter version.
-pub fn system(role: Role) -> Result<String, PromptError> {
-    let Some((name, template)) = role_template(role) else {
-        return Err(PromptError { template: role.name(), reason: "this role has no part in the role loop".into() });
-    };
-    let values = json!({"io_contract": IO_CONTRACT, "language": LANGUAGE, "schema": stable_json(&reply::schema(role))});
-    fill(name, template, &values)
+/// What a role is told whatever the question: the same in every run of this adapter version.
+#[derive(Clone, Debug)]
+pub struct Instructions {
+    pub system: Text,
+    /// What its reply must satisfy.
+    pub schema: Schema,
+}
+
+/// The instructions of a role, written out once.
+pub fn instructions(role: Role) -> Result<&'static Instructions, PromptError> {
+    static ALL: LazyLock<Result<BTreeMap<Role, Instructions>, PromptError>> = LazyLock::new(|| {
+        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
+        roles.map(|role| Ok((role, instruct(role)?))).collect()
+    });
+    let all = ALL.as_ref().map_err(PromptError::clone)?;
+    all.get(&role).ok_or_else(|| no_part(role))
+}
+
+fn no_part(role: Role) -> PromptError {
+    PromptError { template: role.name(), reason: "this role has no part in the role loop".into() }
+}
+
+fn instruct(role: Role) -> Result<Instructions, PromptError> {
+    let name = role_template(role).ok_or_else(|| no_part(role))?;
+    let schema = reply::schema(role);
+    let values = json!({"io_contract": IO_CONTRACT, "language": LANGUAGE, "schema": stable_json(&schema)});
+    let system = fill(name, &values)?.into();
+    let schema = Schema::new(schema).map_err(|error| PromptError { template: name, reason: error.to_string() })?;
+    Ok(Instructions { system, schema })
 }
 
 fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<String, PromptError> {
@@ -174,7 +203,7 @@ fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<S
     let values = json!({
         "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(&asked), "blocks": blocks,
     });
-    fill("task.md", TASK, &values)
+    fill("task.md", &values)
 }
 
 /// The parent without its ancestors: they grow with every generation and no edit can touch them.
@@ -225,11 +254,22 @@ fn to_value(noun: &impl Serialize) -> Result<Value, PromptError> {
     serde_json::to_value(noun).map_err(|error| PromptError { template: "context.md", reason: error.to_string() })
 }
 
-fn fill(name: &'static str, template: &str, values: &Value) -> Result<String, PromptError> {
+fn fill(name: &'static str, values: &Value) -> Result<String, PromptError> {
+    static ENVIRONMENT: LazyLock<Result<Environment<'static>, PromptError>> = LazyLock::new(environment);
+    let failed = |error: minijinja::Error| PromptError { template: name, reason: error.to_string() };
+    let template = ENVIRONMENT.as_ref().map_err(PromptError::clone)?.get_template(name).map_err(failed)?;
+    template.render(minijinja::value::Serde(values)).map_err(failed)
+}
+
+/// The templates, parsed once.
+fn environment() -> Result<Environment<'static>, PromptError> {
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.set_auto_escape_callback(|_| minijinja::AutoEscape::None);
-    environment
-        .render_named_str(name, template, minijinja::value::Serde(values))
-        .map_err(|error| PromptError { template: name, reason: error.to_string() })
+    for (template, text) in TEMPLATES {
+        environment
+            .add_template(template, text)
+            .map_err(|error| PromptError { template, reason: error.to_string() })?;
+    }
+    Ok(environment)
 }

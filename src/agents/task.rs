@@ -18,6 +18,8 @@ pub struct Context<'a> {
     pub parent: &'a Program,
     pub parent_hash: Digest,
     pub contract: &'a Contract,
+    /// `contract_text` of it.
+    pub contract_text: &'a str,
     /// Private words of the run's other families: using one is an isolation failure.
     pub foreign_vocabulary: &'a [String],
     /// The fixed driver, in a sentence.

@@ -60,6 +60,8 @@ fn models() -> BTreeMap<Role, ModelSpec> {
         kind: "table".into(),
         model: "table".into(),
         sampling: BTreeMap::new(),
+        response_format: None,
+        body: BTreeMap::new(),
     };
     [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS).map(|role| (role, spec(role))).collect()
 }
@@ -167,13 +169,13 @@ fn the_context_shows_measured_numbers_to_four_decimals_and_the_identity_exactly(
 #[test]
 fn every_role_has_a_prompt_that_names_its_schema_and_the_rules_of_identity() {
     for role in [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS) {
-        let text = prompt::system(role).unwrap();
+        let text = prompt::instructions(role).unwrap().system.clone();
         assert!(text.contains("`source_baseline` must equal `source_family`"), "{role:?}");
         assert!(text.contains("\"additionalProperties\": false"), "{role:?}");
         assert!(!text.contains("{{"), "{role:?}");
         assert!(schema(role).is_object());
     }
-    assert!(prompt::system(Role::WorldAgent).is_err());
+    assert!(prompt::instructions(Role::WorldAgent).is_err());
 }
 
 /// Good and bad replies: what the schema accepts and what the parser accepts must be the same.

@@ -1,9 +1,10 @@
 //! V_app: all seven gates over one proposal (paper eq. app-validation-gates). All run, all are recorded, and one
 //! failure is enough.
 
-use super::{apply, interface, isolation, parent as parent_gate, protected, schema};
+use super::{ApplyError, apply, interface, isolation, parent as parent_gate, protected, schema};
 use crate::{
     adapters::{Contract, Problem, Registry},
+    kernel::Digest,
     objects::{Candidate, Gate, GateReport, GateVerdict, Program, ProgramPatch, SolutionId},
 };
 
@@ -17,6 +18,9 @@ pub struct Admission {
     pub candidate: Option<Candidate>,
 }
 
+/// What the compiler says of a program with this hash over probe scenes.
+pub type Compiles<'a> = dyn Fn(&Program, Digest) -> Vec<String> + Sync + 'a;
+
 /// Judges a patch for a parent. `compiles` is the compiler over probe scenes: it gives what it could not lower, and
 /// it sees only programs that are clean by the contract.
 pub fn admit(
@@ -25,23 +29,33 @@ pub fn admit(
     child: SolutionId,
     contract: &Contract,
     registry: &Registry,
-    compiles: &(dyn Fn(&Program) -> Vec<String> + Sync),
+    compiles: &Compiles<'_>,
 ) -> Admission {
     let about_patch = texts(&schema::check_patch(patch));
-    let applied =
-        if about_patch.is_empty() { apply(parent, patch, child.clone()) } else { Err(super::ApplyError::Refused) };
+    let parent_hash = parent.hash();
+    let applied = match &parent_hash {
+        _ if !about_patch.is_empty() => Err(ApplyError::Refused),
+        Ok(hash) => apply(parent, *hash, patch, child.clone()),
+        Err(error) => Err(ApplyError::Canon(error.clone())),
+    };
+    let child_hash = applied.as_ref().ok().and_then(|program| program.hash().ok());
     let schema = if about_patch.is_empty() { schema::check_child(contract, &applied) } else { about_patch };
+    let changes_nothing = applied.is_ok() && child_hash == parent_hash.as_ref().ok().copied();
     let verdicts = vec![
         verdict(Gate::Schema, schema),
-        verdict(Gate::Parent, texts(&parent_gate::check(parent, patch, &child, contract))),
-        verdict(Gate::Interface, texts(&interface::check(parent, patch, contract, &applied))),
+        verdict(Gate::Parent, texts(&parent_gate::check(parent, &parent_hash, patch, &child, contract))),
+        verdict(Gate::Interface, texts(&interface::check(patch, contract, changes_nothing))),
         verdict(Gate::Isolation, texts(&isolation::check(parent, patch, contract, registry, &applied))),
         verdict(Gate::Protected, texts(&protected::check(parent, patch, contract, &applied))),
         verdict(Gate::Mechanism, of_child(&applied, |program| mechanism(contract, program))),
-        verdict(Gate::Compile, of_child(&applied, |program| compile(contract, program, compiles))),
+        verdict(Gate::Compile, of_child(&applied, |program| compile(contract, program, child_hash, compiles))),
     ];
     let gates = GateReport { verdicts };
-    let candidate = if gates.passed() { applied.ok().and_then(|program| candidate(program, patch)) } else { None };
+    let candidate = if gates.passed() {
+        applied.ok().zip(child_hash).and_then(|(p, hash)| candidate(p, hash, patch))
+    } else {
+        None
+    };
     Admission { gates, candidate }
 }
 
@@ -61,18 +75,22 @@ fn mechanism(contract: &Contract, program: &Program) -> Vec<String> {
     texts(&[contract.check_mechanisms(program), contract.check_conditions(program)].concat())
 }
 
-fn compile(contract: &Contract, program: &Program, compiles: &(dyn Fn(&Program) -> Vec<String> + Sync)) -> Vec<String> {
+fn compile(contract: &Contract, program: &Program, hash: Option<Digest>, compiles: &Compiles<'_>) -> Vec<String> {
     let problems = texts(&contract.check_program(program));
-    if problems.is_empty() { compiles(program) } else { problems }
+    match hash {
+        _ if !problems.is_empty() => problems,
+        Some(hash) => compiles(program, hash),
+        None => vec!["a number of the program is not finite, so it has no hash".into()],
+    }
 }
 
-fn candidate(program: Program, patch: &ProgramPatch) -> Option<Candidate> {
+fn candidate(program: Program, program_hash: Digest, patch: &ProgramPatch) -> Option<Candidate> {
     let tags = program.mechanism_modules.values().flat_map(|module| module.tags.iter().cloned());
     let mut mechanism_tags: Vec<String> = tags.collect();
     mechanism_tags.sort();
     mechanism_tags.dedup();
-    // Both have a hash: applying took the patch's, the interface gate compared the program's.
-    let (program_hash, patch_hash) = (program.hash().ok()?, patch.hash().ok()?);
+    // It has one: applying took it.
+    let patch_hash = patch.hash().ok()?;
     Some(Candidate { program, program_hash, patch_hash, mechanism_tags })
 }
 

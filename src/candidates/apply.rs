@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use super::weight;
 use crate::{
-    kernel::canon::CanonError,
+    kernel::{Digest, canon::CanonError},
     objects::{
         Ancestor, Operation, OperationKind, Pointer, Program, ProgramPatch, SolutionId, Surface, pointer::within,
     },
@@ -33,7 +33,12 @@ pub enum ApplyError {
 
 /// The child: the parent with the patch's operations done in order, one generation further, its ancestors extended
 /// by the parent.
-pub fn apply(parent: &Program, patch: &ProgramPatch, child_id: SolutionId) -> Result<Program, ApplyError> {
+pub fn apply(
+    parent: &Program,
+    parent_hash: Digest,
+    patch: &ProgramPatch,
+    child_id: SolutionId,
+) -> Result<Program, ApplyError> {
     let mut editable = editable_json(parent)?;
     for (index, operation) in patch.operations.iter().enumerate() {
         edit(&mut editable, operation).map_err(|reason| ApplyError::Operation {
@@ -46,7 +51,7 @@ pub fn apply(parent: &Program, patch: &ProgramPatch, child_id: SolutionId) -> Re
     let mut ancestor_chain = parent.ancestor_chain.clone();
     ancestor_chain.push(Ancestor {
         solution_id: parent.solution_id.clone(),
-        program_hash: parent.hash()?,
+        program_hash: parent_hash,
         patch_hash: patch.hash()?,
     });
     Ok(Program {

@@ -3,22 +3,17 @@
 
 use std::collections::BTreeSet;
 
-use super::apply::{ApplyError, shortened};
+use super::apply::shortened;
 use crate::{
     adapters::{Contract, Problem},
-    objects::{Pointer, Program, ProgramPatch, Surface},
+    objects::{Pointer, ProgramPatch, Surface},
 };
 
 const NODE_FIELDS: [&str; 4] = ["slot", "kind", "settings", "inputs"];
 const RULE_FIELDS: [&str; 4] = ["name", "when", "parameters", "operators"];
 const MODULE_FIELDS: [&str; 5] = ["slot", "inputs", "output", "expression", "tags"];
 
-pub fn check(
-    parent: &Program,
-    patch: &ProgramPatch,
-    contract: &Contract,
-    child: &Result<Program, ApplyError>,
-) -> Vec<Problem> {
+pub fn check(patch: &ProgramPatch, contract: &Contract, changes_nothing: bool) -> Vec<Problem> {
     let mut problems = Vec::new();
     let (count, most) = (patch.operations.len(), contract.limits.operations_per_patch);
     if count == 0 || count > most {
@@ -35,9 +30,7 @@ pub fn check(
             Ok(pointer) => words.check(&pointer).map(|expected| Problem::new(&place, format!("`{path}`"), expected)),
         });
     }
-    if let Ok(child) = child
-        && child.hash().ok() == parent.hash().ok()
-    {
+    if changes_nothing {
         problems.push(Problem::new("patch/operations", "edits that change nothing", "a program other than the parent"));
     }
     problems

@@ -2,10 +2,17 @@
 
 use crate::{
     adapters::{Contract, Problem},
+    kernel::{Digest, canon::CanonError},
     objects::{Program, ProgramPatch, SolutionId},
 };
 
-pub fn check(parent: &Program, patch: &ProgramPatch, child: &SolutionId, contract: &Contract) -> Vec<Problem> {
+pub fn check(
+    parent: &Program,
+    parent_hash: &Result<Digest, CanonError>,
+    patch: &ProgramPatch,
+    child: &SolutionId,
+    contract: &Contract,
+) -> Vec<Problem> {
     let mut problems = Vec::new();
     let mut same = |place: &str, found: &str, expected: &str| {
         if found != expected {
@@ -15,7 +22,7 @@ pub fn check(parent: &Program, patch: &ProgramPatch, child: &SolutionId, contrac
     same("patch/source_baseline", patch.source_baseline.as_str(), parent.source_family.as_str());
     same("/source_family", parent.source_family.as_str(), contract.family.as_str());
     same("patch/parent_solution_id", patch.parent_solution_id.as_str(), parent.solution_id.as_str());
-    match parent.hash() {
+    match parent_hash {
         Ok(hash) => same("patch/parent_program_hash", &patch.parent_program_hash, &hash.to_hex()),
         Err(error) => problems.push(Problem::new("/", error.to_string(), "a parent that has a hash")),
     }

@@ -43,7 +43,7 @@ fn child_id() -> SolutionId {
 }
 
 fn judge(patch: &ProgramPatch) -> Admission {
-    admit(&program(), patch, child_id(), &contract(), &registry(), &|_| vec![])
+    admit(&program(), patch, child_id(), &contract(), &registry(), &|_, _| vec![])
 }
 
 /// Which gates fail.
@@ -92,13 +92,13 @@ mod application {
     use super::*;
 
     fn refusal(operations: Vec<Operation>) -> String {
-        apply(&program(), &patch(operations), child_id()).unwrap_err().to_string()
+        apply(&program(), program().hash().unwrap(), &patch(operations), child_id()).unwrap_err().to_string()
     }
 
     #[test]
     fn a_child_differs_from_its_parent_by_the_edits_and_its_place_in_the_lineage() {
         let (parent, patch) = (program(), structural());
-        let child = apply(&parent, &patch, child_id()).unwrap();
+        let child = apply(&parent, parent.hash().unwrap(), &patch, child_id()).unwrap();
         assert_eq!((child.solution_id.as_str(), child.generation), ("toy-idm/e1s0", 1));
         assert_eq!(child.ancestor_chain.len(), 1);
         assert_eq!(child.ancestor_chain[0].program_hash, parent.hash().unwrap());
@@ -117,7 +117,7 @@ mod application {
             add("/scenario_conditioned_policy/-", rule("last")),
             remove("/scenario_conditioned_policy/1"),
         ];
-        let child = apply(&program(), &patch(edits), child_id()).unwrap();
+        let child = apply(&program(), program().hash().unwrap(), &patch(edits), child_id()).unwrap();
         let names: Vec<&str> = child.scenario_conditioned_policy.iter().map(|rule| rule.name.as_str()).collect();
         assert_eq!(names, ["first", "last"]);
     }
@@ -152,7 +152,10 @@ mod application {
     #[test]
     fn protected_parts_do_not_exist_for_a_patch() {
         for path in ["/compile_contract/backend", "/ancestor_chain/-", "/solution_id", "/", "", "parameters/x"] {
-            assert!(apply(&program(), &patch(vec![add(path, json!(1))]), child_id()).is_err(), "{path}");
+            assert!(
+                apply(&program(), program().hash().unwrap(), &patch(vec![add(path, json!(1))]), child_id()).is_err(),
+                "{path}"
+            );
         }
     }
 }
@@ -173,7 +176,7 @@ fn a_child_can_be_a_parent() {
     next.parent_solution_id = parent.solution_id.clone();
     next.parent_program_hash = parent.hash().unwrap().to_hex();
     let id = SolutionId::new("toy-idm/e2s0");
-    let admission = admit(&parent, &next, id, &contract(), &registry(), &|_| vec![]);
+    let admission = admit(&parent, &next, id, &contract(), &registry(), &|_, _| vec![]);
     assert_eq!(admission.candidate.map(|candidate| candidate.program.generation), Some(2));
 }
 
@@ -212,7 +215,7 @@ fn the_parent_gate_refuses_stale_foreign_and_misplaced_patches() {
     assert_eq!(failing(&family), [Gate::Parent]);
     for id in ["swarm-idm/e1s0", "toy-idm", "toy-idm/parent"] {
         let id = SolutionId::new(id);
-        let gates = admit(&program(), &patch(vec![longer()]), id, &contract(), &registry(), &|_| vec![]).gates;
+        let gates = admit(&program(), &patch(vec![longer()]), id, &contract(), &registry(), &|_, _| vec![]).gates;
         assert_eq!(gates.failed().map(|verdict| verdict.gate).collect::<Vec<_>>(), [Gate::Parent]);
     }
 }
@@ -221,7 +224,7 @@ fn the_parent_gate_refuses_stale_foreign_and_misplaced_patches() {
 fn the_parent_gate_counts_the_ancestors() {
     let mut orphan = program();
     orphan.generation = 3;
-    let gates = admit(&orphan, &patch(vec![longer()]), child_id(), &contract(), &registry(), &|_| vec![]).gates;
+    let gates = admit(&orphan, &patch(vec![longer()]), child_id(), &contract(), &registry(), &|_, _| vec![]).gates;
     assert_eq!(gates.failed().map(|verdict| verdict.gate).collect::<Vec<_>>(), [Gate::Parent]);
 }
 
@@ -316,7 +319,7 @@ fn the_compile_gate_refuses_what_leaves_the_contract_and_what_the_compiler_canno
     assert_eq!(failing_with(vec![replace("/parameters/duration_s", json!("NaN"))]), [Gate::Compile]);
     assert_eq!(failing_with(vec![remove("/operator_graph/choice")]), [Gate::Compile]);
     assert_eq!(failing_with(vec![replace("/operator_graph/search/inputs/0", json!("filter"))]), [Gate::Compile]);
-    let refuses = |_: &Program| vec!["scene 3: no lane".to_string()];
+    let refuses = |_: &Program, _| vec!["scene 3: no lane".to_string()];
     let admission = admit(&program(), &structural(), child_id(), &contract(), &registry(), &refuses);
     let failed: Vec<_> = admission.gates.failed().collect();
     assert_eq!((failed[0].gate, failed[0].problems.as_slice()), (Gate::Compile, &["scene 3: no lane".to_string()][..]));
@@ -326,7 +329,7 @@ fn the_compile_gate_refuses_what_leaves_the_contract_and_what_the_compiler_canno
 #[test]
 fn the_compiler_never_sees_a_program_outside_the_contract() {
     let patch = patch(vec![replace("/parameters/duration_s", json!(11))]);
-    let never = |_: &Program| -> Vec<String> { panic!("called") };
+    let never = |_: &Program, _| -> Vec<String> { panic!("called") };
     assert!(admit(&program(), &patch, child_id(), &contract(), &registry(), &never).candidate.is_none());
 }
 

@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::exit::Failure;
+use super::models::{self, ModelOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
+use crate::llm::SpendCap;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{FamilyName, LineageId, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
@@ -36,6 +38,9 @@ pub struct Experiment {
     pub lineages: Vec<LineageOptions>,
     /// Models by name.
     pub models: BTreeMap<String, ModelOptions>,
+    /// What live models may use; needed where there is one. No part of the digest, so that it can be raised on the way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spend: Option<SpendCap>,
     /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted.
     pub roles: BTreeMap<Role, String>,
     pub evaluation: EvaluationOptions,
@@ -91,16 +96,6 @@ pub struct LineageOptions {
     pub family: FamilyName,
     /// `idm` or `replay`.
     pub ego: String,
-}
-
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ModelOptions {
-    /// `scripted`; with the cargo feature `live` also `openai` and `anthropic`.
-    pub kind: String,
-    /// The provider's identifier.
-    pub model: String,
-    pub sampling: BTreeMap<String, f64>,
 }
 
 /// Place of the first number that is NaN or infinite.
@@ -165,6 +160,7 @@ impl Experiment {
                 return Err(format!("[roles] {role} = \"{name}\", but the models are: {}", known.join(", ")));
             }
         }
+        models::check(self)?;
         let counts = [
             ("budget.epochs", u64::from(self.budget.epochs), 1000),
             ("budget.slots", u64::from(self.budget.slots), 1000),
@@ -185,10 +181,13 @@ impl Experiment {
         Ok(())
     }
 
-    /// Digest of the content. Where files lie does not count; scenes and answers have digests of their own.
+    /// Digest of the content. Where files lie does not count; scenes and answers have digests of their own. Nor does how a live
+    /// model is reached and what it may cost.
     pub fn digest(&self) -> Result<Digest, Failure> {
         let mut content = self.clone();
         content.cassette = PathBuf::new();
+        content.spend = None;
+        content.models.values_mut().for_each(|model| model.client = None);
         match &mut content.scenes {
             SceneSource::Synth { .. } | SceneSource::Safebench { .. } => {}
             SceneSource::Files { paths } => paths.clear(),

@@ -22,6 +22,20 @@ pub struct RunCard {
     pub name: String,
     /// Whether the folder belongs to a recording that has not written its cassette yet.
     pub recording: bool,
+    /// Of an unfinished recording: where its cassette goes, and whether it asks everything anew.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cassette: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fresh: bool,
+}
+
+/// What a recording needs to know to go on after it was interrupted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recording {
+    /// Where the cassette goes.
+    pub cassette: PathBuf,
+    /// Whether everything is asked anew.
+    pub fresh: bool,
 }
 
 /// The files of a run.
@@ -74,6 +88,12 @@ impl RunFolder {
         self.dir.join("store")
     }
 
+    /// What live models have used.
+    #[cfg(feature = "live")]
+    pub fn spend(&self) -> PathBuf {
+        self.dir.join("spend.json")
+    }
+
     pub fn report(&self) -> PathBuf {
         self.dir.join("report.html")
     }
@@ -91,8 +111,15 @@ impl RunFolder {
         })
     }
 
-    pub fn write_card(&self, name: &str, recording: bool) -> Result<(), Failure> {
-        let card = RunCard { format: "evodrive-run/1".into(), name: name.into(), recording };
+    /// Writes `run.json`; `recording` is the recording that begins, if one does.
+    pub fn write_card(&self, name: &str, recording: Option<&Recording>) -> Result<(), Failure> {
+        let card = RunCard {
+            format: "evodrive-run/1".into(),
+            name: name.into(),
+            recording: recording.is_some(),
+            cassette: recording.map(|recording| recording.cassette.clone()),
+            fresh: recording.is_some_and(|recording| recording.fresh),
+        };
         let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
         Ok(store::write_atomic(&self.dir.join("run.json"), &text)?)
     }

@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use super::answer::progress;
 use super::exit::Failure;
 use super::experiment::{Experiment, SceneSource};
+use super::models;
+use crate::adapters::Family;
+use crate::agents::contract_text;
 use crate::baselines;
 use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
 use crate::kernel::{Digest, Seed, par::Pool as Threads};
-use crate::llm::{Ask, ModelSpec};
-use crate::objects::Role;
+use crate::llm::Ask;
 use crate::scene::import::import_files;
 use crate::scene::{Pool, Scene, pool, synth, usable};
 use crate::store;
@@ -87,20 +89,6 @@ pub fn tell_left_out(pool: &Pool) {
     }
 }
 
-/// The model of each role.
-pub fn models(experiment: &Experiment) -> BTreeMap<Role, ModelSpec> {
-    let spec = |name: &String| {
-        let options = experiment.models.get(name)?;
-        Some(ModelSpec {
-            name: name.clone(),
-            kind: options.kind.clone(),
-            model: options.model.clone(),
-            sampling: options.sampling.clone(),
-        })
-    };
-    experiment.roles.iter().filter_map(|(role, name)| Some((*role, spec(name)?))).collect()
-}
-
 /// Puts a study together. `pool_digest` names all scenes; the study holds those of the split.
 pub fn study<'a>(
     experiment: &Experiment,
@@ -132,6 +120,9 @@ pub fn study<'a>(
             return Err(bad(format!("no family is called `{family}`; there are {}", known.join(", "))));
         }
     }
+    let text = |f: &Family| (f.contract.family.clone(), contract_text(&f.contract));
+    let used = |f: &&Family| lineages.iter().any(|spec| spec.family == f.contract.family);
+    let contract_texts = registry.iter().filter(used).map(text).collect();
     experiment.evaluation.realism.check().map_err(|error| bad(error.to_string()))?;
     experiment.memory.validate().map_err(|error| bad(error.to_string()))?;
     Ok(Study {
@@ -143,6 +134,7 @@ pub fn study<'a>(
         scenes: entries,
         pool_digest,
         lineages,
+        contract_texts,
         registry,
         budget: Budget {
             epochs: experiment.budget.epochs,
@@ -152,7 +144,7 @@ pub fn study<'a>(
             probe_scenes: experiment.budget.probe_scenes,
             finalists: experiment.budget.finalists,
         },
-        models: models(experiment),
+        models: models::by_role(experiment),
         evaluation: experiment.evaluation.clone(),
         archive: experiment.archive.clone(),
         selector: experiment.selector.clone(),

@@ -10,10 +10,14 @@ mod folder;
 mod fsck;
 pub mod inputs;
 mod lineage;
+mod models;
 mod playables;
 mod report;
 mod result_text;
+mod rollout;
 mod run;
+mod scene_export;
+mod scene_show;
 mod scenes;
 mod show;
 

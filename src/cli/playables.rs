@@ -1,7 +1,7 @@
 //! Which rollouts a report can play, simulated again as drawings.
 
 use super::exit::Failure;
-use crate::epoch::{LineageSpec, Study, trace};
+use crate::epoch::{LineageSpec, Study, Traced, trace};
 use crate::evidence::Story;
 use crate::evidence::report::{Playable, Stage};
 use crate::objects::{Program, SceneScore, SolutionId};
@@ -89,15 +89,16 @@ fn play(
     place: usize,
 ) -> Result<Playable, String> {
     let scene = &study.scenes[place].scene;
-    let (decision, outcome, motion) = trace(study, spec, program, place)?;
+    let Traced { record, decision, motion, .. } = trace(study, spec, program, place)?;
+    let outcome = &record.outcome;
     let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
     Ok(Playable {
         solution: program.solution_id.to_string(),
         role: role.to_string(),
         scene: scene.id.clone(),
         changed: changed(scene, &motion),
-        contact: contact(scene, &motion, &outcome),
-        caption: format!("{}{applied}", ending(&outcome)),
+        contact: contact(scene, &motion, outcome),
+        caption: format!("{}{applied}", ending(outcome)),
     })
 }
 
@@ -127,7 +128,7 @@ fn label(scene: &Scene, actor: ActorRef) -> String {
 }
 
 /// The ego, the adversaries, and whoever else did not move as recorded.
-fn changed(scene: &Scene, motion: &Trace) -> Vec<Actor> {
+pub fn changed(scene: &Scene, motion: &Trace) -> Vec<Actor> {
     let mut actors: Vec<Actor> = Vec::new();
     for actor in &motion.actors {
         let role = match actor.actor {
@@ -184,7 +185,8 @@ fn drawn(scene: &Scene, actor: &ActorTrace, role: Role, from_step: usize) -> Act
     Actor::of_track(&track, label(scene, actor.actor), role)
 }
 
-fn contact(scene: &Scene, motion: &Trace, outcome: &Outcome) -> Option<Contact> {
+/// Where the ego met somebody, if it did.
+pub fn contact(scene: &Scene, motion: &Trace, outcome: &Outcome) -> Option<Contact> {
     let contact = outcome.contact?;
     let last = motion.ego.len().checked_sub(1)?;
     let ego = motion.ego.get(last)?;

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::experiment::Experiment;
 use super::folder::RunFolder;
+use super::models;
 use crate::epoch::Progress;
 use crate::kernel::Digest;
 use crate::objects::event::{LineageResult, RunResult};
@@ -30,10 +31,8 @@ pub fn progress(news: &Progress) -> String {
 /// Parent against evolved, the front, the four exits, where things are; the last line is the root.
 pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, root: Digest) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
-    let models: std::collections::BTreeSet<&String> = experiment.roles.values().collect();
-    let models: Vec<&str> = models.into_iter().map(String::as_str).collect();
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
-    let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", models.join(", "));
+    let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", models::provenance(experiment));
     let _ = writeln!(
         out,
         "{:<14} {:>15} {:>15} {:>15} {:>15} {:>14}",

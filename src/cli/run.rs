@@ -1,22 +1,24 @@
 //! `run`, `resume`, `replay`, `verify`, `record`: one way through a study, with different sources of answers and labels.
 
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::answer::{Answer, progress};
 use super::args::{FolderArgs, RecordArgs, RunArgs};
 use super::exit::Failure;
 use super::experiment::Experiment;
-use super::folder::RunFolder;
-use super::{inputs, playables, result_text};
+use super::folder::{Recording, RunFolder};
+use super::{inputs, models, playables, result_text};
 use crate::epoch::{self, Desk, Mode, Progress, Rollouts, Study};
 use crate::evidence::report;
 use crate::kernel::{Digest, par::Pool as Threads};
-use crate::llm::{Ask, Cassette, DrawSlot, Model, Record, RecordMode, Replay, scripted::Scripted};
+use crate::llm::{Ask, Cassette, DrawSlot, Record, RecordMode, Replay};
 use crate::objects::event::RunResult;
 use crate::scene::{Pool, pool};
 use crate::store::{self, Store, Transcript};
+
+/// Bytes that a cassette file may have.
+const CASSETTE_BYTES_MAX: u64 = 1 << 30;
 
 /// Replays an experiment from its cassette into its run folder.
 pub fn run(args: &RunArgs) -> Result<Answer, Failure> {
@@ -26,7 +28,7 @@ pub fn run(args: &RunArgs) -> Result<Answer, Failure> {
         let record = format!("evodrive record {}", args.experiment.display());
         Failure { message: format!("{error}\n  to record it: {record}"), ..Failure::from(error) }
     })?;
-    let folder = job.open_folder(false)?;
+    let folder = job.open_folder(None)?;
     store::copy(&path, &folder.cassette())?;
     let remedy = format!("evodrive record {}", args.experiment.display());
     let replay = Replay::new(cassette, remedy);
@@ -35,36 +37,61 @@ pub fn run(args: &RunArgs) -> Result<Answer, Failure> {
 
 /// Asks the models for what the cassette lacks, and writes it.
 pub fn record(args: &RecordArgs) -> Result<Answer, Failure> {
+    models::check_build(&Experiment::read(&args.run.experiment)?)?;
     let job = Job::new(&args.run)?;
     let path = args.run.cassette.clone().unwrap_or_else(|| job.beside(&job.experiment.cassette));
-    let before = match path.exists() && !args.fresh {
-        true => Cassette::load(&path)?,
+    // The working directory may be another one when an interrupted recording goes on.
+    let cassette = std::path::absolute(&path).map_err(Failure::internal)?;
+    let recording = Recording { cassette, fresh: args.fresh };
+    let folder = job.open_folder(Some(&recording))?;
+    carry_out_recording(job, &folder, &recording, !args.run.no_report)
+}
+
+/// A recording, begun or gone on with: what was answered is in the folder's store and not asked again.
+fn carry_out_recording(job: Job, folder: &RunFolder, recording: &Recording, report: bool) -> Result<Answer, Failure> {
+    let path = &recording.cassette;
+    let before = match path.exists() && !recording.fresh {
+        true => Cassette::load(path)?,
         false => Cassette::new(path.display().to_string()),
     };
-    let folder = job.open_folder(true)?;
     // Answers may differ from those of an earlier recording of the same inputs.
     store::remove_file(&folder.transcript())?;
     let answers = Store::open(&folder.dir.join("recording"))?;
-    let mode = match args.fresh {
-        true => RecordMode::Fresh { recording: folder.dir.display().to_string() },
+    let mode = match recording.fresh {
+        true => RecordMode::Fresh { recording: before_fresh(path)? },
         false => RecordMode::Missing,
     };
-    let recorder = Record::new(&answers, before, mode, models(&job.experiment)?);
+    let recorder = Record::new(&answers, before, mode, models::askable(&job.experiment, folder)?);
     let name = job.experiment.name.clone();
-    let report = !args.run.no_report;
-    let answer = carry_out(job, &folder, &recorder, Mode::Reuse, report)?;
+    let answer = carry_out(job, folder, &recorder, Mode::Reuse, report)?;
     let order: Vec<DrawSlot> = Vec::new();
     let cassette = recorder.into_cassette(&name, &order)?;
-    cassette.save(&path, &name)?;
-    store::copy(&path, &folder.cassette())?;
-    folder.write_card(&name, false)?;
+    cassette.save(path, &name)?;
+    store::copy(path, &folder.cassette())?;
+    folder.write_card(&name, None)?;
     progress(format!("recorded {} exchanges in {}", cassette.exchanges().len(), path.display()));
     Ok(answer)
 }
 
-/// Goes on with an interrupted run, or confirms a finished one.
+/// Names a fresh recording by the cassette that it will replace: the same until it is finished, another one afterwards.
+fn before_fresh(cassette: &Path) -> Result<String, Failure> {
+    if !cassette.exists() {
+        return Ok("first".to_string());
+    }
+    Ok(Digest::of_bytes(&store::read_bounded(cassette, CASSETTE_BYTES_MAX)?).to_hex())
+}
+
+/// Goes on with an interrupted run or recording, or confirms a finished run.
 pub fn resume(args: &FolderArgs) -> Result<Answer, Failure> {
-    again(args, Mode::Reuse, true)
+    let folder = RunFolder::find(args.run.as_deref())?;
+    let card = folder.card()?;
+    match card.cassette {
+        Some(cassette) if card.recording => {
+            let job = Job::of_folder(&folder, args.jobs)?;
+            carry_out_recording(job, &folder, &Recording { cassette, fresh: card.fresh }, true)
+        }
+        _ => again(args, Mode::Reuse, true),
+    }
 }
 
 pub fn replay(args: &FolderArgs) -> Result<Answer, Failure> {
@@ -80,14 +107,11 @@ fn again(args: &FolderArgs, mode: Mode, report: bool) -> Result<Answer, Failure>
     let folder = RunFolder::find(args.run.as_deref())?;
     if folder.card()?.recording {
         return Err(Failure::bad_input(format!(
-            "{} belongs to a recording that was interrupted; repeat the `evodrive record` command: what was answered is not asked again",
+            "{} belongs to a recording that was interrupted; go on with `evodrive resume` or repeat the `evodrive record` command: what was answered is not asked again",
             folder.dir.display()
         )));
     }
-    let threads = Threads::new(args.jobs).map_err(Failure::internal)?;
-    let experiment = Experiment::read(&folder.experiment())?;
-    let scenes = inputs::read_pool(&folder.pool())?;
-    let job = Job { experiment, file: folder.experiment(), scenes, threads, out: folder.dir.clone() };
+    let job = Job::of_folder(&folder, args.jobs)?;
     let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
     let replay = Replay::new(Cassette::load(&folder.cassette())?, remedy);
     carry_out(job, &folder, &replay, mode, report)
@@ -111,12 +135,20 @@ impl Job {
         Ok(Job { experiment, file: args.experiment.clone(), scenes, threads, out: args.out.clone() })
     }
 
+    /// From a run folder's own copies.
+    fn of_folder(folder: &RunFolder, jobs: usize) -> Result<Job, Failure> {
+        let threads = Threads::new(jobs).map_err(Failure::internal)?;
+        let experiment = Experiment::read(&folder.experiment())?;
+        let scenes = inputs::read_pool(&folder.pool())?;
+        Ok(Job { experiment, file: folder.experiment(), scenes, threads, out: folder.dir.clone() })
+    }
+
     fn beside(&self, path: &Path) -> std::path::PathBuf {
         self.file.parent().unwrap_or(Path::new(".")).join(path)
     }
 
     /// Makes the run folder self-contained before anything is computed.
-    fn open_folder(&self, recording: bool) -> Result<RunFolder, Failure> {
+    fn open_folder(&self, recording: Option<&Recording>) -> Result<RunFolder, Failure> {
         let folder = RunFolder::of(&self.out, &self.experiment.name, self.experiment.digest()?, self.scenes.digest())?;
         store::create_dir(&folder.dir)?;
         store::copy(&self.file, &folder.experiment())?;
@@ -127,22 +159,6 @@ impl Job {
         folder.mark_latest()?;
         Ok(folder)
     }
-}
-
-/// The models that the experiment names.
-fn models(experiment: &Experiment) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
-    let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
-    for (name, options) in &experiment.models {
-        match options.kind.as_str() {
-            "scripted" => models.insert(name.clone(), Box::new(Scripted)),
-            other => {
-                return Err(Failure::bad_input(format!(
-                    "models.{name}.kind is \"{other}\"; this build can ask \"scripted\" (a build with --features live also real models)"
-                )));
-            }
-        };
-    }
-    Ok(models)
 }
 
 /// The run itself, its result files and its report.
@@ -156,7 +172,8 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
     }
     let mut watch = |news: Progress| progress(result_text::progress(&news));
-    let mut desk = Desk { log, rollouts: Rollouts::new(&objects, mode), watch: &mut watch };
+    let rollouts = Rollouts::new(&objects, mode);
+    let mut desk = Desk { log, rollouts: &rollouts, watch: &mut watch };
     let result = epoch::run(&study, &mut desk)?;
     let root = desk.log.head();
     let (reused, simulated) = desk.rollouts.counts();

@@ -1,16 +1,15 @@
-//! `scenes`: import, list, show and compare scenes.
+//! `scenes`: import, list and compare scenes; showing and exporting have files of their own.
 
 use clap::{Args, Subcommand};
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::experiment::Experiment;
-use super::inputs;
+use super::{inputs, scene_export, scene_show};
 use crate::kernel::par::Pool as Threads;
-use crate::scene::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::scene::stats::PoolStats;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
 use crate::store;
@@ -23,8 +22,10 @@ pub enum Command {
     Generate(GenerateOptions),
     /// List the scenes of a pool or of scenario files.
     List(ListOptions),
-    /// Show one scene; draw it as SVG or as a page that plays it.
-    Show(ShowOptions),
+    /// Show one scene, as it is or as an attempt played it; draw it as SVG or as a page that plays it.
+    Show(scene_show::Options),
+    /// Write scenes, as they are or as an attempt played them, in a format that other programs read.
+    Export(scene_export::Options),
     /// Compare pools: speeds, gaps, accelerations, yaw rates, conflicts, side by side.
     Stats(StatsOptions),
 }
@@ -68,20 +69,6 @@ pub struct ListOptions {
 }
 
 #[derive(Debug, Args)]
-pub struct ShowOptions {
-    /// A pool or scenario file.
-    pub path: PathBuf,
-    /// Scene id; not needed where there is only one.
-    pub scene: Option<String>,
-    /// Draw it into this SVG file.
-    #[arg(long)]
-    pub svg: Option<PathBuf>,
-    /// Write a page that plays it.
-    #[arg(long)]
-    pub html: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
 pub struct StatsOptions {
     /// Pools, scenario files or folders; one column each.
     #[arg(required = true)]
@@ -93,12 +80,14 @@ pub fn run(command: Command) -> Result<Answer, Failure> {
         Command::Import(options) => import(&options),
         Command::Generate(options) => generate(&options),
         Command::List(options) => list(&options),
-        Command::Show(options) => show(&options),
+        Command::Show(options) => scene_show::run(&options),
+        Command::Export(options) => scene_export::run(&options),
         Command::Stats(options) => stats(&options),
     }
 }
 
-fn read(paths: &[PathBuf]) -> Result<Pool, Failure> {
+/// A pool, or what can be imported from files and folders.
+pub fn read(paths: &[PathBuf]) -> Result<Pool, Failure> {
     match paths {
         [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one),
         _ => inputs::import(paths),
@@ -117,7 +106,7 @@ fn generate(options: &GenerateOptions) -> Result<Answer, Failure> {
 }
 
 /// Writes a pool and says what is in it.
-fn written(pool: Pool, out: &std::path::Path) -> Result<Answer, Failure> {
+fn written(pool: Pool, out: &Path) -> Result<Answer, Failure> {
     store::write_atomic(out, &pool::encode(&pool))?;
     let mut text = listing(&pool, &[], false);
     for left in &pool.left_out {
@@ -140,22 +129,22 @@ fn list(options: &ListOptions) -> Result<Answer, Failure> {
 
 /// A scene in figures.
 #[derive(Clone, Debug, serde::Serialize)]
-struct Row {
-    id: String,
-    format: String,
-    duration_s: f64,
-    tracks: usize,
-    lanes: usize,
-    tags: Vec<&'static str>,
+pub struct Row {
+    pub id: String,
+    pub format: String,
+    pub duration_s: f64,
+    pub tracks: usize,
+    pub lanes: usize,
+    pub tags: Vec<&'static str>,
     /// Why evolution cannot use it.
-    unusable: Option<String>,
+    pub unusable: Option<String>,
 }
 
 fn rows(pool: &Pool) -> Vec<Row> {
     pool.scenes.iter().map(row).collect()
 }
 
-fn row(scene: &Scene) -> Row {
+pub fn row(scene: &Scene) -> Row {
     Row {
         id: scene.id.clone(),
         format: scene.origin.format.clone(),
@@ -169,6 +158,23 @@ fn row(scene: &Scene) -> Row {
 
 fn keeps(row: &Row, tags: &[String], only_usable: bool) -> bool {
     tags.iter().all(|tag| row.tags.contains(&tag.as_str())) && !(only_usable && row.unusable.is_some())
+}
+
+/// The scene of that id.
+pub fn named<'p>(pool: &'p Pool, path: &Path, id: &str) -> Result<&'p Scene, Failure> {
+    pool.scene(id).ok_or_else(|| unnamed(pool, path))
+}
+
+/// Says which scenes there are to name.
+pub fn unnamed(pool: &Pool, path: &Path) -> Failure {
+    let known: Vec<&str> = pool.scenes.iter().map(|s| s.id.as_str()).take(20).collect();
+    Failure::bad_input(format!(
+        "name one of the {} scenes of {}: {}{}",
+        pool.scenes.len(),
+        path.display(),
+        known.join(", "),
+        if pool.scenes.len() > 20 { ", ..." } else { "" }
+    ))
 }
 
 fn listing(pool: &Pool, tags: &[String], only_usable: bool) -> String {
@@ -187,68 +193,6 @@ fn listing(pool: &Pool, tags: &[String], only_usable: bool) -> String {
         );
     }
     out
-}
-
-fn show(options: &ShowOptions) -> Result<Answer, Failure> {
-    let pool = read(std::slice::from_ref(&options.path))?;
-    let scene = match &options.scene {
-        Some(id) => pool.scene(id),
-        None if pool.scenes.len() == 1 => pool.scenes.first(),
-        None => None,
-    };
-    let scene = scene.ok_or_else(|| {
-        let known: Vec<&str> = pool.scenes.iter().map(|s| s.id.as_str()).take(20).collect();
-        Failure::bad_input(format!(
-            "name one of the {} scenes of {}: {}{}",
-            pool.scenes.len(),
-            options.path.display(),
-            known.join(", "),
-            if pool.scenes.len() > 20 { ", ..." } else { "" }
-        ))
-    })?;
-    let drawing = Drawing::of_scene(scene);
-    if let Some(path) = &options.svg {
-        store::write_atomic(path, svg(&drawing, &picture(&scene.id)).as_bytes())?;
-    }
-    if let Some(path) = &options.html {
-        store::write_atomic(path, player_html(&drawing, &scene.id).as_bytes())?;
-    }
-    let row = row(scene);
-    let mut text = format!("{}  ({}, {})\n", scene.id, scene.origin.format, scene.origin.name);
-    let _ = writeln!(text, "digest {}", scene.digest());
-    let _ =
-        writeln!(text, "{} steps, current step {}, {} lanes", scene.steps, scene.current_step, scene.road.lanes.len());
-    let _ = writeln!(text, "tags: {}", row.tags.join(" "));
-    let _ = writeln!(text, "usable for evolution: {}", row.unusable.as_deref().unwrap_or("yes"));
-    for violation in scene.validate() {
-        let _ = writeln!(text, "violation: {violation}");
-    }
-    for (ix, track) in scene.tracks.iter().enumerate() {
-        let marked = if scene.objects_of_interest.contains(&ix) { "  object of interest" } else { "" };
-        let span = track.span().map_or("never seen".to_string(), |(a, b)| format!("steps {a} to {b}"));
-        let _ = writeln!(
-            text,
-            "  {:<14} {:<10} {:>5.2} x {:.2} m  {span}{marked}",
-            track.id,
-            format!("{:?}", track.kind).to_lowercase(),
-            track.length_m,
-            track.width_m
-        );
-    }
-    Ok(Answer::new(text, json!({"row": row, "scene": scene})))
-}
-
-/// A picture for a page: everything, light, with trails.
-fn picture(title: &str) -> SvgOptions {
-    SvgOptions {
-        width_px: 1200.0,
-        theme: Theme::Light,
-        frame: Frame::Everything,
-        step: None,
-        trails: true,
-        labels: false,
-        title: title.to_string(),
-    }
 }
 
 fn stats(options: &StatsOptions) -> Result<Answer, Failure> {

@@ -7,9 +7,10 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use crate::evidence::Story;
 use crate::evidence::attempt_text::{self, Exchanged};
-use crate::llm::Cassette;
-use crate::objects::{Exchange, spelling};
+use crate::llm::{Cassette, Metadata};
+use crate::objects::{Attempt, Exchange, spelling};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -26,23 +27,15 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let folder = RunFolder::find(options.run.as_deref())?;
     let story = folder.story()?;
-    let attempt = story.attempt(&options.attempt).ok_or_else(|| {
-        let known: Vec<&str> = story.attempts.iter().map(|a| a.id.as_str()).collect();
-        let near = spelling::nearest(&options.attempt, known.iter().copied());
-        let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
-        Failure::bad_input(format!(
-            "no attempt `{}` in this run of {} attempts{hint} (names are <lineage>/e<epoch>s<slot>)",
-            options.attempt,
-            known.len()
-        ))
-    })?;
+    let attempt = find(&story, &options.attempt)?;
     let cassette = if folder.cassette().exists() { Some(Cassette::load(&folder.cassette())?) } else { None };
     let texts = |exchange: &Exchange| {
         let recorded = cassette.as_ref()?.get(&exchange.request)?;
         let request = recorded.request();
         Some(Exchanged {
-            messages: request.messages.into_iter().map(|m| (m.role, m.text)).collect(),
+            messages: request.messages.into_iter().map(|m| (m.role, m.text.to_string())).collect(),
             reply: String::from_utf8_lossy(&recorded.bytes).into_owned(),
+            told: recorded.metadata.as_ref().map(Metadata::to_string),
         })
     };
     let text = attempt_text::attempt(attempt, &texts, options.full);
@@ -51,9 +44,22 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         .exchanges
         .iter()
         .map(|exchange| {
-            let messages = texts(exchange).map(|t| json!({"messages": t.messages, "reply": t.reply}));
+            let messages = texts(exchange).map(|t| json!({"messages": t.messages, "reply": t.reply, "told": t.told}));
             json!({"exchange": exchange, "texts": messages})
         })
         .collect();
     Ok(Answer::new(text, json!({"attempt": attempt, "exchanges": exchanges})))
+}
+
+/// The attempt of that name.
+pub fn find<'s>(story: &'s Story, name: &str) -> Result<&'s Attempt, Failure> {
+    story.attempt(name).ok_or_else(|| {
+        let known: Vec<&str> = story.attempts.iter().map(|a| a.id.as_str()).collect();
+        let near = spelling::nearest(name, known.iter().copied());
+        let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+        Failure::bad_input(format!(
+            "no attempt `{name}` in this run of {} attempts{hint} (names are <lineage>/e<epoch>s<slot>)",
+            known.len()
+        ))
+    })
 }

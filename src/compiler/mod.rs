@@ -38,14 +38,5 @@ pub fn compile(
     Prepared::new(program, contract)?.compile(situation, seed)
 }
 
-/// What keeps a program from compiling in these situations; empty = it can be lowered in all of them.
-pub fn probe(program: &Program, contract: &Contract, situations: &[&Situation], seed: Seed) -> Vec<String> {
-    let prepared = match Prepared::new(program, contract) {
-        Ok(prepared) => prepared,
-        Err(failure) => return vec![failure.to_string()],
-    };
-    situations.iter().filter_map(|s| prepared.compile(s, seed).err()).map(|failure| failure.to_string()).collect()
-}
-
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 //! two PID controllers for steering, smoothed. It never changes lane and heeds no light unless asked to.
 
 use crate::kernel::{Vec2, num};
-use crate::sim::bicycle::DEFAULT_LIMITS;
+use crate::sim::bicycle::{Car, DEFAULT_LIMITS};
 use crate::sim::idm::{self, Front, NORMAL_SPEED_KMPH, SIGHT_M};
 use crate::sim::{Control, Driver, EgoState, Plant, View};
 
@@ -14,7 +14,10 @@ const LOOK_AHEAD_M: f64 = 1.0;
 /// derivative gain of 3.5 per step would oscillate above 10 m/s.
 const STEERING_SHARE: f64 = 0.3;
 
-/// On a route of SafeBench: places ahead that are looked at, metres between them, lateral acceleration in bends and
+/// On a route of SafeBench pure pursuit looks as far ahead as the car goes in this time, at least so many metres.
+const PURSUIT_S: f64 = 0.6;
+const PURSUIT_M: f64 = 4.0;
+/// There, too: places ahead that are looked at, metres between them, lateral acceleration in bends and
 /// braking before them, m/s². Ordinary driving in town.
 const BEND_LOOKS: u32 = 12;
 const BEND_SPACING_M: f64 = 2.0;
@@ -60,6 +63,9 @@ impl IdmDriver {
     }
 
     fn steering_rad(&mut self, view: &View<'_>, ego: &EgoState) -> f64 {
+        if view.plant().is_staged() {
+            return pursuit_rad(view, ego);
+        }
         let wanted = view.route().heading_at(ego.along.s_m + LOOK_AHEAD_M, ego.along.segment);
         let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
         let shift = self.lateral.output(-ego.along.offset_m);
@@ -78,6 +84,15 @@ impl IdmDriver {
         }
         nearest
     }
+}
+
+/// Steering at a point of the route ahead. MetaDrive's controllers sum up the error of a sharp bend and then drive
+/// beside the route for the rest of it; logs have no such bends, SafeBench's junctions have.
+fn pursuit_rad(view: &View<'_>, ego: &EgoState) -> f64 {
+    let look_m = PURSUIT_M.max(PURSUIT_S * ego.speed_mps);
+    let delta = view.route().at(ego.along.s_m + look_m, ego.along.segment) - ego.sample.position;
+    let curvature_1pm = 2.0 * ego.axis.cross(delta) / delta.norm_squared().max(1.0);
+    Car::new(&ego.sample, 2.0 * ego.size.half_length_m).steering_for(curvature_1pm)
 }
 
 /// MetaDrive's normal speed, whatever the road: its policy follows logs, which hold their bends' speeds. A route of

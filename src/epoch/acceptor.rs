@@ -6,7 +6,7 @@ use super::{
     labels,
     progress::Progress,
     run::Desk,
-    state::{Snapshot, State},
+    state::{Change, Snapshot, State},
     study::Study,
 };
 use crate::archive::{Archive, Contender, Selection, consider, promote};
@@ -92,7 +92,7 @@ fn evaluate(
     desk: &Desk<'_>,
 ) -> Result<Exit, RunError> {
     let RoutedCandidate { candidate, route, pairs, monitored } = routed;
-    let score = match labels::score(study, snapshot.spec, &candidate.program, &snapshot.window, &desk.rollouts) {
+    let score = match labels::score(study, snapshot.spec, &candidate.program, &snapshot.window, desk.rollouts) {
         Ok(score) => score,
         Err(RunError::Evaluation(EvaluationError::NoLabel(reason))) => {
             for verdict in gates.verdicts.iter_mut().filter(|v| v.gate == Gate::Compile) {
@@ -187,9 +187,25 @@ pub fn settle(
     }
     let cards = cards(study, snapshot, &judged)?;
     state.memory.append(cards.clone())?;
+    let labels_before = state.calibration.labels().len();
     state.calibration.append(judged.labels, &state.world.schema)?;
     state.world = world::settle(&state.world.schema, &state.world.configuration, &state.calibration)?;
     state.archives.insert(lineage.clone(), judged.archive);
+    let world = state.world.digest()?;
+    let line = state.lineages.get(lineage)?;
+    let change = Change {
+        before: state.digest,
+        lineage,
+        epoch,
+        attempts: &line.attempts[line.attempts.len() - judged.attempts.len()..],
+        programs: judged.attempts.iter().filter_map(|a| a.exit.candidate()).map(|c| c.program_hash).collect(),
+        active: &line.active,
+        archive: &state.archives[lineage],
+        cards: &cards,
+        labels: &state.calibration.labels()[labels_before..],
+        world,
+    };
+    state.digest = Digest::of("evodrive/state/2", &change)?;
     let promoted = judged.attempts.iter().find(|a| a.exit.decision().is_some_and(|d| d.promoted)).map(|a| a.id.clone());
     state.attempts.extend(judged.attempts);
     let archive = &state.archives[lineage];
@@ -201,9 +217,9 @@ pub fn settle(
         front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
         hypervolume: archive.hypervolume(study.archive.reference),
         cards,
-        world: state.world.digest()?,
+        world,
         world_labels: state.calibration.labels().len(),
-        state: state.digest()?,
+        state: state.digest,
     };
     state.settled.push(settled.clone());
     Ok(settled)

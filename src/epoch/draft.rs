@@ -1,9 +1,11 @@
 //! A worker: one proposal from the frozen snapshot, as far as it goes without touching any shared state.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::{RunError, briefing, labels, rollouts::Rollouts, state::Snapshot, study::Study};
 use crate::agents::{self, End, Task};
 use crate::candidates;
-use crate::compiler::{self, Situation};
+use crate::kernel::Digest;
 use crate::objects::{AttemptId, Candidate, GateReport, Program, ProgramPatch, Proposal, Route, SolutionId, WorldPair};
 use crate::world::{Router, candidate_features, features, monitor_stream};
 
@@ -64,17 +66,17 @@ fn admit(
 ) -> Result<Reached, RunError> {
     let contract = &study.family(snapshot.spec)?.contract;
     let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
-    let compiles = |program: &Program| {
-        // A recorded rollout is proof that the program compiled there.
-        let open: Vec<&Situation> = snapshot
-            .probes
-            .iter()
-            .filter(|probe| !labels::is_recorded(study, snapshot.spec, program, probe.place, rollouts))
-            .map(|probe| probe.situation.as_ref())
-            .collect();
-        if open.is_empty() { Vec::new() } else { compiler::probe(program, contract, &open, study.seed) }
+    let trouble: Mutex<Option<RunError>> = Mutex::new(None);
+    let compiles = |program: &Program, hash: Digest| {
+        labels::trials(study, snapshot, program, hash, rollouts).unwrap_or_else(|error| {
+            *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            Vec::new()
+        })
     };
     let admission = candidates::admit(&snapshot.parent, patch, child, contract, &study.registry, &compiles);
+    if let Some(error) = trouble.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
     Ok(match admission.candidate {
         None => Reached::Invalid { gates: admission.gates },
         Some(candidate) => {

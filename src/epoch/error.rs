@@ -2,7 +2,7 @@
 
 use crate::agents::AgentError;
 use crate::archive::{ArchiveError, ObjectivesError};
-use crate::evaluation::EvaluationError;
+use crate::evaluation::{CacheError, EvaluationError};
 use crate::kernel::canon::CanonError;
 use crate::lineage::LineageError;
 use crate::memory::MemoryError;
@@ -33,6 +33,12 @@ pub enum RunError {
     /// Scenes, families or options that do not fit together.
     #[error("{0}")]
     Study(String),
+}
+
+impl From<CacheError> for RunError {
+    fn from(error: CacheError) -> RunError {
+        RunError::Evaluation(error.into())
+    }
 }
 
 impl From<ConfigurationError> for RunError {

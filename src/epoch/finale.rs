@@ -96,7 +96,7 @@ fn choose(
     let mut contenders = Vec::new();
     for solution in std::iter::once(parent.clone()).chain(finalists(study, state, spec, parent)) {
         let program = state.lineages.program(&spec.id, &solution)?;
-        let score = labels::score(study, spec, program, &study.evolution, &desk.rollouts)?;
+        let score = labels::score(study, spec, program, &study.evolution, desk.rollouts)?;
         desk.log.append(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
@@ -140,7 +140,7 @@ fn held_out(
     desk: &mut Desk<'_>,
 ) -> Result<Score, RunError> {
     let program = state.lineages.program(&spec.id, solution)?;
-    let score = labels::score(study, spec, program, &study.held_out, &desk.rollouts)?;
+    let score = labels::score(study, spec, program, &study.held_out, desk.rollouts)?;
     let roles = [
         ("parent", solution == parent),
         ("active", *solution == choice.active),

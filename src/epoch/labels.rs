@@ -1,14 +1,19 @@
 //! Labels of a program on scenes of the study, from the store where they are recorded, from the simulator where not.
 
+use std::sync::OnceLock;
+
 use super::{
     RunError,
-    rollouts::Rollouts,
-    study::{LineageSpec, Study},
+    rollouts::{Rollouts, TrialRecord},
+    state::Snapshot,
+    study::{LineageSpec, SceneEntry, Study},
 };
-use crate::compiler::{Decision, Prepared};
+use crate::adapters::ADAPTER_VERSION;
+use crate::compiler::{Compiled, Decision, Prepared};
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
+use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::{Program, Score};
-use crate::sim::{Outcome, Trace, rollout, rollout_traced};
+use crate::sim::{Intervention, Outcome, SIM_VERSION, Trace, rollout, rollout_traced};
 
 /// Labels a program on the scenes at these places.
 pub fn score(
@@ -19,28 +24,73 @@ pub fn score(
     rollouts: &Rollouts<'_>,
 ) -> Result<Score, RunError> {
     let contract = &study.family(spec)?.contract;
-    let prepared = Prepared::new(program, contract).map_err(|failure| RunError::Study(failure.to_string()))?;
-    let subject = Subject { program: prepared.hash(), ego: &spec.ego, seed: study.seed };
+    // Nothing is prepared where every rollout is on record.
+    let prepared = OnceLock::new();
+    let ready = || match prepared.get_or_init(|| Prepared::new(program, contract)) {
+        Ok(prepared) => Ok(prepared),
+        Err(failure) => Err(failure.to_string()),
+    };
+    let subject = Subject { program: program.hash()?, ego: &spec.ego, seed: study.seed };
     let scene = |&place: &usize| {
         let entry = &study.scenes[place];
         SceneRef { id: &entry.scene.id, digest: entry.digest }
     };
     let scenes: Vec<SceneRef<'_>> = places.iter().map(scene).collect();
-    let label = |i: usize| labelled_rollout(study, spec, &prepared, places[i]);
+    let label = |i: usize| labelled_rollout(study, spec, ready()?, places[i]);
     Ok(evaluate(&subject, &scenes, &label, &study.evaluation, rollouts, study.pool)?)
 }
 
-/// Whether the rollout of a program in a scene is on record.
-pub fn is_recorded(
+/// What keeps a program from compiling on the snapshot's probe scenes; empty = it can be lowered on all of them. What
+/// was tried before is not tried again, and a recorded rollout is proof that the program compiled there.
+pub fn trials(
     study: &Study<'_>,
-    spec: &LineageSpec,
+    snapshot: &Snapshot<'_>,
     program: &Program,
-    place: usize,
+    hash: Digest,
     rollouts: &Rollouts<'_>,
-) -> bool {
-    let key =
-        program.hash().and_then(|hash| request_key(hash, study.scenes[place].digest, spec.ego.digest(), study.seed));
-    key.is_ok_and(|key| rollouts.has(&key))
+) -> Result<Vec<String>, RunError> {
+    let spec = snapshot.spec;
+    let contract = &study.family(spec)?.contract;
+    let mut prepared = None;
+    let mut problems = Vec::new();
+    for probe in &snapshot.probes {
+        let entry = &study.scenes[probe.place];
+        if rollouts.has(&request_key(hash, entry.digest, spec.ego.digest(), study.seed)?) {
+            continue;
+        }
+        let key = trial_key(hash, entry.digest, spec.ego.digest(), study.seed)?;
+        let failure = match rollouts.tried(&key)? {
+            Some(trial) => trial.failure,
+            None => {
+                if prepared.is_none() {
+                    match Prepared::new(program, contract) {
+                        Ok(ready) => prepared = Some(ready),
+                        Err(failure) => return Ok(vec![failure.to_string()]),
+                    }
+                }
+                let compiled = prepared.as_ref().map(|ready| ready.compile(&probe.situation, study.seed));
+                let failure = compiled.and_then(Result::err).map(|failure| failure.to_string());
+                rollouts.keep_trial(
+                    &key,
+                    TrialRecord {
+                        program: hash,
+                        scene: entry.scene.id.clone(),
+                        scene_digest: entry.digest,
+                        ego: spec.ego.name().to_string(),
+                        failure: failure.clone(),
+                    },
+                )?;
+                failure
+            }
+        };
+        problems.extend(failure);
+    }
+    Ok(problems)
+}
+
+/// Key of a trial request: what a compilation depends on, as for a rollout.
+fn trial_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> Result<Digest, CanonError> {
+    Digest::of("evodrive/compile-request/1", &(SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed))
 }
 
 /// Compiles for one scene and rolls out. A text is the reason why there is no label.
@@ -55,29 +105,47 @@ pub fn labelled_rollout(
     let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
     let outcome: Outcome = rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
         .map_err(|error| error.to_string())?;
+    record(entry, spec, prepared, &compiled.decision, outcome)
+}
+
+/// A rollout simulated again with the motion behind its label.
+#[derive(Clone, Debug)]
+pub struct Traced {
+    /// Equal to what the store holds of this rollout.
+    pub record: RolloutRecord,
+    pub decision: Decision,
+    pub intervention: Intervention,
+    pub motion: Trace,
+}
+
+/// Simulates the rollout of a program in a scene again, with its motion: for players and exporters.
+pub fn trace(study: &Study<'_>, spec: &LineageSpec, program: &Program, place: usize) -> Result<Traced, String> {
+    let contract = &study.family(spec).map_err(|error| error.to_string())?.contract;
+    let prepared = Prepared::new(program, contract).map_err(|failure| failure.to_string())?;
+    let entry = &study.scenes[place];
+    let situation = entry.situation(&spec.ego)?;
+    let Compiled { decision, intervention } =
+        prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
+    let (outcome, motion) = rollout_traced(&situation.plant, &intervention, spec.ego.driver().as_mut())
+        .map_err(|error| error.to_string())?;
+    let record = record(entry, spec, &prepared, &decision, outcome)?;
+    Ok(Traced { record, decision, intervention, motion })
+}
+
+fn record(
+    entry: &SceneEntry,
+    spec: &LineageSpec,
+    prepared: &Prepared<'_>,
+    decision: &Decision,
+    outcome: Outcome,
+) -> Result<RolloutRecord, String> {
     Ok(RolloutRecord {
         scene: entry.scene.id.clone(),
         scene_digest: entry.digest,
         program: prepared.hash(),
         ego: spec.ego.name().to_string(),
-        intervened: compiled.decision.applies,
-        decision: serde_json::to_value(&compiled.decision).map_err(|error| error.to_string())?,
+        intervened: decision.applies,
+        decision: serde_json::to_value(decision).map_err(|error| error.to_string())?,
         outcome,
     })
-}
-
-/// The motion behind a label, simulated again: for players and exporters.
-pub fn trace(
-    study: &Study<'_>,
-    spec: &LineageSpec,
-    program: &Program,
-    place: usize,
-) -> Result<(Decision, Outcome, Trace), String> {
-    let contract = &study.family(spec).map_err(|error| error.to_string())?.contract;
-    let prepared = Prepared::new(program, contract).map_err(|failure| failure.to_string())?;
-    let situation = study.scenes[place].situation(&spec.ego)?;
-    let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
-    let (outcome, trace) = rollout_traced(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
-        .map_err(|error| error.to_string())?;
-    Ok((compiled.decision, outcome, trace))
 }

@@ -14,8 +14,8 @@ mod state;
 mod study;
 
 pub use error::RunError;
-pub use labels::{labelled_rollout, trace};
+pub use labels::{Traced, labelled_rollout, trace};
 pub use progress::Progress;
-pub use rollouts::{Mode, Rollouts};
+pub use rollouts::{Mode, Rollouts, record_digest};
 pub use run::{Desk, run};
 pub use study::{Budget, LineageSpec, SceneEntry, Study};

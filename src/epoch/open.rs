@@ -36,7 +36,7 @@ pub fn opened(study: &Study<'_>) -> Result<Opened, RunError> {
         held_out_scenes: study.held_out.iter().map(id).collect(),
         versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },
         contracts,
-        models: study.models.iter().map(|(role, model)| (role.name().to_string(), model.name.clone())).collect(),
+        models: study.models.iter().map(|(role, model)| (role.name().to_string(), model.label())).collect(),
     })
 }
 
@@ -53,6 +53,7 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         world: snapshot,
         attempts: Vec::new(),
         settled: Vec::new(),
+        digest: Digest::of_bytes(&[]),
     };
     for spec in &study.lineages {
         let parent = study.family(spec)?.parent.adopted(&spec.id);
@@ -61,8 +62,9 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         let ego = spec.ego.name().to_string();
         desk.log
             .append(kind::PARENT, &ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash })?;
-        let first = Snapshot::freeze(study, &state, 0, spec, &desk.rollouts)?;
+        let first = Snapshot::freeze(study, &state, 0, spec, desk.rollouts)?;
         state.archives.entry(spec.id.clone()).or_default().insert(acceptor::parent_entry(&first)?)?;
     }
+    state.digest = state.first_digest()?;
     Ok(state)
 }

@@ -17,7 +17,7 @@ use crate::store::Transcript;
 pub struct Desk<'a> {
     /// Compares every event with what an earlier run of the same inputs wrote, and appends where that ends.
     pub log: Transcript,
-    pub rollouts: Rollouts<'a>,
+    pub rollouts: &'a Rollouts<'a>,
     pub watch: &'a mut dyn FnMut(Progress),
 }
 
@@ -44,10 +44,10 @@ fn one_epoch(
     spec: &LineageSpec,
     desk: &mut Desk<'_>,
 ) -> Result<(), RunError> {
-    let snapshot = Snapshot::freeze(study, state, epoch, spec, &desk.rollouts)?;
+    let snapshot = Snapshot::freeze(study, state, epoch, spec, desk.rollouts)?;
     desk.log.append(kind::FROZEN, &snapshot.event)?;
     let slots: Vec<u32> = (0..study.budget.slots).collect();
-    let drafts = study.pool.map(&slots, |_, slot| draft(study, &snapshot, *slot, &desk.rollouts));
+    let drafts = study.pool.map(&slots, |_, slot| draft(study, &snapshot, *slot, desk.rollouts));
     let judged = acceptor::judge(study, state, &snapshot, drafts, desk)?;
     desk.rollouts.flush()?;
     for attempt in &judged.attempts {

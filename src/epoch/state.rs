@@ -13,16 +13,16 @@ use crate::agents::{Briefing, Context};
 use crate::archive::Archive;
 use crate::compiler::Situation;
 use crate::kernel::Digest;
-use crate::lineage::LineageStore;
+use crate::lineage::{AttemptRecord, LineageStore};
 use crate::memory::{Memory, Query, retrieve};
 use crate::objects::{
-    Attempt, Card, LineageId, Program, WorldSnapshot,
+    Attempt, Card, LineageId, Program, SolutionId, WorldLabel, WorldSnapshot,
     event::{Frozen, Settled},
 };
 use crate::world::CalibrationSet;
 
 /// Archive, lineages, memory and world. Only `acceptor::settle` changes it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct State {
     pub archives: BTreeMap<LineageId, Archive>,
     pub lineages: LineageStore,
@@ -30,17 +30,37 @@ pub struct State {
     pub calibration: CalibrationSet,
     pub world: WorldSnapshot,
     /// Every attempt so far, as sealed in the transcript.
-    #[serde(skip)]
     pub attempts: Vec<Attempt>,
     /// One an epoch and lineage.
-    #[serde(skip)]
     pub settled: Vec<Settled>,
+    /// Of everything above: after an epoch, the digest before it with all that the epoch changed (`Change`).
+    pub digest: Digest,
+}
+
+/// What one epoch of one lineage does to the state.
+#[derive(Serialize)]
+pub struct Change<'a> {
+    /// Digest of the state before.
+    pub before: Digest,
+    pub lineage: &'a LineageId,
+    pub epoch: u32,
+    /// What the lineage keeps of the epoch's attempts, and the admitted programs' hashes.
+    pub attempts: &'a [AttemptRecord],
+    pub programs: Vec<Digest>,
+    pub active: &'a SolutionId,
+    /// The lineage's archive as it now is.
+    pub archive: &'a Archive,
+    pub cards: &'a [Card],
+    pub labels: &'a [WorldLabel],
+    /// Digest of the world's new snapshot.
+    pub world: Digest,
 }
 
 impl State {
-    /// One digest over everything that later epochs can depend on.
-    pub fn digest(&self) -> Result<Digest, RunError> {
-        Ok(Digest::of("evodrive/state/1", self)?)
+    /// The digest of a state that no epoch has changed yet: over everything that later epochs can depend on.
+    pub fn first_digest(&self) -> Result<Digest, RunError> {
+        let State { archives, lineages, memory, calibration, world, .. } = self;
+        Ok(Digest::of("evodrive/state/2", &(archives, lineages, memory, calibration, world))?)
     }
 }
 
@@ -97,6 +117,7 @@ impl<'a> Snapshot<'a> {
             parent: &parent,
             parent_hash,
             contract: &family.contract,
+            contract_text: study.contract_text(spec)?,
             foreign_vocabulary: &foreign,
             ego: briefing::ego_sentence(&spec.ego),
             memory: &memory,

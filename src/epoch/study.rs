@@ -33,6 +33,8 @@ pub struct Study<'a> {
     pub held_out: Vec<usize>,
     pub lineages: Vec<LineageSpec>,
     pub registry: Registry,
+    /// The contracts of the lineages' families as prompts show them.
+    pub contract_texts: BTreeMap<FamilyName, String>,
     pub budget: Budget,
     pub models: BTreeMap<Role, ModelSpec>,
     pub evaluation: EvaluationOptions,
@@ -105,6 +107,12 @@ impl Study<'_> {
             let known: Vec<&str> = self.registry.iter().map(|f| f.contract.family.as_str()).collect();
             RunError::Study(format!("no family is called `{}`; there are {}", spec.family, known.join(", ")))
         })
+    }
+
+    /// The contract of a lineage's family as prompts show it.
+    pub fn contract_text(&self, spec: &LineageSpec) -> Result<&str, RunError> {
+        let text = self.contract_texts.get(&spec.family).map(String::as_str);
+        text.ok_or_else(|| RunError::Study(format!("the contract of `{}` was not written out", spec.family)))
     }
 
     /// Private words of the run's other families, sorted.

@@ -1,5 +1,7 @@
 //! The record of one rollout and the key that it is kept under.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use crate::adapters::ADAPTER_VERSION;
@@ -30,7 +32,7 @@ pub fn request_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> R
 pub trait RolloutCache: Sync {
     /// The record of a request and the digest it is stored under. A cache that wants everything simulated again
     /// (verify) says that it has none.
-    fn recorded(&self, key: &Digest) -> Result<Option<(RolloutRecord, Digest)>, CacheError>;
+    fn recorded(&self, key: &Digest) -> Result<Option<(Arc<RolloutRecord>, Digest)>, CacheError>;
 
     /// Keeps a record; one that differs from an earlier record of the same request is a divergence.
     fn keep(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError>;

@@ -14,6 +14,8 @@ pub struct Exchanged {
     /// Role and text of each message.
     pub messages: Vec<(String, String)>,
     pub reply: String,
+    /// What a provider said about the reply; the scripted model says nothing.
+    pub told: Option<String>,
 }
 
 /// The whole story of an attempt. `texts` gives prompt and reply of an exchange; `full` prints prompts uncut.
@@ -76,6 +78,9 @@ fn exchanges(out: &mut String, attempt: &Attempt, texts: &dyn Fn(&Exchange) -> O
             let _ = writeln!(out, "   [{role}] {shown}");
         }
         let _ = writeln!(out, "   [reply] {}", exchanged.reply.trim_end());
+        if let Some(told) = &exchanged.told {
+            let _ = writeln!(out, "   {told}");
+        }
     }
 }
 

@@ -21,9 +21,29 @@ impl ser::Error for CanonError {
 
 /// Canonical bytes. Equal values give equal bytes, whatever the order of fields or map entries.
 pub fn canonical_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
-    let mut out = Vec::with_capacity(256);
-    value.serialize(Writer { out: &mut out })?;
-    Ok(out)
+    written(value, false)
+}
+
+/// Canonical bytes of the JSON that a value serialises to: those of `serde_json::to_value(value)`, without building it.
+/// What JSON does not keep apart (an absent value and null, a variant and a one-entry object) is one here.
+pub fn canonical_json_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
+    written(value, true)
+}
+
+fn written<T: Serialize + ?Sized>(value: &T, as_json: bool) -> Result<Vec<u8>, CanonError> {
+    let mut sheet = Sheet { out: Vec::with_capacity(1024), entries: Vec::new(), sorted: Vec::new(), as_json };
+    value.serialize(Writer { sheet: &mut sheet })?;
+    Ok(sheet.out)
+}
+
+/// What is written so far, with the room that maps need to sort their entries: shared, so that a map allocates nothing.
+struct Sheet {
+    out: Vec<u8>,
+    /// (begin of key, begin of value, end) of the entries of every open map, innermost last.
+    entries: Vec<(usize, usize, usize)>,
+    sorted: Vec<u8>,
+    /// Whether to write what the value is as JSON.
+    as_json: bool,
 }
 
 // One tag byte opens every value. Tags are part of the format: never renumber.
@@ -42,94 +62,131 @@ const UNIT: u8 = 11;
 const VARIANT: u8 = 12;
 
 struct Writer<'a> {
-    out: &'a mut Vec<u8>,
+    sheet: &'a mut Sheet,
 }
 
 impl Writer<'_> {
+    /// Opens a variant with content: in JSON an object of one entry.
+    fn variant(&mut self, name: &str) {
+        if self.sheet.as_json {
+            self.tagged_u64(MAP, 1);
+            self.blob(TEXT, name.as_bytes());
+        } else {
+            self.blob(VARIANT, name.as_bytes());
+        }
+    }
+
     fn tagged_u64(&mut self, tag: u8, value: u64) {
-        self.out.push(tag);
-        self.out.extend_from_slice(&value.to_le_bytes());
+        self.sheet.out.push(tag);
+        self.sheet.out.extend_from_slice(&value.to_le_bytes());
     }
 
     fn blob(&mut self, tag: u8, bytes: &[u8]) {
         self.tagged_u64(tag, bytes.len() as u64);
-        self.out.extend_from_slice(bytes);
+        self.sheet.out.extend_from_slice(bytes);
     }
 }
 
 /// Elements in order, counted when they end because serde does not always know how many come.
 struct List<'a> {
-    out: &'a mut Vec<u8>,
+    sheet: &'a mut Sheet,
     count_at: usize,
     count: u64,
 }
 
 impl<'a> List<'a> {
-    fn open(out: &'a mut Vec<u8>) -> List<'a> {
-        out.push(LIST);
-        let count_at = out.len();
-        out.extend_from_slice(&0u64.to_le_bytes());
-        List { out, count_at, count: 0 }
+    fn open(sheet: &'a mut Sheet) -> List<'a> {
+        let count_at = sheet.open(LIST);
+        List { sheet, count_at, count: 0 }
     }
 
     fn push<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
         self.count += 1;
-        value.serialize(Writer { out: self.out })
+        value.serialize(Writer { sheet: self.sheet })
     }
 
     fn close(self) -> Result<(), CanonError> {
-        self.out[self.count_at..self.count_at + 8].copy_from_slice(&self.count.to_le_bytes());
+        self.sheet.count(self.count_at, self.count);
         Ok(())
+    }
+}
+
+impl Sheet {
+    /// Writes a tag and room for a count, and gives the place of the count.
+    fn open(&mut self, tag: u8) -> usize {
+        self.out.push(tag);
+        let count_at = self.out.len();
+        self.out.extend_from_slice(&0u64.to_le_bytes());
+        count_at
+    }
+
+    /// Keys of JSON objects are texts: a number that was written at `begin` becomes its digits.
+    fn key_as_text(&mut self, begin: usize) -> Result<(), CanonError> {
+        let sign = match self.out.get(begin) {
+            Some(&TEXT) => return Ok(()),
+            Some(&UNSIGNED) => "",
+            Some(&NEGATIVE) => "-",
+            _ => return Err(CanonError::Other("a key of a JSON object is a text or a whole number".into())),
+        };
+        let mut bytes = [0; 8];
+        bytes.copy_from_slice(&self.out[begin + 1..begin + 9]);
+        self.out.truncate(begin);
+        Writer { sheet: self }.blob(TEXT, format!("{sign}{}", u64::from_le_bytes(bytes)).as_bytes());
+        Ok(())
+    }
+
+    fn count(&mut self, count_at: usize, count: u64) {
+        self.out[count_at..count_at + 8].copy_from_slice(&count.to_le_bytes());
     }
 }
 
 /// Entries written in place, then brought into the order of their keys where they are not in it.
 struct Map<'a> {
-    out: &'a mut Vec<u8>,
+    sheet: &'a mut Sheet,
     /// Where the count stands; entries begin behind it.
     count_at: usize,
-    /// (begin of key, begin of value, end) of each entry.
-    entries: Vec<(usize, usize, usize)>,
+    /// Where this map's entries begin in `Sheet::entries`.
+    first: usize,
     /// Begin of a key whose value has not come yet.
     key_at: Option<usize>,
 }
 
 impl<'a> Map<'a> {
-    fn open(out: &'a mut Vec<u8>) -> Map<'a> {
-        out.push(MAP);
-        let count_at = out.len();
-        out.extend_from_slice(&0u64.to_le_bytes());
-        Map { out, count_at, entries: Vec::new(), key_at: None }
+    fn open(sheet: &'a mut Sheet) -> Map<'a> {
+        let count_at = sheet.open(MAP);
+        let first = sheet.entries.len();
+        Map { sheet, count_at, first, key_at: None }
     }
 
     fn key<T: Serialize + ?Sized>(&mut self, key: &T) -> Result<(), CanonError> {
-        self.key_at = Some(self.out.len());
-        key.serialize(Writer { out: self.out })
+        let begin = self.sheet.out.len();
+        self.key_at = Some(begin);
+        key.serialize(Writer { sheet: self.sheet })?;
+        if self.sheet.as_json { self.sheet.key_as_text(begin) } else { Ok(()) }
     }
 
     fn value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
         let key_at = self.key_at.take().ok_or_else(|| CanonError::Other("a map value came before its key".into()))?;
-        let value_at = self.out.len();
-        value.serialize(Writer { out: self.out })?;
-        self.entries.push((key_at, value_at, self.out.len()));
+        let value_at = self.sheet.out.len();
+        value.serialize(Writer { sheet: self.sheet })?;
+        let end = self.sheet.out.len();
+        self.sheet.entries.push((key_at, value_at, end));
         Ok(())
     }
 
-    fn close(mut self) -> Result<(), CanonError> {
-        let count = self.entries.len() as u64;
-        self.out[self.count_at..self.count_at + 8].copy_from_slice(&count.to_le_bytes());
-        let bytes: &[u8] = self.out;
-        let place = |entry: &(usize, usize, usize)| (&bytes[entry.0..entry.1], &bytes[entry.1..entry.2]);
-        if self.entries.is_sorted_by(|a, b| place(a) <= place(b)) {
-            return Ok(());
+    fn close(self) -> Result<(), CanonError> {
+        let Sheet { out, entries, sorted, .. } = self.sheet;
+        let own = &mut entries[self.first..];
+        out[self.count_at..self.count_at + 8].copy_from_slice(&(own.len() as u64).to_le_bytes());
+        // Keys of a map differ, but equal ones would still have one order: that of their values.
+        let place = |entry: &(usize, usize, usize)| (&out[entry.0..entry.1], &out[entry.1..entry.2]);
+        if !own.is_sorted_by(|a, b| place(a) <= place(b)) {
+            own.sort_unstable_by(|a, b| place(a).cmp(&place(b)));
+            sorted.clear();
+            own.iter().for_each(|(key_at, _, end)| sorted.extend_from_slice(&out[*key_at..*end]));
+            out[self.count_at + 8..].copy_from_slice(sorted);
         }
-        self.entries.sort_by(|a, b| place(a).cmp(&place(b)));
-        let begin = self.count_at + 8;
-        let mut sorted = Vec::with_capacity(bytes.len() - begin);
-        for (key_at, _, end) in &self.entries {
-            sorted.extend_from_slice(&bytes[*key_at..*end]);
-        }
-        self.out[begin..].copy_from_slice(&sorted);
+        entries.truncate(self.first);
         Ok(())
     }
 }
@@ -150,7 +207,7 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_bool(self, v: bool) -> Result<(), CanonError> {
-        self.out.push(if v { TRUE } else { FALSE });
+        self.sheet.out.push(if v { TRUE } else { FALSE });
         Ok(())
     }
 
@@ -209,22 +266,27 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_bytes(mut self, v: &[u8]) -> Result<(), CanonError> {
+        if self.sheet.as_json {
+            return v.serialize(self);
+        }
         self.blob(BYTES, v);
         Ok(())
     }
 
     fn serialize_none(self) -> Result<(), CanonError> {
-        self.out.push(NONE);
+        self.sheet.out.push(if self.sheet.as_json { UNIT } else { NONE });
         Ok(())
     }
 
     fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Result<(), CanonError> {
-        self.out.push(SOME);
-        value.serialize(Writer { out: self.out })
+        if !self.sheet.as_json {
+            self.sheet.out.push(SOME);
+        }
+        value.serialize(Writer { sheet: self.sheet })
     }
 
     fn serialize_unit(self) -> Result<(), CanonError> {
-        self.out.push(UNIT);
+        self.sheet.out.push(UNIT);
         Ok(())
     }
 
@@ -233,6 +295,9 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 
     fn serialize_unit_variant(mut self, _: &'static str, _: u32, variant: &'static str) -> Result<(), CanonError> {
+        if self.sheet.as_json {
+            return self.serialize_str(variant);
+        }
         self.blob(VARIANT, variant.as_bytes());
         self.serialize_unit()
     }
@@ -248,20 +313,20 @@ impl<'a> ser::Serializer for Writer<'a> {
         variant: &'static str,
         value: &T,
     ) -> Result<(), CanonError> {
-        self.blob(VARIANT, variant.as_bytes());
+        self.variant(variant);
         value.serialize(self)
     }
 
     fn serialize_seq(self, _: Option<usize>) -> Result<List<'a>, CanonError> {
-        Ok(List::open(self.out))
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_tuple(self, _: usize) -> Result<List<'a>, CanonError> {
-        Ok(List::open(self.out))
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_tuple_struct(self, _: &'static str, _: usize) -> Result<List<'a>, CanonError> {
-        Ok(List::open(self.out))
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_tuple_variant(
@@ -271,16 +336,16 @@ impl<'a> ser::Serializer for Writer<'a> {
         variant: &'static str,
         _: usize,
     ) -> Result<List<'a>, CanonError> {
-        self.blob(VARIANT, variant.as_bytes());
-        Ok(List::open(self.out))
+        self.variant(variant);
+        Ok(List::open(self.sheet))
     }
 
     fn serialize_map(self, _: Option<usize>) -> Result<Map<'a>, CanonError> {
-        Ok(Map::open(self.out))
+        Ok(Map::open(self.sheet))
     }
 
     fn serialize_struct(self, _: &'static str, _: usize) -> Result<Map<'a>, CanonError> {
-        Ok(Map::open(self.out))
+        Ok(Map::open(self.sheet))
     }
 
     fn serialize_struct_variant(
@@ -290,8 +355,8 @@ impl<'a> ser::Serializer for Writer<'a> {
         variant: &'static str,
         _: usize,
     ) -> Result<Map<'a>, CanonError> {
-        self.blob(VARIANT, variant.as_bytes());
-        Ok(Map::open(self.out))
+        self.variant(variant);
+        Ok(Map::open(self.sheet))
     }
 }
 
@@ -393,6 +458,36 @@ mod tests {
         assert_ne!(canonical_bytes(&["ab", "c"]), canonical_bytes(&["a", "bc"]));
         assert_ne!(canonical_bytes(&json!([[1], []])), canonical_bytes(&json!([[], [1]])));
         assert_ne!(canonical_bytes(&Some(1u8)), canonical_bytes(&1u8));
+    }
+
+    #[test]
+    fn as_json_a_value_has_the_bytes_of_its_json() {
+        #[derive(serde::Serialize)]
+        enum Kind {
+            Plain,
+            One(f64),
+            Two(u8, i8),
+            Named { z: Option<u8>, a: char },
+        }
+        #[derive(serde::Serialize)]
+        struct All<'a> {
+            kinds: Vec<Kind>,
+            absent: Option<u8>,
+            there: Option<i64>,
+            numbered: std::collections::BTreeMap<i32, &'a str>,
+            pair: (bool, f32),
+        }
+        let all = All {
+            kinds: vec![Kind::Plain, Kind::One(-0.0), Kind::Two(1, -1), Kind::Named { z: None, a: 'x' }],
+            absent: None,
+            there: Some(i64::MIN),
+            numbered: [(-3, "b"), (10, "a"), (9, "c")].into(),
+            pair: (true, 0.5),
+        };
+        let json = serde_json::to_value(&all).unwrap();
+        assert_eq!(canonical_json_bytes(&all), canonical_bytes(&json));
+        assert_eq!(canonical_json_bytes(&json), canonical_bytes(&json));
+        assert_eq!(canonical_json_bytes(&Kind::One(f64::NAN)), Err(CanonError::NotFinite));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 use std::{fmt, str::FromStr};
 
-use super::canon::{CanonError, canonical_bytes};
+use super::canon::{CanonError, canonical_bytes, canonical_json_bytes};
 
 /// The name of immutable bytes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -23,12 +23,20 @@ impl Digest {
     /// Digest of a value's canonical bytes under a domain such as `evodrive/program/1`; values of different
     /// domains never share a digest even when their bytes agree.
     pub fn of<T: Serialize + ?Sized>(domain: &str, value: &T) -> Result<Digest, CanonError> {
-        let bytes = canonical_bytes(value)?;
+        Ok(Digest::under(domain, &canonical_bytes(value)?))
+    }
+
+    /// The same for the JSON that a value serialises to: equals `Digest::of(domain, &serde_json::to_value(value))`.
+    pub fn of_json<T: Serialize + ?Sized>(domain: &str, value: &T) -> Result<Digest, CanonError> {
+        Ok(Digest::under(domain, &canonical_json_bytes(value)?))
+    }
+
+    fn under(domain: &str, bytes: &[u8]) -> Digest {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(domain.len() as u64).to_le_bytes());
         hasher.update(domain.as_bytes());
-        hasher.update(&bytes);
-        Ok(Digest(*hasher.finalize().as_bytes()))
+        hasher.update(bytes);
+        Digest(*hasher.finalize().as_bytes())
     }
 
     pub fn from_array(bytes: [u8; 32]) -> Digest {

@@ -5,14 +5,16 @@
 //! the first exchange that uses them: `{"text":"<BLAKE3 of the text>","body":"..."}` and `{"schema":"<digest>","body":{..}}` (domain
 //! `evodrive/schema/1`). An exchange is `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
 //! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`, with
-//! `reply_hex` in place of `reply` where the bytes are not UTF-8. A reader accepts every minor version of its major version.
+//! `reply_hex` in place of `reply` where the bytes are not UTF-8. Version 1.1 adds, to exchanges with a live model,
+//! `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader accepts every minor
+//! version of its major version.
 
 use std::{collections::BTreeMap, io::Read, path::Path, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{DrawSlot, Message, ModelSpec, Request};
+use super::{DrawSlot, Message, Metadata, ModelSpec, Request, Schema, Text};
 use crate::{
     kernel::Digest,
     store::{self, StoreError},
@@ -20,6 +22,8 @@ use crate::{
 
 const FORMAT: &str = "evodrive-cassette";
 const VERSION: &str = "1.0";
+/// With metadata, or with model settings that 1.0 did not have.
+const VERSION_LIVE: &str = "1.1";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
 const MAX_BYTES: u64 = 1 << 30;
@@ -54,11 +58,13 @@ pub struct Recorded {
     pub slot: DrawSlot,
     pub model: Arc<ModelSpec>,
     /// (role, text) of each message.
-    pub messages: Vec<(String, Arc<str>)>,
-    pub schema: Arc<Value>,
+    pub messages: Vec<(String, Text)>,
+    pub schema: Schema,
     /// Raw bytes of the answer and their digest.
     pub response: Digest,
     pub bytes: Vec<u8>,
+    /// What the provider said about the answer; no key and no result depends on it.
+    pub metadata: Option<Metadata>,
 }
 
 impl Recorded {
@@ -71,9 +77,9 @@ impl Recorded {
             messages: self
                 .messages
                 .iter()
-                .map(|(role, text)| Message { role: role.clone(), text: text.to_string() })
+                .map(|(role, text)| Message { role: role.clone(), text: text.clone() })
                 .collect(),
-            schema: Value::clone(&self.schema),
+            schema: self.schema.clone(),
         }
     }
 }
@@ -85,8 +91,8 @@ pub struct Cassette {
     pub name: String,
     exchanges: Vec<Recorded>,
     by_key: BTreeMap<Digest, usize>,
-    texts: BTreeMap<Digest, Arc<str>>,
-    schemas: BTreeMap<Digest, Arc<Value>>,
+    texts: BTreeMap<Digest, Text>,
+    schemas: BTreeMap<Digest, Schema>,
     models: BTreeMap<String, Arc<ModelSpec>>,
 }
 
@@ -127,6 +133,10 @@ struct ExchangeLine {
     reply: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reply_hex: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    metadata: Option<Metadata>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    metadata_digest: Option<Digest>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -201,13 +211,15 @@ impl Cassette {
         // The first key tells what a line is; serde names what is wrong inside it.
         if line.starts_with(b"{\"text\"") {
             let TextLine { text, body } = parsed(line, "a text")?;
-            same("digest of the text", text, Digest::of_bytes(body.as_bytes()))?;
-            self.texts.insert(text, body.into());
+            let body = Text::from(body);
+            same("digest of the text", text, body.digest())?;
+            self.texts.insert(text, body);
             Ok(())
         } else if line.starts_with(b"{\"schema\"") {
             let SchemaLine { schema, body } = parsed(line, "a schema")?;
-            same("digest of the schema", schema, schema_digest(&body).map_err(|e| ("a schema".to_string(), e))?)?;
-            self.schemas.insert(schema, Arc::new(body));
+            let body = Schema::new(body).map_err(|error| ("a schema".to_string(), error.to_string()))?;
+            same("digest of the schema", schema, body.digest())?;
+            self.schemas.insert(schema, body);
             Ok(())
         } else {
             let recorded = self.read_exchange(parsed(line, "an exchange, a text or a schema")?)?;
@@ -234,6 +246,14 @@ impl Cassette {
             _ => return Err(("either reply or reply_hex".to_string(), "both or none".to_string())),
         };
         same("digest of the reply", line.response, Digest::of_bytes(&bytes))?;
+        match (&line.metadata, line.metadata_digest) {
+            (None, None) => {}
+            (Some(metadata), Some(written)) => {
+                let computed = metadata.digest().map_err(|e| ("metadata with a digest".to_string(), e.to_string()))?;
+                same("digest of the metadata", written, computed)?;
+            }
+            _ => return Err(("metadata and metadata_digest".to_string(), "one of them".to_string())),
+        }
         let recorded = Recorded {
             key: line.exchange,
             adapter_version: line.adapter_version,
@@ -243,6 +263,7 @@ impl Cassette {
             schema: schema.clone(),
             response: line.response,
             bytes,
+            metadata: line.metadata,
         };
         let key = recorded.request().key().map_err(|error| ("a request with a key".to_string(), error.to_string()))?;
         same("key of the request in this line", line.exchange, key)?;
@@ -251,6 +272,16 @@ impl Cassette {
 
     /// Adds an exchange behind the others. One that is there already is not added again.
     pub fn push(&mut self, request: &Request, bytes: Vec<u8>) -> Result<(), CassetteError> {
+        self.push_with(request, bytes, None)
+    }
+
+    /// `push` with what the provider said about the answer.
+    pub fn push_with(
+        &mut self,
+        request: &Request,
+        bytes: Vec<u8>,
+        metadata: Option<Metadata>,
+    ) -> Result<(), CassetteError> {
         let unwritable = |reason: String| CassetteError::Unwritable(reason);
         let key = request.key().map_err(|error| unwritable(error.to_string()))?;
         let model =
@@ -258,14 +289,10 @@ impl Cassette {
         if *model != request.model {
             return Err(CassetteError::TwoModels(request.model.name.clone()));
         }
-        let schema = schema_digest(&request.schema).map_err(unwritable)?;
-        let schema = self.schemas.entry(schema).or_insert_with(|| Arc::new(request.schema.clone())).clone();
+        let schema = self.schemas.entry(request.schema.digest()).or_insert_with(|| request.schema.clone()).clone();
         let mut messages = Vec::new();
         for message in &request.messages {
-            let text = self
-                .texts
-                .entry(Digest::of_bytes(message.text.as_bytes()))
-                .or_insert_with(|| message.text.as_str().into());
+            let text = self.texts.entry(message.text.digest()).or_insert_with(|| message.text.clone());
             messages.push((message.role.clone(), text.clone()));
         }
         self.insert(Recorded {
@@ -277,6 +304,7 @@ impl Cassette {
             schema,
             response: Digest::of_bytes(&bytes),
             bytes,
+            metadata,
         })
     }
 
@@ -307,24 +335,32 @@ impl Cassette {
     pub fn to_bytes(&self, name: &str) -> Result<Vec<u8>, CassetteError> {
         let mut out = Vec::new();
         let models = self.models.values().map(|model| ModelSpec::clone(model)).collect();
-        line(&mut out, &Header { format: FORMAT.into(), version: VERSION.into(), name: name.into(), models })?;
+        let version = self.version().into();
+        line(&mut out, &Header { format: FORMAT.into(), version, name: name.into(), models })?;
         let mut written = std::collections::BTreeSet::new();
         for exchange in &self.exchanges {
             let mut messages = Vec::new();
             for (role, text) in &exchange.messages {
-                let digest = Digest::of_bytes(text.as_bytes());
+                let digest = text.digest();
                 if written.insert(digest) {
                     line(&mut out, &TextLine { text: digest, body: text.to_string() })?;
                 }
                 messages.push(MessageRef { role: role.clone(), text: digest });
             }
-            let schema = schema_digest(&exchange.schema).map_err(CassetteError::Unwritable)?;
+            let schema = exchange.schema.digest();
             if written.insert(schema) {
                 line(&mut out, &SchemaLine { schema, body: Value::clone(&exchange.schema) })?;
             }
-            line(&mut out, &exchange_line(exchange, messages, schema))?;
+            line(&mut out, &exchange_line(exchange, messages, schema)?)?;
         }
         Ok(out)
+    }
+
+    /// The lowest version that can hold what is in it.
+    fn version(&self) -> &'static str {
+        let new_settings = |model: &Arc<ModelSpec>| model.response_format.is_some() || !model.body.is_empty();
+        let live = self.exchanges.iter().any(|e| e.metadata.is_some()) || self.models.values().any(new_settings);
+        if live { VERSION_LIVE } else { VERSION }
     }
 
     /// Writes the file, whole or not at all; compressed when its name ends in `.zst`.
@@ -339,9 +375,15 @@ impl Cassette {
     }
 }
 
-fn exchange_line(exchange: &Recorded, messages: Vec<MessageRef>, schema: Digest) -> ExchangeLine {
+fn exchange_line(
+    exchange: &Recorded,
+    messages: Vec<MessageRef>,
+    schema: Digest,
+) -> Result<ExchangeLine, CassetteError> {
+    let digest = exchange.metadata.as_ref().map(Metadata::digest).transpose();
+    let metadata_digest = digest.map_err(|error| CassetteError::Unwritable(error.to_string()))?;
     let reply = std::str::from_utf8(&exchange.bytes).ok().map(str::to_string);
-    ExchangeLine {
+    Ok(ExchangeLine {
         exchange: exchange.key,
         adapter_version: exchange.adapter_version,
         slot: exchange.slot.clone(),
@@ -351,7 +393,9 @@ fn exchange_line(exchange: &Recorded, messages: Vec<MessageRef>, schema: Digest)
         response: exchange.response,
         reply_hex: if reply.is_none() { Some(to_hex(&exchange.bytes)) } else { None },
         reply,
-    }
+        metadata: exchange.metadata.clone(),
+        metadata_digest,
+    })
 }
 
 fn line(out: &mut Vec<u8>, value: &impl Serialize) -> Result<(), CassetteError> {
@@ -366,10 +410,6 @@ fn parsed<'a, T: Deserialize<'a>>(line: &'a [u8], expected: &str) -> Result<T, W
 
 fn same(what: &str, written: Digest, computed: Digest) -> Result<(), Wrong> {
     if written == computed { Ok(()) } else { Err((format!("{what} {computed}"), written.to_hex())) }
-}
-
-fn schema_digest(schema: &Value) -> Result<Digest, String> {
-    Digest::of("evodrive/schema/1", schema).map_err(|error| error.to_string())
 }
 
 fn is_compressed(path: &Path) -> bool {

@@ -1,6 +1,10 @@
-//! Asking a model: request, replay, record, cassette, the scripted stand-in.
+//! Asking a model: request, replay, record, cassette, the scripted stand-in, and real models under the feature `live`.
 
+pub mod addressed;
 pub mod cassette;
+pub mod client;
+#[cfg(feature = "live")]
+pub mod live;
 pub mod model;
 pub mod record;
 pub mod replay;
@@ -8,12 +12,14 @@ pub mod reply;
 pub mod request;
 pub mod scripted;
 
+pub use addressed::{Schema, Text};
 pub use cassette::{Cassette, CassetteError, Recorded};
-pub use model::{Model, ModelError};
+pub use client::{ClientOptions, IncompleteReplies, SpendCap};
+pub use model::{Completion, Metadata, Model, ModelError};
 pub use record::{Record, RecordMode};
 pub use replay::Replay;
 pub use reply::Refusal;
-pub use request::{DrawSlot, Message, ModelSpec, Request};
+pub use request::{DrawSlot, Message, ModelSpec, Request, ResponseFormat};
 
 use crate::kernel::Digest;
 
@@ -36,8 +42,8 @@ pub enum AskError {
     /// Replay met a request that was not recorded.
     #[error("{0}")]
     Miss(Box<Miss>),
-    #[error("model {model}: {reason}")]
-    Model { model: String, reason: String },
+    #[error("model {model}: {error}")]
+    Model { model: String, error: ModelError },
     #[error("{0}")]
     Store(String),
 }

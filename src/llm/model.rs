@@ -1,28 +1,103 @@
 //! Who can answer a request. Knows nothing of cassettes or of recording.
 
+use serde::{Deserialize, Serialize};
+
 use super::Request;
+use crate::kernel::{Digest, canon::CanonError};
 
 /// A model: a provider behind the network, or the scripted stand-in. Called from many threads; the answer may depend on the
 /// request only, never on how many were answered before.
 pub trait Model: Sync {
-    /// The raw bytes of the answer's content, whatever they say: judging them is the caller's work. An error means that no
-    /// answer came, so that no proposal is consumed.
-    fn complete(&self, request: &Request) -> Result<Vec<u8>, ModelError>;
+    /// The answer's content, whatever it says: judging it is the caller's work. An error means that no answer came, so that
+    /// no proposal is consumed.
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError>;
 }
 
-/// Why a model gave no answer at all.
+/// An answer as its model gave it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Completion {
+    /// The content: raw bytes, re-parsed at every replay.
+    pub bytes: Vec<u8>,
+    /// What a provider says about the answer. The scripted model says nothing.
+    pub metadata: Option<Metadata>,
+}
+
+impl From<Vec<u8>> for Completion {
+    fn from(bytes: Vec<u8>) -> Completion {
+        Completion { bytes, metadata: None }
+    }
+}
+
+/// What a provider reports beside the content. Recorded for the reader; no result and no key depends on it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Metadata {
+    /// The model that answered, in the provider's words: often more exact than the one that was asked for.
+    pub model: String,
+    /// `stop`, `length`, `end_turn`, ...
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub finish_reason: Option<String>,
+    /// Tokens of the prompt, cached ones included.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub input_tokens: Option<u64>,
+    /// Tokens of the answer, hidden reasoning included.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output_tokens: Option<u64>,
+    /// `system_fingerprint`: the provider's set-up; a seed holds for one of them only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprint: Option<String>,
+}
+
+impl Metadata {
+    /// Guards the metadata of a cassette's line against change.
+    pub fn digest(&self) -> Result<Digest, CanonError> {
+        Digest::of("evodrive/llm-metadata/1", self)
+    }
+}
+
+impl std::fmt::Display for Metadata {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let count = |tokens: Option<u64>| tokens.map_or("?".to_string(), |n| n.to_string());
+        let finish = self.finish_reason.as_deref().unwrap_or("?");
+        let (input, output) = (count(self.input_tokens), count(self.output_tokens));
+        write!(f, "answered by {:?}, finish reason {finish:?}, {input} tokens in, {output} out", self.model)
+    }
+}
+
+/// Why a model gave no answer at all, or none that may be recorded.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// The request reached nobody, or nothing came back, also after the client's bounded retries.
-    #[error("no answer from {address} after {attempts} attempts: {reason}")]
+    #[error(
+        "no answer from {address} after {attempts} attempts: {reason}; repeat the command, what was answered is not asked again"
+    )]
     Transport { address: String, attempts: u32, reason: String },
     /// The other side understood the request and refuses it; asking again would not help.
     #[error("{address} refuses the request: {reason}")]
     Refused { address: String, reason: String },
+    /// The model itself declines to answer, or the provider's filter does.
+    #[error("the model at {address} declines to answer: {reason}; {INCOMPLETE}")]
+    Declined { address: String, reason: String },
+    /// The answer was cut at the limit of tokens.
+    #[error(
+        "the answer of {address} was cut after {output_tokens} tokens (finish reason {finish_reason}); raise max_tokens, or {INCOMPLETE}"
+    )]
+    Truncated { address: String, output_tokens: String, finish_reason: String },
+    /// An answer without content.
+    #[error("the answer of {address} is empty (finish reason {finish_reason}); {INCOMPLETE}")]
+    Empty { address: String, finish_reason: String },
+    /// What came back is not what the protocol says.
+    #[error("{address} answered with something else than the protocol says: {reason}; check base_url and kind")]
+    Malformed { address: String, reason: String },
     /// The call was not made because a cap of the experiment would be exceeded.
-    #[error("spend cap reached: {reason}; raise the cap in the experiment file and run `evodrive resume`")]
+    #[error(
+        "spend cap reached: {reason}; raise [spend] in the experiment file and repeat the `evodrive record` command: what was answered is not asked again"
+    )]
     SpendCap { reason: String },
     /// The request cannot be answered by this model: what is missing or wrong in it, and where.
     #[error("the request cannot be answered: {reason}")]
     Unanswerable { reason: String },
 }
+
+const INCOMPLETE: &str =
+    "to record such answers as unusable replies, set incomplete_replies = \"keep\" in the model's [client]";

@@ -2,7 +2,10 @@
 
 use std::{collections::BTreeMap, sync::Mutex};
 
-use super::{Ask, AskError, Cassette, CassetteError, DrawSlot, Model, Reply, Request, replay::key_of};
+use super::{
+    Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Metadata, Model, ModelError, Reply, Request,
+    replay::key_of,
+};
 use crate::{
     kernel::Digest,
     store::{MemoKind, Store, StoreError},
@@ -25,7 +28,14 @@ pub struct Record<'a> {
     mode: RecordMode,
     /// By the name that a request's `ModelSpec` has.
     models: BTreeMap<String, Box<dyn Model + 'a>>,
-    collected: Mutex<BTreeMap<(DrawSlot, Digest), (Request, Digest)>>,
+    collected: Mutex<BTreeMap<(DrawSlot, Digest), Collected>>,
+}
+
+/// An exchange of this recording.
+struct Collected {
+    request: Request,
+    response: Digest,
+    metadata: Option<Metadata>,
 }
 
 impl<'a> Record<'a> {
@@ -52,30 +62,58 @@ impl<'a> Record<'a> {
         }
         ordered.extend(collected.into_values());
         let mut cassette = Cassette::new(name);
-        for (request, response) in ordered {
-            cassette.push(&request, self.store.get(&response)?)?;
+        for Collected { request, response, metadata } in ordered {
+            cassette.push_with(&request, self.store.get(&response)?, metadata)?;
         }
         Ok(cassette)
     }
 
-    fn answer(&self, request: &Request, key: &Digest) -> Result<Digest, AskError> {
+    fn answer(&self, request: &Request, key: &Digest) -> Result<(Digest, Option<Metadata>), AskError> {
         if self.mode == RecordMode::Missing
             && let Some(found) = self.cassette.get(key)
         {
-            return self.store.put(&found.bytes).map_err(on_disk);
+            return Ok((self.store.put(&found.bytes).map_err(on_disk)?, found.metadata.clone()));
         }
         let memo_key = self.memo_key(key)?;
         if let Some(response) = self.store.memo_get(MemoKind::Llm, &memo_key) {
-            return Ok(response);
+            return Ok((response, self.kept_metadata(&memo_key, &response)?));
         }
-        let bytes = self.complete(request)?;
+        let Completion { bytes, metadata } = self.complete(request)?;
         let response = self.store.put(&bytes).map_err(on_disk)?;
+        // Before the answer, so that no answer is found without it.
+        if let Some(metadata) = &metadata {
+            self.keep_metadata(&memo_key, &response, metadata)?;
+        }
         match self.store.memo_put(MemoKind::Llm, &memo_key, &response) {
-            Ok(()) => Ok(response),
+            Ok(()) => {
+                // A provider's answer was paid for: it survives a power cut too.
+                metadata.is_some().then(|| self.store.flush()).transpose().map_err(on_disk)?;
+                Ok((response, metadata))
+            }
             // Two threads asked the same at once: the first answer is the answer.
-            Err(StoreError::Conflict { recorded, .. }) => Ok(recorded),
+            Err(StoreError::Conflict { recorded, .. }) => Ok((recorded, self.kept_metadata(&memo_key, &recorded)?)),
             Err(error) => Err(on_disk(error)),
         }
+    }
+
+    fn keep_metadata(&self, memo_key: &Digest, response: &Digest, metadata: &Metadata) -> Result<(), AskError> {
+        let text = serde_json::to_vec(metadata).map_err(|error| AskError::Store(error.to_string()))?;
+        let object = self.store.put(&text).map_err(on_disk)?;
+        match self.store.memo_put(MemoKind::Llm, &metadata_key(memo_key, response)?, &object) {
+            // The same answer came twice, with other counts: the first ones stay.
+            Ok(()) | Err(StoreError::Conflict { .. }) => Ok(()),
+            Err(error) => Err(on_disk(error)),
+        }
+    }
+
+    fn kept_metadata(&self, memo_key: &Digest, response: &Digest) -> Result<Option<Metadata>, AskError> {
+        let Some(object) = self.store.memo_get(MemoKind::Llm, &metadata_key(memo_key, response)?) else {
+            return Ok(None);
+        };
+        let text = self.store.get(&object).map_err(on_disk)?;
+        serde_json::from_slice(&text)
+            .map(Some)
+            .map_err(|error| AskError::Store(format!("metadata of an answer, object {object}: {error}")))
     }
 
     /// A fresh recording keeps its answers apart from those of earlier ones, without replacing them.
@@ -87,14 +125,20 @@ impl<'a> Record<'a> {
         }
     }
 
-    fn complete(&self, request: &Request) -> Result<Vec<u8>, AskError> {
-        let failed = |reason: String| AskError::Model { model: request.model.name.clone(), reason };
+    fn complete(&self, request: &Request) -> Result<Completion, AskError> {
+        let failed = |error: ModelError| AskError::Model { model: request.model.name.clone(), error };
         let model = self.models.get(&request.model.name).ok_or_else(|| {
             let known: Vec<&str> = self.models.keys().map(String::as_str).collect();
-            failed(format!("no such model is set up for recording (there are: {})", known.join(", ")))
+            let reason = format!("no such model is set up for recording (there are: {})", known.join(", "));
+            failed(ModelError::Unanswerable { reason })
         })?;
-        model.complete(request).map_err(|error| failed(error.to_string()))
+        model.complete(request).map_err(failed)
     }
+}
+
+/// Metadata belong to one answer to one request.
+fn metadata_key(memo_key: &Digest, response: &Digest) -> Result<Digest, AskError> {
+    Digest::of("evodrive/llm-metadata-of/1", &(memo_key, response)).map_err(|error| AskError::Store(error.to_string()))
 }
 
 fn on_disk(error: StoreError) -> AskError {
@@ -104,10 +148,10 @@ fn on_disk(error: StoreError) -> AskError {
 impl Ask for Record<'_> {
     fn ask(&self, request: &Request) -> Result<Reply, AskError> {
         let key = key_of(request)?;
-        let response = self.answer(request, &key)?;
+        let (response, metadata) = self.answer(request, &key)?;
         let bytes = self.store.get(&response).map_err(on_disk)?;
         let mut collected = self.collected.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        collected.insert((request.slot.clone(), key), (request.clone(), response));
+        collected.insert((request.slot.clone(), key), Collected { request: request.clone(), response, metadata });
         Ok(Reply { request: key, response, bytes })
     }
 }

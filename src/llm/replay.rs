@@ -1,6 +1,6 @@
 //! Answers from a cassette, and a useful message where there is none. Never reaches a model.
 
-use super::{Ask, AskError, Cassette, DrawSlot, Miss, Reply, Request, cassette::Recorded};
+use super::{Ask, AskError, Cassette, DrawSlot, Miss, ModelError, Reply, Request, cassette::Recorded};
 use crate::store::{first_difference, shortened};
 
 /// A cassette that answers. What is not recorded is a miss: nothing goes live by accident.
@@ -34,7 +34,7 @@ impl Ask for Replay {
 pub(super) fn key_of(request: &Request) -> Result<crate::kernel::Digest, AskError> {
     request.key().map_err(|error| AskError::Model {
         model: request.model.name.clone(),
-        reason: format!("the request has no key: {error}"),
+        error: ModelError::Unanswerable { reason: format!("it has no key: {error}") },
     })
 }
 

@@ -1,11 +1,13 @@
 //! A question to a model, and the key it is recorded under.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
+use super::{Schema, Text, scripted};
 use crate::kernel::Digest;
 
 /// Everything that can change an answer. Every field counts into the key: what must not (api key, timeout,
-/// retries, user agent, proxy) is not a field here but belongs to the live client.
+/// retries, user agent, proxy, address, prices, spend cap) is not a field here but belongs to the live client (`ClientOptions`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
@@ -15,7 +17,7 @@ pub struct Request {
     pub model: ModelSpec,
     pub messages: Vec<Message>,
     /// JSON schema that the reply must satisfy.
-    pub schema: serde_json::Value,
+    pub schema: Schema,
 }
 
 /// The position in the run at which this answer is drawn: K draws of one prompt are K keys, and the order in which
@@ -38,12 +40,46 @@ pub struct DrawSlot {
 pub struct ModelSpec {
     /// Name in the experiment file and in every table, e.g. `scripted`.
     pub name: String,
-    /// `scripted`, `openai`, `anthropic`.
+    /// `scripted`, `openai_compatible`, `anthropic`.
     pub kind: String,
     /// The provider's model identifier.
     pub model: String,
-    /// Sampling parameters (temperature, max_tokens, ...) and, for `scripted`, its error rates.
-    pub sampling: std::collections::BTreeMap<String, f64>,
+    /// Sampling parameters (temperature, max_tokens, ...) and, for `scripted`, its seed and error rates. A live model's `seed` is the
+    /// root of one seed a draw slot.
+    pub sampling: BTreeMap<String, f64>,
+    /// How a live model is held to the schema. (Left out where there is none, so that keys of older recordings stay.)
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response_format: Option<ResponseFormat>,
+    /// Further fields of a live model's request, sent as they are.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub body: BTreeMap<String, serde_json::Value>,
+}
+
+impl ModelSpec {
+    /// What a result says about where its answers came from. It opens with the kind, so that no name can pass the scripted
+    /// stand-in off as a language model.
+    pub fn label(&self) -> String {
+        if self.kind == scripted::KIND && self.name == self.kind {
+            return self.kind.clone();
+        }
+        format!("{} ({}, {})", self.kind, self.name, self.model)
+    }
+}
+
+/// How a live model is held to the schema of a reply. Providers know different forms; all show the schema in the prompt too.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ResponseFormat {
+    /// `{"type": "json_schema", "json_schema": {name, strict: false, schema}}`: OpenAI, llama.cpp, vLLM.
+    JsonSchema,
+    /// `{"type": "json_object", "schema": ..}`: llama-cpp-python, llama.cpp.
+    JsonObjectSchema,
+    /// `{"type": "json_object"}`: any JSON object.
+    JsonObject,
+    /// A tool that must be called with the reply as its input: Anthropic.
+    Tool,
+    /// The prompt alone.
+    None,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,12 +87,24 @@ pub struct ModelSpec {
 pub struct Message {
     /// `system` or `user`.
     pub role: String,
-    pub text: String,
+    pub text: Text,
 }
 
 impl Request {
     /// The key of the memo and of the cassette.
     pub fn key(&self) -> Result<Digest, crate::kernel::canon::CanonError> {
-        Digest::of("evodrive/llm-request/1", self)
+        // Long parts count by their own digests, which are worked out once for all questions that share them.
+        #[derive(Serialize)]
+        struct Keyed<'a> {
+            adapter_version: u32,
+            slot: &'a DrawSlot,
+            model: &'a ModelSpec,
+            messages: Vec<(&'a str, Digest)>,
+            schema: Digest,
+        }
+        let Request { adapter_version, slot, model, messages, schema } = self;
+        let messages = messages.iter().map(|message| (message.role.as_str(), message.text.digest())).collect();
+        let keyed = Keyed { adapter_version: *adapter_version, slot, model, messages, schema: schema.digest() };
+        Digest::of("evodrive/llm-request/2", &keyed)
     }
 }

@@ -39,8 +39,16 @@ pub struct Opened {
     pub versions: Versions,
     /// Contract digests by family.
     pub contracts: BTreeMap<FamilyName, Digest>,
-    /// Model name by role, as the experiment file has them: what the proposals come from.
+    /// Label of the model of each role, which opens with the model's kind: what the proposals come from.
     pub models: BTreeMap<String, String>,
+}
+
+impl Opened {
+    /// Roles that the scripted stand-in answered, by the kind of their models.
+    pub fn scripted_roles(&self) -> Vec<&str> {
+        let scripted = |label: &str| label.split(' ').next() == Some("scripted");
+        self.models.iter().filter(|(_, label)| scripted(label)).map(|(role, _)| role.as_str()).collect()
+    }
 }
 
 /// Versions of meaning, which are part of every key.

@@ -2,6 +2,7 @@
 
 pub mod binary;
 pub mod draw;
+pub mod export;
 pub mod features;
 #[cfg(test)]
 pub mod fixture;
@@ -9,6 +10,7 @@ mod grid;
 pub mod import;
 pub mod lanes;
 pub mod pool;
+pub mod remainder;
 pub mod route;
 pub mod safebench;
 pub mod stats;

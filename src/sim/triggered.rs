@@ -36,7 +36,8 @@ pub(super) struct Play {
     paths: Vec<Option<Route>>,
 }
 
-/// What one decision step does.
+/// What one decision step does. It lives on the stack for a moment; a box would allocate in every step.
+#[allow(clippy::large_enum_variant)]
 pub(super) enum Moved {
     Cars([Car; SUBSTEPS]),
     /// On foot: the sample at the end; straight in between.

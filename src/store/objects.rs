@@ -30,14 +30,19 @@ pub enum MemoKind {
     Llm,
     /// A simulation -> its outcome.
     Rollout,
+    /// A program tried on a scene by the compile gate -> what the compiler said.
+    Compile,
 }
 
 impl MemoKind {
+    const ALL: [MemoKind; 3] = [MemoKind::Llm, MemoKind::Rollout, MemoKind::Compile];
+
     /// As printed and as stored in the index.
     pub fn name(self) -> &'static str {
         match self {
             MemoKind::Llm => "llm",
             MemoKind::Rollout => "rollout",
+            MemoKind::Compile => "compile",
         }
     }
 
@@ -45,15 +50,16 @@ impl MemoKind {
         match self {
             MemoKind::Llm => 1,
             MemoKind::Rollout => 2,
+            MemoKind::Compile => 3,
         }
     }
 
     pub(super) fn of_code(code: u8) -> Option<MemoKind> {
-        [MemoKind::Llm, MemoKind::Rollout].into_iter().find(|kind| kind.code() == code)
+        MemoKind::ALL.into_iter().find(|kind| kind.code() == code)
     }
 
     pub(super) fn of_name(name: &str) -> Option<MemoKind> {
-        [MemoKind::Llm, MemoKind::Rollout].into_iter().find(|kind| kind.name() == name)
+        MemoKind::ALL.into_iter().find(|kind| kind.name() == name)
     }
 }
 

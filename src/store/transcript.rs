@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Damage, Divergence, StoreError, difference::first_difference, file};
-use crate::kernel::{Digest, canonical_bytes};
+use crate::kernel::Digest;
 
 /// Kind of the event that ends a transcript.
 pub const SEALED: &str = "sealed";
@@ -56,9 +56,11 @@ fn genesis() -> Digest {
     Digest::of_bytes(b"evodrive/transcript/1")
 }
 
+const EVENT_DOMAIN: &str = "evodrive/transcript-event/1";
+
 impl Event {
     fn new(seq: u64, prev: Digest, kind: &str, body: Value) -> Result<Event, StoreError> {
-        let hash = Digest::of("evodrive/transcript-event/1", &(seq, prev, kind, &body))
+        let hash = Digest::of(EVENT_DOMAIN, &(seq, prev, kind, &body))
             .map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
         Ok(Event { body, hash, kind: kind.to_string(), prev, seq })
     }
@@ -118,20 +120,23 @@ impl Transcript {
     /// Adds an event and gives its hash. The body is stored as the JSON it serialises to; NaN and infinities are refused.
     /// While recorded events remain, a difference is a `StoreError::Divergence` and nothing is written.
     pub fn append<T: Serialize + ?Sized>(&mut self, kind: &str, body: &T) -> Result<Digest, StoreError> {
-        canonical_bytes(body).map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
-        let body = sorted(serde_json::to_value(body).map_err(|e| unstorable(kind, e))?, MAX_BODY_DEPTH)
-            .ok_or_else(|| unstorable(kind, format!("its body is nested deeper than {MAX_BODY_DEPTH}")))?;
         if let Some(seal) = self.events[..self.confirmed].last().filter(|event| event.kind == SEALED) {
             return Err(StoreError::Sealed { path: self.path.clone(), seq: seal.seq });
         }
-        let event = Event::new(self.confirmed as u64, self.head(), kind, body)?;
-        match self.events.get(self.confirmed) {
-            Some(recorded) if recorded.hash == event.hash => {}
-            Some(recorded) => return Err(divergence(&self.path, recorded, &event)),
-            None => self.write(&event)?,
-        }
-        let hash = event.hash;
-        if self.confirmed == self.events.len() {
+        let (seq, prev) = (self.confirmed as u64, self.head());
+        let hash = Digest::of_json(EVENT_DOMAIN, &(seq, prev, kind, body))
+            .map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
+        let recorded = self.events.get(self.confirmed);
+        if recorded.is_none_or(|recorded| recorded.hash != hash) {
+            let mut body = serde_json::to_value(body).map_err(|e| unstorable(kind, e))?;
+            if !sort_keys(&mut body, MAX_BODY_DEPTH) {
+                return Err(unstorable(kind, format!("its body is nested deeper than {MAX_BODY_DEPTH}")));
+            }
+            let event = Event { body, hash, kind: kind.to_string(), prev, seq };
+            if let Some(recorded) = recorded {
+                return Err(divergence(&self.path, recorded, &event));
+            }
+            self.write(&event)?;
             self.events.push(event);
         }
         self.confirmed += 1;
@@ -303,23 +308,21 @@ fn divergence(path: &Path, recorded: &Event, computed: &Event) -> StoreError {
 }
 
 /// The value with the keys of every object in order, whatever `serde_json/preserve_order` says; `None` when too deep.
-fn sorted(value: Value, depth: usize) -> Option<Value> {
-    match value {
-        Value::Array(items) => {
-            let depth = depth.checked_sub(1)?;
-            items.into_iter().map(|item| sorted(item, depth)).collect::<Option<Vec<_>>>().map(Value::Array)
+/// Brings the keys of every object into order; false when it is nested deeper than `depth`.
+fn sort_keys(value: &mut Value, depth: usize) -> bool {
+    match (value, depth.checked_sub(1)) {
+        (Value::Array(items), Some(depth)) => items.iter_mut().all(|item| sort_keys(item, depth)),
+        (Value::Object(map), Some(depth)) => {
+            // In order already, unless serde_json was built to keep the order of insertion.
+            if !map.keys().is_sorted() {
+                let mut entries: Vec<(String, Value)> = std::mem::take(map).into_iter().collect();
+                entries.sort_by(|a, b| a.0.cmp(&b.0));
+                map.extend(entries);
+            }
+            map.iter_mut().all(|(_, item)| sort_keys(item, depth))
         }
-        Value::Object(map) => {
-            let depth = depth.checked_sub(1)?;
-            let mut entries: Vec<(String, Value)> = map.into_iter().collect();
-            entries.sort_by(|a, b| a.0.cmp(&b.0));
-            entries
-                .into_iter()
-                .map(|(key, item)| Some((key, sorted(item, depth)?)))
-                .collect::<Option<_>>()
-                .map(Value::Object)
-        }
-        other => Some(other),
+        (Value::Array(_) | Value::Object(_), None) => false,
+        _ => true,
     }
 }
 

@@ -43,8 +43,7 @@ pub fn fit_ridge(
     match factorised(&x, fit.columns.len(), configuration.ridge_lambda) {
         Ok(cholesky) => {
             fit.factor = packed(&cholesky);
-            // Σ h_i = degrees of freedom that the columns take.
-            let freedom = num::sum(x.iter().map(|row| leverage_of(&fit.factor, row)));
+            let freedom = freedom(&fit.factor, fit.columns.len(), configuration.ridge_lambda);
             fit.attack = line(&cholesky, &x, &attack, mean.attack, freedom, configuration);
             fit.realism = line(&cholesky, &x, &realism, mean.realism, freedom, configuration);
         }
@@ -74,6 +73,19 @@ pub(super) fn leverage(fit: &WorldFit, row: &[f64]) -> f64 {
     let spread =
         if fit.factor.is_empty() { num::sum(row.iter().map(|x| x * x)) / n } else { leverage_of(&fit.factor, row) };
     spread + 1.0 / n
+}
+
+/// Degrees of freedom that the columns take: tr X(X'X + λI)^-1 X' = p - λ tr (X'X + λI)^-1, which needs no pass over
+/// the rows.
+fn freedom(factor: &[f64], p: usize, lambda: f64) -> f64 {
+    let mut unit = vec![0.0; p];
+    let inverse_diagonal = (0..p).map(|i| {
+        unit[i] = 1.0;
+        let value = leverage_of(factor, &unit);
+        unit[i] = 0.0;
+        value
+    });
+    p as f64 - lambda * num::sum(inverse_diagonal)
 }
 
 /// |L^-1 x|² by forward substitution on the packed factor.
@@ -106,19 +118,16 @@ fn moments(rows: &[&[f64]], columns: &[usize]) -> (Vec<f64>, Vec<f64>) {
 }
 
 fn factorised(x: &[Vec<f64>], p: usize, lambda: f64) -> Result<Cholesky<f64, nalgebra::Dyn>, String> {
-    let mut gram = DMatrix::zeros(p, p);
+    // Lower triangle, row by row; columns that do not vary are zero and cost nothing.
+    let mut lower = vec![0.0; p * p];
     for row in x {
-        for i in 0..p {
-            for j in 0..=i {
-                gram[(i, j)] += row[i] * row[j];
-            }
+        for (i, value) in row.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+            lower[i * p..=i * p + i].iter_mut().zip(row).for_each(|(sum, other)| *sum += value * other);
         }
     }
+    let mut gram = DMatrix::from_fn(p, p, |i, j| lower[i.max(j) * p + i.min(j)]);
     for i in 0..p {
         gram[(i, i)] += lambda;
-        for j in 0..i {
-            gram[(j, i)] = gram[(i, j)];
-        }
     }
     let cholesky = Cholesky::new(gram).ok_or("X'X + λI is not positive definite; raise ridge_lambda")?;
     let pivots: Vec<f64> = cholesky.l_dirty().diagonal().iter().map(|d| d * d).collect();

@@ -2,7 +2,7 @@
 //! speed, acceleration and jerk, along and across, keep their bounds.
 //!
 //! Along and across are taken in the logged direction, so that every bound but the speed's is linear in θ and the
-//! first θ of the grid is found without trying each. A bound that the log itself exceeds (noise) is widened to the
+//! first θ of the grid is found without trying each; what the log itself adds to a bound is worked out once a path. A bound that the log itself exceeds (noise) is widened to the
 //! log's own value: a path is never held to more than what was recorded. If no θ of the grid holds, nothing is changed.
 
 use crate::kernel::Vec2;
@@ -29,11 +29,23 @@ pub struct LoggedPath {
     /// Unit direction at every point.
     directions: Vec<Vec2>,
     bounds: Bounds,
+    /// What the log leaves to offsets, one for every point that can be moved.
+    rooms: Vec<Room>,
+}
+
+/// How far a path's derivatives at one point may still go: [(down, up); 4] of acceleration along and across and of
+/// jerk along and across, each at least 0; infinite where history is too short for that order.
+#[derive(Clone, Copy, Debug)]
+struct Room {
+    direction: Vec2,
+    /// The log's velocity, m/s; `None` where there is no point before.
+    velocity: Option<Vec2>,
+    sides: [(f64, f64); 4],
 }
 
 impl LoggedPath {
     pub fn new(points: Vec<Vec2>, history: usize, directions: Vec<Vec2>, bounds: Bounds) -> LoggedPath {
-        let mut path = LoggedPath { points, history, directions, bounds };
+        let mut path = LoggedPath { points, history, directions, bounds, rooms: Vec::new() };
         let own = path.extremes(&[], 0.0);
         path.bounds = Bounds {
             offset_m_max: bounds.offset_m_max,
@@ -43,7 +55,26 @@ impl LoggedPath {
             jerk_mps3_max: bounds.jerk_mps3_max.max(own.jerk_mps3_max),
             lateral_jerk_mps3_max: bounds.lateral_jerk_mps3_max.max(own.lateral_jerk_mps3_max),
         };
+        path.rooms = path.rooms();
         path
+    }
+
+    fn rooms(&self) -> Vec<Room> {
+        let free = [(f64::INFINITY, f64::INFINITY); 4];
+        let movable = self.directions.iter().skip(self.history);
+        let mut rooms: Vec<Room> = movable.map(|d| Room { direction: *d, velocity: None, sides: free }).collect();
+        let around = |value: f64, bound: f64| ((bound + value).max(0.0), (bound - value).max(0.0));
+        self.visit(&[], |place, order, direction, base, _| {
+            let room = &mut rooms[place];
+            let (first, second) = match order {
+                1 => return room.velocity = Some(base),
+                2 => (self.bounds.acceleration_mps2_max, self.bounds.lateral_mps2_max),
+                _ => (self.bounds.jerk_mps3_max, self.bounds.lateral_jerk_mps3_max),
+            };
+            room.sides[2 * order - 4] = around(base.dot(direction), first);
+            room.sides[2 * order - 3] = around(base.dot(direction.left()), second);
+        });
+        rooms
     }
 
     /// The bounds that hold on this path.
@@ -55,17 +86,29 @@ impl LoggedPath {
     pub fn scale(&self, offsets: &[Vec2]) -> f64 {
         let largest = offsets.iter().map(|d| d.norm()).fold(0.0, f64::max);
         let mut theta: f64 = if largest > self.bounds.offset_m_max { self.bounds.offset_m_max / largest } else { 1.0 };
-        self.visit(offsets, |order, direction, base, change| {
-            let left = direction.left();
-            let linear = |axis: Vec2, bound: f64| at_most(base.dot(axis), change.dot(axis), bound);
-            theta = theta.min(match order {
-                1 => within_circle(base, change, self.bounds.speed_mps_max),
-                2 => {
-                    linear(direction, self.bounds.acceleration_mps2_max).min(linear(left, self.bounds.lateral_mps2_max))
+        let speed_squared = self.bounds.speed_mps_max * self.bounds.speed_mps_max;
+        let mut before = [Vec2::ZERO; 3];
+        for (room, offset) in self.rooms.iter().zip(offsets) {
+            let velocity = (*offset - before[0]) * (1.0 / DT_S);
+            let acceleration = (velocity - before[1]) * (1.0 / DT_S);
+            let jerk = (acceleration - before[2]) * (1.0 / DT_S);
+            before = [*offset, velocity, acceleration];
+            // Tried before it is solved for: most points bind nothing, and what holds at θ holds below it.
+            if let Some(own) = room.velocity
+                && (own + velocity * theta).norm_squared() > speed_squared
+            {
+                theta = theta.min(within_circle(own, velocity, self.bounds.speed_mps_max));
+            }
+            let left = room.direction.left();
+            let changes =
+                [acceleration.dot(room.direction), acceleration.dot(left), jerk.dot(room.direction), jerk.dot(left)];
+            for (change, (down, up)) in changes.into_iter().zip(room.sides) {
+                let side = if change < 0.0 { down } else { up };
+                if change.abs() * theta > side {
+                    theta = side / change.abs();
                 }
-                _ => linear(direction, self.bounds.jerk_mps3_max).min(linear(left, self.bounds.lateral_jerk_mps3_max)),
-            });
-        });
+            }
+        }
         // A hair of rounding must not cost a step of the grid.
         ((theta * 100.0 + 1e-9).floor() / 100.0).clamp(0.0, 1.0)
     }
@@ -80,7 +123,7 @@ impl LoggedPath {
             jerk_mps3_max: 0.0,
             lateral_jerk_mps3_max: 0.0,
         };
-        self.visit(offsets, |order, direction, base, change| {
+        self.visit(offsets, |_, order, direction, base, change| {
             let value = base + change * theta;
             let (along, across) = (value.dot(direction).abs(), value.dot(direction.left()).abs());
             let raise = |most: &mut f64, x: f64| *most = most.max(x);
@@ -99,9 +142,9 @@ impl LoggedPath {
         found
     }
 
-    /// Every finite difference of order 1, 2, 3 that a changed point takes part in: order, logged direction, the
-    /// log's value, and what full offsets add to it.
-    fn visit(&self, offsets: &[Vec2], mut each: impl FnMut(usize, Vec2, Vec2, Vec2)) {
+    /// Every finite difference of order 1, 2, 3 that a movable point takes part in: the point's place behind the
+    /// history, order, logged direction, the log's value, and what full offsets add to it.
+    fn visit(&self, offsets: &[Vec2], mut each: impl FnMut(usize, usize, Vec2, Vec2, Vec2)) {
         let mut base = [Vec2::ZERO; 4];
         let mut change = [Vec2::ZERO; 4];
         let mut offset_before = [Vec2::ZERO; 4];
@@ -113,22 +156,11 @@ impl LoggedPath {
                 base[order] = (base[order - 1] - base_before[order - 1]) * (1.0 / DT_S);
                 change[order] = (change[order - 1] - offset_before[order - 1]) * (1.0 / DT_S);
                 if k >= self.history {
-                    each(order, self.directions[k], base[order], change[order]);
+                    each(k - self.history, order, self.directions[k], base[order], change[order]);
                 }
             }
             (base_before, offset_before) = (base, change);
         }
-    }
-}
-
-/// Largest θ >= 0 with |base + θ change| <= bound, for |base| <= bound.
-fn at_most(base: f64, change: f64, bound: f64) -> f64 {
-    if change > 0.0 {
-        ((bound - base) / change).max(0.0)
-    } else if change < 0.0 {
-        ((bound + base) / -change).max(0.0)
-    } else {
-        f64::INFINITY
     }
 }
 

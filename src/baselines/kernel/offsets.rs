@@ -26,8 +26,8 @@ pub struct OffsetSpace {
     before: Option<Sample>,
     path: LoggedPath,
     knots: usize,
-    steps_per_knot: usize,
-    interpolation: Interpolation,
+    /// What the knots before, at, after and behind a step's knot weigh, by the step's place between two knots.
+    weights: Vec<[f64; 4]>,
 }
 
 impl OffsetSpace {
@@ -57,7 +57,8 @@ impl OffsetSpace {
             LoggedPath::new(all().map(|s| s.position).collect(), history.len(), all().map(direction).collect(), bounds);
         let steps_per_knot = (knot_spacing_s / DT_S).round().max(1.0) as usize;
         let knots = logged.len().div_ceil(steps_per_knot).max(2);
-        Some(OffsetSpace { before: history.last().copied(), logged, path, knots, steps_per_knot, interpolation })
+        let weights = (0..steps_per_knot).map(|k| weights(interpolation, k as f64 / steps_per_knot as f64)).collect();
+        Some(OffsetSpace { before: history.last().copied(), logged, path, knots, weights })
     }
 
     pub fn logged(&self) -> &[Sample] {
@@ -81,15 +82,15 @@ impl OffsetSpace {
             k => Vec2::new(place[2 * k - 2], place[2 * k - 1]) * bound,
         };
         offsets.clear();
-        for step in 0..self.logged.len() {
-            let k = step / self.steps_per_knot;
-            let share = (step % self.steps_per_knot) as f64 / self.steps_per_knot as f64;
-            offsets.push(match self.interpolation {
-                Interpolation::Linear => knot(k).lerp(knot(k + 1), share),
-                Interpolation::Cubic => {
-                    catmull_rom([knot(k.saturating_sub(1)), knot(k), knot(k + 1), knot(k + 2)], share)
-                }
-            });
+        let mut around = [Vec2::ZERO, knot(0), knot(1), knot(2)];
+        for (k, steps) in self.logged.chunks(self.weights.len()).enumerate() {
+            if k > 0 {
+                around = [around[1], around[2], around[3], knot(k + 2)];
+            }
+            let [a, b, c, d] = around;
+            offsets.extend(
+                self.weights.iter().take(steps.len()).map(|[wa, wb, wc, wd]| a * *wa + b * *wb + c * *wc + d * *wd),
+            );
         }
         self.path.scale(offsets)
     }
@@ -125,7 +126,16 @@ impl OffsetSpace {
     }
 }
 
-fn catmull_rom([a, b, c, d]: [Vec2; 4], t: f64) -> Vec2 {
+/// Weights of four neighbouring knots at the share `t` of the way from the second to the third.
+fn weights(interpolation: Interpolation, t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
-    (b * 2.0 + (c - a) * t + (a * 2.0 - b * 5.0 + c * 4.0 - d) * t2 + (b * 3.0 - a - c * 3.0 + d) * t3) * 0.5
+    match interpolation {
+        Interpolation::Linear => [0.0, 1.0 - t, t, 0.0],
+        Interpolation::Cubic => [
+            0.5 * (2.0 * t2 - t - t3),
+            0.5 * (2.0 - 5.0 * t2 + 3.0 * t3),
+            0.5 * (t + 4.0 * t2 - 3.0 * t3),
+            0.5 * (t3 - t2),
+        ],
+    }
 }

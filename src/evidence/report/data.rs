@@ -13,7 +13,7 @@ pub fn of(story: &Story) -> Value {
         "root": story.root,
         "sealed": story.result.is_some(),
         "models": story.opened.models,
-        "scripted": story.opened.models.values().any(|model| model == "scripted"),
+        "scripted_roles": story.opened.scripted_roles(),
         "versions": story.opened.versions,
         "experiment": story.opened.experiment,
         "pool": story.opened.pool,

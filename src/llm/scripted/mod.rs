@@ -20,7 +20,7 @@ pub use errors::Rates;
 
 use serde_json::Value;
 
-use super::{Model, ModelError, Request};
+use super::{Completion, Model, ModelError, Request};
 use crate::kernel::{Seed, Stream};
 
 /// `kind` of a `ModelSpec` that is answered here.
@@ -31,7 +31,7 @@ pub const KIND: &str = "scripted";
 pub struct Scripted;
 
 impl Model for Scripted {
-    fn complete(&self, request: &Request) -> Result<Vec<u8>, ModelError> {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
         let rates = Rates::of(&request.model)?;
         let draws = Draws::of(request)?;
         let page = reader::Page::read(request)?;
@@ -43,7 +43,7 @@ impl Model for Scripted {
             }
             other => return Err(unanswerable(format!("the scripted model has no rules for the role `{other}`"))),
         };
-        Ok(errors::garbled(answer.to_string(), rates, &mut draws.stream("malformed")).into_bytes())
+        Ok(errors::garbled(answer.to_string(), rates, &mut draws.stream("malformed")).into_bytes().into())
     }
 }
 

@@ -44,7 +44,14 @@ fn model(seed: u64, rates: [f64; 4]) -> ModelSpec {
     let mut sampling: BTreeMap<String, f64> = names.into_iter().map(String::from).zip(rates).collect();
     sampling.insert("seed".into(), seed as f64);
     sampling.insert("oversight_rate".into(), 0.1);
-    ModelSpec { name: "scripted".into(), kind: super::KIND.into(), model: "rules-1".into(), sampling }
+    ModelSpec {
+        name: "scripted".into(),
+        kind: super::KIND.into(),
+        model: "rules-1".into(),
+        sampling,
+        response_format: None,
+        body: BTreeMap::new(),
+    }
 }
 
 fn target(slot: u32) -> Target {
@@ -62,7 +69,7 @@ fn asked(stage: &Stage, slot: u32, spec: &ModelSpec, role: Role, round: u32, sub
 }
 
 fn draft(stage: &Stage, slot: u32, spec: &ModelSpec) -> Vec<u8> {
-    Scripted.complete(&asked(stage, slot, spec, Role::Actor, 0, &Subject::None)).unwrap()
+    Scripted.complete(&asked(stage, slot, spec, Role::Actor, 0, &Subject::None)).unwrap().bytes
 }
 
 fn drafted(stage: &Stage, slot: u32, spec: &ModelSpec) -> ProgramPatch {
@@ -72,7 +79,8 @@ fn drafted(stage: &Stage, slot: u32, spec: &ModelSpec) -> ProgramPatch {
 
 fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
     let child = SolutionId::new(format!("{}/e3s0", stage.example.parent.lineage_id));
-    let admission = admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_| vec![]);
+    let admission =
+        admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_, _| vec![]);
     admission.gates.failed().flat_map(|verdict| verdict.problems.clone()).collect()
 }
 
@@ -81,7 +89,7 @@ struct Live;
 
 impl Ask for Live {
     fn ask(&self, request: &Request) -> Result<Reply, AskError> {
-        let bytes = Scripted.complete(request).unwrap();
+        let bytes = Scripted.complete(request).unwrap().bytes;
         Ok(Reply { request: request.key().unwrap(), response: Digest::of_bytes(&bytes), bytes })
     }
 }
@@ -149,11 +157,12 @@ fn without_declared_errors_no_reply_of_any_role_is_refused() {
             let patch = drafted(&stage, slot, &spec);
             let mut reviews = vec![];
             for role in Role::CRITICS {
-                let bytes = Scripted.complete(&asked(&stage, slot, &spec, role, 0, &Subject::Review(&patch))).unwrap();
+                let bytes =
+                    Scripted.complete(&asked(&stage, slot, &spec, role, 0, &Subject::Review(&patch))).unwrap().bytes;
                 reviews.push(reply::review(&bytes, role).unwrap());
             }
             let subject = Subject::Repair { patch: &patch, reviews: &reviews };
-            let bytes = Scripted.complete(&asked(&stage, slot, &spec, Role::Repair, 1, &subject)).unwrap();
+            let bytes = Scripted.complete(&asked(&stage, slot, &spec, Role::Repair, 1, &subject)).unwrap().bytes;
             reply::patch(&bytes, Role::Repair).unwrap();
             replies += 6;
         }
@@ -191,7 +200,7 @@ fn errors_come_at_the_declared_rates() {
 fn reviews_of(stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
     let spec = model(2, [0.0; 4]);
     let one = |role| {
-        let bytes = Scripted.complete(&asked(stage, slot, &spec, role, 0, &Subject::Review(patch))).unwrap();
+        let bytes = Scripted.complete(&asked(stage, slot, &spec, role, 0, &Subject::Review(patch))).unwrap().bytes;
         reply::review(&bytes, role).unwrap()
     };
     Role::CRITICS.into_iter().map(one).collect()
@@ -199,7 +208,7 @@ fn reviews_of(stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
 
 fn repaired(stage: &Stage, patch: &ProgramPatch, reviews: &[Review], slot: u32) -> ProgramPatch {
     let subject = Subject::Repair { patch, reviews };
-    let bytes = Scripted.complete(&asked(stage, slot, &model(2, [0.0; 4]), Role::Repair, 1, &subject)).unwrap();
+    let bytes = Scripted.complete(&asked(stage, slot, &model(2, [0.0; 4]), Role::Repair, 1, &subject)).unwrap().bytes;
     reply::patch(&bytes, Role::Repair).unwrap()
 }
 
@@ -248,7 +257,7 @@ fn a_repair_that_was_shown_a_garbled_reply_gives_back_the_actors_patch() {
         let text = draft(stage, slot, &spec);
         for broken in [&text[..text.len() / 2], &[b"```json\n", &text[..], b"\n```"].concat()[..]] {
             let subject = Subject::Unreadable { reply: broken, refusal: "not JSON" };
-            let bytes = Scripted.complete(&asked(stage, slot, &spec, Role::Repair, 1, &subject)).unwrap();
+            let bytes = Scripted.complete(&asked(stage, slot, &spec, Role::Repair, 1, &subject)).unwrap().bytes;
             assert_eq!(reply::patch(&bytes, Role::Repair).unwrap().operations, whole.operations);
         }
     }
@@ -330,7 +339,7 @@ fn a_prompt_without_its_blocks_is_refused_and_never_a_panic() {
     let read = text.find("## Front").unwrap();
     for cut in (0..read - 8).step_by(197).filter(|cut| text.is_char_boundary(*cut)) {
         let mut damaged = whole.clone();
-        damaged.messages[1].text = text[..cut].to_string();
+        damaged.messages[1].text = text[..cut].into();
         assert!(Scripted.complete(&damaged).is_err());
     }
     let mut other = whole.clone();

@@ -26,6 +26,8 @@ pub struct Log {
     /// Time of each sample, seconds, increasing.
     pub times_s: Vec<f64>,
     pub current: usize,
+    /// Where the local frame has its origin; the ego's place at the current step where nothing is said.
+    pub frame: Option<Vec2>,
     pub tracks: Vec<LogTrack>,
     /// Index of the ego in `tracks`.
     pub ego: usize,
@@ -85,8 +87,8 @@ pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
     let current_step = if on_grid { log.current } else { (now_s / DT_S).round() as usize };
     let clock = Clock { times, on_grid, steps };
     let ego = log.tracks.get(log.ego).ok_or("its ego is not among its tracks")?;
-    let origin = ego.samples.get(log.current).copied().flatten();
-    let origin = origin.ok_or("the ego is not observed at the current step")?.position;
+    let here = ego.samples.get(log.current).copied().flatten().map(|sample| sample.position);
+    let origin = log.frame.or(here).ok_or("the ego is not observed at the current step")?;
     let mut tracks: Vec<Track> = log.tracks.iter().map(|track| clock.track(track, origin)).collect();
     let ego = ego_of(tracks.remove(log.ego), current_step)?;
     tracks.retain(|track| {

@@ -11,6 +11,7 @@ pub mod pickle;
 pub mod resample;
 pub mod safebench;
 pub mod scenarionet;
+pub mod scenarionet_json;
 pub mod summary;
 pub mod tfrecord;
 pub mod topology;

@@ -26,9 +26,13 @@ const MPH_IN_MPS: f64 = 0.44704;
 /// No pickle of plain data, or one that lacks what a scene needs, or holds numbers that are none.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let pickle = pickle::read(file_name, bytes)?;
-    let root = pickle.root();
+    Ok(finished(file_name, log_of(file_name, &pickle.root(), "scenarionet")?))
+}
+
+/// What a scene description says, whatever it was written in.
+pub(super) fn log_of(file_name: &str, root: &Node<'_>, format: &str) -> Result<Log, ImportError> {
     let metadata = root.needed("metadata")?;
-    let times_s = times(&root, &metadata)?;
+    let times_s = times(root, &metadata)?;
     let steps = times_s.len();
     let id = [root.get("id"), metadata.get("scenario_id"), metadata.get("id")].into_iter().flatten();
     let id = id.filter_map(|node| node.id()).map(|id| id.to_string()).find(|id| !id.is_empty());
@@ -40,7 +44,7 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let current = metadata.get("current_time_index").and_then(|node| node.index());
     let mut log = Log {
         id: id.clone(),
-        origin: Origin { format: "scenarionet".into(), name: file_name.into() },
+        origin: Origin { format: format.into(), name: file_name.into() },
         current: current.unwrap_or(CURRENT_UNSAID.min(steps - 1)),
         times_s,
         ego: ego.ok_or_else(|| sdc.refuse("the id of a track"))?,
@@ -52,7 +56,7 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     if let Some(lights) = root.get("dynamic_map_states") {
         log.lights = lights_of(&lights, steps)?;
     }
-    Ok(finished(file_name, log))
+    Ok(log)
 }
 
 /// A log as a scene, or as something left out.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::error::ImportError;
 use super::tfrecord::Records;
-use super::{commonroad, gpudrive, opendrive, safebench, scenarionet, waymo};
+use super::{commonroad, gpudrive, opendrive, safebench, scenarionet, scenarionet_json, waymo};
 use crate::kernel::Digest;
 use crate::scene::{LeftOut, Scene};
 
@@ -134,6 +134,11 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     }
     if bytes.first() == Some(&0x80) {
         return scenarionet::import(file, bytes);
+    }
+    // GPUDrive's road users have lengths too, but stand in a list called "objects".
+    let described = holds(b"\"version\"") && holds(b"\"length\"") && !holds(b"\"objects\"");
+    if first == Some(&b'{') && described {
+        return scenarionet_json::import(file, bytes);
     }
     if first == Some(&b'{') {
         if safebench::looks_like_scenarios(head) {

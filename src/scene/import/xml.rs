@@ -11,6 +11,8 @@ const DEPTH_MAX: usize = 64;
 const ELEMENTS_MAX: usize = 4_000_000;
 const ATTRIBUTES_MAX: usize = 64;
 const TEXT_MAX: usize = 4096;
+/// Processing instructions that are kept.
+const INSTRUCTIONS_MAX: usize = 16;
 
 const NONE: u32 = u32::MAX;
 
@@ -31,6 +33,8 @@ pub struct Document<'a> {
     file: &'a str,
     source: &'a str,
     nodes: Vec<Node>,
+    /// Target and text.
+    instructions: Vec<(String, String)>,
 }
 
 /// An element of a document.
@@ -51,7 +55,7 @@ impl<'a> Document<'a> {
             Ok(source) => source.strip_prefix('\u{feff}').unwrap_or(source),
             Err(error) => return refuse(format!("byte {}", error.valid_up_to()), "UTF-8 text", "save it as UTF-8"),
         };
-        let mut document = Document { file, source, nodes: Vec::new() };
+        let mut document = Document { file, source, nodes: Vec::new(), instructions: Vec::new() };
         document.read()?;
         Ok(document)
     }
@@ -91,6 +95,10 @@ impl<'a> Document<'a> {
                 }
                 Event::DocType(_) => {
                     return Err(self.at(at, "no document type declaration", "remove <!DOCTYPE ...> from the file"));
+                }
+                Event::PI(instruction) if self.instructions.len() < INSTRUCTIONS_MAX => {
+                    let (target, text) = (instruction.target().to_string(), instruction.content().trim().to_string());
+                    self.instructions.push((target, text));
                 }
                 Event::Decl(_) | Event::PI(_) | Event::Comment(_) => {}
                 Event::Eof => break,
@@ -167,6 +175,11 @@ impl<'a> Document<'a> {
 
     fn line(&self, at: usize) -> usize {
         1 + self.source.as_bytes().iter().take(at).filter(|&&b| b == b'\n').count()
+    }
+
+    /// The text of the first processing instruction of a target.
+    pub fn instruction(&self, target: &str) -> Option<&str> {
+        self.instructions.iter().find(|(name, _)| name == target).map(|(_, text)| text.as_str())
     }
 
     pub fn root(&self) -> Element<'_> {

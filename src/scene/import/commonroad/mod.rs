@@ -9,7 +9,8 @@ use super::error::{ImportError, shown};
 use super::summary::Imported;
 use super::xml::{Document, Element};
 use crate::kernel::{Vec2, num};
-use crate::scene::{DT_S, LeftOut, Origin, Scene};
+use crate::scene::remainder::Remainder;
+use crate::scene::{DT_S, Ego, LeftOut, Origin, Scene};
 
 /// Steps of the longest scene made of a planning problem: 20 s.
 pub const STEPS_MAX: usize = 200;
@@ -38,6 +39,18 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let network = road::read(&file)?;
     let mut left_out = Vec::new();
     let obstacles = obstacles::read(&file, &mut left_out)?;
+    if let Some(text) = document.instruction("evodrive") {
+        match exported(&file, text, &network, &obstacles) {
+            Some(scene) => return Ok(Imported { scenes: vec![scene], left_out }),
+            None => left_out.push(LeftOut {
+                file: file_name.into(),
+                what: "<?evodrive?>".into(),
+                reason: "the file was edited after its export, or exported by another version; what its CommonRoad \
+                         elements say was read, without the ego's log and route"
+                    .into(),
+            }),
+        }
+    }
     let problems: Vec<Element<'_>> = file.root.named("planningProblem").collect();
     if problems.is_empty() {
         let reason = "it holds no planning problem, so nothing says where the ego starts".to_string();
@@ -64,6 +77,32 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
         }
     }
     Ok(Imported { scenes, left_out })
+}
+
+/// What the CommonRoad elements of an export of this project say, without what stands in its instruction.
+pub(in crate::scene) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, ImportError> {
+    let document = Document::parse(file_name, bytes)?;
+    let file = opened(file_name, document.root())?;
+    let network = road::read(&file)?;
+    let obstacles = obstacles::read(&file, &mut Vec::new())?;
+    unplanned(&file, &network, &obstacles)
+}
+
+/// The very scene that was exported; `None` where the file does not say what it said then.
+fn exported(file: &File<'_>, text: &str, network: &road::Network, obstacles: &obstacles::Obstacles) -> Option<Scene> {
+    let remainder = Remainder::from_text(text)?;
+    let read = unplanned(file, network, obstacles).ok()?;
+    remainder.laid_over(&read, &origin(file))
+}
+
+/// The scene in the file's own coordinates and time, for its first planning problem; without a route.
+fn unplanned(file: &File<'_>, network: &road::Network, obstacles: &obstacles::Obstacles) -> Result<Scene, ImportError> {
+    let element = file.root.needed_child("planningProblem")?;
+    let problem = problem::read(file, &element, network)?;
+    let id = file.root.needed_attribute("benchmarkID")?.to_string();
+    let last_s = obstacles.last_s().max(problem.goal_step.map_or(0.0, |step| step * file.dt_s));
+    let ego = problem::unplanned_ego(&problem);
+    Ok(assembled(file, id, (0.0, Vec2::ZERO), last_s, ego, network, obstacles))
 }
 
 fn opened<'d>(name: &'d str, root: Element<'d>) -> Result<File<'d>, ImportError> {
@@ -94,34 +133,47 @@ fn scene(
     network: &road::Network,
     obstacles: &obstacles::Obstacles,
 ) -> Result<Scene, String> {
-    let mut scene = Scene {
-        id,
-        origin: Origin {
-            format: if file.is_2020a { "commonroad-2020a" } else { "commonroad-2018b" }.into(),
-            name: file.name.into(),
-        },
-        steps: 0,
-        current_step: 0,
-        road: network.shifted(problem.position),
-        tracks: vec![],
-        ego: problem::ego(problem, network)?,
-        objects_of_interest: vec![],
-        lights: vec![],
-        stop_signs: vec![],
-        crosswalks: network.crosswalks.iter().map(|line| shifted(line, problem.position)).collect(),
-        staging: None,
-    };
+    let ego = problem::ego(problem, network)?;
     let start_s = problem.start_step * file.dt_s;
     let last_seen_s = obstacles.last_s() - start_s;
     let goal_s = problem.goal_step.map_or(0.0, |step| step * file.dt_s - start_s);
-    let needed_s = last_seen_s.max(goal_s).max(problem::driving_time_s(&scene.ego));
-    scene.steps = ((needed_s / DT_S + 1e-6).floor().max(0.0) as usize + 1).clamp(2, STEPS_MAX);
-    scene.tracks = obstacles.tracks(start_s, problem.position, scene.steps);
-    scene.road.edges = obstacles.edges.iter().map(|line| shifted(line, problem.position)).collect();
-    scene.lights = network.lights_over(scene.steps, start_s, file.dt_s, problem.position);
-    scene.stop_signs = network.stop_signs_from(problem.position);
-    scene.ego.track.samples.resize(scene.steps, None);
-    Ok(scene)
+    let needed_s = last_seen_s.max(goal_s).max(problem::driving_time_s(&ego));
+    Ok(assembled(file, id, (start_s, problem.position), needed_s, ego, network, obstacles))
+}
+
+/// The scene that begins at a time and has its origin at a place of the file.
+fn assembled(
+    file: &File<'_>,
+    id: String,
+    (start_s, here): (f64, Vec2),
+    needed_s: f64,
+    ego: Ego,
+    network: &road::Network,
+    obstacles: &obstacles::Obstacles,
+) -> Scene {
+    let steps = ((needed_s / DT_S + 1e-6).floor().max(0.0) as usize + 1).clamp(2, STEPS_MAX);
+    let mut scene = Scene {
+        id,
+        origin: origin(file),
+        steps,
+        current_step: 0,
+        road: network.shifted(here),
+        tracks: obstacles.tracks(start_s, here, steps),
+        ego,
+        objects_of_interest: vec![],
+        lights: network.lights_over(steps, start_s, file.dt_s, here),
+        stop_signs: network.stop_signs_from(here),
+        crosswalks: network.crosswalks.iter().map(|line| shifted(line, here)).collect(),
+        staging: None,
+    };
+    scene.road.edges = obstacles.edges.iter().map(|line| shifted(line, here)).collect();
+    scene.ego.track.samples.resize(steps, None);
+    scene
+}
+
+fn origin(file: &File<'_>) -> Origin {
+    let format = if file.is_2020a { "commonroad-2020a" } else { "commonroad-2018b" };
+    Origin { format: format.into(), name: file.name.into() }
 }
 
 fn shifted(line: &[Vec2], origin: Vec2) -> Vec<Vec2> {

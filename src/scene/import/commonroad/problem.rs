@@ -118,6 +118,28 @@ pub(super) fn ego(problem: &Problem, network: &Network) -> Result<Ego, String> {
     })
 }
 
+/// The ego with its one sample and a straight way ahead: what the problem itself says, without a search through the
+/// lanes.
+pub(super) fn unplanned_ego(problem: &Problem) -> Ego {
+    let ahead = Vec2::from_heading(problem.heading_rad);
+    Ego {
+        track: Track {
+            id: "ego".into(),
+            kind: AgentKind::Vehicle,
+            length_m: EGO_LENGTH_M,
+            width_m: EGO_WIDTH_M,
+            samples: vec![Some(Sample {
+                position: problem.position,
+                heading_rad: problem.heading_rad,
+                velocity: ahead * problem.speed_mps,
+            })],
+        },
+        start_step: 0,
+        route: vec![problem.position, problem.position + ahead * ROUTE_MIN_M],
+        target_speed_mps: None,
+    }
+}
+
 /// Way driven in a time with constant acceleration up to a speed, metres.
 fn distance_m(from_mps: f64, to_mps: f64, seconds: f64) -> f64 {
     let ramp_s = ((to_mps - from_mps).max(0.0) / ACCELERATION_MPS2).min(seconds);

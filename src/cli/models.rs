@@ -1,0 +1,153 @@
+//! The models of an experiment: as its file names them, and as they are asked.
+
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::exit::Failure;
+use super::experiment::Experiment;
+use super::folder::RunFolder;
+use crate::llm::{ClientOptions, Model, ModelSpec, ResponseFormat, client, scripted::Scripted};
+use crate::objects::Role;
+
+/// `[models.<name>]`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelOptions {
+    /// `scripted`, `openai_compatible` or `anthropic`. The last two are asked by a build with the feature `live` only, and
+    /// replayed by every build.
+    pub kind: String,
+    /// The provider's identifier.
+    pub model: String,
+    /// Sampling parameters, sent under these names; `seed` is the root of one seed a draw slot. For `scripted`, its error rates.
+    pub sampling: BTreeMap<String, f64>,
+    /// Live models: how they are held to the reply's schema.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response_format: Option<ResponseFormat>,
+    /// Live models: further fields of the request's body, sent as they are.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub body: BTreeMap<String, serde_json::Value>,
+    /// Live models: address, waiting, prices. No part of a request's key or of the experiment's digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub client: Option<ClientOptions>,
+}
+
+impl ModelOptions {
+    /// What counts into the keys of requests.
+    pub fn spec(&self, name: &str) -> ModelSpec {
+        ModelSpec {
+            name: name.to_string(),
+            kind: self.kind.clone(),
+            model: self.model.clone(),
+            sampling: self.sampling.clone(),
+            response_format: self.response_format,
+            body: self.body.clone(),
+        }
+    }
+}
+
+/// What serde cannot see of the models and their cap.
+pub fn check(experiment: &Experiment) -> Result<(), String> {
+    for (name, options) in &experiment.models {
+        client::check(&options.spec(name), options.client.as_ref())?;
+    }
+    let live = experiment.models.values().any(|options| client::is_live(&options.kind));
+    match &experiment.spend {
+        Some(cap) => cap.check(),
+        None if live => Err("a live model needs a table [spend] with usd_max and tokens_max".into()),
+        None => Ok(()),
+    }
+}
+
+/// The model of each role.
+pub fn by_role(experiment: &Experiment) -> BTreeMap<Role, ModelSpec> {
+    let spec = |name: &String| Some(experiment.models.get(name)?.spec(name));
+    experiment.roles.iter().filter_map(|(role, name)| Some((*role, spec(name)?))).collect()
+}
+
+/// Which models answered which roles, in one line.
+pub fn provenance(experiment: &Experiment) -> String {
+    let mut roles_of: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for (role, spec) in by_role(experiment) {
+        roles_of.entry(spec.label()).or_default().push(role.name());
+    }
+    if let [label] = roles_of.keys().collect::<Vec<_>>().as_slice() {
+        return label.to_string();
+    }
+    let parts = roles_of.iter().map(|(label, roles)| format!("{label} as {}", roles.join(", ")));
+    parts.collect::<Vec<_>>().join("; ")
+}
+
+/// The models that roles name, ready to be asked.
+pub fn askable(experiment: &Experiment, folder: &RunFolder) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
+    let used: BTreeSet<&String> = experiment.roles.values().collect();
+    let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
+    let mut live = Vec::new();
+    for (name, options) in experiment.models.iter().filter(|(name, _)| used.contains(name)) {
+        match &options.client {
+            Some(client) if client::is_live(&options.kind) => live.push((name.as_str(), options.kind.as_str(), client)),
+            _ => drop(models.insert(name.clone(), Box::new(Scripted))),
+        }
+    }
+    if !live.is_empty() {
+        models.extend(connected(&live, experiment, folder)?);
+    }
+    Ok(models)
+}
+
+/// Refuses in time what this build cannot ask.
+pub fn check_build(experiment: &Experiment) -> Result<(), Failure> {
+    let used = |name: &String| experiment.roles.values().any(|named| named == name);
+    let live = experiment.models.iter().find(|(name, options)| client::is_live(&options.kind) && used(name));
+    match live {
+        Some((name, options)) if !cfg!(feature = "live") => Err(Failure::bad_input(format!(
+            "models.{name}.kind is \"{}\", but this build holds no network code, so it can replay that model's answers and not ask for new ones; \
+             to ask, build with `cargo build --release --features live` and repeat the command",
+            options.kind
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// A live model: its name, its kind, how it is reached.
+type Live<'a> = (&'a str, &'a str, &'a ClientOptions);
+
+#[cfg(not(feature = "live"))]
+fn connected(
+    _: &[Live<'_>],
+    experiment: &Experiment,
+    _: &RunFolder,
+) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
+    check_build(experiment).map(|()| BTreeMap::new())
+}
+
+#[cfg(feature = "live")]
+fn connected(
+    live: &[Live<'_>],
+    experiment: &Experiment,
+    folder: &RunFolder,
+) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
+    use crate::llm::live::{Ledger, Live, Pause};
+    use std::sync::Arc;
+    let cap = experiment.spend.ok_or_else(|| Failure::bad_input("a live model needs a table [spend]"))?;
+    let prices = live.iter().map(|(name, _, client)| (*name, *client));
+    let ledger = Arc::new(Ledger::open(folder.spend(), cap, prices).map_err(Failure::bad_input)?);
+    let pause: Pause = Arc::new(std::thread::sleep);
+    let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
+    for (name, kind, client) in live {
+        let key = client.api_key_env.as_deref().map(|variable| key_in(name, variable)).transpose()?;
+        let model = Live::new(name, kind, client, key, ledger.clone(), pause.clone()).map_err(Failure::bad_input)?;
+        models.insert(name.to_string(), Box::new(model));
+    }
+    Ok(models)
+}
+
+/// The key in an environment variable. The variable's name is not repeated: somebody may have put the key in its place.
+#[cfg(feature = "live")]
+#[allow(clippy::disallowed_methods)]
+fn key_in(model: &str, variable: &str) -> Result<crate::llm::live::Secret, Failure> {
+    let bad = |problem: &str| {
+        Failure::bad_input(format!("the environment variable that models.{model}.client.api_key_env names {problem}"))
+    };
+    let text = std::env::var(variable).map_err(|_| bad("is not set; set it to the api key"))?;
+    crate::llm::live::Secret::new(&text).map_err(|problem| bad(&problem))
+}

@@ -1,0 +1,190 @@
+//! Rollouts of one attempt, simulated again and compared with what the run recorded: to be drawn and exported.
+
+use clap::Args;
+use std::path::PathBuf;
+
+use super::exit::Failure;
+use super::experiment::Experiment;
+use super::folder::RunFolder;
+use super::{inputs, playables, show};
+use crate::epoch::{Study, Traced, record_digest, trace};
+use crate::evidence::Story;
+use crate::kernel::par::Pool as Threads;
+use crate::llm::{Cassette, Replay};
+use crate::objects::{Attempt, SolutionId};
+use crate::scene::draw::{Actor, Drawing, Role};
+use crate::scene::export::{Inserted, Staging};
+use crate::scene::{DT_S, Scene};
+use crate::sim::{Action, ActorRef, ActorTrace};
+
+/// Whose rollouts are meant, where scenes are wanted as a program played them.
+#[derive(Debug, Args)]
+pub struct OfAttempt {
+    /// Take the scenes as this attempt's program played them, e.g. cat-idm/e2s5.
+    #[arg(long)]
+    pub attempt: Option<String>,
+    /// Run folder of the attempt; without it the latest one below runs/.
+    #[arg(long, requires = "attempt")]
+    pub run: Option<PathBuf>,
+}
+
+/// One scene of a run and what became of it.
+#[derive(Debug)]
+pub struct Played {
+    pub solution: SolutionId,
+    pub scene: Scene,
+    pub traced: Traced,
+}
+
+/// The rollouts of an attempt in the scenes named, or in all scenes that it was labelled on.
+///
+/// # Errors
+/// No such attempt, program or scene; a scene of the held-out suite while the run is unfinished; a rollout that comes
+/// out differently from its record.
+pub fn of_attempt(run: Option<&PathBuf>, attempt: &str, scenes: &[String]) -> Result<Vec<Played>, Failure> {
+    let folder = RunFolder::find(run.map(PathBuf::as_path))?;
+    let story = folder.story()?;
+    let attempt = show::find(&story, attempt)?;
+    let threads = Threads::new(0).map_err(Failure::internal)?;
+    let experiment = Experiment::read(&folder.experiment())?;
+    let nobody = Replay::new(Cassette::new("playing asks nothing"), "");
+    let study = inputs::study(&experiment, inputs::read_pool(&folder.pool())?, &nobody, &threads)?;
+    let places = places(&study, &story, attempt, scenes)?;
+    threads.map(&places, |_, &place| play(&study, attempt, place)).into_iter().collect()
+}
+
+/// Places of the scenes in the study.
+fn places(study: &Study<'_>, story: &Story, attempt: &Attempt, scenes: &[String]) -> Result<Vec<usize>, Failure> {
+    let labelled: Vec<String> = attempt.exit.score().iter().flat_map(|s| &s.scenes).map(|s| s.scene.clone()).collect();
+    let wanted = if scenes.is_empty() { &labelled } else { scenes };
+    if wanted.is_empty() {
+        return Err(Failure::bad_input(format!(
+            "attempt {} was {}, so it has no rollouts; name scenes with --scene",
+            attempt.id,
+            attempt.exit.name()
+        )));
+    }
+    let closed = story.result.is_none();
+    let find = |id: &String| {
+        let place = study.scenes.iter().position(|entry| entry.scene.id == *id).ok_or_else(|| {
+            let reason = format!("no scene `{id}` in this run; attempt {} was labelled on", attempt.id);
+            Failure::bad_input(format!("{reason} {}", labelled.join(", ")))
+        })?;
+        if closed && !study.evolution.contains(&place) {
+            let reason = "is held out, and the run is not finished; carry it to its end with `evodrive resume`";
+            return Err(Failure::bad_input(format!("scene `{id}` {reason}")));
+        }
+        Ok(place)
+    };
+    wanted.iter().map(find).collect()
+}
+
+fn play(study: &Study<'_>, attempt: &Attempt, place: usize) -> Result<Played, Failure> {
+    let Some(candidate) = attempt.exit.candidate() else {
+        let reason = format!("attempt {} was {}: it left no program to play", attempt.id, attempt.exit.name());
+        return Err(Failure::bad_input(reason));
+    };
+    let lineage = study.lineages.iter().find(|spec| spec.id == attempt.lineage);
+    let spec = lineage.ok_or_else(|| {
+        Failure::corruption(format!("the run's experiment has no lineage {}; run `evodrive fsck`", attempt.lineage))
+    })?;
+    let scene = &study.scenes[place].scene;
+    let traced = trace(study, spec, &candidate.program, place)
+        .map_err(|reason| Failure::bad_input(format!("attempt {} in scene {}: {reason}", attempt.id, scene.id)))?;
+    let recorded = attempt.exit.score().and_then(|score| score.scenes.iter().find(|s| s.scene == scene.id));
+    let simulated = record_digest(&traced.record).map_err(Failure::internal)?;
+    if let Some(recorded) = recorded.filter(|recorded| recorded.record != simulated) {
+        return Err(Failure::divergence(format!(
+            "attempt {} in scene {}: the rollout comes out as {simulated}, recorded is {}; `evodrive verify` names \
+             the first difference",
+            attempt.id, scene.id, recorded.record
+        )));
+    }
+    Ok(Played { solution: candidate.program.solution_id.clone(), scene: Scene::clone(scene), traced })
+}
+
+impl Played {
+    /// What the program intended and how it ended, in one line.
+    pub fn caption(&self) -> String {
+        let decision = &self.traced.decision;
+        let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
+        format!("{}{applied}", playables::ending(&self.traced.record.outcome))
+    }
+
+    /// The scene up to the end of the rollout; adversaries with their logged selves beside them, the ego on top.
+    pub fn drawing(&self) -> Drawing {
+        let motion = &self.traced.motion;
+        let mut drawing = Drawing::of_scene(&self.scene);
+        let mut changed = playables::changed(&self.scene, motion);
+        let same = |a: &Actor, b: &Actor| a.label == b.label && (a.role == Role::Ego) == (b.role == Role::Ego);
+        let mut ghosts: Vec<Actor> = Vec::new();
+        let mut kept: Vec<Actor> = Vec::new();
+        for logged in std::mem::take(&mut drawing.actors) {
+            match changed.iter().position(|now| same(now, &logged)) {
+                None => kept.push(logged),
+                Some(at) => {
+                    let now = changed.remove(at);
+                    if now.role == Role::Adversary {
+                        let label = format!("{} as logged", logged.label);
+                        ghosts.push(Actor { label, role: Role::Ghost, ..logged });
+                    }
+                    kept.push(now);
+                }
+            }
+        }
+        kept.extend(changed);
+        kept.sort_by_key(|actor| actor.role == Role::Ego);
+        drawing.actors = ghosts;
+        drawing.actors.extend(kept);
+        drawing.contact = playables::contact(&self.scene, motion, &self.traced.record.outcome);
+        drawing.steps = (motion.from_step + motion.ego.len()).min(self.scene.steps);
+        drawing.actors.iter_mut().for_each(|actor| actor.samples.truncate(drawing.steps));
+        drawing.lights.iter_mut().for_each(|light| light.states.truncate(drawing.steps));
+        drawing
+    }
+
+    /// The rollout as a change of its scene: the ego, the adversaries, and whoever else did not move as logged.
+    pub fn staging(&self) -> Staging {
+        let motion = &self.traced.motion;
+        let share = self.last_step_share();
+        let whole = motion.ego.len() - usize::from(share.is_some());
+        let mut staging = Staging {
+            id: format!("{} {}", self.scene.id, self.solution),
+            from_step: motion.from_step,
+            ego: Some(motion.ego.clone()),
+            tracks: Default::default(),
+            inserted: vec![],
+            last_step_share: share,
+        };
+        let mut kinds = self.traced.intervention.actions.iter().filter_map(|action| match action {
+            Action::Triggered(script) => Some(script.kind),
+            Action::Insert { kind, .. } => Some(*kind),
+            Action::Follow { .. } | Action::FollowThenReact { .. } => None,
+        });
+        for actor in &motion.actors {
+            let ActorTrace { length_m, width_m, ref samples, .. } = *actor;
+            match actor.actor {
+                ActorRef::Track(track) => {
+                    let logged = |k: usize| self.scene.tracks[track].at(motion.from_step + k).copied();
+                    if (0..whole).any(|k| samples[k] != logged(k)) {
+                        staging.tracks.insert(track, samples.clone());
+                    }
+                }
+                ActorRef::Inserted(_) => {
+                    let Some(kind) = kinds.next() else { unreachable!("every inserted actor has its action") };
+                    staging.inserted.push(Inserted { kind, length_m, width_m, samples: samples.clone() });
+                }
+            }
+        }
+        staging
+    }
+
+    /// Where a contact ended the rollout within a step: the share of that step that was driven.
+    fn last_step_share(&self) -> Option<f64> {
+        let contact = self.traced.record.outcome.contact?;
+        let steps_before = self.traced.motion.ego.len().checked_sub(2)?;
+        let share = contact.time_s / DT_S - steps_before as f64;
+        // A contact at the very start of a step leaves whole steps.
+        (share > 0.0 && share < 1.0 - 1e-9).then_some(share)
+    }
+}

@@ -1,0 +1,194 @@
+//! `scenes export`: scenes, as logged or as an attempt played them, for other programs.
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde_json::json;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::rollout::{self, OfAttempt};
+use super::scenes;
+use crate::kernel::par::Pool as Threads;
+use crate::scene::Scene;
+use crate::scene::export::{ExportError, Exported, Note, Staging, commonroad, openscenario, scenarionet_json};
+use crate::store;
+
+/// Scenes that are held in memory as files before they are written.
+const AT_ONCE: usize = 16;
+/// Characters of a scene's id that go into a file's name.
+const NAME_MAX: usize = 100;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Pools, scenario files or folders; none with --attempt, whose run has its own scenes.
+    #[arg(required_unless_present = "attempt", conflicts_with = "attempt")]
+    pub paths: Vec<PathBuf>,
+    /// Only the scene with this id; may be given again. Without it all scenes, or all that the attempt was labelled on.
+    #[arg(long)]
+    pub scene: Vec<String>,
+    #[command(flatten)]
+    pub of: OfAttempt,
+    /// What to write.
+    #[arg(long)]
+    pub format: Format,
+    /// Folder for the files, named by their scenes.
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// ScenarioNet's scene description as JSON; importing it gives the same scene.
+    Scenarionet,
+    /// CommonRoad XML 2020a; importing it gives the same scene.
+    Commonroad,
+    /// OpenSCENARIO 1.2 (.xosc) with OpenDRIVE (.xodr), for esmini and CARLA.
+    Openscenario,
+}
+
+/// A scene to export, and what a rollout made of it.
+struct Job {
+    scene: Scene,
+    staging: Option<Staging>,
+    /// Of its files, without ending.
+    name: String,
+}
+
+/// Files by name, in the order in which they are written, and what they cannot hold.
+type Files = (Vec<(String, Vec<u8>)>, Vec<Note>);
+
+/// What was written of one scene.
+#[derive(Serialize)]
+struct Row {
+    scene: String,
+    files: Vec<String>,
+    notes: Vec<Note>,
+}
+
+/// A scene that the format cannot hold is left out and named; none at all is an error. A file is written whole or not
+/// at all.
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let jobs = jobs(options)?;
+    let threads = Threads::new(0).map_err(Failure::internal)?;
+    let mut rows: Vec<Row> = Vec::new();
+    let mut left_out: Vec<(String, ExportError)> = Vec::new();
+    for some in jobs.chunks(AT_ONCE) {
+        let exported = threads.map(some, |_, job| export(job, options.format));
+        for (job, exported) in some.iter().zip(exported) {
+            let scene = job.staging.as_ref().map_or(&job.scene.id, |staging| &staging.id).clone();
+            match exported {
+                Err(error) => left_out.push((scene, error)),
+                Ok((files, notes)) => {
+                    for (name, bytes) in &files {
+                        store::write_atomic(&options.out.join(name), bytes)?;
+                    }
+                    rows.push(Row { scene, files: files.into_iter().map(|(name, _)| name).collect(), notes });
+                }
+            }
+        }
+    }
+    if rows.is_empty() {
+        let reasons: Vec<String> = left_out.iter().map(|(_, error)| format!("  {error}")).collect();
+        return Err(Failure::bad_input(format!("no scene could be exported:\n{}", reasons.join("\n"))));
+    }
+    Ok(answer(&options.out, &rows, &left_out))
+}
+
+fn jobs(options: &Options) -> Result<Vec<Job>, Failure> {
+    let chosen: Vec<(Scene, Option<Staging>)> = match &options.of.attempt {
+        Some(attempt) => {
+            let played = rollout::of_attempt(options.of.run.as_ref(), attempt, &options.scene)?;
+            played.into_iter().map(|played| (played.scene.clone(), Some(played.staging()))).collect()
+        }
+        None => of_pool(options)?.into_iter().map(|scene| (scene, None)).collect(),
+    };
+    let mut taken = BTreeSet::new();
+    let job = |(scene, staging): (Scene, Option<Staging>)| {
+        let name = file_name(staging.as_ref().map_or(&scene.id, |staging| &staging.id), &mut taken);
+        Job { scene, staging, name }
+    };
+    Ok(chosen.into_iter().map(job).collect())
+}
+
+fn of_pool(options: &Options) -> Result<Vec<Scene>, Failure> {
+    let pool = scenes::read(&options.paths)?;
+    if options.scene.is_empty() {
+        return Ok(pool.scenes);
+    }
+    let place = options.paths.first().map_or(Path::new(""), PathBuf::as_path);
+    let ids: BTreeSet<&String> = options.scene.iter().collect();
+    ids.into_iter().map(|id| scenes::named(&pool, place, id).cloned()).collect()
+}
+
+/// A name that every file system takes and no other scene has: systems that fold case must not merge two.
+fn file_name(id: &str, taken: &mut BTreeSet<String>) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
+    let base: String = id.chars().map(plain).take(NAME_MAX).collect();
+    let base = base.trim_matches('.');
+    let base = if base.is_empty() { "scene" } else { base };
+    let mut name = base.to_string();
+    let mut number = 1;
+    while !taken.insert(name.to_ascii_lowercase()) {
+        number += 1;
+        name = format!("{base}_{number}");
+    }
+    name
+}
+
+fn export(job: &Job, format: Format) -> Result<Files, ExportError> {
+    let (scene, staging) = (&job.scene, job.staging.as_ref());
+    let one =
+        |ending: &str, exported: Exported| (vec![(format!("{}.{ending}", job.name), exported.bytes)], exported.notes);
+    match format {
+        Format::Scenarionet => Ok(one("json", scenarionet_json(scene, staging)?)),
+        Format::Commonroad => Ok(one("xml", commonroad(scene, staging)?)),
+        Format::Openscenario => {
+            let road_file = format!("{}.xodr", job.name);
+            let files = openscenario(scene, staging, &road_file)?;
+            // The road first: a scenario never lies beside a road that is not there yet.
+            Ok((vec![(road_file, files.xodr), (format!("{}.xosc", job.name), files.xosc)], files.notes))
+        }
+    }
+}
+
+fn answer(out: &Path, rows: &[Row], left_out: &[(String, ExportError)]) -> Answer {
+    let mut text = String::new();
+    // What is the same for many scenes is said once.
+    let mut notes: BTreeMap<&str, Vec<(&str, &str)>> = BTreeMap::new();
+    for row in rows {
+        let _ = writeln!(text, "{}  {}", row.scene, row.files.join(" "));
+        for note in &row.notes {
+            notes.entry(&note.reason).or_default().push((&row.scene, &note.what));
+        }
+    }
+    for (reason, places) in &notes {
+        let (scene, what) = places[0];
+        let place = if what.is_empty() { scene.to_string() } else { format!("{scene}, {what}") };
+        let more = if places.len() > 1 { format!(" and {} more", places.len() - 1) } else { String::new() };
+        let _ = writeln!(text, "note: {reason} ({place}{more})");
+    }
+    for (_, error) in left_out {
+        let _ = writeln!(text, "left out: {error}");
+    }
+    let _ = writeln!(text, "{} scenes in {}", rows.len(), out.display());
+    let left_out: Vec<_> = left_out.iter().map(|(scene, e)| json!({"scene": scene, "reason": e.to_string()})).collect();
+    Answer::new(text, json!({"out": out, "scenes": rows, "left_out": left_out}))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_names_stay_in_the_folder_and_apart() {
+        let mut taken = BTreeSet::new();
+        let names = ["../../etc/passwd", "..", "", "a b", "a_b", "A_B", "\u{0}\u{1f600}", ".hidden"]
+            .map(|id| file_name(id, &mut taken));
+        let expected = ["_.._etc_passwd", "scene", "scene_2", "a_b", "a_b_2", "A_B_3", "__", "hidden"];
+        assert_eq!(names, expected);
+        assert!(file_name(&"x".repeat(5000), &mut taken).len() <= NAME_MAX);
+    }
+}

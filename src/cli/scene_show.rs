@@ -1,0 +1,127 @@
+//! `scenes show`: one scene, or one rollout, in words, as a picture, as a page that plays it.
+
+use clap::Args;
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::rollout::{self, OfAttempt, Played};
+use super::scenes::{self, row};
+use crate::scene::Scene;
+use crate::scene::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
+use crate::store;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// A pool or scenario file; none with --attempt, whose run has its own scenes.
+    #[arg(required_unless_present = "attempt", conflicts_with = "attempt")]
+    pub path: Option<PathBuf>,
+    /// Scene id; not needed where there is only one.
+    pub scene: Option<String>,
+    /// Scene id, as an option.
+    #[arg(long = "scene", value_name = "SCENE", conflicts_with = "scene")]
+    pub of_scene: Option<String>,
+    #[command(flatten)]
+    pub of: OfAttempt,
+    /// Draw it into this SVG file.
+    #[arg(long)]
+    pub svg: Option<PathBuf>,
+    /// Write a page that plays it.
+    #[arg(long)]
+    pub html: Option<PathBuf>,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let id = options.scene.as_ref().or(options.of_scene.as_ref());
+    match (&options.of.attempt, &options.path) {
+        (Some(attempt), _) => {
+            let named: Vec<String> = id.cloned().into_iter().collect();
+            played(options, &rollout::of_attempt(options.of.run.as_ref(), attempt, &named)?)
+        }
+        (None, Some(path)) => {
+            let pool = scenes::read(std::slice::from_ref(path))?;
+            let scene = match (id, pool.scenes.as_slice()) {
+                (Some(id), _) => scenes::named(&pool, path, id)?,
+                (None, [scene]) => scene,
+                (None, _) => return Err(scenes::unnamed(&pool, path)),
+            };
+            recorded(options, scene)
+        }
+        (None, None) => Err(Failure::bad_input("name a pool, a scenario file or an attempt")),
+    }
+}
+
+fn recorded(options: &Options, scene: &Scene) -> Result<Answer, Failure> {
+    draw(options, &Drawing::of_scene(scene), &scene.id)?;
+    Ok(Answer::new(in_words(scene), json!({"row": row(scene), "scene": scene})))
+}
+
+fn played(options: &Options, rollouts: &[Played]) -> Result<Answer, Failure> {
+    let [played] = rollouts else {
+        let ids: Vec<&str> = rollouts.iter().map(|played| played.scene.id.as_str()).collect();
+        let message = format!("name one of the {} scenes with --scene: {}", ids.len(), ids.join(", "));
+        return Err(Failure::bad_input(message));
+    };
+    let title = format!("{} in {}: {}", played.solution, played.scene.id, played.caption());
+    draw(options, &played.drawing(), &title)?;
+    let text = format!("{title}\n{}", in_words(&played.scene));
+    let object = json!({
+        "row": row(&played.scene),
+        "attempt": played.solution,
+        "decision": played.traced.decision,
+        "outcome": played.traced.record.outcome,
+        "motion": played.traced.motion,
+    });
+    Ok(Answer::new(text, object))
+}
+
+fn draw(options: &Options, drawing: &Drawing, title: &str) -> Result<(), Failure> {
+    if let Some(path) = &options.svg {
+        store::write_atomic(path, svg(drawing, &picture(title)).as_bytes())?;
+    }
+    if let Some(path) = &options.html {
+        store::write_atomic(path, player_html(drawing, title).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// A picture for a page: everything, light, with trails.
+fn picture(title: &str) -> SvgOptions {
+    SvgOptions {
+        width_px: 1200.0,
+        theme: Theme::Light,
+        frame: Frame::Everything,
+        step: None,
+        trails: true,
+        labels: false,
+        title: title.to_string(),
+    }
+}
+
+fn in_words(scene: &Scene) -> String {
+    let row = row(scene);
+    let mut text = format!("{}  ({}, {})\n", scene.id, scene.origin.format, scene.origin.name);
+    let _ = writeln!(text, "digest {}", scene.digest());
+    let _ =
+        writeln!(text, "{} steps, current step {}, {} lanes", scene.steps, scene.current_step, scene.road.lanes.len());
+    let _ = writeln!(text, "tags: {}", row.tags.join(" "));
+    let _ = writeln!(text, "usable for evolution: {}", row.unusable.as_deref().unwrap_or("yes"));
+    for violation in scene.validate() {
+        let _ = writeln!(text, "violation: {violation}");
+    }
+    for (ix, track) in scene.tracks.iter().enumerate() {
+        let marked = if scene.objects_of_interest.contains(&ix) { "  object of interest" } else { "" };
+        let span = track.span().map_or("never seen".to_string(), |(a, b)| format!("steps {a} to {b}"));
+        let _ = writeln!(
+            text,
+            "  {:<14} {:<10} {:>5.2} x {:.2} m  {span}{marked}",
+            track.id,
+            format!("{:?}", track.kind).to_lowercase(),
+            track.length_m,
+            track.width_m
+        );
+    }
+    text
+}

@@ -1,0 +1,148 @@
+//! A client for real models: one blocking HTTP request an answer, retried within bounds and paid for under a cap. The only place
+//! that touches the network, and only under the cargo feature `live`.
+
+mod anthropic;
+mod http;
+mod openai;
+mod protocol;
+mod retry;
+mod secret;
+mod spend;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+pub use http::RESPONSE_BYTES_MAX;
+pub use protocol::draw_seed;
+pub use secret::Secret;
+pub use spend::{Ledger, Tokens};
+
+use super::{ClientOptions, Completion, IncompleteReplies, Model, ModelError, Request, client};
+use http::Http;
+use protocol::{End, Protocol, Said};
+use retry::{Schedule, Step};
+
+/// Waits between two attempts. The clock is the caller's.
+pub type Pause = Arc<dyn Fn(Duration) + Send + Sync>;
+
+/// One live model of an experiment.
+pub struct Live {
+    name: String,
+    protocol: Protocol,
+    options: ClientOptions,
+    http: Http,
+    key: Option<Secret>,
+    ledger: Arc<Ledger>,
+    pause: Pause,
+}
+
+impl Live {
+    /// `name` and `kind` as in the experiment file; `key` is what the variable `api_key_env` holds.
+    pub fn new(
+        name: &str,
+        kind: &str,
+        options: &ClientOptions,
+        key: Option<Secret>,
+        ledger: Arc<Ledger>,
+        pause: Pause,
+    ) -> Result<Live, ModelError> {
+        let unusable = |reason: String| ModelError::Unanswerable { reason: format!("models.{name}: {reason}") };
+        let protocol = match kind {
+            client::OPENAI_COMPATIBLE => Protocol::OpenAi,
+            client::ANTHROPIC => Protocol::Anthropic,
+            other => return Err(unusable(format!("kind {other:?} is not asked over the network"))),
+        };
+        let url = protocol.url(&options.base_url);
+        let http = Http::new(&url, protocol.headers(key.as_ref()), options.timeout_s).map_err(unusable)?;
+        Ok(Live { name: name.to_string(), protocol, options: options.clone(), http, key, ledger, pause })
+    }
+
+    /// Asks until there is an answer, or a reason why there will be none.
+    fn answer(&self, request: &Request) -> Result<Said, ModelError> {
+        let body = self.protocol.body(request)?;
+        let bound = Tokens { input: input_bound(&body), output: self.protocol.output_bound(&request.model) };
+        let mut schedule = Schedule::new(&self.options);
+        loop {
+            let reservation = self.ledger.reserve(&self.name, bound)?;
+            let step = match self.http.post(&body) {
+                Ok(answer) if answer.status == 200 => {
+                    let said = self.protocol.read(&answer.body).map_err(|reason| self.malformed(reason))?;
+                    reservation.settle(said.tokens().unwrap_or(bound));
+                    return Ok(said);
+                }
+                Ok(answer) => {
+                    reservation.settle(Tokens::default());
+                    schedule.after_status(&answer)
+                }
+                Err(lost) => {
+                    if !lost.may_be_billed() {
+                        reservation.settle(Tokens::default());
+                    }
+                    schedule.after_loss(lost)
+                }
+            };
+            match step {
+                Step::Again(wait) => (self.pause)(wait),
+                Step::Stop(stop) => return Err(stop.error(&self.options.base_url, |text| self.shown(text))),
+            }
+        }
+    }
+
+    /// What of an answer may be recorded.
+    fn accepted(&self, said: Said) -> Result<Completion, ModelError> {
+        let address = self.options.base_url.clone();
+        let finish_reason = self.shown(said.metadata.finish_reason.as_deref().unwrap_or("none"));
+        match (said.end, self.options.incomplete_replies) {
+            (End::Whole, _) | (_, IncompleteReplies::Keep) => {
+                self.free_of_secrets(&said)?;
+                Ok(Completion { bytes: said.text, metadata: Some(said.metadata) })
+            }
+            (End::Declined, IncompleteReplies::Stop) => {
+                Err(ModelError::Declined { address, reason: self.shown(&String::from_utf8_lossy(&said.text)) })
+            }
+            (End::Truncated, IncompleteReplies::Stop) => {
+                let output_tokens =
+                    said.metadata.output_tokens.map_or("an unknown number of".into(), |n| n.to_string());
+                Err(ModelError::Truncated { address, output_tokens, finish_reason })
+            }
+            (End::Empty, IncompleteReplies::Stop) => Err(ModelError::Empty { address, finish_reason }),
+        }
+    }
+
+    /// Nothing that repeats the key is recorded: a cassette is made to be shared.
+    fn free_of_secrets(&self, said: &Said) -> Result<(), ModelError> {
+        let told = serde_json::to_string(&said.metadata).unwrap_or_default();
+        let leaks = |key: &Secret| key.is_in(&String::from_utf8_lossy(&said.text)) || key.is_in(&told);
+        match &self.key {
+            Some(key) if leaks(key) => {
+                Err(self.malformed("the answer repeats the api key; it is not recorded".to_string()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn malformed(&self, reason: String) -> ModelError {
+        ModelError::Malformed { address: self.options.base_url.clone(), reason: self.shown(&reason) }
+    }
+
+    /// Text of the other side as it may be shown: short, in one line, without the key.
+    fn shown(&self, text: &str) -> String {
+        let text = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.redacted(text));
+        let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        match line.char_indices().nth(400) {
+            Some((cut, _)) => format!("{}…", &line[..cut]),
+            None => line,
+        }
+    }
+}
+
+/// A token is at least one byte of the prompt; whatever a chat template adds is far less than JSON's own marks.
+fn input_bound(body: &[u8]) -> u64 {
+    body.len() as u64 + 64
+}
+
+impl Model for Live {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        self.accepted(self.answer(request)?)
+    }
+}

@@ -1,0 +1,90 @@
+//! Chat Completions, as OpenAI, llama.cpp, vLLM, Ollama and many gateways speak it.
+
+use serde_json::{Map, Value, json};
+
+use super::protocol::{End, Said, count_at, put_sampling, reply_name, text_at};
+use crate::llm::{Metadata, ModelError, Request, ResponseFormat};
+
+pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
+    let message =
+        |role: &str, text: &str| json!({"role": if role == "system" { role } else { "user" }, "content": text});
+    let mut body = Map::new();
+    body.insert("model".into(), request.model.model.clone().into());
+    body.insert("messages".into(), request.messages.iter().map(|m| message(&m.role, &m.text)).collect());
+    body.insert("stream".into(), false.into());
+    put_sampling(&mut body, request)?;
+    let format = match request.model.response_format {
+        Some(ResponseFormat::JsonSchema) => {
+            // Not strict: providers know strict forms of narrower schemas only; every reply is checked again anyway.
+            let schema = json!({"name": reply_name(request), "strict": false, "schema": request.schema});
+            Some(json!({"type": "json_schema", "json_schema": schema}))
+        }
+        Some(ResponseFormat::JsonObjectSchema) => Some(json!({"type": "json_object", "schema": request.schema})),
+        Some(ResponseFormat::JsonObject) => Some(json!({"type": "json_object"})),
+        Some(ResponseFormat::None | ResponseFormat::Tool) | None => None,
+    };
+    if let Some(format) = format {
+        body.insert("response_format".into(), format);
+    }
+    Ok(body)
+}
+
+pub fn read(answer: &Value) -> Result<Said, String> {
+    let choice = answer.pointer("/choices/0").ok_or("no choices[0]")?;
+    let message = choice.get("message").filter(|m| m.is_object()).ok_or("no message in choices[0]")?;
+    let content = match message.get("content") {
+        None | Some(Value::Null) => String::new(),
+        Some(Value::String(text)) => text.clone(),
+        Some(_) => return Err("choices[0].message.content is no text".into()),
+    };
+    let finish_reason = text_at(choice, "/finish_reason");
+    let refusal = text_at(message, "/refusal").filter(|text| !text.is_empty());
+    let end = match finish_reason.as_deref() {
+        Some("content_filter") => End::Declined,
+        _ if refusal.is_some() => End::Declined,
+        Some("length") => End::Truncated,
+        _ if content.trim().is_empty() => End::Empty,
+        _ => End::Whole,
+    };
+    let metadata = Metadata {
+        model: text_at(answer, "/model").unwrap_or_default(),
+        finish_reason,
+        input_tokens: count_at(answer, "/usage/prompt_tokens"),
+        output_tokens: count_at(answer, "/usage/completion_tokens"),
+        fingerprint: text_at(answer, "/system_fingerprint"),
+    };
+    Ok(Said { text: refusal.unwrap_or(content).into_bytes(), end, metadata })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn end(choice: Value) -> End {
+        read(&json!({"choices": [choice]})).unwrap().end
+    }
+
+    #[test]
+    fn each_end_of_an_answer_is_told_apart() {
+        assert_eq!(end(json!({"finish_reason": "stop", "message": {"content": "{}"}})), End::Whole);
+        assert_eq!(end(json!({"finish_reason": "length", "message": {"content": "{"}})), End::Truncated);
+        assert_eq!(end(json!({"finish_reason": "length", "message": {"content": null}})), End::Truncated);
+        assert_eq!(end(json!({"finish_reason": "stop", "message": {"content": " \n"}})), End::Empty);
+        assert_eq!(end(json!({"finish_reason": "content_filter", "message": {"content": ""}})), End::Declined);
+        let refused = read(&json!({"choices": [{"message": {"content": null, "refusal": "I will not."}}]})).unwrap();
+        assert_eq!((refused.end, refused.text), (End::Declined, b"I will not.".to_vec()));
+    }
+
+    #[test]
+    fn other_json_is_refused_with_its_place() {
+        for (value, word) in [
+            (json!({}), "choices[0]"),
+            (json!({"choices": []}), "choices[0]"),
+            (json!({"choices": [{"message": 3}]}), "message"),
+            (json!({"choices": [{"message": {"content": [1]}}]}), "no text"),
+            (json!([]), "choices[0]"),
+        ] {
+            assert!(read(&value).unwrap_err().contains(word), "{value}");
+        }
+    }
+}

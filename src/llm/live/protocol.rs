@@ -1,0 +1,127 @@
+//! What the two protocols share: a body from a request, and what an answer says.
+
+use serde_json::{Map, Value};
+
+use super::{anthropic, http::Header, openai, secret::Secret, spend::Tokens};
+use crate::{
+    kernel::Digest,
+    llm::{Metadata, ModelError, ModelSpec, Request},
+};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    OpenAi,
+    Anthropic,
+}
+
+/// An answer as it was understood.
+#[derive(Debug, PartialEq)]
+pub struct Said {
+    pub text: Vec<u8>,
+    pub end: End,
+    pub metadata: Metadata,
+}
+
+/// How an answer ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    Whole,
+    /// Cut at the limit of tokens.
+    Truncated,
+    /// Refused by the model or filtered by the provider; the text says what it says.
+    Declined,
+    Empty,
+}
+
+impl Said {
+    /// What the provider counted, if it counted.
+    pub fn tokens(&self) -> Option<Tokens> {
+        Some(Tokens { input: self.metadata.input_tokens?, output: self.metadata.output_tokens? })
+    }
+}
+
+impl Protocol {
+    pub fn url(self, base_url: &str) -> String {
+        let base = base_url.trim_end_matches('/');
+        match self {
+            Protocol::OpenAi => format!("{base}/chat/completions"),
+            Protocol::Anthropic => format!("{base}/v1/messages"),
+        }
+    }
+
+    pub fn headers(self, key: Option<&Secret>) -> Vec<Header> {
+        match self {
+            Protocol::OpenAi => key.map(|key| ("authorization", key.header("Bearer "))).into_iter().collect(),
+            Protocol::Anthropic => {
+                let version = ("anthropic-version", anthropic::VERSION.to_string());
+                key.map(|key| ("x-api-key", key.header(""))).into_iter().chain([version]).collect()
+            }
+        }
+    }
+
+    /// The request's body. Equal requests have equal bodies.
+    pub fn body(self, request: &Request) -> Result<Vec<u8>, ModelError> {
+        let mut body = match self {
+            Protocol::OpenAi => openai::body(request)?,
+            Protocol::Anthropic => anthropic::body(request)?,
+        };
+        for (field, value) in &request.model.body {
+            body.insert(field.clone(), value.clone());
+        }
+        serde_json::to_vec(&Value::Object(body)).map_err(unanswerable)
+    }
+
+    pub fn read(self, body: &[u8]) -> Result<Said, String> {
+        let value: Value = serde_json::from_slice(body).map_err(|error| format!("no JSON: {error}"))?;
+        match self {
+            Protocol::OpenAi => openai::read(&value),
+            Protocol::Anthropic => anthropic::read(&value),
+        }
+    }
+
+    /// Most tokens that an answer can have. The experiment file was checked for it; a request without a limit is bounded by nothing.
+    pub fn output_bound(self, model: &ModelSpec) -> u64 {
+        let limit = model.sampling.get("max_tokens").or(model.sampling.get("max_completion_tokens"));
+        limit.map_or(u64::MAX, |limit| *limit as u64)
+    }
+}
+
+/// The seed of one draw, below 2^31 so that every server takes it: a function of the model's `seed` and the draw slot.
+pub fn draw_seed(seed: f64, request: &Request) -> Result<u32, ModelError> {
+    let digest = Digest::of("evodrive/draw-seed/1", &(seed, &request.slot)).map_err(unanswerable)?;
+    let bytes = digest.as_bytes();
+    Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) >> 1)
+}
+
+pub fn unanswerable(error: impl std::fmt::Display) -> ModelError {
+    ModelError::Unanswerable { reason: error.to_string() }
+}
+
+/// Sampling parameters as they are sent: counts as whole numbers, the seed as the one of this draw.
+pub fn put_sampling(body: &mut Map<String, Value>, request: &Request) -> Result<(), ModelError> {
+    for (name, &x) in &request.model.sampling {
+        let value = match name.as_str() {
+            "seed" => draw_seed(x, request)?.into(),
+            "max_tokens" | "max_completion_tokens" | "top_k" => (x as u64).into(),
+            _ => serde_json::Number::from_f64(x)
+                .map(Value::Number)
+                .ok_or_else(|| unanswerable(format!("sampling.{name} is not finite")))?,
+        };
+        body.insert(name.clone(), value);
+    }
+    Ok(())
+}
+
+/// The name under which a schema or a tool is sent; servers take letters, digits and `_`.
+pub fn reply_name(request: &Request) -> String {
+    let role = request.slot.role.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' });
+    role.take(50).chain("_reply".chars()).collect()
+}
+
+pub fn text_at(value: &Value, pointer: &str) -> Option<String> {
+    value.pointer(pointer).and_then(Value::as_str).map(str::to_string)
+}
+
+pub fn count_at(value: &Value, pointer: &str) -> Option<u64> {
+    value.pointer(pointer).and_then(Value::as_u64)
+}

@@ -1,0 +1,49 @@
+//! What an export gives beside its bytes, and why there may be none.
+
+use serde::Serialize;
+
+use crate::scene::Scene;
+
+/// A file's bytes and what they do not say.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exported {
+    pub bytes: Vec<u8>,
+    /// Everything of the scene that the format's own words could not hold, or hold only in another form.
+    pub notes: Vec<Note>,
+}
+
+/// One thing that a reader of the exported file should know.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Note {
+    /// Such as `tracks[3] "v12"`; empty for the whole scene.
+    pub what: String,
+    /// A plain sentence.
+    pub reason: String,
+}
+
+impl Note {
+    pub(super) fn new(what: impl Into<String>, reason: impl Into<String>) -> Note {
+        Note { what: what.into(), reason: reason.into() }
+    }
+}
+
+/// No file.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ExportError {
+    #[error("scene {scene:?} cannot be exported: {violation}; mend or import it again")]
+    Unsound { scene: String, violation: String },
+    #[error(
+        "the staging of scene {scene:?} does not fit it: found {found}, expected {expected}; build it from a rollout of this scene"
+    )]
+    Staging { scene: String, found: String, expected: String },
+    #[error("scene {scene:?} cannot be a {format} file: it has no {missing}; choose the ScenarioNet JSON export")]
+    Missing { scene: String, format: &'static str, missing: &'static str },
+}
+
+/// The scene itself, if it keeps every rule.
+pub(super) fn sound(scene: &Scene) -> Result<(), ExportError> {
+    match scene.validate().first() {
+        None => Ok(()),
+        Some(violation) => Err(ExportError::Unsound { scene: scene.id.clone(), violation: violation.to_string() }),
+    }
+}

@@ -1,0 +1,126 @@
+//! JSON as the same tree of values as a pickle's, so that one reader serves both. Nesting is bounded by the parser.
+
+use std::fmt;
+
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+
+use super::{Object, Pickle, Value};
+use crate::scene::import::error::{ImportError, shown};
+
+const BYTES_MAX: usize = 512 << 20;
+/// Lists, dictionaries and texts.
+const OBJECTS_MAX: usize = 64_000_000;
+
+/// A whole JSON document.
+///
+/// # Errors
+/// No JSON (which has no NaN), nesting beyond 128, or more than 512 MiB.
+pub fn read_json<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
+    let remedy = "write the file again; numbers that are none must not stand in JSON";
+    if bytes.len() > BYTES_MAX {
+        return Err(ImportError::new(file, "byte 0", "at most 512 MiB of JSON", "split the file"));
+    }
+    let mut objects = Vec::new();
+    let mut parser = serde_json::Deserializer::from_slice(bytes);
+    let read = Tree(&mut objects).deserialize(&mut parser).and_then(|root| parser.end().map(|()| root));
+    let root = read.map_err(|error| {
+        let place = format!("line {}, column {}", error.line(), error.column());
+        ImportError::new(file, place, format!("JSON ({})", shown(&error.to_string())), remedy)
+    })?;
+    Ok(Pickle { file, bytes, objects, root })
+}
+
+/// Builds the values below one place of the document.
+struct Tree<'o>(&'o mut Vec<Object>);
+
+impl Tree<'_> {
+    fn object<E: Error>(self, object: Object) -> Result<Value, E> {
+        let index = u32::try_from(self.0.len()).ok().filter(|_| self.0.len() < OBJECTS_MAX);
+        let index = index.ok_or_else(|| E::custom("more than 64 million values"))?;
+        self.0.push(object);
+        Ok(Value::Object(index))
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Tree<'_> {
+    type Value = Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Tree<'_> {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a JSON value")
+    }
+
+    fn visit_unit<E: Error>(self) -> Result<Value, E> {
+        Ok(Value::None)
+    }
+
+    fn visit_bool<E: Error>(self, value: bool) -> Result<Value, E> {
+        Ok(Value::Bool(value))
+    }
+
+    fn visit_i64<E: Error>(self, value: i64) -> Result<Value, E> {
+        Ok(Value::Int(value))
+    }
+
+    fn visit_u64<E: Error>(self, value: u64) -> Result<Value, E> {
+        Ok(i64::try_from(value).map_or(Value::Float(value as f64), Value::Int))
+    }
+
+    fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
+        Ok(Value::Float(value))
+    }
+
+    fn visit_str<E: Error>(self, value: &str) -> Result<Value, E> {
+        self.object(Object::OwnedText(value.to_string()))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Value, A::Error> {
+        let mut items = Vec::new();
+        while let Some(item) = seq.next_element_seed(Tree(self.0))? {
+            items.push(item);
+        }
+        self.object(Object::List(items))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Value, A::Error> {
+        let mut entries = Vec::new();
+        while let Some(key) = map.next_key_seed(Tree(self.0))? {
+            entries.push((key, map.next_value_seed(Tree(self.0))?));
+        }
+        self.object(Object::Dict(entries))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_document_reads_like_a_pickle() {
+        let tree = read_json("f.json", br#"{"a": [[1, 2.5], [true, -3]], "b": {"c": null}, "7": "x"}"#).unwrap();
+        let table = tree.root().get("a").and_then(|a| a.numbers()).unwrap();
+        assert_eq!((table.rows, table.columns, table.at(0, 1), table.at(1, 0)), (2, 2, 2.5, 1.0));
+        assert!(tree.root().get("b").and_then(|b| b.get("c")).unwrap().is_none());
+        assert_eq!(tree.root().get("7").and_then(|x| x.text()), Some("x"));
+    }
+
+    #[test]
+    fn what_is_no_json_is_refused_with_its_place() {
+        let refused = |text: &str| match read_json("f.json", text.as_bytes()) {
+            Ok(_) => panic!("accepted {text:.40}"),
+            Err(error) => error.to_string(),
+        };
+        assert!(refused("{\"a\": NaN}").contains("line 1, column 7"));
+        assert!(refused(&"[".repeat(100_000)).contains("recursion"));
+        assert!(refused("{\"a\": 1e999}").contains("out of range"));
+        assert!(refused("{} {}").contains("trailing"));
+        assert!(refused("").contains("line 1"));
+    }
+}

@@ -24,6 +24,7 @@ pub mod situation;
 pub mod speed_profile;
 pub mod stage;
 pub mod token_grid;
+pub mod traffic_family;
 
 pub use candidate::Candidate;
 pub use situation::{EgoPath, Situation, SituationError};

@@ -84,7 +84,7 @@ fn miss_of(asked: &Request) -> evodrive::llm::Miss {
 #[test]
 fn one_key_is_pinned() {
     let key = request(slot(2, 5)).key().unwrap().to_hex();
-    assert_eq!(key, "98eee955ec4904af8dcb769bbda13dd071b178fde9b54e9b51be7c7a49013a88");
+    assert_eq!(key, "d4d1148e779b02138e7ae6748d790d6e2ffbeaa1f8172fc892818caca0ba1231");
 }
 
 #[test]

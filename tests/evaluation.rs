@@ -51,6 +51,7 @@ fn outcome(adversaries: Vec<AdversaryReport>, contact: Option<Contact>) -> Outco
         ego: Motion::default(),
         adversaries,
         trace: Digest::of_bytes(b"trace"),
+        driving: None,
     }
 }
 

@@ -229,7 +229,7 @@ fn help_texts_are_goldens() {
     {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }
-    for command in ["import", "list", "show", "export", "stats"] {
+    for command in ["import", "generate", "list", "show", "export", "stats"] {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
     }
     assert_eq!(text, golden, "if this is meant, run .ci/bless and say why");

@@ -49,3 +49,38 @@ fn a_step_of_a_rollout_allocates_nothing() {
     assert_eq!(few, same);
     assert!(few < 40, "{few}");
 }
+
+#[test]
+fn a_step_of_scripted_road_users_under_safebench_s_rules_allocates_nothing() {
+    use evodrive::scene::safebench::{Staging, TrafficFamily};
+    let mut scene = scenes::straight_road(121, 2.0, vec![]);
+    let trigger = kernel::Pose { position: kernel::Vec2::new(10.0, 0.0), heading_rad: 0.0 };
+    scene.staging = Some(Staging { family: TrafficFamily::RightTurn, route: 4, trigger, spawns: vec![] });
+    scene.ego.route = vec![kernel::Vec2::ZERO, kernel::Vec2::new(240.0, 0.0)];
+    let mut phase = sim::Phase::straight(6.0, sim::Until::Forever);
+    phase.way = sim::Way::Path { points: (0..50).map(|k| kernel::Vec2::new(f64::from(k), 40.0)).collect() };
+    let script = |kind, phases| sim::Script {
+        kind,
+        length_m: 1.0,
+        width_m: 1.0,
+        spawn: kernel::Pose { position: kernel::Vec2::new(0.0, 40.0), heading_rad: 0.0 },
+        trigger: sim::Trigger { reference: 0, distance_m: 1e5, ego_speed_mps_min: 0.0 },
+        phases,
+    };
+    let kinds = [scene::AgentKind::Vehicle, scene::AgentKind::Pedestrian];
+    let actions = kinds.map(|kind| sim::Action::Triggered(script(kind, vec![phase.clone()]))).to_vec();
+    let act = sim::Intervention { actions };
+    let cost = |steps: usize| {
+        let mut scene = scene.clone();
+        scene.steps = steps;
+        scene.ego.track.samples.truncate(steps);
+        let plant = sim::Plant::new(&scene).unwrap();
+        let mut driver = ego::Policy::Replay.driver();
+        let before = COUNT.with(Cell::get);
+        let outcome = sim::rollout(&plant, &act, &mut *driver).unwrap();
+        (outcome.steps, COUNT.with(Cell::get) - before)
+    };
+    let ((short, few), (long, same)) = (cost(31), cost(121));
+    assert!(short + 80 < long, "{short} {long}");
+    assert_eq!(few, same);
+}

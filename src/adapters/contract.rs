@@ -4,6 +4,7 @@
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+use super::isolation::ForeignVocabulary;
 use super::vocabulary::Feature;
 use crate::objects::{FamilyName, Program, Slot, ValueType};
 
@@ -131,11 +132,23 @@ pub struct Family {
 #[derive(Clone, Debug, Default)]
 pub struct Registry {
     families: BTreeMap<FamilyName, Family>,
+    /// What each of them may not say, worked out once.
+    foreign: BTreeMap<FamilyName, ForeignVocabulary>,
 }
 
 impl Registry {
     pub fn new(families: impl IntoIterator<Item = Family>) -> Registry {
-        Registry { families: families.into_iter().map(|f| (f.contract.family.clone(), f)).collect() }
+        let families: BTreeMap<FamilyName, Family> =
+            families.into_iter().map(|f| (f.contract.family.clone(), f)).collect();
+        let foreign = |(name, family): (&FamilyName, &Family)| {
+            (name.clone(), family.contract.foreign_vocabulary(families.values()))
+        };
+        Registry { foreign: families.iter().map(foreign).collect(), families }
+    }
+
+    /// What a registered family may not say; `None` for a family that is not registered.
+    pub fn foreign_vocabulary(&self, name: &FamilyName) -> Option<&ForeignVocabulary> {
+        self.foreign.get(name)
     }
 
     pub fn get(&self, name: &FamilyName) -> Option<&Family> {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::contract::{Contract, Domain, Registry};
+use super::contract::{Contract, Domain, Family};
 use crate::objects::FamilyName;
 
 /// A word that belongs to another family's implementation.
@@ -36,12 +36,12 @@ impl Contract {
     }
 
     /// Words that are private to another family and not also this one's, with the family that owns them.
-    pub fn foreign_vocabulary<'a>(&self, registry: &'a Registry) -> ForeignVocabulary<'a> {
+    pub fn foreign_vocabulary<'a>(&self, families: impl IntoIterator<Item = &'a Family>) -> ForeignVocabulary {
         let own = self.vocabulary();
-        let others = registry.iter().map(|family| &family.contract).filter(|other| other.family != self.family);
+        let others = families.into_iter().map(|family| &family.contract).filter(|other| other.family != self.family);
         let private = others
-            .flat_map(|other| other.private_vocabulary.iter().map(move |word| (word.as_str(), &other.family)))
-            .filter(|(word, _)| !own.contains(word))
+            .flat_map(|other| other.private_vocabulary.iter().map(move |word| (word.clone(), other.family.clone())))
+            .filter(|(word, _)| !own.contains(word.as_str()))
             .collect();
         ForeignVocabulary { private }
     }
@@ -49,11 +49,11 @@ impl Contract {
 
 /// What a family may not use.
 #[derive(Clone, Debug)]
-pub struct ForeignVocabulary<'a> {
-    private: BTreeMap<&'a str, &'a FamilyName>,
+pub struct ForeignVocabulary {
+    private: BTreeMap<String, FamilyName>,
 }
 
-impl ForeignVocabulary<'_> {
+impl ForeignVocabulary {
     /// Those found in the texts (names, kinds, expressions, keys, paths), sorted, once each. Texts are split into
     /// identifiers, so a foreign word inside an expression is found too.
     pub fn words_in<'a>(&self, texts: impl IntoIterator<Item = &'a str>) -> BTreeSet<ForeignWord> {

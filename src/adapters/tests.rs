@@ -263,7 +263,7 @@ fn prompts_show_range_unit_and_meaning_and_are_stable() {
 #[test]
 fn words_private_to_another_family_are_found_inside_expressions_and_paths() {
     let (registry, contract) = (registry(), contract());
-    let foreign = contract.foreign_vocabulary(&registry);
+    let foreign = contract.foreign_vocabulary(registry.iter());
     let found = foreign.words_in(["/parameters/swarm_size", "1+swarm_size*2", "particle_swarms", "push"]);
     let words: Vec<(&str, &str)> = found.iter().map(|f| (f.word.as_str(), f.family.as_str())).collect();
     assert_eq!(words, [("swarm_size", "swarm")]);

@@ -1,5 +1,5 @@
 //! AT, adversarial trajectories (Zhang et al. 2022): a vehicle's own path plus offsets of at most 1 m whose derivative
-//! bounds hold by global scaling, found by particle swarm on a directional loss.
+//! bounds hold by global scaling, found by particle swarm (black box) or by gradient (white box) on a directional loss.
 //!
 //! The method perturbs what a trajectory predictor observes. Against a closed-loop ego the perturbed path is the one
 //! that is driven: offsets at knots of 0.5 s on the logged future, the first knot 0, loss toward the ego's rollout.
@@ -10,8 +10,9 @@ use std::collections::BTreeMap;
 use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
 use super::kernel::candidate::{Candidate, Judged};
 use super::kernel::feasibility::Bounds;
+use super::kernel::gradient::{self, PlainDescent};
 use super::kernel::offsets::{Interpolation, OffsetSpace};
-use super::kernel::pso::{self, Swarm};
+use super::kernel::pso::{self, Found, Swarm};
 use super::kernel::{Part, Settings, Stage, StageError};
 use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, vocabulary};
 use crate::kernel::{Vec2, num};
@@ -26,6 +27,9 @@ pub const BOUNDED_OFFSETS: &str = "bounded_offsets";
 /// Search operator: particle swarm over the offsets.
 pub const PARTICLE_SWARM: &str = "particle_swarm";
 
+/// Search operator: gradient descent over the offsets.
+pub const OFFSET_GRADIENT: &str = "offset_gradient";
+
 /// Contract and parent.
 pub fn family() -> Family {
     Family { contract: contract(), parent: parent() }
@@ -34,7 +38,7 @@ pub fn family() -> Family {
 fn contract() -> Contract {
     let mut operators = grammar::shared_operators();
     operators.insert(Slot::Motion, vec![motion_operator()]);
-    operators.insert(Slot::Search, vec![search_operator()]);
+    operators.insert(Slot::Search, vec![search_operator(), gradient_operator()]);
     let mut mechanism_slots = grammar::shared_mechanism_slots();
     mechanism_slots.extend([slot(
         "offset_loss",
@@ -66,8 +70,8 @@ fn contract() -> Contract {
 
 /// Words that another family may not use.
 fn private_vocabulary() -> Vec<String> {
-    let words = [BOUNDED_OFFSETS, PARTICLE_SWARM, "offset_loss"].into_iter().map(String::from);
-    words.chain(own_parameters().into_keys()).collect()
+    let words = [BOUNDED_OFFSETS, PARTICLE_SWARM, OFFSET_GRADIENT, "offset_loss", "restart_count", "gradient_step"];
+    words.into_iter().map(String::from).chain(own_parameters().into_keys()).collect()
 }
 
 fn own_parameters() -> BTreeMap<String, ParameterSpec> {
@@ -142,6 +146,27 @@ fn search_operator() -> OperatorSpec {
     spec.settings.extend([
         optional("loss", "offset_loss", "a loss of the family's own"),
         required("combine", choice(&["add", "replace"]), "what a given loss does to AT's own"),
+    ]);
+    spec
+}
+
+/// The white-box attacker: 10 restarts of 100 iterations at step 0.1 in AT.
+fn gradient_operator() -> OperatorSpec {
+    let mut spec = operator(
+        Slot::Search,
+        OFFSET_GRADIENT,
+        [
+            required("restart_count", integer(1, 10, "1"), "restarts, the first from the log itself; 10 in AT"),
+            required("gradient_step", number(0.005, 0.5, "1"), "step per unit of slope; 0.1 in AT"),
+            follows("iteration_count"),
+            follows("toward_weight"),
+            follows("distance_weight"),
+        ],
+        "Follows the slope of AT's loss over the offsets; the best of every restart become the candidates.",
+    );
+    spec.settings.extend([
+        optional("loss", "offset_loss", "a loss of the family's own, for ranking what the restarts found"),
+        required("combine", choice(&["add", "replace"]), "what a given loss does to AT's own in that ranking"),
     ]);
     spec
 }
@@ -268,6 +293,45 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
     Ok(())
 }
 
+/// Gradient descent over the offsets from several starts; the best of every start becomes a candidate. The scale θ that
+/// keeps the bounds is found at every iteration and taken as given by the slope.
+pub fn descend(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let descent = PlainDescent {
+        restarts: settings.count("restart_count")?,
+        iterations: settings.count("iteration_count")?,
+        step: settings.number("gradient_step")?,
+    };
+    let weights = (settings.number("toward_weight")?, settings.number("distance_weight")?);
+    let replaces = settings.word("combine")? == "replace";
+    let module = settings.optional("loss");
+    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    for part in parts {
+        let Some(space) = &part.offsets else { continue };
+        let (situation, actor, from_step) = (stage.situation, part.actor, part.window.from_step);
+        let judged = Judged { situation, actor, from_step, adversaries: &adversaries };
+        let target = Target::new(stage, part, space);
+        let mut offsets = Vec::new();
+        let loss = |place: &[f64], slope: &mut [f64]| {
+            let theta = space.offsets(place, &mut offsets);
+            slope.fill(0.0);
+            target.pull(space, &offsets, theta, weights, slope);
+            target.loss(&offsets, theta, weights)
+        };
+        let mut stream = stage.stream("gradient", part.actor);
+        let found = gradient::minimise(&descent, space.dimensions(), &mut stream, loss);
+        let mut offsets = Vec::new();
+        let candidate = |best: &Found| {
+            let theta = space.offsets(&best.place, &mut offsets);
+            let candidate = Candidate::new(space.samples(&offsets, theta), 0.0);
+            let own = if replaces && module.is_some() { 0.0 } else { best.loss };
+            let given = module.map_or(0.0, |module| module.of_candidate(&candidate, &judged));
+            Candidate { score: -own - given, ..candidate }
+        };
+        part.candidates = found.iter().map(candidate).collect();
+    }
+    Ok(())
+}
+
 /// What AT's loss pulls toward: the ego's rollout, and the side on which it lies at the log's closest approach.
 struct Target {
     /// Logged position and ego position at every check; `None` where the ego's rollout has ended.
@@ -307,5 +371,106 @@ impl Target {
         let distance = |k: usize| Some((self.checks[k].0 + change(k)).distance(self.checks[k].1?));
         let nearest = (0..self.checks.len()).filter_map(distance).fold(200.0, f64::min);
         distance_weight * nearest - toward_weight * along / self.checks.len().max(1) as f64
+    }
+
+    /// Adds the slope of [`Target::loss`] at the coordinates, for a given θ.
+    fn pull(
+        &self,
+        space: &OffsetSpace,
+        offsets: &[Vec2],
+        theta: f64,
+        (toward_weight, distance_weight): (f64, f64),
+        slope: &mut [f64],
+    ) {
+        let count = self.checks.len().max(1) as f64;
+        let mut nearest: Option<(f64, usize, Vec2)> = None;
+        for (k, (own, ego)) in self.checks.iter().enumerate() {
+            space.pull(k * CHECK_STEPS, self.toward[k] * (-toward_weight * theta / count), slope);
+            let Some(ego) = ego else { continue };
+            let away = *own + offsets.get(k * CHECK_STEPS).copied().unwrap_or_default() * theta - *ego;
+            let distance = away.norm();
+            if distance > 1e-9 && nearest.is_none_or(|n| distance < n.0) {
+                nearest = Some((distance, k, away * (1.0 / distance)));
+            }
+        }
+        if let Some((_, k, unit)) = nearest {
+            space.pull(k * CHECK_STEPS, unit * (distance_weight * theta), slope);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::baselines::kernel::{Situation, Window};
+    use crate::kernel::Seed;
+    use crate::scene::fixture::two_lane_scene;
+
+    fn opened(situation: &Situation, interpolation: Interpolation) -> Part {
+        let bounds = Bounds {
+            offset_m_max: 1.0,
+            speed_mps_max: 17.2,
+            acceleration_mps2_max: 5.1,
+            lateral_mps2_max: 1.87,
+            jerk_mps3_max: 15.7,
+            lateral_jerk_mps3_max: 4.3,
+        };
+        let window = Window { from_step: 1, steps: 50 };
+        let offsets = OffsetSpace::of_log(&situation.scene.tracks[0], window, 0.5, interpolation, bounds);
+        Part { actor: 0, window, candidates: vec![], offsets, driven: None }
+    }
+
+    #[test]
+    fn the_slope_of_ats_loss_matches_finite_differences_for_a_given_scale() {
+        let situation = Situation::new(std::sync::Arc::new(two_lane_scene()), &crate::ego::Policy::Idm).unwrap();
+        let stage = Stage { situation: &situation, seed: Seed(1), program: "test" };
+        for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
+            let part = opened(&situation, interpolation);
+            let space = part.offsets.as_ref().unwrap();
+            let target = Target::new(&stage, &part, space);
+            let place: Vec<f64> = (0..space.dimensions()).map(|k| 0.3 * num::sin(k as f64)).collect();
+            let mut offsets = Vec::new();
+            let theta = space.offsets(&place, &mut offsets);
+            let mut slope = vec![0.0; place.len()];
+            target.pull(space, &offsets, theta, (1.0, 2.0), &mut slope);
+            for k in 0..place.len() {
+                let mut at = |step: f64| {
+                    let mut moved = place.clone();
+                    moved[k] += step;
+                    space.offsets(&moved, &mut offsets);
+                    target.loss(&offsets, theta, (1.0, 2.0))
+                };
+                let difference = (at(1e-6) - at(-1e-6)) / 2e-6;
+                assert!((difference - slope[k]).abs() < 1e-6, "{interpolation:?} {k}: {difference} {}", slope[k]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_gradient_attacker_keeps_within_a_metre_and_is_never_worse_than_the_log() {
+        let situation = Situation::new(std::sync::Arc::new(two_lane_scene()), &crate::ego::Policy::Idm).unwrap();
+        let stage = Stage { situation: &situation, seed: Seed(1), program: "test" };
+        let mut parts = vec![opened(&situation, Interpolation::Cubic)];
+        let mut settings = Settings::default();
+        let numbers = [
+            ("restart_count", 4.0),
+            ("gradient_step", 0.1),
+            ("iteration_count", 60.0),
+            ("toward_weight", 1.0),
+            ("distance_weight", 1.0),
+        ];
+        settings.numbers.extend(numbers.map(|(name, x)| (name.to_string(), x)));
+        settings.words.insert("combine".into(), "add".into());
+        descend(&stage, &settings, &mut parts).unwrap();
+        let log = &situation.scene.tracks[0];
+        let target = Target::new(&stage, &parts[0], parts[0].offsets.as_ref().unwrap());
+        let untouched = target.loss(&[], 0.0, (1.0, 1.0));
+        assert_eq!(parts[0].candidates.len(), 4);
+        assert!(-parts[0].candidates[0].score < untouched - 1e-3);
+        for candidate in &parts[0].candidates {
+            for (k, sample) in candidate.samples.iter().enumerate() {
+                assert!(sample.position.distance(log.at(1 + k).unwrap().position) <= 1.0 + 1e-9);
+            }
+        }
     }
 }

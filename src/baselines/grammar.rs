@@ -117,6 +117,21 @@ fn actor_operators() -> Vec<OperatorSpec> {
     ]
 }
 
+/// Actor operator of families that move several vehicles at once.
+pub fn group_operator() -> OperatorSpec {
+    operator(
+        Slot::Actor,
+        "actor_group",
+        [required("group_size", integer(1, 4, "1"), "how many vehicles become adversaries")],
+        "The marked vehicle first, then the moving vehicles whose logs come nearest to the ego's rollout.",
+    )
+}
+
+/// The parameter that a group's size follows.
+pub fn group_parameter() -> (String, ParameterSpec) {
+    parameter("group_size", integer(1, 4, "1"), "how many vehicles become adversaries")
+}
+
 fn timing_operators() -> Vec<OperatorSpec> {
     let duration =
         || required("duration_s", number(1.0, 8.0, "s"), "length of the changed motion; then its velocity is kept");

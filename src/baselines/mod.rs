@@ -6,10 +6,12 @@ pub mod cat;
 pub mod grammar;
 pub mod interface;
 pub mod kernel;
+pub mod king;
 pub mod llm_attacker;
 pub mod prior;
 pub mod sage;
 pub mod seal;
+pub mod strive;
 
 use self::kernel::{ActorOperator, Operator};
 use crate::adapters::Registry;
@@ -23,6 +25,8 @@ pub fn registry() -> Registry {
         adv_bmt::family(),
         sage::family(),
         llm_attacker::family(),
+        king::family(),
+        strive::family(),
     ])
 }
 
@@ -33,6 +37,11 @@ pub fn operator(kind: &str) -> Option<Operator> {
         cat::COLLISION_POSTERIOR => Some(cat::search),
         at::BOUNDED_OFFSETS => Some(at::motion),
         at::PARTICLE_SWARM => Some(at::search),
+        at::OFFSET_GRADIENT => Some(at::descend),
+        king::STEERED_ACTIONS => Some(king::motion),
+        king::KINEMATIC_DESCENT => Some(king::search),
+        strive::LATENT_MOTION => Some(strive::motion),
+        strive::LATENT_DESCENT => Some(strive::search),
         adv_bmt::REVERSE_TOKENS => Some(adv_bmt::motion),
         adv_bmt::REJECTION => Some(adv_bmt::search),
         llm_attacker::ATTACKER_PRIOR => Some(llm_attacker::motion),

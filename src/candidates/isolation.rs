@@ -13,17 +13,20 @@ pub fn check(
     registry: &Registry,
     child: &Result<Program, ApplyError>,
 ) -> Vec<Problem> {
-    let vocabulary = contract.foreign_vocabulary(registry);
+    let vocabulary = match registry.foreign_vocabulary(&contract.family) {
+        Some(known) => known,
+        None => &contract.foreign_vocabulary(registry.iter()),
+    };
     let mut problems = Vec::new();
     for (index, operation) in patch.operations.iter().enumerate() {
         let texts = operation_texts(operation);
         let place = format!("patch/operations/{index}");
-        problems.extend(foreign(&place, contract, &vocabulary, &texts));
+        problems.extend(foreign(&place, contract, vocabulary, &texts));
         problems.extend(texts.iter().filter_map(|text| other_lineage(&place, parent, contract, registry, text)));
     }
     // What the parent already carried counts too.
     if let Ok(content) = child.as_ref().map(program_json) {
-        problems.extend(foreign("/", contract, &vocabulary, &weight::texts(&content)));
+        problems.extend(foreign("/", contract, vocabulary, &weight::texts(&content)));
     }
     problems
 }

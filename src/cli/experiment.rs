@@ -13,7 +13,7 @@ use crate::llm::SpendCap;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
-use crate::scene::synth::SynthOptions;
+use crate::scene::synth::{FamilyOptions, SynthOptions};
 use crate::store;
 
 /// Bytes that an experiment file may have.
@@ -57,6 +57,8 @@ pub struct Experiment {
 pub enum SceneSource {
     /// Generated worlds.
     Synth { count: usize, seed: u64, options: SynthOptions },
+    /// SafeBench's traffic families on generated roads.
+    Safebench { seed: u64, options: FamilyOptions },
     /// Scenario files or folders of them, relative to this file.
     Files { paths: Vec<PathBuf> },
     /// A pool written by `evodrive scenes import`, relative to this file.
@@ -190,7 +192,7 @@ impl Experiment {
         content.spend = None;
         content.models.values_mut().for_each(|model| model.client = None);
         match &mut content.scenes {
-            SceneSource::Synth { .. } => {}
+            SceneSource::Synth { .. } | SceneSource::Safebench { .. } => {}
             SceneSource::Files { paths } => paths.clear(),
             SceneSource::Pool { path } => *path = PathBuf::new(),
         }

@@ -28,6 +28,7 @@ pub fn scenes(experiment: &Experiment, file: &Path, instead: &[PathBuf], threads
         (_, [one]) if one.extension().is_some_and(|e| e == "pool") => read_pool(one),
         (_, [_, ..]) => import(instead),
         (SceneSource::Synth { count, seed, options }, _) => generate(*count, *seed, options, threads),
+        (SceneSource::Safebench { seed, options }, _) => generate_families(*seed, options, threads),
         (SceneSource::Files { paths }, _) => import(&paths.iter().map(|path| beside.join(path)).collect::<Vec<_>>()),
         (SceneSource::Pool { path }, _) => read_pool(&beside.join(path)),
     }
@@ -42,6 +43,15 @@ pub fn read_pool(path: &Path) -> Result<Pool, Failure> {
 pub fn generate(count: usize, seed: u64, options: &synth::SynthOptions, threads: &Threads) -> Result<Pool, Failure> {
     let places: Vec<usize> = (0..count).collect();
     let scenes = threads.map(&places, |_, &i| synth::pool_member(options, Seed(seed), i));
+    let scenes = scenes.into_iter().collect::<Result<Vec<Scene>, _>>().map_err(Failure::bad_input)?;
+    Pool::new(scenes, Vec::new()).map_err(Failure::bad_input)
+}
+
+/// Generates the scenes of SafeBench's traffic families.
+pub fn generate_families(seed: u64, options: &synth::FamilyOptions, threads: &Threads) -> Result<Pool, Failure> {
+    options.check().map_err(Failure::bad_input)?;
+    let places: Vec<usize> = (0..options.count()).collect();
+    let scenes = threads.map(&places, |_, &i| synth::family_member(options, Seed(seed), i));
     let scenes = scenes.into_iter().collect::<Result<Vec<Scene>, _>>().map_err(Failure::bad_input)?;
     Pool::new(scenes, Vec::new()).map_err(Failure::bad_input)
 }

@@ -157,6 +157,7 @@ impl Played {
             last_step_share: share,
         };
         let mut kinds = self.traced.intervention.actions.iter().filter_map(|action| match action {
+            Action::Triggered(script) => Some(script.kind),
             Action::Insert { kind, .. } => Some(*kind),
             Action::Follow { .. } | Action::FollowThenReact { .. } => None,
         });

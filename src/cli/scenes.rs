@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
+use super::experiment::Experiment;
 use super::{inputs, scene_export, scene_show};
+use crate::kernel::par::Pool as Threads;
 use crate::scene::stats::PoolStats;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
 use crate::store;
@@ -16,6 +18,8 @@ use crate::store;
 pub enum Command {
     /// Read scenario files or folders into a pool.
     Import(ImportOptions),
+    /// Write the scenes that an experiment generates into a pool.
+    Generate(GenerateOptions),
     /// List the scenes of a pool or of scenario files.
     List(ListOptions),
     /// Show one scene, as it is or as an attempt played it; draw it as SVG or as a page that plays it.
@@ -31,9 +35,24 @@ pub struct ImportOptions {
     /// Scenario files or folders.
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
+    /// OpenDRIVE files of towns, or a folder of them, for SafeBench's route files; a town is called as its file.
+    #[arg(long)]
+    pub towns: Vec<PathBuf>,
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct GenerateOptions {
+    /// Experiment file whose scenes are generated, imported or read from a pool.
+    pub experiment: PathBuf,
+    /// Pool file to write.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Worker threads; 0 = one a core. Never changes a result.
+    #[arg(long, default_value_t = 0)]
+    pub jobs: usize,
 }
 
 #[derive(Debug, Args)]
@@ -59,6 +78,7 @@ pub struct StatsOptions {
 pub fn run(command: Command) -> Result<Answer, Failure> {
     match command {
         Command::Import(options) => import(&options),
+        Command::Generate(options) => generate(&options),
         Command::List(options) => list(&options),
         Command::Show(options) => scene_show::run(&options),
         Command::Export(options) => scene_export::run(&options),
@@ -75,16 +95,27 @@ pub fn read(paths: &[PathBuf]) -> Result<Pool, Failure> {
 }
 
 fn import(options: &ImportOptions) -> Result<Answer, Failure> {
-    let pool = inputs::import(&options.paths)?;
-    store::write_atomic(&options.out, &pool::encode(&pool))?;
+    let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
+    written(inputs::import(&paths)?, &options.out)
+}
+
+fn generate(options: &GenerateOptions) -> Result<Answer, Failure> {
+    let experiment = Experiment::read(&options.experiment)?;
+    let threads = Threads::new(options.jobs).map_err(Failure::internal)?;
+    written(inputs::scenes(&experiment, &options.experiment, &[], &threads)?, &options.out)
+}
+
+/// Writes a pool and says what is in it.
+fn written(pool: Pool, out: &Path) -> Result<Answer, Failure> {
+    store::write_atomic(out, &pool::encode(&pool))?;
     let mut text = listing(&pool, &[], false);
     for left in &pool.left_out {
         let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
         let _ = writeln!(text, "left out: {}{what}: {}", left.file, left.reason);
     }
-    let _ = writeln!(text, "{} scenes in {}", pool.scenes.len(), options.out.display());
+    let _ = writeln!(text, "{} scenes in {}", pool.scenes.len(), out.display());
     let object = json!({
-        "pool": options.out, "digest": pool.digest(), "scenes": rows(&pool), "left_out": pool.left_out,
+        "pool": out, "digest": pool.digest(), "scenes": rows(&pool), "left_out": pool.left_out,
     });
     Ok(Answer::new(text, object))
 }

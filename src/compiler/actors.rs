@@ -16,6 +16,7 @@ pub fn select(situation: &Situation, kind: &str, settings: &Settings) -> Result<
             Ok(situation.marked().next().or_else(|| stand_in(situation, otherwise)).into_iter().collect())
         }
         "ranked_actors" => ranked(situation, settings),
+        "actor_group" => Ok(group(situation, settings.count("group_size")?)),
         other => match actor_operator(other) {
             Some(own) => own(situation, settings),
             None => Err(StageError::Missing(format!("operator {other}"))),
@@ -33,9 +34,26 @@ fn stand_in(situation: &Situation, rule: &str) -> Option<TrackIx> {
         "nearest_gap" => "gap_m",
         _ => return None,
     };
+    moving(situation, feature).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(ix, _)| ix)
+}
+
+/// Moving vehicles with a feature's value.
+fn moving<'a>(situation: &'a Situation, feature: &'a str) -> impl Iterator<Item = (TrackIx, f64)> {
     let moving = eligible(situation).filter(|(_, f)| f.value("moved_m").is_some_and(|m| m >= MOVED_M_MIN));
-    let valued = moving.filter_map(|(ix, facts)| Some((ix, facts.value(feature)?)));
-    valued.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(ix, _)| ix)
+    moving.filter_map(move |(ix, facts)| Some((ix, facts.value(feature)?)))
+}
+
+/// Marked vehicles, then moving ones by the nearness of their logs to the ego's rollout.
+fn group(situation: &Situation, size: usize) -> Vec<TrackIx> {
+    let mut near: Vec<(TrackIx, f64)> = moving(situation, "path_distance_m_min").collect();
+    near.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut group: Vec<TrackIx> = Vec::with_capacity(size);
+    for ix in situation.marked().chain(near.into_iter().map(|(ix, _)| ix)) {
+        if group.len() < size && !group.contains(&ix) {
+            group.push(ix);
+        }
+    }
+    group
 }
 
 fn ranked(situation: &Situation, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {

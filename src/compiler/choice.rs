@@ -1,13 +1,16 @@
 //! The diversity slot: which of the scored candidates is used.
 
+use std::collections::BTreeSet;
+
 use super::ActorDecision;
 use crate::baselines::kernel::{Candidate, Part, Settings, Situation, Stage, StageError};
 use crate::kernel::{Stream, num};
 
-/// The chosen candidate of every part, by index.
+/// The chosen candidate of every part, by index. Where actors were moved together and some iterate is left for all of
+/// them, the first part's choice among those iterates is everybody's.
 pub fn choose(stage: &Stage<'_>, kind: &str, settings: &Settings, parts: &[Part]) -> Result<Vec<usize>, StageError> {
-    let choose_one = |part: &Part| {
-        let ranked = ranked(&part.candidates);
+    let choose_one = |part: &Part, allowed: &dyn Fn(&Candidate) -> bool| {
+        let ranked = ranked(&part.candidates, allowed);
         let mut stream = stage.stream("choice", part.actor);
         Ok(match kind {
             "best_choice" => ranked[0],
@@ -20,12 +23,29 @@ pub fn choose(stage: &Stage<'_>, kind: &str, settings: &Settings, parts: &[Part]
             other => return Err(StageError::Missing(format!("operator {other}"))),
         })
     };
-    parts.iter().map(choose_one).collect()
+    let joint = joint(parts);
+    let Some(first) = parts.first().filter(|_| !joint.is_empty()) else {
+        return parts.iter().map(|part| choose_one(part, &|_| true)).collect();
+    };
+    let leader = choose_one(first, &|candidate| candidate.iterate.is_some_and(|i| joint.contains(&i)))?;
+    let iterate = first.candidates[leader].iterate;
+    Ok(parts.iter().map(|part| part.candidates.iter().position(|c| c.iterate == iterate).unwrap_or(0)).collect())
 }
 
-/// Indices by score, best first; equals in candidate order.
-fn ranked(candidates: &[Candidate]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..candidates.len()).collect();
+/// Iterates that every part still has a candidate of; empty for a single part.
+fn joint(parts: &[Part]) -> BTreeSet<usize> {
+    let of = |part: &Part| part.candidates.iter().filter_map(|c| c.iterate).collect::<BTreeSet<usize>>();
+    match parts {
+        [first, others @ ..] if !others.is_empty() => {
+            others.iter().fold(of(first), |kept, part| kept.intersection(&of(part)).copied().collect())
+        }
+        _ => BTreeSet::new(),
+    }
+}
+
+/// Indices of the allowed by score, best first; equals in candidate order.
+fn ranked(candidates: &[Candidate], allowed: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..candidates.len()).filter(|i| allowed(&candidates[*i])).collect();
     order.sort_by(|a, b| candidates[*b].score.total_cmp(&candidates[*a].score));
     order
 }

@@ -57,7 +57,7 @@ fn step(
         Slot::Timing => {
             for actor in &state.actors {
                 let window = timing::window(stage.situation, *actor, kind, settings)?;
-                let part = |window| Part { actor: *actor, window, candidates: vec![], offsets: None };
+                let part = |window| Part { actor: *actor, window, candidates: vec![], offsets: None, driven: None };
                 state.parts.extend(window.map(part));
             }
             nothing(state.parts.is_empty(), "no window of a second fits into the scene and the actor's log")

@@ -2,7 +2,7 @@
 //! two PID controllers for steering, smoothed. It never changes lane and heeds no light unless asked to.
 
 use crate::kernel::{Vec2, num};
-use crate::sim::bicycle::DEFAULT_LIMITS;
+use crate::sim::bicycle::{Car, DEFAULT_LIMITS};
 use crate::sim::idm::{self, Front, NORMAL_SPEED_KMPH, SIGHT_M};
 use crate::sim::{Control, Driver, EgoState, Plant, View};
 
@@ -13,6 +13,16 @@ const LOOK_AHEAD_M: f64 = 1.0;
 /// suspension put such a lag between steering and yaw; our kinematic car has none, and with it the controllers'
 /// derivative gain of 3.5 per step would oscillate above 10 m/s.
 const STEERING_SHARE: f64 = 0.3;
+
+/// On a route of SafeBench pure pursuit looks as far ahead as the car goes in this time, at least so many metres.
+const PURSUIT_S: f64 = 0.6;
+const PURSUIT_M: f64 = 4.0;
+/// There, too: places ahead that are looked at, metres between them, lateral acceleration in bends and
+/// braking before them, m/s². Ordinary driving in town.
+const BEND_LOOKS: u32 = 12;
+const BEND_SPACING_M: f64 = 2.0;
+const BEND_MPS2: f64 = 2.0;
+const BEND_BRAKE_MPS2: f64 = 1.5;
 
 /// A discrete controller as MetaDrive writes it: sums and differences per decision step, not per second.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +63,9 @@ impl IdmDriver {
     }
 
     fn steering_rad(&mut self, view: &View<'_>, ego: &EgoState) -> f64 {
+        if view.plant().is_staged() {
+            return pursuit_rad(view, ego);
+        }
         let wanted = view.route().heading_at(ego.along.s_m + LOOK_AHEAD_M, ego.along.segment);
         let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
         let shift = self.lateral.output(-ego.along.offset_m);
@@ -73,6 +86,35 @@ impl IdmDriver {
     }
 }
 
+/// Steering at a point of the route ahead. MetaDrive's controllers sum up the error of a sharp bend and then drive
+/// beside the route for the rest of it; logs have no such bends, SafeBench's junctions have.
+fn pursuit_rad(view: &View<'_>, ego: &EgoState) -> f64 {
+    let look_m = PURSUIT_M.max(PURSUIT_S * ego.speed_mps);
+    let delta = view.route().at(ego.along.s_m + look_m, ego.along.segment) - ego.sample.position;
+    let curvature_1pm = 2.0 * ego.axis.cross(delta) / delta.norm_squared().max(1.0);
+    Car::new(&ego.sample, 2.0 * ego.size.half_length_m).steering_for(curvature_1pm)
+}
+
+/// MetaDrive's normal speed, whatever the road: its policy follows logs, which hold their bends' speeds. A route of
+/// SafeBench is no log, so there the ego aims at the scene's speed and slows down before bends.
+fn free_speed_kmph(view: &View<'_>, ego: &EgoState) -> f64 {
+    let (true, Some(target_mps)) = (view.plant().is_staged(), view.plant().target_speed_mps()) else {
+        return NORMAL_SPEED_KMPH;
+    };
+    let route = view.route();
+    let mut free_mps = target_mps;
+    for k in 0..BEND_LOOKS {
+        let ahead_m = BEND_SPACING_M * f64::from(k);
+        let s_m = ego.along.s_m + ahead_m;
+        let heading = |s_m: f64| route.heading_at(s_m, ego.along.segment);
+        let turn = num::wrap_angle(heading(s_m + BEND_SPACING_M) - heading(s_m - BEND_SPACING_M)).abs();
+        let curvature_1pm = turn / (2.0 * BEND_SPACING_M);
+        let bend_squared = BEND_MPS2 / curvature_1pm.max(1e-3);
+        free_mps = free_mps.min((bend_squared + 2.0 * BEND_BRAKE_MPS2 * ahead_m).sqrt());
+    }
+    3.6 * free_mps
+}
+
 impl Driver for IdmDriver {
     fn begin(&mut self, _: &Plant) {
         *self = IdmDriver::new(self.minds_lights);
@@ -81,7 +123,8 @@ impl Driver for IdmDriver {
     fn decide(&mut self, view: &View<'_>) -> Control {
         let ego = *view.ego();
         let front = self.front(view);
-        let throttle = idm::throttle(ego.speed_mps, ego.sample.velocity, ego.axis, NORMAL_SPEED_KMPH, front.as_ref());
+        let target_kmph = free_speed_kmph(view, &ego);
+        let throttle = idm::throttle(ego.speed_mps, ego.sample.velocity, ego.axis, target_kmph, front.as_ref());
         Control::Drive {
             acceleration_mps2: idm::acceleration_mps2(throttle, &DEFAULT_LIMITS),
             steering_rad: self.steering_rad(view, &ego),

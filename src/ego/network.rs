@@ -5,6 +5,8 @@
 //! output; then for each layer its weights as `f64`, one output's row after the other, and its biases as `f64`.
 //! Nothing follows. Every layer ends in tanh, the last one too.
 
+use std::sync::Arc;
+
 use crate::kernel::{Digest, num};
 
 const MAGIC: &[u8; 8] = b"EVOMLP\0\x01";
@@ -23,8 +25,8 @@ pub struct NetworkError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     widths: Vec<usize>,
-    /// Per layer: rows of weights, then biases.
-    layers: Vec<Vec<f64>>,
+    /// Per layer: rows of weights, then biases. Shared: every rollout and every situation holds a copy of its driver.
+    layers: Arc<[Vec<f64>]>,
     digest: Digest,
 }
 
@@ -84,7 +86,7 @@ impl Network {
         if reader.at != bytes.len() {
             return Err(NetworkError { at: reader.at, rule: "nothing may follow the last bias" });
         }
-        Ok(Network { widths, layers, digest: Digest::of_bytes(bytes) })
+        Ok(Network { widths, layers: layers.into(), digest: Digest::of_bytes(bytes) })
     }
 
     /// The bytes of a network with the given widths and layers (rows of weights, then biases).
@@ -109,7 +111,7 @@ impl Network {
     /// Evaluates in place: `values` holds the input at its front and the output afterwards; `spare` is scratch. Both
     /// must be [`Network::width_max`] long.
     pub fn evaluate(&self, values: &mut [f64], spare: &mut [f64]) {
-        for (widths, layer) in self.widths.windows(2).zip(&self.layers) {
+        for (widths, layer) in self.widths.windows(2).zip(self.layers.iter()) {
             let (inputs, outputs) = (widths[0], widths[1]);
             let (weights, biases) = layer.split_at(inputs * outputs);
             for (out, (row, bias)) in spare.iter_mut().zip(weights.chunks_exact(inputs).zip(biases)) {

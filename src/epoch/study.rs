@@ -128,12 +128,11 @@ impl Study<'_> {
         }
     }
 
-    /// Private words of the run's other families, sorted.
+    /// Private words of the other families that evolve in this run, sorted: a family that is registered but takes no part
+    /// changes no prompt. The isolation gate knows every registered family.
     pub fn foreign_vocabulary(&self, spec: &LineageSpec) -> Vec<String> {
-        let in_run = |name: &FamilyName| self.lineages.iter().any(|lineage| lineage.family == *name);
-        let others = self.registry.iter().map(|family| &family.contract.family);
-        let others: BTreeSet<&FamilyName> = others.filter(|name| in_run(name) && **name != spec.family).collect();
-        let others = others.into_iter().filter_map(|name| self.registry.get(name));
+        let takes_part = |family: &&Family| self.lineages.iter().any(|other| other.family == family.contract.family);
+        let others = self.registry.iter().filter(|family| family.contract.family != spec.family).filter(takes_part);
         let words: BTreeSet<String> = others.flat_map(|family| family.contract.private_vocabulary.clone()).collect();
         words.into_iter().collect()
     }

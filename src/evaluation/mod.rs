@@ -9,6 +9,7 @@ pub use metrics::{
     AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, OptionsError, RealismOptions,
 };
 pub use protocol::metadrive::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
+pub use protocol::safebench::{Group, Runs, SafebenchRun, SafebenchScore, Table, group_score};
 pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};
 pub use score::score_of;
 

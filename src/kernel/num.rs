@@ -56,6 +56,11 @@ pub fn pow(base: f64, exponent: f64) -> f64 {
     libm::pow(base, exponent)
 }
 
+/// Complementary error function.
+pub fn erfc(x: f64) -> f64 {
+    libm::erfc(x)
+}
+
 /// `sqrt(x² + y²)` without overflow; for lengths of moderate size `Vec2::norm` is cheaper.
 pub fn hypot(x: f64, y: f64) -> f64 {
     libm::hypot(x, y)

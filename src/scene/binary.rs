@@ -1,10 +1,11 @@
 //! A scene as compact bytes and back: what its digest is taken of and what a pool file holds. Little-endian,
 //! every list preceded by its length, floats as bits. It knows nothing of files.
 
+use super::safebench::{SpawnFrame, Staging, TrafficFamily};
 use super::{
     AgentKind, Ego, Lane, LaneKind, Light, LightState, Neighbour, Origin, Road, Sample, Scene, StopSign, Track,
 };
-use crate::kernel::{Digest, Vec2, num};
+use crate::kernel::{Digest, Pose, Vec2, num};
 
 /// Part of the domain of every scene digest: rises with any change of the bytes below.
 const SCENE_DOMAIN: &str = "evodrive/scene/1";
@@ -50,6 +51,10 @@ pub(super) fn scene_bytes(scene: &Scene) -> Vec<u8> {
         w.counts(&sign.lanes);
     });
     out.list(&scene.crosswalks, |w, polygon| w.points(polygon));
+    // Nothing stands here for a scene of no traffic family: such scenes keep the digest that they always had.
+    if let Some(staging) = &scene.staging {
+        out.staging(staging);
+    }
     out.0
 }
 
@@ -167,6 +172,22 @@ impl Writer {
                 w.number(sample.heading_rad);
                 w.point(sample.velocity);
             }
+        });
+    }
+
+    fn pose(&mut self, pose: Pose) {
+        self.point(pose.position);
+        self.number(pose.heading_rad);
+    }
+
+    fn staging(&mut self, staging: &Staging) {
+        self.byte(staging.family.number() as u8);
+        self.count(staging.route as usize);
+        self.pose(staging.trigger);
+        self.list(&staging.spawns, |w, frame| {
+            w.number(frame.fwd_m);
+            w.number(frame.right_m);
+            w.number(frame.yaw_rad);
         });
     }
 
@@ -348,7 +369,18 @@ impl Reader<'_> {
             lights: self.list(32, Self::light)?,
             stop_signs: self.list(24, |r| Ok(StopSign { position: r.point()?, lanes: r.counts()? }))?,
             crosswalks: self.list(8, Self::points)?,
+            staging: if self.at < self.bytes.len() { Some(self.staging()?) } else { None },
         })
+    }
+
+    fn staging(&mut self) -> Read<Staging> {
+        let family = TrafficFamily::of_number(usize::from(self.byte("a traffic family")?));
+        let family = family.ok_or_else(|| self.expected("a traffic family: 1 to 8"))?;
+        let route = u32::try_from(self.count()?).map_err(|_| self.expected("a route number"))?;
+        let trigger = Pose { position: self.point()?, heading_rad: self.number()? };
+        let spawns =
+            self.list(24, |r| Ok(SpawnFrame { fwd_m: r.number()?, right_m: r.number()?, yaw_rad: r.number()? }))?;
+        Ok(Staging { family, route, trigger, spawns })
     }
 }
 
@@ -366,6 +398,25 @@ mod tests {
         scene.crosswalks.push(vec![Vec2::ZERO, Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0)]);
         let back = scene_of(&scene_bytes(&scene), scene.origin.clone());
         assert_eq!(back, Ok(scene));
+    }
+
+    #[test]
+    fn the_staging_of_a_traffic_family_comes_back_and_counts_into_the_digest() {
+        let plain = two_lane_scene();
+        let staging = Staging {
+            family: TrafficFamily::RightTurn,
+            route: 7,
+            trigger: Pose { position: Vec2::new(3.0, 4.0), heading_rad: 0.5 },
+            spawns: vec![SpawnFrame { fwd_m: 28.0, right_m: -20.0, yaw_rad: -1.5 }],
+        };
+        let scene = Scene { staging: Some(staging), ..plain.clone() };
+        let bytes = scene_bytes(&scene);
+        assert_eq!(scene_of(&bytes, scene.origin.clone()), Ok(scene.clone()));
+        assert_ne!(scene.digest(), plain.digest());
+        let whole = scene_bytes(&plain).len();
+        for end in whole + 1..bytes.len() {
+            assert!(scene_of(&bytes[..end], Origin::default()).is_err(), "{end}");
+        }
     }
 
     #[test]

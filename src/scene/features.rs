@@ -45,7 +45,7 @@ pub struct SceneFeatures {
     /// The route crosses another lane, or a lane of the route is entered from several.
     pub is_junction: bool,
     /// Sorted: `crosswalk`, `curved`, `cyclists`, `dense`, `highway`, `junction`, `light`, `multi_lane`, `pedestrians`,
-    /// `slow_traffic`, `stop_sign`.
+    /// `slow_traffic`, `stop_sign`, and the name of the traffic family that a scene belongs to.
     pub tags: Vec<&'static str>,
 }
 
@@ -120,7 +120,10 @@ impl SceneFeatures {
             ("slow_traffic", self.vehicle_count > 0.0 && self.traffic_speed_mps < 3.0),
             ("stop_sign", !scene.stop_signs.is_empty()),
         ];
-        all.into_iter().filter(|(_, holds)| *holds).map(|(tag, _)| tag).collect()
+        let mut tags: Vec<&str> = all.into_iter().filter(|(_, holds)| *holds).map(|(tag, _)| tag).collect();
+        tags.extend(scene.staging.as_ref().map(|staging| staging.family.name()));
+        tags.sort_unstable();
+        tags
     }
 }
 

@@ -76,5 +76,6 @@ pub fn two_lane_scene() -> Scene {
         lights: vec![],
         stop_signs: vec![],
         crosswalks: vec![],
+        staging: None,
     }
 }

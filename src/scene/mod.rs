@@ -12,6 +12,7 @@ pub mod lanes;
 pub mod pool;
 pub mod remainder;
 pub mod route;
+pub mod safebench;
 pub mod stats;
 pub mod synth;
 pub mod types;

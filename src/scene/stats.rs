@@ -310,6 +310,7 @@ mod tests {
             lights: Vec::new(),
             stop_signs: Vec::new(),
             crosswalks: Vec::new(),
+            staging: None,
         }
     }
 

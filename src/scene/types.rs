@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::safebench::Staging;
 use crate::kernel::Vec2;
 
 /// Index of a lane in [`Road::lanes`].
@@ -35,6 +36,9 @@ pub struct Scene {
     pub lights: Vec<Light>,
     pub stop_signs: Vec<StopSign>,
     pub crosswalks: Vec<Vec<Vec2>>,
+    /// What a scene of SafeBench's traffic families knows beside; `None` for every other scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub staging: Option<Staging>,
 }
 
 /// Provenance for people and reports; a rollout never sees it.

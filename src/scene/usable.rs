@@ -41,6 +41,10 @@ pub fn usable(scene: &Scene) -> Result<(), Unusable> {
     if after < STEPS_AFTER_MIN {
         return Err(Unusable::TooShort { steps: after });
     }
+    if scene.staging.is_some() {
+        // A traffic family brings its actors with it.
+        return Ok(());
+    }
     let vehicles: Vec<&Track> = scene.tracks.iter().filter(|t| t.kind == AgentKind::Vehicle).collect();
     if vehicles.is_empty() {
         return Err(Unusable::NoVehicle);

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
+use super::safebench::{SPAWNS_MAX, SpawnFrame};
 use super::types::{Lane, LaneIx, Scene, Track};
 use crate::kernel::Vec2;
 
@@ -245,6 +246,15 @@ impl Check {
         for (ix, crosswalk) in scene.crosswalks.iter().enumerate() {
             self.line(|| format!("crosswalks[{ix}]"), crosswalk, 3);
         }
+        let Some(staging) = &scene.staging else { return };
+        let place = || "staging".to_string();
+        self.line(place, &[staging.trigger.position], 1);
+        let count = staging.spawns.len();
+        self.that(count <= SPAWNS_MAX, "spawns_are_few", place, format!("{count} spawns"), "at most 16");
+        let finite = |f: &&SpawnFrame| !(on_the_map(Vec2::new(f.fwd_m, f.right_m)) && f.yaw_rad.is_finite());
+        let bad = staging.spawns.iter().find(finite);
+        let turned = staging.trigger.heading_rad.is_finite() && bad.is_none();
+        self.that(turned, "frames_are_finite", place, format!("{bad:?}"), "finite headings and offsets");
     }
 }
 
@@ -307,6 +317,19 @@ mod tests {
             }),
             ["light_states_match_steps"]
         );
+    }
+
+    #[test]
+    fn a_staging_out_of_all_measure_is_named() {
+        let staging = |trigger_x: f64, spawns: usize| {
+            let frame = SpawnFrame { fwd_m: 1.0, right_m: 0.0, yaw_rad: 0.0 };
+            let trigger = crate::kernel::Pose { position: Vec2::new(trigger_x, 0.0), heading_rad: 0.0 };
+            let family = crate::scene::safebench::TrafficFamily::RightTurn;
+            Some(crate::scene::safebench::Staging { family, route: 4, trigger, spawns: vec![frame; spawns] })
+        };
+        assert_eq!(broken_by(|s| s.staging = staging(0.0, 16)), Vec::<&str>::new());
+        assert_eq!(broken_by(|s| s.staging = staging(f64::NAN, 1)), ["points_are_finite_and_near"]);
+        assert_eq!(broken_by(|s| s.staging = staging(0.0, 17)), ["spawns_are_few"]);
     }
 
     #[test]

@@ -12,6 +12,7 @@ use super::intervention::{Action, ActorRef, Intervention};
 use super::plant::{Plant, sample_is_sound, size_is_sound};
 use super::route::{Along, Route};
 use super::skills::{self, EgoForecast, SKILL_STEPS, Skill};
+use super::triggered::{Moved, Play, standing};
 
 /// How a simulated road user finds its next pose.
 #[derive(Clone, Debug)]
@@ -20,6 +21,8 @@ pub(super) enum Mind {
     Script,
     /// Has handed over to skills: the present one and how many of its steps are done.
     Skills { car: Car, skill: Skill, done: usize },
+    /// Carries a script out.
+    Triggered(Box<Play>),
     /// Follows the path of a candidate (step of appearance, place in its list) by IDM.
     Path { born: usize, index: usize, along: Along, speed_mps: f64, throttle: f64 },
 }
@@ -50,7 +53,18 @@ pub(super) fn adversaries(plant: &Plant, intervention: &Intervention, actors: &m
     let mut inserted = 0;
     for (i, action) in intervention.actions.iter().enumerate() {
         check(plant, i, action)?;
+        let mut mind = Mind::Script;
         let (who, size) = match *action {
+            Action::Triggered(ref script) => {
+                let reference = intervention.actions.get(script.trigger.reference);
+                if !matches!(reference, Some(Action::Triggered(_))) {
+                    let rule = "a trigger's reference must be a triggered action";
+                    return Err(SimError::Action { action: i, rule, found: script.trigger.reference.to_string() });
+                }
+                inserted += 1;
+                mind = Mind::Triggered(Box::new(Play::new(script)));
+                (ActorRef::Inserted(inserted - 1), Size::new(script.kind, script.length_m, script.width_m))
+            }
             Action::Insert { kind, length_m, width_m, .. } => {
                 inserted += 1;
                 (ActorRef::Inserted(inserted - 1), Size::new(kind, length_m, width_m))
@@ -63,16 +77,28 @@ pub(super) fn adversaries(plant: &Plant, intervention: &Intervention, actors: &m
                 (who, plant.sizes[track])
             }
         };
-        actors.push(Actor::new(who, size, Some(i), Mind::Script));
+        actors.push(Actor::new(who, size, Some(i), mind));
     }
     Ok(())
 }
 
 fn check(plant: &Plant, i: usize, action: &Action) -> Result<(), SimError> {
     let refuse = |rule, found: String| Err(SimError::Action { action: i, rule, found });
-    let (Action::Follow { from_step, samples, .. }
-    | Action::Insert { from_step, samples, .. }
-    | Action::FollowThenReact { from_step, samples, .. }) = action;
+    let (from_step, samples) = match action {
+        Action::Follow { from_step, samples, .. }
+        | Action::Insert { from_step, samples, .. }
+        | Action::FollowThenReact { from_step, samples, .. } => (from_step, samples),
+        Action::Triggered(script) if !size_is_sound(script.length_m, script.width_m) => {
+            let found = format!("{} x {}", script.length_m, script.width_m);
+            return refuse("length and width must be above 0 and at most 100 m", found);
+        }
+        Action::Triggered(script) => {
+            let standing = Sample { position: script.spawn.position, ..Sample::default() };
+            let far = (!sample_is_sound(&standing))
+                .then(|| ("the spawn must lie within 1e7 m", format!("{:?}", script.spawn)));
+            return script.fault().or(far).map_or(Ok(()), |(rule, found)| refuse(rule, found));
+        }
+    };
     let last = plant.first_step() + plant.steps();
     if *from_step > last {
         return refuse("from_step must be a step of the scene", format!("{from_step} of {}", last + 1));
@@ -106,6 +132,8 @@ pub(super) fn first_change(action: &Action) -> usize {
         Action::Follow { from_step, .. }
         | Action::Insert { from_step, .. }
         | Action::FollowThenReact { from_step, .. } => from_step,
+        // It stands there from the first step on.
+        Action::Triggered(_) => 0,
     }
 }
 
@@ -127,6 +155,19 @@ fn scripted(plant: &Plant, action: &Action, k: usize) -> Option<Sample> {
             } else {
                 Some(held(samples, *from_step))
             }
+        }
+        Action::Triggered(script) => Some(standing(script)),
+    }
+}
+
+/// Sets those off whose trigger holds at the present step.
+pub(super) fn set_off(actors: &mut [Actor], intervention: &Intervention, ego: &EgoForecast) {
+    for own in 0..actors.len() {
+        let Some(Action::Triggered(script)) = actors[own].action.map(|a| &intervention.actions[a]) else { continue };
+        // Adversaries come first, in the order of the actions.
+        let reference = actors.get(script.trigger.reference).and_then(|r| r.now.as_ref()).map(|now| now.position);
+        if let (Mind::Triggered(play), Some(reference)) = (&mut actors[own].mind, reference) {
+            play.awake = play.awake || Play::is_set_off(script, reference, ego);
         }
     }
 }
@@ -154,7 +195,7 @@ impl Actor {
 
     /// Sets the pose at the first simulated step.
     pub fn place_first(&mut self, plant: &Plant, intervention: &Intervention) {
-        if let (Mind::Script, Some(action)) = (&self.mind, self.action) {
+        if let (Mind::Script | Mind::Triggered(_), Some(action)) = (&self.mind, self.action) {
             self.now = scripted(plant, &intervention.actions[action], 0);
             self.axis = self.now.as_ref().map_or(self.axis, |s| Vec2::from_heading(s.heading_rad));
         }
@@ -188,6 +229,23 @@ impl Actor {
                 }
                 *car = cars[SUBSTEPS - 1];
                 (self.next, self.next_axis) = (Some(car.sample()), car.axis);
+            }
+            Mind::Triggered(play) => {
+                let Some(Action::Triggered(script)) = action else { return };
+                match play.step(script, ego) {
+                    Moved::Cars(cars) => {
+                        self.places[0] =
+                            Place { position: self.now.map_or(cars[0].position, |n| n.position), axis: self.axis };
+                        for (place, moved) in self.places[1..].iter_mut().zip(&cars) {
+                            *place = moved.place();
+                        }
+                        (self.next, self.next_axis) = (Some(play.car().sample()), play.car().axis);
+                    }
+                    Moved::Walked(sample) => {
+                        self.next = Some(sample);
+                        self.interpolate();
+                    }
+                }
             }
             Mind::Path { born, index, along, speed_mps, throttle } => {
                 let path = &plant.candidates[*born][*index].path;

@@ -78,6 +78,14 @@ impl Car {
         sine.clamp(-most, most)
     }
 
+    /// The steering angle that turns the car by `curvature_1pm` (1/m, positive to the left), grip aside; the inverse of
+    /// what [`Car::drive`] does with it.
+    pub fn steering_for(&self, curvature_1pm: f64) -> f64 {
+        let sine = (curvature_1pm * self.rear_m).clamp(-0.99, 0.99);
+        let tan_slip = sine / (1.0 - sine * sine).sqrt();
+        num::atan(tan_slip * (self.front_m + self.rear_m) / self.rear_m)
+    }
+
     /// One decision step under constant controls: the car after each physics step.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [Car; SUBSTEPS] {
         let acceleration = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);

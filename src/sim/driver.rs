@@ -86,6 +86,11 @@ impl View<'_> {
         self.plant.route()
     }
 
+    /// The scene as it was prepared.
+    pub fn plant(&self) -> &Plant {
+        self.plant
+    }
+
     /// Calls `f` for every other road user whose centre lies within `radius_m` of the ego's: recorded ones by x, then
     /// simulated ones.
     pub fn for_each_within(&self, radius_m: f64, mut f: impl FnMut(&Seen)) {

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::script::Script;
 use crate::scene::{AgentKind, Sample, TrackIx};
 
 /// Everything that is done to a scene in one rollout. Empty means plain log replay.
@@ -23,6 +24,9 @@ pub enum Action {
     /// An existing track follows `samples` from `from_step`, then at `handover_step` turns reactive: every second it
     /// takes the motion primitive that brings it nearest to the ego (SEAL's skills).
     FollowThenReact { track: TrackIx, from_step: usize, samples: Vec<Sample>, handover_step: usize },
+    /// A new road user stands somewhere from the first step on and does what its script says once the ego comes near
+    /// (SafeBench's actors).
+    Triggered(Script),
 }
 
 /// Who a road user of a rollout is.

@@ -4,6 +4,7 @@ pub mod bicycle;
 pub mod body;
 pub mod drivable;
 pub mod driver;
+pub mod driving;
 pub mod error;
 pub mod gaps;
 pub mod idm;
@@ -12,25 +13,30 @@ pub mod outcome;
 pub mod plant;
 pub mod rollout;
 pub mod route;
+pub mod script;
 pub mod skills;
 
 mod actors;
 mod contact;
+mod course;
 mod motion;
 mod recorder;
 mod trace_digest;
 mod traffic;
+mod triggered;
 mod watch;
 mod world;
 
 pub use body::Size;
 pub use driver::{Control, Driver, EgoState, Seen, View};
+pub use driving::{ActorConduct, Driving};
 pub use error::SimError;
 pub use intervention::{Action, ActorRef, Intervention};
 pub use outcome::{ActorTrace, AdversaryReport, Contact, End, Motion, Outcome, Striker, Trace};
 pub use plant::Plant;
 pub use rollout::{RolloutCost, rollout, rollout_counted, rollout_traced};
 pub use route::{Along, Route};
+pub use script::{Phase, Script, Speed, Trigger, Until, Way};
 
 /// Part of every rollout key; rises when any outcome can change.
 pub const SIM_VERSION: u32 = 1;

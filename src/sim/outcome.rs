@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::driving::Driving;
 use super::intervention::ActorRef;
 use crate::kernel::Digest;
 use crate::scene::Sample;
@@ -28,6 +29,9 @@ pub struct Outcome {
     pub adversaries: Vec<AdversaryReport>,
     /// Digest of the full trace: two rollouts with one trace digest are the same rollout.
     pub trace: Digest,
+    /// SafeBench's criteria; only for scenes of its traffic families, so that every other outcome stays as it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driving: Option<Driving>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -245,6 +245,7 @@ impl Plain<'_> {
             ego: meter.finish(),
             adversaries: Vec::new(),
             trace,
+            driving: None,
         };
         let whole: Vec<Sample> = egos.iter().filter(|(_, s, _)| *s == DT_S).map(|(e, ..)| *e).collect();
         let seconds = egos[egos.len() - 1].1;
@@ -375,6 +376,7 @@ impl Plain<'_> {
         let action = &self.act.actions[i];
         let from = first_change(action).saturating_sub(self.plant.first_step());
         let (actor, log) = match action {
+            Action::Triggered(_) => unreachable!("the plain simulator is compared without scripts"),
             Action::Insert { .. } => {
                 let before = self.act.actions[..i].iter().filter(|a| matches!(a, Action::Insert { .. })).count();
                 (ActorRef::Inserted(before), None)

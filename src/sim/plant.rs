@@ -6,6 +6,7 @@ use crate::scene::{AgentKind, DT_S, Light, LightState, Sample, Scene, Track, Tra
 
 use super::SimError;
 use super::body::{Place, Size, coasting};
+use super::course::Course;
 use super::drivable::Drivable;
 use super::route::Route;
 
@@ -130,6 +131,8 @@ pub struct Plant {
     /// The route straightened a little: quicker to search for what is ahead.
     pub(super) route_ahead: Route,
     pub(super) drivable: Drivable,
+    /// For scenes of a traffic family: they are run under SafeBench's rules.
+    pub(super) course: Option<Course>,
     /// Vehicles that may turn reactive, by the simulated step at which they appear.
     pub(super) candidates: Vec<Vec<Candidate>>,
     pub(super) lights: Vec<RouteLight>,
@@ -165,6 +168,7 @@ impl Plant {
             ego_start: start,
             ego_log,
             target_speed_mps: scene.ego.target_speed_mps,
+            course: scene.staging.as_ref().map(|_| Course::new(scene, &route)),
             route,
             route_ahead,
             drivable: Drivable::new(&scene.road),
@@ -206,6 +210,11 @@ impl Plant {
     /// Speed to aim at where the scene gives one, m/s.
     pub fn target_speed_mps(&self) -> Option<f64> {
         self.target_speed_mps
+    }
+
+    /// Whether the scene belongs to one of SafeBench's traffic families and is run under its rules.
+    pub fn is_staged(&self) -> bool {
+        self.course.is_some()
     }
 
     /// Whether the ego's recorded motion goes on after its start.
@@ -299,7 +308,8 @@ fn check_track(scene: &Scene, name: &str, track: &Track) -> Result<(), SimError>
     }
 }
 
-fn in_range(p: Vec2) -> bool {
+/// Whether coordinates can be simulated; NaN can not.
+pub(super) fn in_range(p: Vec2) -> bool {
     // NaN compares false.
     p.x.abs() <= POSITION_M_MAX && p.y.abs() <= POSITION_M_MAX
 }

@@ -4,11 +4,12 @@ use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample};
 
 use super::SimError;
-use super::actors::adversaries;
+use super::actors::{adversaries, set_off};
 use super::bicycle::{Car, DEFAULT_LIMITS};
 use super::body::{Place, SUBSTEP_S, SUBSTEPS, sample_during};
 use super::contact::{self, Hit, Mover, Path};
 use super::driver::{Control, Driver, EgoState, View};
+use super::driving::DrivingMeter;
 use super::gaps::Footprints;
 use super::intervention::Intervention;
 use super::outcome::{Contact, End, Outcome, Trace};
@@ -83,6 +84,8 @@ struct Run<'a> {
     completion: f64,
     lateral_m_max: f64,
     nearness: Nearness,
+    /// SafeBench's criteria, for a scene of its traffic families.
+    driving: Option<DrivingMeter>,
     traced: TraceDigest,
     cost: RolloutCost,
 }
@@ -130,6 +133,7 @@ impl<'a> Run<'a> {
             completion: 0.0,
             lateral_m_max: along.offset_m.abs(),
             nearness: Nearness::new(),
+            driving: plant.course.as_ref().map(|course| DrivingMeter::new(course, &world.actors, plant.steps())),
             cost: RolloutCost::default(),
             plant,
             intervention,
@@ -165,11 +169,8 @@ impl<'a> Run<'a> {
             self.commit(&ego_step);
             steps += 1;
             self.observe(steps, DT_S);
-            if self.ego.along.offset_m.abs() > OFF_ROAD_OFFSET_M {
-                break (End::OffRoad, None);
-            }
-            if self.completion > ARRIVAL_SHARE || plant.route.length_m() < ROUTE_M_MIN {
-                break (End::Arrived, None);
+            if let Some(end) = self.is_over() {
+                break (end, None);
             }
         };
         if !matches!(end, End::Horizon | End::Contact)
@@ -179,6 +180,26 @@ impl<'a> Run<'a> {
         }
         let outcome = self.outcome(end, steps, contact);
         Ok((outcome, self.cost))
+    }
+
+    /// Whether the ego has left its route or arrived: by MetaDrive's rules, or SafeBench's for its traffic families.
+    fn is_over(&mut self) -> Option<End> {
+        let route = &self.plant.route;
+        let (left, arrived) = match &mut self.driving {
+            None => {
+                let left = self.ego.along.offset_m.abs() > OFF_ROAD_OFFSET_M;
+                (left, self.completion > ARRIVAL_SHARE || route.length_m() < ROUTE_M_MIN)
+            }
+            Some(driving) => {
+                let end = route.points()[route.points().len() - 1];
+                let arrived = driving.has_arrived(&self.ego, self.completion, end);
+                (driving.has_left_route(&self.ego, route.length_m()), arrived)
+            }
+        };
+        if left {
+            return Some(End::OffRoad);
+        }
+        arrived.then_some(End::Arrived)
     }
 
     /// Takes the state at simulated step `k` into account, `seconds` after the last.
@@ -198,6 +219,9 @@ impl<'a> Run<'a> {
                 watched.compare_with_log(plant, actor.now.as_ref(), k);
                 watched.encroach(&self.ego_footprints, &self.ego.size, actor);
             }
+        }
+        if let (Some(driving), Some(course)) = (&mut self.driving, &plant.course) {
+            driving.observe(plant, course, &self.ego, &self.world.actors, k, seconds);
         }
         if self.count == 0 && whole_step {
             let (nearness, ego) = (&mut self.nearness, &self.ego);
@@ -275,6 +299,7 @@ impl<'a> Run<'a> {
             size: self.ego.size,
         };
         traffic::decide(self.plant, &mut self.world, &self.ego, k);
+        set_off(&mut self.world.actors[..self.count], self.intervention, &forecast);
         for actor in &mut self.world.actors {
             actor.plan(self.plant, self.intervention, k, &forecast);
         }
@@ -358,6 +383,7 @@ impl<'a> Run<'a> {
             ego: self.ego_meter.finish(),
             adversaries: self.watched.iter().map(Watched::report).collect(),
             trace: self.traced.finish(),
+            driving: self.driving.as_ref().map(DrivingMeter::finish),
         }
     }
 }

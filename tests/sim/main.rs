@@ -2,8 +2,10 @@
 
 use evodrive::{ego, kernel, scene, sim};
 
+mod driving;
 mod egos;
 mod laws;
 mod rollouts;
 mod scenes;
+mod triggered;
 mod world;

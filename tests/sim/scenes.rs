@@ -53,6 +53,7 @@ pub fn straight_road(steps: usize, speed_mps: f64, tracks: Vec<Track>) -> Scene 
         lights: vec![],
         stop_signs: vec![],
         crosswalks: vec![],
+        staging: None,
     }
 }
 

@@ -20,11 +20,14 @@ pub struct Candidate {
     pub score: f64,
     /// Scene step from which the actor no longer follows the samples but reacts to the ego; `None`: never.
     pub handover_step: Option<usize>,
+    /// Where a search moves several actors at once: candidates of one iterate belong together.
+    pub iterate: Option<usize>,
 }
 
 impl Candidate {
     pub fn new(samples: Vec<Sample>, prior_log_probability: f64) -> Candidate {
-        Candidate { samples, prior_log_probability, score: prior_log_probability, handover_step: None }
+        let score = prior_log_probability;
+        Candidate { samples, prior_log_probability, score, handover_step: None, iterate: None }
     }
 
     /// Mean distance to another candidate at equal times, metres.

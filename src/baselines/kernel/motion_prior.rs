@@ -36,6 +36,23 @@ pub struct PriorOptions {
     pub flatten_rank: usize,
 }
 
+impl PriorOptions {
+    /// The figures in parentheses, for families whose signature is not the prior itself.
+    pub const REFERENCE: PriorOptions = PriorOptions {
+        count: 32,
+        nms_radius_m: 7.2,
+        goal_spacing_m: 2.0,
+        profile_step_mps2: 1.0,
+        profile_levels: 3,
+        speed_change_scale_mps: 2.0,
+        acceleration_scale_mps2: 3.0,
+        lateral_scale_mps2: 3.0,
+        lane_offset_scale_m: 1.5,
+        lane_change_cost: 0.5,
+        flatten_rank: 6,
+    };
+}
+
 /// A place to be at the end of the window.
 #[derive(Clone, Copy, Debug)]
 struct Goal {

@@ -95,6 +95,20 @@ impl OffsetSpace {
         self.path.scale(offsets)
     }
 
+    /// Adds to `slope`, at the coordinates, what a slope at the offset of a sample means for them.
+    pub fn pull(&self, step: usize, offset_slope: Vec2, slope: &mut [f64]) {
+        let pulled = offset_slope * self.path.bounds().offset_m_max;
+        let k = step / self.weights.len();
+        let knots = [k.saturating_sub(1), k, k + 1, k + 2];
+        for (knot, weight) in knots.into_iter().zip(self.weights[step % self.weights.len()]) {
+            // The first knot stays where it is.
+            if let Some(place) = (2 * knot.min(self.knots - 1)).checked_sub(2) {
+                slope[place] += weight * pulled.x;
+                slope[place + 1] += weight * pulled.y;
+            }
+        }
+    }
+
     /// The path with `theta` times the offsets. Headings turn with the direction of motion where there is any.
     pub fn samples(&self, offsets: &[Vec2], theta: f64) -> Vec<Sample> {
         let place = |k: usize| self.logged[k].position + offsets[k] * theta;

@@ -1,8 +1,9 @@
 //! All that a program may know of a scene before the rollout: built once per scene and ego, shared by every program.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::actors::{self, ActorFacts};
+use super::road_field::RoadField;
 use crate::adapters::vocabulary;
 use crate::ego;
 use crate::kernel::{Digest, OrientedBox};
@@ -14,6 +15,8 @@ use crate::sim::{self, Intervention, Plant, SimError};
 pub struct Situation {
     pub scene: Arc<Scene>,
     pub plant: Plant,
+    /// Who drives the ego, for searches that simulate it again.
+    pub policy: ego::Policy,
     pub lanes: LaneGraph,
     pub features: SceneFeatures,
     /// The ego's latest closed-loop rollout: on the unchanged scene.
@@ -24,11 +27,11 @@ pub struct Situation {
     pub ego_deceleration_mps2_max: f64,
     /// Values of `vocabulary::SCENE`, in its order.
     pub scene_values: Vec<f64>,
-    /// The driver that programs will meet, for families that try their motion against it.
-    pub policy: ego::Policy,
     /// Road users that a program may insert: vehicle, cyclist, pedestrian, never observed.
     guests: [Track; 3],
     guest_facts: ActorFacts,
+    /// Built on first use: few families need it.
+    road_field: OnceLock<Option<RoadField>>,
 }
 
 /// Why a scene cannot be prepared.
@@ -64,7 +67,13 @@ impl Situation {
             policy,
             guests,
             guest_facts,
+            road_field: OnceLock::new(),
         })
+    }
+
+    /// Signed distances to the road's edge; `None` for a road without lanes.
+    pub fn road_field(&self) -> Option<&RoadField> {
+        self.road_field.get_or_init(|| RoadField::of(&self.scene, &self.lanes)).as_ref()
     }
 
     /// Identity of the scene for logs and random streams.

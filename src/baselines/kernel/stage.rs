@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::candidate::{Candidate, Judged, Needs, features};
+use super::driven::Driven;
 use super::offsets::OffsetSpace;
 use super::situation::Situation;
 use crate::kernel::{Seed, Stream};
@@ -25,6 +26,8 @@ pub struct Part {
     pub candidates: Vec<Candidate>,
     /// Where the motion operator opens a continuous space instead of listing candidates.
     pub offsets: Option<OffsetSpace>,
+    /// Likewise, where the motion is a differentiable function of a decision vector.
+    pub driven: Option<Arc<dyn Driven>>,
 }
 
 /// A motion or search operator: works on all adversaries of a scene together.

@@ -188,6 +188,7 @@ mod tests {
             window: Window { from_step: 1, steps: 20 },
             candidates: vec![candidate(2.0, 1.0), candidate(6.0, 3.0), candidate(10.0, 2.0)],
             offsets: None,
+            driven: None,
         };
         vec![part(4), part(7)]
     }

@@ -9,6 +9,7 @@ pub mod jerk;
 pub mod map;
 pub mod realism;
 pub mod route_progress;
+pub mod safebench;
 
 pub use attack::{AttackOptions, AttackTarget};
 pub use realism::{BoundedDiagnostic, Diagnostic, OptionsError, RealismOptions};

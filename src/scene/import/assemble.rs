@@ -111,6 +111,7 @@ pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
         lights: lights(&log.lights, &road, &index, &clock, origin, &mut left_out),
         stop_signs: stop_signs(&log.stop_signs, &index, origin),
         crosswalks: log.crosswalks.iter().filter(|c| c.len() >= 3).map(|c| shifted(c, origin)).collect(),
+        staging: None,
         road,
     };
     Ok((scene, left_out))

@@ -9,6 +9,7 @@ pub mod gpudrive;
 pub mod opendrive;
 pub mod pickle;
 pub mod resample;
+pub mod safebench;
 pub mod scenarionet;
 pub mod scenarionet_json;
 pub mod summary;

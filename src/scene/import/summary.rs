@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::error::ImportError;
 use super::tfrecord::Records;
-use super::{commonroad, gpudrive, opendrive, scenarionet, scenarionet_json, waymo};
+use super::{commonroad, gpudrive, opendrive, safebench, scenarionet, scenarionet_json, waymo};
 use crate::kernel::Digest;
 use crate::scene::{LeftOut, Scene};
 
@@ -27,12 +27,19 @@ pub struct ImportSummary {
 pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSummary {
     let mut summary = ImportSummary::default();
     let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
+    let beside = beside_routes(files);
     for (name, bytes) in files {
         let name = name.as_ref();
-        match import_file(name, bytes.as_ref()) {
+        let imported = match &beside {
+            Some(library) if is_beside(bytes.as_ref()) => read_beside(name, library),
+            Some(library) if has_root(bytes.as_ref(), b"<routes") => {
+                safebench::import(name, bytes.as_ref(), &library.found)
+            }
+            _ => import_file(name, bytes.as_ref()),
+        };
+        match imported {
             Err(error) => {
-                let reason = format!("{}: expected {}; {}", error.place, error.expected, error.remedy);
-                summary.left_out.push(LeftOut { file: name.into(), what: String::new(), reason });
+                summary.left_out.push(LeftOut { file: name.into(), what: String::new(), reason: reason(&error) })
             }
             Ok(imported) => {
                 summary.left_out.extend(imported.left_out);
@@ -53,6 +60,57 @@ pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSu
     summary
 }
 
+fn reason(error: &ImportError) -> String {
+    format!("{}: expected {}; {}", error.place, error.expected, error.remedy)
+}
+
+/// Towns and scenario files, which are no scenes but are needed by route files, and those that could not be read.
+#[derive(Default)]
+struct BesideRoutes {
+    found: safebench::Library,
+    refused: BTreeMap<String, ImportError>,
+}
+
+/// What stands beside the route files of a list; `None` where there is no route file.
+fn beside_routes<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> Option<BesideRoutes> {
+    files.iter().find(|(_, bytes)| has_root(bytes.as_ref(), b"<routes"))?;
+    let mut beside = BesideRoutes::default();
+    for (name, bytes) in files {
+        let (name, bytes) = (name.as_ref(), bytes.as_ref());
+        let read = if has_root(bytes, b"<OpenDRIVE") {
+            opendrive::road(name, bytes).map(|road| beside.found.add_town(name, road))
+        } else if safebench::looks_like_scenarios(head(bytes)) {
+            beside.found.add_scenarios(name, bytes)
+        } else {
+            continue;
+        };
+        if let Err(error) = read {
+            beside.refused.insert(name.to_string(), error);
+        }
+    }
+    Some(beside)
+}
+
+fn is_beside(bytes: &[u8]) -> bool {
+    has_root(bytes, b"<OpenDRIVE") || safebench::looks_like_scenarios(head(bytes))
+}
+
+/// A file that was read beside the routes gives no scene of its own, or the reason why it could not be read.
+fn read_beside(name: &str, beside: &BesideRoutes) -> Result<Imported, ImportError> {
+    beside.refused.get(name).map_or(Ok(Imported::default()), |error| Err(error.clone()))
+}
+
+fn head(bytes: &[u8]) -> &[u8] {
+    &bytes[..bytes.len().min(4096)]
+}
+
+/// Whether an XML file's root element begins so, told by its first bytes.
+fn has_root(bytes: &[u8], element: &[u8]) -> bool {
+    let head = head(bytes);
+    let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
+    first == Some(&b'<') && head.windows(element.len()).any(|window| window == element)
+}
+
 /// Imports one file of whatever format, told by its content, never by its name.
 pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let head = &bytes[..bytes.len().min(4096)];
@@ -68,6 +126,9 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
             let left_out = vec![LeftOut { file: file.into(), what: String::new(), reason }];
             return Ok(Imported { scenes: vec![], left_out });
         }
+        if holds(b"<routes") {
+            return safebench::import(file, bytes, &safebench::Library::default());
+        }
         let remedy = "EvoDrive reads CommonRoad XML; convert the file or leave it out";
         return Err(ImportError::new(file, "line 1", "a root element <commonRoad>", remedy));
     }
@@ -80,6 +141,10 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
         return scenarionet_json::import(file, bytes);
     }
     if first == Some(&b'{') {
+        if safebench::looks_like_scenarios(head) {
+            let remedy = "import it together with the route files";
+            return Err(ImportError::new(file, "byte 0", "route files beside this scenario file of SafeBench", remedy));
+        }
         return gpudrive::import(file, bytes);
     }
     if Records::looks_like(bytes) {

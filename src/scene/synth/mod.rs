@@ -6,6 +6,8 @@
 
 mod curve;
 mod driver;
+mod families;
+mod family_site;
 mod interaction;
 mod junction;
 mod lane_change;
@@ -21,6 +23,8 @@ mod worlds;
 #[cfg(test)]
 mod tests;
 
+pub(super) use families::ego_at_rest;
+pub use families::{FamilyOptions, family_member, family_scene};
 pub use options::{Reject, SynthError, SynthOptions, WorldKind};
 
 use crate::kernel::{Seed, num};
@@ -110,6 +114,7 @@ fn assemble(
             .collect(),
         stop_signs: stop_signs(net),
         crosswalks: walkers::polygons(net),
+        staging: None,
     }
 }
 

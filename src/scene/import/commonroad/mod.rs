@@ -164,6 +164,7 @@ fn assembled(
         lights: network.lights_over(steps, start_s, file.dt_s, here),
         stop_signs: network.stop_signs_from(here),
         crosswalks: network.crosswalks.iter().map(|line| shifted(line, here)).collect(),
+        staging: None,
     };
     scene.road.edges = obstacles.edges.iter().map(|line| shifted(line, here)).collect();
     scene.ego.track.samples.resize(steps, None);

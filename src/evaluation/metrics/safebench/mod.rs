@@ -1,0 +1,32 @@
+//! SafeBench's metrics as the paper reports them: collision rate, overall score, adversarial realism, attack.
+
+mod ars;
+mod overall;
+
+pub use ars::{
+    Ars, ArsOptions, BoundedOptions, DistanceOptions, InteractionOptions, KinematicsOptions, MapOptions, RunRealism,
+    ValidityOptions, WEIGHTS, ars, run_realism,
+};
+pub use overall::{Criteria, Run, criteria};
+
+/// A_CARLA = CR (1 - OS) (paper eq. app-carla-objectives).
+pub fn attack(collision_rate: f64, overall_score: f64) -> f64 {
+    collision_rate * (1.0 - overall_score)
+}
+
+/// S_trace = 100 A R Valid (paper eq. app-carla-trace-score): for pictures of progress only.
+pub fn trace_score(attack: f64, realism: f64, valid_rate: f64) -> f64 {
+    100.0 * attack * realism * valid_rate
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attack_is_worked_by_hand_from_the_paper_s_table() {
+        // CR 0.631 and OS 0.589 stand beside an attack of 0.260 in the paper.
+        assert!((attack(0.631, 0.589) - 0.259_341).abs() < 1e-9);
+        assert!((trace_score(0.25, 0.8, 0.5) - 10.0).abs() < 1e-12);
+    }
+}

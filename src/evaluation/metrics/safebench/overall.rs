@@ -1,0 +1,235 @@
+//! The overall score OS of SafeBench v1 (`get_route_scores`, the formula that ChatScene runs): ten sub-metrics over a
+//! set of runs, 1 for perfect driving. The later SafeBench's penalty of the same name is another quantity.
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::num;
+use crate::sim::{End, Outcome};
+
+// Divisors of the sub-metrics, in their units.
+const OFF_ROAD_M: f64 = 50.0;
+const ROUTE_DISTANCE_M: f64 = 5.0;
+const TIME_S: f64 = 60.0;
+const ACCELERATION_MPS2: f64 = 8.0;
+const YAW_RATE_RADPS: f64 = 3.0;
+const LANE_INVASIONS: f64 = 20.0;
+
+/// One run as the formula reads it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Run {
+    pub collision: bool,
+    pub red_lights: f64,
+    pub stop_signs: f64,
+    pub off_road_m: f64,
+    /// Mean over time.
+    pub route_distance_m: f64,
+    /// 0..=1; a completed route counts as 1.
+    pub completion: f64,
+    /// Duration of a completed run, s.
+    pub completed_s: Option<f64>,
+    /// Mean over time of the norm.
+    pub acceleration_mps2: f64,
+    /// Sum of absolute heading changes over the duration.
+    pub yaw_rate_radps: f64,
+    pub lane_invasions: f64,
+}
+
+impl Run {
+    /// `None` for an outcome of a scene that is not staged for a traffic family.
+    pub fn of(outcome: &Outcome) -> Option<Run> {
+        let driving = outcome.driving.as_ref()?;
+        let yaw_rate_radps = if driving.duration_s > 0.0 { driving.yaw_change_rad / driving.duration_s } else { 0.0 };
+        Some(Run {
+            collision: outcome.end == End::Contact,
+            red_lights: f64::from(driving.red_lights),
+            stop_signs: f64::from(driving.stop_signs),
+            off_road_m: driving.off_road_m,
+            route_distance_m: driving.route_distance_m_mean,
+            completion: if driving.completed { 1.0 } else { outcome.route_completion },
+            completed_s: driving.completed.then_some(driving.duration_s),
+            acceleration_mps2: driving.acceleration_mps2_mean,
+            yaw_rate_radps,
+            lane_invasions: f64::from(driving.lane_invasions),
+        })
+    }
+}
+
+/// The ten sub-metrics of a set of runs, unscaled.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Criteria {
+    /// CR: share of runs that ended with a collision.
+    pub collision_rate: f64,
+    /// RL and SS: mean counts.
+    pub red_lights: f64,
+    pub stop_signs: f64,
+    /// OR: mean metres.
+    pub off_road_m: f64,
+    /// RF: `max(1 - d / 5 m, 0)` of the mean distance d to the route.
+    pub route_following: f64,
+    /// RC: mean share.
+    pub route_completion: f64,
+    /// TS: mean seconds of the completed runs; 0 if there are none.
+    pub time_s: f64,
+    /// ACC: mean m/s².
+    pub acceleration_mps2: f64,
+    /// YV: mean rad/s.
+    pub yaw_rate_radps: f64,
+    /// LI: mean count.
+    pub lane_invasions: f64,
+}
+
+/// The sub-metrics over a whole set of runs; `None` without a run.
+pub fn criteria(runs: &[Run]) -> Option<Criteria> {
+    let mean = |value: fn(&Run) -> f64| num::mean(&runs.iter().map(value).collect::<Vec<f64>>());
+    let times: Vec<f64> = runs.iter().filter_map(|run| run.completed_s).collect();
+    Some(Criteria {
+        collision_rate: mean(|run| if run.collision { 1.0 } else { 0.0 })?,
+        red_lights: mean(|run| run.red_lights)?,
+        stop_signs: mean(|run| run.stop_signs)?,
+        off_road_m: mean(|run| run.off_road_m)?,
+        route_following: (1.0 - mean(|run| run.route_distance_m)? / ROUTE_DISTANCE_M).max(0.0),
+        route_completion: mean(|run| run.completion)?,
+        time_s: num::mean(&times).unwrap_or(0.0),
+        acceleration_mps2: mean(|run| run.acceleration_mps2)?,
+        yaw_rate_radps: mean(|run| run.yaw_rate_radps)?,
+        lane_invasions: mean(|run| run.lane_invasions)?,
+    })
+}
+
+impl Criteria {
+    fn collisions(&self) -> f64 {
+        5.0 * (1.0 - self.collision_rate)
+    }
+
+    fn rules(&self) -> f64 {
+        3.0 - self.red_lights - self.stop_signs - self.off_road_m / OFF_ROAD_M
+    }
+
+    fn task(&self) -> f64 {
+        0.5 * (self.route_following + self.route_completion + 1.0 - self.time_s / TIME_S)
+    }
+
+    fn comfort(&self) -> f64 {
+        let worst = self.acceleration_mps2 / ACCELERATION_MPS2
+            + self.yaw_rate_radps / YAW_RATE_RADPS
+            + self.lane_invasions / LANE_INVASIONS;
+        0.2 * (3.0 - worst)
+    }
+
+    /// OS. Nothing but RF is clipped, so a term may turn negative.
+    pub fn overall_score(&self) -> f64 {
+        (self.collisions() + self.rules() + self.task() + self.comfort()) / 10.1
+    }
+
+    /// The safety part, 1 at best.
+    pub fn safety_score(&self) -> f64 {
+        (self.collisions() + self.rules()) / 8.0
+    }
+
+    /// The part of getting there, 1 at best.
+    pub fn task_score(&self) -> f64 {
+        self.task() / 1.5
+    }
+
+    /// The part of comfort, 1 at best.
+    pub fn comfort_score(&self) -> f64 {
+        self.comfort() / 0.6
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERFECT: Run = Run {
+        collision: false,
+        red_lights: 0.0,
+        stop_signs: 0.0,
+        off_road_m: 0.0,
+        route_distance_m: 0.0,
+        completion: 1.0,
+        completed_s: Some(0.0),
+        acceleration_mps2: 0.0,
+        yaw_rate_radps: 0.0,
+        lane_invasions: 0.0,
+    };
+
+    fn score(runs: &[Run]) -> f64 {
+        criteria(runs).unwrap().overall_score()
+    }
+
+    #[test]
+    fn a_perfect_run_scores_one_in_every_part() {
+        let found = criteria(&[PERFECT]).unwrap();
+        for score in [found.overall_score(), found.safety_score(), found.task_score(), found.comfort_score()] {
+            assert!((score - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn two_runs_are_worked_by_hand() {
+        let crashed = Run {
+            collision: true,
+            red_lights: 1.0,
+            stop_signs: 0.0,
+            off_road_m: 10.0,
+            route_distance_m: 1.0,
+            completion: 0.4,
+            completed_s: None,
+            acceleration_mps2: 4.0,
+            yaw_rate_radps: 0.6,
+            lane_invasions: 2.0,
+        };
+        let arrived = Run {
+            red_lights: 0.0,
+            stop_signs: 1.0,
+            route_distance_m: 0.5,
+            completed_s: Some(12.0),
+            acceleration_mps2: 1.0,
+            yaw_rate_radps: 0.3,
+            ..PERFECT
+        };
+        let found = criteria(&[crashed, arrived]).unwrap();
+        // 5 (1 - 1/2) = 2.5; 3 - 1/2 - 1/2 - 5/50 = 1.9;
+        // RF = 1 - 0.75/5 = 0.85, RC = 0.7, TS = 12 of the completed one: 0.5 (0.85 + 0.7 + 1 - 0.2) = 1.175;
+        // ACC = 2.5/8 = 0.3125, YV = 0.45/3 = 0.15, LI = 1/20 = 0.05: 0.2 (3 - 0.5125) = 0.4975. Sum 6.0725.
+        assert!((found.safety_score() - 4.4 / 8.0).abs() < 1e-12);
+        assert!((found.task_score() - 1.175 / 1.5).abs() < 1e-12);
+        assert!((found.comfort_score() - 0.4975 / 0.6).abs() < 1e-12);
+        assert!((found.overall_score() - 6.0725 / 10.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn each_sub_metric_takes_its_share_of_the_score() {
+        let lost = |run: Run| 10.1 * (1.0 - score(&[run]));
+        let close = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        close(lost(Run { collision: true, ..PERFECT }), 5.0);
+        close(lost(Run { red_lights: 1.0, ..PERFECT }), 1.0);
+        close(lost(Run { stop_signs: 2.0, ..PERFECT }), 2.0);
+        close(lost(Run { off_road_m: 50.0, ..PERFECT }), 1.0);
+        close(lost(Run { route_distance_m: 2.5, ..PERFECT }), 0.25);
+        close(lost(Run { completion: 0.0, ..PERFECT }), 0.5);
+        close(lost(Run { completed_s: Some(60.0), ..PERFECT }), 0.5);
+        close(lost(Run { acceleration_mps2: 8.0, ..PERFECT }), 0.2);
+        close(lost(Run { yaw_rate_radps: 3.0, ..PERFECT }), 0.2);
+        close(lost(Run { lane_invasions: 20.0, ..PERFECT }), 0.2);
+    }
+
+    #[test]
+    fn only_route_following_is_clipped() {
+        assert_eq!(criteria(&[Run { route_distance_m: 80.0, ..PERFECT }]).unwrap().route_following, 0.0);
+        assert!(score(&[Run { off_road_m: 2000.0, ..PERFECT }]) < 0.0);
+    }
+
+    #[test]
+    fn the_score_is_of_the_set_and_no_set_has_none() {
+        // Time counts over completed runs: adding one that never arrives does not halve it.
+        let slow = Run { completed_s: Some(30.0), ..PERFECT };
+        let stuck = Run { completed_s: None, completion: 0.2, ..PERFECT };
+        assert_eq!(criteria(&[slow, stuck]).unwrap().time_s, 30.0);
+        assert_eq!(criteria(&[stuck]).unwrap().time_s, 0.0);
+        assert_eq!(criteria(&[]), None);
+    }
+}

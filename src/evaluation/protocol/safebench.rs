@@ -1,0 +1,195 @@
+//! The SafeBench protocol's scores: runs are gathered by group (family and route), by family, and over all families
+//! (paper, appendix CARLA/SafeBench Protocol). OS is of a whole set of runs, never a mean of single runs' scores.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::super::metrics::safebench::{
+    Ars, ArsOptions, Criteria, Run, RunRealism, ars, attack, criteria, run_realism, trace_score,
+};
+use crate::kernel::num;
+use crate::scene::safebench::TrafficFamily;
+use crate::sim::Outcome;
+
+/// One labelled run of a generated scene.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SafebenchRun {
+    pub run: Run,
+    pub realism: RunRealism,
+}
+
+impl SafebenchRun {
+    /// `None` for an outcome of a scene that is not staged for a traffic family.
+    pub fn of(outcome: &Outcome, options: &ArsOptions) -> Option<SafebenchRun> {
+        Some(SafebenchRun { run: Run::of(outcome)?, realism: run_realism(outcome, options)? })
+    }
+
+    /// What balanced selection ranks a single run by: collisions first, then a low OS (as ChatScene keeps its samples).
+    pub fn severity(&self) -> (bool, f64) {
+        (self.run.collision, criteria(&[self.run]).map_or(0.0, |c| 1.0 - c.overall_score()))
+    }
+}
+
+/// Scores of a set of runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SafebenchScore {
+    pub runs: usize,
+    /// Scenes that could not be run; they count as invalid.
+    pub failures: usize,
+    pub criteria: Criteria,
+    /// CR, 0..=1.
+    pub collision_rate: f64,
+    /// OS.
+    pub overall_score: f64,
+    pub realism: Ars,
+    /// CR (1 - OS).
+    pub attack: f64,
+    /// 100 A R Valid.
+    pub trace_score: f64,
+}
+
+/// Scores of a set of runs of one group; `None` without a run.
+pub fn group_score(runs: &[SafebenchRun], failures: usize) -> Option<SafebenchScore> {
+    let criteria = criteria(&runs.iter().map(|r| r.run).collect::<Vec<Run>>())?;
+    let realism = ars(&runs.iter().map(|r| r.realism).collect::<Vec<RunRealism>>(), failures)?;
+    let (collision_rate, overall_score) = (criteria.collision_rate, criteria.overall_score());
+    let attack = attack(collision_rate, overall_score);
+    Some(SafebenchScore {
+        runs: runs.len(),
+        failures,
+        criteria,
+        collision_rate,
+        overall_score,
+        realism,
+        attack,
+        trace_score: trace_score(attack, realism.ars, realism.valid_rate),
+    })
+}
+
+/// A group: all runs of one family on one route.
+pub type Group = (TrafficFamily, u32);
+
+/// Runs and failures by group.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Runs(BTreeMap<Group, (Vec<SafebenchRun>, usize)>);
+
+/// A row of the paper's tables: each family, and their mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Over all runs of a family, whatever their route.
+    pub families: BTreeMap<TrafficFamily, SafebenchScore>,
+    /// Means over the families that have a run.
+    pub collision_rate: f64,
+    pub overall_score: f64,
+    pub realism: f64,
+    pub valid_rate: f64,
+    /// CR (1 - OS) of the two means: the paper's tables give 0.631 (1 - 0.589), no mean of products.
+    pub attack: f64,
+}
+
+impl Runs {
+    pub fn add(&mut self, group: Group, run: SafebenchRun) {
+        self.0.entry(group).or_default().0.push(run);
+    }
+
+    pub fn add_failure(&mut self, group: Group) {
+        self.0.entry(group).or_default().1 += 1;
+    }
+
+    /// Score of every group that has a run.
+    pub fn groups(&self) -> BTreeMap<Group, SafebenchScore> {
+        self.0.iter().filter_map(|(group, (runs, failures))| Some((*group, group_score(runs, *failures)?))).collect()
+    }
+
+    /// The table over all families; `None` without a run.
+    pub fn table(&self) -> Option<Table> {
+        let mut gathered: BTreeMap<TrafficFamily, (Vec<SafebenchRun>, usize)> = BTreeMap::new();
+        for ((family, _), (runs, failures)) in &self.0 {
+            let all = gathered.entry(*family).or_default();
+            all.0.extend_from_slice(runs);
+            all.1 += failures;
+        }
+        let families: BTreeMap<TrafficFamily, SafebenchScore> = gathered
+            .iter()
+            .filter_map(|(family, (runs, failed))| Some((*family, group_score(runs, *failed)?)))
+            .collect();
+        let mean = |of: fn(&SafebenchScore) -> f64| num::mean(&families.values().map(of).collect::<Vec<f64>>());
+        let (collision_rate, overall_score) = (mean(|s| s.collision_rate)?, mean(|s| s.overall_score)?);
+        Some(Table {
+            collision_rate,
+            overall_score,
+            realism: mean(|s| s.realism.ars)?,
+            valid_rate: mean(|s| s.realism.valid_rate)?,
+            attack: attack(collision_rate, overall_score),
+            families,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(collision: bool, valid: bool) -> SafebenchRun {
+        SafebenchRun {
+            run: Run {
+                collision,
+                red_lights: 0.0,
+                stop_signs: 0.0,
+                off_road_m: 0.0,
+                route_distance_m: 0.0,
+                completion: if collision { 0.5 } else { 1.0 },
+                completed_s: (!collision).then_some(12.0),
+                acceleration_mps2: 0.0,
+                yaw_rate_radps: 0.0,
+                lane_invasions: 0.0,
+            },
+            realism: RunRealism { valid, sub_scores: [0.5, 1.0, 1.0, 1.0] },
+        }
+    }
+
+    #[test]
+    fn a_group_is_worked_by_hand() {
+        let found = group_score(&[run(true, true), run(false, true)], 0).unwrap();
+        // 5/2 + 3 + 0.5 (1 + 0.75 + 1 - 0.2) + 0.6 = 7.375 of 10.1.
+        assert!((found.overall_score - 7.375 / 10.1).abs() < 1e-12);
+        assert!((found.attack - 0.5 * (1.0 - 7.375 / 10.1)).abs() < 1e-12);
+        // 0.4 * 0.5 + 0.6 = 0.8.
+        assert!((found.realism.ars - 0.8).abs() < 1e-12);
+        assert!((found.trace_score - 100.0 * found.attack * 0.8).abs() < 1e-12);
+        assert_eq!(group_score(&[], 4), None);
+    }
+
+    #[test]
+    fn groups_stand_apart_and_a_table_is_the_mean_over_families() {
+        let mut runs = Runs::default();
+        for (family, route, collision) in [
+            (TrafficFamily::RightTurn, 4, true),
+            (TrafficFamily::RightTurn, 5, false),
+            (TrafficFamily::RightTurn, 6, false),
+            (TrafficFamily::LaneChanging, 4, true),
+        ] {
+            runs.add((family, route), run(collision, true));
+        }
+        runs.add_failure((TrafficFamily::LaneChanging, 4));
+        runs.add_failure((TrafficFamily::LaneChanging, 9));
+        let groups = runs.groups();
+        assert_eq!(groups.len(), 4, "a group without a run has no score");
+        assert_eq!(groups[&(TrafficFamily::LaneChanging, 4)].realism.valid_rate, 0.5);
+        let table = runs.table().unwrap();
+        assert!((table.collision_rate - (1.0 / 3.0 + 1.0) / 2.0).abs() < 1e-12, "families count alike, not runs");
+        assert!((table.valid_rate - (1.0 + 1.0 / 3.0) / 2.0).abs() < 1e-12);
+        assert!((table.attack - table.collision_rate * (1.0 - table.overall_score)).abs() < 1e-12);
+        assert_eq!(Runs::default().table(), None);
+    }
+
+    #[test]
+    fn a_collision_is_more_severe_than_any_bad_drive() {
+        let mut bad = run(false, true);
+        bad.run.off_road_m = 400.0;
+        assert!(run(true, true).severity() > bad.severity() && bad.severity() > run(false, true).severity());
+    }
+}

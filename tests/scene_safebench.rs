@@ -1,0 +1,79 @@
+//! SafeBench's own route and scenario files on the towns at hand.
+
+use std::path::PathBuf;
+
+use evodrive::ego::Policy;
+use evodrive::scene::import::import_files;
+use evodrive::scene::safebench::{Stage, TrafficFamily};
+use evodrive::sim::{End, Intervention, Plant, rollout};
+
+/// All files of some folders below the shared data.
+#[allow(clippy::disallowed_methods)]
+fn files(folders: &[&str]) -> Option<Vec<(String, Vec<u8>)>> {
+    let root = std::env::var("EVODRIVE_SHARED").map(PathBuf::from);
+    let root = root.unwrap_or_else(|_| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"));
+    let mut found = Vec::new();
+    for folder in folders {
+        let folder = root.join("data").join(folder);
+        let Ok(entries) = std::fs::read_dir(&folder) else {
+            println!("skipped: no folder {} in ../shared or EVODRIVE_SHARED", folder.display());
+            return None;
+        };
+        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).filter(|p| p.is_file()).collect();
+        paths.sort();
+        for path in paths {
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            found.push((name, std::fs::read(&path).unwrap()));
+        }
+    }
+    Some(found)
+}
+
+fn benchmark() -> Option<Vec<(String, Vec<u8>)>> {
+    let mut folders = vec!["opendrive_carla".to_string(), "safebench/route/scenarios".to_string()];
+    folders.extend((1..=8).map(|family| format!("safebench/route/scenario_0{family}_routes")));
+    files(&folders.iter().map(String::as_str).collect::<Vec<_>>())
+}
+
+#[test]
+fn every_route_on_a_town_at_hand_becomes_a_scene_and_the_others_name_their_town() {
+    let Some(files) = benchmark() else { return };
+    let summary = import_files(&files);
+    for left in &summary.left_out {
+        println!("{} {}: {}", left.file, left.what, left.reason);
+    }
+    let absent = summary
+        .left_out
+        .iter()
+        .filter(|l| ["Town03", "Town04", "Town05"].iter().any(|t| l.reason.contains(&format!("lies on {t},"))));
+    assert_eq!(absent.count(), 60, "1 on Town03, 3 on Town04, 56 on Town05");
+    assert_eq!((summary.scenes.len(), summary.left_out.len()), (52, 60));
+    let mut lost = Vec::new();
+    for scene in &summary.scenes {
+        let staging = scene.staging.as_ref().unwrap();
+        let stage = Stage::of(scene).unwrap();
+        let route_m: f64 = scene.ego.route.windows(2).map(|w| w[0].distance(w[1])).sum();
+        assert!(route_m > 50.0 && route_m < 180.0, "{}: {route_m}", scene.id);
+        match staging.family {
+            TrafficFamily::TurningObstacle => assert!(stage.turn_exit_m().is_some(), "{}", scene.id),
+            TrafficFamily::VehiclePassing if staging.route >= 4 => {
+                assert!(stage.left_lane(80.0).is_some_and(|lane| !lane.same_direction), "{}", scene.id);
+            }
+            TrafficFamily::LaneChanging => {
+                assert!(stage.left_lane(36.0).is_some_and(|lane| lane.same_direction), "{}", scene.id);
+            }
+            family if family.has_spawn_frames() => {
+                let frame = &staging.spawns[0];
+                assert!(frame.fwd_m > 15.0 && frame.fwd_m < 60.0 && frame.right_m < 0.0, "{}: {frame:?}", scene.id);
+            }
+            _ => {}
+        }
+        let outcome =
+            rollout(&Plant::new(scene).unwrap(), &Intervention::default(), &mut *Policy::Idm.driver()).unwrap();
+        let driving = outcome.driving.unwrap();
+        if outcome.end == End::OffRoad {
+            lost.push(format!("{}: {:?} {driving:?}", scene.id, outcome.end));
+        }
+    }
+    assert!(lost.is_empty(), "the IDM ego alone on the road loses its way:\n{}", lost.join("\n"));
+}

@@ -150,6 +150,9 @@ fn a_cassette_is_read_back_as_it_was_written_also_compressed() {
     let plain = std::fs::read(dir.path().join("a.jsonl")).unwrap();
     assert_eq!(String::from_utf8(plain).unwrap().matches("You evolve programs.").count(), 1);
     assert!(std::fs::read(dir.path().join("a.jsonl.zst")).unwrap().starts_with(&[0x28, 0xb5, 0x2f, 0xfd]));
+    // A run folder keeps its copy under one name, whatever the original's.
+    std::fs::copy(dir.path().join("a.jsonl.zst"), dir.path().join("copy.jsonl")).unwrap();
+    assert_eq!(Cassette::load(&dir.path().join("copy.jsonl")).unwrap().exchanges(), recorded().exchanges());
 }
 
 #[test]

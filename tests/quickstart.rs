@@ -221,6 +221,52 @@ fn the_report_is_one_file_that_asks_the_network_for_nothing() {
 }
 
 #[test]
+fn the_tables_of_the_run_hold_its_result_with_intervals_and_what_is_missing() {
+    let folder = finished().1.to_str().unwrap();
+    let result: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(finished().1.join("result.json")).unwrap()).unwrap();
+    let told = run(&["--json", "table", "metadrive-policy", "--run", folder]);
+    assert_eq!(told.code, 0, "{}", told.stderr);
+    let table: serde_json::Value = serde_json::from_str(&told.stdout).unwrap();
+    let rows = table["rows"].as_array().unwrap();
+    let measured: Vec<&serde_json::Value> = rows.iter().filter(|row| row["missing"] == false).collect();
+    assert_eq!((rows.len(), measured.len()), (10, 2));
+    let lineages = result["lineages"].as_array().or(result["result"]["lineages"].as_array()).unwrap();
+    for (row, lineage) in measured.iter().zip(lineages) {
+        assert_eq!(row["lineages"][0], lineage["lineage"]);
+        assert_eq!((&row["held_out_scenes"], &row["proposals"]), (&20.into(), &"scripted".into()));
+        for (role, who) in [("parent", "parent"), ("evolved", "evolved"), ("endpoint", "endpoint")] {
+            let recorded = [
+                (format!("{who}_attack"), lineage[role]["objectives"]["attack"].as_f64().unwrap()),
+                (format!("{who}_rp_pct"), lineage[role]["realism_penalty_pct"].as_f64().unwrap()),
+            ];
+            for (key, recorded) in recorded {
+                let ours = &row["values"][&key]["ours"];
+                assert!((ours["value"].as_f64().unwrap() - recorded).abs() < 1e-9, "{key}: {ours}, {recorded}");
+                let (low, high) = (ours["interval"][0].as_f64().unwrap(), ours["interval"][1].as_f64().unwrap());
+                assert!(low <= recorded + 1e-9 && recorded <= high + 1e-9 && low < high, "{key}: {ours}");
+            }
+        }
+    }
+    let rollouts: u64 = measured.iter().map(|row| row["rollouts"].as_u64().unwrap()).sum();
+    assert_eq!(table["runs"][0]["rollouts"], rollouts);
+    let main = run(&["table", "metadrive-main", "--run", folder]).stdout;
+    for word in
+        ["| CAT | IDM | 0.", "| AT | IDM | 0.", "| KING |  | missing |", "(RL) is absent", "not a language model"]
+    {
+        assert!(main.contains(word), "{word:?} is not in {main}");
+    }
+    assert_eq!(main, run(&["table", "metadrive-main", "--run", folder]).stdout);
+    let latex = run(&["table", "metadrive-main", "--run", folder, "--format", "latex"]).stdout;
+    assert!(latex.contains("\\toprule") && latex.contains("10.66\\%"), "{latex}");
+    let csv = run(&["table", "metadrive-main", "--run", folder, "--format", "csv"]).stdout;
+    assert_eq!(csv.lines().count(), 9, "{csv}");
+    let twice = run(&["table", "metadrive-main", "--run", folder, "--run", folder]);
+    assert_eq!(twice.code, 2, "{}", twice.stdout);
+    assert!(twice.stderr.contains("row CAT with ego idm"), "{}", twice.stderr);
+}
+
+#[test]
 fn help_texts_are_goldens() {
     let golden = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/help.txt")).unwrap();
     let mut text = run(&["--help"]).stdout;

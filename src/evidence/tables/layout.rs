@@ -22,17 +22,26 @@ pub enum Form {
 }
 
 impl Form {
+    /// Decimals.
+    pub fn digits(self) -> u32 {
+        match self {
+            Form::Rate | Form::RateChange => 3,
+            Form::Percent | Form::Points => 2,
+            Form::Gain => 1,
+        }
+    }
+
     /// The number as text; a zero has no sign.
     pub fn number(self, value: f64) -> String {
-        let (digits, signed, unit) = match self {
-            Form::Rate => (3, false, ""),
-            Form::Percent => (2, false, "%"),
-            Form::RateChange => (3, true, ""),
-            Form::Points => (2, true, "pp"),
-            Form::Gain => (1, true, "%"),
+        let (signed, unit) = match self {
+            Form::Rate => (false, ""),
+            Form::Percent => (false, "%"),
+            Form::RateChange => (true, ""),
+            Form::Points => (true, "pp"),
+            Form::Gain => (true, "%"),
         };
-        let value = num::rounded(value, digits);
-        let digits = digits as usize;
+        let value = num::rounded(value, self.digits());
+        let digits = self.digits() as usize;
         if signed && value != 0.0 { format!("{value:+.digits$}{unit}") } else { format!("{value:.digits$}{unit}") }
     }
 

@@ -9,6 +9,8 @@ mod markdown;
 mod metadrive;
 mod paper;
 mod stopped;
+#[cfg(test)]
+mod tests;
 
 pub use bootstrap::Estimate;
 pub use csv::csv;

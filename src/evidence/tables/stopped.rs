@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use super::layout::Form;
 use crate::evidence::story::Story;
+use crate::kernel::num;
 use crate::objects::{Attempt, Exit, attempt::Gate, event::LineageResult};
 
 /// Where every attempt of a lineage ended.
@@ -76,11 +78,12 @@ fn gate_name(gate: Gate) -> &'static str {
 /// One sentence for a lineage whose active generator is still its parent or whose frontier did not grow; else `None`.
 pub fn note(story: &Story, result: &LineageResult) -> Option<String> {
     let kept = result.evolved.solution == result.parent.solution;
-    let what = match (kept, result.pf_area_at_3_pct > 0.0) {
+    // A gain that the table prints as 0 is none.
+    let what = match (kept, num::rounded(result.pf_area_at_3_pct, Form::Gain.digits()) > 0.0) {
         (false, true) => return None,
         (true, true) => "no gain, the parent stays active (its descendants add frontier area only)",
-        (true, false) => "no gain, the parent stays active and no descendant adds frontier area",
-        (false, false) => "no frontier gain, no descendant adds area on held-out scenes",
+        (true, false) => "no gain, the parent stays active and descendants add no frontier area",
+        (false, false) => "no frontier gain, descendants add no area on held-out scenes",
     };
     let ends = Ends::of(story.attempts.iter().filter(|a| a.lineage == result.lineage));
     Some(format!("{what}; {}; final choice: {}", ends.text(), result.selection))

@@ -1,0 +1,402 @@
+//! Worked examples: small recorded runs whose tables were computed by hand.
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::evidence::story::Story;
+use crate::kernel::Digest;
+use crate::objects::{
+    Attempt, FamilyName, LineageId, Objectives, ParameterValue, Program, SceneFailure, SceneScore, Score, SolutionId,
+    attempt::*, event::*, ids::AttemptId, program::CompileContract,
+};
+
+/// Attack and realism of one scene; `None` = its rollout failed.
+type Label = Option<(f64, f64)>;
+
+const SCENES: [&str; 4] = ["s1", "s2", "s3", "s4"];
+
+/// A finished run without lineages.
+fn run(name: &str, models: &[(&str, &str)]) -> Story {
+    let digest = Digest::of_bytes(b"any");
+    let text = |(role, label): &(&str, &str)| (role.to_string(), label.to_string());
+    Story {
+        opened: Opened {
+            name: name.into(),
+            experiment: digest,
+            pool: digest,
+            evolution_scenes: vec!["d1".into(), "d2".into()],
+            held_out_scenes: SCENES.map(String::from).to_vec(),
+            versions: Versions { adapter: 1, sim: 1, eval: 1 },
+            contracts: BTreeMap::new(),
+            models: models.iter().map(text).collect(),
+        },
+        parents: Vec::new(),
+        frozen: Vec::new(),
+        attempts: Vec::new(),
+        settled: Vec::new(),
+        finalists: Vec::new(),
+        held_out: Vec::new(),
+        result: Some(RunResult { lineages: Vec::new(), exits: ExitCounts::default(), epochs: 1, rollouts: 0 }),
+        root: Digest::of_bytes(name.as_bytes()),
+    }
+}
+
+fn scripted() -> Story {
+    run("made", &[("actor", "scripted"), ("repair", "scripted")])
+}
+
+fn score(of: &str, labels: &[Label; 4]) -> Score {
+    let scene = |(id, label): (&&str, &Label)| {
+        let (attack, realism) = (*label)?;
+        Some(SceneScore {
+            scene: id.to_string(),
+            attack,
+            realism,
+            diagnostics: BTreeMap::new(),
+            intervened: true,
+            request: Digest::of_bytes(format!("{of} {id}").as_bytes()),
+            record: Digest::of_bytes(b"record"),
+        })
+    };
+    let scenes: Vec<SceneScore> = SCENES.iter().zip(labels).filter_map(scene).collect();
+    let failed = SCENES.iter().zip(labels).filter(|(_, label)| label.is_none());
+    let failures = failed.map(|(id, _)| SceneFailure { scene: id.to_string(), reason: "no contact solved".into() });
+    let mean = |value: fn(&SceneScore) -> f64| scenes.iter().map(value).sum::<f64>() / scenes.len() as f64;
+    let objectives = Objectives { attack: mean(|s| s.attack), realism: mean(|s| s.realism) };
+    Score { objectives, failures: failures.collect(), scenes }
+}
+
+/// A lineage's end: parent, and where there is one, the evolved program.
+struct End<'a> {
+    id: &'a str,
+    family: &'a str,
+    ego: &'a str,
+    weight: Option<f64>,
+    parent: [Label; 4],
+    evolved: Option<[Label; 4]>,
+    pf_area_at_3_pct: f64,
+}
+
+fn add(story: &mut Story, end: &End<'_>) {
+    let lineage = LineageId::new(end.id);
+    let parent = SolutionId::new(format!("{}/parent", end.id));
+    let child = SolutionId::new(format!("{}/e0s0", end.id));
+    let program = Program {
+        solution_id: parent.clone(),
+        lineage_id: lineage.clone(),
+        source_family: FamilyName::new(end.family),
+        generation: 0,
+        parameters: end.weight.map(|w| ("preference_weight".into(), ParameterValue::Number(w))).into_iter().collect(),
+        operator_graph: BTreeMap::new(),
+        scenario_conditioned_policy: Vec::new(),
+        mechanism_modules: BTreeMap::new(),
+        compile_contract: CompileContract { backend: "metadrive".into(), constraints: Vec::new() },
+        ancestor_chain: Vec::new(),
+    };
+    let program_hash = Digest::of_bytes(end.id.as_bytes());
+    story.parents.push(ParentAdopted { lineage: lineage.clone(), ego: end.ego.into(), program, program_hash });
+    let mut held_out = |solution: &SolutionId, labels: &[Label; 4]| {
+        let score = score(solution.as_str(), labels);
+        let measured = Measured::new(solution.clone(), score.objectives);
+        story.held_out.push(HeldOut { lineage: lineage.clone(), solution: solution.clone(), roles: Vec::new(), score });
+        measured
+    };
+    let before = held_out(&parent, &end.parent);
+    let after = end.evolved.as_ref().map(|labels| held_out(&child, labels));
+    story.result.as_mut().unwrap().lineages.push(LineageResult {
+        lineage,
+        family: FamilyName::new(end.family),
+        ego: end.ego.into(),
+        evolved: after.clone().unwrap_or(before.clone()),
+        parent: before,
+        selection: "1 of 1 reach the realism required".into(),
+        endpoint: after,
+        pf_area_at_3_pct: end.pf_area_at_3_pct,
+        front: Vec::new(),
+        hypervolume_by_epoch: Vec::new(),
+        exits: ExitCounts::default(),
+        held_out_scenes: SCENES.len(),
+    });
+}
+
+const CAT: End<'static> = End {
+    id: "cat-idm",
+    family: "cat",
+    ego: "idm",
+    weight: None,
+    parent: [Some((1.0, 0.9)), Some((0.0, 0.9)), Some((0.0, 0.9)), Some((0.0, 0.9))],
+    evolved: Some([Some((1.0, 0.98)), Some((1.0, 0.96)), Some((0.0, 0.98)), Some((0.0, 0.96))]),
+    pf_area_at_3_pct: 12.0,
+};
+
+const SAGE: End<'static> = End {
+    id: "sage-05-idm",
+    family: "sage",
+    ego: "idm",
+    weight: Some(0.5),
+    parent: [Some((0.0, 1.0)); 4],
+    evolved: None,
+    pf_area_at_3_pct: 0.0,
+};
+
+fn row<'t>(table: &'t Table, method: &str) -> &'t Row {
+    table.rows.iter().find(|row| row.method == method).unwrap()
+}
+
+fn ours(table: &Table, method: &str, key: &str) -> Estimate {
+    let column = table.columns.iter().position(|column| column.key == key).unwrap();
+    row(table, method).values[column].ours.unwrap()
+}
+
+fn near(found: f64, expected: f64) {
+    assert!((found - expected).abs() < 1e-12, "{found}, expected {expected}");
+}
+
+#[test]
+fn rates_penalties_and_differences_are_the_hand_computed_ones() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    let table = metadrive_policy(&[story]).unwrap();
+    for (key, expected) in [
+        ("parent_attack", 0.25),
+        ("parent_rp_pct", 10.0),
+        ("evolved_attack", 0.5),
+        ("evolved_rp_pct", 3.0),
+        ("endpoint_attack", 0.5),
+        ("endpoint_rp_pct", 3.0),
+        ("attack_change", 0.25),
+        ("rp_change_pp", -7.0),
+        ("pf_area_at_3_pct", 12.0),
+    ] {
+        near(ours(&table, "CAT", key).value, expected);
+    }
+    let cat = row(&table, "CAT");
+    assert_eq!((cat.held_out_scenes, cat.rollouts, cat.proposals.as_str()), (4, 8, "scripted"));
+    assert_eq!(cat.values[0].paper, Some(0.390));
+    assert!(cat.notes.is_empty());
+}
+
+#[test]
+fn a_penalty_that_is_the_same_in_every_scene_has_no_width_and_a_rate_has_one() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    let table = metadrive_policy(&[story]).unwrap();
+    let width = |key| {
+        let [low, high] = ours(&table, "CAT", key).interval.unwrap();
+        high - low
+    };
+    near(width("parent_rp_pct"), 0.0);
+    // Every draw of four from {1, 0, 0, 0}: all four hit the 1 in 1 of 256, three in 12 of 256, so 97.5 % lies at 0.75.
+    assert_eq!(ours(&table, "CAT", "parent_attack").interval, Some([0.0, 0.75]));
+    // The difference is 1 in the second scene only: paired, it has the same spread and is never negative.
+    assert_eq!(ours(&table, "CAT", "attack_change").interval, Some([0.0, 0.75]));
+}
+
+#[test]
+fn the_main_table_averages_over_the_papers_egos_and_says_which() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    let evolved = [Some((1.0, 1.0)), Some((0.0, 1.0)), Some((0.0, 1.0)), Some((0.0, 1.0))];
+    let [learned, replay] = ["learned", "replay"].map(|ego| format!("cat-{ego}"));
+    let other = |id, ego| End { id, ego, parent: [Some((0.0, 0.8)); 4], evolved: Some(evolved), ..CAT };
+    add(&mut story, &End { pf_area_at_3_pct: 2.0, ..other(&learned, "learned") });
+    add(&mut story, &other(&replay, "replay"));
+    let table = metadrive_main(&[story]).unwrap();
+    let cat = row(&table, "CAT");
+    assert_eq!(cat.policy, "IDM + RL");
+    assert_eq!(cat.lineages, ["cat-idm", "cat-learned"]);
+    for (key, expected) in [
+        ("parent_attack", (0.25 + 0.0) / 2.0),
+        ("parent_rp_pct", (10.0 + 20.0) / 2.0),
+        ("evolved_attack", (0.5 + 0.25) / 2.0),
+        ("evolved_rp_pct", (3.0 + 0.0) / 2.0),
+        ("attack_change", 0.25),
+        ("attack_change_pct", 200.0),
+        ("rp_change_pp", -13.5),
+        ("pf_area_at_3_pct", 7.0),
+    ] {
+        near(ours(&table, "CAT", key).value, expected);
+    }
+    // The ego that the paper does not have stands apart, without figures of the paper.
+    let apart = table.rows.last().unwrap();
+    assert_eq!((apart.policy.as_str(), apart.in_paper()), ("replay", false));
+}
+
+#[test]
+fn what_was_not_run_is_missing_and_the_learned_ego_is_absent() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    add(&mut story, &SAGE);
+    let policy = metadrive_policy(&[story.clone()]).unwrap();
+    assert_eq!(policy.rows.len(), 10);
+    assert!(policy.rows.iter().all(|row| row.policy == "IDM"));
+    let missing: Vec<&str> = policy.rows.iter().filter(|row| row.missing()).map(|row| row.method.as_str()).collect();
+    assert_eq!(missing, ["ADV-BMT", "AT", "SAGE (w=0.00)", "SAGE (w=1.00)", "LLM-Attacker", "KING", "SEAL", "STRIVE"]);
+    assert!(policy.rows.iter().filter(|row| row.missing()).all(|row| row.values.iter().all(|v| v.ours.is_none())));
+    let text = markdown(&policy);
+    assert!(text.contains("learned ego (RL) is absent") && text.contains("| KING | IDM | missing |"), "{text}");
+    let main = metadrive_main(&[story]).unwrap();
+    assert_eq!(row(&main, "SAGE").lineages, ["sage-05-idm"]);
+    assert!(markdown(&main).contains("SAGE (w=0.00) with IDM"));
+}
+
+#[test]
+fn a_sage_row_is_named_by_its_parents_weight_and_a_variant_by_its_id() {
+    let mut story = scripted();
+    add(&mut story, &SAGE);
+    add(&mut story, &End { id: "sage-1-idm", weight: Some(1.0), ..SAGE });
+    add(&mut story, &End { id: "sage-03-idm", weight: Some(0.3), ..SAGE });
+    add(&mut story, &End { id: "cat-short-idm", ..CAT });
+    let table = metadrive_policy(&[story]).unwrap();
+    assert_eq!(row(&table, "SAGE (w=0.50)").lineages, ["sage-05-idm"]);
+    assert_eq!(row(&table, "SAGE (w=1.00)").lineages, ["sage-1-idm"]);
+    assert!(!row(&table, "sage-03").in_paper() && !row(&table, "cat-short").in_paper());
+    assert!(row(&table, "CAT").missing());
+}
+
+#[test]
+fn a_scene_without_a_label_counts_nowhere_and_is_told() {
+    let mut story = scripted();
+    let parent = [Some((1.0, 0.9)), Some((0.0, 0.9)), Some((0.0, 0.9)), None];
+    let evolved = [None, Some((1.0, 0.9)), Some((0.0, 0.9)), Some((1.0, 0.9))];
+    add(&mut story, &End { parent, evolved: Some(evolved), ..CAT });
+    let table = metadrive_policy(&[story]).unwrap();
+    near(ours(&table, "CAT", "parent_attack").value, 1.0 / 3.0);
+    near(ours(&table, "CAT", "evolved_attack").value, 2.0 / 3.0);
+    // Both are labelled in the second and third scene only.
+    near(ours(&table, "CAT", "attack_change").value, 0.5);
+    assert!(table.notes.iter().any(|note| note.starts_with("cat-idm: up to 1 of 4 held-out scenes have no label")));
+}
+
+fn attempt(lineage: &str, slot: u32, exit: Exit) -> Attempt {
+    let lineage = LineageId::new(lineage);
+    Attempt {
+        id: AttemptId::at(&lineage, 0, slot),
+        parent: SolutionId::new(format!("{lineage}/parent")),
+        lineage,
+        epoch: 0,
+        slot,
+        parent_hash: Digest::of_bytes(b"parent"),
+        target: String::new(),
+        memory_shown: Vec::new(),
+        proposal: Proposal::default(),
+        exit,
+    }
+}
+
+fn failed(gates: &[Gate]) -> GateReport {
+    let verdict = |gate: &Gate| GateVerdict { gate: *gate, problems: vec!["wrong".into()] };
+    GateReport { verdicts: gates.iter().map(verdict).collect() }
+}
+
+fn simulated(routed: RouteDecision, accepted: bool, attack_change: f64) -> Exit {
+    let any = Digest::of_bytes(b"any");
+    let predicted = Objectives { attack: 0.0, realism: 1.0 };
+    let route = Route { decision: routed, reason: String::new(), snapshot: any, predicted, uncertainty: 0.0 };
+    let mut story = scripted();
+    add(&mut story, &SAGE);
+    let program = story.parents[0].program.clone();
+    let candidate = Box::new(Candidate { program, program_hash: any, patch_hash: any, mechanism_tags: Vec::new() });
+    let gates = GateReport::default();
+    if routed == RouteDecision::Reject {
+        return Exit::Rejected { gates, candidate, route };
+    }
+    let decision = Decision {
+        promoted: false,
+        on_front: false,
+        gates: AcceptanceGates {
+            densification: Densification {
+                holds: accepted,
+                non_dominated: accepted,
+                hypervolume_before: 0.0,
+                hypervolume_gain: 0.0,
+            },
+            local_push: LocalPush { holds: false, best_attack_at_r0: None, best_realism_at_a0: None },
+            parent_tradeoff: ParentTradeoff { holds: false, attack_change, realism_change: -0.1 },
+        },
+    };
+    Exit::Evaluated { gates, candidate, route, score: score("child", &[Some((0.0, 1.0)); 4]), decision }
+}
+
+#[test]
+fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
+    let mut story = scripted();
+    add(&mut story, &SAGE);
+    let exits = [
+        Exit::Declined { reason: "no JSON".into() },
+        Exit::Invalid { gates: failed(&[Gate::Schema, Gate::Compile]) },
+        Exit::Invalid { gates: failed(&[Gate::Isolation]) },
+        Exit::Invalid { gates: failed(&[Gate::Isolation, Gate::Compile]) },
+        simulated(RouteDecision::Reject, false, 0.0),
+        simulated(RouteDecision::Select, true, 0.1),
+        simulated(RouteDecision::Select, false, 0.1),
+        simulated(RouteDecision::Audit, false, 0.0),
+        simulated(RouteDecision::Select, false, -0.1),
+    ];
+    story.attempts = (0..).zip(exits).map(|(slot, exit)| attempt("sage-05-idm", slot, exit)).collect();
+    story.attempts.push(attempt("other-idm", 0, Exit::Declined { reason: "not of this lineage".into() }));
+    let table = metadrive_policy(&[story]).unwrap();
+    let zero = ours(&table, "SAGE (w=0.50)", "attack_change");
+    assert_eq!((zero.value, zero.interval), (0.0, Some([0.0, 0.0])));
+    let note = "SAGE (w=0.50), IDM: no gain, the parent stays active and descendants add no frontier area; 9 attempts: \
+                1 without a usable patch, 3 stopped by gates (schema 1, isolation 2), 1 by the router, 4 evaluated, \
+                of these 1 accepted, 1 not accepted with more attack than the parent but too little realism, 2 with no \
+                more attack; final choice: 1 of 1 reach the realism required.";
+    assert_eq!(row(&table, "SAGE (w=0.50)").notes, [note]);
+    assert!(markdown(&table).contains(note));
+}
+
+#[test]
+fn a_row_from_two_runs_and_an_unfinished_run_are_refused() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    let twice = metadrive_main(&[story.clone(), story.clone()]).unwrap_err().to_string();
+    assert!(twice.starts_with("row CAT with ego idm is in cat-idm of run made"), "{twice}");
+    story.held_out.clear();
+    assert!(matches!(metadrive_main(&[story.clone()]), Err(TableError::NoLabels { .. })));
+    story.result = None;
+    let unfinished = metadrive_policy(&[story]).unwrap_err().to_string();
+    assert!(unfinished.contains("evodrive resume"), "{unfinished}");
+}
+
+#[test]
+fn proposals_name_the_kinds_of_models_and_no_stand_in_passes_for_a_language_model() {
+    let mut story = run("mixed", &[("actor", "openai_compatible (qwen, q)"), ("repair", "scripted")]);
+    add(&mut story, &CAT);
+    let mut second = scripted();
+    add(&mut second, &SAGE);
+    let table = metadrive_policy(&[story, second]).unwrap();
+    assert_eq!(row(&table, "CAT").proposals, "openai_compatible + scripted");
+    assert_eq!(row(&table, "SAGE (w=0.50)").proposals, "scripted");
+    let note = table.notes.iter().find(|note| note.starts_with("Run mixed")).unwrap();
+    assert!(note.contains("openai_compatible (qwen, q) as actor; scripted as repair"), "{note}");
+    assert!(note.contains("not a language model"), "{note}");
+}
+
+#[test]
+fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    add(&mut story, &SAGE);
+    for table in [metadrive_main(&[story.clone()]).unwrap(), metadrive_policy(&[story]).unwrap()] {
+        let text = markdown(&table);
+        let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
+        let cells = |line: &&str| line.matches(" | ").count();
+        assert!(lines.len() > 10 && lines.iter().all(|line| cells(line) == cells(&lines[0])), "{text}");
+        assert!(text.contains("0.250 [0.000, 0.750]"), "{text}");
+        let text = latex(&table);
+        let rows: Vec<&str> = text.lines().filter(|line| line.ends_with("\\\\")).collect();
+        let cells = |line: &&str| line.matches(" & ").count();
+        // The heads over columns span several of them.
+        assert!(rows[1..].iter().all(|line| cells(line) == cells(&rows[1])), "{text}");
+        assert!(text.contains("0.250\\,{\\tiny {[}0.000, 0.750{]}}") && text.contains("10.00\\%"), "{text}");
+        let text = csv(&table);
+        let head = text.lines().next().unwrap();
+        assert_eq!(head.split(',').count(), 8 + 4 * table.columns.len());
+        let measured = text.lines().find(|line| line.starts_with("CAT,IDM,measured,cat-idm,")).unwrap();
+        assert!(measured.contains("cat-idm,0.25,0,0.75,0.3"), "{measured}");
+        let json = table.json();
+        assert_eq!(json["rows"][0]["values"]["parent_attack"]["ours"]["value"], 0.25);
+        assert_eq!(json["rows"][1]["missing"], true);
+    }
+}

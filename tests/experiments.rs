@@ -1,0 +1,79 @@
+//! The experiment files that come with the project can be used as they are.
+
+use evodrive::baselines::registry;
+use evodrive::cli::experiment::{Experiment, SceneSource};
+use evodrive::objects::LineageId;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+fn files(folder: &str) -> Vec<PathBuf> {
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let mut found: Vec<PathBuf> = std::fs::read_dir(dir)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+        .collect();
+    found.sort();
+    found
+}
+
+fn read(path: &Path) -> Experiment {
+    Experiment::read(path).unwrap_or_else(|failure| panic!("{}", failure.message))
+}
+
+#[test]
+fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
+    let paths = [files("experiments"), files("experiments/metadrive")].concat();
+    assert!(paths.len() >= 12, "{paths:?}");
+    let (families, mut names) = (registry(), BTreeSet::new());
+    for path in &paths {
+        let experiment = read(path);
+        assert!(names.insert(experiment.name.clone()), "{}: another file has this name", path.display());
+        if let SceneSource::Synth { options, .. } = &experiment.scenes {
+            options.check().unwrap();
+        }
+        for lineage in &experiment.lineages {
+            let family = families.get(&lineage.family).unwrap_or_else(|| {
+                panic!("{}: lineage {}: no family is called {}", path.display(), lineage.id, lineage.family)
+            });
+            for parameter in lineage.parent.keys() {
+                assert!(family.parent.parameters.contains_key(parameter), "{}: {parameter}", path.display());
+            }
+            let ego: Result<evodrive::ego::Policy, _> = lineage.ego.parse();
+            assert!(ego.is_ok(), "{}: {}", path.display(), lineage.ego);
+        }
+    }
+}
+
+#[test]
+fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
+    let mut all: Vec<LineageId> = Vec::new();
+    let mut together: Vec<LineageId> = Vec::new();
+    let mut shared = BTreeSet::new();
+    for path in files("experiments/metadrive") {
+        let experiment = read(&path);
+        let stem = path.file_stem().unwrap().to_str().unwrap();
+        assert_eq!(experiment.name, format!("metadrive-{stem}"));
+        let SceneSource::Synth { count: 500, .. } = &experiment.scenes else { panic!("{stem}: no pool of 500") };
+        let (split, budget) = (&experiment.split, &experiment.budget);
+        assert_eq!((split.window, split.held_out, budget.epochs, budget.slots), (20, 100, 10, 20), "{stem}");
+        assert_eq!((experiment.selector.realism_min, experiment.selector.tolerance), (0.95, 0.05), "{stem}");
+        let ids = experiment.lineages.iter().map(|lineage| lineage.id.clone());
+        if stem == "all-idm" {
+            together.extend(ids)
+        } else {
+            all.extend(ids)
+        }
+        // Whatever decides what is measured is the same in all files, so that their rows can be compared.
+        let mut table: toml::Table = std::fs::read_to_string(&path).unwrap().parse().unwrap();
+        assert_eq!(table["split"]["evolution"]["count"].as_integer(), Some(240), "{stem}");
+        for own in ["name", "describes", "cassette", "lineage"] {
+            table.remove(own).unwrap();
+        }
+        shared.insert(toml::to_string(&table).unwrap());
+    }
+    assert_eq!(shared.len(), 1);
+    all.sort();
+    together.sort();
+    assert_eq!((all.len(), &all), (10, &together));
+}

@@ -1,16 +1,22 @@
 //! The source families: one file each with its contract, its parent program and its signature mechanism.
 
 pub mod adv_bmt;
+pub mod adv_traj;
+pub mod advsim;
 pub mod at;
 pub mod cat;
+pub mod chatscene;
 pub mod grammar;
+pub mod human;
 pub mod interface;
 pub mod kernel;
 pub mod king;
 pub mod llm_attacker;
 pub mod prior;
+pub mod profile_search;
 pub mod sage;
 pub mod seal;
+pub mod staged;
 pub mod strive;
 
 use self::kernel::{ActorOperator, Operator};
@@ -27,6 +33,10 @@ pub fn registry() -> Registry {
         llm_attacker::family(),
         king::family(),
         strive::family(),
+        human::family(),
+        advsim::family(),
+        adv_traj::family(),
+        chatscene::family(),
     ])
 }
 
@@ -50,6 +60,14 @@ pub fn operator(kind: &str) -> Option<Operator> {
         sage::PREFERENCE_REWARD => Some(sage::search),
         seal::OPPONENT_PRIOR => Some(seal::motion),
         seal::CRITICAL_DEVIATION => Some(seal::search),
+        human::PARAMETER_GRID => Some(human::motion),
+        human::GRID_ORDER => Some(human::search),
+        advsim::SPEED_SEQUENCE => Some(advsim::motion),
+        advsim::SPEED_QUERIES => Some(advsim::search),
+        adv_traj::LATERAL_SEQUENCE => Some(adv_traj::motion),
+        adv_traj::LATERAL_QUERIES => Some(adv_traj::search),
+        chatscene::SCENE_TEMPLATE => Some(chatscene::motion),
+        chatscene::RANGE_SHRINKING => Some(chatscene::search),
         _ => None,
     }
 }
@@ -59,6 +77,7 @@ pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
     match kind {
         adv_bmt::INSERTED_ACTOR => Some(adv_bmt::actor),
         llm_attacker::ATTACKER_POOL => Some(llm_attacker::pool),
+        staged::SCRIPTED_ACTOR => Some(staged::actor),
         _ => None,
     }
 }

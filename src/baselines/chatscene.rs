@@ -48,7 +48,7 @@ const BOUNDS: [(f64, f64, &str); 5] =
 pub fn family() -> Family {
     let ranges = range_parameters();
     let sampling = [
-        own(parameter("sample_count", integer(4, 50, "1"), "scenarios drawn a scene; 50 in ChatScene"), 12.0),
+        own(parameter("template_samples", integer(4, 50, "1"), "scenarios drawn a scene; 50 in ChatScene"), 12.0),
         own(parameter("shrink_every", integer(2, 25, "1"), "samples between two steps of the ranges; 10 there"), 4.0),
     ];
     let behaviours: Vec<_> = KINDS.iter().map(|(kind, word, _)| interface::word(&behaviour_of(kind), word)).collect();
@@ -70,7 +70,7 @@ pub fn family() -> Family {
         "A template: where the adversary waits, what sets it off, what it does, and the ranges of its numbers.",
     );
     let mut settings: Vec<_> = sampling.iter().map(interface::follows).collect();
-    settings.push(optional("score", "sample_score", "added to the rank of a simulated sample"));
+    settings.push(optional("score", "template_score", "added to the rank of a simulated sample"));
     let shrinking = interface::operator(
         Slot::Search,
         RANGE_SHRINKING,
@@ -80,7 +80,7 @@ pub fn family() -> Family {
     let words: Vec<&'static str> = vec![
         SCENE_TEMPLATE,
         RANGE_SHRINKING,
-        "sample_score",
+        "template_score",
         "roadside_behaviour",
         "lane_behaviour",
         "crossing_behaviour",
@@ -97,7 +97,7 @@ pub fn family() -> Family {
         operators: vec![(Slot::Motion, template), (Slot::Search, shrinking)],
         without_shared: staged::WITHOUT_SHARED,
         mechanism_slots: vec![grammar::slot(
-            "sample_score",
+            "template_score",
             ValueType::Number,
             grammar::candidate_features(),
             "A bonus for a simulated sample by its adversary's motion, larger is better; 10 outweighs a contact.",
@@ -186,7 +186,7 @@ fn sample(
 
 /// Draws, simulates, shrinks. Every sample is a candidate.
 pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
-    let (count, every) = (settings.count("sample_count")?, settings.count("shrink_every")?.max(1));
+    let (count, every) = (settings.count("template_samples")?, settings.count("shrink_every")?.max(1));
     let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
     for part in parts {
         let opened = part.candidates.iter().filter_map(|c| c.scripted.as_ref()?.space.clone()).next();

@@ -92,7 +92,8 @@ mod tests {
     use crate::objects::{FamilyName, ParameterValue, Program, Setting};
     use crate::scene::Scene;
     use crate::scene::fixture::two_lane_scene;
-    use crate::scene::synth::{SynthOptions, WorldKind, pool_member};
+    use crate::scene::safebench::TrafficFamily;
+    use crate::scene::synth::{SynthOptions, WorldKind, family_scene, pool_member};
     use crate::sim;
     use kernel::Situation;
     use proptest::prelude::*;
@@ -211,6 +212,8 @@ mod tests {
         bare.tracks.truncate(1);
         bare.tracks[0].samples[10..].fill(None);
         scenes.push(bare);
+        scenes.push(family_scene(TrafficFamily::VehiclePassing, 5, Seed(7)));
+        scenes.push(family_scene(TrafficFamily::TurningObstacle, 5, Seed(7)));
         let situation = |scene| Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
         scenes.into_iter().map(situation).collect()
     });
@@ -219,10 +222,11 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
         fn any_legal_program_compiles_on_any_legal_scene_or_names_a_constraint(
-            shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 2, seed in 0u64..1000,
+            shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 4, seed in 0u64..1000,
         ) {
             let situation = &SITUATIONS[place];
-            for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME] {
+            let staged = [human::NAME, advsim::NAME, adv_traj::NAME, chatscene::NAME];
+            for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME].into_iter().chain(staged) {
                 let family = registry().get(&FamilyName::new(name)).unwrap().clone();
                 match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
                     Ok(compiled) => {

@@ -84,7 +84,7 @@ fn miss_of(asked: &Request) -> evodrive::llm::Miss {
 #[test]
 fn one_key_is_pinned() {
     let key = request(slot(2, 5)).key().unwrap().to_hex();
-    assert_eq!(key, "98eee955ec4904af8dcb769bbda13dd071b178fde9b54e9b51be7c7a49013a88");
+    assert_eq!(key, "d4d1148e779b02138e7ae6748d790d6e2ffbeaa1f8172fc892818caca0ba1231");
 }
 
 #[test]
@@ -150,6 +150,9 @@ fn a_cassette_is_read_back_as_it_was_written_also_compressed() {
     let plain = std::fs::read(dir.path().join("a.jsonl")).unwrap();
     assert_eq!(String::from_utf8(plain).unwrap().matches("You evolve programs.").count(), 1);
     assert!(std::fs::read(dir.path().join("a.jsonl.zst")).unwrap().starts_with(&[0x28, 0xb5, 0x2f, 0xfd]));
+    // A run folder keeps its copy under one name, whatever the original's.
+    std::fs::copy(dir.path().join("a.jsonl.zst"), dir.path().join("copy.jsonl")).unwrap();
+    assert_eq!(Cassette::load(&dir.path().join("copy.jsonl")).unwrap().exchanges(), recorded().exchanges());
 }
 
 #[test]

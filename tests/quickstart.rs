@@ -224,7 +224,9 @@ fn the_report_is_one_file_that_asks_the_network_for_nothing() {
 fn help_texts_are_goldens() {
     let golden = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/help.txt")).unwrap();
     let mut text = run(&["--help"]).stdout;
-    for command in ["run", "resume", "replay", "verify", "record", "lineage", "show", "fsck", "report", "bench"] {
+    for command in
+        ["run", "resume", "replay", "verify", "record", "lineage", "show", "fsck", "report", "table", "bench"]
+    {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }
     for command in ["import", "generate", "list", "show", "export", "stats"] {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{bench, fsck, lineage, report, run, scenes, show};
+use super::{bench, fsck, lineage, report, run, scenes, show, table};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
@@ -44,6 +44,8 @@ pub enum Command {
     Fsck(fsck::Options),
     /// Write a run's report as one HTML file.
     Report(report::Options),
+    /// Print one of the paper's tables from recorded runs, with intervals and the paper's numbers beside ours.
+    Table(table::Options),
     /// Measure speed.
     #[command(subcommand)]
     Bench(bench::Command),
@@ -101,6 +103,7 @@ impl Command {
             Command::Show(options) => show::run(&options),
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options),
+            Command::Table(options) => table::run(&options),
             Command::Bench(command) => bench::run(command),
         }
     }

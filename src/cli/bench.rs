@@ -8,11 +8,14 @@ use std::time::Duration;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::inputs;
+use std::sync::Arc;
+
 use crate::baselines;
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
 use crate::kernel::{Seed, num, par::Pool as Threads};
 use crate::objects::FamilyName;
+use crate::scene::Scene;
 use crate::sim::{Intervention, rollout_counted};
 
 #[derive(Debug, Subcommand)]
@@ -50,12 +53,14 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
 
 fn sim(options: &SimOptions) -> Result<Answer, Failure> {
     let threads = Threads::new(options.threads).map_err(Failure::internal)?;
-    let pool = match options.pool.as_slice() {
-        [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one)?,
-        paths => inputs::import(paths)?,
-    };
+    let (pool, reading) = timed(|| match options.pool.as_slice() {
+        [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one),
+        paths => inputs::import(paths),
+    });
+    // Shared, not copied: a pool is in memory once.
+    let scenes: Vec<Arc<Scene>> = pool?.scenes.into_iter().map(Arc::new).collect();
     let ego = Policy::Idm;
-    let (prepared, preparing) = timed(|| stages(&pool.scenes, &ego, &threads));
+    let (prepared, preparing) = timed(|| stages(&scenes, &ego, &threads));
     let stages: Vec<(Situation, Intervention)> = prepared.into_iter().flatten().collect();
     if stages.is_empty() {
         return Err(Failure::bad_input("no scene of the pool can be simulated with the IDM ego"));
@@ -77,13 +82,14 @@ fn sim(options: &SimOptions) -> Result<Answer, Failure> {
     let rate = |count: usize| count as f64 / median;
     let text = format!(
         "{} scenes, {} threads, median of {} rounds\nrollouts/s     {:>14.0}\nsteps/s        {:>14.0}\nagent-steps/s  {:>14.0}\n\
-         preparing all scenes and compiling the adversaries took {:.2} s, one round of rollouts {:.4} s\n",
+         reading the pool took {:.2} s, preparing all scenes and compiling the adversaries {:.2} s, one round of rollouts {:.4} s\n",
         stages.len(),
         threads.threads(),
         seconds.len(),
         rate(stages.len()),
         rate(steps as usize),
         rate(agent_steps as usize),
+        reading.as_secs_f64(),
         preparing.as_secs_f64(),
         median
     );
@@ -91,16 +97,16 @@ fn sim(options: &SimOptions) -> Result<Answer, Failure> {
         "scenes": stages.len(), "threads": threads.threads(), "rounds": seconds.len(),
         "rollouts_per_s": rate(stages.len()), "steps_per_s": rate(steps as usize),
         "agent_steps_per_s": rate(agent_steps as usize),
-        "seconds": {"prepare": preparing.as_secs_f64(), "rollouts_median": median},
+        "seconds": {"read": reading.as_secs_f64(), "prepare": preparing.as_secs_f64(), "rollouts_median": median},
     });
     Ok(Answer::new(text, object))
 }
 
 /// Scenes made ready with CAT's intervention; those that the ego cannot drive are left out.
-fn stages(scenes: &[crate::scene::Scene], ego: &Policy, threads: &Threads) -> Vec<Option<(Situation, Intervention)>> {
+fn stages(scenes: &[Arc<Scene>], ego: &Policy, threads: &Threads) -> Vec<Option<(Situation, Intervention)>> {
     let registry = baselines::registry();
     threads.map(scenes, |_, scene| {
-        let situation = Situation::new(std::sync::Arc::new(scene.clone()), ego).ok()?;
+        let situation = Situation::new(scene.clone(), ego).ok()?;
         let family = registry.get(&FamilyName::new("cat"))?;
         let prepared = Prepared::new(&family.parent, &family.contract).ok()?;
         let compiled = prepared.compile(&situation, Seed(0)).ok()?;

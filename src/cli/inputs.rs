@@ -1,6 +1,7 @@
 //! From an experiment to a study: scenes, split, families, models, options.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::path::{Path, PathBuf};
 
 use super::answer::progress;
@@ -110,8 +111,9 @@ pub fn study<'a>(
     }
     let egos: Vec<Policy> = lineages.iter().map(|spec| spec.ego.clone()).collect();
     let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
-    let mut by_id: BTreeMap<String, Scene> = pool.scenes.into_iter().map(|s| (s.id.clone(), s)).collect();
-    let chosen: Vec<Scene> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
+    let mut by_id: BTreeMap<String, Arc<Scene>> =
+        pool.scenes.into_iter().map(|s| (s.id.clone(), Arc::new(s))).collect();
+    let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
     let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone(), &egos));
     let families: Vec<&str> = experiment.lineages.iter().map(|l| l.family.as_str()).collect();
     let registry = baselines::registry();

@@ -20,6 +20,7 @@ mod scene_export;
 mod scene_show;
 mod scenes;
 mod show;
+mod table;
 
 use clap::Parser;
 use std::process::ExitCode;

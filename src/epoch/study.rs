@@ -85,12 +85,12 @@ pub struct SceneEntry {
 
 impl SceneEntry {
     /// Derives digest and features; `egos` are the drivers that the run's lineages use.
-    pub fn new(scene: Scene, egos: &[Policy]) -> SceneEntry {
+    pub fn new(scene: Arc<Scene>, egos: &[Policy]) -> SceneEntry {
         let digest = scene.digest();
         let interaction = Interaction::of(&scene);
         let features = SceneFeatures::of(&scene, &LaneGraph::of(&scene.road));
         let situations = egos.iter().map(|ego| (ego.name().to_string(), OnceLock::new())).collect();
-        SceneEntry { scene: Arc::new(scene), digest, features, interaction, situations }
+        SceneEntry { scene, digest, features, interaction, situations }
     }
 
     /// Its group in SafeBench's protocol.

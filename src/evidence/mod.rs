@@ -4,5 +4,6 @@ pub mod attempt_text;
 pub mod lineage_text;
 pub mod report;
 pub mod story;
+pub mod tables;
 
 pub use story::{Story, StoryError};

@@ -27,6 +27,8 @@ const VERSION_LIVE: &str = "1.1";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
 const MAX_BYTES: u64 = 1 << 30;
+/// First bytes of a zstd frame (RFC 8878, section 3.1.1).
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 const MAX_LINE_BYTES: usize = 16 << 20;
 
 /// Why a cassette cannot be read or written.
@@ -158,7 +160,9 @@ impl Cassette {
     pub fn load(path: &Path) -> Result<Cassette, CassetteError> {
         let file = path.display().to_string();
         let bytes = store::read_bounded(path, MAX_BYTES)?;
-        let bytes = if is_compressed(path) { decompress(&bytes, &file)? } else { bytes };
+        // Told by its content, so that a copy under another name is read too.
+        let bytes =
+            if bytes.starts_with(&ZSTD_MAGIC) || is_compressed(path) { decompress(&bytes, &file)? } else { bytes };
         Cassette::parse(&bytes, &file)
     }
 

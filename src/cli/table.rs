@@ -1,0 +1,56 @@
+//! `table`: the paper's tables from recorded runs.
+
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use crate::evidence::tables;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Which of the paper's tables.
+    pub table: Which,
+    /// Run folder; may be given again, one row is never taken from two. Without it the latest one below runs/.
+    #[arg(long)]
+    pub run: Vec<PathBuf>,
+    /// How to write it.
+    #[arg(long, default_value = "markdown")]
+    pub format: Format,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Which {
+    /// MetaDrive, a row a generator family, averaged over the egos.
+    MetadriveMain,
+    /// MetaDrive, a row a generator and ego, with the endpoint of the local trace.
+    MetadrivePolicy,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Format {
+    Markdown,
+    /// Unrounded numbers, the paper's in columns of their own.
+    Csv,
+    /// With booktabs.
+    Latex,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let named: Vec<Option<&PathBuf>> =
+        if options.run.is_empty() { vec![None] } else { options.run.iter().map(Some).collect() };
+    let story = |dir: Option<&PathBuf>| RunFolder::find(dir.map(PathBuf::as_path))?.story();
+    let stories = named.into_iter().map(story).collect::<Result<Vec<_>, _>>()?;
+    let table = match options.table {
+        Which::MetadriveMain => tables::metadrive_main(&stories),
+        Which::MetadrivePolicy => tables::metadrive_policy(&stories),
+    };
+    let table = table.map_err(Failure::bad_input)?;
+    let text = match options.format {
+        Format::Markdown => tables::markdown(&table),
+        Format::Csv => tables::csv(&table),
+        Format::Latex => tables::latex(&table),
+    };
+    Ok(Answer::new(text, table.json()))
+}

@@ -1,0 +1,45 @@
+//! A table as CSV (RFC 4180 quoting): one line a row, numbers unrounded, the paper's in columns of their own.
+
+use super::layout::Table;
+
+/// For every column its value, the interval's ends and the paper's figure; empty = there is none.
+pub fn csv(table: &Table) -> String {
+    let mut head: Vec<String> = ["method", "policy", "status", "lineages"].map(String::from).to_vec();
+    for column in &table.columns {
+        head.extend(["", "_low", "_high", "_paper"].map(|end| format!("{}{end}", column.key)));
+    }
+    head.extend(["held_out_scenes", "rollouts", "proposals", "notes"].map(String::from));
+    let mut out = line(&head);
+    for row in &table.rows {
+        let status = if row.missing() { "missing" } else { "measured" };
+        let mut fields = vec![row.method.clone(), row.policy.clone(), status.into(), row.lineages.join(" ")];
+        for value in &row.values {
+            let interval = value.ours.and_then(|estimate| estimate.interval);
+            let numbers = [value.ours.map(|e| e.value), interval.map(|i| i[0]), interval.map(|i| i[1]), value.paper];
+            fields.extend(numbers.map(|number| number.map_or(String::new(), |x| x.to_string())));
+        }
+        let count = |n: usize| if row.missing() { String::new() } else { n.to_string() };
+        fields.extend([count(row.held_out_scenes), count(row.rollouts), row.proposals.clone(), row.notes.join(" ")]);
+        out.push_str(&line(&fields));
+    }
+    out
+}
+
+fn line(fields: &[String]) -> String {
+    let quoted = |field: &String| match field.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", field.replace('"', "\"\"")),
+        false => field.clone(),
+    };
+    format!("{}\n", fields.iter().map(quoted).collect::<Vec<_>>().join(","))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_with_commas_quotes_and_line_breaks_are_quoted() {
+        let fields = ["plain", "a,b", "say \"x\"", "two\nlines"].map(String::from);
+        assert_eq!(line(&fields), "plain,\"a,b\",\"say \"\"x\"\"\",\"two\nlines\"\n");
+    }
+}

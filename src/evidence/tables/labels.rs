@@ -1,0 +1,204 @@
+//! What a recorded run holds of each lineage for the tables: held-out labels scene by scene, and what they rest on.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::bootstrap::PerScene;
+use super::paper::{self, Method};
+use super::stopped;
+use crate::evidence::story::Story;
+use crate::kernel::{Digest, canon::CanonError};
+use crate::objects::{
+    LineageId, ParameterValue, Score, SolutionId,
+    event::{LineageResult, RunResult},
+};
+
+/// Parameter of a SAGE parent that names its row.
+const PREFERENCE_WEIGHT: &str = "preference_weight";
+
+/// Runs that give no table.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    #[error("run {run} is not finished, so its held-out scenes have not been opened; finish it with `evodrive resume`")]
+    Unfinished { run: String },
+    #[error(
+        "run {run}: the result names {solution} of lineage {lineage}, but the transcript holds no held-out labels of it; \
+         derive the run again with `evodrive replay`"
+    )]
+    NoLabels { run: String, lineage: LineageId, solution: SolutionId },
+    #[error("row {row} with ego {ego} is in {first} and in {second}; name runs that hold it once")]
+    Twice { row: String, ego: String, first: String, second: String },
+    #[error("run {run}: {error}")]
+    Canon { run: String, error: CanonError },
+}
+
+/// Held-out labels of one program, by scene of the suite.
+#[derive(Clone, Debug)]
+pub struct Labels {
+    pub attack: Vec<Option<f64>>,
+    /// 100 (1 - r), percent.
+    pub penalty_pct: Vec<Option<f64>>,
+}
+
+impl Labels {
+    fn of(score: &Score, suite: &[String]) -> Labels {
+        let by_scene: BTreeMap<&str, (f64, f64)> =
+            score.scenes.iter().map(|s| (s.scene.as_str(), (s.attack, 100.0 * (1.0 - s.realism)))).collect();
+        let found: Vec<Option<(f64, f64)>> = suite.iter().map(|id| by_scene.get(id.as_str()).copied()).collect();
+        Labels {
+            attack: found.iter().map(|label| label.map(|l| l.0)).collect(),
+            penalty_pct: found.iter().map(|label| label.map(|l| l.1)).collect(),
+        }
+    }
+
+    /// Scenes without a label.
+    pub fn unlabelled(&self) -> usize {
+        self.attack.iter().filter(|label| label.is_none()).count()
+    }
+}
+
+/// One lineage of a finished run.
+#[derive(Clone, Debug)]
+pub struct LineageLabels {
+    pub lineage: LineageId,
+    /// The run's name and the beginning of its root.
+    pub run: String,
+    /// The paper's row that it fills, if it is one of the paper's methods as published.
+    pub method: Option<&'static Method>,
+    /// Row of the policy table.
+    pub name: String,
+    /// Our name of the ego policy.
+    pub ego: String,
+    /// Digest of the held-out scenes' ids, and how many they are.
+    pub suite: Digest,
+    pub suite_scenes: usize,
+    pub parent: Labels,
+    pub evolved: Labels,
+    pub endpoint: Option<Labels>,
+    pub pf_area_at_3_pct: f64,
+    /// Distinct rollouts that its labels rest on.
+    pub rollouts: usize,
+    /// Kinds of the models that proposals came from.
+    pub proposals: String,
+    /// Where there is no gain: what stopped it.
+    pub stopped: Option<String>,
+}
+
+impl LineageLabels {
+    /// These values, tied to their suite.
+    pub fn per_scene(&self, values: &[Option<f64>]) -> PerScene {
+        PerScene { suite: self.suite, values: values.to_vec() }
+    }
+
+    /// After minus before, on the scenes that both have.
+    pub fn paired(&self, before: &[Option<f64>], after: &[Option<f64>]) -> PerScene {
+        let difference = |(before, after): (&Option<f64>, &Option<f64>)| Some((*after)? - (*before)?);
+        PerScene { suite: self.suite, values: before.iter().zip(after).map(difference).collect() }
+    }
+
+    /// Row of the main table.
+    pub fn group(&self) -> String {
+        self.method.map_or(self.name.clone(), |method| method.group.to_string())
+    }
+
+    /// The ego as the paper calls it, or as we do.
+    pub fn policy(&self) -> String {
+        paper::policy_name(&self.ego).map_or(self.ego.clone(), str::to_string)
+    }
+}
+
+/// The run's name and the beginning of its root.
+pub fn run_name(story: &Story) -> String {
+    format!("{} ({})", story.opened.name, story.root.short(8))
+}
+
+/// Kinds of the models of all roles, e.g. `scripted` or `openai_compatible + scripted`: a label opens with its kind.
+pub fn proposals(story: &Story) -> String {
+    let kind = |label: &String| label.split(' ').next().unwrap_or_default().to_string();
+    story.opened.models.values().map(kind).collect::<BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" + ")
+}
+
+/// The result of a finished run.
+pub fn result(story: &Story) -> Result<&RunResult, TableError> {
+    story.result.as_ref().ok_or_else(|| TableError::Unfinished { run: run_name(story) })
+}
+
+/// All lineages of these runs, in their order. No row of a table may come from two of them.
+pub fn lineages(stories: &[Story]) -> Result<Vec<LineageLabels>, TableError> {
+    let mut all: Vec<LineageLabels> = Vec::new();
+    for story in stories {
+        for lineage in &result(story)?.lineages {
+            let new = one(story, lineage)?;
+            if let Some(old) = all.iter().find(|old| old.name == new.name && old.ego == new.ego) {
+                let place = |l: &LineageLabels| format!("{} of run {}", l.lineage, l.run);
+                let (first, second) = (place(old), place(&new));
+                return Err(TableError::Twice { row: new.name, ego: new.ego, first, second });
+            }
+            all.push(new);
+        }
+    }
+    Ok(all)
+}
+
+fn one(story: &Story, result: &LineageResult) -> Result<LineageLabels, TableError> {
+    let suite = &story.opened.held_out_scenes;
+    let digest = Digest::of("evodrive/held-out-suite/1", &(story.opened.pool, suite))
+        .map_err(|error| TableError::Canon { run: run_name(story), error })?;
+    let labels = |solution: &SolutionId| {
+        let found = story.held_out.iter().find(|h| h.lineage == result.lineage && h.solution == *solution);
+        found.map(|held_out| Labels::of(&held_out.score, suite)).ok_or_else(|| TableError::NoLabels {
+            run: run_name(story),
+            lineage: result.lineage.clone(),
+            solution: solution.clone(),
+        })
+    };
+    let method = method(story, result);
+    Ok(LineageLabels {
+        lineage: result.lineage.clone(),
+        run: run_name(story),
+        method,
+        name: method.map_or_else(|| stem(result).to_string(), |method| method.name.to_string()),
+        ego: result.ego.clone(),
+        suite: digest,
+        suite_scenes: suite.len(),
+        parent: labels(&result.parent.solution)?,
+        evolved: labels(&result.evolved.solution)?,
+        endpoint: result.endpoint.as_ref().map(|endpoint| labels(&endpoint.solution)).transpose()?,
+        pf_area_at_3_pct: result.pf_area_at_3_pct,
+        rollouts: rollouts(story, &result.lineage),
+        proposals: proposals(story),
+        stopped: stopped::note(story, result),
+    })
+}
+
+/// A lineage's id without its ego.
+fn stem(result: &LineageResult) -> &str {
+    let id = result.lineage.as_str();
+    id.strip_suffix(result.ego.as_str()).and_then(|rest| rest.strip_suffix('-')).unwrap_or(id)
+}
+
+/// The paper's row: the family's own lineage, and for SAGE the one of its parent's preference weight. A lineage with
+/// another id, such as `cat-short-idm`, is a variant with a row of its own.
+fn method(story: &Story, result: &LineageResult) -> Option<&'static Method> {
+    let family = result.family.as_str();
+    let parent = story.parents.iter().find(|p| p.lineage == result.lineage);
+    let weight = parent.and_then(|p| match p.program.parameters.get(PREFERENCE_WEIGHT) {
+        Some(ParameterValue::Number(weight)) => Some(*weight),
+        _ => None,
+    });
+    let own_id = |method: &Method| match (method.weight, stem(result).strip_prefix(family)) {
+        (None, Some(rest)) => rest.is_empty(),
+        (Some(_), Some(rest)) => rest.chars().all(|c| c.is_ascii_digit() || matches!(c, '-' | '.' | '_')),
+        _ => false,
+    };
+    paper::METHODS.iter().find(|m| m.family == family && (m.weight.is_none() || m.weight == weight) && own_id(m))
+}
+
+/// Distinct rollouts behind a lineage's recorded labels.
+fn rollouts(story: &Story, lineage: &LineageId) -> usize {
+    let frozen = story.frozen.iter().filter(|f| f.lineage == *lineage).map(|f| &f.parent_score);
+    let attempts = story.attempts.iter().filter(|a| a.lineage == *lineage).filter_map(|a| a.exit.score());
+    let finalists = story.finalists.iter().filter(|f| f.lineage == *lineage).map(|f| &f.score);
+    let held_out = story.held_out.iter().filter(|h| h.lineage == *lineage).map(|h| &h.score);
+    let scores = frozen.chain(attempts).chain(finalists).chain(held_out);
+    scores.flat_map(|score| score.scenes.iter().map(|s| s.request)).collect::<BTreeSet<Digest>>().len()
+}

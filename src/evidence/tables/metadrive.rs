@@ -1,0 +1,287 @@
+//! The two MetaDrive tables: parent against evolved generator on held-out scenes, averaged over egos and an ego a row.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::bootstrap::{self, Estimate, PerScene, Quantity};
+use super::labels::{self, LineageLabels, TableError};
+use super::layout::{Column, Form, Row, RunSource, Table, Value};
+use super::paper;
+use crate::evidence::story::Story;
+use crate::kernel::num;
+
+const fn column(
+    key: &'static str,
+    group: &'static str,
+    head: &'static str,
+    upward: Option<bool>,
+    form: Form,
+) -> Column {
+    Column { key, group, head, upward, form }
+}
+
+const PARENT_ATTACK: Column = column("parent_attack", "Parent", "Attack", Some(true), Form::Rate);
+const PARENT_RP: Column = column("parent_rp_pct", "Parent", "RP", Some(false), Form::Percent);
+const EVOLVED_ATTACK: Column = column("evolved_attack", "Evolved", "Attack", Some(true), Form::Rate);
+const EVOLVED_RP: Column = column("evolved_rp_pct", "Evolved", "RP", Some(false), Form::Percent);
+const ENDPOINT_ATTACK: Column = column("endpoint_attack", "Endpoint", "Attack", Some(true), Form::Rate);
+const ENDPOINT_RP: Column = column("endpoint_rp_pct", "Endpoint", "RP", Some(false), Form::Percent);
+const ATTACK_CHANGE: Column = column("attack_change", "Change", "Attack diff.", Some(true), Form::RateChange);
+const ATTACK_CHANGE_PCT: Column = column("attack_change_pct", "Change", "Attack rel.", Some(true), Form::Gain);
+const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Form::Points);
+const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
+
+/// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
+pub fn metadrive_main(stories: &[Story]) -> Result<Table, TableError> {
+    let all = labels::lineages(stories)?;
+    let mut groups: Vec<&str> = paper::METHODS.iter().map(|method| method.group).collect();
+    groups.dedup();
+    let averaged = |l: &&LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
+    let mut rows = Vec::new();
+    for group in groups {
+        let of: Vec<&LineageLabels> = all.iter().filter(averaged).filter(|l| l.group() == group).collect();
+        rows.push(main_row(group, &of, paper::main_figures(group)));
+    }
+    rows.extend(all.iter().filter(|l| !averaged(l)).map(|l| main_row(&l.name, &[l], None)));
+    let average = format!(
+        "The paper averages over the egos IDM and RL; ours averages over those that were run, named in the column Policy. \
+         SAGE averages over its preference weights too, as in the paper ({}).",
+        paper::POLICY_LABEL
+    );
+    let columns = vec![
+        PARENT_ATTACK,
+        PARENT_RP,
+        EVOLVED_ATTACK,
+        EVOLVED_RP,
+        ATTACK_CHANGE,
+        ATTACK_CHANGE_PCT,
+        RP_CHANGE,
+        PF_AREA,
+    ];
+    Ok(Table {
+        name: "metadrive-main",
+        title: "Generator evolution in MetaDrive",
+        source: paper::MAIN_LABEL,
+        columns,
+        notes: notes(stories, &all, Some(average)),
+        runs: runs(stories)?,
+        rows,
+    })
+}
+
+/// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
+pub fn metadrive_policy(stories: &[Story]) -> Result<Table, TableError> {
+    let all = labels::lineages(stories)?;
+    let mut rows = Vec::new();
+    for method in &paper::METHODS {
+        for (ego, policy) in expected_policies(&all) {
+            let found = all.iter().find(|l| l.method == Some(method) && l.ego == ego);
+            let figures = paper::policy_figures(method.name, policy);
+            rows.push(policy_row(method.name, policy, found, figures));
+        }
+    }
+    let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
+    rows.extend(others.map(|l| policy_row(&l.name, &l.policy(), Some(l), None)));
+    let columns = vec![
+        PARENT_ATTACK,
+        PARENT_RP,
+        EVOLVED_ATTACK,
+        EVOLVED_RP,
+        ENDPOINT_ATTACK,
+        ENDPOINT_RP,
+        ATTACK_CHANGE,
+        RP_CHANGE,
+        PF_AREA,
+    ];
+    Ok(Table {
+        name: "metadrive-policy",
+        title: "Policy-specific results in MetaDrive",
+        source: paper::POLICY_LABEL,
+        columns,
+        notes: notes(stories, &all, None),
+        runs: runs(stories)?,
+        rows,
+    })
+}
+
+/// The paper's policies whose rows are listed also where a lineage is missing: IDM, and the learned one once it was run.
+fn expected_policies(all: &[LineageLabels]) -> Vec<(&'static str, &'static str)> {
+    let wanted = |(ego, _): &&(&str, &str)| *ego == "idm" || all.iter().any(|l| l.ego == *ego);
+    paper::POLICIES.iter().filter(wanted).copied().collect()
+}
+
+fn main_row(method: &str, of: &[&LineageLabels], figures: Option<&[f64; 7]>) -> Row {
+    let [parent_attack, parent_rp, evolved_attack, evolved_rp, attack_change, rp_change] = measured(of);
+    let relative = match (parent_attack, evolved_attack) {
+        (Some(before), Some(after)) if before.value > 0.0 => {
+            Some(Estimate::plain(100.0 * (after.value - before.value) / before.value))
+        }
+        _ => None,
+    };
+    let ours = [parent_attack, parent_rp, evolved_attack, evolved_rp, attack_change, relative, rp_change, pf_area(of)];
+    let theirs = figures.map_or([None; 8], |f| {
+        [Some(f[0]), Some(f[1]), Some(f[2]), Some(f[3]), None, Some(f[4]), Some(f[5]), Some(f[6])]
+    });
+    let policies: BTreeSet<String> = of.iter().map(|l| l.policy()).collect();
+    row(method, policies.into_iter().collect::<Vec<_>>().join(" + "), of, &ours, &theirs)
+}
+
+fn policy_row(method: &str, policy: &str, of: Option<&LineageLabels>, figures: Option<&[f64; 7]>) -> Row {
+    let of: Vec<&LineageLabels> = of.into_iter().collect();
+    let [parent_attack, parent_rp, evolved_attack, evolved_rp, attack_change, rp_change] = measured(&of);
+    let [endpoint_attack, endpoint_rp] = endpoint(&of);
+    let ours = [
+        parent_attack,
+        parent_rp,
+        evolved_attack,
+        evolved_rp,
+        endpoint_attack,
+        endpoint_rp,
+        attack_change,
+        rp_change,
+        pf_area(&of),
+    ];
+    let theirs = figures.map_or([None; 9], |f| {
+        [Some(f[0]), Some(f[1]), Some(f[2]), Some(f[3]), Some(f[4]), Some(f[5]), None, None, Some(f[6])]
+    });
+    row(method, policy.to_string(), &of, &ours, &theirs)
+}
+
+/// Parent attack and RP, evolved attack and RP, and the differences evolved - parent paired by scene: means over lineages.
+fn measured(of: &[&LineageLabels]) -> [Option<Estimate>; 6] {
+    let each = |part: &dyn Fn(&LineageLabels) -> PerScene| -> Quantity { of.iter().map(|l| part(l)).collect() };
+    let found = bootstrap::estimates(&[
+        each(&|l| l.per_scene(&l.parent.attack)),
+        each(&|l| l.per_scene(&l.parent.penalty_pct)),
+        each(&|l| l.per_scene(&l.evolved.attack)),
+        each(&|l| l.per_scene(&l.evolved.penalty_pct)),
+        each(&|l| l.paired(&l.parent.attack, &l.evolved.attack)),
+        each(&|l| l.paired(&l.parent.penalty_pct, &l.evolved.penalty_pct)),
+    ]);
+    std::array::from_fn(|i| found.get(i).copied().flatten())
+}
+
+fn endpoint(of: &[&LineageLabels]) -> [Option<Estimate>; 2] {
+    let Some(ends) = of.iter().map(|l| l.endpoint.as_ref().map(|e| (l, e))).collect::<Option<Vec<_>>>() else {
+        return [None, None];
+    };
+    let found = bootstrap::estimates(&[
+        ends.iter().map(|(l, end)| l.per_scene(&end.attack)).collect(),
+        ends.iter().map(|(l, end)| l.per_scene(&end.penalty_pct)).collect(),
+    ]);
+    std::array::from_fn(|i| found.get(i).copied().flatten())
+}
+
+fn pf_area(of: &[&LineageLabels]) -> Option<Estimate> {
+    num::mean(&of.iter().map(|l| l.pf_area_at_3_pct).collect::<Vec<_>>()).map(Estimate::plain)
+}
+
+fn row(method: &str, policy: String, of: &[&LineageLabels], ours: &[Option<Estimate>], theirs: &[Option<f64>]) -> Row {
+    let suites: BTreeMap<_, usize> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
+    let kinds: BTreeSet<&str> = of.iter().flat_map(|l| l.proposals.split(" + ")).collect();
+    Row {
+        method: method.to_string(),
+        policy,
+        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
+        values: ours.iter().zip(theirs).map(|(ours, paper)| Value { ours: *ours, paper: *paper }).collect(),
+        held_out_scenes: suites.values().sum(),
+        rollouts: of.iter().map(|l| l.rollouts).sum(),
+        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
+        notes: of
+            .iter()
+            .filter_map(|l| Some(format!("{}, {}: {}.", l.name, l.policy(), l.stopped.as_ref()?)))
+            .collect(),
+    }
+}
+
+fn runs(stories: &[Story]) -> Result<Vec<RunSource>, TableError> {
+    let source = |story: &Story| {
+        let result = labels::result(story)?;
+        Ok(RunSource {
+            name: story.opened.name.clone(),
+            root: story.root.to_hex(),
+            models: story.opened.models.clone(),
+            scripted_roles: story.opened.scripted_roles().into_iter().map(String::from).collect(),
+            evolution_scenes: story.opened.evolution_scenes.len(),
+            held_out_scenes: story.opened.held_out_scenes.len(),
+            epochs: result.epochs,
+            attempts: result.exits.total(),
+            rollouts: result.rollouts,
+        })
+    };
+    stories.iter().map(source).collect()
+}
+
+/// What a reader must know beside the numbers.
+fn notes(stories: &[Story], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
+    let mut notes = vec![
+        "Attack: share of held-out scenes in which the ego fails. RP = 100 (1 - R). Evolved: the active generator, chosen on \
+         evolution labels."
+            .to_string(),
+        format!(
+            "In brackets: 95 % percentile bootstrap intervals over held-out scenes, {} resamples, seed {}; differences are paired by \
+             scene. The relative change and PF-Area@3 have none.",
+            bootstrap::RESAMPLES,
+            bootstrap::SEED.0
+        ),
+    ];
+    notes.extend(average);
+    if !all.iter().any(|l| paper::policy_name(&l.ego) == Some("RL")) {
+        notes.push("The paper's learned ego (RL) is absent: no run named here has one.".into());
+    }
+    notes.extend(stories.iter().map(run_note));
+    let absent = missing(all);
+    if !absent.is_empty() {
+        notes.push(format!("Missing in these runs: {}.", absent.join(", ")));
+    }
+    if all.iter().map(|l| l.suite).collect::<BTreeSet<_>>().len() > 1 {
+        notes.push("The runs have different held-out scenes: rows of different runs are not paired by scene.".into());
+    }
+    if stories.windows(2).any(|pair| pair[0].opened.versions != pair[1].opened.versions) {
+        notes.push("The runs were made by different versions of simulator, evaluation or adapters.".into());
+    }
+    for l in all {
+        let count = l.parent.unlabelled().max(l.evolved.unlabelled());
+        if count > 0 {
+            let scenes = l.suite_scenes;
+            notes.push(format!(
+                "{}: up to {count} of {scenes} held-out scenes have no label and count nowhere.",
+                l.lineage
+            ));
+        }
+    }
+    notes.extend(all.iter().filter_map(|l| Some(format!("{}, {}: {}.", l.name, l.policy(), l.stopped.as_ref()?))));
+    notes
+}
+
+/// The paper's rows without a lineage in these runs.
+fn missing(all: &[LineageLabels]) -> Vec<String> {
+    let mut absent = Vec::new();
+    for (ego, policy) in expected_policies(all) {
+        let gone = paper::METHODS.iter().filter(|m| !all.iter().any(|l| l.method == Some(*m) && l.ego == ego));
+        absent.extend(gone.map(|m| format!("{} with {policy}", m.name)));
+    }
+    absent
+}
+
+fn run_note(story: &Story) -> String {
+    let opened = &story.opened;
+    let mut roles: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    opened.models.iter().for_each(|(role, label)| roles.entry(label).or_default().push(role));
+    let from = match roles.len() {
+        1 => roles.keys().map(|label| label.to_string()).collect(),
+        _ => roles.iter().map(|(label, of)| format!("{label} as {}", of.join(", "))).collect::<Vec<_>>().join("; "),
+    };
+    let stand_in = match opened.scripted_roles().is_empty() {
+        true => "",
+        false => " (scripted is a rule-based stand-in, not a language model)",
+    };
+    let (epochs, attempts, rollouts) =
+        story.result.as_ref().map_or((0, 0, 0), |result| (result.epochs, result.exits.total(), result.rollouts));
+    format!(
+        "Run {}: {} evolution and {} held-out scenes, {epochs} epochs, {attempts} attempts, {rollouts} rollouts; \
+         proposals from {from}{stand_in}.",
+        labels::run_name(story),
+        opened.evolution_scenes.len(),
+        opened.held_out_scenes.len()
+    )
+}

@@ -1,0 +1,87 @@
+//! Why a lineage shows no gain: what became of its attempts, counted from the record.
+
+use std::collections::BTreeMap;
+
+use crate::evidence::story::Story;
+use crate::objects::{Attempt, Exit, attempt::Gate, event::LineageResult};
+
+/// Where every attempt of a lineage ended.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ends {
+    pub declined: usize,
+    /// By the first gate that failed: later ones may have failed only because nothing was left to look at.
+    pub gates: BTreeMap<Gate, usize>,
+    /// The router judged a rollout not worth its cost.
+    pub routed_away: usize,
+    /// Evaluated, and some acceptance gate held.
+    pub accepted: usize,
+    /// Evaluated and not accepted: more attack than the parent, bought with too much realism.
+    pub lost_realism: usize,
+    /// Evaluated and not accepted: no more attack than the parent.
+    pub no_more_attack: usize,
+}
+
+impl Ends {
+    pub fn of<'a>(attempts: impl IntoIterator<Item = &'a Attempt>) -> Ends {
+        let mut ends = Ends::default();
+        for attempt in attempts {
+            match &attempt.exit {
+                Exit::Declined { .. } => ends.declined += 1,
+                Exit::Invalid { gates } => {
+                    if let Some(verdict) = gates.failed().next() {
+                        *ends.gates.entry(verdict.gate).or_default() += 1;
+                    }
+                }
+                Exit::Rejected { .. } => ends.routed_away += 1,
+                Exit::Evaluated { decision, .. } if decision.gates.any() => ends.accepted += 1,
+                Exit::Evaluated { decision, .. } if decision.gates.parent_tradeoff.attack_change > 0.0 => {
+                    ends.lost_realism += 1;
+                }
+                Exit::Evaluated { .. } => ends.no_more_attack += 1,
+            }
+        }
+        ends
+    }
+
+    fn text(&self) -> String {
+        let invalid: usize = self.gates.values().sum();
+        let by_gate: Vec<String> = self.gates.iter().map(|(gate, n)| format!("{} {n}", gate_name(*gate))).collect();
+        let by_gate = if by_gate.is_empty() { String::new() } else { format!(" ({})", by_gate.join(", ")) };
+        let evaluated = self.accepted + self.lost_realism + self.no_more_attack;
+        format!(
+            "{} attempts: {} without a usable patch, {invalid} stopped by gates{by_gate}, {} by the router, {evaluated} evaluated, \
+             of these {} accepted, {} not accepted with more attack than the parent but too little realism, {} with no more attack",
+            self.declined + invalid + self.routed_away + evaluated,
+            self.declined,
+            self.routed_away,
+            self.accepted,
+            self.lost_realism,
+            self.no_more_attack
+        )
+    }
+}
+
+fn gate_name(gate: Gate) -> &'static str {
+    match gate {
+        Gate::Schema => "schema",
+        Gate::Parent => "parent",
+        Gate::Interface => "interface",
+        Gate::Isolation => "isolation",
+        Gate::Protected => "protected",
+        Gate::Mechanism => "mechanism",
+        Gate::Compile => "compile",
+    }
+}
+
+/// One sentence for a lineage whose active generator is still its parent or whose frontier did not grow; else `None`.
+pub fn note(story: &Story, result: &LineageResult) -> Option<String> {
+    let kept = result.evolved.solution == result.parent.solution;
+    let what = match (kept, result.pf_area_at_3_pct > 0.0) {
+        (false, true) => return None,
+        (true, true) => "no gain, the parent stays active (its descendants add frontier area only)",
+        (true, false) => "no gain, the parent stays active and no descendant adds frontier area",
+        (false, false) => "no frontier gain, no descendant adds area on held-out scenes",
+    };
+    let ends = Ends::of(story.attempts.iter().filter(|a| a.lineage == result.lineage));
+    Some(format!("{what}; {}; final choice: {}", ends.text(), result.selection))
+}

@@ -31,11 +31,14 @@ pub const SCENE_TEMPLATE: &str = "scene_template";
 /// Search operator: samples whose ranges shrink.
 pub const RANGE_SHRINKING: &str = "range_shrinking";
 
+/// Low and high of each of the drawn numbers.
+type Ranges = [(f64, f64); 5];
+
 /// Kinds of traffic families that share a template: word, parent's behaviour, ranges of the five drawn numbers.
 ///
 /// Ranges follow ChatScene's `OPT_*` where its frame allows: speeds 0-5 on foot or by bicycle, 5-15 else, its trigger
 /// and stopping distances, and shifts of the place where the traffic family puts the actor.
-const KINDS: [(&str, &str, [(f64, f64); 5]); 3] = [
+const KINDS: [(&str, &str, Ranges); 3] = [
     ("roadside", "steady", [(-10.0, 5.0), (-2.0, 2.0), (0.5, 5.0), (5.0, 25.0), (2.0, 10.0)]),
     ("lane", "stop_before", [(-15.0, 5.0), (-0.5, 0.5), (2.0, 10.0), (10.0, 45.0), (2.0, 20.0)]),
     ("crossing", "intercept", [(-5.0, 10.0), (-5.0, 5.0), (5.0, 15.0), (15.0, 45.0), (2.0, 20.0)]),

@@ -1,8 +1,8 @@
 //! From an experiment to a study: scenes, split, families, models, options.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::answer::progress;
 use super::exit::Failure;

@@ -78,5 +78,5 @@ pub fn benchmark_score(
     let objectives = Objectives { attack: share(benchmark.mean.attack), realism: share(benchmark.mean.realism) };
     let scenes = labelled.into_iter().map(|(_, (scene, _))| scene).collect();
     let failures = failed.into_iter().map(|(_, failure)| failure).collect();
-    Some(Score { objectives, scenes, failures, benchmark: Some(benchmark) })
+    Some(Score { objectives, scenes, failures, benchmark: Some(Box::new(benchmark)) })
 }

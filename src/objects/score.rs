@@ -35,7 +35,7 @@ pub struct Score {
     pub failures: Vec<SceneFailure>,
     /// Rows of SafeBench's protocol, which the objectives are read off; only there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub benchmark: Option<Benchmark>,
+    pub benchmark: Option<Box<Benchmark>>,
 }
 
 /// One labelled rollout.

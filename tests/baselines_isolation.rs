@@ -80,7 +80,14 @@ fn a_patch_with_another_familys_private_word_fails_the_isolation_gate() {
 fn a_patch_in_a_familys_own_words_passes_every_gate() {
     let registry = baselines::registry();
     for own in registry.iter() {
-        let admission = judged(&registry, own, module("pressure", "gap_m + temperature", &["gap_m", "temperature"]));
+        let value = json!({
+            "slot": "candidate_guard",
+            "inputs": ["jerk_mps3_max", "temperature"],
+            "output": "boolean",
+            "expression": "jerk_mps3_max < 20 + temperature",
+            "tags": []
+        });
+        let admission = judged(&registry, own, add("/mechanism_modules/calm".into(), value));
         let problems: Vec<_> = admission.gates.failed().collect();
         assert!(problems.is_empty(), "{}: {problems:?}", own.contract.family);
     }

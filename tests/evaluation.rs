@@ -22,6 +22,7 @@ fn options() -> EvaluationOptions {
             bounded_acceleration: BoundedDiagnostic { weight: 0.2, bound: 6.0, tolerance: 4.0 },
             bounded_jerk: BoundedDiagnostic { weight: 0.2, bound: 10.0, tolerance: 20.0 },
         },
+        safebench: None,
     }
 }
 
@@ -154,7 +155,7 @@ fn evaluate_with(
 ) -> Result<evodrive::objects::Score, EvaluationError> {
     let subject = Subject { program: Digest::of_bytes(b"program"), ego: &Policy::Idm, seed: Seed(1) };
     let scenes: Vec<SceneRef<'_>> =
-        SCENES.iter().map(|id| SceneRef { id, digest: Digest::of_bytes(id.as_bytes()) }).collect();
+        SCENES.iter().map(|id| SceneRef { id, digest: Digest::of_bytes(id.as_bytes()), group: None }).collect();
     evaluate(&subject, &scenes, label, &options(), cache, &Pool::new(threads).unwrap())
 }
 

@@ -1,16 +1,22 @@
 //! The source families: one file each with its contract, its parent program and its signature mechanism.
 
 pub mod adv_bmt;
+pub mod adv_traj;
+pub mod advsim;
 pub mod at;
 pub mod cat;
+pub mod chatscene;
 pub mod grammar;
+pub mod human;
 pub mod interface;
 pub mod kernel;
 pub mod king;
 pub mod llm_attacker;
 pub mod prior;
+pub mod profile_search;
 pub mod sage;
 pub mod seal;
+pub mod staged;
 pub mod strive;
 
 use self::kernel::{ActorOperator, Operator};
@@ -27,6 +33,10 @@ pub fn registry() -> Registry {
         llm_attacker::family(),
         king::family(),
         strive::family(),
+        human::family(),
+        advsim::family(),
+        adv_traj::family(),
+        chatscene::family(),
     ])
 }
 
@@ -50,6 +60,14 @@ pub fn operator(kind: &str) -> Option<Operator> {
         sage::PREFERENCE_REWARD => Some(sage::search),
         seal::OPPONENT_PRIOR => Some(seal::motion),
         seal::CRITICAL_DEVIATION => Some(seal::search),
+        human::PARAMETER_GRID => Some(human::motion),
+        human::GRID_ORDER => Some(human::search),
+        advsim::SPEED_SEQUENCE => Some(advsim::motion),
+        advsim::SPEED_QUERIES => Some(advsim::search),
+        adv_traj::LATERAL_SEQUENCE => Some(adv_traj::motion),
+        adv_traj::LATERAL_QUERIES => Some(adv_traj::search),
+        chatscene::SCENE_TEMPLATE => Some(chatscene::motion),
+        chatscene::RANGE_SHRINKING => Some(chatscene::search),
         _ => None,
     }
 }
@@ -59,6 +77,7 @@ pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
     match kind {
         adv_bmt::INSERTED_ACTOR => Some(adv_bmt::actor),
         llm_attacker::ATTACKER_POOL => Some(llm_attacker::pool),
+        staged::SCRIPTED_ACTOR => Some(staged::actor),
         _ => None,
     }
 }
@@ -73,7 +92,8 @@ mod tests {
     use crate::objects::{FamilyName, ParameterValue, Program, Setting};
     use crate::scene::Scene;
     use crate::scene::fixture::two_lane_scene;
-    use crate::scene::synth::{SynthOptions, WorldKind, pool_member};
+    use crate::scene::safebench::TrafficFamily;
+    use crate::scene::synth::{SynthOptions, WorldKind, family_scene, pool_member};
     use crate::sim;
     use kernel::Situation;
     use proptest::prelude::*;
@@ -192,6 +212,8 @@ mod tests {
         bare.tracks.truncate(1);
         bare.tracks[0].samples[10..].fill(None);
         scenes.push(bare);
+        scenes.push(family_scene(TrafficFamily::VehiclePassing, 5, Seed(7)));
+        scenes.push(family_scene(TrafficFamily::TurningObstacle, 5, Seed(7)));
         let situation = |scene| Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
         scenes.into_iter().map(situation).collect()
     });
@@ -200,10 +222,11 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
         fn any_legal_program_compiles_on_any_legal_scene_or_names_a_constraint(
-            shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 2, seed in 0u64..1000,
+            shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 4, seed in 0u64..1000,
         ) {
             let situation = &SITUATIONS[place];
-            for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME] {
+            let staged = [human::NAME, advsim::NAME, adv_traj::NAME, chatscene::NAME];
+            for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME].into_iter().chain(staged) {
                 let family = registry().get(&FamilyName::new(name)).unwrap().clone();
                 match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
                     Ok(compiled) => {

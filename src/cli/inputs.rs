@@ -127,6 +127,17 @@ pub fn study<'a>(
     let used = |f: &&Family| lineages.iter().any(|spec| spec.family == f.contract.family);
     let contract_texts = registry.iter().filter(used).map(text).collect();
     experiment.evaluation.realism.check().map_err(|error| bad(error.to_string()))?;
+    if let Some(safebench) = &experiment.evaluation.safebench {
+        if let Some((name, expected)) = safebench.fault() {
+            return Err(bad(format!("evaluation.safebench.{name}: expected {expected}")));
+        }
+        if let Some(entry) = entries.iter().find(|entry| entry.group().is_none()) {
+            return Err(bad(format!(
+                "scene {} is staged for no traffic family; [evaluation.safebench] takes [scenes] source = \"safebench\"",
+                entry.scene.id
+            )));
+        }
+    }
     experiment.memory.validate().map_err(|error| bad(error.to_string()))?;
     let study = Study {
         name: experiment.name.clone(),

@@ -1,6 +1,7 @@
 //! The timing slot: when an actor's motion is changed.
 
 use crate::baselines::kernel::{Settings, Situation, StageError, Window};
+use crate::baselines::staged::EGO_TRIGGER;
 use crate::scene::{DT_S, TrackIx};
 
 /// A shorter window is none, steps.
@@ -15,6 +16,11 @@ pub fn window(
     settings: &Settings,
 ) -> Result<Option<Window>, StageError> {
     let facts = situation.facts(actor);
+    if kind == EGO_TRIGGER {
+        let from_step = situation.first_step();
+        let steps = situation.scene.steps.saturating_sub(from_step);
+        return Ok((steps > 0).then_some(Window { from_step, steps }));
+    }
     let delay_s = match kind {
         "after_history" => 0.0,
         "conflict_window" => {

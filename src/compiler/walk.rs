@@ -90,7 +90,10 @@ fn finish(prepared: &Prepared<'_>, stage: &Stage<'_>, state: State) -> Result<Co
         let candidate = &part.candidates[*chosen];
         constraints::check(stage.situation, part, candidate, prepared.constraints())?;
         decision.actors.push(choice::report(stage.situation, part, *chosen));
-        actions.push(action(stage.situation, part, candidate));
+        match &candidate.scripted {
+            Some(scripted) => actions.extend_from_slice(&scripted.actions),
+            None => actions.push(action(stage.situation, part, candidate)),
+        }
     }
     decision.applies = true;
     Ok(Compiled { decision, intervention: Intervention { actions } })

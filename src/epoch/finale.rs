@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::{
     RunError, labels,
     progress::Progress,
+    rounds,
     run::Desk,
     state::State,
     study::{LineageSpec, Study},
@@ -40,6 +41,8 @@ struct Choice {
     endpoint: Option<SolutionId>,
     /// The first three descendants by the same rule: the matched budget.
     top: Vec<SolutionId>,
+    /// Scores of parent and finalists on the evolution scenes.
+    scores: BTreeMap<SolutionId, Score>,
 }
 
 fn one_lineage(
@@ -66,7 +69,7 @@ fn one_lineage(
         scenes: study.held_out.len(),
     });
     let of = |solution: &SolutionId| Measured::new(solution.clone(), measured[solution]);
-    let descendants: Vec<Objectives> = choice.top.iter().map(|s| measured[s]).collect();
+    let pf_area_at_3_pct = frontier_gain(study, state, spec, &parent, &choice, &measured, desk)?;
     let archive = &state.archives[&spec.id];
     Ok(LineageResult {
         lineage: spec.id.clone(),
@@ -76,12 +79,31 @@ fn one_lineage(
         evolved: of(&choice.active),
         selection: choice.reason,
         endpoint: choice.endpoint.as_ref().map(of),
-        pf_area_at_3_pct: pf_area_pct(&[measured[&parent]], &descendants, FRONTIER_BUDGET, &study.archive),
+        pf_area_at_3_pct,
         front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
         hypervolume_by_epoch: state.settled.iter().filter(|s| s.lineage == spec.id).map(|s| s.hypervolume).collect(),
         exits: count(&state.attempts.iter().filter(|a| a.lineage == spec.id).collect::<Vec<_>>()),
         held_out_scenes: study.held_out.len(),
     })
+}
+
+/// PF-Area@3: on held-out objectives; in SafeBench's protocol over its groups, whose archive is recorded here too.
+fn frontier_gain(
+    study: &Study<'_>,
+    state: &State,
+    spec: &LineageSpec,
+    parent: &SolutionId,
+    choice: &Choice,
+    measured: &BTreeMap<SolutionId, Objectives>,
+    desk: &mut Desk<'_>,
+) -> Result<f64, RunError> {
+    if let (Some(options), Some(parent_score)) = (&study.evaluation.safebench, choice.scores.get(parent)) {
+        rounds::record(study, state, spec, options, (parent, parent_score), desk)?;
+        let descendants: Vec<Score> = choice.top.iter().filter_map(|s| choice.scores.get(s).cloned()).collect();
+        return Ok(rounds::pf_area_over_groups_pct(study, parent_score, &descendants, FRONTIER_BUDGET));
+    }
+    let descendants: Vec<Objectives> = choice.top.iter().map(|s| measured[s]).collect();
+    Ok(pf_area_pct(&[measured[parent]], &descendants, FRONTIER_BUDGET, &study.archive))
 }
 
 /// Labels the finalists on every evolution scene, so that one window's luck does not choose, and applies the
@@ -93,7 +115,7 @@ fn choose(
     parent: &SolutionId,
     desk: &mut Desk<'_>,
 ) -> Result<Choice, RunError> {
-    let mut contenders = Vec::new();
+    let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
     for solution in std::iter::once(parent.clone()).chain(finalists(study, state, spec, parent)) {
         let program = state.lineages.program(&spec.id, &solution)?;
         let score = labels::score(study, spec, program, &study.evolution, desk.rollouts)?;
@@ -101,7 +123,8 @@ fn choose(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
         )?;
-        contenders.push(Contender { solution, objectives: score.objectives });
+        contenders.push(Contender { solution: solution.clone(), objectives: score.objectives });
+        scores.insert(solution, score);
     }
     let Some(active) = select_active(&contenders, &study.selector) else {
         return Err(RunError::Study(format!("lineage {} has nobody to select from", spec.id)));
@@ -112,7 +135,7 @@ fn choose(
         rest.retain(|c| c.solution != next.solution);
         top.push(next.solution);
     }
-    Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top })
+    Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top, scores })
 }
 
 /// Accepted descendants: the front's first, each group in order of insertion, as many as the budget allows.

@@ -33,7 +33,7 @@ pub fn score(
     let subject = Subject { program: program.hash()?, ego: &spec.ego, seed: study.seed };
     let scene = |&place: &usize| {
         let entry = &study.scenes[place];
-        SceneRef { id: &entry.scene.id, digest: entry.digest }
+        SceneRef { id: &entry.scene.id, digest: entry.digest, group: entry.group() }
     };
     let scenes: Vec<SceneRef<'_>> = places.iter().map(scene).collect();
     let label = |i: usize| labelled_rollout(study, spec, ready()?, places[i]);

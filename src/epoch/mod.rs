@@ -9,6 +9,7 @@ mod labels;
 mod open;
 mod progress;
 mod rollouts;
+mod rounds;
 mod run;
 mod state;
 mod study;

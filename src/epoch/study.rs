@@ -9,7 +9,7 @@ use crate::adapters::{Family, Registry};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::compiler::Situation;
 use crate::ego::Policy;
-use crate::evaluation::EvaluationOptions;
+use crate::evaluation::{EvaluationOptions, Group};
 use crate::kernel::{Digest, Seed, par::Pool};
 use crate::llm::{Ask, ModelSpec};
 use crate::memory::{CurationOptions, MemoryOptions};
@@ -91,6 +91,11 @@ impl SceneEntry {
         let features = SceneFeatures::of(&scene, &LaneGraph::of(&scene.road));
         let situations = egos.iter().map(|ego| (ego.name().to_string(), OnceLock::new())).collect();
         SceneEntry { scene, digest, features, interaction, situations }
+    }
+
+    /// Its group in SafeBench's protocol.
+    pub fn group(&self) -> Option<Group> {
+        self.scene.staging.as_ref().map(|staging| (staging.family, staging.route))
     }
 
     /// The scene as a compiler sees it against an ego.

@@ -5,9 +5,11 @@ pub mod protocol;
 pub mod record;
 pub mod score;
 
+pub use metrics::safebench::SafebenchOptions;
 pub use metrics::{
     AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, OptionsError, RealismOptions,
 };
+pub use protocol::balanced::balanced;
 pub use protocol::metadrive::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
 pub use protocol::safebench::{Group, Runs, SafebenchRun, SafebenchScore, Table, group_score};
 pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};

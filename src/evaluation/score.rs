@@ -1,6 +1,9 @@
-//! From rollout records to a candidate's score: means over scenes, in scene order.
+//! From rollout records to a candidate's score: means over scenes, in scene order; SafeBench's over its groups.
 
-use super::metrics::{EvaluationOptions, attack, realism};
+use std::collections::BTreeMap;
+
+use super::metrics::{EvaluationOptions, attack, realism, safebench::SafebenchOptions};
+use super::protocol::safebench::{Group, Runs, SafebenchRun};
 use super::record::RolloutRecord;
 use crate::kernel::{Digest, num};
 use crate::objects::{Objectives, SceneFailure, SceneScore, Score};
@@ -19,10 +22,61 @@ pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, opti
     }
 }
 
+/// One run's labels in SafeBench's protocol: what the run alone contributes. `None` for an outcome of a scene that is
+/// staged for no traffic family.
+pub fn staged_scene_score(
+    record: &RolloutRecord,
+    request: Digest,
+    stored: Digest,
+    options: &SafebenchOptions,
+) -> Option<(SceneScore, SafebenchRun)> {
+    let run = SafebenchRun::of(&record.outcome, &options.ars)?;
+    let [kinematics, map, interaction, distance] = run.realism.sub_scores;
+    let valid = if run.realism.valid { 1.0 } else { 0.0 };
+    let named = [
+        ("adversary_kinematics", kinematics),
+        ("adversary_map", map),
+        ("adversary_interaction", interaction),
+        ("adversary_distance", distance),
+        ("scene_validity", valid),
+    ];
+    let (attack, realism) = run.point();
+    let score = SceneScore {
+        scene: record.scene.clone(),
+        attack,
+        realism,
+        diagnostics: named.into_iter().map(|(name, value)| (name.to_string(), value)).collect::<BTreeMap<_, _>>(),
+        intervened: record.intervened,
+        request,
+        record: stored,
+    };
+    Some((score, run))
+}
+
 /// F(c) = (A, R) as empirical means (paper eq. prelim-objectives). `None` if no scene has a label: there is no score
 /// without evidence.
 pub fn score_of(scenes: Vec<SceneScore>, failures: Vec<SceneFailure>) -> Option<Score> {
     let mean = |value: fn(&SceneScore) -> f64| num::mean(&scenes.iter().map(value).collect::<Vec<f64>>());
     let objectives = Objectives { attack: mean(|s| s.attack)?, realism: mean(|s| s.realism)? };
-    Some(Score { objectives, scenes, failures })
+    Some(Score { objectives, scenes, failures, benchmark: None })
+}
+
+/// A label of SafeBench's protocol with the group that it belongs to.
+pub type Grouped<T> = (Group, T);
+
+/// F(c) = (CR (1 - OS), ARS) over groups (paper eq. app-carla-objectives). A scene without a label makes its group less
+/// valid. `None` if no scene has a label.
+pub fn benchmark_score(
+    labelled: Vec<Grouped<(SceneScore, SafebenchRun)>>,
+    failed: Vec<Grouped<SceneFailure>>,
+) -> Option<Score> {
+    let mut runs = Runs::default();
+    labelled.iter().for_each(|(group, (_, run))| runs.add(*group, *run));
+    failed.iter().for_each(|(group, _)| runs.add_failure(*group));
+    let benchmark = runs.benchmark()?;
+    let share = |x: f64| x.clamp(0.0, 1.0);
+    let objectives = Objectives { attack: share(benchmark.mean.attack), realism: share(benchmark.mean.realism) };
+    let scenes = labelled.into_iter().map(|(_, (scene, _))| scene).collect();
+    let failures = failed.into_iter().map(|(_, failure)| failure).collect();
+    Some(Score { objectives, scenes, failures, benchmark: Some(Box::new(benchmark)) })
 }

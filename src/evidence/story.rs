@@ -3,6 +3,7 @@
 use serde::de::DeserializeOwned;
 
 use crate::kernel::Digest;
+use crate::objects::benchmark::ArchiveRound;
 use crate::objects::{
     Attempt, LineageId, SolutionId,
     event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
@@ -28,6 +29,8 @@ pub struct Story {
     pub attempts: Vec<Attempt>,
     pub settled: Vec<Settled>,
     pub finalists: Vec<Finalist>,
+    /// SafeBench's archive after every round; empty in other protocols.
+    pub rounds: Vec<ArchiveRound>,
     pub held_out: Vec<HeldOut>,
     /// Absent while the run is unfinished.
     pub result: Option<RunResult>,
@@ -45,6 +48,7 @@ impl Story {
             attempts: Vec::new(),
             settled: Vec::new(),
             finalists: Vec::new(),
+            rounds: Vec::new(),
             held_out: Vec::new(),
             result: None,
             root: first.hash,
@@ -56,6 +60,7 @@ impl Story {
                 kind::ATTEMPT => story.attempts.push(body(event)?),
                 kind::SETTLED => story.settled.push(body(event)?),
                 kind::FINALIST => story.finalists.push(body(event)?),
+                kind::ROUND => story.rounds.push(body(event)?),
                 kind::HELD_OUT => story.held_out.push(body(event)?),
                 kind::SEALED => story.result = Some(body(event)?),
                 other => {

@@ -190,7 +190,7 @@ mod tests {
                     predicted: objectives,
                     uncertainty: 0.0,
                 },
-                score: Score { objectives, scenes: Vec::new(), failures: Vec::new() },
+                score: Score { objectives, scenes: Vec::new(), failures: Vec::new(), benchmark: None },
                 decision: Decision { promoted: accepted, on_front: accepted, gates },
             },
         }

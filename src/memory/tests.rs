@@ -109,6 +109,7 @@ fn evaluated(tags: &[&str], routed: Route, labels: [f64; 2], accepted: bool) -> 
             objectives: Objectives { attack: labels[0], realism: labels[1] },
             scenes: Vec::new(),
             failures: Vec::new(),
+            benchmark: None,
         },
         decision: Decision {
             promoted: false,

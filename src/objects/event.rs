@@ -21,6 +21,7 @@ pub mod kind {
     pub const ATTEMPT: &str = "attempt";
     pub const SETTLED: &str = "settled";
     pub const FINALIST: &str = "finalist";
+    pub const ROUND: &str = "round";
     pub const HELD_OUT: &str = "held_out";
     pub const SEALED: &str = "sealed";
 }

@@ -2,6 +2,7 @@
 //! world snapshot, ids.
 
 pub mod attempt;
+pub mod benchmark;
 pub mod card;
 pub mod diff;
 pub mod entry;

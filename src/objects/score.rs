@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+use super::benchmark::Benchmark;
 use crate::kernel::Digest;
 
 /// F(c) = (A, R), both in [0, 1], larger is better (paper eq. prelim-objectives).
@@ -32,6 +33,9 @@ pub struct Score {
     pub objectives: Objectives,
     pub scenes: Vec<SceneScore>,
     pub failures: Vec<SceneFailure>,
+    /// Rows of SafeBench's protocol, which the objectives are read off; only there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<Box<Benchmark>>,
 }
 
 /// One labelled rollout.

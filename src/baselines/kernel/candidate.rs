@@ -1,5 +1,8 @@
 //! A candidate trajectory of an adversary, and its features: the values of `vocabulary::CANDIDATE`.
 
+use std::sync::Arc;
+
+use super::scripted::Scripted;
 use super::situation::Situation;
 use crate::adapters::vocabulary;
 use crate::kernel::{OrientedBox, num};
@@ -22,12 +25,14 @@ pub struct Candidate {
     pub handover_step: Option<usize>,
     /// Where a search moves several actors at once: candidates of one iterate belong together.
     pub iterate: Option<usize>,
+    /// Where road users wait for the ego: the whole scenario, of which `samples` are the adversary's simulated motion.
+    pub scripted: Option<Arc<Scripted>>,
 }
 
 impl Candidate {
     pub fn new(samples: Vec<Sample>, prior_log_probability: f64) -> Candidate {
         let score = prior_log_probability;
-        Candidate { samples, prior_log_probability, score, handover_step: None, iterate: None }
+        Candidate { samples, prior_log_probability, score, handover_step: None, iterate: None, scripted: None }
     }
 
     /// Mean distance to another candidate at equal times, metres.

@@ -22,6 +22,9 @@ use serde::{Deserialize, Serialize};
 pub struct EvaluationOptions {
     pub attack: AttackOptions,
     pub realism: RealismOptions,
+    /// SafeBench's protocol instead of the two above: scenes must be staged for its traffic families.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safebench: Option<safebench::SafebenchOptions>,
 }
 
 /// `1 - min(v / ρ, 1)`: a soft diagnostic of a non-negative violation `v` with tolerance scale ρ, same unit (paper eq.

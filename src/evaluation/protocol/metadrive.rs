@@ -2,7 +2,10 @@
 
 use super::super::metrics::EvaluationOptions;
 use super::super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
-use super::super::score::{scene_score, score_of};
+use super::super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
+use super::safebench::{Group, SafebenchRun};
+use std::sync::Arc;
+
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, canon::CanonError, par::Pool};
 use crate::objects::{SceneFailure, SceneScore, Score};
@@ -20,6 +23,8 @@ pub struct Subject<'a> {
 pub struct SceneRef<'a> {
     pub id: &'a str,
     pub digest: Digest,
+    /// Its group in SafeBench's protocol; `None` for a scene that is staged for no traffic family.
+    pub group: Option<Group>,
 }
 
 /// Simulates the program in scene number `i` of the list: compile, then roll out. A text is the reason why there is
@@ -33,6 +38,8 @@ pub enum EvaluationError {
     Cache(#[from] CacheError),
     #[error("no scene could be labelled; the first reason: {0}")]
     NoLabel(String),
+    #[error("scene {0} is staged for no traffic family; SafeBench's protocol takes [scenes] source = \"safebench\"")]
+    Unstaged(String),
     #[error("a rollout request has no key: {0}")]
     Key(#[from] CanonError),
 }
@@ -46,16 +53,39 @@ pub fn evaluate(
     cache: &dyn RolloutCache,
     pool: &Pool,
 ) -> Result<Score, EvaluationError> {
-    let labels = pool.map(scenes, |i, scene| one(subject, i, scene, label, options, cache));
-    let (mut scored, mut failures) = (Vec::new(), Vec::new());
-    for labelled in labels {
-        match labelled? {
-            Ok(scene) => scored.push(scene),
-            Err(failure) => failures.push(failure),
+    let records = pool.map(scenes, |i, scene| one(subject, i, scene, label, cache));
+    let (mut labelled, mut failed) = (Vec::new(), Vec::new());
+    for (scene, record) in scenes.iter().zip(records) {
+        match record? {
+            Ok(record) => labelled.push((scene, record)),
+            Err(failure) => failed.push((scene, failure)),
         }
     }
-    let reason = failures.first().map_or("there are no scenes".to_string(), |f| format!("{}: {}", f.scene, f.reason));
-    score_of(scored, failures).ok_or(EvaluationError::NoLabel(reason))
+    let said = |(_, f): &(&SceneRef<'_>, SceneFailure)| format!("{}: {}", f.scene, f.reason);
+    let reason = failed.first().map_or("there are no scenes".to_string(), said);
+    let score = match &options.safebench {
+        None => {
+            let score = |(_, r): &(&SceneRef<'_>, Recorded)| scene_score(&r.record, r.key, r.stored, options);
+            score_of(labelled.iter().map(score).collect(), failed.into_iter().map(|(_, f)| f).collect())
+        }
+        Some(safebench) => {
+            let mut runs: Vec<Grouped<(SceneScore, SafebenchRun)>> = Vec::with_capacity(labelled.len());
+            for (scene, r) in &labelled {
+                let unstaged = || EvaluationError::Unstaged(scene.id.to_string());
+                let label = staged_scene_score(&r.record, r.key, r.stored, safebench).ok_or_else(unstaged)?;
+                runs.push((scene.group.ok_or_else(unstaged)?, label));
+            }
+            benchmark_score(runs, failed.into_iter().filter_map(|(s, f)| Some((s.group?, f))).collect())
+        }
+    };
+    score.ok_or(EvaluationError::NoLabel(reason))
+}
+
+/// A record at hand.
+struct Recorded {
+    record: Arc<RolloutRecord>,
+    key: Digest,
+    stored: Digest,
 }
 
 fn one(
@@ -63,17 +93,16 @@ fn one(
     i: usize,
     scene: &SceneRef<'_>,
     label: &Labeller<'_>,
-    options: &EvaluationOptions,
     cache: &dyn RolloutCache,
-) -> Result<Result<SceneScore, SceneFailure>, EvaluationError> {
+) -> Result<Result<Recorded, SceneFailure>, EvaluationError> {
     let key = request_key(subject.program, scene.digest, subject.ego.digest(), subject.seed)?;
     if let Some((record, stored)) = cache.recorded(&key)? {
-        return Ok(Ok(scene_score(&record, key, stored, options)));
+        return Ok(Ok(Recorded { record, key, stored }));
     }
     Ok(match label(i) {
         Ok(record) => {
             let stored = cache.keep(&key, &record)?;
-            Ok(scene_score(&record, key, stored, options))
+            Ok(Recorded { record: Arc::new(record), key, stored })
         }
         Err(reason) => Err(SceneFailure { scene: scene.id.to_string(), reason }),
     })

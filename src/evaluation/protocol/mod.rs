@@ -1,4 +1,5 @@
 //! What is run to label a candidate.
 
+pub mod balanced;
 pub mod metadrive;
 pub mod safebench;

@@ -9,6 +9,7 @@ use super::super::metrics::safebench::{
     Ars, ArsOptions, Criteria, Run, RunRealism, ars, attack, criteria, run_realism, trace_score,
 };
 use crate::kernel::num;
+use crate::objects::benchmark::{Benchmark, BenchmarkRow};
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::Outcome;
 
@@ -26,7 +27,13 @@ impl SafebenchRun {
         Some(SafebenchRun { run: Run::of(outcome)?, realism: run_realism(outcome, options)? })
     }
 
-    /// What balanced selection ranks a single run by: collisions first, then a low OS (as ChatScene keeps its samples).
+    /// The run alone in the plane of attack and ARS.
+    pub fn point(&self) -> (f64, f64) {
+        let score = group_score(&[*self], 0);
+        score.map_or((0.0, 0.0), |s| (s.attack.clamp(0.0, 1.0), s.realism.ars.clamp(0.0, 1.0)))
+    }
+
+    /// How severe a single run is: collisions first, then a low OS (as ChatScene keeps its samples).
     pub fn severity(&self) -> (bool, f64) {
         (self.run.collision, criteria(&[self.run]).map_or(0.0, |c| 1.0 - c.overall_score()))
     }
@@ -104,6 +111,21 @@ impl Runs {
         self.0.iter().filter_map(|(group, (runs, failures))| Some((*group, group_score(runs, *failures)?))).collect()
     }
 
+    /// The rows that are recorded; `None` without a run.
+    pub fn benchmark(&self) -> Option<Benchmark> {
+        let table = self.table()?;
+        let families = table.families.iter().map(|(family, score)| (family.name().to_string(), row(score)));
+        let mean = BenchmarkRow {
+            collision_rate: table.collision_rate,
+            overall_score: table.overall_score,
+            realism: table.realism,
+            valid_rate: table.valid_rate,
+            attack: table.attack,
+        };
+        let (runs, failures) = self.0.values().fold((0, 0), |(runs, failed), of| (runs + of.0.len(), failed + of.1));
+        Some(Benchmark { runs, failures, families: families.collect(), mean })
+    }
+
     /// The table over all families; `None` without a run.
     pub fn table(&self) -> Option<Table> {
         let mut gathered: BTreeMap<TrafficFamily, (Vec<SafebenchRun>, usize)> = BTreeMap::new();
@@ -129,11 +151,21 @@ impl Runs {
     }
 }
 
+fn row(score: &SafebenchScore) -> BenchmarkRow {
+    BenchmarkRow {
+        collision_rate: score.collision_rate,
+        overall_score: score.overall_score,
+        realism: score.realism.ars,
+        valid_rate: score.realism.valid_rate,
+        attack: score.attack,
+    }
+}
+
 #[cfg(test)]
-mod tests {
+pub(super) mod samples {
     use super::*;
 
-    fn run(collision: bool, valid: bool) -> SafebenchRun {
+    pub fn run(collision: bool, valid: bool) -> SafebenchRun {
         SafebenchRun {
             run: Run {
                 collision,
@@ -150,6 +182,12 @@ mod tests {
             realism: RunRealism { valid, sub_scores: [0.5, 1.0, 1.0, 1.0] },
         }
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::samples::run;
+    use super::*;
 
     #[test]
     fn a_group_is_worked_by_hand() {

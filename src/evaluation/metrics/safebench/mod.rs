@@ -1,5 +1,7 @@
 //! SafeBench's metrics as the paper reports them: collision rate, overall score, adversarial realism, attack.
 
+use serde::{Deserialize, Serialize};
+
 mod ars;
 mod overall;
 
@@ -8,6 +10,23 @@ pub use ars::{
     ValidityOptions, WEIGHTS, ars, run_realism,
 };
 pub use overall::{Criteria, Run, criteria};
+
+/// What SafeBench's protocol rests on beside its formulas.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SafebenchOptions {
+    /// Scenes that balanced selection keeps per group of family and route; at least 1.
+    pub selected_per_group: usize,
+    pub ars: ArsOptions,
+}
+
+impl SafebenchOptions {
+    /// The name of the first option that defines no score, and what it must be.
+    pub fn fault(&self) -> Option<(&'static str, &'static str)> {
+        let count = (self.selected_per_group == 0).then_some(("selected_per_group", "at least 1"));
+        count.or_else(|| self.ars.fault())
+    }
+}
 
 /// A_CARLA = CR (1 - OS) (paper eq. app-carla-objectives).
 pub fn attack(collision_rate: f64, overall_score: f64) -> f64 {

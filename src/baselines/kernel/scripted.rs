@@ -1,0 +1,67 @@
+//! Candidates of families whose adversaries wait for the ego: a whole scenario of triggered road users, simulated once
+//! against the ego when it is proposed, as these methods' queries are. The adversary's simulated motion stands for the
+//! candidate wherever trajectories are judged.
+
+use std::sync::Arc;
+
+use super::candidate::Candidate;
+use super::script_space::ScriptSpace;
+use super::situation::Situation;
+use crate::kernel::num;
+use crate::scene::Sample;
+use crate::sim::{self, Action, ActorRef, Intervention};
+
+/// What stands for a distance where nobody came near, metres.
+const FAR_M: f64 = 200.0;
+/// What a contact is worth against metres of distance in [`Scripted::loss`].
+const CONTACT: f64 = 10.0;
+
+/// A scenario and what the ego made of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scripted {
+    /// In the simulator's order; the first is the reference actor.
+    pub actions: Vec<Action>,
+    /// Whether the ego met one of the scripted.
+    pub contact: bool,
+    /// Smallest distance of the ego to one of them, metres.
+    pub distance_m_min: f64,
+    /// Share of the ego's route driven, 0..=1.
+    pub route_completion: f64,
+    /// The space that a search may move the scenario in; `None` where the candidates are all there is.
+    pub space: Option<Arc<ScriptSpace>>,
+}
+
+impl Scripted {
+    /// Black-box objective of the SafeBench ports, smaller is better: a contact first, nearness where there is none.
+    pub fn loss(&self) -> f64 {
+        if self.contact { self.distance_m_min - CONTACT } else { self.distance_m_min }
+    }
+}
+
+/// Simulates a scenario whose action `adversary` is the one that a family perturbs. `None` where the simulator refuses
+/// it, or the adversary has no motion from `from_step` on.
+pub fn simulated(
+    situation: &Situation,
+    actions: Vec<Action>,
+    adversary: usize,
+    from_step: usize,
+    space: Option<Arc<ScriptSpace>>,
+) -> Option<Candidate> {
+    let intervention = Intervention { actions };
+    let mut driver = situation.policy.driver();
+    let (outcome, trace) = sim::rollout_traced(&situation.plant, &intervention, driver.as_mut()).ok()?;
+    let own = trace.actors.iter().find(|actor| actor.actor == ActorRef::Inserted(adversary))?;
+    let before = from_step.saturating_sub(trace.from_step);
+    let samples: Vec<Sample> = own.samples.iter().skip(before).map_while(|sample| *sample).collect();
+    if samples.is_empty() {
+        return None;
+    }
+    let scripted = Scripted {
+        actions: intervention.actions,
+        contact: outcome.contact.is_some_and(|contact| contact.adversary),
+        distance_m_min: outcome.distance_m_min.and_then(num::stored).map_or(FAR_M, |d| d.min(FAR_M)),
+        route_completion: outcome.route_completion,
+        space,
+    };
+    Some(Candidate { scripted: Some(Arc::new(scripted)), ..Candidate::new(samples, 0.0) })
+}

@@ -35,6 +35,7 @@ fn run(name: &str, models: &[(&str, &str)]) -> Story {
         attempts: Vec::new(),
         settled: Vec::new(),
         finalists: Vec::new(),
+        rounds: Vec::new(),
         held_out: Vec::new(),
         result: Some(RunResult { lineages: Vec::new(), exits: ExitCounts::default(), epochs: 1, rollouts: 0 }),
         root: Digest::of_bytes(name.as_bytes()),
@@ -63,7 +64,7 @@ fn score(of: &str, labels: &[Label; 4]) -> Score {
     let failures = failed.map(|(id, _)| SceneFailure { scene: id.to_string(), reason: "no contact solved".into() });
     let mean = |value: fn(&SceneScore) -> f64| scenes.iter().map(value).sum::<f64>() / scenes.len() as f64;
     let objectives = Objectives { attack: mean(|s| s.attack), realism: mean(|s| s.realism) };
-    Score { objectives, failures: failures.collect(), scenes }
+    Score { objectives, failures: failures.collect(), scenes, benchmark: None }
 }
 
 /// A lineage's end: parent, and where there is one, the evolved program.

@@ -232,7 +232,8 @@ fn drawn(family: &Family, shares: &[f64]) -> Program {
                 node.settings.insert(name.clone(), Setting::Choice(word.clone()));
             }
         }
-        if node.slot == Slot::Timing && *share > 0.5 {
+        let swaps = family.contract.operator(Slot::Timing, "conflict_window").is_some();
+        if node.slot == Slot::Timing && swaps && *share > 0.5 {
             node.kind = "conflict_window".into();
             node.settings.insert("lead_s".into(), Setting::Number(0.5 + 5.0 * share));
         }

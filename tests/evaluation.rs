@@ -154,8 +154,10 @@ fn evaluate_with(
     threads: usize,
 ) -> Result<evodrive::objects::Score, EvaluationError> {
     let subject = Subject { program: Digest::of_bytes(b"program"), ego: &Policy::Idm, seed: Seed(1) };
-    let scenes: Vec<SceneRef<'_>> =
-        SCENES.iter().map(|id| SceneRef { id, digest: Digest::of_bytes(id.as_bytes()), group: None }).collect();
+    let scenes: Vec<SceneRef<'_>> = SCENES
+        .iter()
+        .map(|id| SceneRef { id, digest: Digest::of_bytes(id.as_bytes()), group: None, counsel: None })
+        .collect();
     evaluate(&subject, &scenes, label, &options(), cache, &Pool::new(threads).unwrap())
 }
 
@@ -192,12 +194,12 @@ fn a_recorded_rollout_is_not_simulated_again() {
 #[test]
 fn every_part_of_a_rollout_request_is_in_its_key() {
     let d = |text: &str| Digest::of_bytes(text.as_bytes());
-    let key = request_key(d("p"), d("s"), d("e"), Seed(1)).unwrap();
+    let key = request_key(d("p"), d("s"), d("e"), Seed(1), None).unwrap();
     for other in [
-        request_key(d("q"), d("s"), d("e"), Seed(1)),
-        request_key(d("p"), d("t"), d("e"), Seed(1)),
-        request_key(d("p"), d("s"), d("f"), Seed(1)),
-        request_key(d("p"), d("s"), d("e"), Seed(2)),
+        request_key(d("q"), d("s"), d("e"), Seed(1), None),
+        request_key(d("p"), d("t"), d("e"), Seed(1), None),
+        request_key(d("p"), d("s"), d("f"), Seed(1), None),
+        request_key(d("p"), d("s"), d("e"), Seed(2), None),
     ] {
         assert_ne!(key, other.unwrap());
     }

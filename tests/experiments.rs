@@ -1,6 +1,6 @@
 //! The experiment files that come with the project can be used as they are.
 
-use evodrive::baselines::registry;
+use evodrive::baselines::{registry, takes_counsel};
 use evodrive::cli::experiment::{Experiment, SceneSource};
 use evodrive::objects::LineageId;
 use std::collections::BTreeSet;
@@ -70,6 +70,10 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
         for own in ["name", "describes", "cassette", "lineage"] {
             table.remove(own).unwrap();
         }
+        // Who attacks is asked where LLM-Attacker takes part.
+        let counselled = experiment.lineages.iter().any(|lineage| takes_counsel(&lineage.family));
+        assert_eq!(table.remove("counsel").is_some(), counselled, "{stem}");
+        table["roles"].as_table_mut().unwrap().remove("attacker_agent");
         shared.insert(toml::to_string(&table).unwrap());
     }
     assert_eq!(shared.len(), 1);

@@ -1,10 +1,12 @@
-//! The role loop of one proposal: actor, four critics, repair; their prompts, reply schemas and strict parser. The only room that
-//! asks a model.
+//! The role loop of one proposal: actor, four critics, repair; and the attacker agent, which is asked about scenes. Their
+//! prompts, reply schemas and strict parser. The only room that asks a model.
 
+pub mod counsel;
 pub mod json_text;
 pub mod prompt;
 pub mod propose;
 pub mod reply;
+pub mod scene_prompt;
 pub mod task;
 
 pub use prompt::{Briefing, PromptError, contract_text};

@@ -46,14 +46,16 @@ pub struct PromptError {
     pub reason: String,
 }
 
-const TEMPLATES: [(&str, &str); 8] = [
+const TEMPLATES: [(&str, &str); 10] = [
     ("actor.md", include_str!("prompts/actor.md")),
     ("structural_critic.md", include_str!("prompts/structural_critic.md")),
     ("attack_critic.md", include_str!("prompts/attack_critic.md")),
     ("realism_critic.md", include_str!("prompts/realism_critic.md")),
     ("isolation_critic.md", include_str!("prompts/isolation_critic.md")),
     ("repair.md", include_str!("prompts/repair.md")),
+    ("attacker_agent.md", include_str!("prompts/attacker_agent.md")),
     ("context.md", include_str!("prompts/context.md")),
+    ("scene.md", include_str!("prompts/scene.md")),
     ("task.md", include_str!("prompts/task.md")),
 ];
 
@@ -65,6 +67,7 @@ fn role_template(role: Role) -> Option<&'static str> {
         Role::RealismCritic => "realism_critic.md",
         Role::IsolationCritic => "isolation_critic.md",
         Role::Repair => "repair.md",
+        Role::AttackerAgent => "attacker_agent.md",
         Role::WorldAgent => return None,
     })
 }
@@ -152,6 +155,11 @@ pub fn request(
     Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: model.clone(), messages, schema })
 }
 
+/// What a reply is told by.
+pub(super) fn response_id(slot: &DrawSlot) -> String {
+    format!("{}/e{}s{}/{}/{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round)
+}
+
 /// What a role is told whatever the question: the same in every run of this adapter version.
 #[derive(Clone, Debug)]
 pub struct Instructions {
@@ -163,7 +171,7 @@ pub struct Instructions {
 /// The instructions of a role, written out once.
 pub fn instructions(role: Role) -> Result<&'static Instructions, PromptError> {
     static ALL: LazyLock<Result<BTreeMap<Role, Instructions>, PromptError>> = LazyLock::new(|| {
-        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
+        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair, Role::AttackerAgent]);
         roles.map(|role| Ok((role, instruct(role)?))).collect()
     });
     let all = ALL.as_ref().map_err(PromptError::clone)?;
@@ -171,7 +179,7 @@ pub fn instructions(role: Role) -> Result<&'static Instructions, PromptError> {
 }
 
 fn no_part(role: Role) -> PromptError {
-    PromptError { template: role.name(), reason: "this role has no part in the role loop".into() }
+    PromptError { template: role.name(), reason: "this role is asked nothing".into() }
 }
 
 fn instruct(role: Role) -> Result<Instructions, PromptError> {
@@ -185,7 +193,7 @@ fn instruct(role: Role) -> Result<Instructions, PromptError> {
 
 fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<String, PromptError> {
     let asked = json!({
-        "response_id": format!("{}/e{}s{}/{}/{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round),
+        "response_id": response_id(slot),
         "target": task.target,
     });
     let block = |title: &str, value: &Value| json!({"title": title, "json": stable_json(value)});
@@ -239,7 +247,7 @@ fn shown_outcomes(outcomes: &Outcomes) -> Result<Value, PromptError> {
 }
 
 /// Measured numbers to the declared precision; integers stay.
-fn rounded(value: Value) -> Value {
+pub(super) fn rounded(value: Value) -> Value {
     match value {
         Value::Number(number) if number.is_f64() => {
             number.as_f64().map_or(Value::Null, |x| json!(num::rounded(x, SCORE_DECIMALS)))
@@ -254,7 +262,7 @@ fn to_value(noun: &impl Serialize) -> Result<Value, PromptError> {
     serde_json::to_value(noun).map_err(|error| PromptError { template: "context.md", reason: error.to_string() })
 }
 
-fn fill(name: &'static str, values: &Value) -> Result<String, PromptError> {
+pub(super) fn fill(name: &'static str, values: &Value) -> Result<String, PromptError> {
     static ENVIRONMENT: LazyLock<Result<Environment<'static>, PromptError>> = LazyLock::new(environment);
     let failed = |error: minijinja::Error| PromptError { template: name, reason: error.to_string() };
     let template = ENVIRONMENT.as_ref().map_err(PromptError::clone)?.get_template(name).map_err(failed)?;

@@ -7,6 +7,7 @@ use crate::objects::{Advice, FamilyName, Operation, OperationKind, ProgramPatch,
 
 const ACTOR_SCHEMA: &str = include_str!("schemas/actor.json");
 const CRITIC_SCHEMA: &str = include_str!("schemas/critic.json");
+const ATTACKERS_SCHEMA: &str = include_str!("schemas/attackers.json");
 const REPAIR_SCHEMA: &str = include_str!("schemas/repair.json");
 
 // The bounds of the schema files.
@@ -14,6 +15,7 @@ const NAME_MAX_CHARS: usize = 200;
 const PATH_MAX_CHARS: usize = 400;
 const TEXT_MAX_CHARS: usize = 2_000;
 const ITEMS_MAX: usize = 32;
+const ATTACKERS_MAX: usize = 8;
 
 /// Why a reply cannot be used: a finding about the model, kept in the attempt.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -25,6 +27,7 @@ pub fn schema(role: Role) -> Value {
     let text = match role {
         Role::Actor => ACTOR_SCHEMA,
         Role::Repair => REPAIR_SCHEMA,
+        Role::AttackerAgent => ATTACKERS_SCHEMA,
         _ => CRITIC_SCHEMA,
     };
     // The files are part of the program; a test reads each of them.
@@ -95,6 +98,29 @@ pub fn review(bytes: &[u8], role: Role) -> Result<Review, Refusal> {
     })
 }
 
+/// Who is to attack in a scene, as the attacker agent answers. Whether these vehicles exist is not known here.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Choice {
+    /// Ids of vehicles, the leader first.
+    pub attackers: Vec<String>,
+    pub reason: String,
+}
+
+/// The choice of the attacker agent.
+pub fn attackers(bytes: &[u8]) -> Result<Choice, Refusal> {
+    let wire: WireChoiceReply = read(object(bytes)?)?;
+    name("response_id", &wire.response_id)?;
+    let choice = wire.attacker_choice;
+    let count = choice.attackers.len();
+    if count == 0 || count > ATTACKERS_MAX {
+        return Err(Refusal(format!("attackers: found {count} vehicles, expected 1 to {ATTACKERS_MAX}")));
+    }
+    texts("attackers", &choice.attackers, NAME_MAX_CHARS)?;
+    text("reason", &choice.reason, TEXT_MAX_CHARS)?;
+    Ok(choice)
+}
+
 // Wire forms: like the nouns, but every field has to be there.
 
 #[derive(Deserialize)]
@@ -125,6 +151,14 @@ struct WireReviewReply {
     response_id: String,
     #[serde(deserialize_with = "from_object")]
     critic_review: WireReview,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WireChoiceReply {
+    response_id: String,
+    #[serde(deserialize_with = "from_object")]
+    attacker_choice: Choice,
 }
 
 #[derive(Deserialize)]

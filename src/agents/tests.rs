@@ -221,6 +221,23 @@ fn schema_and_strict_parser_agree() {
             agree(role, &bad, false);
         }
     }
+    let good = json!({"response_id": "r", "attacker_choice": {"attackers": ["7", "a"], "reason": "near"}});
+    agree(Role::AttackerAgent, &good, true);
+    for (path, value) in [
+        ("/response_id", json!("")),
+        ("/attacker_choice", json!([["7"], "near"])),
+        ("/attacker_choice/attackers", json!([])),
+        ("/attacker_choice/attackers", json!("7")),
+        ("/attacker_choice/attackers", json!([7])),
+        ("/attacker_choice/attackers", json!([""])),
+        ("/attacker_choice/attackers", json!(vec!["7"; 9])),
+        ("/attacker_choice/reason", json!("")),
+        ("/attacker_choice/reason", json!(null)),
+        ("/attacker_choice/score", json!(1)),
+        ("/extra", json!(1)),
+    ] {
+        agree(Role::AttackerAgent, &with(&good, path, value), false);
+    }
     agree(Role::Actor, &patch_reply(true), false);
     agree(Role::Repair, &patch_reply(false), false);
     for role in Role::CRITICS {
@@ -246,6 +263,7 @@ fn agree(role: Role, reply_value: &Value, good: bool) {
     let bytes = reply_value.to_string().into_bytes();
     let parsed = match role {
         Role::Actor | Role::Repair => reply::patch(&bytes, role).map(|_| ()),
+        Role::AttackerAgent => reply::attackers(&bytes).map(|_| ()),
         _ => reply::review(&bytes, role).map(|_| ()),
     };
     assert_eq!(valid(&schema(role), reply_value), good, "schema of {role:?}: {reply_value}");

@@ -21,6 +21,7 @@ pub mod strive;
 
 use self::kernel::{ActorOperator, Operator};
 use crate::adapters::Registry;
+use crate::objects::FamilyName;
 
 /// Every family that can be evolved.
 pub fn registry() -> Registry {
@@ -82,6 +83,12 @@ pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
     }
 }
 
+/// Whether a family's programs are compiled with the counsel of a model about who attacks in a scene. It is taken with
+/// `llm_attacker::counsel`.
+pub fn takes_counsel(family: &FamilyName) -> bool {
+    family.as_str() == llm_attacker::NAME
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -89,7 +96,7 @@ mod tests {
     use crate::compiler::{CompileFailure, Compiled, compile};
     use crate::ego;
     use crate::kernel::Seed;
-    use crate::objects::{FamilyName, ParameterValue, Program, Setting};
+    use crate::objects::{ParameterValue, Program, Setting};
     use crate::scene::Scene;
     use crate::scene::fixture::two_lane_scene;
     use crate::scene::safebench::TrafficFamily;
@@ -150,6 +157,8 @@ mod tests {
         words.extend(kinds.flat_map(|o| o.settings.keys().cloned()));
         words.extend(contract.parameters.keys().cloned());
         words.extend(contract.mechanism_slots.keys().cloned());
+        let read = contract.mechanism_slots.values().flat_map(|slot| &slot.features);
+        words.extend(read.map(|feature| feature.name.to_string()));
         words
     }
 

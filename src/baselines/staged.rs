@@ -5,7 +5,7 @@
 
 use super::interface::{self, Own};
 use super::kernel::traffic_family::{FamilyParameter, parameters};
-use super::kernel::{Settings, Situation, StageError};
+use super::kernel::{Settings, Stage, StageError};
 use crate::adapters::{Family, OperatorSpec};
 use crate::objects::{OperatorNode, Slot};
 use crate::scene::safebench::TrafficFamily;
@@ -55,9 +55,9 @@ pub fn graph_start() -> Vec<(String, OperatorNode)> {
 }
 
 /// The road user that a family's scenario brings along, as one that may be inserted.
-pub fn actor(situation: &Situation, _: &Settings) -> Result<Vec<TrackIx>, StageError> {
-    let staging = situation.scene.staging.as_ref();
-    Ok(staging.map(|staging| situation.guest(kind(staging.family))).into_iter().collect())
+pub fn actor(stage: &Stage<'_>, _: &Settings) -> Result<Vec<TrackIx>, StageError> {
+    let staging = stage.situation.scene.staging.as_ref();
+    Ok(staging.map(|staging| stage.situation.guest(kind(staging.family))).into_iter().collect())
 }
 
 fn kind(family: TrafficFamily) -> AgentKind {

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use super::exit::Failure;
 use super::models::{self, ModelOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
+use crate::baselines;
+use crate::epoch::CounselOptions;
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
 use crate::llm::SpendCap;
@@ -41,7 +43,11 @@ pub struct Experiment {
     /// What live models may use; needed where there is one. No part of the digest, so that it can be raised on the way.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spend: Option<SpendCap>,
-    /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted.
+    /// How the attacker agent is asked; needed where a lineage's family takes counsel, and refused elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counsel: Option<CounselOptions>,
+    /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted;
+    /// `attacker_agent` only where a lineage's family takes counsel.
     pub roles: BTreeMap<Role, String>,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
@@ -155,7 +161,9 @@ impl Experiment {
                 return Err(format!("two lineages are called `{}`; give each an id of its own", lineage.id));
             }
         }
-        for role in Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]) {
+        let counselled = self.check_counsel()?;
+        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
+        for role in roles.chain(counselled.then_some(Role::AttackerAgent)) {
             let name = self.roles.get(&role).ok_or(format!("[roles] names no model for `{}`", role.name()))?;
             if !self.models.contains_key(name) {
                 let known: Vec<&str> = self.models.keys().map(String::as_str).collect();
@@ -182,6 +190,29 @@ impl Experiment {
         }
         self.archive.validate().map_err(|error| format!("[archive] {error}"))?;
         Ok(())
+    }
+
+    /// Whether a lineage's family takes counsel: then, and only then, the file says how and of whom.
+    fn check_counsel(&self) -> Result<bool, String> {
+        let takes = self.lineages.iter().find(|lineage| baselines::takes_counsel(&lineage.family));
+        let role = Role::AttackerAgent.name();
+        match (takes, &self.counsel) {
+            (Some(lineage), None) => {
+                let id = &lineage.id;
+                Err(format!(
+                    "lineage {id} takes counsel: give [counsel] rounds and vehicles, and a model for [roles] {role}"
+                ))
+            }
+            (None, Some(_)) => Err("no lineage's family takes counsel; take [counsel] out".into()),
+            (None, None) if self.roles.contains_key(&Role::AttackerAgent) => {
+                Err(format!("no lineage's family takes counsel; take {role} out of [roles]"))
+            }
+            (_, Some(options)) => match options.fault() {
+                Some((field, expected)) => Err(format!("counsel.{field}: expected {expected}")),
+                None => Ok(true),
+            },
+            (None, None) => Ok(false),
+        }
     }
 
     /// Digest of the content. Where files lie does not count; scenes and answers have digests of their own. Nor does how a live

@@ -12,7 +12,7 @@ use crate::adapters::Family;
 use crate::agents::contract_text;
 use crate::baselines;
 use crate::ego::Policy;
-use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
+use crate::epoch::{Budget, Counsels, LineageSpec, SceneEntry, Study};
 use crate::kernel::{Digest, Seed, par::Pool as Threads};
 use crate::llm::Ask;
 use crate::scene::import::import_files;
@@ -165,6 +165,8 @@ pub fn study<'a>(
         memory: experiment.memory.clone(),
         curation: experiment.curation.clone(),
         world: experiment.world.clone(),
+        counsel: experiment.counsel,
+        counsels: Counsels::default(),
         ask,
         pool: threads,
     };

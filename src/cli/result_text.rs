@@ -22,6 +22,9 @@ pub fn progress(news: &Progress) -> String {
         Progress::Settled { epoch, lineage, active, front, hypervolume } => {
             format!("epoch {epoch} of {lineage}: front of {front}, hypervolume {hypervolume:.5}, active {active}")
         }
+        Progress::Counselled { lineage, scenes, met } => {
+            format!("counsel for {scenes} scenes of {lineage}: {met} advised sets met the ego when tried")
+        }
         Progress::HeldOut { lineage, programs, scenes } => {
             format!("held-out suite opened for {lineage}: {programs} programs on {scenes} scenes")
         }

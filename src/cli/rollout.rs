@@ -49,6 +49,7 @@ pub fn of_attempt(run: Option<&PathBuf>, attempt: &str, scenes: &[String]) -> Re
     let experiment = Experiment::read(&folder.experiment())?;
     let nobody = Replay::new(Cassette::new("playing asks nothing"), "");
     let study = inputs::study(&experiment, inputs::read_pool(&folder.pool())?, &nobody, &threads)?;
+    study.recall(&story.counsels);
     let places = places(&study, &story, attempt, scenes)?;
     threads.map(&places, |_, &place| play(&study, attempt, place)).into_iter().collect()
 }

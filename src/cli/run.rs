@@ -190,6 +190,7 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
 /// Writes report.html of a finished run.
 pub fn write_report(study: &Study<'_>, folder: &RunFolder) -> Result<(), Failure> {
     let story = folder.story()?;
+    study.recall(&story.counsels);
     let playables = playables::choose(study, &story)?;
     Ok(store::write_atomic(&folder.report(), report::html(&story, &playables).as_bytes())?)
 }

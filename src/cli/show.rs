@@ -1,20 +1,20 @@
-//! `show`: everything about one attempt.
+//! `show`: everything about one attempt, or about the counsel for one scene.
 
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use crate::evidence::Story;
 use crate::evidence::attempt_text::{self, Exchanged};
+use crate::evidence::{Story, counsel_text};
 use crate::llm::{Cassette, Metadata};
 use crate::objects::{Attempt, Exchange, spelling};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Attempt, e.g. cat-idm/e2s5.
+    /// Attempt, e.g. cat-idm/e2s5; or a scene that was counselled, e.g. llm_attacker-idm/merge-17.
     pub attempt: String,
     /// Run folder; without it the latest one below runs/.
     #[arg(long)]
@@ -27,7 +27,6 @@ pub struct Options {
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let folder = RunFolder::find(options.run.as_deref())?;
     let story = folder.story()?;
-    let attempt = find(&story, &options.attempt)?;
     let cassette = if folder.cassette().exists() { Some(Cassette::load(&folder.cassette())?) } else { None };
     let texts = |exchange: &Exchange| {
         let recorded = cassette.as_ref()?.get(&exchange.request)?;
@@ -38,16 +37,18 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
             told: recorded.metadata.as_ref().map(Metadata::to_string),
         })
     };
+    let shown = |exchange: &Exchange| -> Value {
+        let messages = texts(exchange).map(|t| json!({"messages": t.messages, "reply": t.reply, "told": t.told}));
+        json!({"exchange": exchange, "texts": messages})
+    };
+    if let Some(counselled) = story.counsel(&options.attempt) {
+        let text = counsel_text::counsel(counselled, &texts, options.full);
+        let exchanges: Vec<Value> = counselled.exchanges.iter().map(shown).collect();
+        return Ok(Answer::new(text, json!({"counsel": counselled, "exchanges": exchanges})));
+    }
+    let attempt = find(&story, &options.attempt)?;
     let text = attempt_text::attempt(attempt, &texts, options.full);
-    let exchanges: Vec<_> = attempt
-        .proposal
-        .exchanges
-        .iter()
-        .map(|exchange| {
-            let messages = texts(exchange).map(|t| json!({"messages": t.messages, "reply": t.reply, "told": t.told}));
-            json!({"exchange": exchange, "texts": messages})
-        })
-        .collect();
+    let exchanges: Vec<Value> = attempt.proposal.exchanges.iter().map(shown).collect();
     Ok(Answer::new(text, json!({"attempt": attempt, "exchanges": exchanges})))
 }
 

@@ -2,14 +2,15 @@
 
 use crate::baselines::actor_operator;
 use crate::baselines::kernel::actors::ActorFacts;
-use crate::baselines::kernel::{Settings, Situation, StageError};
+use crate::baselines::kernel::{Settings, Situation, Stage, StageError};
 use crate::scene::TrackIx;
 
 /// A vehicle whose log moves less than this stands in for nobody, metres (MetaDrive's rule for static objects).
 const MOVED_M_MIN: f64 = 3.0;
 
 /// Adversaries in order of rank; empty where nobody is eligible.
-pub fn select(situation: &Situation, kind: &str, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
+pub fn select(stage: &Stage<'_>, kind: &str, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
+    let situation = stage.situation;
     match kind {
         "marked_actor" => {
             let otherwise = settings.word("otherwise")?;
@@ -18,7 +19,7 @@ pub fn select(situation: &Situation, kind: &str, settings: &Settings) -> Result<
         "ranked_actors" => ranked(situation, settings),
         "actor_group" => Ok(group(situation, settings.count("group_size")?)),
         other => match actor_operator(other) {
-            Some(own) => own(situation, settings),
+            Some(own) => own(stage, settings),
             None => Err(StageError::Missing(format!("operator {other}"))),
         },
     }

@@ -10,7 +10,7 @@ use crate::baselines::kernel::candidate::Needs;
 use crate::baselines::kernel::{Module, Settings, Stage};
 use crate::kernel::{Digest, Seed};
 use crate::objects::expr::{self, Expr};
-use crate::objects::{OperatorNode, ParameterValue, Program, Setting};
+use crate::objects::{Counsel, OperatorNode, ParameterValue, Program, Setting};
 
 /// A module's code and the groups of candidate features that it reads.
 #[derive(Clone, Debug)]
@@ -71,8 +71,18 @@ impl<'p> Prepared<'p> {
 
     /// The decision and the intervention for one scene.
     pub fn compile(&self, situation: &Situation, seed: Seed) -> Result<Compiled, CompileFailure> {
+        self.compile_counselled(situation, seed, None)
+    }
+
+    /// The same with the counsel that was taken for the scene.
+    pub fn compile_counselled(
+        &self,
+        situation: &Situation,
+        seed: Seed,
+        counsel: Option<&Counsel>,
+    ) -> Result<Compiled, CompileFailure> {
         let program = self.hash.short(16);
-        walk::walk(self, &Stage { situation, seed, program: &program })
+        walk::walk(self, &Stage { situation, seed, program: &program, counsel })
     }
 
     /// Indices of the policy rules that hold in a scene.

@@ -51,7 +51,7 @@ fn step(
             nothing(shut, "the gate does not hold")
         }
         Slot::Actor => {
-            state.actors = actors::select(stage.situation, kind, settings)?;
+            state.actors = actors::select(stage, kind, settings)?;
             nothing(state.actors.is_empty(), "no vehicle is eligible")
         }
         Slot::Timing => {

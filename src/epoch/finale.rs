@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    RunError, labels,
+    RunError, counsel, labels,
     progress::Progress,
     rounds,
     run::Desk,
@@ -54,6 +54,7 @@ fn one_lineage(
     let lineage = state.lineages.get(&spec.id)?;
     let parent = lineage.parent.clone();
     let choice = choose(study, state, spec, &parent, desk)?;
+    counsel::take(study, spec, &study.held_out, desk)?;
     let mut measured: BTreeMap<SolutionId, Objectives> = BTreeMap::new();
     let wanted = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
     for solution in wanted.into_iter().flatten().chain(&choice.top) {

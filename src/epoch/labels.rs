@@ -12,7 +12,7 @@ use crate::adapters::ADAPTER_VERSION;
 use crate::compiler::{Compiled, Decision, Prepared};
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
 use crate::kernel::{Digest, Seed, canon::CanonError};
-use crate::objects::{Program, Score};
+use crate::objects::{Counsel, Program, Score};
 use crate::sim::{Intervention, Outcome, SIM_VERSION, Trace, rollout, rollout_traced};
 
 /// Labels a program on the scenes at these places.
@@ -31,12 +31,14 @@ pub fn score(
         Err(failure) => Err(failure.to_string()),
     };
     let subject = Subject { program: program.hash()?, ego: &spec.ego, seed: study.seed };
-    let scene = |&place: &usize| {
+    let counsels = places.iter().map(|&place| study.counsel(spec, place)).collect::<Result<Vec<_>, _>>()?;
+    let scene = |(&place, counsel): (&usize, &Option<Counsel>)| -> Result<SceneRef<'_>, CanonError> {
         let entry = &study.scenes[place];
-        SceneRef { id: &entry.scene.id, digest: entry.digest, group: entry.group() }
+        let counsel = counsel.as_ref().map(Counsel::digest).transpose()?;
+        Ok(SceneRef { id: &entry.scene.id, digest: entry.digest, group: entry.group(), counsel })
     };
-    let scenes: Vec<SceneRef<'_>> = places.iter().map(scene).collect();
-    let label = |i: usize| labelled_rollout(study, spec, ready()?, places[i]);
+    let scenes: Vec<SceneRef<'_>> = places.iter().zip(&counsels).map(scene).collect::<Result<_, _>>()?;
+    let label = |i: usize| labelled_rollout(study, spec, ready()?, places[i], counsels[i].as_ref());
     Ok(evaluate(&subject, &scenes, &label, &study.evaluation, rollouts, study.pool)?)
 }
 
@@ -55,10 +57,12 @@ pub fn trials(
     let mut problems = Vec::new();
     for probe in &snapshot.probes {
         let entry = &study.scenes[probe.place];
-        if rollouts.has(&request_key(hash, entry.digest, spec.ego.digest(), study.seed)?) {
+        let counsel = study.counsel(spec, probe.place)?;
+        let advised = counsel.as_ref().map(Counsel::digest).transpose()?;
+        if rollouts.has(&request_key(hash, entry.digest, spec.ego.digest(), study.seed, advised)?) {
             continue;
         }
-        let key = trial_key(hash, entry.digest, spec.ego.digest(), study.seed)?;
+        let key = trial_key(hash, entry.digest, spec.ego.digest(), study.seed, advised)?;
         let failure = match rollouts.tried(&key)? {
             Some(trial) => trial.failure,
             None => {
@@ -68,7 +72,9 @@ pub fn trials(
                         Err(failure) => return Ok(vec![failure.to_string()]),
                     }
                 }
-                let compiled = prepared.as_ref().map(|ready| ready.compile(&probe.situation, study.seed));
+                let compile =
+                    |ready: &Prepared<'_>| ready.compile_counselled(&probe.situation, study.seed, counsel.as_ref());
+                let compiled = prepared.as_ref().map(compile);
                 let failure = compiled.and_then(Result::err).map(|failure| failure.to_string());
                 rollouts.keep_trial(
                     &key,
@@ -89,20 +95,33 @@ pub fn trials(
 }
 
 /// Key of a trial request: what a compilation depends on, as for a rollout.
-fn trial_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> Result<Digest, CanonError> {
-    Digest::of("evodrive/compile-request/1", &(SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed))
+fn trial_key(
+    program: Digest,
+    scene: Digest,
+    ego: Digest,
+    seed: Seed,
+    counsel: Option<Digest>,
+) -> Result<Digest, CanonError> {
+    let request = (SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed);
+    match counsel {
+        None => Digest::of("evodrive/compile-request/1", &request),
+        Some(counsel) => Digest::of("evodrive/counselled-compile-request/1", &(request, counsel)),
+    }
 }
 
-/// Compiles for one scene and rolls out. A text is the reason why there is no label.
+/// Compiles for one scene, with the counsel where the family takes it, and rolls out. A text is the reason why there is
+/// no label.
 pub fn labelled_rollout(
     study: &Study<'_>,
     spec: &LineageSpec,
     prepared: &Prepared<'_>,
     place: usize,
+    counsel: Option<&Counsel>,
 ) -> Result<RolloutRecord, String> {
     let entry = &study.scenes[place];
     let situation = entry.situation(&spec.ego)?;
-    let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
+    let compiled =
+        prepared.compile_counselled(&situation, study.seed, counsel).map_err(|failure| failure.to_string())?;
     let outcome: Outcome = rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
         .map_err(|error| error.to_string())?;
     record(entry, spec, prepared, &compiled.decision, outcome)
@@ -124,8 +143,9 @@ pub fn trace(study: &Study<'_>, spec: &LineageSpec, program: &Program, place: us
     let prepared = Prepared::new(program, contract).map_err(|failure| failure.to_string())?;
     let entry = &study.scenes[place];
     let situation = entry.situation(&spec.ego)?;
+    let counsel = study.counsel(spec, place).map_err(|error| error.to_string())?;
     let Compiled { decision, intervention } =
-        prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
+        prepared.compile_counselled(&situation, study.seed, counsel.as_ref()).map_err(|failure| failure.to_string())?;
     let (outcome, motion) = rollout_traced(&situation.plant, &intervention, spec.ego.driver().as_mut())
         .map_err(|error| error.to_string())?;
     let record = record(entry, spec, &prepared, &decision, outcome)?;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    RunError, acceptor,
+    RunError, acceptor, counsel,
     run::Desk,
     state::{Snapshot, State},
     study::Study,
@@ -62,6 +62,7 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         let ego = spec.ego.name().to_string();
         desk.log
             .append(kind::PARENT, &ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash })?;
+        counsel::take(study, spec, &study.evolution, desk)?;
         let first = Snapshot::freeze(study, &state, 0, spec, desk.rollouts)?;
         state.archives.entry(spec.id.clone()).or_default().insert(acceptor::parent_entry(&first)?)?;
     }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
 use super::RunError;
+use super::counsel::{CounselOptions, Counsels};
 use super::state::Probe;
 use crate::adapters::{Family, Registry};
 use crate::archive::{ArchiveOptions, SelectorOptions};
@@ -43,6 +44,10 @@ pub struct Study<'a> {
     pub memory: MemoryOptions,
     pub curation: CurationOptions,
     pub world: WorldConfiguration,
+    /// How the attacker agent is asked; needed where a lineage's family takes counsel.
+    pub counsel: Option<CounselOptions>,
+    /// What it said so far.
+    pub counsels: Counsels,
     pub ask: &'a dyn Ask,
     pub pool: &'a Pool,
 }

@@ -23,9 +23,20 @@ pub struct RolloutRecord {
     pub outcome: Outcome,
 }
 
-/// Key of a rollout request. It needs neither the scene's content nor a compilation.
-pub fn request_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> Result<Digest, CanonError> {
-    Digest::of("evodrive/rollout-request/1", &(SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed))
+/// Key of a rollout request. It needs neither the scene's content nor a compilation. `counsel` is the digest of the
+/// counsel with which the program is compiled, where its family takes any.
+pub fn request_key(
+    program: Digest,
+    scene: Digest,
+    ego: Digest,
+    seed: Seed,
+    counsel: Option<Digest>,
+) -> Result<Digest, CanonError> {
+    let request = (SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed);
+    match counsel {
+        None => Digest::of("evodrive/rollout-request/1", &request),
+        Some(counsel) => Digest::of("evodrive/counselled-rollout-request/1", &(request, counsel)),
+    }
 }
 
 /// Where records are kept between runs. Called from many threads.

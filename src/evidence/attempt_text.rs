@@ -34,7 +34,7 @@ pub fn attempt(attempt: &Attempt, texts: &dyn Fn(&Exchange) -> Option<Exchanged>
         let cards: Vec<&str> = attempt.memory_shown.iter().map(|c| c.as_str()).collect();
         let _ = writeln!(out, "memory  {}", cards.join(", "));
     }
-    exchanges(&mut out, attempt, texts, full);
+    exchanges(&mut out, &attempt.proposal.exchanges, texts, full);
     rounds(&mut out, attempt);
     if let crate::objects::Exit::Declined { reason } = &attempt.exit {
         let _ = writeln!(out, "\ndeclined: {reason}");
@@ -55,8 +55,9 @@ pub fn attempt(attempt: &Attempt, texts: &dyn Fn(&Exchange) -> Option<Exchanged>
     out
 }
 
-fn exchanges(out: &mut String, attempt: &Attempt, texts: &dyn Fn(&Exchange) -> Option<Exchanged>, full: bool) {
-    for exchange in &attempt.proposal.exchanges {
+/// Questions and answers, in order.
+pub fn exchanges(out: &mut String, exchanges: &[Exchange], texts: &dyn Fn(&Exchange) -> Option<Exchanged>, full: bool) {
+    for exchange in exchanges {
         let _ = writeln!(
             out,
             "\n── {} round {}  model {}  request {}  response {}",

@@ -5,7 +5,7 @@ use serde::de::DeserializeOwned;
 use crate::kernel::Digest;
 use crate::objects::benchmark::ArchiveRound;
 use crate::objects::{
-    Attempt, LineageId, SolutionId,
+    Attempt, Counselled, LineageId, SolutionId,
     event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
 };
@@ -25,6 +25,8 @@ pub enum StoryError {
 pub struct Story {
     pub opened: Opened,
     pub parents: Vec<ParentAdopted>,
+    /// Who was advised to attack, scene by scene; empty where no family takes counsel.
+    pub counsels: Vec<Counselled>,
     pub frozen: Vec<Frozen>,
     pub attempts: Vec<Attempt>,
     pub settled: Vec<Settled>,
@@ -44,6 +46,7 @@ impl Story {
         let mut story = Story {
             opened: body(first)?,
             parents: Vec::new(),
+            counsels: Vec::new(),
             frozen: Vec::new(),
             attempts: Vec::new(),
             settled: Vec::new(),
@@ -56,6 +59,7 @@ impl Story {
         for event in &events[1..] {
             match event.kind.as_str() {
                 kind::PARENT => story.parents.push(body(event)?),
+                kind::COUNSEL => story.counsels.push(body(event)?),
                 kind::FROZEN => story.frozen.push(body(event)?),
                 kind::ATTEMPT => story.attempts.push(body(event)?),
                 kind::SETTLED => story.settled.push(body(event)?),
@@ -79,6 +83,11 @@ impl Story {
     /// The attempt by its id, e.g. `cat-idm/e2s5`.
     pub fn attempt(&self, id: &str) -> Option<&Attempt> {
         self.attempts.iter().find(|a| a.id.as_str() == id)
+    }
+
+    /// The counsel for a scene of a lineage, named `<lineage>/<scene>`.
+    pub fn counsel(&self, name: &str) -> Option<&Counselled> {
+        self.counsels.iter().find(|counselled| counselled.name() == name)
     }
 
     /// The program of a solution: a lineage's parent or the child of an attempt.

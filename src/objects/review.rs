@@ -13,6 +13,8 @@ pub enum Role {
     IsolationCritic,
     Repair,
     WorldAgent,
+    /// Names the attackers of a scene, for families that take counsel.
+    AttackerAgent,
 }
 
 impl Role {
@@ -28,6 +30,7 @@ impl Role {
             Role::IsolationCritic => "isolation_critic",
             Role::Repair => "repair",
             Role::WorldAgent => "world_agent",
+            Role::AttackerAgent => "attacker_agent",
         }
     }
 }

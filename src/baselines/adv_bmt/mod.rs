@@ -32,13 +32,13 @@ const STEPS_MIN: usize = 10;
 const REJECTED: f64 = -1000.0;
 
 /// The inserted road user.
-pub fn actor(situation: &Situation, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
+pub fn actor(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
     let kind = match settings.word("shape")? {
         "cyclist" => AgentKind::Cyclist,
         "pedestrian" => AgentKind::Pedestrian,
         _ => AgentKind::Vehicle,
     };
-    Ok(vec![situation.guest(kind)])
+    Ok(vec![stage.situation.guest(kind)])
 }
 
 /// Backward rollouts from the imposed collision to the window's first step, in the order in which they were drawn.

@@ -8,6 +8,7 @@ use super::driven::Driven;
 use super::offsets::OffsetSpace;
 use super::situation::Situation;
 use crate::kernel::{Seed, Stream};
+use crate::objects::Counsel;
 use crate::objects::expr::Compiled;
 use crate::scene::TrackIx;
 
@@ -34,7 +35,7 @@ pub struct Part {
 pub type Operator = fn(&Stage<'_>, &Settings, &mut [Part]) -> Result<(), StageError>;
 
 /// An actor operator of a family's own: who becomes an adversary.
-pub type ActorOperator = fn(&Situation, &Settings) -> Result<Vec<TrackIx>, StageError>;
+pub type ActorOperator = fn(&Stage<'_>, &Settings) -> Result<Vec<TrackIx>, StageError>;
 
 /// Where and for what a program is being compiled.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +44,8 @@ pub struct Stage<'a> {
     pub seed: Seed,
     /// First digits of the program's hash: programs draw from streams of their own.
     pub program: &'a str,
+    /// Who is advised to attack in this scene; only families that take counsel are given one.
+    pub counsel: Option<&'a Counsel>,
 }
 
 impl Stage<'_> {

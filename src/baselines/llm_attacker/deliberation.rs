@@ -2,9 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use super::reflection::{Evaluation, Failure, evaluate, mean_speed_mps};
+use super::COUNSEL_WEIGHT;
+use super::reflection::{Evaluation, evaluate, mean_speed_mps, timing};
 use crate::baselines::kernel::candidate::{Candidate, Judged};
 use crate::baselines::kernel::{Part, Settings, Situation, Stage, StageError, posterior};
+use crate::objects::Counsel;
+use crate::objects::counsel::Failure;
+use crate::scene::TrackIx;
 use crate::sim::{self, Action, Intervention};
 
 /// Steps by which the ego may be early or late when it is asked whether an attacker can reach it at all (1 s).
@@ -23,6 +27,8 @@ struct Rules {
     rounds: usize,
     discount: f64,
     reach_weight: f64,
+    /// What being advised is worth.
+    trust: f64,
     replaces: bool,
 }
 
@@ -33,10 +39,12 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         rounds: settings.count("reflection_rounds")?,
         discount: settings.number("attack_discount")?,
         reach_weight: settings.number("reach_weight")?,
+        trust: settings.number(COUNSEL_WEIGHT)?,
         replaces: settings.word("combine")? == "replace",
     };
-    let order = propose(stage, settings, &rules, parts);
-    let attack = deliberate(stage.situation, &rules, parts, &order);
+    let counsel = stage.counsel.filter(|_| rules.trust > 0.0);
+    let order = propose(stage, settings, &rules, counsel, parts);
+    let attack = deliberate(stage.situation, &rules, parts, &order, first(&rules, counsel, parts, &order));
     for (place, part) in parts.iter_mut().enumerate() {
         match attack.iter().find(|(attacker, _)| *attacker == place) {
             Some((_, chosen)) => part.candidates[*chosen].score += CHOSEN,
@@ -46,15 +54,21 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
     Ok(())
 }
 
-/// Scores every candidate by CAT's posterior and orders the pool: its own order, with those first that can reach the ego.
-fn propose(stage: &Stage<'_>, settings: &Settings, rules: &Rules, parts: &mut [Part]) -> Vec<usize> {
+/// Scores every candidate by CAT's posterior and orders the pool: its own order, with those first that can reach the ego or
+/// are advised.
+fn propose(
+    stage: &Stage<'_>,
+    settings: &Settings,
+    rules: &Rules,
+    counsel: Option<&Counsel>,
+    parts: &mut [Part],
+) -> Vec<usize> {
     let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
     let mut ranks: Vec<(usize, f64)> = Vec::with_capacity(parts.len());
     for (place, part) in parts.iter_mut().enumerate() {
         let from_step = part.window.from_step;
         let candidates = &mut part.candidates;
-        posterior::score(stage.situation, part.actor, from_step, rules.discount, REACH_STEPS, candidates);
-        let reaches = candidates.iter().any(|c| c.score > posterior::NO_CONTACT);
+        let reaches = reaches(stage.situation, part.actor, from_step, rules.discount, candidates);
         posterior::score(stage.situation, part.actor, from_step, rules.discount, 0, candidates);
         let judged = Judged { situation: stage.situation, actor: part.actor, from_step, adversaries: &adversaries };
         if let Some(module) = settings.optional("score") {
@@ -63,18 +77,43 @@ fn propose(stage: &Stage<'_>, settings: &Settings, rules: &Rules, parts: &mut [P
                 candidate.score = if rules.replaces { own } else { candidate.score + own };
             }
         }
+        let advised = counsel.is_some_and(|counsel| counsel.rank(part.actor).is_some());
         // The pool comes in order of promise: a place is worth as much as the smallest of its weights.
-        ranks.push((place, if reaches { rules.reach_weight } else { 0.0 } - 0.5 * place as f64));
+        let worth = |holds: bool, weight: f64| if holds { weight } else { 0.0 };
+        ranks.push((place, worth(reaches, rules.reach_weight) + worth(advised, rules.trust) - 0.5 * place as f64));
     }
     ranks.sort_by(|a, b| b.1.total_cmp(&a.1));
     ranks.into_iter().map(|(place, _)| place).collect()
 }
 
+/// Whether an actor can meet the ego's rollout at all, up to a second earlier or later. Leaves scores that mean no more.
+pub(super) fn reaches(
+    situation: &Situation,
+    actor: TrackIx,
+    from_step: usize,
+    discount: f64,
+    candidates: &mut [Candidate],
+) -> bool {
+    posterior::score(situation, actor, from_step, discount, REACH_STEPS, candidates);
+    candidates.iter().any(|c| c.score > posterior::NO_CONTACT)
+}
+
+/// The first proposal: the first of the order; if it is advised, all that are advised, in the counsel's order.
+fn first(rules: &Rules, counsel: Option<&Counsel>, parts: &[Part], order: &[usize]) -> Attack {
+    let on_its_best = |place: usize| Some((place, best(&parts[place])?));
+    let Some(leader) = order.iter().find_map(|place| on_its_best(*place)) else { return vec![] };
+    let Some(counsel) = counsel.filter(|c| c.rank(parts[leader.0].actor).is_some()) else { return vec![leader] };
+    let place_of = |attacker: &TrackIx| parts.iter().position(|part| part.actor == *attacker);
+    counsel.attackers.iter().filter_map(place_of).filter_map(on_its_best).take(rules.attackers).collect()
+}
+
 /// Rounds until an attack works, nothing untried is left, or the rounds are used up; then the best one.
-fn deliberate(situation: &Situation, rules: &Rules, parts: &[Part], order: &[usize]) -> Attack {
-    let Some(first) = order.iter().find_map(|place| Some((*place, best(&parts[*place])?))) else { return vec![] };
+fn deliberate(situation: &Situation, rules: &Rules, parts: &[Part], order: &[usize], first: Attack) -> Attack {
+    if first.is_empty() {
+        return first;
+    }
     let mut tried: BTreeSet<Attack> = BTreeSet::new();
-    let mut attack: Attack = vec![first];
+    let mut attack = first;
     let mut found = (f64::INFINITY, attack.clone());
     for round in 0..=rules.rounds {
         tried.insert(sorted(&attack));
@@ -112,7 +151,10 @@ fn rehearse(situation: &Situation, parts: &[Part], attack: &Attack) -> Evaluatio
     let part = &parts[*place];
     // What the simulator refuses, the constraints refuse with its reason when it is chosen.
     match sim::rollout(&situation.plant, &intervention, situation.policy.driver().as_mut()) {
-        Ok(outcome) => evaluate(situation, part.window.from_step, &part.candidates[*chosen], &outcome),
+        Ok(outcome) => {
+            let way = &part.candidates[*chosen].samples;
+            evaluate(situation, &outcome, || timing(situation, part.window.from_step, way))
+        }
         Err(_) => nothing,
     }
 }
@@ -171,7 +213,8 @@ mod tests {
     use crate::kernel::Vec2;
     use crate::scene::Sample;
 
-    const RULES: Rules = Rules { attackers: 2, rounds: 3, discount: 0.99, reach_weight: 2.0, replaces: false };
+    const RULES: Rules =
+        Rules { attackers: 2, rounds: 3, discount: 0.99, reach_weight: 2.0, trust: 4.0, replaces: false };
 
     /// Two attackers with a slow, a middling and a fast candidate each; the middling one scores best.
     fn parts() -> Vec<Part> {
@@ -195,6 +238,20 @@ mod tests {
 
     fn first(failure: Failure, attack: Attack) -> Attack {
         modifications(&RULES, &parts(), &[0, 1], &attack, failure).remove(0)
+    }
+
+    #[test]
+    fn advised_attackers_begin_together_where_the_program_lets_them_lead() {
+        let begin = |order: &[usize], attackers: Vec<TrackIx>| {
+            super::first(&RULES, Some(&Counsel { attackers }), &parts(), order)
+        };
+        assert_eq!(begin(&[0, 1], vec![7, 4]), [(1, 1), (0, 1)], "the counsel's leader leads");
+        assert_eq!(begin(&[1, 0], vec![7]), [(1, 1)]);
+        assert_eq!(begin(&[0, 1], vec![7]), [(0, 1)], "the program's order stands above the counsel");
+        assert_eq!(begin(&[0, 1], vec![9, 4]), [(0, 1)], "who is not in the pool does not attack");
+        assert_eq!(super::first(&RULES, None, &parts(), &[1, 0]), [(1, 1)]);
+        let alone = Rules { attackers: 1, ..RULES };
+        assert_eq!(super::first(&alone, Some(&Counsel { attackers: vec![7, 4] }), &parts(), &[0, 1]), [(1, 1)]);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use crate::baselines::kernel::{Candidate, Situation};
 use crate::kernel::num;
+use crate::objects::counsel::Failure;
+use crate::scene::Sample;
 use crate::sim::Outcome;
 
 /// An attacker that stays farther away than this never came close, metres.
@@ -13,20 +15,6 @@ const EVEN_STEPS: usize = 2;
 /// Paths are compared at every this many samples.
 const STRIDE: usize = 2;
 
-/// What went wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Failure {
-    /// Nobody came within ten metres of the ego.
-    NeverClose,
-    /// An attacker ran into a third road user.
-    Blocked,
-    /// The ego braked and let it pass.
-    EgoYielded,
-    /// The attacker reaches the place where the paths meet after the ego, or before it.
-    Late,
-    Early,
-}
-
 /// Where an attack led.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
@@ -36,8 +24,8 @@ pub struct Evaluation {
     pub failure: Option<Failure>,
 }
 
-/// Reads an outcome; `first` is the first attacker's candidate from `from_step` on.
-pub fn evaluate(situation: &Situation, from_step: usize, first: &Candidate, outcome: &Outcome) -> Evaluation {
+/// Reads an outcome. `timing` tells whether the leader came late or early; asked only where that is what went wrong.
+pub fn evaluate(situation: &Situation, outcome: &Outcome, timing: impl FnOnce() -> Failure) -> Evaluation {
     let contact = outcome.contact.is_some_and(|contact| contact.adversary);
     let distance_m_min = if contact { 0.0 } else { outcome.distance_m_min.unwrap_or(f64::INFINITY) };
     let blocked = outcome.adversaries.iter().any(|adversary| adversary.struck_bystander);
@@ -51,15 +39,15 @@ pub fn evaluate(situation: &Situation, from_step: usize, first: &Candidate, outc
     } else if outcome.ego.deceleration_mps2_max > YIELDING_MPS2.max(calm_mps2 + 1.0) {
         Some(Failure::EgoYielded)
     } else {
-        Some(timing(situation, from_step, first))
+        Some(timing())
     };
     Evaluation { contact, distance_m_min, failure }
 }
 
-/// Whether the candidate passes the place where the paths come nearest after the ego or before it.
-fn timing(situation: &Situation, from_step: usize, candidate: &Candidate) -> Failure {
+/// Whether the way, sampled from `from_step` on, passes the place where the paths come nearest after the ego or before it.
+pub fn timing(situation: &Situation, from_step: usize, way: &[Sample]) -> Failure {
     let mut best = (f64::INFINITY, 0, 0);
-    for (k, sample) in candidate.samples.iter().enumerate().step_by(STRIDE) {
+    for (k, sample) in way.iter().enumerate().step_by(STRIDE) {
         for step in situation.ego.steps().filter(|step| *step >= from_step).step_by(STRIDE) {
             let Some(ego) = situation.ego.at(step) else { continue };
             let apart = (ego.position - sample.position).norm_squared();

@@ -25,6 +25,8 @@ pub struct SceneRef<'a> {
     pub digest: Digest,
     /// Its group in SafeBench's protocol; `None` for a scene that is staged for no traffic family.
     pub group: Option<Group>,
+    /// Digest of the counsel that was taken for it; `None` in families that take none.
+    pub counsel: Option<Digest>,
 }
 
 /// Simulates the program in scene number `i` of the list: compile, then roll out. A text is the reason why there is
@@ -95,7 +97,7 @@ fn one(
     label: &Labeller<'_>,
     cache: &dyn RolloutCache,
 ) -> Result<Result<Recorded, SceneFailure>, EvaluationError> {
-    let key = request_key(subject.program, scene.digest, subject.ego.digest(), subject.seed)?;
+    let key = request_key(subject.program, scene.digest, subject.ego.digest(), subject.seed, scene.counsel)?;
     if let Some((record, stored)) = cache.recorded(&key)? {
         return Ok(Ok(Recorded { record, key, stored }));
     }

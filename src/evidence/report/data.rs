@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::super::story::Story;
-use crate::objects::{Attempt, LineageId, edit_categories, event::LineageResult, program_diff};
+use crate::objects::{Attempt, Counselled, LineageId, edit_categories, event::LineageResult, program_diff};
 
 /// Everything but the player's scenes.
 pub fn of(story: &Story) -> Value {
@@ -22,6 +22,7 @@ pub fn of(story: &Story) -> Value {
         "exits": story.result.as_ref().map(|r| r.exits),
         "rollouts": story.result.as_ref().map(|r| r.rollouts),
         "lineages": lineages,
+        "counsels": story.counsels.iter().map(counsel).collect::<Vec<_>>(),
         "attempts": story.attempts.iter().map(|a| attempt(story, a)).collect::<Vec<_>>(),
     })
 }
@@ -51,6 +52,25 @@ fn lineage(story: &Story, id: &LineageId) -> Value {
         "epochs": epochs,
         "parent_scores": parent_scores,
         "result": result,
+    })
+}
+
+fn counsel(counselled: &Counselled) -> Value {
+    let rounds = counselled.rounds.iter().map(|round| {
+        json!({
+            "attackers": round.attackers,
+            "reason": round.reason,
+            "by": round.proposed_by,
+            "outcome": round.trial.code(),
+            "distance_m": Some(round.trial.distance_m()).filter(|m| m.is_finite()),
+        })
+    });
+    json!({
+        "lineage": counselled.lineage,
+        "scene": counselled.scene,
+        "rounds": rounds.collect::<Vec<_>>(),
+        "advised": counselled.chosen().map(|round| &round.attackers),
+        "exchanges": counselled.exchanges,
     })
 }
 

@@ -13,13 +13,13 @@ use crate::{
 pub struct Rates {
     /// Of all replies: cut off, fenced, or with prose around the object.
     pub malformed_json_rate: f64,
-    /// Of patches: a number outside its declared range.
+    /// Of patches: a number outside its declared range. Of sets of attackers: a vehicle that the scene does not have.
     pub out_of_range_rate: f64,
     /// Of patches: a mechanism that reads a word of another family, or of none.
     pub foreign_mechanism_rate: f64,
     /// Of patches: a parent hash that is not the parent's.
     pub stale_hash_rate: f64,
-    /// Of a critic's findings: overlooked, as reviewers do. Gates stand behind them.
+    /// Of a critic's findings: overlooked, as reviewers do. Gates stand behind them. Of an attacker agent's feedback: likewise.
     pub oversight_rate: f64,
 }
 

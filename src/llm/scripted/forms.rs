@@ -30,7 +30,7 @@ pub enum Purpose {
 }
 
 /// Terms that grow with the pressure on the ego.
-const PRESSURE: [(&str, &str); 20] = [
+const PRESSURE: [(&str, &str); 21] = [
     ("time_pressure", "exp(-abs(arrival_difference_s) / <1.5..5 s>)"),
     ("time_pressure", "1 / (1 + abs(arrival_difference_s) / <1..3 s>)"),
     ("conflict_time", "exp(-time_to_conflict_s / <1.5..5 s>)"),
@@ -44,6 +44,7 @@ const PRESSURE: [(&str, &str); 20] = [
     ("lead_vehicle", "if(same_lane and not behind, exp(-abs(longitudinal_offset_m) / <10..30 m>), 0)"),
     ("angle_conflict", "clamp(heading_difference_rad / 3.14, 0, 1)"),
     ("lateral_merge", "if(abs(lateral_offset_m) < <2..5 m>, 1, <0.1..0.5>)"),
+    ("counselled_attacker", "if(counsel_rank > 0, 1 / max(counsel_rank, 1), <0.1..0.5>)"),
     ("marked_interaction", "if(object_of_interest, 1, <0.1..0.5>)"),
     ("likely_contact", "collision_likelihood"),
     ("likely_contact", "sqrt(collision_likelihood)"),

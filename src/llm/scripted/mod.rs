@@ -1,10 +1,11 @@
-//! The scripted stand-in: rules that answer the prompts of the role loop through the same JSON contract as a language model would.
+//! The scripted stand-in: rules that answer the prompts of the roles through the same JSON contract as a language model would.
 //!
 //! It is no language model and is never called one. It exists so that a study can be recorded and replayed without any provider, and so
 //! that the loop is exercised with errors at declared rates. It sees the text of the request and nothing else; every draw comes from a
 //! stream named by the request's draw slot, so that equal requests get equal bytes.
 
 mod actor;
+mod attackers;
 mod check;
 mod conditions;
 mod critics;
@@ -34,6 +35,10 @@ impl Model for Scripted {
     fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
         let rates = Rates::of(&request.model)?;
         let draws = Draws::of(request)?;
+        let garbled = |answer: Value| errors::garbled(answer.to_string(), rates, &mut draws.stream("malformed"));
+        if request.slot.role == attackers::ROLE {
+            return Ok(garbled(attackers::answer(request, rates, &draws)?).into_bytes().into());
+        }
         let page = reader::Page::read(request)?;
         let answer = match request.slot.role.as_str() {
             "actor" => patch_answer(&page, actor::propose(&page, &draws)?, rates, &draws),
@@ -43,7 +48,7 @@ impl Model for Scripted {
             }
             other => return Err(unanswerable(format!("the scripted model has no rules for the role `{other}`"))),
         };
-        Ok(errors::garbled(answer.to_string(), rates, &mut draws.stream("malformed")).into_bytes().into())
+        Ok(garbled(answer).into_bytes().into())
     }
 }
 

@@ -291,7 +291,7 @@ impl Domain {
 
 /// `## title` followed by a fenced JSON block, for every such pair. Prompts put no raw line break inside a JSON string, so a line that
 /// begins with a fence ends the block.
-fn blocks(text: &str) -> Vec<(String, Value)> {
+pub fn blocks(text: &str) -> Vec<(String, Value)> {
     let mut found = vec![];
     let (mut title, mut body) = (None::<String>, None::<String>);
     for line in text.lines() {
@@ -313,7 +313,7 @@ fn blocks(text: &str) -> Vec<(String, Value)> {
     found
 }
 
-fn take<T: DeserializeOwned>(blocks: &BTreeMap<String, Value>, title: &str) -> Result<T, ModelError> {
+pub fn take<T: DeserializeOwned>(blocks: &BTreeMap<String, Value>, title: &str) -> Result<T, ModelError> {
     let value = blocks.get(title).ok_or_else(|| unanswerable(format!("the prompt has no JSON block `{title}`")))?;
     typed(title, value)
 }

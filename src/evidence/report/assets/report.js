@@ -188,6 +188,33 @@
     return el("div", { class: "two" }, el("div", {}, left), el("div", {}, right));
   }
 
+  // --- counsel: who was advised to attack in a scene, and how that was found
+  const COUNSEL_SHOWN = 60;
+  function counselRound(round) {
+    const distance = round.outcome === "contact" || round.distance_m === null ? "" : `, nearest ${fixed(round.distance_m, 1)} m`;
+    return el("li", {}, el("code", {}, round.attackers.join(", ")), " ", el("b", { class: round.outcome === "contact" ? "pass" : "fail" }, round.outcome.replace("_", " ")), distance,
+      round.by === "rules" ? " (by the rules)" : "", el("br"), el("span", { class: "note" }, round.reason));
+  }
+  function drawCounsel() {
+    const text = byId("counsel-text").value.trim().toLowerCase(), lineage = byId("counsel-lineage").value;
+    const says = (c) => [c.scene, ...c.rounds.flatMap((r) => [...r.attackers, r.outcome, r.outcome.replace("_", " "), r.by])].join(" ").toLowerCase();
+    const shown = data.counsels.filter((c) => c.lineage === lineage && (!text || says(c).includes(text)));
+    const refusals = (c) => c.exchanges.filter((x) => x.refusal).map((x) => el("li", {}, el("span", { class: "note" }, `round ${x.round}: answer not used: ${x.refusal}`)));
+    byId("counsel-count").textContent = `${shown.length} scenes` + (shown.length > COUNSEL_SHOWN ? `, the first ${COUNSEL_SHOWN} shown` : "");
+    byId("counsel-table").querySelector("tbody").replaceChildren(...shown.slice(0, COUNSEL_SHOWN).map((c) => el("tr", {},
+      el("td", {}, c.scene), el("td", {}, c.rounds.length ? el("ol", {}, c.rounds.map(counselRound), refusals(c)) : "no vehicle can attack"),
+      el("td", {}, el("code", {}, (c.advised || []).join(", ") || "nobody")))));
+    const all = data.counsels.filter((c) => c.lineage === lineage), met = (c) => c.rounds.some((r) => r.outcome === "contact");
+    byId("counsel-note").textContent = `The attacker agent named attackers scene by scene, before any program met the scene; each set was tried with the parent program without a search of its own. ${all.filter(met).length} of ${all.length} advised sets met the ego, ${all.filter((c) => c.rounds.length && c.rounds[0].outcome === "contact").length} of them at once.`;
+  }
+  function openCounsel() {
+    if (!data.counsels.length) return;
+    byId("counsel").hidden = byId("counsel-link").hidden = false;
+    byId("counsel-lineage").append(...[...new Set(data.counsels.map((c) => c.lineage))].map((id) => option(id, id)));
+    for (const id of ["counsel-text", "counsel-lineage"]) byId(id).addEventListener("input", drawCounsel);
+    drawCounsel();
+  }
+
   // --- player: the recorded scene with the actors that the rollout changed put in their place
   function merged(rollout) {
     const base = stage.scenes[rollout.scene];
@@ -227,6 +254,6 @@
   byId("filter-exit").append(option("", "all"), ...["declined", "invalid", "rejected", "evaluated"].map((e) => option(e, e)));
   byId("front-lineage").addEventListener("change", drawFront);
   for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", drawAttempts);
-  resultTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); drawPlayer();
+  resultTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); drawPlayer();
   document.body.dataset.ready = "yes";
 })();

@@ -1,0 +1,105 @@
+//! What the attacker agent is asked: a message for each scene, which all its rounds share, and one for each round.
+
+use serde_json::{Value, json};
+
+use super::{
+    counsel::Case,
+    json_text::stable_json,
+    prompt::{Instructions, PromptError, fill, instructions, response_id, rounded},
+};
+use crate::{
+    adapters::ADAPTER_VERSION,
+    kernel::num,
+    llm::{DrawSlot, Message, Request, Text},
+    objects::{
+        Role,
+        counsel::{CounselRound, Vehicle},
+    },
+};
+
+/// Decimals of lengths, times and angles in the table of vehicles.
+const TABLE_DECIMALS: u32 = 2;
+
+/// What the attacker agent is shown of a scene, written out once for all rounds.
+#[derive(Clone, Debug)]
+pub struct SceneText(Text);
+
+impl SceneText {
+    pub fn of(case: &Case<'_>) -> Result<SceneText, PromptError> {
+        let facts = json!({"scene": case.scene, "ego": case.ego, "attackers_max": case.attackers_max});
+        let rows: Vec<Value> = case.vehicles.iter().map(row).collect();
+        let vehicles = json!({"columns": COLUMNS, "rows": rows});
+        let blocks = json!({
+            "lineage": case.lineage,
+            "scene": case.scene,
+            "facts": stable_json(&facts),
+            "vehicles": stable_json(&vehicles),
+        });
+        Ok(SceneText(fill("scene.md", &blocks)?.into()))
+    }
+}
+
+/// Columns of the table of vehicles.
+const COLUMNS: [&str; 11] = [
+    "id",
+    "length_m",
+    "ahead_m",
+    "left_m",
+    "gap_m",
+    "speed_mps",
+    "heading_difference_rad",
+    "lane",
+    "time_to_collision_s",
+    "conflict",
+    "reach",
+];
+
+fn row(vehicle: &Vehicle) -> Value {
+    let shown = |x: f64| num::rounded(x, TABLE_DECIMALS);
+    json!([
+        vehicle.id,
+        shown(vehicle.length_m),
+        shown(vehicle.ahead_m),
+        shown(vehicle.left_m),
+        shown(vehicle.gap_m),
+        shown(vehicle.speed_mps),
+        shown(vehicle.heading_difference_rad),
+        vehicle.lane,
+        vehicle.time_to_collision_s.map(shown),
+        vehicle.conflict,
+        vehicle.reach,
+    ])
+}
+
+/// The question about a scene in a round; `tried` is what became of the sets before.
+pub fn counsel_request(
+    case: &Case<'_>,
+    scene: &SceneText,
+    round: u32,
+    tried: &[CounselRound],
+) -> Result<Request, PromptError> {
+    let role = Role::AttackerAgent;
+    let slot =
+        DrawSlot { lineage: case.lineage.to_string(), epoch: 0, slot: case.slot, role: role.name().into(), round };
+    let Instructions { system, schema } = instructions(role)?.clone();
+    let step = if tried.is_empty() { "initialisation" } else { "reflection" };
+    let asked = json!({"response_id": response_id(&slot), "step": step});
+    let told = |round: &CounselRound| {
+        let distance_m = Some(round.trial.distance_m()).filter(|m| m.is_finite());
+        json!({"attackers": round.attackers, "outcome": round.trial.code(), "distance_m": distance_m})
+    };
+    let tried: Vec<Value> = tried.iter().map(told).collect();
+    let blocks = match tried.is_empty() {
+        true => vec![],
+        false => vec![json!({"title": "Tried", "json": stable_json(&rounded(tried.into()))})],
+    };
+    let values = json!({
+        "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(&asked), "blocks": blocks,
+    });
+    let messages = vec![
+        Message { role: "system".into(), text: system },
+        Message { role: "user".into(), text: scene.0.clone() },
+        Message { role: "user".into(), text: fill("task.md", &values)?.into() },
+    ];
+    Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: case.model.clone(), messages, schema })
+}

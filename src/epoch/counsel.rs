@@ -1,0 +1,200 @@
+//! Counsel for the scenes of a lineage whose family takes it: the attacker agent is asked before the first program meets a
+//! scene, held-out scenes included only when the suite is opened.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    RunError, briefing, labels,
+    progress::Progress,
+    rollouts::Rollouts,
+    run::Desk,
+    study::{LineageSpec, Study},
+};
+use crate::agents::{self, AgentError, counsel::Case};
+use crate::baselines::{kernel::Stage, llm_attacker, takes_counsel};
+use crate::compiler::{Prepared, Situation};
+use crate::evaluation::{RolloutCache, request_key};
+use crate::llm::ModelSpec;
+use crate::objects::{
+    Counsel, Counselled, LineageId, Program, Role,
+    counsel::{Trial, Vehicle},
+    event::kind,
+};
+use crate::scene::Sample;
+use crate::sim::Action;
+
+/// `[counsel]`: how the attacker agent is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CounselOptions {
+    /// Most sets of attackers that are tried in a scene: a proposal and what reflection makes of it.
+    pub rounds: u32,
+    /// Vehicles that the agent is shown, the most promising ones.
+    pub vehicles: usize,
+}
+
+impl CounselOptions {
+    /// The first field that is out of bounds, with what is expected.
+    pub fn fault(&self) -> Option<(&'static str, String)> {
+        let fields = [("rounds", self.rounds as usize, 8), ("vehicles", self.vehicles, 32)];
+        let bad = fields.into_iter().find(|(_, value, most)| *value == 0 || value > most);
+        bad.map(|(name, _, most)| (name, format!("1 to {most}")))
+    }
+}
+
+/// The counsel that was taken so far. Written once a lineage and scene, before anything reads it there.
+#[derive(Debug, Default)]
+pub struct Counsels(Mutex<BTreeMap<(LineageId, String), Counsel>>);
+
+impl Counsels {
+    fn taken(&self) -> MutexGuard<'_, BTreeMap<(LineageId, String), Counsel>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn keep(&self, event: &Counselled) {
+        self.taken().insert((event.lineage.clone(), event.scene.clone()), event.counsel.clone());
+    }
+}
+
+impl Study<'_> {
+    /// The counsel for the scene at a place; `None` for families that take none.
+    ///
+    /// # Errors
+    /// None was taken there yet: the scene is not open to the lineage.
+    pub fn counsel(&self, spec: &LineageSpec, place: usize) -> Result<Option<Counsel>, RunError> {
+        if !takes_counsel(&spec.family) {
+            return Ok(None);
+        }
+        let scene = &self.scenes[place].scene.id;
+        let found = self.counsels.taken().get(&(spec.id.clone(), scene.clone())).cloned();
+        found.map(Some).ok_or_else(|| {
+            RunError::Study(format!(
+                "lineage {}: no counsel was taken for scene {scene}, so it is not open yet",
+                spec.id
+            ))
+        })
+    }
+
+    /// Takes over what a recorded run was counselled, for whoever plays its rollouts again.
+    pub fn recall(&self, events: &[Counselled]) {
+        events.iter().for_each(|event| self.counsels.keep(event));
+    }
+}
+
+/// Asks about the scenes at these places, in parallel; events follow in their order. Does nothing for families that take
+/// no counsel.
+pub fn take(study: &Study<'_>, spec: &LineageSpec, places: &[usize], desk: &mut Desk<'_>) -> Result<(), RunError> {
+    if !takes_counsel(&spec.family) {
+        return Ok(());
+    }
+    let parent = study.parent(spec)?;
+    let blind = llm_attacker::counsel::blind(&parent);
+    let prepared = Prepared::new(&blind, &study.family(spec)?.contract).map_err(|error| unfit(spec, &error))?;
+    let options = study.counsel.ok_or_else(|| RunError::Study("the experiment has no table [counsel]".into()))?;
+    let model = study.models.get(&Role::AttackerAgent);
+    let model = model.ok_or(AgentError::NoModel { role: Role::AttackerAgent.name() })?;
+    let rehearsal =
+        Rehearsal { study, spec, parent: &parent, prepared: &prepared, options, model, rollouts: desk.rollouts };
+    let mut met = 0;
+    for event in study.pool.map(places, |_, &place| rehearsal.about(place)) {
+        let event = event?;
+        met += usize::from(event.chosen().is_some_and(|round| round.trial == Trial::Contact));
+        desk.log.append(kind::COUNSEL, &event)?;
+        study.counsels.keep(&event);
+    }
+    desk.rollouts.flush()?;
+    (desk.watch)(Progress::Counselled { lineage: spec.id.to_string(), scenes: places.len(), met });
+    Ok(())
+}
+
+fn unfit(spec: &LineageSpec, error: &dyn std::fmt::Display) -> RunError {
+    RunError::Study(format!("lineage {}: its parent: {error}", spec.id))
+}
+
+/// Where proposals are carried out: the parent without a search of its own, against the lineage's ego.
+struct Rehearsal<'a> {
+    study: &'a Study<'a>,
+    spec: &'a LineageSpec,
+    parent: &'a Program,
+    prepared: &'a Prepared<'a>,
+    options: CounselOptions,
+    model: &'a ModelSpec,
+    rollouts: &'a Rollouts<'a>,
+}
+
+impl Rehearsal<'_> {
+    /// Asks about one scene. Where the ego cannot drive it, nobody can be shown; its labels fail and say why.
+    fn about(&self, place: usize) -> Result<Counselled, RunError> {
+        let entry = &self.study.scenes[place];
+        let situation = entry.situation(&self.spec.ego).ok();
+        let vehicles = situation.as_deref().map(|situation| self.vehicles(situation)).transpose()?;
+        let attackers_max = llm_attacker::counsel::attackers_max(self.parent);
+        let case = Case {
+            lineage: &self.spec.id,
+            scene: &entry.scene.id,
+            slot: u32::try_from(place).unwrap_or(u32::MAX),
+            ego: briefing::ego_sentence(&self.spec.ego),
+            vehicles: &vehicles.unwrap_or_default(),
+            attackers_max: attackers_max.map_err(|error| unfit(self.spec, &error))?,
+            rounds: self.options.rounds,
+            model: self.model,
+        };
+        let tried = |counsel: &Counsel| match situation.as_deref() {
+            Some(situation) => self.tried(place, situation, counsel),
+            None => Ok(Trial::Refused { reason: "the ego cannot drive this scene".into() }),
+        };
+        let advice = agents::counsel::counsel(&case, self.study.ask, &tried)?;
+        Ok(Counselled {
+            lineage: self.spec.id.clone(),
+            scene: entry.scene.id.clone(),
+            program: self.prepared.hash(),
+            digest: advice.counsel.digest()?,
+            exchanges: advice.exchanges,
+            rounds: advice.rounds,
+            counsel: advice.counsel,
+        })
+    }
+
+    fn vehicles(&self, situation: &Situation) -> Result<Vec<Vehicle>, RunError> {
+        let program = self.prepared.hash().short(16);
+        let stage = Stage { situation, seed: self.study.seed, program: &program, counsel: None };
+        let shown = llm_attacker::counsel::vehicles(&stage, self.parent, self.options.vehicles);
+        shown.map_err(|error| unfit(self.spec, &error))
+    }
+
+    /// Carries a proposal out. Its rollout is a record like every other.
+    fn tried(&self, place: usize, situation: &Situation, counsel: &Counsel) -> Result<Trial, RunError> {
+        let (study, spec) = (self.study, self.spec);
+        let entry = &study.scenes[place];
+        let advised = Some(counsel.digest()?);
+        let key = request_key(self.prepared.hash(), entry.digest, spec.ego.digest(), study.seed, advised)?;
+        let record = match self.rollouts.recorded(&key)? {
+            Some((record, _)) => record,
+            None => match labels::labelled_rollout(study, spec, self.prepared, place, Some(counsel)) {
+                Ok(record) => {
+                    self.rollouts.keep(&key, &record)?;
+                    record.into()
+                }
+                Err(reason) => return Ok(Trial::Refused { reason }),
+            },
+        };
+        if !record.intervened {
+            let reason = record.decision["reason"].as_str().unwrap_or_default().to_string();
+            return Ok(Trial::Refused { reason });
+        }
+        let way = || self.way(situation, counsel).unwrap_or_default();
+        Ok(llm_attacker::counsel::trial(situation, &record.outcome, way))
+    }
+
+    /// What the leader was to drive: the scene step of the first sample, and the samples.
+    fn way(&self, situation: &Situation, counsel: &Counsel) -> Option<(usize, Vec<Sample>)> {
+        let compiled = self.prepared.compile_counselled(situation, self.study.seed, Some(counsel)).ok()?;
+        compiled.intervention.actions.into_iter().find_map(|action| match action {
+            Action::Follow { from_step, samples, .. } => Some((from_step, samples)),
+            _ => None,
+        })
+    }
+}

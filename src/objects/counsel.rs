@@ -1,0 +1,165 @@
+//! Counsel: who is advised to attack in a scene, and how that was found: proposed by a model, tried, reflected upon.
+
+use serde::{Deserialize, Serialize};
+
+use super::{attempt::Exchange, ids::LineageId};
+use crate::kernel::{Digest, canon::CanonError};
+use crate::scene::TrackIx;
+
+/// What a compilation reads of it: an input beside program, scene and ego.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Counsel {
+    /// Vehicles that are to attack together, the leader first. Empty: nobody is advised.
+    pub attackers: Vec<TrackIx>,
+}
+
+impl Counsel {
+    /// Part of the keys of rollouts and trials that rest on it.
+    pub fn digest(&self) -> Result<Digest, CanonError> {
+        Digest::of("evodrive/counsel/1", self)
+    }
+
+    /// Place of a vehicle among the advised attackers, from 1; `None` where it is not advised.
+    pub fn rank(&self, track: TrackIx) -> Option<usize> {
+        self.attackers.iter().position(|attacker| *attacker == track).map(|place| place + 1)
+    }
+}
+
+/// A vehicle that may attack, as a model is shown it: what is known of it at the last step of the history.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Vehicle {
+    pub track: TrackIx,
+    /// The track's id in its scene, by which the model names it.
+    pub id: String,
+    pub length_m: f64,
+    /// Place along the ego's heading, positive ahead, and across it, positive to the left.
+    pub ahead_m: f64,
+    pub left_m: f64,
+    /// Between the two boxes.
+    pub gap_m: f64,
+    pub speed_mps: f64,
+    /// Absolute difference to the ego's heading, 0..pi.
+    pub heading_difference_rad: f64,
+    pub lane: LaneRelation,
+    /// Gap over closing speed; `None` where the distance does not shrink.
+    pub time_to_collision_s: Option<f64>,
+    /// Its log crosses the ego's route.
+    pub conflict: bool,
+    /// One of its likely trajectories meets the ego's undisturbed rollout within a second.
+    pub reach: bool,
+}
+
+/// Whose lane a vehicle drives in, seen from the ego.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LaneRelation {
+    /// The ego's, or one that leads into or out of it.
+    Same,
+    /// Beside it, in the same direction.
+    Adjacent,
+    Other,
+}
+
+/// Why an attack failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Failure {
+    /// Nobody came within ten metres of the ego.
+    NeverClose,
+    /// An attacker ran into a third road user.
+    Blocked,
+    /// The ego braked and let it pass.
+    EgoYielded,
+    /// The attacker reaches the place where the paths meet after the ego, or before it.
+    Late,
+    Early,
+}
+
+/// What became of a set of attackers in the simulator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "ended")]
+pub enum Trial {
+    /// An attacker met the ego.
+    Contact,
+    Missed {
+        failure: Failure,
+        /// Smallest distance of the ego to an attacker, metres; `None` where none was measured.
+        distance_m_min: Option<f64>,
+    },
+    /// The program cannot attack so in this scene.
+    Refused { reason: String },
+}
+
+impl Trial {
+    /// Smaller is better: 0 at contact, the smallest distance else.
+    pub fn distance_m(&self) -> f64 {
+        match self {
+            Trial::Contact => 0.0,
+            Trial::Missed { distance_m_min, .. } => distance_m_min.unwrap_or(f64::INFINITY),
+            Trial::Refused { .. } => f64::INFINITY,
+        }
+    }
+
+    /// The code by which the next round is chosen, in one word.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Trial::Contact => "contact",
+            Trial::Refused { .. } => "refused",
+            Trial::Missed { failure, .. } => match failure {
+                Failure::NeverClose => "never_close",
+                Failure::Blocked => "blocked",
+                Failure::EgoYielded => "ego_yielded",
+                Failure::Late => "late",
+                Failure::Early => "early",
+            },
+        }
+    }
+}
+
+/// Where a set of attackers came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Proposer {
+    Model,
+    /// The family's own order, because the model's answer could not be used.
+    Rules,
+}
+
+/// One round: a set of attackers and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CounselRound {
+    /// Ids of the tracks, the leader first.
+    pub attackers: Vec<String>,
+    pub reason: String,
+    pub proposed_by: Proposer,
+    pub trial: Trial,
+}
+
+/// How the counsel for one scene of one lineage was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Counselled {
+    pub lineage: LineageId,
+    pub scene: String,
+    /// Hash of the program that carried the proposals out: the lineage's parent without a search of its own.
+    pub program: Digest,
+    /// Every question that was asked, in order.
+    pub exchanges: Vec<Exchange>,
+    /// None where the scene has no vehicle that could attack.
+    pub rounds: Vec<CounselRound>,
+    pub counsel: Counsel,
+    /// Of the counsel, as it stands in keys.
+    pub digest: Digest,
+}
+
+impl Counselled {
+    /// `<lineage>/<scene>`: how it is asked for.
+    pub fn name(&self) -> String {
+        format!("{}/{}", self.lineage, self.scene)
+    }
+
+    /// The round whose set became the counsel: the nearest, the earliest of equals.
+    pub fn chosen(&self) -> Option<&CounselRound> {
+        self.rounds.iter().min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))
+    }
+}

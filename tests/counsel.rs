@@ -1,0 +1,213 @@
+//! Counsel in a whole run: when it is taken, what it is an input of, and what a recording without it says.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+struct Ran {
+    code: i32,
+    stdout: String,
+    stderr: String,
+}
+
+fn evodrive(args: &[&str]) -> Ran {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_evodrive"));
+    let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).args(args).output().expect("the binary runs");
+    Ran {
+        code: output.status.code().unwrap_or(-1),
+        stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
+        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
+    }
+}
+
+fn root_of(ran: &Ran) -> String {
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    ran.stdout.lines().last().and_then(|line| line.strip_prefix("root: ")).expect("a root").to_string()
+}
+
+/// LLM-Attacker's experiment with a few scenes, as `change` leaves it.
+fn experiment(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/metadrive/llm_attacker-idm.toml");
+    let mut table: toml::Table = std::fs::read_to_string(own).unwrap().parse().unwrap();
+    let mut set = |path: [&str; 2], value: i64| {
+        table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value.into());
+    };
+    set(["scenes", "count"], 14);
+    set(["split", "held_out"], 3);
+    set(["split", "window"], 4);
+    set(["budget", "epochs"], 2);
+    set(["budget", "slots"], 2);
+    set(["budget", "probe_scenes"], 1);
+    set(["budget", "finalists"], 1);
+    table["split"]["evolution"]["count"] = 6.into();
+    table["models"]["scripted"]["sampling"]["malformed_json_rate"] = 0.3.into();
+    table.insert("cassette".into(), "small.jsonl".into());
+    change(&mut table);
+    let path = folder.join("small.toml");
+    std::fs::write(&path, toml::to_string(&table).unwrap()).unwrap();
+    path
+}
+
+/// One recorded run, shared: its folder, the experiment, the run folder, the root.
+fn recorded() -> &'static (tempfile::TempDir, PathBuf, PathBuf, String) {
+    static RUN: OnceLock<(tempfile::TempDir, PathBuf, PathBuf, String)> = OnceLock::new();
+    RUN.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = experiment(folder.path(), |_| {});
+        let out = folder.path().join("runs");
+        let root = root_of(&evodrive(&["record", file.to_str().unwrap(), "--out", out.to_str().unwrap()]));
+        let run = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+        (folder, file, run, root)
+    })
+}
+
+fn events(run: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(run.join("transcript.jsonl")).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+#[test]
+fn a_scene_is_counselled_before_its_first_label_and_held_out_scenes_after_selection() {
+    let (_, _, run, _) = recorded();
+    let events = events(run);
+    let kind = |event: &Value| event["kind"].as_str().unwrap().to_string();
+    let scenes = |field: &str| -> Vec<String> {
+        events[0]["body"][field].as_array().unwrap().iter().map(|s| s.as_str().unwrap().to_string()).collect()
+    };
+    let counsels: Vec<(usize, String)> = (0..events.len())
+        .filter(|at| kind(&events[*at]) == "counsel")
+        .map(|at| (at, events[at]["body"]["scene"].as_str().unwrap().to_string()))
+        .collect();
+    let counselled: Vec<&String> = counsels.iter().map(|(_, scene)| scene).collect();
+    let wanted = [scenes("evolution_scenes"), scenes("held_out_scenes")].concat();
+    assert_eq!(counselled, wanted.iter().collect::<Vec<_>>());
+    let first = |wanted: &str| events.iter().position(|event| kind(event) == wanted).unwrap();
+    let last = |wanted: &str| events.iter().rposition(|event| kind(event) == wanted).unwrap();
+    let held_out = scenes("held_out_scenes");
+    for (at, scene) in &counsels {
+        if held_out.contains(scene) {
+            assert!(*at > last("settled") && *at > last("finalist") && *at < first("held_out"), "{scene}");
+        } else {
+            assert!(*at < first("frozen"), "{scene}");
+        }
+    }
+    // What the agents see before the suite is opened names no held-out scene.
+    let asked = std::fs::read_to_string(run.join("cassette.jsonl")).unwrap();
+    let lines: Vec<Value> = asked.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let texts = lines.iter().filter_map(|line| line["body"].as_str());
+    let naming: Vec<&str> = texts.filter(|text| held_out.iter().any(|scene| text.contains(scene.as_str()))).collect();
+    assert!(naming.iter().all(|text| text.starts_with("# Scene ")), "{naming:?}");
+}
+
+#[test]
+fn answers_that_cannot_be_used_are_recorded_and_the_rules_propose() {
+    let (_, _, run, _) = recorded();
+    let mut by_rules = 0;
+    for event in events(run).iter().filter(|event| event["kind"] == "counsel") {
+        let body = &event["body"];
+        let (exchanges, rounds) = (body["exchanges"].as_array().unwrap(), body["rounds"].as_array().unwrap());
+        assert_eq!(exchanges.len(), rounds.len());
+        for (exchange, round) in exchanges.iter().zip(rounds) {
+            assert_eq!(exchange["refusal"].is_string(), round["proposed_by"] == "rules", "{body}");
+            by_rules += usize::from(round["proposed_by"] == "rules");
+        }
+        let (last, before) = rounds.split_last().expect("every generated scene has vehicles");
+        assert!(before.iter().all(|round| round["trial"]["ended"] != "contact"), "a contact ends the search");
+        let met = last["trial"]["ended"] == "contact";
+        assert!(met || rounds.len() == 3, "{body}");
+    }
+    assert!(by_rules > 0, "three in ten answers are garbled");
+}
+
+#[test]
+fn a_counselled_run_has_one_root_for_any_number_of_threads_and_verifies() {
+    let (_, file, run, root) = recorded();
+    let out = tempfile::tempdir().unwrap();
+    for jobs in ["1", "2"] {
+        let out = out.path().join(jobs);
+        let again = evodrive(&[
+            "run",
+            file.to_str().unwrap(),
+            "--out",
+            out.to_str().unwrap(),
+            "--cassette",
+            run.join("cassette.jsonl").to_str().unwrap(),
+            "--jobs",
+            jobs,
+            "--no-report",
+        ]);
+        assert_eq!(&root_of(&again), root, "{jobs} threads, nothing cached");
+    }
+    for command in ["replay", "verify", "resume"] {
+        assert_eq!(&root_of(&evodrive(&[command, run.to_str().unwrap()])), root, "{command}");
+    }
+}
+
+#[test]
+fn the_counsel_of_a_scene_can_be_shown_and_is_in_the_report() {
+    let (_, _, run, _) = recorded();
+    let event = events(run).into_iter().find(|event| event["kind"] == "counsel").unwrap();
+    let name = format!("llm_attacker-idm/{}", event["body"]["scene"].as_str().unwrap());
+    let shown = evodrive(&["show", &name, "--run", run.to_str().unwrap()]);
+    assert_eq!(shown.code, 0, "{}", shown.stderr);
+    for needed in ["sets tried:", "advised:", "attacker_agent round 0", "\"attacker_choice\""] {
+        assert!(shown.stdout.contains(needed), "{needed}: {}", shown.stdout);
+    }
+    let report = std::fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(report.contains("\"counsels\":[{"));
+    // A report and a player made from the folder alone know the counsel too.
+    assert_eq!(evodrive(&["report", run.to_str().unwrap()]).code, 0);
+    assert_eq!(std::fs::read_to_string(run.join("report.html")).unwrap(), report);
+}
+
+#[test]
+fn a_missing_answer_about_a_scene_ends_the_run_and_names_slot_and_role() {
+    let (_, file, run, _) = recorded();
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(run.join("cassette.jsonl")).unwrap();
+    let removed = |line: &&str| {
+        let line: Value = serde_json::from_str(line).unwrap();
+        line["slot"]["role"] == "attacker_agent" && line["slot"]["slot"] == 4 && line["slot"]["round"] == 0
+    };
+    assert_eq!(text.lines().filter(removed).count(), 1);
+    let kept: Vec<&str> = text.lines().filter(|line| !removed(line)).collect();
+    let cassette = folder.path().join("holed.jsonl");
+    std::fs::write(&cassette, kept.join("\n") + "\n").unwrap();
+    let out = folder.path().join("runs");
+    let ran = evodrive(&[
+        "run",
+        file.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+        "--cassette",
+        cassette.to_str().unwrap(),
+    ]);
+    assert_eq!(ran.code, 3, "{}", ran.stderr);
+    assert!(ran.stderr.contains("llm_attacker-idm/e0s4 attacker_agent round 0"), "{}", ran.stderr);
+}
+
+#[test]
+fn counsel_is_declared_exactly_where_a_family_takes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |change: fn(&mut toml::Table)| {
+        let file = experiment(folder.path(), change);
+        let ran = evodrive(&["run", file.to_str().unwrap(), "--out", folder.path().to_str().unwrap()]);
+        assert_eq!(ran.code, 2, "{}", ran.stderr);
+        ran.stderr
+    };
+    let without_role = refused(|table| drop(table["roles"].as_table_mut().unwrap().remove("attacker_agent")));
+    assert!(without_role.contains("[roles] names no model for `attacker_agent`"), "{without_role}");
+    let without_table = refused(|table| drop(table.remove("counsel")));
+    assert!(without_table.contains("llm_attacker-idm takes counsel"), "{without_table}");
+    let endless = refused(|table| table["counsel"]["rounds"] = 0.into());
+    assert!(endless.contains("counsel.rounds: expected 1 to 8"), "{endless}");
+    let idle = refused(|table| table["lineage"][0]["family"] = "cat".into());
+    assert!(idle.contains("take [counsel] out"), "{idle}");
+    let idle_role = refused(|table| {
+        table["lineage"][0]["family"] = "cat".into();
+        table.remove("counsel");
+    });
+    assert!(idle_role.contains("take attacker_agent out"), "{idle_role}");
+}

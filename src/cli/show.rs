@@ -14,7 +14,7 @@ use crate::objects::{Attempt, Exchange, spelling};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Attempt, e.g. cat-idm/e2s5; or a scene that was counselled, e.g. llm_attacker-idm/merge-17.
+    /// Attempt, e.g. cat-idm/e2s5; or a scene that was counselled, e.g. llm_attacker-idm/synth/urban/500/42.
     pub attempt: String,
     /// Run folder; without it the latest one below runs/.
     #[arg(long)]

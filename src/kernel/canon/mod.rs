@@ -362,49 +362,38 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 }
 
-impl ser::SerializeSeq for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
+/// Serde has one trait for each kind of list and of record; each is written as any other.
+macro_rules! parts {
+    (List: $($kind:ident $method:ident),*) => {$(
+        impl ser::$kind for List<'_> {
+            type Ok = ();
+            type Error = CanonError;
+            fn $method<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+                self.push(value)
+            }
+            fn end(self) -> Result<(), CanonError> {
+                self.close()
+            }
+        }
+    )*};
+    (Map: $($kind:ident),*) => {$(
+        impl ser::$kind for Map<'_> {
+            type Ok = ();
+            type Error = CanonError;
+            fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
+                self.key(key)?;
+                self.value(value)
+            }
+            fn end(self) -> Result<(), CanonError> {
+                self.close()
+            }
+        }
+    )*};
 }
 
-impl ser::SerializeTuple for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeTupleStruct for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeTupleVariant for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
+parts!(List: SerializeSeq serialize_element, SerializeTuple serialize_element, SerializeTupleStruct serialize_field,
+    SerializeTupleVariant serialize_field);
+parts!(Map: SerializeStruct, SerializeStructVariant);
 
 impl ser::SerializeMap for Map<'_> {
     type Ok = ();
@@ -414,29 +403,6 @@ impl ser::SerializeMap for Map<'_> {
     }
     fn serialize_value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
         self.value(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeStruct for Map<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
-        self.key(key)?;
-        self.value(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeStructVariant for Map<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
-        ser::SerializeStruct::serialize_field(self, key, value)
     }
     fn end(self) -> Result<(), CanonError> {
         self.close()

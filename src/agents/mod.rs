@@ -1,6 +1,8 @@
-//! The role loop of one proposal: actor, four critics, repair; and the attacker agent, which is asked about scenes. Their
+//! The role loop of one proposal: actor, four critics, repair; the attacker agent, which is asked about scenes, and the template
+//! agent, which is asked about descriptions. Their
 //! prompts, reply schemas and strict parser. The only room that asks a model.
 
+pub mod compose;
 pub mod counsel;
 pub mod json_text;
 pub mod prompt;

@@ -16,7 +16,7 @@ use crate::{
     adapters::{ADAPTER_VERSION, Contract},
     kernel::num,
     llm::{DrawSlot, Message, ModelSpec, Request, Schema, Text},
-    objects::{EDITABLE_SURFACE, ProgramPatch, Review, Role},
+    objects::{EDITABLE_SURFACE, LineageId, ProgramPatch, Review, Role},
 };
 
 /// Decimals of objectives, shares and diagnostics in prompts. Parameters of a program are shown as they are.
@@ -46,7 +46,7 @@ pub struct PromptError {
     pub reason: String,
 }
 
-const TEMPLATES: [(&str, &str); 10] = [
+const TEMPLATES: [(&str, &str); 12] = [
     ("actor.md", include_str!("prompts/actor.md")),
     ("structural_critic.md", include_str!("prompts/structural_critic.md")),
     ("attack_critic.md", include_str!("prompts/attack_critic.md")),
@@ -54,6 +54,8 @@ const TEMPLATES: [(&str, &str); 10] = [
     ("isolation_critic.md", include_str!("prompts/isolation_critic.md")),
     ("repair.md", include_str!("prompts/repair.md")),
     ("attacker_agent.md", include_str!("prompts/attacker_agent.md")),
+    ("template_agent.md", include_str!("prompts/template_agent.md")),
+    ("template.md", include_str!("prompts/template.md")),
     ("context.md", include_str!("prompts/context.md")),
     ("scene.md", include_str!("prompts/scene.md")),
     ("task.md", include_str!("prompts/task.md")),
@@ -68,6 +70,7 @@ fn role_template(role: Role) -> Option<&'static str> {
         Role::IsolationCritic => "isolation_critic.md",
         Role::Repair => "repair.md",
         Role::AttackerAgent => "attacker_agent.md",
+        Role::TemplateAgent => "template_agent.md",
         Role::WorldAgent => return None,
     })
 }
@@ -164,8 +167,47 @@ pub fn request(
 }
 
 /// What a reply is told by.
-pub(super) fn response_id(slot: &DrawSlot) -> String {
+fn response_id(slot: &DrawSlot) -> String {
     format!("{}/e{}s{}/{}/{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round)
+}
+
+/// A question to a role that is no part of the role loop, about something that belongs to no epoch.
+pub(super) struct Aside<'a> {
+    pub lineage: &'a LineageId,
+    /// Place of what it is about among its like.
+    pub slot: u32,
+    pub role: Role,
+    pub round: u32,
+    pub model: &'a ModelSpec,
+    /// What it is about: the same text in all rounds.
+    pub shown: &'a Text,
+}
+
+impl Aside<'_> {
+    /// `asked` goes beside the `response_id`; blocks are titles with their values.
+    pub fn request(&self, asked: &[(&str, &str)], blocks: Vec<(&str, Value)>) -> Result<Request, PromptError> {
+        let (lineage, role) = (self.lineage.to_string(), self.role.name().to_string());
+        let slot = DrawSlot { lineage, epoch: 0, slot: self.slot, role, round: self.round };
+        let Instructions { system, schema } = instructions(self.role)?.clone();
+        let mut task = json!({"response_id": response_id(&slot)});
+        asked.iter().for_each(|(name, value)| task[*name] = (*value).into());
+        let block = |(title, value): (&str, Value)| json!({"title": title, "json": stable_json(&value)});
+        let blocks: Vec<Value> = blocks.into_iter().map(block).collect();
+        let text = task_text(&slot, &task, &blocks)?;
+        let messages = vec![
+            Message { role: "system".into(), text: system },
+            Message { role: "user".into(), text: self.shown.clone() },
+            Message { role: "user".into(), text: text.into() },
+        ];
+        Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: self.model.clone(), messages, schema })
+    }
+}
+
+fn task_text(slot: &DrawSlot, asked: &Value, blocks: &[Value]) -> Result<String, PromptError> {
+    let values = json!({
+        "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(asked), "blocks": blocks,
+    });
+    fill("task.md", &values)
 }
 
 /// What a role is told whatever the question: the same in every run of this adapter version.
@@ -179,7 +221,8 @@ pub struct Instructions {
 /// The instructions of a role, written out once.
 pub fn instructions(role: Role) -> Result<&'static Instructions, PromptError> {
     static ALL: LazyLock<Result<BTreeMap<Role, Instructions>, PromptError>> = LazyLock::new(|| {
-        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair, Role::AttackerAgent]);
+        let roles =
+            Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair, Role::AttackerAgent, Role::TemplateAgent]);
         roles.map(|role| Ok((role, instruct(role)?))).collect()
     });
     let all = ALL.as_ref().map_err(PromptError::clone)?;
@@ -216,10 +259,7 @@ fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<S
             vec![block("Unreadable reply", &stable_json(&json!({"text": text, "refusal": refusal})))]
         }
     };
-    let values = json!({
-        "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(&asked), "blocks": blocks,
-    });
-    fill("task.md", &values)
+    task_text(slot, &asked, &blocks)
 }
 
 /// The parent without its ancestors: they grow with every generation and no edit can touch them.

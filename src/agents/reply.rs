@@ -3,11 +3,14 @@
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::objects::{Advice, FamilyName, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId};
+use crate::objects::{
+    Advice, Composition, FamilyName, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId,
+};
 
 const ACTOR_SCHEMA: &str = include_str!("schemas/actor.json");
 const CRITIC_SCHEMA: &str = include_str!("schemas/critic.json");
 const ATTACKERS_SCHEMA: &str = include_str!("schemas/attackers.json");
+const TEMPLATE_SCHEMA: &str = include_str!("schemas/template.json");
 const REPAIR_SCHEMA: &str = include_str!("schemas/repair.json");
 
 // The bounds of the schema files.
@@ -28,6 +31,7 @@ pub fn schema(role: Role) -> Value {
         Role::Actor => ACTOR_SCHEMA,
         Role::Repair => REPAIR_SCHEMA,
         Role::AttackerAgent => ATTACKERS_SCHEMA,
+        Role::TemplateAgent => TEMPLATE_SCHEMA,
         _ => CRITIC_SCHEMA,
     };
     // The files are part of the program; a test reads each of them.
@@ -121,6 +125,17 @@ pub fn attackers(bytes: &[u8]) -> Result<Choice, Refusal> {
     Ok(choice)
 }
 
+/// The composition of the template agent. Whether its words and numbers are a template's is not known here.
+pub fn template(bytes: &[u8]) -> Result<Composition, Refusal> {
+    let wire: WireTemplateReply = read(object(bytes)?)?;
+    name("response_id", &wire.response_id)?;
+    let template = wire.scenario_template;
+    name("behaviour", &template.behaviour)?;
+    items("ranges", template.ranges.len())?;
+    text("reason", &template.reason, TEXT_MAX_CHARS)?;
+    Ok(template)
+}
+
 // Wire forms: like the nouns, but every field has to be there.
 
 #[derive(Deserialize)]
@@ -159,6 +174,14 @@ struct WireChoiceReply {
     response_id: String,
     #[serde(deserialize_with = "from_object")]
     attacker_choice: Choice,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WireTemplateReply {
+    response_id: String,
+    #[serde(deserialize_with = "from_object")]
+    scenario_template: Composition,
 }
 
 #[derive(Deserialize)]

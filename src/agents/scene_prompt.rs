@@ -5,12 +5,11 @@ use serde_json::{Value, json};
 use super::{
     counsel::Case,
     json_text::stable_json,
-    prompt::{Instructions, PromptError, fill, instructions, response_id, rounded},
+    prompt::{Aside, PromptError, fill, rounded},
 };
 use crate::{
-    adapters::ADAPTER_VERSION,
     kernel::num,
-    llm::{DrawSlot, Message, Request, Text},
+    llm::{Request, Text},
     objects::{
         Role,
         counsel::{CounselRound, Vehicle},
@@ -78,28 +77,14 @@ pub fn counsel_request(
     round: u32,
     tried: &[CounselRound],
 ) -> Result<Request, PromptError> {
-    let role = Role::AttackerAgent;
-    let slot =
-        DrawSlot { lineage: case.lineage.to_string(), epoch: 0, slot: case.slot, role: role.name().into(), round };
-    let Instructions { system, schema } = instructions(role)?.clone();
     let step = if tried.is_empty() { "initialisation" } else { "reflection" };
-    let asked = json!({"response_id": response_id(&slot), "step": step});
     let told = |round: &CounselRound| {
         let distance_m = Some(round.trial.distance_m()).filter(|m| m.is_finite());
         json!({"attackers": round.attackers, "outcome": round.trial.code(), "distance_m": distance_m})
     };
     let tried: Vec<Value> = tried.iter().map(told).collect();
-    let blocks = match tried.is_empty() {
-        true => vec![],
-        false => vec![json!({"title": "Tried", "json": stable_json(&rounded(tried.into()))})],
-    };
-    let values = json!({
-        "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(&asked), "blocks": blocks,
-    });
-    let messages = vec![
-        Message { role: "system".into(), text: system },
-        Message { role: "user".into(), text: scene.0.clone() },
-        Message { role: "user".into(), text: fill("task.md", &values)?.into() },
-    ];
-    Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: case.model.clone(), messages, schema })
+    let blocks = if tried.is_empty() { vec![] } else { vec![("Tried", rounded(tried.into()))] };
+    let (lineage, slot, model) = (case.lineage, case.slot, case.model);
+    let aside = Aside { lineage, slot, role: Role::AttackerAgent, round, model, shown: &scene.0 };
+    aside.request(&[("step", step)], blocks)
 }

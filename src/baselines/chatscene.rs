@@ -1,10 +1,11 @@
 //! ChatScene (Zhang et al. 2024): a template of actor, place, trigger and behaviour whose numbers are drawn from ranges;
 //! every few samples the ranges shrink to mean +- standard deviation of the samples that collided.
 //!
-//! In the method a language model writes a description, retrieves snippets for its parts and puts a Scenic program
-//! together. Here that step is a patch: the behaviours are words that the agents choose, the ranges are parameters
-//! that they set, and the gates check both. The parent holds one template a kind of traffic family with the published
-//! ranges. Actor and opposite side of the road come with the traffic family.
+//! In the method a language model retrieves snippets for the parts of a description and puts a Scenic program together.
+//! Here the experiment file describes a scenario for each kind of traffic family, the template agent composes a behaviour
+//! and ranges from it (`forms` is what it may choose from), and `put` makes them the parent's. A kind that is not described
+//! has the published template. Afterwards the agents of the role loop change both by patches, and the gates check them.
+//! Actor and opposite side of the road come with the traffic family.
 //! OS ranks the colliding samples in the method; the samples here are ranked by the share of its route that the ego
 //! drove, which is what OS moves most with once the run collides. Choices of ours, as is the small sample.
 
@@ -13,14 +14,15 @@ use std::sync::Arc;
 use super::grammar::{self, choice, integer, number, optional, parameter, required};
 use super::interface::{self, Own, OwnParameter, own};
 use super::kernel::candidate::{Candidate, Judged};
-use super::kernel::chat_template::{Behaviour, DRAWN, Template};
+use super::kernel::chat_template::{Behaviour, DRAWN, DRAWN_MEANS, Template};
 use super::kernel::script_space::{Perturbation, ScriptSpace};
 use super::kernel::traffic_family::{actions, adversary, standard};
 use super::kernel::{Part, Settings, Stage, StageError, scripted};
 use super::staged;
 use crate::adapters::Family;
 use crate::kernel::num;
-use crate::objects::{Slot, ValueType};
+use crate::objects::composition::{BehaviourForm, RangeForm, TemplateForm};
+use crate::objects::{Composition, Program, Slot, ValueType};
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
 use crate::sim::Action;
 
@@ -107,6 +109,34 @@ pub fn family() -> Family {
         )],
         graph,
     })
+}
+
+/// What a template may be composed of, kind by kind.
+pub fn forms() -> Vec<TemplateForm> {
+    let behaviours = || Behaviour::WORDS.into_iter().zip(Behaviour::DESCRIBES);
+    let form = |(kind, published, ranges): &(&'static str, &'static str, Ranges)| TemplateForm {
+        kind,
+        published,
+        behaviours: behaviours().map(|(word, describes)| BehaviourForm { word, describes }).collect(),
+        ranges: (0..DRAWN.len())
+            .map(|i| {
+                let ((low_min, high_max, unit), (low, high)) = (BOUNDS[i], ranges[i]);
+                RangeForm { name: DRAWN[i], unit, describes: DRAWN_MEANS[i], low_min, high_max, published: [low, high] }
+            })
+            .collect(),
+    };
+    KINDS.iter().map(form).collect()
+}
+
+/// Makes a composed template a program's, for one kind of traffic family.
+pub fn put(program: &mut Program, kind: &str, template: &Composition) {
+    for (drawn, [low, high]) in &template.ranges {
+        let ends = [("low", *low), ("high", *high)];
+        program.parameters.extend(ends.map(|(end, value)| grammar::value(&range_name(kind, drawn, end), value)));
+    }
+    for node in program.operator_graph.values_mut().filter(|node| node.kind == SCENE_TEMPLATE) {
+        node.settings.insert(behaviour_of(kind), grammar::word(&template.behaviour));
+    }
 }
 
 fn behaviour_of(kind: &str) -> String {

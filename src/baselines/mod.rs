@@ -21,7 +21,7 @@ pub mod strive;
 
 use self::kernel::{ActorOperator, Operator};
 use crate::adapters::Registry;
-use crate::objects::FamilyName;
+use crate::objects::{FamilyName, composition::TemplateForm};
 
 /// Every family that can be evolved.
 pub fn registry() -> Registry {
@@ -81,6 +81,16 @@ pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
         staged::SCRIPTED_ACTOR => Some(staged::actor),
         _ => None,
     }
+}
+
+/// Whether a family's parent is composed from descriptions: of what `template_forms` says, with `chatscene::put`.
+pub fn takes_templates(family: &FamilyName) -> bool {
+    family.as_str() == chatscene::NAME
+}
+
+/// What a template may be composed of, a form for each kind of scenario.
+pub fn template_forms() -> Vec<TemplateForm> {
+    chatscene::forms()
 }
 
 /// Whether a family's programs are compiled with the counsel of a model about who attacks in a scene. It is taken with

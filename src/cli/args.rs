@@ -38,7 +38,8 @@ pub enum Command {
     Scenes(scenes::Command),
     /// Show how a lineage's programs descend from each other, with their patches as diffs.
     Lineage(lineage::Options),
-    /// Show one attempt: prompts, replies, reviews, gates, route, rollouts, decision; or the counsel for one scene.
+    /// Show one attempt: prompts, replies, reviews, gates, route, rollouts, decision; or the counsel for one scene, or the
+    /// composition of one template.
     Show(show::Options),
     /// Check the stored objects, memo and transcript of a run.
     Fsck(fsck::Options),

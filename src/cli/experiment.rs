@@ -8,7 +8,7 @@ use super::exit::Failure;
 use super::models::{self, ModelOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::baselines;
-use crate::epoch::CounselOptions;
+use crate::epoch::{CompositionOptions, CounselOptions};
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
 use crate::llm::SpendCap;
@@ -43,6 +43,9 @@ pub struct Experiment {
     /// What live models may use; needed where there is one. No part of the digest, so that it can be raised on the way.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spend: Option<SpendCap>,
+    /// What the template agent is asked for, where a lineage's family takes templates; without it the published ones stay.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub composition: Option<CompositionOptions>,
     /// How the attacker agent is asked; needed where a lineage's family takes counsel, and refused elsewhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counsel: Option<CounselOptions>,
@@ -163,7 +166,9 @@ impl Experiment {
         }
         let counselled = self.check_counsel()?;
         let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
-        for role in roles.chain(counselled.then_some(Role::AttackerAgent)) {
+        let composes = self.check_composition()?;
+        let asides = [(Role::AttackerAgent, counselled), (Role::TemplateAgent, composes)];
+        for role in roles.chain(asides.into_iter().filter_map(|(role, asked)| asked.then_some(role))) {
             let name = self.roles.get(&role).ok_or(format!("[roles] names no model for `{}`", role.name()))?;
             if !self.models.contains_key(name) {
                 let known: Vec<&str> = self.models.keys().map(String::as_str).collect();
@@ -190,6 +195,23 @@ impl Experiment {
         }
         self.archive.validate().map_err(|error| format!("[archive] {error}"))?;
         Ok(())
+    }
+
+    /// Whether templates are composed: where the file describes some and a lineage's family takes them.
+    fn check_composition(&self) -> Result<bool, String> {
+        let takes = self.lineages.iter().any(|lineage| baselines::takes_templates(&lineage.family));
+        let role = Role::TemplateAgent.name();
+        match &self.composition {
+            Some(_) if !takes => Err("no lineage's family takes templates; take [composition] out".into()),
+            None if self.roles.contains_key(&Role::TemplateAgent) => {
+                Err(format!("nothing is composed without [composition]; take {role} out of [roles]"))
+            }
+            Some(options) => match options.fault() {
+                Some((field, expected)) => Err(format!("composition.{field}: expected {expected}")),
+                None => Ok(true),
+            },
+            None => Ok(false),
+        }
     }
 
     /// Whether a lineage's family takes counsel: then, and only then, the file says how and of whom.

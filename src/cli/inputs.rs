@@ -165,6 +165,7 @@ pub fn study<'a>(
         memory: experiment.memory.clone(),
         curation: experiment.curation.clone(),
         world: experiment.world.clone(),
+        composition: experiment.composition.clone(),
         counsel: experiment.counsel,
         counsels: Counsels::default(),
         ask,

@@ -22,6 +22,10 @@ pub fn progress(news: &Progress) -> String {
         Progress::Settled { epoch, lineage, active, front, hypervolume } => {
             format!("epoch {epoch} of {lineage}: front of {front}, hypervolume {hypervolume:.5}, active {active}")
         }
+        Progress::Composed { template, used: true } => format!("composed {template} from its description"),
+        Progress::Composed { template, used: false } => {
+            format!("no answer for {template} could be used: its published template stays")
+        }
         Progress::Counselled { lineage, scenes, met } => {
             format!("counsel for {scenes} scenes of {lineage}: {met} advised sets met the ego when tried")
         }

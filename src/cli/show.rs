@@ -1,4 +1,4 @@
-//! `show`: everything about one attempt, or about the counsel for one scene.
+//! `show`: everything about one attempt, the counsel for one scene, or the composition of one template.
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -8,13 +8,14 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::evidence::attempt_text::{self, Exchanged};
-use crate::evidence::{Story, counsel_text};
+use crate::evidence::{Story, composition_text, counsel_text};
 use crate::llm::{Cassette, Metadata};
 use crate::objects::{Attempt, Exchange, spelling};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Attempt, e.g. cat-idm/e2s5; or a scene that was counselled, e.g. llm_attacker-idm/synth/urban/500/42.
+    /// Attempt, e.g. cat-idm/e2s5; or a scene that was counselled, e.g. llm_attacker-idm/synth/urban/500/42; or a
+    /// template that was composed, e.g. chatscene-idm/crossing.
     pub attempt: String,
     /// Run folder; without it the latest one below runs/.
     #[arg(long)]
@@ -45,6 +46,11 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         let text = counsel_text::counsel(counselled, &texts, options.full);
         let exchanges: Vec<Value> = counselled.exchanges.iter().map(shown).collect();
         return Ok(Answer::new(text, json!({"counsel": counselled, "exchanges": exchanges})));
+    }
+    if let Some(composed) = story.composition(&options.attempt) {
+        let text = composition_text::composition(composed, &texts, options.full);
+        let exchanges: Vec<Value> = composed.exchanges.iter().map(shown).collect();
+        return Ok(Answer::new(text, json!({"composition": composed, "exchanges": exchanges})));
     }
     let attempt = find(&story, &options.attempt)?;
     let text = attempt_text::attempt(attempt, &texts, options.full);

@@ -2,6 +2,7 @@
 
 mod acceptor;
 mod briefing;
+mod composition;
 mod counsel;
 mod draft;
 mod error;
@@ -15,6 +16,7 @@ mod run;
 mod state;
 mod study;
 
+pub use composition::CompositionOptions;
 pub use counsel::{CounselOptions, Counsels};
 pub use error::RunError;
 pub use labels::{Traced, labelled_rollout, trace};

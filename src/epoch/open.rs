@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    RunError, acceptor, counsel,
+    RunError, acceptor, composition, counsel,
     run::Desk,
     state::{Snapshot, State},
     study::Study,
@@ -56,7 +56,7 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         digest: Digest::of_bytes(&[]),
     };
     for spec in &study.lineages {
-        let parent = study.parent(spec)?;
+        let parent = composition::parent(study, spec, desk)?;
         let program_hash = parent.hash()?;
         state.lineages.adopt(spec.id.clone(), parent.clone())?;
         let ego = spec.ego.name().to_string();

@@ -7,6 +7,7 @@ use crate::objects::{Attempt, event::Settled};
 pub enum Progress {
     Attempt { id: String, exit: &'static str, attack: Option<f64>, realism: Option<f64>, accepted: bool },
     Settled { epoch: u32, lineage: String, active: String, front: usize, hypervolume: f64 },
+    Composed { template: String, used: bool },
     Counselled { lineage: String, scenes: usize, met: usize },
     HeldOut { lineage: String, programs: usize, scenes: usize },
 }

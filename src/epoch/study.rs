@@ -4,17 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
 use super::RunError;
+use super::composition::CompositionOptions;
 use super::counsel::{CounselOptions, Counsels};
 use super::state::Probe;
 use crate::adapters::{Family, Registry};
 use crate::archive::{ArchiveOptions, SelectorOptions};
+use crate::baselines::chatscene;
 use crate::compiler::Situation;
 use crate::ego::Policy;
 use crate::evaluation::{EvaluationOptions, Group};
 use crate::kernel::{Digest, Seed, par::Pool};
 use crate::llm::{Ask, ModelSpec};
 use crate::memory::{CurationOptions, MemoryOptions};
-use crate::objects::{FamilyName, LineageId, ParameterValue, Program, Role, WorldConfiguration};
+use crate::objects::{Composed, FamilyName, LineageId, ParameterValue, Program, Role, WorldConfiguration};
 use crate::scene::Scene;
 use crate::scene::features::SceneFeatures;
 use crate::scene::lanes::LaneGraph;
@@ -44,6 +46,8 @@ pub struct Study<'a> {
     pub memory: MemoryOptions,
     pub curation: CurationOptions,
     pub world: WorldConfiguration,
+    /// What the template agent is asked for; without it parents are the published ones.
+    pub composition: Option<CompositionOptions>,
     /// How the attacker agent is asked; needed where a lineage's family takes counsel.
     pub counsel: Option<CounselOptions>,
     /// What it said so far.
@@ -129,8 +133,16 @@ impl Study<'_> {
 
     /// The program with which a lineage starts: its family's parent with the lineage's own parameters.
     pub fn parent(&self, spec: &LineageSpec) -> Result<Program, RunError> {
+        self.composed_parent(spec, &[])
+    }
+
+    /// The same with what was composed for it; the lineage's own parameters stand above that.
+    pub fn composed_parent(&self, spec: &LineageSpec, composed: &[Composed]) -> Result<Program, RunError> {
         let family = self.family(spec)?;
         let mut parent = family.parent.adopted(&spec.id);
+        for (event, template) in composed.iter().filter_map(|event| Some((event, event.template.as_ref()?))) {
+            chatscene::put(&mut parent, &event.kind, template);
+        }
         parent.parameters.extend(spec.parent.clone());
         match family.contract.check_program(&parent).first() {
             None => Ok(parent),

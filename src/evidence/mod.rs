@@ -1,6 +1,7 @@
 //! From recorded attempts to reports: it reads what was recorded and computes no label.
 
 pub mod attempt_text;
+pub mod composition_text;
 pub mod counsel_text;
 pub mod lineage_text;
 pub mod report;

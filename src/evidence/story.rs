@@ -5,7 +5,7 @@ use serde::de::DeserializeOwned;
 use crate::kernel::Digest;
 use crate::objects::benchmark::ArchiveRound;
 use crate::objects::{
-    Attempt, Counselled, LineageId, SolutionId,
+    Attempt, Composed, Counselled, LineageId, SolutionId,
     event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
 };
@@ -25,6 +25,8 @@ pub enum StoryError {
 pub struct Story {
     pub opened: Opened,
     pub parents: Vec<ParentAdopted>,
+    /// Templates that were composed; empty where no family takes templates.
+    pub composed: Vec<Composed>,
     /// Who was advised to attack, scene by scene; empty where no family takes counsel.
     pub counsels: Vec<Counselled>,
     pub frozen: Vec<Frozen>,
@@ -46,6 +48,7 @@ impl Story {
         let mut story = Story {
             opened: body(first)?,
             parents: Vec::new(),
+            composed: Vec::new(),
             counsels: Vec::new(),
             frozen: Vec::new(),
             attempts: Vec::new(),
@@ -59,6 +62,7 @@ impl Story {
         for event in &events[1..] {
             match event.kind.as_str() {
                 kind::PARENT => story.parents.push(body(event)?),
+                kind::COMPOSED => story.composed.push(body(event)?),
                 kind::COUNSEL => story.counsels.push(body(event)?),
                 kind::FROZEN => story.frozen.push(body(event)?),
                 kind::ATTEMPT => story.attempts.push(body(event)?),
@@ -83,6 +87,11 @@ impl Story {
     /// The attempt by its id, e.g. `cat-idm/e2s5`.
     pub fn attempt(&self, id: &str) -> Option<&Attempt> {
         self.attempts.iter().find(|a| a.id.as_str() == id)
+    }
+
+    /// The composition of a lineage's template, named `<lineage>/<kind>`.
+    pub fn composition(&self, name: &str) -> Option<&Composed> {
+        self.composed.iter().find(|composed| composed.name() == name)
     }
 
     /// The counsel for a scene of a lineage, named `<lineage>/<scene>`.

@@ -17,6 +17,7 @@ use crate::kernel::Digest;
 pub mod kind {
     pub const OPENED: &str = "opened";
     pub const PARENT: &str = "parent";
+    pub const COMPOSED: &str = "composed";
     pub const COUNSEL: &str = "counsel";
     pub const FROZEN: &str = "frozen";
     pub const ATTEMPT: &str = "attempt";

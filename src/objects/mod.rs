@@ -4,6 +4,7 @@
 pub mod attempt;
 pub mod benchmark;
 pub mod card;
+pub mod composition;
 pub mod counsel;
 pub mod diff;
 pub mod entry;
@@ -20,6 +21,7 @@ pub mod world;
 
 pub use attempt::*;
 pub use card::{Card, CardKind};
+pub use composition::{Composed, Composition};
 pub use counsel::{Counsel, Counselled};
 pub use diff::{Surface, edit_categories, patch_summary, program_diff};
 pub use entry::Entry;

@@ -15,6 +15,8 @@ pub enum Role {
     WorldAgent,
     /// Names the attackers of a scene, for families that take counsel.
     AttackerAgent,
+    /// Composes a template from a description, for families that take templates.
+    TemplateAgent,
 }
 
 impl Role {
@@ -31,6 +33,7 @@ impl Role {
             Role::Repair => "repair",
             Role::WorldAgent => "world_agent",
             Role::AttackerAgent => "attacker_agent",
+            Role::TemplateAgent => "template_agent",
         }
     }
 }

@@ -24,6 +24,15 @@ impl Behaviour {
     /// Words of a contract, in the order of the variants.
     pub const WORDS: [&str; 5] = ["steady", "intercept", "stop_before", "speed_up", "match_ego"];
 
+    /// What each of them does, as a model is told.
+    pub const DESCRIBES: [&str; 5] = [
+        "crosses or drives on at a steady speed, whatever the ego does",
+        "times its speed so that it meets the ego where their ways cross: intercepts it",
+        "drives ahead of the ego and suddenly brakes: stops and stands in its way",
+        "waits or goes slowly first, then speeds up: accelerates hard when the ego is near",
+        "matches the speed of the ego beside it and keeps parallel: blocks the lane",
+    ];
+
     pub fn of_word(word: &str) -> Option<Behaviour> {
         let all = [Self::Steady, Self::Intercept, Self::StopBefore, Self::SpeedUp, Self::MatchEgo];
         Behaviour::WORDS.iter().position(|w| *w == word).map(|i| all[i])
@@ -32,6 +41,15 @@ impl Behaviour {
 
 /// The numbers that a template draws, in the order of its ranges.
 pub const DRAWN: [&str; 5] = ["ahead_m", "aside_m", "speed_mps", "trigger_m", "act_within_m"];
+
+/// What they are, as a model is told.
+pub const DRAWN_MEANS: [&str; 5] = [
+    "shift of the place along the ego's road",
+    "shift of the place to the right of the ego's road",
+    "speed once it is set off",
+    "distance of the ego that sets it off",
+    "distance of the ego at which the second phase begins",
+];
 
 /// A behaviour with the bounds of its numbers.
 #[derive(Clone, Debug, PartialEq)]

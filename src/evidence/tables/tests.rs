@@ -31,6 +31,7 @@ fn run(name: &str, models: &[(&str, &str)]) -> Story {
             models: models.iter().map(text).collect(),
         },
         parents: Vec::new(),
+        composed: Vec::new(),
         counsels: Vec::new(),
         frozen: Vec::new(),
         attempts: Vec::new(),

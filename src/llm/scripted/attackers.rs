@@ -160,7 +160,7 @@ impl Vehicle {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::{KIND, Scripted};
     use crate::agents::counsel::{Advice, Case, counsel};
     use crate::agents::{AgentError, reply};
@@ -171,7 +171,8 @@ mod tests {
     use std::collections::BTreeMap;
     use std::sync::Mutex;
 
-    struct Live;
+    /// Asks the scripted model, twice.
+    pub struct Live;
 
     impl Ask for Live {
         fn ask(&self, request: &Request) -> Result<Reply, AskError> {
@@ -181,7 +182,7 @@ mod tests {
         }
     }
 
-    fn model(malformed: f64, out_of_range: f64, oversight: f64) -> ModelSpec {
+    pub fn model(malformed: f64, out_of_range: f64, oversight: f64) -> ModelSpec {
         let rates = [
             ("malformed_json_rate", malformed),
             ("out_of_range_rate", out_of_range),

@@ -15,6 +15,7 @@ mod forms;
 mod reader;
 mod repair;
 mod strategies;
+mod templates;
 mod wiring;
 
 pub use errors::Rates;
@@ -38,6 +39,9 @@ impl Model for Scripted {
         let garbled = |answer: Value| errors::garbled(answer.to_string(), rates, &mut draws.stream("malformed"));
         if request.slot.role == attackers::ROLE {
             return Ok(garbled(attackers::answer(request, rates, &draws)?).into_bytes().into());
+        }
+        if request.slot.role == templates::ROLE {
+            return Ok(garbled(templates::answer(request, rates, &draws)?).into_bytes().into());
         }
         let page = reader::Page::read(request)?;
         let answer = match request.slot.role.as_str() {

@@ -1,0 +1,90 @@
+//! Composition of a template from a description: what may be chosen, what a model chose, and how that was found.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{attempt::Exchange, ids::LineageId};
+
+/// A behaviour that a template may show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct BehaviourForm {
+    /// The contract's word for it.
+    pub word: &'static str,
+    pub describes: &'static str,
+}
+
+/// A number that a template draws from a range.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RangeForm {
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub describes: &'static str,
+    /// A range may not leave these.
+    pub low_min: f64,
+    pub high_max: f64,
+    /// The range of the published template.
+    pub published: [f64; 2],
+}
+
+/// What a model may choose from for one kind of scenario: the snippets that a template is put together from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TemplateForm {
+    pub kind: &'static str,
+    pub behaviours: Vec<BehaviourForm>,
+    /// Behaviour of the published template.
+    pub published: &'static str,
+    pub ranges: Vec<RangeForm>,
+}
+
+/// A template as a model composed it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Composition {
+    pub behaviour: String,
+    /// Name of a drawn number -> low and high, in its unit; all numbers of the form.
+    pub ranges: BTreeMap<String, [f64; 2]>,
+    pub reason: String,
+}
+
+impl TemplateForm {
+    /// What keeps a composition from being used, with what is expected.
+    pub fn fault(&self, template: &Composition) -> Option<String> {
+        if !self.behaviours.iter().any(|form| form.word == template.behaviour) {
+            let words: Vec<&str> = self.behaviours.iter().map(|form| form.word).collect();
+            return Some(format!("behaviour: found `{}`, expected one of {}", template.behaviour, words.join(", ")));
+        }
+        if let Some(unknown) = template.ranges.keys().find(|name| !self.ranges.iter().any(|form| form.name == *name)) {
+            return Some(format!("ranges: `{unknown}` is not drawn by this template"));
+        }
+        self.ranges.iter().find_map(|form| {
+            let (name, low_min, high_max) = (form.name, form.low_min, form.high_max);
+            let Some([low, high]) = template.ranges.get(name) else { return Some(format!("ranges: no `{name}`")) };
+            let fits = low_min <= *low && low <= high && *high <= high_max;
+            (!fits).then(|| {
+                let expected = format!("low <= high within {low_min} to {high_max} {}", form.unit);
+                format!("ranges/{name}: found {low} to {high}, expected {expected}")
+            })
+        })
+    }
+}
+
+/// How the template of one kind of scenario of one lineage was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Composed {
+    pub lineage: LineageId,
+    pub kind: String,
+    /// What the experiment file asks for.
+    pub description: String,
+    /// Every question that was asked, in order.
+    pub exchanges: Vec<Exchange>,
+    /// `None`: no answer could be used, and the published template stays.
+    pub template: Option<Composition>,
+}
+
+impl Composed {
+    /// `<lineage>/<kind>`: how it is asked for.
+    pub fn name(&self) -> String {
+        format!("{}/{}", self.lineage, self.kind)
+    }
+}

@@ -269,7 +269,7 @@ mod tests {
             (choice(&[]), "attackers"),
             (r#"{"response_id": "r", "attackers": ["a"], "reason": "x"}"#.to_string(), "schema"),
         ] {
-            let (advice, _) = advised(&[bad.clone()], 1, &[missed(Failure::Early, 3.0)]);
+            let (advice, _) = advised(std::slice::from_ref(&bad), 1, &[missed(Failure::Early, 3.0)]);
             assert_eq!(advice.counsel.attackers, [4], "the first of the table");
             assert_eq!(advice.rounds[0].proposed_by, Proposer::Rules);
             let refusal = advice.exchanges[0].refusal.as_deref().unwrap();

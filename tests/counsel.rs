@@ -1,4 +1,5 @@
-//! Counsel in a whole run: when it is taken, what it is an input of, and what a recording without it says.
+//! Counsel and composition in a whole run: when they are asked for, what they are an input of, and what a recording without
+//! them says.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -27,10 +28,15 @@ fn root_of(ran: &Ran) -> String {
     ran.stdout.lines().last().and_then(|line| line.strip_prefix("root: ")).expect("a root").to_string()
 }
 
+/// An experiment of this repository.
+fn own(name: &str) -> toml::Table {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments").join(name);
+    std::fs::read_to_string(path).unwrap().parse().unwrap()
+}
+
 /// LLM-Attacker's experiment with a few scenes, as `change` leaves it.
 fn experiment(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/metadrive/llm_attacker-idm.toml");
-    let mut table: toml::Table = std::fs::read_to_string(own).unwrap().parse().unwrap();
+    let mut table = own("metadrive/llm_attacker-idm.toml");
     let mut set = |path: [&str; 2], value: i64| {
         table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value.into());
     };
@@ -210,4 +216,71 @@ fn counsel_is_declared_exactly_where_a_family_takes_it() {
         table.remove("counsel");
     });
     assert!(idle_role.contains("take attacker_agent out"), "{idle_role}");
+}
+
+/// ChatScene's experiment with two routes, as `change` leaves it.
+fn described(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
+    let mut table = own("safebench/chatscene-idm.toml");
+    let mut set = |path: [&str; 2], value: toml::Value| {
+        table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value);
+    };
+    set(["split", "held_out"], 2.into());
+    set(["split", "window"], 4.into());
+    set(["budget", "epochs"], 1.into());
+    set(["budget", "slots"], 1.into());
+    set(["budget", "probe_scenes"], 1.into());
+    set(["budget", "finalists"], 1.into());
+    table["scenes"]["options"]["routes"] = vec![4, 5].into();
+    table["scenes"]["options"]["families"] = vec!["crossing_negotiation", "red_light_running", "right_turn"].into();
+    table["split"]["evolution"]["count"] = 4.into();
+    table.insert("cassette".into(), "small.jsonl".into());
+    change(&mut table);
+    let path = folder.join("small.toml");
+    std::fs::write(&path, toml::to_string(&table).unwrap()).unwrap();
+    path
+}
+
+#[test]
+fn a_described_parent_is_composed_before_it_is_adopted_and_replays_to_the_same_root() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = described(folder.path(), |_| {});
+    let out = folder.path().join("runs");
+    let (file, out) = (file.to_str().unwrap(), out.to_str().unwrap());
+    let root = root_of(&evodrive(&["record", file, "--out", out]));
+    assert_eq!(root_of(&evodrive(&["run", file, "--out", out, "--jobs", "2"])), root);
+    let run = std::fs::read_dir(out).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+    let events = events(&run);
+    let kinds: Vec<&str> = events.iter().map(|event| event["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds[..5], ["opened", "composed", "composed", "composed", "parent"]);
+    let crossing = events.iter().find(|event| event["body"]["kind"] == "crossing").unwrap();
+    let (low, high) = (
+        &crossing["body"]["template"]["ranges"]["speed_mps"][0],
+        &crossing["body"]["template"]["ranges"]["speed_mps"][1],
+    );
+    let parameters = &events[4]["body"]["program"]["parameters"];
+    assert_eq!((&parameters["crossing_speed_mps_low"], &parameters["crossing_speed_mps_high"]), (low, high));
+    let shown = evodrive(&["show", "chatscene-idm/crossing", "--run", run.to_str().unwrap()]);
+    assert!(shown.stdout.contains("composed: intercept"), "{}", shown.stdout);
+}
+
+#[test]
+fn an_experiment_that_describes_what_no_family_takes_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |change: &dyn Fn(&mut toml::Table)| {
+        let file = described(folder.path(), change);
+        let ran = evodrive(&["run", file.to_str().unwrap()]);
+        assert_eq!(ran.code, 2, "{}", ran.stderr);
+        ran.stderr
+    };
+    let kind = refused(&|table| {
+        table["composition"]["descriptions"].as_table_mut().unwrap().insert("bridge".into(), "It falls.".into());
+    });
+    assert!(
+        kind.contains("composition.descriptions.bridge: expected a kind of scenario: roadside, lane, crossing"),
+        "{kind}"
+    );
+    let family = refused(&|table| table["lineage"][0]["family"] = "human".into());
+    assert!(family.contains("no lineage's family takes templates; take [composition] out"), "{family}");
+    let role = refused(&|table| drop(table["roles"].as_table_mut().unwrap().remove("template_agent")));
+    assert!(role.contains("[roles] names no model for `template_agent`"), "{role}");
 }

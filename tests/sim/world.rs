@@ -7,7 +7,7 @@ use crate::scenes::*;
 use crate::sim::*;
 
 /// A change of frame.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Frame {
     mirrored: bool,
     turn_rad: f64,
@@ -116,25 +116,30 @@ fn assert_alike(a: &Outcome, b: &Outcome, mirrored: bool, what: &str) {
     }
 }
 
+const FRAMES: [Frame; 4] = [
+    Frame { mirrored: true, turn_rad: 0.0, shift: Vec2::ZERO },
+    Frame { mirrored: false, turn_rad: 1.1, shift: Vec2::new(300.0, -70.0) },
+    Frame { mirrored: true, turn_rad: -2.3, shift: Vec2::new(-40.0, 1000.0) },
+    Frame { mirrored: false, turn_rad: num::PI, shift: Vec2::ZERO },
+];
+
+/// The outcome of a scene, which must be alike in every frame.
+fn run_in_all_frames(scene: &Scene, act: &Intervention, seed: u64) -> Outcome {
+    let plain = run(scene, act);
+    for frame in FRAMES {
+        let moved = run(&frame.scene(scene), &frame.act(act));
+        assert_alike(&plain, &moved, frame.mirrored, &format!("seed {seed}, {frame:?}"));
+    }
+    plain
+}
+
 #[test]
 fn a_turned_shifted_or_mirrored_scene_gives_a_turned_shifted_or_mirrored_outcome() {
-    let frames = [
-        (true, 0.0, Vec2::ZERO),
-        (false, 1.1, Vec2::new(300.0, -70.0)),
-        (true, -2.3, Vec2::new(-40.0, 1000.0)),
-        (false, num::PI, Vec2::ZERO),
-    ];
     let mut contacts = 0;
     for seed in 0..60 {
         let scene = crossing(seed, 12, 91);
-        let act = intercept(&scene, 10);
-        let plain = run(&scene, &act);
-        contacts += usize::from(plain.contact.is_some());
-        for (mirrored, turn_rad, shift) in frames {
-            let frame = Frame { mirrored, turn_rad, shift };
-            let moved = run(&frame.scene(&scene), &frame.act(&act));
-            assert_alike(&plain, &moved, mirrored, &format!("seed {seed}, {mirrored} {turn_rad}"));
-        }
+        let outcome = run_in_all_frames(&scene, &intercept(&scene, 10), seed);
+        contacts += usize::from(outcome.contact.is_some());
     }
     assert!(contacts > 5, "{contacts}");
 }
@@ -177,19 +182,11 @@ fn scripted(seed: u64) -> Intervention {
 
 #[test]
 fn scripted_road_users_move_alike_in_any_frame_and_on_any_number_of_threads() {
-    let frames =
-        [(true, 0.0, Vec2::ZERO), (false, 1.1, Vec2::new(300.0, -70.0)), (true, -2.3, Vec2::new(-40.0, 900.0))];
     let mut contacts = 0;
     for seed in 0..30 {
         let scene = crossing(seed, 0, 121);
-        let act = scripted(seed);
-        let plain = run(&scene, &act);
-        contacts += usize::from(plain.contact.is_some());
-        for (mirrored, turn_rad, shift) in frames {
-            let frame = Frame { mirrored, turn_rad, shift };
-            let moved = run(&frame.scene(&scene), &frame.act(&act));
-            assert_alike(&plain, &moved, mirrored, &format!("seed {seed}, {mirrored} {turn_rad}"));
-        }
+        let outcome = run_in_all_frames(&scene, &scripted(seed), seed);
+        contacts += usize::from(outcome.contact.is_some());
     }
     assert!(contacts > 3, "{contacts}");
     let seeds: Vec<u64> = (0..30).collect();

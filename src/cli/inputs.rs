@@ -15,7 +15,7 @@ use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
 use crate::kernel::{Digest, Seed, par::Pool as Threads};
 use crate::llm::Ask;
-use crate::scene::import::summary::{self, BesideRoutes, HEAD_BYTES, Part, Read};
+use crate::scene::import::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
 use crate::scene::{Pool, Scene, pool, synth, usable};
 use crate::store;
 
@@ -89,7 +89,7 @@ pub fn import(paths: &[PathBuf], threads: &Threads) -> Result<Pool, Failure> {
     });
     let read = threads.map(&files, |_, (name, path)| match bytes_of(path) {
         Ok(bytes) => summary::read_file(name, &bytes, beside.as_ref()),
-        Err(error) => Read::left_out(name, error.to_string()),
+        Err(error) => FileScenes::left_out(name, error.to_string()),
     });
     let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read));
     if summary.scenes.is_empty() {

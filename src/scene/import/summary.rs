@@ -75,14 +75,14 @@ impl BesideRoutes {
 
 /// What one file gave: scenes that break no rule, with their digests, and what was left out.
 #[derive(Debug, Default)]
-pub struct Read {
+pub struct FileScenes {
     scenes: Vec<(Scene, Digest)>,
     left_out: Vec<LeftOut>,
 }
 
 /// Reads one file of a list; `beside` is what stands beside the list's route files, if it has some. A bad file gives no
 /// scene and its reason.
-pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> Read {
+pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> FileScenes {
     let imported = match (part(bytes), beside) {
         // It gives no scene of its own, or the reason why it could not be read.
         (Part::Beside, Some(beside)) => beside.refused.get(name).map_or(Ok(Imported::default()), |e| Err(e.clone())),
@@ -91,7 +91,7 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> Rea
     };
     let Imported { scenes, mut left_out } = match imported {
         Ok(imported) => imported,
-        Err(error) => return Read::left_out(name, reason(&error)),
+        Err(error) => return FileScenes::left_out(name, reason(&error)),
     };
     let mut sound = Vec::with_capacity(scenes.len());
     for scene in scenes {
@@ -112,19 +112,19 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> Rea
         left_out.truncate(NAMED_MAX);
         left_out.push(LeftOut { file: name.into(), what: String::new(), reason });
     }
-    Read { scenes: sound, left_out }
+    FileScenes { scenes: sound, left_out }
 }
 
-impl Read {
+impl FileScenes {
     /// A file that is left out as a whole.
-    pub fn left_out(name: &str, reason: String) -> Read {
+    pub fn left_out(name: &str, reason: String) -> FileScenes {
         let left_out = vec![LeftOut { file: name.into(), what: String::new(), reason }];
-        Read { scenes: vec![], left_out }
+        FileScenes { scenes: vec![], left_out }
     }
 }
 
 /// Puts together what files gave, given in the files' order: an id is taken once.
-pub fn summed(files: impl IntoIterator<Item = (String, Read)>) -> ImportSummary {
+pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSummary {
     let mut summary = ImportSummary::default();
     let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
     for (name, read) in files {

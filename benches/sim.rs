@@ -16,7 +16,10 @@ fn bench(bencher: Bencher<'_, '_>, tracks: usize, pool: u64) {
     let worlds: Vec<(sim::Plant, sim::Intervention)> = (0..pool)
         .map(|seed| {
             let scene = scenes::crossing(seed, tracks, 91);
-            (sim::Plant::new(&scene).unwrap(), scenes::intercept(&scene, 10))
+            {
+                let act = scenes::intercept(&scene, 10);
+                (sim::Plant::shared(scene.into()).unwrap(), act)
+            }
         })
         .collect();
     let run = || {
@@ -40,5 +43,6 @@ fn pool_of_500_scenes_of_40_tracks(bencher: Bencher<'_, '_>) {
 #[divan::bench(sample_count = 20)]
 fn prepare_a_scene_of_40_tracks(bencher: Bencher<'_, '_>) {
     let scene = scenes::crossing(1, 40, 91);
-    bencher.bench_local(|| sim::Plant::new(&scene).unwrap());
+    let scene = std::sync::Arc::new(scene);
+    bencher.bench_local(|| sim::Plant::shared(scene.clone()).unwrap());
 }

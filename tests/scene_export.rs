@@ -11,7 +11,7 @@ use evodrive::kernel::Seed;
 use evodrive::scene::export::{Staging, commonroad, openscenario, scenarionet_json};
 use evodrive::scene::import::import_files;
 use evodrive::scene::import::xml::{Document, Element};
-use evodrive::scene::synth::{SynthOptions, WorldKind, pool_member};
+use evodrive::scene::synth::{FamilyOptions, SynthOptions, WorldKind, family_member, pool_member};
 use evodrive::scene::{Sample, Scene};
 
 #[allow(clippy::disallowed_methods)]
@@ -93,6 +93,9 @@ fn generated() -> Vec<Scene> {
         (0..WorldKind::ALL.len()).map(|i| pool_member(&options, Seed(3), i).unwrap()).collect();
     let crossing = scenes[2].clone();
     scenes.push(hostile(crossing));
+    // A scene of every traffic family of SafeBench, with its staging.
+    let families = FamilyOptions { routes: vec![4], ..FamilyOptions::all() };
+    scenes.extend((0..families.count()).map(|i| family_member(&families, Seed(3), i).unwrap()));
     scenes
 }
 

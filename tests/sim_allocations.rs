@@ -1,4 +1,5 @@
-//! A rollout allocates its buffers once: a long one asks the allocator as often as a short one.
+//! A rollout allocates its buffers once: a long one asks the allocator as often as a short one. A prepared scene keeps
+//! little beside the scene itself.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -13,21 +14,38 @@ struct Counting;
 
 thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
+    static HELD_BYTES: Cell<isize> = const { Cell::new(0) };
 }
 
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|c| c.set(c.get() + 1));
+        HELD_BYTES.with(|held| held.set(held.get() + layout.size() as isize));
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        HELD_BYTES.with(|held| held.set(held.get() - layout.size() as isize));
         unsafe { System.dealloc(at, layout) }
     }
 }
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_prepared_scene_holds_about_as_much_per_sample_as_its_rows_need() {
+    let scene = std::sync::Arc::new(scenes::crossing(8, 40, 91));
+    let samples = scene.tracks.iter().flat_map(|t| t.samples.iter().flatten()).count();
+    let before = HELD_BYTES.with(Cell::get);
+    let plant = sim::Plant::shared(scene.clone()).unwrap();
+    let held = HELD_BYTES.with(Cell::get) - before;
+    // Place, reach, axis and track of a row are 40 bytes, its entry by track 4; the rest is the paths of
+    // those who may turn reactive, road and route.
+    let per_sample = held as usize / samples;
+    assert!(samples > 3000 && (44..85).contains(&per_sample), "{held} bytes for {samples} samples");
+    assert_eq!(plant.tracks(), 40);
+}
 
 #[test]
 fn a_step_of_a_rollout_allocates_nothing() {

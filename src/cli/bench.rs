@@ -16,7 +16,7 @@ use crate::ego::Policy;
 use crate::kernel::{Seed, num, par::Pool as Threads};
 use crate::objects::FamilyName;
 use crate::scene::Scene;
-use crate::sim::{Intervention, rollout_counted};
+use crate::sim::{Intervention, Part, SimError, rollout_counted, rollout_in_parts};
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -55,7 +55,7 @@ fn sim(options: &SimOptions) -> Result<Answer, Failure> {
     let threads = Threads::new(options.threads).map_err(Failure::internal)?;
     let (pool, reading) = timed(|| match options.pool.as_slice() {
         [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one),
-        paths => inputs::import(paths),
+        paths => inputs::import(paths, &threads),
     });
     // Shared, not copied: a pool is in memory once.
     let scenes: Vec<Arc<Scene>> = pool?.scenes.into_iter().map(Arc::new).collect();
@@ -80,9 +80,10 @@ fn sim(options: &SimOptions) -> Result<Answer, Failure> {
     }
     let median = num::quantile(&seconds, 0.5).unwrap_or(f64::NAN);
     let rate = |count: usize| count as f64 / median;
+    let split = Split::of(&stages, &ego, seconds.len()).map_err(Failure::internal)?;
     let text = format!(
         "{} scenes, {} threads, median of {} rounds\nrollouts/s     {:>14.0}\nsteps/s        {:>14.0}\nagent-steps/s  {:>14.0}\n\
-         reading the pool took {:.2} s, preparing all scenes and compiling the adversaries {:.2} s, one round of rollouts {:.4} s\n",
+         reading the pool took {:.2} s, preparing all scenes and compiling the adversaries {:.2} s, one round of rollouts {:.4} s\n{}",
         stages.len(),
         threads.threads(),
         seconds.len(),
@@ -91,15 +92,68 @@ fn sim(options: &SimOptions) -> Result<Answer, Failure> {
         rate(agent_steps as usize),
         reading.as_secs_f64(),
         preparing.as_secs_f64(),
-        median
+        median,
+        split.text()
     );
     let object = json!({
         "scenes": stages.len(), "threads": threads.threads(), "rounds": seconds.len(),
         "rollouts_per_s": rate(stages.len()), "steps_per_s": rate(steps as usize),
         "agent_steps_per_s": rate(agent_steps as usize),
         "seconds": {"read": reading.as_secs_f64(), "prepare": preparing.as_secs_f64(), "rollouts_median": median},
+        "split": split.object(),
     });
     Ok(Answer::new(text, object))
+}
+
+/// Where the time of rollouts goes: a pass of its own on one thread that reads a clock at every part's border, so that
+/// the headline figure pays for no clock.
+struct Split {
+    /// By [`Part::ALL`], over all rollouts and rounds.
+    seconds: [f64; Part::ALL.len()],
+    rollouts: usize,
+}
+
+impl Split {
+    #[allow(clippy::disallowed_methods)]
+    fn of(stages: &[(Situation, Intervention)], ego: &Policy, rounds: usize) -> Result<Split, SimError> {
+        let mut split = Split { seconds: [0.0; Part::ALL.len()], rollouts: stages.len() * rounds };
+        for (situation, intervention) in (0..rounds).flat_map(|_| stages) {
+            let mut since = (Part::Setup, std::time::Instant::now());
+            let mut switch = |part: Part| {
+                let now = std::time::Instant::now();
+                split.seconds[since.0 as usize] += (now - since.1).as_secs_f64();
+                since = (part, now);
+            };
+            rollout_in_parts(&situation.plant, intervention, ego.driver().as_mut(), &mut switch)?;
+            switch(Part::Setup);
+        }
+        Ok(split)
+    }
+
+    fn us_per_rollout(&self, part: Part) -> f64 {
+        1e6 * self.seconds[part as usize] / self.rollouts.max(1) as f64
+    }
+
+    fn share(&self, part: Part) -> f64 {
+        self.seconds[part as usize] / self.seconds.iter().sum::<f64>().max(f64::MIN_POSITIVE)
+    }
+
+    fn text(&self) -> String {
+        let part = |&part: &Part| format!("{} {:.0} %", part.name(), 100.0 * self.share(part));
+        let parts: Vec<String> = Part::ALL.iter().map(part).collect();
+        let all: f64 = Part::ALL.iter().map(|&part| self.us_per_rollout(part)).sum();
+        format!(
+            "of a rollout's time (a pass on one thread with a clock at every border, {all:.0} us a rollout): {}\n",
+            parts.join(", ")
+        )
+    }
+
+    fn object(&self) -> serde_json::Value {
+        let of = |part: Part| {
+            (part.name().to_string(), json!({"us_per_rollout": self.us_per_rollout(part), "share": self.share(part)}))
+        };
+        serde_json::Value::Object(Part::ALL.into_iter().map(of).collect())
+    }
 }
 
 /// Scenes made ready with CAT's intervention; those that the ego cannot drive are left out.

@@ -15,7 +15,7 @@ use crate::ego::Policy;
 use crate::epoch::{Budget, Counsels, LineageSpec, SceneEntry, Study};
 use crate::kernel::{Digest, Seed, par::Pool as Threads};
 use crate::llm::Ask;
-use crate::scene::import::import_files;
+use crate::scene::import::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
 use crate::scene::{Pool, Scene, pool, synth, usable};
 use crate::store;
 
@@ -27,10 +27,12 @@ pub fn scenes(experiment: &Experiment, file: &Path, instead: &[PathBuf], threads
     let beside = file.parent().unwrap_or(Path::new("."));
     match (&experiment.scenes, instead) {
         (_, [one]) if one.extension().is_some_and(|e| e == "pool") => read_pool(one),
-        (_, [_, ..]) => import(instead),
+        (_, [_, ..]) => import(instead, threads),
         (SceneSource::Synth { count, seed, options }, _) => generate(*count, *seed, options, threads),
         (SceneSource::Safebench { seed, options }, _) => generate_families(*seed, options, threads),
-        (SceneSource::Files { paths }, _) => import(&paths.iter().map(|path| beside.join(path)).collect::<Vec<_>>()),
+        (SceneSource::Files { paths }, _) => {
+            import(&paths.iter().map(|path| beside.join(path)).collect::<Vec<_>>(), threads)
+        }
         (SceneSource::Pool { path }, _) => read_pool(&beside.join(path)),
     }
 }
@@ -60,16 +62,36 @@ pub fn generate_families(seed: u64, options: &synth::FamilyOptions, threads: &Th
 /// Endings of the scenario files that a folder is searched for.
 const SCENARIO_ENDINGS: [&str; 6] = [".xml", ".json", ".pkl", ".tfrecord", ".xodr", ".cr.xml"];
 
-/// Imports files and folders. What cannot be used is left out with its reason; nothing usable at all is an error.
-pub fn import(paths: &[PathBuf]) -> Result<Pool, Failure> {
-    let mut files = Vec::new();
+/// Imports files and folders. What cannot be used is left out with its reason; nothing usable at all is an error. A
+/// thread has one file in memory at a time.
+pub fn import(paths: &[PathBuf], threads: &Threads) -> Result<Pool, Failure> {
+    let mut files: Vec<(String, PathBuf)> = Vec::new();
     for path in paths {
         for file in store::list_files(path, &SCENARIO_ENDINGS)? {
             let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            files.push((name, store::read_bounded(&file, SCENE_FILE_BYTES_MAX)?));
+            files.push((name, file));
         }
     }
-    let summary = import_files(&files);
+    // A file that cannot be read is told by the second reading.
+    let part = |_: usize, file: &(String, PathBuf)| {
+        store::read_head(&file.1, HEAD_BYTES).map_or(Part::Alone, |head| summary::part(&head))
+    };
+    let parts = threads.map(&files, part);
+    let bytes_of = |path: &Path| store::read_bounded(path, SCENE_FILE_BYTES_MAX);
+    let beside = parts.contains(&Part::Routes).then(|| {
+        let mut beside = BesideRoutes::default();
+        for ((name, path), _) in files.iter().zip(&parts).filter(|(_, part)| **part == Part::Beside) {
+            if let Ok(bytes) = bytes_of(path) {
+                beside.add(name, &bytes);
+            }
+        }
+        beside
+    });
+    let read = threads.map(&files, |_, (name, path)| match bytes_of(path) {
+        Ok(bytes) => summary::read_file(name, &bytes, beside.as_ref()),
+        Err(error) => FileScenes::left_out(name, error.to_string()),
+    });
+    let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read));
     if summary.scenes.is_empty() {
         let reasons: Vec<String> = summary.left_out.iter().map(|l| format!("  {}: {}", l.file, l.reason)).collect();
         return Err(Failure::bad_input(format!("no scene could be imported:\n{}", reasons.join("\n"))));

@@ -90,41 +90,47 @@ pub fn run(command: Command) -> Result<Answer, Failure> {
 pub fn read(paths: &[PathBuf]) -> Result<Pool, Failure> {
     match paths {
         [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one),
-        _ => inputs::import(paths),
+        _ => inputs::import(paths, &all_cores()?),
     }
+}
+
+fn all_cores() -> Result<Threads, Failure> {
+    Threads::new(0).map_err(Failure::internal)
 }
 
 fn import(options: &ImportOptions) -> Result<Answer, Failure> {
     let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
-    written(inputs::import(&paths)?, &options.out)
+    let threads = all_cores()?;
+    written(inputs::import(&paths, &threads)?, &options.out, &threads)
 }
 
 fn generate(options: &GenerateOptions) -> Result<Answer, Failure> {
     let experiment = Experiment::read(&options.experiment)?;
     let threads = Threads::new(options.jobs).map_err(Failure::internal)?;
-    written(inputs::scenes(&experiment, &options.experiment, &[], &threads)?, &options.out)
+    written(inputs::scenes(&experiment, &options.experiment, &[], &threads)?, &options.out, &threads)
 }
 
 /// Writes a pool and says what is in it.
-fn written(pool: Pool, out: &Path) -> Result<Answer, Failure> {
+fn written(pool: Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure> {
     store::write_atomic(out, &pool::encode(&pool))?;
-    let mut text = listing(&pool, &[], false);
+    let rows = rows(&pool, threads);
+    let mut text = listing(&rows);
     for left in &pool.left_out {
         let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
         let _ = writeln!(text, "left out: {}{what}: {}", left.file, left.reason);
     }
     let _ = writeln!(text, "{} scenes in {}", pool.scenes.len(), out.display());
     let object = json!({
-        "pool": out, "digest": pool.digest(), "scenes": rows(&pool), "left_out": pool.left_out,
+        "pool": out, "digest": pool.digest(), "scenes": rows, "left_out": pool.left_out,
     });
     Ok(Answer::new(text, object))
 }
 
 fn list(options: &ListOptions) -> Result<Answer, Failure> {
     let pool = read(&options.paths)?;
-    let text = listing(&pool, &options.tag, options.usable);
-    let kept = rows(&pool).into_iter().filter(|row| keeps(row, &options.tag, options.usable)).collect::<Vec<_>>();
-    Ok(Answer::new(text, json!({"digest": pool.digest(), "scenes": kept, "left_out": pool.left_out})))
+    let rows = rows(&pool, &all_cores()?);
+    let kept: Vec<Row> = rows.into_iter().filter(|row| keeps(row, &options.tag, options.usable)).collect();
+    Ok(Answer::new(listing(&kept), json!({"digest": pool.digest(), "scenes": kept, "left_out": pool.left_out})))
 }
 
 /// A scene in figures.
@@ -140,8 +146,8 @@ pub struct Row {
     pub unusable: Option<String>,
 }
 
-fn rows(pool: &Pool) -> Vec<Row> {
-    pool.scenes.iter().map(row).collect()
+fn rows(pool: &Pool, threads: &Threads) -> Vec<Row> {
+    threads.map(&pool.scenes, |_, scene| row(scene))
 }
 
 pub fn row(scene: &Scene) -> Row {
@@ -177,9 +183,9 @@ pub fn unnamed(pool: &Pool, path: &Path) -> Failure {
     ))
 }
 
-fn listing(pool: &Pool, tags: &[String], only_usable: bool) -> String {
+fn listing(rows: &[Row]) -> String {
     let mut out = format!("{:<40} {:<18} {:>7} {:>7} {:>6}  tags\n", "scene", "format", "seconds", "tracks", "lanes");
-    for row in rows(pool).iter().filter(|row| keeps(row, tags, only_usable)) {
+    for row in rows {
         let note = row.unusable.as_ref().map_or(String::new(), |reason| format!("  [not used: {reason}]"));
         let _ = writeln!(
             out,

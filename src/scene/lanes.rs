@@ -3,8 +3,9 @@
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
+use std::sync::Arc;
 
-use super::grid::Grid;
+use super::pieces::Pieces;
 use super::{LaneIx, Neighbour, Road};
 use crate::kernel::{Polyline, Pose, Vec2, num};
 
@@ -46,7 +47,7 @@ pub struct LaneGraph {
     entries: Vec<Vec<LaneIx>>,
     neighbours: Vec<[Option<Neighbour>; 2]>,
     through: Vec<bool>,
-    grid: Grid,
+    pieces: Arc<Pieces>,
 }
 
 impl LaneGraph {
@@ -55,10 +56,10 @@ impl LaneGraph {
         let count = road.lanes.len();
         let known = |links: &[LaneIx]| links.iter().copied().filter(|&ix| ix < count).collect::<Vec<_>>();
         let beside = |n: Option<Neighbour>| n.filter(|n| n.lane < count);
-        let grid = Grid::of(road);
+        let pieces = Arc::new(Pieces::of(road));
         let mut through = vec![false; count];
-        for piece in &grid.pieces {
-            through[piece.lane] = piece.through;
+        for piece in pieces.all() {
+            through[piece.lane()] = piece.is_through();
         }
         LaneGraph {
             centres: road.lanes.iter().map(|lane| Polyline::new(lane.centre.clone()).ok()).collect(),
@@ -66,8 +67,13 @@ impl LaneGraph {
             entries: road.lanes.iter().map(|lane| known(&lane.entries)).collect(),
             neighbours: road.lanes.iter().map(|l| [beside(l.left_neighbour), beside(l.right_neighbour)]).collect(),
             through,
-            grid,
+            pieces,
         }
+    }
+
+    /// The surface of its lanes, piece by piece.
+    pub fn pieces(&self) -> &Arc<Pieces> {
+        &self.pieces
     }
 
     pub fn lane_count(&self) -> usize {
@@ -122,8 +128,8 @@ impl LaneGraph {
     /// nearest first, then by index. Allocates.
     pub fn lanes_near(&self, point: Vec2, heading_rad: f64, within_m: f64) -> Vec<LanePlace> {
         let mut lanes = Vec::new();
-        self.grid.outward(point, within_m, |piece| {
-            lanes.push(piece.lane);
+        self.pieces.outward(point, within_m, |_, piece| {
+            lanes.push(piece.lane());
             within_m
         });
         lanes.sort_unstable();
@@ -146,28 +152,26 @@ impl LaneGraph {
         if !point.is_finite() {
             return None;
         }
-        let mut best: Option<(f64, LaneIx, usize, f64)> = None;
+        let mut best: Option<(f64, u32, f64)> = None;
         let mut bound_squared = within_m * within_m;
-        self.grid.outward(point, within_m, |piece| {
-            if piece.through && piece.length_m > 0.0 && fits(piece.direction) {
+        self.pieces.outward(point, within_m, |ix, piece| {
+            if piece.is_through() && piece.length_m > 0.0 && fits(piece.direction) {
                 let (along, distance) = piece.nearest(point);
-                let key = (distance, piece.lane, piece.segment, along);
-                let nearer = best.is_none_or(|b| (distance, piece.lane, piece.segment) < (b.0, b.1, b.2));
+                // Pieces stand by lane, then along it.
+                let nearer = best.is_none_or(|b| (distance, ix) < (b.0, b.1));
                 if distance <= bound_squared && nearer {
-                    best = Some(key);
+                    best = Some((distance, ix, along));
                     bound_squared = distance;
                 }
             }
             bound_squared.sqrt()
         });
-        let (distance, lane, segment, along) = best?;
-        // Pieces of a lane stand together, in order.
-        let first = self.grid.pieces.partition_point(|p| (p.lane, p.segment) < (lane, segment));
-        let piece = &self.grid.pieces[first];
+        let (distance, ix, along) = best?;
+        let piece = &self.pieces.all()[ix as usize];
         let side = piece.direction.cross(point - piece.from);
         let distance_m = distance.sqrt();
         Some(LanePlace {
-            lane,
+            lane: piece.lane(),
             s_m: piece.start_s_m + along,
             offset_m: side,
             heading_rad: piece.direction.heading(),
@@ -197,18 +201,22 @@ impl LaneGraph {
 
     /// Whether a point lies on the surface of some lane, of whatever kind.
     pub fn is_drivable(&self, point: Vec2) -> bool {
-        self.grid.at(point).any(|piece| piece.contains(point))
+        self.pieces.at(point).any(|(_, piece)| piece.contains(point))
     }
 
     /// Distance from a point to the surface of the nearest lane, metres: 0 on the road, at most
     /// [`OFF_ROAD_MAX_M`]; 0 everywhere for a road without lanes.
+    ///
+    /// Over the same pieces as `sim::drivable`, which answers another question (the largest distance of a rollout, capped
+    /// at 50 m, with a floor below which nothing is searched) and measures along each edge from its other end. Both are
+    /// exact to rounding; they differ in last bits on which recorded results rest, so neither takes the other's place.
     pub fn off_road_m(&self, point: Vec2) -> f64 {
-        if self.grid.pieces.is_empty() || self.is_drivable(point) {
+        if self.pieces.all().is_empty() || self.is_drivable(point) {
             return 0.0;
         }
         let mut best = OFF_ROAD_MAX_M * OFF_ROAD_MAX_M;
         let mut best_m = OFF_ROAD_MAX_M;
-        self.grid.outward(point, OFF_ROAD_MAX_M, |piece| {
+        self.pieces.outward(point, OFF_ROAD_MAX_M, |_, piece| {
             if piece.bound_distance_squared(point) < best {
                 let distance = piece.rim_distance_squared(point);
                 if distance < best {
@@ -357,11 +365,11 @@ mod tests {
         ) {
             let (graph, point) = (graph(), Vec2::new(x, y));
             let cos = num::cos(HEADING_DIFFERENCE_MAX_RAD);
-            let fits = |p: &&super::super::grid::Piece| p.direction.dot(Vec2::from_heading(heading)) > cos;
-            let best = graph.grid.pieces.iter().filter(fits).map(|p| p.nearest(point).1).fold(f64::INFINITY, f64::min);
+            let fits = |p: &&super::super::pieces::Piece| p.direction.dot(Vec2::from_heading(heading)) > cos;
+            let best = graph.pieces.all().iter().filter(fits).map(|p| p.nearest(point).1).fold(f64::INFINITY, f64::min);
             let found = graph.nearest_lane(point, heading, 30.0).map(|p| p.distance_m);
             prop_assert_eq!(found, Some(best.sqrt()).filter(|d| *d <= 30.0));
-            let rim = graph.grid.pieces.iter().map(|p| if p.contains(point) { 0.0 } else { p.rim_distance_squared(point) });
+            let rim = graph.pieces.all().iter().map(|p| if p.contains(point) { 0.0 } else { p.rim_distance_squared(point) });
             let off = rim.fold(f64::INFINITY, f64::min).sqrt().min(OFF_ROAD_MAX_M);
             prop_assert_eq!(graph.off_road_m(point), off);
         }

@@ -6,9 +6,9 @@ pub mod export;
 pub mod features;
 #[cfg(test)]
 pub mod fixture;
-mod grid;
 pub mod import;
 pub mod lanes;
+pub mod pieces;
 pub mod pool;
 pub mod remainder;
 pub mod route;

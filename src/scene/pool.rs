@@ -88,21 +88,25 @@ pub enum PoolError {
 
 /// The bytes of a pool file.
 pub fn encode(pool: &Pool) -> Vec<u8> {
-    let bodies: Vec<Vec<u8>> = pool.scenes.iter().map(scene_bytes).collect();
-    let entries = pool.scenes.iter().zip(&bodies).map(|(scene, body)| entry(scene, body.len()));
-    let manifest = Manifest { scenes: entries.collect(), left_out: pool.left_out.clone() };
+    // One body at a time: a pool is in memory as scenes and as bytes, not thrice.
+    let mut out = Vec::new();
+    let mut entries = Vec::with_capacity(pool.scenes.len());
+    for scene in &pool.scenes {
+        let body = scene_bytes(scene);
+        entries.push(entry(scene, body.len()));
+        out.extend_from_slice(&body);
+    }
+    let manifest = Manifest { scenes: entries, left_out: pool.left_out.clone() };
     let Ok(json) = serde_json::to_vec(&manifest) else {
         unreachable!("a manifest holds texts and counts only, which JSON can always hold")
     };
-    let size = HEAD_BYTES + json.len() + bodies.iter().map(Vec::len).sum::<usize>() + CHECKSUM_BYTES;
-    let mut out = Vec::with_capacity(size);
-    out.extend_from_slice(MAGIC);
-    out.extend_from_slice(&VERSION.to_le_bytes());
-    out.extend_from_slice(&(json.len() as u64).to_le_bytes());
-    out.extend_from_slice(&json);
-    for body in &bodies {
-        out.extend_from_slice(body);
-    }
+    let mut head = Vec::with_capacity(HEAD_BYTES + json.len());
+    head.extend_from_slice(MAGIC);
+    head.extend_from_slice(&VERSION.to_le_bytes());
+    head.extend_from_slice(&(json.len() as u64).to_le_bytes());
+    head.extend_from_slice(&json);
+    out.reserve(head.len() + CHECKSUM_BYTES);
+    out.splice(0..0, head);
     let checksum = Digest::of_bytes(&out);
     out.extend_from_slice(checksum.as_bytes());
     out

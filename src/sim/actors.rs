@@ -151,7 +151,7 @@ fn scripted(plant: &Plant, action: &Action, k: usize) -> Option<Sample> {
         }
         Action::Follow { track, from_step, samples } | Action::FollowThenReact { track, from_step, samples, .. } => {
             if step < *from_step {
-                plant.rows.find(k, *track).map(|row| plant.rows.sample(row))
+                plant.rows.find(k, *track).map(|row| *plant.rows.sample(k, row))
             } else {
                 Some(held(samples, *from_step))
             }
@@ -184,7 +184,7 @@ impl Actor {
         let candidate = &plant.candidates[born][index];
         let row = candidate.row as usize;
         let track: TrackIx = plant.rows.track[row] as usize;
-        let sample = plant.rows.sample(row);
+        let sample = *plant.rows.sample(born, row);
         let along = candidate.path.project(sample.position);
         let mind = Mind::Path { born, index, along, speed_mps: sample.speed_mps(), throttle: 0.0 };
         let mut actor = Actor::new(ActorRef::Track(track), plant.sizes[track], None, mind);

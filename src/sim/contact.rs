@@ -6,7 +6,7 @@ use crate::scene::Sample;
 use super::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
 use super::intervention::ActorRef;
 use super::outcome::{Contact, Striker};
-use super::plant::{NONE, Plant};
+use super::plant::Plant;
 use super::world::World;
 
 /// The places of a road user through one decision step, the first at its beginning.
@@ -35,11 +35,11 @@ pub(super) struct Hit {
     pub velocity: Vec2,
 }
 
-/// First physics step up to `until` at which `mover` touches the road user of a row.
-fn touches_row(mover: &Mover<'_>, plant: &Plant, row: usize, until: usize) -> Option<usize> {
+/// First physics step of the k-th step up to `until` at which `mover` touches the road user of a row.
+fn touches_row(mover: &Mover<'_>, plant: &Plant, k: usize, row: usize, until: usize) -> Option<usize> {
     let rows = &plant.rows;
     let size = &plant.sizes[rows.track[row] as usize];
-    let (first, last) = (rows.place(row), rows.next_place(row));
+    let (first, last) = (rows.place(row), rows.next_place(k, row));
     (0..=until).find(|&j| meets(mover, j, size, &first.towards(&last, j as f64 / SUBSTEPS as f64)))
 }
 
@@ -84,7 +84,7 @@ pub(super) fn first_contact(
     near_rows(plant, world, k, ego, |row| {
         let track = plant.rows.track[row] as usize;
         let until = best.map_or(SUBSTEPS, |b| b.substep);
-        let Some(substep) = touches_row(ego, plant, row, until) else {
+        let Some(substep) = touches_row(ego, plant, k, row, until) else {
             ghosts[track] = false;
             return;
         };
@@ -92,7 +92,7 @@ pub(super) fn first_contact(
         if spared(&mut ghosts[track], substep, spare_overlaps, appears) || !earlier(best.as_ref(), substep, track) {
             return;
         }
-        let (place, sample) = row_during(plant, row, substep);
+        let (place, sample) = row_during(plant, k, row, substep);
         best = Some(Hit {
             substep,
             with: ActorRef::Track(track),
@@ -148,18 +148,18 @@ pub(super) fn touches_bystander(plant: &Plant, world: &World, k: usize, own: usi
     let mover = world.actors[own].mover();
     let mut found = false;
     near_rows(plant, world, k, &mover, |row| {
-        found = found || touches_row(&mover, plant, row, until).is_some();
+        found = found || touches_row(&mover, plant, k, row, until).is_some();
     });
     let others = world.actors.iter().enumerate().filter(|(i, a)| *i != own && a.now.is_some());
     found || others.into_iter().any(|(_, other)| touches(&mover, &other.mover(), until).is_some())
 }
 
-/// Place and sample of a recorded road user after a physics step of the step that begins at a row.
-pub(super) fn row_during(plant: &Plant, row: usize, substep: usize) -> (Place, Sample) {
+/// Place and sample of a recorded road user after a physics step of the k-th step, which begins at a row.
+pub(super) fn row_during(plant: &Plant, k: usize, row: usize, substep: usize) -> (Place, Sample) {
     let rows = &plant.rows;
-    let place = rows.place(row).towards(&rows.next_place(row), substep as f64 / SUBSTEPS as f64);
-    let next = (rows.next[row] != NONE).then(|| rows.sample(rows.next[row] as usize));
-    (place, sample_during(&rows.sample(row), next.as_ref(), &place, substep))
+    let place = rows.place(row).towards(&rows.next_place(k, row), substep as f64 / SUBSTEPS as f64);
+    let next = rows.next(k, row).map(|next| rows.sample(k + 1, next));
+    (place, sample_during(rows.sample(k, row), next, &place, substep))
 }
 
 /// What a contact was like. `time_s` counts from the first simulated step.

@@ -1,7 +1,10 @@
 //! What SafeBench's criteria need to know of a staged scene's road: where driving lanes are, where lines are painted,
 //! where one has to stop. Prepared once a scene.
 
+use std::sync::Arc;
+
 use crate::kernel::Vec2;
+use crate::scene::pieces::Pieces;
 use crate::scene::{Lane, LaneKind, Road, Scene};
 
 use super::drivable::Drivable;
@@ -34,7 +37,6 @@ pub(super) struct Course {
 impl Course {
     pub fn new(scene: &Scene, route: &Route) -> Course {
         let lanes: Vec<&Lane> = scene.road.lanes.iter().filter(|l| is_driven(l)).collect();
-        let surface = Road { lanes: lanes.iter().map(|&l| l.clone()).collect(), edges: vec![] };
         let (mut low, mut high) = (route.points()[0], route.points()[0]);
         for point in route.points() {
             low = Vec2::new(low.x.min(point.x), low.y.min(point.y));
@@ -51,7 +53,7 @@ impl Course {
         stop_lines_s_m.sort_by(f64::total_cmp);
         // One sign may name several lanes of one approach.
         stop_lines_s_m.dedup_by(|b, a| *b - *a < SIGN_OFFSET_M);
-        Course { driving: Drivable::new(&surface), marks, stop_lines_s_m }
+        Course { driving: Drivable::of(Arc::new(Pieces::of_lanes(&scene.road, is_driven))), marks, stop_lines_s_m }
     }
 
     /// Whether the way from one place to another crosses a painted line.

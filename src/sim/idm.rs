@@ -66,19 +66,20 @@ pub fn gap_on_path(route: &Route, own: &Along, position: Vec2, axis: Vec2, size:
     (at.offset_m.abs() - reach_m <= HALF_PATH_WIDTH_M).then_some(gap_m)
 }
 
-/// Puts an object in the place of `nearest` if it is on the path and nearer; the first of equals stays.
+/// Puts an object in the place of `nearest` if it is on the path and nearer; the first of equals stays. Its velocity is
+/// asked for only then.
 pub(super) fn nearer(
     nearest: &mut Option<Front>,
     route: &Route,
     own: &Along,
     position: Vec2,
     axis: Vec2,
-    velocity: Vec2,
+    velocity: impl FnOnce() -> Vec2,
     size: &Size,
 ) {
     if let Some(gap_m) = gap_on_path(route, own, position, axis, size)
         && nearest.is_none_or(|n| gap_m < n.gap_m)
     {
-        *nearest = Some(Front { gap_m, velocity });
+        *nearest = Some(Front { gap_m, velocity: velocity() });
     }
 }

@@ -13,6 +13,7 @@ pub mod outcome;
 pub mod plant;
 pub mod rollout;
 pub mod route;
+mod rows;
 pub mod script;
 pub mod skills;
 
@@ -34,7 +35,7 @@ pub use error::SimError;
 pub use intervention::{Action, ActorRef, Intervention};
 pub use outcome::{ActorTrace, AdversaryReport, Contact, End, Motion, Outcome, Striker, Trace};
 pub use plant::Plant;
-pub use rollout::{RolloutCost, rollout, rollout_counted, rollout_traced};
+pub use rollout::{Part, RolloutCost, rollout, rollout_counted, rollout_in_parts, rollout_traced};
 pub use route::{Along, Route};
 pub use script::{Phase, Script, Speed, Trigger, Until, Way};
 

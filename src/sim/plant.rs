@@ -1,17 +1,18 @@
-//! A scene prepared once for many rollouts: everything recorded lies step by step in flat arrays, with unit heading
-//! vectors and the bound on how far each road user reaches until the next step.
+//! A scene prepared once for many rollouts. What was recorded stays in the scene, which is shared; here stand the rows
+//! that say who is where at a step, the route, the road's surface and who may turn reactive.
+
+use std::sync::Arc;
 
 use crate::kernel::{Digest, Vec2};
-use crate::scene::{AgentKind, DT_S, Light, LightState, Sample, Scene, Track, TrackIx};
+use crate::scene::{AgentKind, LaneGraph, Light, LightState, Sample, Scene, Track};
 
 use super::SimError;
-use super::body::{Place, Size, coasting};
+use super::body::Size;
 use super::course::Course;
 use super::drivable::Drivable;
 use super::route::Route;
+use super::rows::{NONE, Rows};
 
-/// No next sample.
-pub(super) const NONE: u32 = u32::MAX;
 /// Coordinates beyond this are refused, metres.
 pub const POSITION_M_MAX: f64 = 1e7;
 /// Speeds beyond this are refused, m/s.
@@ -28,75 +29,6 @@ const MOVING_M: f64 = 3.0;
 const PATH_M_MIN: f64 = 5.0;
 /// How far a path may be straightened where only what lies on it is asked, metres.
 const PATH_TOLERANCE_M: f64 = 0.05;
-
-/// All recorded samples of a scene from the first simulated step on, ordered by step, then x, then track: who is near
-/// a place is found by a search instead of a walk through everyone.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Rows {
-    /// `starts[k]..starts[k + 1]` are the rows of the k-th simulated step.
-    pub starts: Vec<u32>,
-    pub x: Vec<f64>,
-    pub y: Vec<f64>,
-    /// Radius of the box plus the way to the next sample, rounded up.
-    pub reach: Vec<f32>,
-    pub axis: Vec<Vec2>,
-    pub velocity: Vec<Vec2>,
-    pub heading: Vec<f64>,
-    pub track: Vec<u32>,
-    /// Row of the same track one step later, or [`NONE`].
-    pub next: Vec<u32>,
-    /// Largest reach of a step, metres.
-    pub reach_max: Vec<f64>,
-    /// Row of a track at a step, or [`NONE`]: `row_of[k * tracks + track]`.
-    pub row_of: Vec<u32>,
-    pub tracks: usize,
-}
-
-impl Rows {
-    pub fn place(&self, row: usize) -> Place {
-        Place { position: Vec2::new(self.x[row], self.y[row]), axis: self.axis[row] }
-    }
-
-    pub fn sample(&self, row: usize) -> Sample {
-        Sample {
-            position: Vec2::new(self.x[row], self.y[row]),
-            heading_rad: self.heading[row],
-            velocity: self.velocity[row],
-        }
-    }
-
-    pub fn of_step(&self, k: usize) -> std::ops::Range<usize> {
-        match (self.starts.get(k), self.starts.get(k + 1)) {
-            (Some(&from), Some(&to)) => from as usize..to as usize,
-            _ => 0..0,
-        }
-    }
-
-    /// Rows of the k-th simulated step whose x lies within `radius_m` of `x`, in order.
-    pub fn strip(&self, k: usize, x: f64, radius_m: f64) -> std::ops::Range<usize> {
-        let all = self.of_step(k);
-        let xs = &self.x[all.clone()];
-        let from = xs.partition_point(|&at| at < x - radius_m);
-        let count = xs[from..].iter().take_while(|&&at| at <= x + radius_m).count();
-        all.start + from..all.start + from + count
-    }
-
-    /// The row of a track at the k-th simulated step.
-    pub fn find(&self, k: usize, track: TrackIx) -> Option<usize> {
-        match self.row_of.get(k * self.tracks + track) {
-            Some(&row) if track < self.tracks && row != NONE => Some(row as usize),
-            _ => None,
-        }
-    }
-
-    /// Where the recorded road user of a row is at the end of the step: its next sample, or coasting if it has none.
-    pub fn next_place(&self, row: usize) -> Place {
-        match self.next[row] {
-            NONE => Place { position: coasting(&self.sample(row), DT_S).position, axis: self.axis[row] },
-            next => self.place(next as usize),
-        }
-    }
-}
 
 /// A vehicle that may turn reactive when it appears: its path from there on.
 #[derive(Clone, Debug)]
@@ -117,16 +49,13 @@ pub(super) struct RouteLight {
 /// A scene prepared once for many rollouts. Shared freely between threads.
 #[derive(Clone, Debug)]
 pub struct Plant {
-    scene_id: String,
-    first_step: usize,
+    scene: Arc<Scene>,
+    lanes: Arc<LaneGraph>,
     steps: usize,
     pub(super) rows: Rows,
     pub(super) sizes: Vec<Size>,
     pub(super) ego_size: Size,
     pub(super) ego_start: Sample,
-    /// The ego's recorded motion from the first simulated step on.
-    pub(super) ego_log: Vec<Option<Sample>>,
-    pub(super) target_speed_mps: Option<f64>,
     pub(super) route: Route,
     /// The route straightened a little: quicker to search for what is ahead.
     pub(super) route_ahead: Route,
@@ -141,50 +70,63 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Prepares a scene. Errors name the first thing that cannot be simulated.
+    /// Prepares a copy of a scene. Errors name the first thing that cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Plant, SimError> {
-        check(scene)?;
+        Plant::shared(Arc::new(scene.clone()))
+    }
+
+    /// [`Plant::new`] without a copy: the plant reads the recorded samples in the scene itself.
+    pub fn shared(scene: Arc<Scene>) -> Result<Plant, SimError> {
+        check(&scene)?;
         let first_step = scene.ego.start_step;
         let steps = scene.steps - 1 - first_step;
         let size = |t: &Track| Size::new(t.kind, t.length_m, t.width_m);
         let sizes: Vec<Size> = scene.tracks.iter().map(size).collect();
-        let rows = rows_of(scene, &sizes);
-        let refuse = |place: &str, rule| error(scene, place.to_string(), rule);
+        let rows = Rows::new(scene.clone(), &sizes);
+        let refuse = |place: &str, rule| error(&scene, place.to_string(), rule);
         let start = *scene.ego.track.at(first_step).ok_or_else(|| refuse("ego", "needs a sample at its start step"))?;
         let route = Route::new(&scene.ego.route, start.heading_rad)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
         let route_ahead = Route::simplified(&scene.ego.route, start.heading_rad, PATH_TOLERANCE_M)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
-        let ego_log = (first_step..scene.steps).map(|k| scene.ego.track.at(k).copied()).collect();
+        let lanes = Arc::new(LaneGraph::of(&scene.road));
         let mut plant = Plant {
-            scene_id: scene.id.clone(),
-            first_step,
             steps,
-            candidates: candidates_of(scene, &rows, steps),
+            candidates: candidates_of(&scene, &rows, steps),
             lights: scene.lights.iter().filter_map(|l| route_light(l, &route, first_step)).collect(),
             rows,
             sizes,
             ego_size: size(&scene.ego.track),
             ego_start: start,
-            ego_log,
-            target_speed_mps: scene.ego.target_speed_mps,
-            course: scene.staging.as_ref().map(|_| Course::new(scene, &route)),
+            course: scene.staging.as_ref().map(|_| Course::new(&scene, &route)),
             route,
             route_ahead,
-            drivable: Drivable::new(&scene.road),
+            drivable: Drivable::of(lanes.pieces().clone()),
             digest: Digest::of_bytes(&[]),
+            scene,
+            lanes,
         };
         plant.digest = plant.content_digest();
         Ok(plant)
     }
 
+    /// The scene that was prepared.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The graph of its lanes.
+    pub fn lanes(&self) -> &Arc<LaneGraph> {
+        &self.lanes
+    }
+
     pub fn scene_id(&self) -> &str {
-        &self.scene_id
+        &self.scene.id
     }
 
     /// The scene's step at which the closed loop begins.
     pub fn first_step(&self) -> usize {
-        self.first_step
+        self.scene.ego.start_step
     }
 
     /// The most decision steps a rollout can take: up to the scene's last sample.
@@ -209,7 +151,7 @@ impl Plant {
 
     /// Speed to aim at where the scene gives one, m/s.
     pub fn target_speed_mps(&self) -> Option<f64> {
-        self.target_speed_mps
+        self.scene.ego.target_speed_mps
     }
 
     /// Whether the scene belongs to one of SafeBench's traffic families and is run under its rules.
@@ -219,7 +161,12 @@ impl Plant {
 
     /// Whether the ego's recorded motion goes on after its start.
     pub fn has_ego_log(&self) -> bool {
-        self.ego_log.get(1).is_some_and(Option::is_some)
+        self.ego_log(1).is_some()
+    }
+
+    /// The ego as recorded at the k-th simulated step.
+    pub(super) fn ego_log(&self, k: usize) -> Option<&Sample> {
+        self.scene.ego.track.at(self.first_step() + k)
     }
 
     /// Digest of what a rollout replays from this scene.
@@ -241,10 +188,11 @@ impl Plant {
         for &start in &rows.starts {
             put(f64::from(start));
         }
-        for row in 0..rows.x.len() {
-            let sample = rows.sample(row);
-            put(f64::from(rows.track[row]));
-            put_sample(&mut put, &sample);
+        for k in 0..=self.steps {
+            for row in rows.of_step(k) {
+                put(f64::from(rows.track[row]));
+                put_sample(&mut put, rows.sample(k, row));
+            }
         }
         put_sample(&mut put, &self.ego_start);
         for point in self.route.points() {
@@ -327,54 +275,6 @@ pub(super) fn size_is_sound(length_m: f64, width_m: f64) -> bool {
     length_m > 0.0 && length_m <= LENGTH_M_MAX && width_m > 0.0 && width_m <= LENGTH_M_MAX
 }
 
-fn rows_of(scene: &Scene, sizes: &[Size]) -> Rows {
-    let tracks = scene.tracks.len();
-    let mut rows = Rows { starts: vec![0], tracks, ..Rows::default() };
-    let mut present: Vec<(usize, &Sample)> = Vec::with_capacity(tracks);
-    for step in scene.ego.start_step..scene.steps {
-        present.clear();
-        present.extend(scene.tracks.iter().enumerate().filter_map(|(i, track)| Some((i, track.at(step)?))));
-        present.sort_by(|a, b| a.1.position.x.total_cmp(&b.1.position.x).then(a.0.cmp(&b.0)));
-        let now = rows.row_of.len();
-        rows.row_of.resize(now + tracks, NONE);
-        for &(track, sample) in &present {
-            let row = rows.x.len() as u32;
-            rows.row_of[now + track] = row;
-            if now >= tracks && rows.row_of[now - tracks + track] != NONE {
-                rows.next[rows.row_of[now - tracks + track] as usize] = row;
-            }
-            rows.push(track, sample);
-        }
-        rows.starts.push(rows.x.len() as u32);
-    }
-    rows.measure_reach(sizes);
-    rows
-}
-
-impl Rows {
-    fn push(&mut self, track: usize, sample: &Sample) {
-        self.x.push(sample.position.x);
-        self.y.push(sample.position.y);
-        self.axis.push(Vec2::from_heading(sample.heading_rad));
-        self.velocity.push(sample.velocity);
-        self.heading.push(sample.heading_rad);
-        self.track.push(track as u32);
-        self.next.push(NONE);
-    }
-
-    fn measure_reach(&mut self, sizes: &[Size]) {
-        let reach_of = |row: usize| {
-            let way = self.next_place(row).position.distance(self.place(row).position);
-            // A little more than the exact bound, so that rounding to f32 can never cut a contact off.
-            ((sizes[self.track[row] as usize].radius_m + way) * 1.000_001) as f32
-        };
-        self.reach = (0..self.x.len()).map(reach_of).collect();
-        self.reach_max = (0..self.starts.len() - 1)
-            .map(|k| self.of_step(k).map(|row| f64::from(self.reach[row])).fold(0.0, f64::max))
-            .collect();
-    }
-}
-
 /// Vehicles that move (MetaDrive's rules for reactive traffic that do not depend on the ego), by step of appearance.
 fn candidates_of(scene: &Scene, rows: &Rows, steps: usize) -> Vec<Vec<Candidate>> {
     let mut found: Vec<Vec<Candidate>> = vec![Vec::new(); steps + 1];
@@ -386,7 +286,7 @@ fn candidates_of(scene: &Scene, rows: &Rows, steps: usize) -> Vec<Vec<Candidate>
         for (k, appearing) in found.iter_mut().enumerate() {
             let row = rows.find(k, i);
             if let (Some(row), false) = (row, present) {
-                appearing.extend(candidate(rows, row));
+                appearing.extend(candidate(rows, k, row));
             }
             present = row.is_some();
         }
@@ -404,17 +304,14 @@ fn moves(track: &Track) -> bool {
     spread(|s| s.position.x).max(spread(|s| s.position.y)) > MOVING_M
 }
 
-fn candidate(rows: &Rows, row: usize) -> Option<Candidate> {
-    let mut points = vec![rows.place(row).position];
-    let mut at = row;
-    while rows.next[at] != NONE {
-        at = rows.next[at] as usize;
-        points.push(rows.place(at).position);
-    }
+fn candidate(rows: &Rows, born: usize, row: usize) -> Option<Candidate> {
+    let track = rows.track[row] as usize;
+    let places = (born..).map_while(|k| rows.find(k, track)).map(|row| rows.place(row).position);
+    let points: Vec<Vec2> = places.collect();
     if points[0].distance(points[points.len() - 1]) <= PATH_M_MIN {
         return None;
     }
-    let path = Route::simplified(&points, rows.heading[row], PATH_TOLERANCE_M)?;
+    let path = Route::simplified(&points, rows.sample(born, row).heading_rad, PATH_TOLERANCE_M)?;
     Some(Candidate { row: row as u32, path })
 }
 

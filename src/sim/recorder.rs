@@ -35,12 +35,12 @@ impl Recorder {
 
     /// The state at the k-th simulated step.
     pub fn push(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize) {
-        self.push_row(plant, world, ego, k, |row| plant.rows.sample(row));
+        self.push_row(plant, world, ego, k, |row| *plant.rows.sample(k, row));
     }
 
     /// The state after a physics step of the k-th step, at the moment of contact.
     pub fn push_during(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize, substep: usize) {
-        self.push_row(plant, world, ego, k, |row| row_during(plant, row, substep).1);
+        self.push_row(plant, world, ego, k, |row| row_during(plant, k, row, substep).1);
     }
 
     fn push_row(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize, of: impl Fn(usize) -> Sample) {

@@ -39,9 +39,41 @@ pub struct RolloutCost {
     pub agent_steps: u64,
 }
 
+/// What a rollout spends its time on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// Buffers, checks of the intervention, the first state; the outcome at the end.
+    Setup,
+    /// Who turns reactive, and what reactive vehicles decide by IDM.
+    Traffic,
+    /// The ego's decision and its motion.
+    Ego,
+    /// Motion of adversaries and reactive vehicles.
+    Motion,
+    /// Contacts at the physics steps: the ego's, and adversaries' with others.
+    Contact,
+    /// Everything of the outcome that is summed up: distances, times to collision, road, log, route, trace digest.
+    Statistics,
+}
+
+impl Part {
+    pub const ALL: [Part; 6] = [Part::Setup, Part::Traffic, Part::Ego, Part::Motion, Part::Contact, Part::Statistics];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Part::Setup => "setup",
+            Part::Traffic => "traffic",
+            Part::Ego => "ego",
+            Part::Motion => "motion",
+            Part::Contact => "contact",
+            Part::Statistics => "statistics",
+        }
+    }
+}
+
 /// One closed-loop rollout.
 pub fn rollout(plant: &Plant, intervention: &Intervention, driver: &mut dyn Driver) -> Result<Outcome, SimError> {
-    Run::new(plant, intervention, driver)?.finish(None).map(|(outcome, _)| outcome)
+    Run::new(plant, intervention, driver)?.finish(None, |_| ()).map(|(outcome, _)| outcome)
 }
 
 /// [`rollout`] with the number of agent-steps it simulated.
@@ -50,7 +82,18 @@ pub fn rollout_counted(
     intervention: &Intervention,
     driver: &mut dyn Driver,
 ) -> Result<(Outcome, RolloutCost), SimError> {
-    Run::new(plant, intervention, driver)?.finish(None)
+    Run::new(plant, intervention, driver)?.finish(None, |_| ())
+}
+
+/// [`rollout_counted`] that says at every border which part begins; who listens may hold a clock. The outcome is the same.
+pub fn rollout_in_parts(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+    mut begins: impl FnMut(Part),
+) -> Result<(Outcome, RolloutCost), SimError> {
+    begins(Part::Setup);
+    Run::new(plant, intervention, driver)?.finish(None, begins)
 }
 
 /// [`rollout`] with the motion behind it; the outcome is the same bit for bit.
@@ -61,7 +104,7 @@ pub fn rollout_traced(
 ) -> Result<(Outcome, Trace), SimError> {
     let run = Run::new(plant, intervention, driver)?;
     let mut recorder = Recorder::new(plant, &run.world, run.count);
-    let (outcome, _) = run.finish(Some(&mut recorder))?;
+    let (outcome, _) = run.finish(Some(&mut recorder), |_| ())?;
     Ok((outcome, recorder.finish()))
 }
 
@@ -146,12 +189,17 @@ impl<'a> Run<'a> {
         })
     }
 
-    fn finish(mut self, mut recorder: Option<&mut Recorder>) -> Result<(Outcome, RolloutCost), SimError> {
+    fn finish(
+        mut self,
+        mut recorder: Option<&mut Recorder>,
+        mut begins: impl FnMut(Part),
+    ) -> Result<(Outcome, RolloutCost), SimError> {
         let plant = self.plant;
         let mut steps = 0;
         self.observe(0, DT_S);
         let (end, contact) = loop {
             let k = steps;
+            begins(Part::Traffic);
             traffic::wake(plant, &mut self.world, &self.ego, k, self.replays);
             if let Some(recorder) = recorder.as_deref_mut() {
                 recorder.push(plant, &self.world, &self.ego.sample, k);
@@ -159,13 +207,19 @@ impl<'a> Run<'a> {
             if k == plant.steps() {
                 break (End::Horizon, None);
             }
+            begins(Part::Ego);
             let Some(ego_step) = self.decide(k)? else { break (End::Horizon, None) };
+            begins(Part::Traffic);
+            traffic::decide(plant, &mut self.world, &self.ego, k);
+            begins(Part::Motion);
             self.plan_others(k);
+            begins(Part::Contact);
             if let Some(hit) = self.sweep(k, &ego_step) {
                 steps += usize::from(hit.substep > 0);
                 let contact = self.stop_at(k, &hit, &ego_step, recorder.as_deref_mut());
                 break (End::Contact, Some(contact));
             }
+            begins(Part::Statistics);
             self.commit(&ego_step);
             steps += 1;
             self.observe(steps, DT_S);
@@ -178,6 +232,7 @@ impl<'a> Run<'a> {
         {
             recorder.push(plant, &self.world, &self.ego.sample, steps);
         }
+        begins(Part::Setup);
         let outcome = self.outcome(end, steps, contact);
         Ok((outcome, self.cost))
     }
@@ -256,8 +311,8 @@ impl<'a> Run<'a> {
                 }
                 Ok(Some(self.drive(acceleration_mps2, steering_rad)))
             }
-            Control::FollowLog => match self.plant.ego_log.get(k + 1).copied().flatten() {
-                Some(next) => Ok(Some(self.follow(&next))),
+            Control::FollowLog => match self.plant.ego_log(k + 1) {
+                Some(next) => Ok(Some(self.follow(next))),
                 None if k == 0 => {
                     Err(SimError::NoLog { scene: self.plant.scene_id().to_string(), step: self.plant.first_step() + 1 })
                 }
@@ -298,7 +353,6 @@ impl<'a> Run<'a> {
             acceleration_mps2: self.ego.acceleration_mps2,
             size: self.ego.size,
         };
-        traffic::decide(self.plant, &mut self.world, &self.ego, k);
         set_off(&mut self.world.actors[..self.count], self.intervention, &forecast);
         for actor in &mut self.world.actors {
             actor.plan(self.plant, self.intervention, k, &forecast);

@@ -27,7 +27,7 @@ pub(super) fn wake(plant: &Plant, world: &mut World, ego: &EgoState, k: usize, r
         let track = plant.rows.track[row] as usize;
         let delta = plant.rows.place(row).position - ego.sample.position;
         let behind = delta.dot(ego.axis) < -BEHIND_M && ego.axis.cross(delta).abs() < SIDE_M;
-        let turn = num::wrap_angle(plant.rows.heading[row] - ego.sample.heading_rad).abs();
+        let turn = num::wrap_angle(plant.rows.sample(k, row).heading_rad - ego.sample.heading_rad).abs();
         if behind && turn < num::FRAC_PI_2 && !world.simulated[track] {
             world.simulated[track] = true;
             world.actors.push(Actor::reacting(plant, k, index));
@@ -65,13 +65,13 @@ fn front_of(
 ) -> Option<Front> {
     let who = world.actors[own].who;
     let mut nearest = None;
-    world.for_each_within(plant, k, position, SIGHT_M, |seen| {
-        if seen.actor != who {
-            idm::nearer(&mut nearest, path, along, seen.position, seen.axis, seen.velocity, &seen.size);
+    world.for_each_near(plant, k, position, SIGHT_M, |near| {
+        if near.who != who {
+            idm::nearer(&mut nearest, path, along, near.position, near.axis, || near.velocity(), near.size);
         }
     });
     if ego.sample.position.distance(position) <= SIGHT_M {
-        idm::nearer(&mut nearest, path, along, ego.sample.position, ego.axis, ego.sample.velocity, &ego.size);
+        idm::nearer(&mut nearest, path, along, ego.sample.position, ego.axis, || ego.sample.velocity, &ego.size);
     }
     nearest
 }

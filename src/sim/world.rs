@@ -3,9 +3,11 @@
 use crate::kernel::Vec2;
 
 use super::actors::Actor;
+use super::body::Size;
 use super::driver::Seen;
 use super::intervention::ActorRef;
 use super::plant::Plant;
+use super::rows::Rows;
 
 /// The buffers of a rollout; reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
@@ -16,16 +18,39 @@ pub struct World {
     pub(super) simulated: Vec<bool>,
 }
 
+/// Someone near a place; the velocity of a recorded road user lies in the scene and is fetched when it is asked for.
+pub(super) struct Near<'a> {
+    pub who: ActorRef,
+    pub position: Vec2,
+    pub axis: Vec2,
+    pub size: &'a Size,
+    motion: Motion<'a>,
+}
+
+enum Motion<'a> {
+    Recorded { rows: &'a Rows, k: usize, row: usize },
+    Simulated(Vec2),
+}
+
+impl Near<'_> {
+    pub fn velocity(&self) -> Vec2 {
+        match self.motion {
+            Motion::Recorded { rows, k, row } => rows.sample(k, row).velocity,
+            Motion::Simulated(velocity) => velocity,
+        }
+    }
+}
+
 impl World {
     /// Calls `f` for everyone present whose centre lies within `radius_m` of `center`: recorded ones by x, then simulated
     /// ones.
-    pub(super) fn for_each_within(
-        &self,
-        plant: &Plant,
+    pub(super) fn for_each_near<'a>(
+        &'a self,
+        plant: &'a Plant,
         k: usize,
         center: Vec2,
         radius_m: f64,
-        mut f: impl FnMut(&Seen),
+        mut f: impl FnMut(&Near<'a>),
     ) {
         let rows = &plant.rows;
         let squared = radius_m * radius_m;
@@ -38,25 +63,40 @@ impl World {
             if self.simulated[track] {
                 continue;
             }
-            f(&Seen {
-                actor: ActorRef::Track(track),
+            f(&Near {
+                who: ActorRef::Track(track),
                 position: Vec2::new(rows.x[row], rows.y[row]),
                 axis: rows.axis[row],
-                velocity: rows.velocity[row],
-                size: plant.sizes[track],
+                size: &plant.sizes[track],
+                motion: Motion::Recorded { rows, k, row },
             });
         }
         for actor in &self.actors {
             let Some(now) = &actor.now else { continue };
             if (now.position - center).norm_squared() <= squared {
-                f(&Seen {
-                    actor: actor.who,
+                f(&Near {
+                    who: actor.who,
                     position: now.position,
                     axis: actor.axis,
-                    velocity: now.velocity,
-                    size: actor.size,
+                    size: &actor.size,
+                    motion: Motion::Simulated(now.velocity),
                 });
             }
         }
+    }
+
+    /// [`World::for_each_near`] with everything that a driver may see.
+    pub(super) fn for_each_within(
+        &self,
+        plant: &Plant,
+        k: usize,
+        center: Vec2,
+        radius_m: f64,
+        mut f: impl FnMut(&Seen),
+    ) {
+        self.for_each_near(plant, k, center, radius_m, |near| {
+            let (position, axis, velocity) = (near.position, near.axis, near.velocity());
+            f(&Seen { actor: near.who, position, axis, velocity, size: *near.size });
+        });
     }
 }

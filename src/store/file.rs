@@ -63,7 +63,14 @@ pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, StoreError> 
     Ok(bytes)
 }
 
-/// Makes a folder and its parents; one that is there already is fine.
+/// The first `count` bytes of a file, fewer where it is shorter.
+pub fn read_head(path: &Path, count: usize) -> Result<Vec<u8>, StoreError> {
+    let io = |source| StoreError::io("read", path, source);
+    let mut bytes = Vec::with_capacity(count);
+    File::open(path).map_err(io)?.take(count as u64).read_to_end(&mut bytes).map_err(io)?;
+    Ok(bytes)
+}
+
 /// Removes a file; one that is not there is as good as removed.
 pub fn remove_file(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {
@@ -72,6 +79,7 @@ pub fn remove_file(path: &Path) -> Result<(), StoreError> {
     }
 }
 
+/// Makes a folder and its parents; one that is there already is fine.
 pub fn create_dir(path: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(path).map_err(|source| StoreError::io("make the folder", path, source))
 }

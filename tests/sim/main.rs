@@ -5,6 +5,7 @@ use evodrive::{ego, kernel, scene, sim};
 mod driving;
 mod egos;
 mod laws;
+mod recorded;
 mod rollouts;
 mod scenes;
 mod triggered;

@@ -58,6 +58,21 @@ fn an_adversary_that_cuts_in_and_stops_is_struck_by_the_ego() {
 }
 
 #[test]
+fn a_rollout_told_in_parts_is_the_same_and_passes_through_all_of_them() {
+    for seed in 0..20 {
+        let scene = crossing(seed, 20, 91);
+        let (plant, act) = (Plant::new(&scene).unwrap(), intercept(&scene, 10));
+        let mut parts = Vec::new();
+        let told = rollout_in_parts(&plant, &act, &mut *Policy::Idm.driver(), |part| parts.push(part)).unwrap();
+        assert_eq!(told, rollout_counted(&plant, &act, &mut *Policy::Idm.driver()).unwrap());
+        assert_eq!((parts[0], parts[parts.len() - 1]), (Part::Setup, Part::Setup));
+        let begins = |part| parts.iter().filter(|p| **p == part).count() as u64;
+        assert!([Part::Motion, Part::Contact].iter().all(|&part| begins(part) == told.1.steps), "{parts:?}");
+        assert!(Part::ALL.iter().all(|&part| begins(part) > 0));
+    }
+}
+
+#[test]
 fn hostile_interventions_are_refused() {
     let plant = Plant::new(&straight_road(91, 10.0, vec![car("a", straight(sample(9.0, 4.0, 0.0, 9.0), 91))])).unwrap();
     let good = vec![sample(0.0, 9.0, 0.0, 1.0)];

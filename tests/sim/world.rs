@@ -7,7 +7,7 @@ use crate::scenes::*;
 use crate::sim::*;
 
 /// A change of frame.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Frame {
     mirrored: bool,
     turn_rad: f64,
@@ -116,25 +116,30 @@ fn assert_alike(a: &Outcome, b: &Outcome, mirrored: bool, what: &str) {
     }
 }
 
+const FRAMES: [Frame; 4] = [
+    Frame { mirrored: true, turn_rad: 0.0, shift: Vec2::ZERO },
+    Frame { mirrored: false, turn_rad: 1.1, shift: Vec2::new(300.0, -70.0) },
+    Frame { mirrored: true, turn_rad: -2.3, shift: Vec2::new(-40.0, 1000.0) },
+    Frame { mirrored: false, turn_rad: num::PI, shift: Vec2::ZERO },
+];
+
+/// The outcome of a scene, which must be alike in every frame.
+fn run_in_all_frames(scene: &Scene, act: &Intervention, seed: u64) -> Outcome {
+    let plain = run(scene, act);
+    for frame in FRAMES {
+        let moved = run(&frame.scene(scene), &frame.act(act));
+        assert_alike(&plain, &moved, frame.mirrored, &format!("seed {seed}, {frame:?}"));
+    }
+    plain
+}
+
 #[test]
 fn a_turned_shifted_or_mirrored_scene_gives_a_turned_shifted_or_mirrored_outcome() {
-    let frames = [
-        (true, 0.0, Vec2::ZERO),
-        (false, 1.1, Vec2::new(300.0, -70.0)),
-        (true, -2.3, Vec2::new(-40.0, 1000.0)),
-        (false, num::PI, Vec2::ZERO),
-    ];
     let mut contacts = 0;
     for seed in 0..60 {
         let scene = crossing(seed, 12, 91);
-        let act = intercept(&scene, 10);
-        let plain = run(&scene, &act);
-        contacts += usize::from(plain.contact.is_some());
-        for (mirrored, turn_rad, shift) in frames {
-            let frame = Frame { mirrored, turn_rad, shift };
-            let moved = run(&frame.scene(&scene), &frame.act(&act));
-            assert_alike(&plain, &moved, mirrored, &format!("seed {seed}, {mirrored} {turn_rad}"));
-        }
+        let outcome = run_in_all_frames(&scene, &intercept(&scene, 10), seed);
+        contacts += usize::from(outcome.contact.is_some());
     }
     assert!(contacts > 5, "{contacts}");
 }
@@ -177,19 +182,11 @@ fn scripted(seed: u64) -> Intervention {
 
 #[test]
 fn scripted_road_users_move_alike_in_any_frame_and_on_any_number_of_threads() {
-    let frames =
-        [(true, 0.0, Vec2::ZERO), (false, 1.1, Vec2::new(300.0, -70.0)), (true, -2.3, Vec2::new(-40.0, 900.0))];
     let mut contacts = 0;
     for seed in 0..30 {
         let scene = crossing(seed, 0, 121);
-        let act = scripted(seed);
-        let plain = run(&scene, &act);
-        contacts += usize::from(plain.contact.is_some());
-        for (mirrored, turn_rad, shift) in frames {
-            let frame = Frame { mirrored, turn_rad, shift };
-            let moved = run(&frame.scene(&scene), &frame.act(&act));
-            assert_alike(&plain, &moved, mirrored, &format!("seed {seed}, {mirrored} {turn_rad}"));
-        }
+        let outcome = run_in_all_frames(&scene, &scripted(seed), seed);
+        contacts += usize::from(outcome.contact.is_some());
     }
     assert!(contacts > 3, "{contacts}");
     let seeds: Vec<u64> = (0..30).collect();
@@ -219,33 +216,36 @@ fn a_scene_that_begins_later_gives_the_same_outcome() {
     }
 }
 
-#[test]
-fn replaying_the_log_reproduces_it_and_its_contacts() {
-    let mut contacts = 0;
-    for seed in 0..40 {
-        let scene = crossing(seed, 20, 91);
-        let plant = Plant::new(&scene).unwrap();
-        let (outcome, trace) = rollout_traced(&plant, &Intervention::default(), &mut *Policy::Replay.driver()).unwrap();
-        let whole = outcome.steps + usize::from(outcome.contact.is_none());
-        for (k, ego) in trace.ego.iter().enumerate().take(whole) {
-            assert_eq!(Some(ego), scene.ego.track.at(k));
-            for (actor, track) in trace.actors.iter().zip(&scene.tracks) {
-                assert_eq!(actor.samples[k], track.samples[k], "seed {seed} step {k}");
-            }
-        }
-        // The recording's own first overlap at a sample is found, neither earlier nor later than a step.
-        let boxed = |t: &crate::scene::Track, k: usize| {
-            t.at(k).map(|s| crate::kernel::OrientedBox::new(s.position, s.heading_rad, t.length_m, t.width_m))
-        };
-        let own = |k| boxed(&scene.ego.track, k).unwrap();
-        let first = (0..=outcome.steps)
-            .find(|&k| scene.tracks.iter().filter_map(|t| boxed(t, k)).any(|other| own(k).overlaps(&other)));
-        if let Some(first) = first {
-            let contact = outcome.contact.expect("the recording's contact");
-            assert!(contact.time_s <= 0.1 * first as f64 + 1e-9, "seed {seed}: {contact:?} {first}");
-            contacts += 1;
+/// Replays a scene's log and holds it against the log; whether the log holds a contact of the ego at a sample.
+pub fn replays_to_itself(scene: &Scene) -> bool {
+    let (plant, from) = (Plant::new(scene).unwrap(), scene.ego.start_step);
+    let (outcome, trace) = rollout_traced(&plant, &Intervention::default(), &mut *Policy::Replay.driver()).unwrap();
+    let whole = outcome.steps + usize::from(outcome.contact.is_none());
+    for (k, ego) in trace.ego.iter().enumerate().take(whole) {
+        assert_eq!(Some(ego), scene.ego.track.at(from + k));
+        for (actor, track) in trace.actors.iter().zip(&scene.tracks) {
+            assert_eq!(actor.samples[k], track.samples[from + k], "{} step {k}", scene.id);
         }
     }
+    // The recording's own first overlap at a sample is found, not later than there.
+    let boxed = |t: &crate::scene::Track, k: usize| {
+        let at = t.at(from + k)?;
+        Some(crate::kernel::OrientedBox::new(at.position, at.heading_rad, t.length_m, t.width_m))
+    };
+    let first = (0..=outcome.steps).find(|&k| {
+        let own = boxed(&scene.ego.track, k);
+        own.is_some_and(|own| scene.tracks.iter().filter_map(|t| boxed(t, k)).any(|other| own.overlaps(&other)))
+    });
+    if let Some(first) = first {
+        let contact = outcome.contact.expect("the recording's contact");
+        assert!(contact.time_s <= 0.1 * first as f64 + 1e-9, "{}: {contact:?} {first}", scene.id);
+    }
+    first.is_some()
+}
+
+#[test]
+fn replaying_the_log_reproduces_it_and_its_contacts() {
+    let contacts = (0..40).filter(|&seed| replays_to_itself(&crossing(seed, 20, 91))).count();
     assert!(contacts > 3, "{contacts}");
 }
 

@@ -4,6 +4,9 @@
 //! Surfaces are those of [`LaneGraph`], read once at the nodes of a raster; distances come from the exact Euclidean
 //! distance transform (Felzenszwalb and Huttenlocher 2012) and are right to half a diagonal of a cell. Between nodes
 //! they are bilinear, so a search by slopes sees a continuous field. Outside the raster the border's value holds.
+//!
+//! Beside it `LaneGraph::off_road_m` and `sim::drivable` give exact distances over the same pieces, but only beside the
+//! road and without slopes: a search that must feel how deep in the road it is cannot use them, nor they this raster.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::{LaneGraph, Scene};

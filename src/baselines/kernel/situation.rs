@@ -17,7 +17,7 @@ pub struct Situation {
     pub plant: Plant,
     /// Who drives the ego, for searches that simulate it again.
     pub policy: ego::Policy,
-    pub lanes: LaneGraph,
+    pub lanes: Arc<LaneGraph>,
     pub features: SceneFeatures,
     /// The ego's latest closed-loop rollout: on the unchanged scene.
     pub ego: EgoPath,
@@ -45,12 +45,12 @@ impl Situation {
     /// Prepares a scene for programs that will meet this ego: simulates the ego once on the scene as recorded.
     pub fn new(scene: Arc<Scene>, policy: &ego::Policy) -> Result<Situation, SituationError> {
         let failed = |source| SituationError::Rollout { scene: scene.id.clone(), source };
-        let plant = Plant::new(&scene).map_err(failed)?;
+        let plant = Plant::shared(scene.clone()).map_err(failed)?;
         let mut driver = policy.driver();
         let (outcome, trace) =
             sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
         let ego = EgoPath::new(&scene, trace.from_step, trace.ego);
-        let lanes = LaneGraph::of(&scene.road);
+        let lanes = plant.lanes().clone();
         let features = SceneFeatures::of(&scene, &lanes);
         let actors = (0..scene.tracks.len()).map(|track| actors::facts(&scene, &lanes, &ego, track)).collect();
         let scene_values = vocabulary::SCENE.iter().map(|f| features.value(f.name).unwrap_or(0.0)).collect();

@@ -15,6 +15,11 @@ use crate::scene::{
 
 /// Sample times this near to the 0.1 s grid are taken as lying on it, seconds.
 const ON_GRID_WITHIN_S: f64 = 0.02;
+/// Samples of all road users, and states of all lights, after resampling.
+const SAMPLES_MAX: usize = 4_000_000;
+const LANES_MAX: usize = 50_000;
+/// Road users that a log marks.
+const MARKED_MAX: usize = 1000;
 /// Points of a logged route lie at least this far apart, metres: a standing car's jitter is no path.
 const ROUTE_SPACING_M: f64 = 0.5;
 
@@ -82,6 +87,14 @@ pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
     let steps = if on_grid { times.len() } else { (last_s / DT_S + 1e-6) as usize + 1 };
     if !(2..=crate::scene::validate::STEPS_MAX).contains(&steps) {
         return Err(format!("it has {steps} steps of 0.1 s; 2 to 1200 are read"));
+    }
+    if log.tracks.len().max(log.lights.len()).saturating_mul(steps) > SAMPLES_MAX {
+        let (tracks, lights) = (log.tracks.len(), log.lights.len());
+        return Err(format!("its {tracks} tracks and {lights} lights over {steps} steps are more than {SAMPLES_MAX}"));
+    }
+    if log.lanes.len() > LANES_MAX || log.objects_of_interest.len() > MARKED_MAX {
+        let (lanes, marked) = (log.lanes.len(), log.objects_of_interest.len());
+        return Err(format!("it has {lanes} lanes and {marked} objects of interest; 50000 and 1000 are read"));
     }
     let now_s = times.get(log.current).copied().ok_or("its current step lies beyond its end")?;
     let current_step = if on_grid { log.current } else { (now_s / DT_S).round() as usize };

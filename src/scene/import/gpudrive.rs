@@ -20,6 +20,9 @@ const NOT_OBSERVED: f64 = -10_000.0;
 const CURRENT: usize = 10;
 /// A light belongs to the lane with a point within this distance of it where no id says so, metres.
 const LIGHT_WITHIN_M: f64 = 3.0;
+const BYTES_MAX: usize = 128 << 20;
+/// Lights times steps.
+const LIGHT_STATES_MAX: usize = 4_000_000;
 /// Lights times lane points that a search by place may look at.
 const SEARCH_MAX: usize = 100_000_000;
 
@@ -116,12 +119,19 @@ enum State {
 /// # Errors
 /// No JSON of this schema; samples of unequal counts; no vehicle that could be the ego.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    if bytes.len() > BYTES_MAX {
+        return Err(ImportError::new(file_name, "byte 0", "at most 128 MiB of JSON", "split the file"));
+    }
     let file: File = serde_json::from_slice(bytes).map_err(|error| {
         let place = format!("line {}, column {}", error.line(), error.column());
         let expected = format!("GPUDrive or Nocturne JSON ({error})");
         ImportError::new(file_name, place, expected, "write the file again or leave it out")
     })?;
     let steps = steps(file_name, &file)?;
+    if file.tl_states.len().saturating_mul(steps) > LIGHT_STATES_MAX {
+        let expected = format!("at most {LIGHT_STATES_MAX} states of lights");
+        return Err(ImportError::new(file_name, "tl_states", expected, "write the file again or leave it out"));
+    }
     let is_new = file.metadata.is_some() || file.scenario_id.is_some();
     let tracks = file.objects.iter().enumerate().map(|(ix, object)| track(ix, object, is_new)).collect::<Vec<_>>();
     let names = [&file.scenario_id, &file.name].into_iter().flatten().find(|name| !name.trim().is_empty());
@@ -300,12 +310,12 @@ pub(super) fn waymo_light_state(code: i64) -> LightState {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use serde_json::{Value, json};
 
     /// A car crossing the path of another, in the newer form.
-    fn new_form() -> Value {
+    pub fn new_form() -> Value {
         let car = |id: i64, x: f64, y: f64, vx: f64, vy: f64, heading: f64, kind: &str| {
             let at = |k: usize| json!({"x": x + vx * 0.1 * k as f64, "y": y + vy * 0.1 * k as f64, "z": 0.0});
             json!({

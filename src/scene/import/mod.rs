@@ -6,6 +6,8 @@ pub mod centreline;
 pub mod commonroad;
 pub mod error;
 pub mod gpudrive;
+#[cfg(test)]
+mod hostile;
 pub mod opendrive;
 pub mod pickle;
 pub mod resample;

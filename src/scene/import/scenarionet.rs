@@ -81,7 +81,7 @@ pub(super) fn finished(file_name: &str, log: Log) -> Imported {
 }
 
 fn times(root: &Node<'_>, metadata: &Node<'_>) -> Result<Vec<f64>, ImportError> {
-    let given = metadata.get("ts").or_else(|| metadata.get("timestep"));
+    let given = ["ts", "timestep"].into_iter().filter_map(|name| metadata.get(name)).find(|times| !times.is_none());
     let times: Vec<f64> = match given {
         Some(given) => {
             let table = given.needed_numbers()?;

@@ -23,97 +23,159 @@ pub struct ImportSummary {
     pub left_out: Vec<LeftOut>,
 }
 
-/// Imports files given as (name without folder, bytes). A bad file is left out and stops nothing.
-pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSummary {
-    let mut summary = ImportSummary::default();
-    let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
-    let beside = beside_routes(files);
-    for (name, bytes) in files {
-        let name = name.as_ref();
-        let imported = match &beside {
-            Some(library) if is_beside(bytes.as_ref()) => read_beside(name, library),
-            Some(library) if has_root(bytes.as_ref(), b"<routes") => {
-                safebench::import(name, bytes.as_ref(), &library.found)
-            }
-            _ => import_file(name, bytes.as_ref()),
+/// Parts of one file that are named when they are left out.
+const NAMED_MAX: usize = 1000;
+
+/// As many bytes of a file as tell what it is.
+pub const HEAD_BYTES: usize = 4096;
+
+/// What a file is to the others of a list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// A scenario or several, read without any other file.
+    Alone,
+    /// Routes of SafeBench, which need what is [`Part::Beside`] them.
+    Routes,
+    /// A town or SafeBench's scenario file: no scene, but what routes lead through.
+    Beside,
+}
+
+/// What a file is, told by its first [`HEAD_BYTES`].
+pub fn part(head: &[u8]) -> Part {
+    let head = &head[..head.len().min(HEAD_BYTES)];
+    if has_root(head, b"<routes") {
+        Part::Routes
+    } else if has_root(head, b"<OpenDRIVE") || safebench::looks_like_scenarios(head) {
+        Part::Beside
+    } else {
+        Part::Alone
+    }
+}
+
+/// What stands beside route files: towns and scenario files, and those of them that could not be read.
+#[derive(Debug, Default)]
+pub struct BesideRoutes {
+    found: safebench::Library,
+    refused: BTreeMap<String, ImportError>,
+}
+
+impl BesideRoutes {
+    /// Reads a file that is [`Part::Beside`]; one that cannot be read is told when it is imported.
+    pub fn add(&mut self, name: &str, bytes: &[u8]) {
+        let read = if has_root(bytes, b"<OpenDRIVE") {
+            opendrive::road(name, bytes).map(|road| self.found.add_town(name, road))
+        } else {
+            self.found.add_scenarios(name, bytes)
         };
-        match imported {
-            Err(error) => {
-                summary.left_out.push(LeftOut { file: name.into(), what: String::new(), reason: reason(&error) })
+        if let Err(error) = read {
+            self.refused.insert(name.to_string(), error);
+        }
+    }
+}
+
+/// What one file gave: scenes that break no rule, with their digests, and what was left out.
+#[derive(Debug, Default)]
+pub struct FileScenes {
+    scenes: Vec<(Scene, Digest)>,
+    left_out: Vec<LeftOut>,
+}
+
+/// Reads one file of a list; `beside` is what stands beside the list's route files, if it has some. A bad file gives no
+/// scene and its reason.
+pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> FileScenes {
+    let imported = match (part(bytes), beside) {
+        // It gives no scene of its own, or the reason why it could not be read.
+        (Part::Beside, Some(beside)) => beside.refused.get(name).map_or(Ok(Imported::default()), |e| Err(e.clone())),
+        (Part::Routes, Some(beside)) => safebench::import(name, bytes, &beside.found),
+        _ => import_file(name, bytes),
+    };
+    let Imported { scenes, mut left_out } = match imported {
+        Ok(imported) => imported,
+        Err(error) => return FileScenes::left_out(name, reason(&error)),
+    };
+    let mut sound = Vec::with_capacity(scenes.len());
+    for scene in scenes {
+        let violations = scene.validate();
+        match violations.first() {
+            None => {
+                let digest = scene.digest();
+                sound.push((scene, digest));
             }
-            Ok(imported) => {
-                summary.left_out.extend(imported.left_out);
-                for scene in imported.scenes {
-                    match refusal(&scene, &taken) {
-                        Some(reason) => {
-                            summary.left_out.push(LeftOut { file: name.into(), what: scene.id, reason });
-                        }
-                        None => {
-                            taken.insert(scene.id.clone(), (name.to_string(), scene.digest()));
-                            summary.scenes.push(scene);
-                        }
-                    }
-                }
+            Some(first) => {
+                let reason = format!("it breaks {} rules of a sound scene, first {first}", violations.len());
+                left_out.push(LeftOut { file: name.into(), what: scene.id, reason });
             }
         }
     }
+    if left_out.len() > NAMED_MAX {
+        let reason = format!("and {} more parts of this file", left_out.len() - NAMED_MAX);
+        left_out.truncate(NAMED_MAX);
+        left_out.push(LeftOut { file: name.into(), what: String::new(), reason });
+    }
+    FileScenes { scenes: sound, left_out }
+}
+
+impl FileScenes {
+    /// A file that is left out as a whole.
+    pub fn left_out(name: &str, reason: String) -> FileScenes {
+        let left_out = vec![LeftOut { file: name.into(), what: String::new(), reason }];
+        FileScenes { scenes: vec![], left_out }
+    }
+}
+
+/// Puts together what files gave, given in the files' order: an id is taken once.
+pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSummary {
+    let mut summary = ImportSummary::default();
+    let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
+    for (name, read) in files {
+        summary.left_out.extend(read.left_out);
+        for (scene, digest) in read.scenes {
+            let Some((file, earlier)) = taken.get(&scene.id) else {
+                taken.insert(scene.id.clone(), (name.clone(), digest));
+                summary.scenes.push(scene);
+                continue;
+            };
+            let reason = if *earlier == digest {
+                format!("the same scene was already read from {file}")
+            } else {
+                format!("its id is already taken by a different scene of {file}; give it an id of its own")
+            };
+            summary.left_out.push(LeftOut { file: name.clone(), what: scene.id, reason });
+        }
+    }
     summary
+}
+
+/// Imports files given as (name without folder, bytes). A bad file is left out and stops nothing.
+pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSummary {
+    let beside = files.iter().any(|(_, bytes)| part(bytes.as_ref()) == Part::Routes).then(|| {
+        let mut beside = BesideRoutes::default();
+        for (name, bytes) in files.iter().filter(|(_, bytes)| part(bytes.as_ref()) == Part::Beside) {
+            beside.add(name.as_ref(), bytes.as_ref());
+        }
+        beside
+    });
+    let read = |(name, bytes): &(N, B)| {
+        let name = name.as_ref();
+        (name.to_string(), read_file(name, bytes.as_ref(), beside.as_ref()))
+    };
+    summed(files.iter().map(read))
 }
 
 fn reason(error: &ImportError) -> String {
     format!("{}: expected {}; {}", error.place, error.expected, error.remedy)
 }
 
-/// Towns and scenario files, which are no scenes but are needed by route files, and those that could not be read.
-#[derive(Default)]
-struct BesideRoutes {
-    found: safebench::Library,
-    refused: BTreeMap<String, ImportError>,
-}
-
-/// What stands beside the route files of a list; `None` where there is no route file.
-fn beside_routes<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> Option<BesideRoutes> {
-    files.iter().find(|(_, bytes)| has_root(bytes.as_ref(), b"<routes"))?;
-    let mut beside = BesideRoutes::default();
-    for (name, bytes) in files {
-        let (name, bytes) = (name.as_ref(), bytes.as_ref());
-        let read = if has_root(bytes, b"<OpenDRIVE") {
-            opendrive::road(name, bytes).map(|road| beside.found.add_town(name, road))
-        } else if safebench::looks_like_scenarios(head(bytes)) {
-            beside.found.add_scenarios(name, bytes)
-        } else {
-            continue;
-        };
-        if let Err(error) = read {
-            beside.refused.insert(name.to_string(), error);
-        }
-    }
-    Some(beside)
-}
-
-fn is_beside(bytes: &[u8]) -> bool {
-    has_root(bytes, b"<OpenDRIVE") || safebench::looks_like_scenarios(head(bytes))
-}
-
-/// A file that was read beside the routes gives no scene of its own, or the reason why it could not be read.
-fn read_beside(name: &str, beside: &BesideRoutes) -> Result<Imported, ImportError> {
-    beside.refused.get(name).map_or(Ok(Imported::default()), |error| Err(error.clone()))
-}
-
-fn head(bytes: &[u8]) -> &[u8] {
-    &bytes[..bytes.len().min(4096)]
-}
-
 /// Whether an XML file's root element begins so, told by its first bytes.
 fn has_root(bytes: &[u8], element: &[u8]) -> bool {
-    let head = head(bytes);
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
     first == Some(&b'<') && head.windows(element.len()).any(|window| window == element)
 }
 
 /// Imports one file of whatever format, told by its content, never by its name.
 pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    let head = &bytes[..bytes.len().min(4096)];
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let holds = |needle: &[u8]| head.windows(needle.len()).any(|window| window == needle);
     let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
     if first == Some(&b'<') {
@@ -135,8 +197,9 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     if bytes.first() == Some(&0x80) {
         return scenarionet::import(file, bytes);
     }
-    // GPUDrive's road users have lengths too, but stand in a list called "objects".
-    let described = holds(b"\"version\"") && holds(b"\"length\"") && !holds(b"\"objects\"");
+    // Whatever order its keys stand in; GPUDrive's road users have lengths too, but stand in a list called "objects".
+    let described = [b"\"map_features\"".as_slice(), b"\"dynamic_map_states\"", b"\"sdc_id\""].into_iter().any(holds)
+        || holds(b"\"version\"") && holds(b"\"length\"") && !holds(b"\"objects\"");
     if first == Some(&b'{') && described {
         return scenarionet_json::import(file, bytes);
     }
@@ -152,17 +215,4 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     }
     let remedy = "see `evodrive scenes import --help` for the formats that are read";
     Err(ImportError::new(file, "byte 0", "a scene file of a known format", remedy))
-}
-
-fn refusal(scene: &Scene, taken: &BTreeMap<String, (String, Digest)>) -> Option<String> {
-    let violations = scene.validate();
-    if let Some(first) = violations.first() {
-        return Some(format!("it breaks {} rules of a sound scene, first {first}", violations.len()));
-    }
-    let (file, digest) = taken.get(&scene.id)?;
-    Some(if *digest == scene.digest() {
-        format!("the same scene was already read from {file}")
-    } else {
-        format!("its id is already taken by a different scene of {file}; give it an id of its own")
-    })
 }

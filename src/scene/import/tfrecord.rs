@@ -94,13 +94,18 @@ const CRC32C: [u32; 256] = {
 pub(super) fn written(records: &[Vec<u8>]) -> Vec<u8> {
     let mut out = Vec::new();
     for data in records {
-        let length = (data.len() as u64).to_le_bytes();
-        out.extend_from_slice(&length);
-        out.extend_from_slice(&masked_crc(&length).to_le_bytes());
+        out.extend(head(data.len() as u64));
         out.extend_from_slice(data);
         out.extend_from_slice(&masked_crc(data).to_le_bytes());
     }
     out
+}
+
+/// A record's length with its checksum.
+#[cfg(test)]
+pub(super) fn head(length: u64) -> Vec<u8> {
+    let length = length.to_le_bytes();
+    [&length[..], &masked_crc(&length).to_le_bytes()].concat()
 }
 
 #[cfg(test)]

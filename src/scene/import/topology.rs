@@ -10,6 +10,9 @@ const MEET_HEADING_MAX_RAD: f64 = 0.349;
 /// Exits recovered of one lane; more is no road.
 const EXITS_MAX: usize = 16;
 
+/// Lane pieces that a search for neighbours may look at, roughly; a road more crowded than that gets none.
+const SEARCH_MAX: usize = 1_000_000_000;
+
 /// Adds exits and entries by matching ends with beginnings.
 pub fn link_by_ends(road: &mut Road) {
     let ends: Vec<Option<(Vec2, f64, Vec2, f64)>> =
@@ -28,6 +31,9 @@ pub fn link_by_ends(road: &mut Road) {
                 road.lanes[ix].exits.push(to);
                 road.lanes[to].entries.push(ix);
             }
+            if road.lanes[ix].exits.len() >= EXITS_MAX {
+                break;
+            }
         }
     }
 }
@@ -43,6 +49,11 @@ fn first_and_last(centre: &[Vec2]) -> Option<(Vec2, f64, Vec2, f64)> {
 /// Adds neighbours of the same direction where one lane runs beside another at a third and at two thirds of its way.
 pub fn link_side_by_side(road: &mut Road) {
     let graph = LaneGraph::of(road);
+    // Two searches for each side, each in the cells around a place.
+    let looked_at = (4 * 9 * road.lanes.len()).saturating_mul(graph.pieces().fullest_cell());
+    if looked_at > SEARCH_MAX {
+        return;
+    }
     for ix in 0..road.lanes.len() {
         if road.lanes[ix].left_neighbour.is_none() {
             road.lanes[ix].left_neighbour = beside(road, &graph, ix, true);

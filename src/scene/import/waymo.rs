@@ -16,7 +16,13 @@ use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
 use crate::scene::{AgentKind, LaneKind, LeftOut, LightState, Origin, Sample};
 
-const RECORD_BYTES_MAX: usize = 64 << 20;
+/// Published records have up to 4 MiB without their lidar.
+const RECORD_BYTES_MAX: usize = 16 << 20;
+/// Parts of a record by field: tracks, light states over time, map features. Two bytes of the wire make one of 200.
+const PARTS_MAX: [(u64, usize, &str); 3] =
+    [(2, 20_000, "tracks"), (7, STEPS_MAX, "dynamic_map_states"), (8, 50_000, "map_features")];
+/// Lanes that one thing names.
+const LINKS_MAX: usize = 64;
 /// Distances from lane points to border points that one scenario may cost; beyond it widths stay unknown.
 const WIDTH_EFFORT_MAX: usize = 100_000_000;
 const MPH_IN_MPS: f64 = 0.44704;
@@ -26,17 +32,17 @@ pub struct Scenario {
     #[prost(double, repeated, tag = "1")]
     timestamps_seconds: Vec<f64>,
     #[prost(message, repeated, tag = "2")]
-    tracks: Vec<Track>,
+    pub(super) tracks: Vec<Track>,
     #[prost(int32, repeated, packed = "false", tag = "4")]
     objects_of_interest: Vec<i32>,
     #[prost(string, tag = "5")]
     scenario_id: String,
     #[prost(int32, tag = "6")]
-    sdc_track_index: i32,
+    pub(super) sdc_track_index: i32,
     #[prost(message, repeated, tag = "7")]
     dynamic_map_states: Vec<DynamicMapState>,
     #[prost(message, repeated, tag = "8")]
-    map_features: Vec<MapFeature>,
+    pub(super) map_features: Vec<MapFeature>,
     #[prost(int32, tag = "10")]
     current_time_index: i32,
 }
@@ -49,13 +55,13 @@ pub struct Track {
     #[prost(int32, tag = "2")]
     object_type: i32,
     #[prost(message, repeated, tag = "3")]
-    states: Vec<ObjectState>,
+    pub(super) states: Vec<ObjectState>,
 }
 
 #[derive(Clone, PartialEq, Message)]
 pub struct ObjectState {
     #[prost(double, tag = "2")]
-    center_x: f64,
+    pub(super) center_x: f64,
     #[prost(double, tag = "3")]
     center_y: f64,
     #[prost(float, tag = "5")]
@@ -91,7 +97,7 @@ pub struct LaneState {
 #[derive(Clone, PartialEq, Message)]
 pub struct MapPoint {
     #[prost(double, tag = "1")]
-    x: f64,
+    pub(super) x: f64,
     #[prost(double, tag = "2")]
     y: f64,
 }
@@ -102,7 +108,7 @@ pub struct MapFeature {
     #[prost(int64, tag = "1")]
     id: i64,
     #[prost(message, optional, boxed, tag = "3")]
-    lane: Option<Box<LaneCenter>>,
+    pub(super) lane: Option<Box<LaneCenter>>,
     #[prost(message, optional, tag = "4")]
     road_line: Option<Line>,
     #[prost(message, optional, tag = "5")]
@@ -141,11 +147,11 @@ pub struct LaneCenter {
     #[prost(int32, tag = "2")]
     kind: i32,
     #[prost(message, repeated, tag = "8")]
-    polyline: Vec<MapPoint>,
+    pub(super) polyline: Vec<MapPoint>,
     #[prost(int64, repeated, tag = "9")]
     entry_lanes: Vec<i64>,
     #[prost(int64, repeated, tag = "10")]
-    exit_lanes: Vec<i64>,
+    pub(super) exit_lanes: Vec<i64>,
     #[prost(message, repeated, tag = "11")]
     left_neighbors: Vec<LaneNeighbor>,
     #[prost(message, repeated, tag = "12")]
@@ -180,8 +186,11 @@ pub struct BoundarySegment {
 /// ends it, and what stood before is kept.
 ///
 /// # Errors
-/// The first record is already damaged.
+/// The first record is already damaged, or there is none.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    if bytes.is_empty() {
+        return Err(ImportError::new(file_name, "byte 0", "a record", "the file is empty; fetch it again"));
+    }
     let mut imported = Imported::default();
     for (index, record) in Records::of(file_name, bytes).enumerate() {
         let what = format!("record {index}");
@@ -207,7 +216,13 @@ fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
         ImportError::new(file, format!("record {index}{place}"), expected, "fetch the file again or leave it out")
     };
     if data.len() > RECORD_BYTES_MAX {
-        return Err(refuse(String::new(), "at most 64 MiB".into()));
+        return Err(refuse(String::new(), "at most 16 MiB".into()));
+    }
+    for (field, most, name) in PARTS_MAX {
+        let count = count_of(data, field);
+        if count > most {
+            return Err(refuse(format!(", {name}"), format!("at most {most}, found {count}")));
+        }
     }
     let message = Scenario::decode(data).map_err(|e| refuse(String::new(), format!("a Scenario message ({e})")))?;
     let steps = message.timestamps_seconds.len();
@@ -231,12 +246,32 @@ fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
         current,
         tracks: message.tracks.iter().map(track).collect(),
         ego,
-        objects_of_interest: message.objects_of_interest.iter().map(i32::to_string).collect(),
+        objects_of_interest: message.objects_of_interest.iter().take(LINKS_MAX).map(i32::to_string).collect(),
         lights: lights(&message.dynamic_map_states, steps),
         ..Log::default()
     };
     features(&message.map_features, &mut log);
     Ok(log)
+}
+
+/// How often a field of length-delimited content occurs in a message, up to the first place that is no field.
+fn count_of(message: &[u8], wanted: u64) -> usize {
+    let mut rest = message;
+    let mut count = 0;
+    while let Ok(key) = prost::encoding::decode_varint(&mut rest) {
+        let length = match key & 7 {
+            0 => prost::encoding::decode_varint(&mut rest).map(|_| 0),
+            1 => Ok(8),
+            2 => prost::encoding::decode_varint(&mut rest),
+            5 => Ok(4),
+            _ => break,
+        };
+        count += usize::from(key == (wanted << 3 | 2));
+        let skipped = length.ok().and_then(|n| usize::try_from(n).ok()).and_then(|n| rest.get(n..));
+        let Some(after) = skipped else { break };
+        rest = after;
+    }
+    count
 }
 
 fn track(track: &Track) -> LogTrack {
@@ -304,13 +339,13 @@ fn features(given: &[MapFeature], log: &mut Log) {
         log.edges.extend(feature.road_edge.as_ref().map(|edge| line(&edge.polyline)));
         log.crosswalks.extend(feature.crosswalk.as_ref().map(|area| line(&area.polygon)));
         if let Some((sign, position)) = feature.stop_sign.as_ref().and_then(|s| Some((s, s.position.as_ref()?))) {
-            log.stop_signs.push((place(position), sign.lane.iter().map(i64::to_string).collect()));
+            log.stop_signs.push((place(position), sign.lane.iter().take(LINKS_MAX).map(i64::to_string).collect()));
         }
     }
 }
 
 fn lane(id: i64, lane: &LaneCenter, borders: &BTreeMap<i64, &[MapPoint]>, effort: &mut usize) -> LogLane {
-    let ids = |ids: &[i64]| ids.iter().map(i64::to_string).collect();
+    let ids = |ids: &[i64]| ids.iter().take(LINKS_MAX).map(i64::to_string).collect();
     let limit = lane.speed_limit_mph * MPH_IN_MPS;
     LogLane {
         id: id.to_string(),
@@ -379,7 +414,7 @@ fn distance(point: Vec2, line: &[MapPoint]) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::tfrecord::written;
     use super::*;
 
@@ -402,7 +437,8 @@ mod tests {
         Track { id, object_type, states: (0..91).map(state).collect() }
     }
 
-    fn message() -> Scenario {
+    /// A car crossing the path of another, and a pedestrian.
+    pub fn message() -> Scenario {
         let border = |lane_start_index, lane_end_index, boundary_feature_id| BoundarySegment {
             lane_start_index,
             lane_end_index,

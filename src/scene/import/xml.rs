@@ -1,6 +1,8 @@
 //! An XML document as a flat tree with bounds on size, depth and count. No document type, no entities but the five
 //! predefined ones and character references: nothing can expand.
 
+use std::cell::Cell;
+
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
@@ -10,7 +12,12 @@ const BYTES_MAX: usize = 256 << 20;
 const DEPTH_MAX: usize = 64;
 const ELEMENTS_MAX: usize = 4_000_000;
 const ATTRIBUTES_MAX: usize = 64;
+/// Of all elements.
+const ATTRIBUTES_IN_ALL_MAX: usize = 8_000_000;
 const TEXT_MAX: usize = 4096;
+/// Steps from one element to the next that a reader may take: names are searched for, and a file may put what is searched
+/// behind a million others, a million times.
+const STEPS_MAX: usize = 500_000_000;
 /// Processing instructions that are kept.
 const INSTRUCTIONS_MAX: usize = 16;
 
@@ -35,6 +42,8 @@ pub struct Document<'a> {
     nodes: Vec<Node>,
     /// Target and text.
     instructions: Vec<(String, String)>,
+    attributes: usize,
+    steps: Cell<usize>,
 }
 
 /// An element of a document.
@@ -55,7 +64,8 @@ impl<'a> Document<'a> {
             Ok(source) => source.strip_prefix('\u{feff}').unwrap_or(source),
             Err(error) => return refuse(format!("byte {}", error.valid_up_to()), "UTF-8 text", "save it as UTF-8"),
         };
-        let mut document = Document { file, source, nodes: Vec::new(), instructions: Vec::new() };
+        let mut document =
+            Document { file, source, nodes: Vec::new(), instructions: Vec::new(), attributes: 0, steps: Cell::new(0) };
         document.read()?;
         Ok(document)
     }
@@ -135,6 +145,10 @@ impl<'a> Document<'a> {
             if attributes.len() >= ATTRIBUTES_MAX || value.len() > TEXT_MAX {
                 return Err(self.at(at, "at most 64 attributes of 4096 bytes", "this is no scenario"));
             }
+            self.attributes += 1;
+            if self.attributes > ATTRIBUTES_IN_ALL_MAX {
+                return Err(self.at(at, "at most 8 million attributes", "split the file"));
+            }
             attributes.push((attribute.key.as_ref().into(), value.as_ref().into()));
         }
         let parent = open.last().copied().unwrap_or(NONE);
@@ -182,6 +196,14 @@ impl<'a> Document<'a> {
         self.instructions.iter().find(|(name, _)| name == target).map(|(_, text)| text.as_str())
     }
 
+    /// To be asked after reading.
+    ///
+    /// # Errors
+    /// The file's elements stood so that it was given up to search through them; what was read of it is not all.
+    pub fn was_read_whole(&self) -> Result<(), ImportError> {
+        if self.steps.get() <= STEPS_MAX { Ok(()) } else { Err(self.root().refuse("what is searched")) }
+    }
+
     pub fn root(&self) -> Element<'_> {
         Element { document: self, index: 0 }
     }
@@ -210,6 +232,10 @@ impl<'d> Element<'d> {
         let mut next = self.node().first_child;
         std::iter::from_fn(move || {
             let index = (next != NONE).then_some(next as usize)?;
+            document.steps.set(document.steps.get() + 1);
+            if document.steps.get() > STEPS_MAX {
+                return None;
+            }
             next = document.nodes[index].next_sibling;
             Some(Element { document, index })
         })
@@ -264,6 +290,10 @@ impl<'d> Element<'d> {
 
     /// An error at this element.
     pub fn refuse(&self, expected: impl Into<String>) -> ImportError {
+        if self.document.steps.get() > STEPS_MAX {
+            let expected = "elements that are found without walking past hundreds of millions of others";
+            return ImportError::new(self.document.file, self.place(), expected, "this is no scenario; leave it out");
+        }
         ImportError::new(self.document.file, self.place(), expected, "mend the file or leave it out")
     }
 }

@@ -113,6 +113,10 @@ impl Obstacles {
         Ok(Ok(()))
     }
 
+    pub fn count(&self) -> usize {
+        self.obstacles.len()
+    }
+
     /// Time of the last state of whatever moves, seconds.
     pub fn last_s(&self) -> f64 {
         let moving = self.obstacles.iter().filter(|o| !o.is_static);

@@ -15,6 +15,11 @@ const SPEED_SIGNS: [&str; 4] = ["274", "274.1", "R2-1", "r301"];
 /// Stop signs of the same catalogues, and the American one.
 const STOP_SIGNS: [&str; 3] = ["206", "r2", "R1-1"];
 
+/// Phases of a light's cycle.
+const PHASES_MAX: usize = 100;
+/// References from lanelets to lights in a file.
+const LIGHT_REFS_MAX: usize = 20_000;
+
 /// The road in the file's coordinates.
 pub(super) struct Network {
     road: Road,
@@ -22,6 +27,7 @@ pub(super) struct Network {
     pub index: BTreeMap<String, LaneIx>,
     pub crosswalks: Vec<Vec<Vec2>>,
     lights: Vec<LaneLights>,
+    light_refs: usize,
     stop_signs: Vec<StopSign>,
 }
 
@@ -76,8 +82,15 @@ pub(super) fn read(file: &File<'_>) -> Result<Network, ImportError> {
         link(&mut road, ix, element, &index)?;
     }
     let cycles = cycles(file)?;
-    let mut network =
-        Network { graph: LaneGraph::of(&road), crosswalks: vec![], lights: vec![], stop_signs: vec![], road, index };
+    let mut network = Network {
+        graph: LaneGraph::of(&road),
+        crosswalks: vec![],
+        lights: vec![],
+        light_refs: 0,
+        stop_signs: vec![],
+        road,
+        index,
+    };
     for (ix, element) in elements.iter().enumerate() {
         network.furnish(ix, element, &signs, &cycles)?;
     }
@@ -234,6 +247,9 @@ fn cycles<'d>(file: &File<'d>) -> Result<BTreeMap<&'d str, Cycle>, ImportError> 
         if let Some(given) = element.child("cycle") {
             cycle.offset_steps = given.child("timeOffset").map(|e| super::step(&e)).transpose()?.unwrap_or(0.0);
             for phase in given.named("cycleElement") {
+                if cycle.phases.len() >= PHASES_MAX {
+                    return Err(phase.refuse(format!("at most {PHASES_MAX} phases in a cycle")));
+                }
                 let duration = super::step(&phase.needed_child("duration")?)?;
                 cycle.phases.push((duration, colour(&phase.needed_child("color")?)?));
             }
@@ -284,7 +300,11 @@ impl Network {
                 self.stop_signs.push(StopSign { position, lanes: vec![ix] });
             }
         }
+        if self.light_count() + lights.len() > LIGHT_REFS_MAX {
+            return Err(element.refuse(format!("at most {LIGHT_REFS_MAX} references to lights")));
+        }
         if !lights.is_empty() {
+            self.light_refs += lights.len();
             self.lights.push(LaneLights { lane: ix, stop_point, cycles: lights.into_values().collect() });
         }
         if element.named("laneletType").any(|kind| kind.text() == "crosswalk") {
@@ -295,6 +315,16 @@ impl Network {
 
     pub fn speed_limit_mps(&self, lane: LaneIx) -> Option<f64> {
         self.road.lanes.get(lane).and_then(|lane| lane.speed_limit_mps)
+    }
+
+    /// Points of all lanes.
+    pub fn size(&self) -> usize {
+        self.road.lanes.iter().map(|lane| 3 * lane.centre.len()).sum()
+    }
+
+    /// References from lanelets to lights.
+    pub fn light_count(&self) -> usize {
+        self.light_refs
     }
 
     pub fn shifted(&self, origin: Vec2) -> Road {

@@ -12,18 +12,25 @@ use crate::scene::{Lane, LaneIx, LaneKind, Neighbour};
 const SPACING_M: f64 = 1.0;
 const SECTIONS_MAX: usize = 10_000;
 const LANES_MAX: usize = 200;
-/// Stations of all lanes of a file.
-const POINTS_MAX: usize = 20_000_000;
+/// Stations of all lanes of a file, those of lanes that are not kept included.
+const POINTS_MAX: usize = 8_000_000;
+/// Lanes of a file.
+const LANES_IN_ALL_MAX: usize = 200_000;
+/// Type records of a road.
+const TYPES_MAX: usize = 1000;
 /// A lane that is nowhere wider than this is none, metres.
 const WIDTH_MIN_M: f64 = 0.1;
 
 /// Adds all lanes of a road.
 pub(super) fn add(network: &mut Network, id: &str, road: &Element<'_>) -> Result<(), ImportError> {
     let length_m = road.number_attribute("length")?;
-    if !(0.0..=ROAD_LENGTH_MAX_M).contains(&length_m) {
-        return Err(road.refuse(format!("a length from 0 to {ROAD_LENGTH_MAX_M} m, found {length_m}")));
+    if !(length_m > 0.0 && length_m <= ROAD_LENGTH_MAX_M) {
+        return Err(road.refuse(format!("a length above 0, at most {ROAD_LENGTH_MAX_M} m, found {length_m}")));
     }
     let line = plan_view::read(road)?;
+    if road.named("type").nth(TYPES_MAX).is_some() {
+        return Err(road.refuse(format!("at most {TYPES_MAX} types")));
+    }
     let lanes = road.needed_child("lanes")?;
     let offsets = cubics(&lanes, "laneOffset", "s")?;
     let mut sections: Vec<(f64, Element<'_>)> = Vec::new();
@@ -55,6 +62,7 @@ struct Stretch<'r> {
 
 impl Stretch<'_> {
     fn add(&self, network: &mut Network, section: &Element<'_>) -> Result<(), ImportError> {
+        self.count(network, section)?;
         let stations = self.stations();
         let poses = plan_view::poses(self.line, &stations);
         let mut across: Vec<(i64, LaneIx)> = Vec::new();
@@ -91,9 +99,24 @@ impl Stretch<'_> {
         Ok(())
     }
 
+    /// Takes the stations of the section's reference line and lanes into account before they are made.
+    fn count(&self, network: &mut Network, section: &Element<'_>) -> Result<(), ImportError> {
+        let groups = ["left", "right"].into_iter().filter_map(|side| section.child(side));
+        let lanes: usize = groups.map(|group| group.named("lane").count()).sum();
+        network.stations = network.stations.saturating_add((1 + lanes).saturating_mul(self.pieces() + 1));
+        if network.stations > POINTS_MAX {
+            return Err(section.refuse("fewer or shorter lanes: the network is out of all proportion"));
+        }
+        Ok(())
+    }
+
+    fn pieces(&self) -> usize {
+        ((self.to_m - self.from_m).max(0.0) / SPACING_M).ceil().max(1.0) as usize
+    }
+
     fn stations(&self) -> Vec<f64> {
         let length = (self.to_m - self.from_m).max(0.0);
-        let pieces = (length / SPACING_M).ceil().max(1.0) as usize;
+        let pieces = self.pieces();
         // Just inside both ends: there the next section's or stretch's records would hold.
         let inside = |s: f64| s.clamp(self.from_m, (self.to_m - 1e-7).max(self.from_m));
         (0..=pieces).map(|k| inside(self.from_m + length * k as f64 / pieces as f64)).collect()
@@ -112,9 +135,8 @@ impl Stretch<'_> {
         if !forward {
             points.reverse();
         }
-        network.stations = network.stations.saturating_add(points.len());
-        if network.stations > POINTS_MAX {
-            return Err(lane.refuse("fewer lanes: the network is out of all proportion"));
+        if network.road.lanes.len() >= LANES_IN_ALL_MAX {
+            return Err(lane.refuse(format!("at most {LANES_IN_ALL_MAX} lanes in all")));
         }
         if points.iter().any(|p| !p.centre.is_finite() || !p.left_m.is_finite()) {
             return Err(lane.refuse("finite widths and places"));

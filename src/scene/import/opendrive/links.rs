@@ -69,6 +69,9 @@ fn linked_road(
         return Err(link.refuse(format!("the id of a road, found {:?}", shown(id))));
     }
     let end = contact(&link)?;
+    if road.attribute("id") == Some(id) {
+        return Err(link.refuse("another road than itself; a ring is written as two roads"));
+    }
     Ok(Some((id.to_string(), network.section_at(id, end), end)))
 }
 
@@ -98,6 +101,9 @@ pub(super) fn through_junction(
             if !roads.contains_key(id) {
                 return Err(connection.refuse(format!("the id of a road, found {:?}", shown(id))));
             }
+        }
+        if incoming == connecting {
+            return Err(connection.refuse("a connecting road other than the incoming one"));
         }
         let end = contact(&connection)?;
         let touches = |name: &str| {

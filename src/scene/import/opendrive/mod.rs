@@ -70,6 +70,7 @@ pub fn road(file_name: &str, bytes: &[u8]) -> Result<Road, ImportError> {
     for junction in root.named("junction") {
         links::through_junction(&mut network, &junction, &roads)?;
     }
+    document.was_read_whole()?;
     Ok(network.road)
 }
 
@@ -93,13 +94,13 @@ fn cubics(parent: &Element<'_>, name: &str, start: &str) -> Result<Vec<(f64, [f6
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::kernel::{Polyline, Vec2, num};
     use crate::scene::{LaneGraph, LaneKind};
 
     /// Road 1 runs 50 m east, road 2 (in junction 9) turns left on an arc of radius 20 m, road 3 runs on north.
-    const TURN: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="4"/>
+    pub const TURN: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="4"/>
 <road id="1" length="50" junction="-1"><link><successor elementType="junction" elementId="9"/></link>
  <type s="0" type="town"><speed max="30" unit="mph"/></type>
  <planView><geometry s="0" x="0" y="0" hdg="0" length="50"><line/></geometry></planView>

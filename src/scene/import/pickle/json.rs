@@ -4,40 +4,47 @@ use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-use super::{Object, Pickle, Value};
+use super::{OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
 use crate::scene::import::error::{ImportError, shown};
 
-const BYTES_MAX: usize = 512 << 20;
-/// Lists, dictionaries and texts.
-const OBJECTS_MAX: usize = 64_000_000;
+const BYTES_MAX: usize = 256 << 20;
 
 /// A whole JSON document.
 ///
 /// # Errors
-/// No JSON (which has no NaN), nesting beyond 128, or more than 512 MiB.
+/// No JSON (which has no NaN), nesting beyond 128, more than 256 MiB or 16 million values.
 pub fn read_json<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
     let remedy = "write the file again; numbers that are none must not stand in JSON";
     if bytes.len() > BYTES_MAX {
-        return Err(ImportError::new(file, "byte 0", "at most 512 MiB of JSON", "split the file"));
+        return Err(ImportError::new(file, "byte 0", "at most 256 MiB of JSON", "split the file"));
     }
-    let mut objects = Vec::new();
+    let mut made = Made::default();
     let mut parser = serde_json::Deserializer::from_slice(bytes);
-    let read = Tree(&mut objects).deserialize(&mut parser).and_then(|root| parser.end().map(|()| root));
+    let read = Tree(&mut made).deserialize(&mut parser).and_then(|root| parser.end().map(|()| root));
     let root = read.map_err(|error| {
         let place = format!("line {}, column {}", error.line(), error.column());
         ImportError::new(file, place, format!("JSON ({})", shown(&error.to_string())), remedy)
     })?;
-    Ok(Pickle { file, bytes, objects, root })
+    Ok(Pickle { file, bytes, objects: made.objects, root, listed: Default::default() })
+}
+
+/// What was built so far.
+#[derive(Default)]
+struct Made {
+    objects: Vec<Object>,
+    values: usize,
 }
 
 /// Builds the values below one place of the document.
-struct Tree<'o>(&'o mut Vec<Object>);
+struct Tree<'o>(&'o mut Made);
 
 impl Tree<'_> {
     fn object<E: Error>(self, object: Object) -> Result<Value, E> {
-        let index = u32::try_from(self.0.len()).ok().filter(|_| self.0.len() < OBJECTS_MAX);
-        let index = index.ok_or_else(|| E::custom("more than 64 million values"))?;
-        self.0.push(object);
+        if self.0.objects.len() >= OBJECTS_MAX {
+            return Err(E::custom("more than 4 million lists, objects and texts"));
+        }
+        let index = self.0.objects.len() as u32;
+        self.0.objects.push(object);
         Ok(Value::Object(index))
     }
 }
@@ -46,6 +53,10 @@ impl<'de> DeserializeSeed<'de> for Tree<'_> {
     type Value = Value;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        self.0.values += 1;
+        if self.0.values > VALUES_MAX {
+            return Err(D::Error::custom("more than 16 million values"));
+        }
         deserializer.deserialize_any(self)
     }
 }

@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use super::super::error::{ImportError, shown};
 use super::numpy::{Global, applied, built};
-use super::{Object, Pickle, Value};
+use super::{OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
 
-const BYTES_MAX: usize = 512 << 20;
-const OBJECTS_MAX: usize = 16_000_000;
+const BYTES_MAX: usize = 256 << 20;
+/// Copied items.
+const COPIES_MAX: usize = 16_000_000;
 const STACK_MAX: usize = 2_000_000;
 /// How far ahead of the memo's end a memo index may point.
 const MEMO_JUMP_MAX: usize = 65_536;
@@ -18,15 +19,16 @@ const MEMO_JUMP_MAX: usize = 65_536;
 /// Truncated or unknown opcodes, names outside the list of harmless ones, and anything beyond the bounds.
 pub fn read<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
     let mut machine = Machine {
-        pickle: Pickle { file, bytes, objects: Vec::new(), root: Value::None },
+        pickle: Pickle { file, bytes, objects: Vec::new(), root: Value::None, listed: Default::default() },
         at: 0,
         stack: Vec::new(),
         marks: Vec::new(),
         memo: Vec::new(),
         copied: 0,
+        pushed: 0,
     };
     if bytes.len() > BYTES_MAX {
-        return Err(machine.refuse("at most 512 MiB"));
+        return Err(machine.refuse("at most 256 MiB"));
     }
     if bytes.first() != Some(&0x80) {
         return Err(machine.refuse("a pickle of protocol 2 to 5"));
@@ -42,6 +44,7 @@ pub(super) struct Machine<'a> {
     marks: Vec<usize>,
     memo: Vec<Option<Value>>,
     copied: usize,
+    pushed: usize,
 }
 
 type Step<T> = Result<T, ImportError>;
@@ -98,7 +101,7 @@ impl Machine<'_> {
     /// Counts items about to be copied.
     pub fn copies(&mut self, items: usize) -> Step<()> {
         self.copied = self.copied.saturating_add(items);
-        if self.copied > OBJECTS_MAX {
+        if self.copied > COPIES_MAX {
             return Err(self.refuse("at most 16 million copied items"));
         }
         Ok(())
@@ -108,13 +111,17 @@ impl Machine<'_> {
         if self.stack.len() >= STACK_MAX {
             return Err(self.refuse("at most 2 million values that wait for their container"));
         }
+        self.pushed += 1;
+        if self.pushed > VALUES_MAX {
+            return Err(self.refuse("at most 16 million values"));
+        }
         self.stack.push(value);
         Ok(())
     }
 
     pub fn object(&mut self, object: Object) -> Step<Value> {
         if self.pickle.objects.len() >= OBJECTS_MAX {
-            return Err(self.refuse("at most 16 million objects"));
+            return Err(self.refuse("at most 4 million lists, texts and the like"));
         }
         self.pickle.objects.push(object);
         Ok(Value::Object((self.pickle.objects.len() - 1) as u32))

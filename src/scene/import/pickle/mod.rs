@@ -7,6 +7,7 @@ mod machine;
 mod numpy;
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::ops::Range;
 
 pub use json::read_json;
@@ -17,6 +18,17 @@ use super::error::{ImportError, shown};
 
 /// A record (a dictionary read by its keys) has no more entries than this.
 const RECORD_KEYS_MAX: usize = 256;
+
+/// Ids are names, and one long text may be named as the id of a million things.
+const ID_BYTES_MAX: usize = 256;
+/// Entries of a dictionary whose keys are ids.
+const ENTRIES_MAX: usize = 500_000;
+/// Lists, dictionaries, texts and the like of one document.
+const OBJECTS_MAX: usize = 4_000_000;
+/// Values in all lists and dictionaries of one document.
+const VALUES_MAX: usize = 16_000_000;
+/// Items of lists that are read as tables; a list may be read by many.
+const LISTED_MAX: usize = 64_000_000;
 
 /// A value of a pickle. Compound ones live in its [`Pickle`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +64,8 @@ pub struct Pickle<'a> {
     bytes: &'a [u8],
     objects: Vec<Object>,
     root: Value,
+    /// Items of lists read as tables so far.
+    listed: Cell<usize>,
 }
 
 /// A value with the way to it, for errors.
@@ -79,6 +93,26 @@ impl<'a> Pickle<'a> {
             Object::Text(range) => std::str::from_utf8(self.bytes.get(range.clone())?).ok(),
             Object::OwnedText(text) => Some(text),
             _ => None,
+        }
+    }
+
+    /// Whether a value is this text; a longer one costs nothing.
+    fn is_text(&self, value: Value, text: &str) -> bool {
+        match self.object(value) {
+            Some(Object::Text(range)) => {
+                range.len() == text.len() && self.bytes.get(range.clone()) == Some(text.as_bytes())
+            }
+            Some(Object::OwnedText(own)) => own == text,
+            _ => false,
+        }
+    }
+
+    /// A text that is short enough for an id.
+    fn id_text(&self, value: Value) -> Option<&str> {
+        match self.object(value)? {
+            Object::Text(range) if range.len() > ID_BYTES_MAX => None,
+            Object::OwnedText(text) if text.len() > ID_BYTES_MAX => None,
+            _ => self.text(value),
         }
     }
 
@@ -136,11 +170,11 @@ impl<'p> Node<'p> {
         self.text().ok_or_else(|| self.refuse("a text"))
     }
 
-    /// A text, or a whole number as text: ids come as both.
+    /// A text of at most 256 bytes, or a whole number as text: ids come as both.
     pub fn id(&self) -> Option<Cow<'p, str>> {
         match self.value {
             Value::Int(number) => Some(Cow::Owned(number.to_string())),
-            _ => self.text().map(Cow::Borrowed),
+            _ => self.pickle.id_text(self.value).map(Cow::Borrowed),
         }
     }
 
@@ -165,7 +199,7 @@ impl<'p> Node<'p> {
     /// The value under a text key of a dictionary.
     pub fn get(&self, key: &str) -> Option<Node<'p>> {
         let Some(Object::Dict(entries)) = self.pickle.object(self.value) else { return None };
-        let found = entries.iter().take(RECORD_KEYS_MAX).find(|(k, _)| self.pickle.text(*k) == Some(key));
+        let found = entries.iter().take(RECORD_KEYS_MAX).find(|(k, _)| self.pickle.is_text(*k, key));
         found.map(|(_, value)| self.of(*value, format_args!("{key:?}")))
     }
 
@@ -173,9 +207,12 @@ impl<'p> Node<'p> {
         self.get(key).ok_or_else(|| self.refuse(format!("a dictionary with {key:?}")))
     }
 
-    /// Entries of a dictionary whose keys are ids, in file order.
+    /// Entries of a dictionary of at most 500 000 whose keys are ids, in file order.
     pub fn entries(&self) -> Option<Vec<(Cow<'p, str>, Node<'p>)>> {
         let Some(Object::Dict(entries)) = self.pickle.object(self.value) else { return None };
+        if entries.len() > ENTRIES_MAX {
+            return None;
+        }
         let mut found = Vec::with_capacity(entries.len());
         for (key, value) in entries {
             let key = self.of(*key, "key").id()?;

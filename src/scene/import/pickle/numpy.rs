@@ -184,6 +184,10 @@ impl Pickle<'_> {
             Value::Bool(b) => Some(f64::from(u8::from(b))),
             _ => None,
         };
+        self.listed.set(self.listed.get().saturating_add(items.len()));
+        if self.listed.get() > super::LISTED_MAX {
+            return None;
+        }
         let mut columns = None;
         let mut values = Vec::with_capacity(items.len());
         for &item in items {

@@ -18,9 +18,9 @@ use crate::scene::{LaneGraph, LeftOut, Origin, Road, Scene};
 pub use events::Events;
 
 /// Waypoints of one route.
-const WAYPOINTS_MAX: usize = 1000;
+const WAYPOINTS_MAX: usize = 64;
 /// Routes of one file.
-const ROUTES_MAX: usize = 1000;
+const ROUTES_MAX: usize = 16;
 /// A trigger belongs to a route that passes it within this distance, metres.
 const TRIGGER_WITHIN_M: f64 = 5.0;
 
@@ -84,6 +84,7 @@ pub fn import(file: &str, bytes: &[u8], library: &Library) -> Result<Imported, I
     if imported.scenes.is_empty() && imported.left_out.is_empty() {
         return Err(root.refuse("at least one <route>"));
     }
+    document.was_read_whole()?;
     Ok(imported)
 }
 
@@ -188,4 +189,4 @@ fn waypoints(route: &Element<'_>) -> Result<Vec<Pose>, ImportError> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

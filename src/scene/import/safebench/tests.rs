@@ -5,7 +5,7 @@ use crate::scene::import::import_files;
 use crate::scene::safebench::Stage;
 
 /// A straight road of two lanes each way along CARLA's +x, 300 m.
-const TOWN: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="4"/>
+pub const TOWN: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="4"/>
 <road id="1" length="300" junction="-1">
  <planView><geometry s="0" x="0" y="0" hdg="0" length="300"><line/></geometry></planView>
  <lanes><laneSection s="0">
@@ -15,18 +15,18 @@ const TOWN: &str = r#"<OpenDRIVE><header revMajor="1" revMinor="4"/>
    <lane id="-2" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane></right>
  </laneSection></lanes></road></OpenDRIVE>"#;
 
-const ROUTE: &str = r#"<routes><route id="0" town="Plain">
+pub const ROUTE: &str = r#"<routes><route id="0" town="Plain">
 <waypoint x="20" y="5.25" z="0" pitch="0" roll="0" yaw="360.0"/>
 <waypoint x="60" y="5.25" z="0" pitch="0" roll="0" yaw="0.0"/>
 <waypoint x="120" y="5.25" z="0" pitch="0" roll="0" yaw="0.0"/></route></routes>"#;
 
-const EVENTS: &str = r#"{"available_scenarios":[{"Plain":[{"available_event_configurations":[
+pub const EVENTS: &str = r#"{"available_scenarios":[{"Plain":[{"available_event_configurations":[
 {"transform":{"x":"250.0","y":"5.25","yaw":"0"},"other_actors":{"left":[]}},
 {"transform":{"x":"50.0","y":5.25,"yaw":"359.5"},"other_actors":{"left":[{"x":"80.0","y":"-15.0","yaw":"90.0"}]}}
 ],"scenario_name":"OppositeVehicleRunningRedLight"},{"available_event_configurations":[
 {"transform":{"x":"45.0","y":"5.25","yaw":"0"}}],"scenario_name":"DynamicObjectCrossing"}]}]}"#;
 
-fn library() -> Library {
+pub fn library() -> Library {
     let mut library = Library::default();
     library.add_town("Plain.xodr", crate::scene::import::opendrive::road("Plain.xodr", TOWN.as_bytes()).unwrap());
     library.add_scenarios("scenario_05.json", EVENTS.as_bytes()).unwrap();

@@ -1,7 +1,8 @@
-//! A uniform grid over the pieces of all lanes: which pieces lie near a point. Built once; a query allocates
-//! nothing and its answer depends on nothing but the pieces and the point.
+//! The pieces of all lanes in a uniform grid: which lie near a point. The one description of the road's surface, shared
+//! by the lane graph and the simulator. Built once; a query allocates nothing and its answer depends on nothing but the
+//! pieces and the point.
 
-use super::{LaneIx, LaneKind, Road};
+use super::{Lane, LaneIx, LaneKind, Road};
 use crate::kernel::Vec2;
 
 /// Side of a cell where the road is no larger than `CELLS_MAX` of them, metres.
@@ -10,12 +11,9 @@ const CELLS_MAX: f64 = 32_768.0;
 
 /// One segment of a lane: its centre line and the surface around it.
 #[derive(Clone, Debug)]
-pub(super) struct Piece {
-    pub lane: LaneIx,
-    /// Index of the segment in the lane's lines.
-    pub segment: usize,
-    /// Streets and freeways; not bike lanes, shoulders, sidewalks.
-    pub through: bool,
+pub struct Piece {
+    lane: u32,
+    pub kind: LaneKind,
     pub from: Vec2,
     /// Unit vector in driving direction; zero where two centre points coincide.
     pub direction: Vec2,
@@ -29,6 +27,15 @@ pub(super) struct Piece {
 }
 
 impl Piece {
+    pub fn lane(&self) -> LaneIx {
+        self.lane as LaneIx
+    }
+
+    /// Streets and freeways; not bike lanes, shoulders, sidewalks.
+    pub fn is_through(&self) -> bool {
+        matches!(self.kind, LaneKind::Street | LaneKind::Freeway)
+    }
+
     /// Place of the nearest point of the centre segment, from 0 to its length, and its squared distance.
     pub fn nearest(&self, point: Vec2) -> (f64, f64) {
         let along = (point - self.from).dot(self.direction).clamp(0.0, self.length_m);
@@ -61,9 +68,10 @@ impl Piece {
     }
 }
 
+/// All pieces by lane, then along it.
 #[derive(Clone, Debug)]
-pub(super) struct Grid {
-    pub pieces: Vec<Piece>,
+pub struct Pieces {
+    all: Vec<Piece>,
     low: Vec2,
     cell_m: f64,
     columns: i64,
@@ -73,9 +81,24 @@ pub(super) struct Grid {
     items: Vec<u32>,
 }
 
-impl Grid {
-    pub fn of(road: &Road) -> Grid {
-        let pieces: Vec<Piece> = road.lanes.iter().enumerate().flat_map(|(ix, _)| pieces_of(road, ix)).collect();
+impl Pieces {
+    /// Of every lane of a validated road.
+    pub fn of(road: &Road) -> Pieces {
+        Pieces::of_lanes(road, |_| true)
+    }
+
+    /// Of the lanes that `takes` chooses.
+    pub fn of_lanes(road: &Road, takes: impl Fn(&Lane) -> bool) -> Pieces {
+        let lanes = || road.lanes.iter().enumerate().filter(|(_, lane)| takes(lane));
+        // Exact, because a pool of prepared scenes is kept in memory.
+        let mut pieces = Vec::with_capacity(lanes().map(|(_, lane)| segments(lane).len()).sum());
+        for (ix, lane) in lanes() {
+            push_pieces(lane, ix, &mut pieces);
+        }
+        Pieces::gridded(pieces)
+    }
+
+    fn gridded(pieces: Vec<Piece>) -> Pieces {
         let (mut low, mut high) = (Vec2::ZERO, Vec2::ZERO);
         if let Some(first) = pieces.first() {
             (low, high) = (first.low, first.high);
@@ -89,16 +112,26 @@ impl Grid {
         let cell_m = CELL_M.max((size.x * size.y / CELLS_MAX).sqrt()).max(longest / CELLS_MAX);
         let columns = (size.x / cell_m).floor() as i64 + 1;
         let rows = (size.y / cell_m).floor() as i64 + 1;
-        let mut grid = Grid { pieces, low, cell_m, columns, rows, starts: vec![], items: vec![] };
-        grid.fill();
-        grid
+        let mut gridded = Pieces { all: pieces, low, cell_m, columns, rows, starts: vec![], items: vec![] };
+        gridded.fill();
+        gridded
+    }
+
+    /// Pieces in the cell that has most of them.
+    pub fn fullest_cell(&self) -> usize {
+        self.starts.windows(2).map(|w| (w[1] - w[0]) as usize).max().unwrap_or(0)
+    }
+
+    /// By lane, then along it.
+    pub fn all(&self) -> &[Piece] {
+        &self.all
     }
 
     /// Counting sort of pieces into the cells that their bounding rectangles touch.
     fn fill(&mut self) {
         let cells = (self.columns * self.rows) as usize;
         let mut counts = vec![0u32; cells + 1];
-        for piece in &self.pieces {
+        for piece in &self.all {
             self.for_cells_of(piece, |cell| counts[cell + 1] += 1);
         }
         for cell in 0..cells {
@@ -106,7 +139,7 @@ impl Grid {
         }
         let mut items = vec![0u32; counts[cells] as usize];
         let mut next = counts.clone();
-        for (ix, piece) in self.pieces.iter().enumerate() {
+        for (ix, piece) in self.all.iter().enumerate() {
             self.for_cells_of(piece, |cell| {
                 items[next[cell] as usize] = ix as u32;
                 next[cell] += 1;
@@ -130,21 +163,22 @@ impl Grid {
         (column, row)
     }
 
-    /// Pieces of the cell that holds the point.
-    pub fn at(&self, point: Vec2) -> impl Iterator<Item = &Piece> {
+    /// Pieces of the cell that holds the point, with their places in [`Pieces::all`].
+    pub fn at(&self, point: Vec2) -> impl Iterator<Item = (u32, &Piece)> {
         let (column, row) = self.cell_of(point);
         let inside = column >= 0 && row >= 0 && column < self.columns && row < self.rows;
         let range = if inside { self.range((row * self.columns + column) as usize) } else { 0..0 };
-        self.items[range].iter().map(|&ix| &self.pieces[ix as usize])
+        self.items[range].iter().map(|&ix| (ix, &self.all[ix as usize]))
     }
 
     fn range(&self, cell: usize) -> std::ops::Range<usize> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
 
-    /// Shows `visit` every piece within `within_m` of the point (and some beyond), cell ring by cell ring outward.
-    /// `visit` returns the distance within which it still looks for something; a piece may be shown twice.
-    pub fn outward(&self, point: Vec2, within_m: f64, mut visit: impl FnMut(&Piece) -> f64) {
+    /// Shows `visit` every piece within `within_m` of the point (and some beyond) with its place in [`Pieces::all`],
+    /// cell ring by cell ring outward. `visit` returns the distance within which it still looks for something, negative
+    /// for nothing more; a piece may be shown twice.
+    pub fn outward(&self, point: Vec2, within_m: f64, mut visit: impl FnMut(u32, &Piece) -> f64) {
         let (column, row) = self.cell_of(point);
         let gap = |at: i64, count: i64| (-at).max(at.saturating_sub(count - 1)).max(0);
         let reach = |at: i64, count: i64| at.saturating_abs().max((count - 1).saturating_sub(at).saturating_abs());
@@ -164,7 +198,10 @@ impl Grid {
                         continue;
                     }
                     for &ix in &self.items[self.range((y * self.columns + x) as usize)] {
-                        bound_m = bound_m.min(visit(&self.pieces[ix as usize]));
+                        bound_m = bound_m.min(visit(ix, &self.all[ix as usize]));
+                        if bound_m < 0.0 {
+                            return;
+                        }
                     }
                 }
             }
@@ -173,12 +210,14 @@ impl Grid {
     }
 }
 
-fn pieces_of(road: &Road, lane_ix: LaneIx) -> Vec<Piece> {
-    let lane = &road.lanes[lane_ix];
-    let count = lane.centre.len().min(lane.left.len()).min(lane.right.len());
+/// The segments of a lane that all three of its lines have, by the index of their end.
+fn segments(lane: &Lane) -> std::ops::Range<usize> {
+    1..lane.centre.len().min(lane.left.len()).min(lane.right.len()).max(1)
+}
+
+fn push_pieces(lane: &Lane, ix: LaneIx, pieces: &mut Vec<Piece>) {
     let mut start_s_m = 0.0;
-    let mut pieces = Vec::with_capacity(count.saturating_sub(1));
-    for k in 1..count {
+    for k in segments(lane) {
         let (from, to) = (lane.centre[k - 1], lane.centre[k]);
         let length_m = from.distance(to);
         let surface = [lane.left[k - 1], lane.left[k], lane.right[k], lane.right[k - 1]];
@@ -186,9 +225,8 @@ fn pieces_of(road: &Road, lane_ix: LaneIx) -> Vec<Piece> {
         let low = around().fold(from, |m, p| Vec2::new(m.x.min(p.x), m.y.min(p.y)));
         let high = around().fold(from, |m, p| Vec2::new(m.x.max(p.x), m.y.max(p.y)));
         pieces.push(Piece {
-            lane: lane_ix,
-            segment: k - 1,
-            through: matches!(lane.kind, LaneKind::Street | LaneKind::Freeway),
+            lane: ix as u32,
+            kind: lane.kind,
             from,
             direction: if length_m > 0.0 { (to - from) * (1.0 / length_m) } else { Vec2::ZERO },
             length_m,
@@ -199,5 +237,4 @@ fn pieces_of(road: &Road, lane_ix: LaneIx) -> Vec<Piece> {
         });
         start_s_m += length_m;
     }
-    pieces
 }

@@ -68,7 +68,8 @@ pub fn trials(
                         Err(failure) => return Ok(vec![failure.to_string()]),
                     }
                 }
-                let compiled = prepared.as_ref().map(|ready| ready.compile(&probe.situation, study.seed));
+                let compile = |ready: &Prepared<'_>| ready.compile(&probe.situation, study.seed);
+                let compiled = prepared.as_ref().map(|ready| study.meter.compile(&spec.id, || compile(ready)));
                 let failure = compiled.and_then(Result::err).map(|failure| failure.to_string());
                 rollouts.keep_trial(
                     &key,
@@ -102,9 +103,10 @@ pub fn labelled_rollout(
 ) -> Result<RolloutRecord, String> {
     let entry = &study.scenes[place];
     let situation = entry.situation(&spec.ego)?;
-    let compiled = prepared.compile(&situation, study.seed).map_err(|failure| failure.to_string())?;
-    let outcome: Outcome = rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
-        .map_err(|error| error.to_string())?;
+    let compiled = study.meter.compile(&spec.id, || prepared.compile(&situation, study.seed));
+    let compiled = compiled.map_err(|failure| failure.to_string())?;
+    let run = || rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut());
+    let outcome: Outcome = study.meter.rollout(&spec.id, run).map_err(|error| error.to_string())?;
     record(entry, spec, prepared, &compiled.decision, outcome)
 }
 

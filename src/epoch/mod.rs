@@ -2,6 +2,7 @@
 
 mod acceptor;
 mod briefing;
+mod cost;
 mod draft;
 mod error;
 mod finale;
@@ -14,6 +15,7 @@ mod run;
 mod state;
 mod study;
 
+pub use cost::{Clock, Meter};
 pub use error::RunError;
 pub use labels::{Traced, labelled_rollout, trace};
 pub use progress::Progress;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
 use super::RunError;
+use super::cost::Meter;
 use super::state::Probe;
 use crate::adapters::{Family, Registry};
 use crate::archive::{ArchiveOptions, SelectorOptions};
@@ -45,6 +46,8 @@ pub struct Study<'a> {
     pub world: WorldConfiguration,
     pub ask: &'a dyn Ask,
     pub pool: &'a Pool,
+    /// What the work costs; no result depends on it.
+    pub meter: Meter<'a>,
 }
 
 /// How much is tried.

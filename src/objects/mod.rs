@@ -4,6 +4,7 @@
 pub mod attempt;
 pub mod benchmark;
 pub mod card;
+pub mod cost;
 pub mod diff;
 pub mod entry;
 pub mod event;

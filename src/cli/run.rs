@@ -196,7 +196,10 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
 pub fn write_report(study: &Study<'_>, folder: &RunFolder) -> Result<(), Failure> {
     let story = folder.story()?;
     let playables = playables::choose(study, &story)?;
-    Ok(store::write_atomic(&folder.report(), report::html(&story, &playables).as_bytes())?)
+    Ok(store::write_atomic(
+        &folder.report(),
+        report::html(&story, &playables, cost::kept(folder)?.as_ref()).as_bytes(),
+    )?)
 }
 
 fn answer(

@@ -80,8 +80,9 @@ pub struct Head {
     pub head: &'static str,
 }
 
-/// Who a row of numbers belongs to, first the method and the ego, or the egos that were averaged over.
+/// The generator family of a row.
 pub const METHOD: Head = Head { key: "method", head: "Method" };
+/// The ego, or the egos that were averaged over.
 pub const POLICY: Head = Head { key: "policy", head: "Policy" };
 /// Distinct rollouts behind a row.
 pub const ROLLOUTS: Head = Head { key: "rollouts", head: "Rollouts" };

@@ -35,11 +35,11 @@ const OS: Metric = Metric { name: "OS", of: |row| row.overall_score };
 /// The paper's main table: a row a generator and ego.
 pub fn safebench_main(stories: &[Story]) -> Result<Table, TableError> {
     let all = archives::lineages(stories)?;
-    let row = |(method, name, archive): &(Option<&'static Method>, String, Option<&LineageArchive>)| {
-        let ours = archive.map_or([None; 13], main_values);
-        let theirs = method.map(|method| method.main);
+    let row = |of: &Subject<'_>| {
+        let ours = of.archive.map_or([None; 13], main_values);
+        let theirs = of.method.map(|method| method.main);
         let values = ours.into_iter().enumerate().map(|(k, ours)| Value { ours, paper: theirs.map(|t| t[k]) });
-        row(vec![name.clone(), policy(*archive)], *archive, values.collect())
+        of.row(&[], values.collect())
     };
     let rows = in_order(&all).iter().map(row).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
@@ -75,18 +75,15 @@ fn main_columns() -> Vec<Column> {
 
 fn main_values(archive: &LineageArchive) -> [Option<Estimate>; 13] {
     let resampled = Resampled::new(archive);
-    let first = |of: fn(&BenchmarkRow) -> f64| move |rounds: &[Option<Benchmark>]| mean(rounds.first(), of);
-    let last = |of: fn(&BenchmarkRow) -> f64| move |rounds: &[Option<Benchmark>]| mean(rounds.last(), of);
+    let rates = [ATTACK, ARS, CR, OS].map(|metric| metric.of);
+    let parent = rates.map(|of| resampled.estimate(|rounds| mean(rounds.first(), of)));
+    let evolved = rates.map(|of| resampled.estimate(|rounds| mean(rounds.last(), of)));
     let points = |of: fn(&BenchmarkRow) -> f64| {
-        resampled.estimate(move |rounds| Some(100.0 * (mean(rounds.last(), of)? - mean(rounds.first(), of)?)))
+        resampled.estimate(|rounds| Some(100.0 * (mean(rounds.last(), of)? - mean(rounds.first(), of)?)))
     };
     let relative = resampled.estimate(|rounds| {
         let (before, after) = (mean(rounds.first(), ATTACK.of)?, mean(rounds.last(), ATTACK.of)?);
         (before > 0.0).then(|| 100.0 * (after - before) / before)
-    });
-    let [parent, evolved] = [0, 1].map(|end| {
-        [ATTACK, ARS, CR, OS]
-            .map(|m| if end == 0 { resampled.estimate(first(m.of)) } else { resampled.estimate(last(m.of)) })
     });
     let change = [relative, points(ARS.of), points(CR.of), points(OS.of), resampled.gain()];
     let mut values = parent.into_iter().chain(evolved).chain(change);
@@ -101,15 +98,17 @@ fn mean(round: Option<&Option<Benchmark>>, of: fn(&BenchmarkRow) -> f64) -> Opti
 /// The paper's tables by round: a part a generator and ego, a line a metric and round, a column a traffic family.
 pub fn safebench_rounds(stories: &[Story]) -> Result<Table, TableError> {
     let all = archives::lineages(stories)?;
-    let part = |(method, name, archive): &(Option<&'static Method>, String, Option<&LineageArchive>)| {
-        let ego = archive.map_or(String::new(), |archive| format!(" with {}", paper::policy(&archive.ego)));
-        let title = method.map_or(name.as_str(), |method| method.title);
-        let stem = name.to_lowercase().replace('_', "-");
+    let part = |of: &Subject<'_>| {
+        let (title, stem) = (of.method.map_or(of.name.as_str(), |m| m.title), of.name.to_lowercase().replace('_', "-"));
+        let (ego, ending) = match of.archive {
+            Some(archive) => (format!(" with {}", paper::policy(&archive.ego)), format!("-{}", archive.ego)),
+            None => Default::default(),
+        };
         Part {
-            name: archive.map_or(format!("safebench-rounds-{stem}"), |a| format!("safebench-rounds-{stem}-{}", a.ego)),
+            name: format!("safebench-rounds-{stem}{ending}"),
             title: format!("{title}{ego}: results by traffic family and evolution round on SafeBench"),
-            source: method.map(|method| method.rounds_label),
-            rows: round_rows(*method, name, *archive),
+            source: of.method.map(|method| method.rounds_label),
+            rows: round_rows(of),
         }
     };
     Ok(Table {
@@ -140,12 +139,12 @@ fn round_columns() -> Vec<Column> {
     families.chain([("average", "Avg.")]).map(column).collect()
 }
 
-fn round_rows(method: Option<&'static Method>, name: &str, archive: Option<&LineageArchive>) -> Vec<Row> {
-    let resampled = archive.map(Resampled::new);
-    let printed = if method.is_some() { ROUNDS } else { 0 };
-    let rounds = archive.map_or(0, |archive| archive.rounds.len()).max(printed);
-    let line = |(place, metric): (usize, &Metric), round: usize| {
-        let theirs = method.and_then(|method| method.round(place, round));
+fn round_rows(of: &Subject<'_>) -> Vec<Row> {
+    let resampled = of.archive.map(Resampled::new);
+    let printed = if of.method.is_some() { ROUNDS } else { 0 };
+    let rounds = of.archive.map_or(0, |archive| archive.rounds.len()).max(printed);
+    let line = |place: usize, metric: &Metric, round: usize| {
+        let theirs = of.method.and_then(|method| method.round(place, round));
         let ours = |column: usize| {
             let family = TrafficFamily::ALL.get(column).map(|family| family.name());
             resampled.as_ref()?.estimate(|rounds| {
@@ -155,45 +154,49 @@ fn round_rows(method: Option<&'static Method>, name: &str, archive: Option<&Line
             })
         };
         let value = |column: usize| Value { ours: ours(column), paper: theirs.map(|figures| figures[column]) };
-        let labels = vec![name.to_string(), policy(archive), metric.name.to_string(), round.to_string()];
-        row(labels, archive, (0..=TrafficFamily::ALL.len()).map(value).collect())
+        of.row(&[metric.name, &round.to_string()], (0..=TrafficFamily::ALL.len()).map(value).collect())
     };
-    let metrics = [CR, OS, ARS];
-    metrics
-        .iter()
-        .enumerate()
-        .flat_map(|metric| (0..rounds).map(move |round| (metric, round)))
-        .map(|(m, r)| line(m, r))
-        .collect()
+    let mut rows = Vec::new();
+    for (place, metric) in [CR, OS, ARS].iter().enumerate() {
+        rows.extend((0..rounds).map(|round| line(place, metric, round)));
+    }
+    rows
 }
 
-/// The paper's methods with the lineages that fill their rows, or none, then what else was run.
-fn in_order(all: &[LineageArchive]) -> Vec<(Option<&'static Method>, String, Option<&LineageArchive>)> {
+/// Who has a row or a part: a method of the paper with a lineage that fills it, or without, or a lineage alone.
+struct Subject<'a> {
+    method: Option<&'static Method>,
+    name: String,
+    archive: Option<&'a LineageArchive>,
+}
+
+/// The paper's methods, then what else was run.
+fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
     let mut order = Vec::new();
     for method in &METHODS {
         let of: Vec<&LineageArchive> = all.iter().filter(|archive| archive.method == Some(method)).collect();
         let missing = of.is_empty().then_some(None);
-        order
-            .extend(of.into_iter().map(Some).chain(missing).map(|archive| (Some(method), method.name.into(), archive)));
+        let subject = |archive| Subject { method: Some(method), name: method.name.into(), archive };
+        order.extend(of.into_iter().map(Some).chain(missing).map(subject));
     }
     let others = all.iter().filter(|archive| archive.method.is_none());
-    order.extend(others.map(|archive| (None, archive.name.clone(), Some(archive))));
+    order.extend(others.map(|archive| Subject { method: None, name: archive.name.clone(), archive: Some(archive) }));
     order
 }
 
-fn policy(archive: Option<&LineageArchive>) -> String {
-    archive.map_or(String::new(), |archive| paper::policy(&archive.ego))
-}
-
-fn row(labels: Vec<String>, archive: Option<&LineageArchive>, values: Vec<Value>) -> Row {
-    let counts = |archive: &LineageArchive| vec![archive.groups().len(), archive.scenes(), archive.rollouts];
-    Row {
-        labels,
-        lineages: archive.iter().map(|archive| archive.lineage.to_string()).collect(),
-        values,
-        counts: archive.map_or(vec![0; COUNTS.len()], counts),
-        proposals: archive.map_or(String::new(), |archive| archive.proposals.clone()),
-        notes: archive.iter().filter_map(|archive| stopped(archive)).collect(),
+impl Subject<'_> {
+    /// A row of numbers, with labels after the method and the ego.
+    fn row(&self, labels: &[&str], values: Vec<Value>) -> Row {
+        let policy = self.archive.map_or(String::new(), |archive| paper::policy(&archive.ego));
+        let counts = |archive: &LineageArchive| vec![archive.groups().len(), archive.scenes(), archive.rollouts];
+        Row {
+            labels: [self.name.clone(), policy].into_iter().chain(labels.iter().map(|l| l.to_string())).collect(),
+            lineages: self.archive.iter().map(|archive| archive.lineage.to_string()).collect(),
+            values,
+            counts: self.archive.map_or(vec![0; COUNTS.len()], counts),
+            proposals: self.archive.map_or(String::new(), |archive| archive.proposals.clone()),
+            notes: self.archive.iter().filter_map(|archive| stopped(archive)).collect(),
+        }
     }
 }
 

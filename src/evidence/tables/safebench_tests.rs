@@ -192,7 +192,7 @@ fn the_rounds_stand_by_family_with_the_papers_beside_them() {
 fn what_was_not_run_is_missing_and_a_variant_stands_apart() {
     let variant = Lineage { id: "advsim-slow-idm", ..ADVSIM };
     let made = story(&[&ADVSIM, &variant]);
-    let main = safebench_main(&[made.clone()]).unwrap();
+    let main = safebench_main(std::slice::from_ref(&made)).unwrap();
     let labels: Vec<&str> = main.rows().map(|row| row.labels[0].as_str()).collect();
     assert_eq!(labels, ["AS", "AT", "CS", "Human", "advsim-slow"]);
     let missing: Vec<bool> = main.rows().map(Row::missing).collect();
@@ -231,7 +231,7 @@ fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
 #[test]
 fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused() {
     let made = story(&[&ADVSIM]);
-    let wrong = metadrive_main(&[made.clone()]).unwrap_err().to_string();
+    let wrong = metadrive_main(std::slice::from_ref(&made)).unwrap_err().to_string();
     assert!(wrong.contains("safebench-main"), "{wrong}");
     let mut other = made.clone();
     other.rounds.clear();
@@ -265,7 +265,8 @@ fn rollouts_are_counted_once_over_everything_that_was_labelled() {
 #[test]
 fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
     let made = story(&[&ADVSIM, &HUMAN]);
-    for table in [safebench_main(&[made.clone()]).unwrap(), safebench_rounds(&[made]).unwrap()] {
+    let made = std::slice::from_ref(&made);
+    for table in [safebench_main(made).unwrap(), safebench_rounds(made).unwrap()] {
         let text = markdown(&table);
         let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
         let cells = |line: &&str| line.matches(" | ").count();

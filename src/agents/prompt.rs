@@ -74,6 +74,11 @@ pub fn contract_text(contract: &Contract) -> String {
     stable_json(&contract.to_prompt_json())
 }
 
+/// A patch as critics and repair see it.
+pub fn patch_text(patch: &ProgramPatch) -> Result<String, PromptError> {
+    Ok(stable_json(&to_value(patch)?))
+}
+
 /// The context message of an epoch with what questions need besides, written out once.
 #[derive(Clone, Debug)]
 pub struct Briefing {
@@ -122,9 +127,12 @@ impl Briefing {
 pub enum Subject<'a> {
     /// The actor starts from nothing.
     None,
-    Review(&'a ProgramPatch),
+    /// A patch as `patch_text` writes it: once for all who look at it.
+    Review {
+        patch: &'a str,
+    },
     Repair {
-        patch: &'a ProgramPatch,
+        patch: &'a str,
         reviews: &'a [Review],
     },
     Unreadable {
@@ -188,16 +196,16 @@ fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<S
         "response_id": format!("{}/e{}s{}/{}/{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round),
         "target": task.target,
     });
-    let block = |title: &str, value: &Value| json!({"title": title, "json": stable_json(value)});
+    let block = |title: &str, text: &str| json!({"title": title, "json": text});
     let blocks = match subject {
         Subject::None => vec![],
-        Subject::Review(patch) => vec![block("Patch", &to_value(patch)?)],
+        Subject::Review { patch } => vec![block("Patch", patch)],
         Subject::Repair { patch, reviews } => {
-            vec![block("Patch", &to_value(patch)?), block("Reviews", &to_value(reviews)?)]
+            vec![block("Patch", patch), block("Reviews", &stable_json(&to_value(reviews)?))]
         }
         Subject::Unreadable { reply, refusal } => {
             let text: String = String::from_utf8_lossy(reply).chars().take(UNREADABLE_MAX_CHARS).collect();
-            vec![block("Unreadable reply", &json!({"text": text, "refusal": refusal}))]
+            vec![block("Unreadable reply", &stable_json(&json!({"text": text, "refusal": refusal})))]
         }
     };
     let values = json!({

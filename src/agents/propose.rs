@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    prompt::{PromptError, Subject, request},
+    prompt::{PromptError, Subject, patch_text, request},
     reply::{self, Refusal},
     task::Task,
 };
@@ -50,9 +50,13 @@ pub fn propose(task: &Task<'_>, ask: &dyn Ask) -> Result<Proposed, AgentError> {
     let mut rounds = vec![];
     let mut draft = talk.patch(Role::Actor, 0, &Subject::None)?;
     for round in 0..=task.max_repair_rounds {
-        let (patch, reviews) = match &draft {
-            Draft::Patch(patch) => (Some(patch.clone()), talk.reviews(round, patch)?),
-            Draft::Unreadable { .. } => (None, vec![]),
+        let (patch, text, reviews) = match &draft {
+            Draft::Patch(patch) => {
+                let text = patch_text(patch)?;
+                let reviews = talk.reviews(round, &text)?;
+                (Some(patch.clone()), text, reviews)
+            }
+            Draft::Unreadable { .. } => (None, String::new(), vec![]),
         };
         rounds.push(Round { patch, reviews });
         let last = round == task.max_repair_rounds;
@@ -60,7 +64,7 @@ pub fn propose(task: &Task<'_>, ask: &dyn Ask) -> Result<Proposed, AgentError> {
             return Ok(Proposed { proposal: Proposal { exchanges: talk.exchanges, rounds }, end });
         }
         let subject = match &draft {
-            Draft::Patch(patch) => Subject::Repair { patch, reviews: &rounds[rounds.len() - 1].reviews },
+            Draft::Patch(_) => Subject::Repair { patch: &text, reviews: &rounds[rounds.len() - 1].reviews },
             Draft::Unreadable { reply, refusal } => Subject::Unreadable { reply, refusal: &refusal.0 },
         };
         draft = talk.patch(Role::Repair, round + 1, &subject)?;
@@ -114,8 +118,8 @@ impl Talk<'_> {
         })
     }
 
-    fn reviews(&mut self, round: u32, patch: &ProgramPatch) -> Result<Vec<Review>, AgentError> {
-        let subject = Subject::Review(patch);
+    fn reviews(&mut self, round: u32, patch: &str) -> Result<Vec<Review>, AgentError> {
+        let subject = Subject::Review { patch };
         let one = |role| {
             let (_, read) = self.exchange(role, round, &subject, |bytes| reply::review(bytes, role))?;
             Ok(read.unwrap_or_else(|refusal| unreadable_review(role, &refusal)))

@@ -5,20 +5,18 @@
 //! that is driven: offsets at knots of 0.5 s on the logged future, the first knot 0, loss toward the ego's rollout.
 //! This adaptation is ours, declared; the source describes none. Bounds are the method's nuScenes maxima in SI.
 
-use std::collections::BTreeMap;
-
-use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
+use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use super::interface::{self, Own, OwnParameter, own};
 use super::kernel::candidate::{Candidate, Judged};
 use super::kernel::feasibility::Bounds;
 use super::kernel::gradient::{self, PlainDescent};
 use super::kernel::offsets::{Interpolation, OffsetSpace};
 use super::kernel::pso::{self, Found, Swarm};
+use super::kernel::stage::Module;
 use super::kernel::{Part, Settings, Stage, StageError};
-use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, vocabulary};
+use crate::adapters::{Family, OperatorSpec};
 use crate::kernel::{Vec2, num};
-use crate::objects::{
-    CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
-};
+use crate::objects::{OperatorNode, Slot, ValueType};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "at";
@@ -26,202 +24,135 @@ pub const NAME: &str = "at";
 pub const BOUNDED_OFFSETS: &str = "bounded_offsets";
 /// Search operator: particle swarm over the offsets.
 pub const PARTICLE_SWARM: &str = "particle_swarm";
-
 /// Search operator: gradient descent over the offsets.
 pub const OFFSET_GRADIENT: &str = "offset_gradient";
 
-/// Contract and parent.
+/// Contract, and the parent: AT as published, on the logged future.
 pub fn family() -> Family {
-    Family { contract: contract(), parent: parent() }
-}
-
-fn contract() -> Contract {
-    let mut operators = grammar::shared_operators();
-    operators.insert(Slot::Motion, vec![motion_operator()]);
-    operators.insert(Slot::Search, vec![search_operator(), gradient_operator()]);
-    let mut mechanism_slots = grammar::shared_mechanism_slots();
-    mechanism_slots.extend([slot(
+    let (motion, search) = (motion_parameters(), search_parameters());
+    Own {
+        name: NAME,
+        title: "AT: adversarial trajectories (Zhang et al. 2022)",
+        describes: "Keeps a recorded vehicle on its own path and shifts it by offsets of at most one metre at knots of \
+                    0.5 s. All offsets are scaled down together until speed, acceleration and jerk stay within bounds. \
+                    A particle swarm looks for the offsets that bring it toward the ego's rollout."
+            .into(),
+        words: vec![BOUNDED_OFFSETS, PARTICLE_SWARM, OFFSET_GRADIENT, "offset_loss", "restart_count", "gradient_step"],
+        operators: vec![
+            (Slot::Motion, motion_operator(&motion)),
+            (Slot::Search, search_operator(&search)),
+            (Slot::Search, gradient_operator(&search)),
+        ],
+        without_shared: &[],
+        mechanism_slots: vec![slot(
         "offset_loss",
         ValueType::Number,
         grammar::candidate_features(),
         "A loss of a perturbed path, smaller is better; the search operator says whether it is added to AT's own loss \
          or replaces it.",
-    )]);
-    let mut parameters = grammar::shared_parameters();
-    parameters.extend(own_parameters());
-    Contract {
-        family: FamilyName::new(NAME),
-        title: "AT: adversarial trajectories (Zhang et al. 2022)".into(),
-        describes:
-            "Keeps a recorded vehicle on its own path and shifts it by offsets of at most one metre at knots of \
-                    0.5 s. All offsets are scaled down together until speed, acceleration and jerk stay within bounds. \
-                    A particle swarm looks for the offsets that bring it toward the ego's rollout."
-                .into(),
-        backend: "metadrive".into(),
-        private_vocabulary: private_vocabulary(),
-        parameters,
-        operators,
-        mechanism_slots,
-        scene_features: vocabulary::SCENE.to_vec(),
-        constraints: grammar::constraints(),
-        limits: Limits::default(),
+        )],
+        graph: parent_graph(&motion, &search),
+        parameters: interface::by_name(motion.into_iter().chain(search)),
     }
+    .family()
 }
 
-/// Words that another family may not use.
-fn private_vocabulary() -> Vec<String> {
-    let words = [BOUNDED_OFFSETS, PARTICLE_SWARM, OFFSET_GRADIENT, "offset_loss", "restart_count", "gradient_step"];
-    words.into_iter().map(String::from).chain(own_parameters().into_keys()).collect()
-}
-
-fn own_parameters() -> BTreeMap<String, ParameterSpec> {
-    [
-        parameter("offset_m_max", number(0.05, 1.0, "m"), "largest offset at any time; 1 in AT"),
-        parameter("knot_spacing_s", number(0.3, 2.0, "s"), "time between knots; 0.5 in the adaptation"),
-        parameter("path_speed_mps_max", number(5.0, 40.0, "m/s"), "speed bound of the perturbed path"),
-        parameter("path_acceleration_mps2_max", number(0.5, 9.0, "m/s^2"), "longitudinal acceleration bound"),
-        parameter("path_lateral_mps2_max", number(0.3, 6.0, "m/s^2"), "lateral acceleration bound"),
-        parameter("path_jerk_mps3_max", number(1.0, 30.0, "m/s^3"), "longitudinal jerk bound"),
-        parameter("path_lateral_jerk_mps3_max", number(0.5, 20.0, "m/s^3"), "lateral jerk bound"),
-        parameter("particle_count", integer(4, 20, "1"), "particles of the swarm; 10 in AT"),
-        parameter("iteration_count", integer(10, 150, "1"), "iterations of the swarm; 100 in AT"),
-        parameter("cognitive_pull", number(0.0, 2.5, "1"), "c1; 0.5 in AT"),
-        parameter("social_pull", number(0.0, 2.5, "1"), "c2; 0.3 in AT"),
-        parameter("inertia", number(0.1, 1.0, "1"), "w; 1 in AT"),
-        parameter("toward_weight", number(0.0, 5.0, "1"), "weight of the mean offset toward the ego's rollout"),
-        parameter("distance_weight", number(0.0, 5.0, "1/m"), "weight of the smallest distance to the ego's rollout"),
+fn motion_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(parameter("offset_m_max", number(0.05, 1.0, "m"), "largest offset at any time; 1 in AT"), 1.0),
+        own(parameter("knot_spacing_s", number(0.3, 2.0, "s"), "time between knots; 0.5 in the adaptation"), 0.5),
+        own(parameter("path_speed_mps_max", number(5.0, 40.0, "m/s"), "speed bound of the perturbed path"), 17.2),
+        own(parameter("path_acceleration_mps2_max", number(0.5, 9.0, "m/s^2"), "longitudinal acceleration bound"), 5.1),
+        own(parameter("path_lateral_mps2_max", number(0.3, 6.0, "m/s^2"), "lateral acceleration bound"), 1.87),
+        own(parameter("path_jerk_mps3_max", number(1.0, 30.0, "m/s^3"), "longitudinal jerk bound"), 15.7),
+        own(parameter("path_lateral_jerk_mps3_max", number(0.5, 20.0, "m/s^3"), "lateral jerk bound"), 4.3),
     ]
-    .into_iter()
-    .collect()
 }
 
-const MOTION_SETTINGS: [&str; 7] = [
-    "offset_m_max",
-    "knot_spacing_s",
-    "path_speed_mps_max",
-    "path_acceleration_mps2_max",
-    "path_lateral_mps2_max",
-    "path_jerk_mps3_max",
-    "path_lateral_jerk_mps3_max",
-];
-
-const SEARCH_SETTINGS: [&str; 7] = [
-    "particle_count",
-    "iteration_count",
-    "cognitive_pull",
-    "social_pull",
-    "inertia",
-    "toward_weight",
-    "distance_weight",
-];
-
-/// A required setting with the domain of the parameter of the same name.
-fn follows(name: &str) -> (String, crate::adapters::SettingSpec) {
-    let spec = own_parameters().remove(name).unwrap_or_else(|| unreachable!("{name} is declared above"));
-    required(name, spec.domain, &spec.describes)
+fn search_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(parameter("particle_count", integer(4, 20, "1"), "particles of the swarm; 10 in AT"), 10.0),
+        own(parameter("iteration_count", integer(10, 150, "1"), "iterations of the swarm; 100 in AT"), 100.0),
+        own(parameter("cognitive_pull", number(0.0, 2.5, "1"), "c1; 0.5 in AT"), 0.5),
+        own(parameter("social_pull", number(0.0, 2.5, "1"), "c2; 0.3 in AT"), 0.3),
+        own(parameter("inertia", number(0.1, 1.0, "1"), "w; 1 in AT"), 1.0),
+        own(
+            parameter("toward_weight", number(0.0, 5.0, "1"), "weight of the mean offset toward the ego's rollout"),
+            1.0,
+        ),
+        own(
+            parameter(
+                "distance_weight",
+                number(0.0, 5.0, "1/m"),
+                "weight of the smallest distance to the ego's rollout",
+            ),
+            1.0,
+        ),
+    ]
 }
 
-fn motion_operator() -> OperatorSpec {
-    let mut spec = operator(
-        Slot::Motion,
-        BOUNDED_OFFSETS,
-        MOTION_SETTINGS.map(follows),
-        "The actor's own logged path and the offsets that may be added to it.",
-    );
-    spec.settings.extend([required(
+fn motion_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    let mut settings: Vec<_> = parameters.iter().map(interface::follows).collect();
+    settings.extend([required(
         "interpolation",
         choice(&["linear", "cubic"]),
         "how offsets run between knots; cubic is smooth in velocity",
     )]);
-    spec
+    interface::operator(
+        Slot::Motion,
+        BOUNDED_OFFSETS,
+        settings,
+        "The actor's own logged path and the offsets that may be added to it.",
+    )
 }
 
-fn search_operator() -> OperatorSpec {
-    let mut spec = operator(
-        Slot::Search,
-        PARTICLE_SWARM,
-        SEARCH_SETTINGS.map(follows),
-        "Moves a swarm of offsets to smaller loss; the best of every particle become the candidates.",
-    );
-    spec.settings.extend([
+fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    let mut settings: Vec<_> = parameters.iter().map(interface::follows).collect();
+    settings.extend([
         optional("loss", "offset_loss", "a loss of the family's own"),
         required("combine", choice(&["add", "replace"]), "what a given loss does to AT's own"),
     ]);
-    spec
+    interface::operator(
+        Slot::Search,
+        PARTICLE_SWARM,
+        settings,
+        "Moves a swarm of offsets to smaller loss; the best of every particle become the candidates.",
+    )
 }
 
 /// The white-box attacker: 10 restarts of 100 iterations at step 0.1 in AT.
-fn gradient_operator() -> OperatorSpec {
-    let mut spec = operator(
-        Slot::Search,
-        OFFSET_GRADIENT,
-        [
-            required("restart_count", integer(1, 10, "1"), "restarts, the first from the log itself; 10 in AT"),
-            required("gradient_step", number(0.005, 0.5, "1"), "step per unit of slope; 0.1 in AT"),
-            follows("iteration_count"),
-            follows("toward_weight"),
-            follows("distance_weight"),
-        ],
-        "Follows the slope of AT's loss over the offsets; the best of every restart become the candidates.",
-    );
-    spec.settings.extend([
+fn gradient_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    let shared = ["iteration_count", "toward_weight", "distance_weight"];
+    let mut settings: Vec<_> =
+        parameters.iter().filter(|p| shared.contains(&p.name.as_str())).map(interface::follows).collect();
+    settings.extend([
+        required("restart_count", integer(1, 10, "1"), "restarts, the first from the log itself; 10 in AT"),
+        required("gradient_step", number(0.005, 0.5, "1"), "step per unit of slope; 0.1 in AT"),
         optional("loss", "offset_loss", "a loss of the family's own, for ranking what the restarts found"),
         required("combine", choice(&["add", "replace"]), "what a given loss does to AT's own in that ranking"),
     ]);
-    spec
+    interface::operator(
+        Slot::Search,
+        OFFSET_GRADIENT,
+        settings,
+        "Follows the slope of AT's loss over the offsets; the best of every restart become the candidates.",
+    )
 }
 
-/// AT as published, on the logged future.
-fn parent() -> Program {
-    let mut parameters = grammar::shared_values();
-    parameters.extend([
-        value("offset_m_max", 1.0),
-        value("knot_spacing_s", 0.5),
-        value("path_speed_mps_max", 17.2),
-        value("path_acceleration_mps2_max", 5.1),
-        value("path_lateral_mps2_max", 1.87),
-        value("path_jerk_mps3_max", 15.7),
-        value("path_lateral_jerk_mps3_max", 4.3),
-        value("particle_count", 10.0),
-        value("iteration_count", 100.0),
-        value("cognitive_pull", 0.5),
-        value("social_pull", 0.3),
-        value("inertia", 1.0),
-        value("toward_weight", 1.0),
-        value("distance_weight", 1.0),
+fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String, OperatorNode)> {
+    let with = |parameters: &[OwnParameter], word| {
+        let mut settings = interface::from_parameters(parameters);
+        settings.push(word);
+        settings
+    };
+    let (motion, search) =
+        (with(motion, interface::word("interpolation", "cubic")), with(search, interface::word("combine", "add")));
+    let mut graph = interface::one_marked_vehicle();
+    graph.extend([
+        interface::node("motion", Slot::Motion, BOUNDED_OFFSETS, &["timing"], motion),
+        interface::node("search", Slot::Search, PARTICLE_SWARM, &["motion"], search),
+        interface::best_of_search(),
     ]);
-    Program {
-        solution_id: SolutionId::new("at/parent"),
-        lineage_id: LineageId::new("at"),
-        source_family: FamilyName::new(NAME),
-        generation: 0,
-        parameters,
-        operator_graph: parent_graph(),
-        scenario_conditioned_policy: vec![],
-        mechanism_modules: BTreeMap::new(),
-        compile_contract: CompileContract { backend: "metadrive".into(), constraints: grammar::constraints() },
-        ancestor_chain: vec![],
-    }
-}
-
-fn parent_graph() -> BTreeMap<String, OperatorNode> {
-    let own = |name: &'static str| -> (&'static str, Setting) { (name, grammar::from_parameter(name)) };
-    let mut graph: BTreeMap<String, OperatorNode> = [
-        node("select", Slot::Select, "every_scene", &[], []),
-        node("actor", Slot::Actor, "marked_actor", &["select"], [("otherwise", grammar::word("nearest_path"))]),
-        node("timing", Slot::Timing, "after_history", &["actor"], [own("duration_s")]),
-        node("motion", Slot::Motion, BOUNDED_OFFSETS, &["timing"], MOTION_SETTINGS.map(own)),
-        node("search", Slot::Search, PARTICLE_SWARM, &["motion"], SEARCH_SETTINGS.map(own)),
-        node("choice", Slot::Diversity, "best_choice", &["search"], []),
-    ]
-    .into_iter()
-    .collect();
-    let extra = [("motion", "interpolation", "cubic"), ("search", "combine", "add")];
-    for (name, setting, word) in extra {
-        if let Some(node) = graph.get_mut(name) {
-            node.settings.insert(setting.into(), grammar::word(word));
-        }
-    }
     graph
 }
 
@@ -258,24 +189,15 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         social: settings.number("social_pull")?,
         inertia: settings.number("inertia")?,
     };
-    let weights = (settings.number("toward_weight")?, settings.number("distance_weight")?);
-    let replaces = settings.word("combine")? == "replace";
-    let module = settings.optional("loss");
-    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    let judge = Judge::new(settings, parts)?;
     for part in parts {
         let Some(space) = &part.offsets else { continue };
-        let judged = Judged {
-            situation: stage.situation,
-            actor: part.actor,
-            from_step: part.window.from_step,
-            adversaries: &adversaries,
-        };
-        let target = Target::new(stage, part, space);
+        let (judged, target) = (judge.of(stage, part), Target::new(stage, part, space));
         let mut offsets = Vec::new();
         let loss = |place: &[f64]| {
             let theta = space.offsets(place, &mut offsets);
-            let own = if replaces && module.is_some() { 0.0 } else { target.loss(&offsets, theta, weights) };
-            let extra = module.map_or(0.0, |module| {
+            let own = if judge.replaces { 0.0 } else { target.loss(&offsets, theta, judge.weights) };
+            let extra = judge.module.map_or(0.0, |module| {
                 module.of_candidate(&Candidate::new(space.samples(&offsets, theta), 0.0), &judged)
             });
             own + extra
@@ -301,21 +223,16 @@ pub fn descend(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Re
         iterations: settings.count("iteration_count")?,
         step: settings.number("gradient_step")?,
     };
-    let weights = (settings.number("toward_weight")?, settings.number("distance_weight")?);
-    let replaces = settings.word("combine")? == "replace";
-    let module = settings.optional("loss");
-    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    let judge = Judge::new(settings, parts)?;
     for part in parts {
         let Some(space) = &part.offsets else { continue };
-        let (situation, actor, from_step) = (stage.situation, part.actor, part.window.from_step);
-        let judged = Judged { situation, actor, from_step, adversaries: &adversaries };
-        let target = Target::new(stage, part, space);
+        let (judged, target) = (judge.of(stage, part), Target::new(stage, part, space));
         let mut offsets = Vec::new();
         let loss = |place: &[f64], slope: &mut [f64]| {
             let theta = space.offsets(place, &mut offsets);
             slope.fill(0.0);
-            target.pull(space, &offsets, theta, weights, slope);
-            target.loss(&offsets, theta, weights)
+            target.pull(space, &offsets, theta, judge.weights, slope);
+            target.loss(&offsets, theta, judge.weights)
         };
         let mut stream = stage.stream("gradient", part.actor);
         let found = gradient::minimise(&descent, space.dimensions(), &mut stream, loss);
@@ -323,13 +240,40 @@ pub fn descend(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Re
         let candidate = |best: &Found| {
             let theta = space.offsets(&best.place, &mut offsets);
             let candidate = Candidate::new(space.samples(&offsets, theta), 0.0);
-            let own = if replaces && module.is_some() { 0.0 } else { best.loss };
-            let given = module.map_or(0.0, |module| module.of_candidate(&candidate, &judged));
+            let own = if judge.replaces { 0.0 } else { best.loss };
+            let given = judge.module.map_or(0.0, |module| module.of_candidate(&candidate, &judged));
             Candidate { score: -own - given, ..candidate }
         };
         part.candidates = found.iter().map(candidate).collect();
     }
     Ok(())
+}
+
+/// How both searches judge a perturbed path.
+struct Judge<'a> {
+    /// Of the offset toward the ego, and of the distance to it.
+    weights: (f64, f64),
+    /// A loss of the family's own, and whether it stands in the place of AT's.
+    module: Option<&'a Module>,
+    replaces: bool,
+    adversaries: Vec<usize>,
+}
+
+impl<'a> Judge<'a> {
+    fn new(settings: &'a Settings, parts: &[Part]) -> Result<Judge<'a>, StageError> {
+        let module = settings.optional("loss");
+        Ok(Judge {
+            weights: (settings.number("toward_weight")?, settings.number("distance_weight")?),
+            replaces: settings.word("combine")? == "replace" && module.is_some(),
+            module,
+            adversaries: parts.iter().map(|part| part.actor).collect(),
+        })
+    }
+
+    fn of<'j>(&'j self, stage: &Stage<'j>, part: &Part) -> Judged<'j> {
+        let (situation, actor, from_step) = (stage.situation, part.actor, part.window.from_step);
+        Judged { situation, actor, from_step, adversaries: &self.adversaries }
+    }
 }
 
 /// What AT's loss pulls toward: the ego's rollout, and the side on which it lies at the log's closest approach.

@@ -5,16 +5,13 @@
 //! Where no vehicle is marked as interacting, CAT's code attacks nobody in particular; here the moving vehicle whose
 //! log comes nearest to the ego's rollout stands in, a declared choice.
 
-use std::collections::BTreeMap;
-
-use super::grammar::{self, choice, node, number, operator, optional, parameter, required, slot, value};
+use super::grammar::{self, choice, number, optional, parameter, required, slot};
+use super::interface::{self, Own, OwnParameter, own};
 use super::kernel::candidate::Judged;
 use super::kernel::{Part, Settings, Stage, StageError, posterior};
-use super::{interface, prior};
-use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, vocabulary};
-use crate::objects::{
-    CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
-};
+use super::prior;
+use crate::adapters::{Family, OperatorSpec};
+use crate::objects::{OperatorNode, Slot, ValueType};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "cat";
@@ -23,67 +20,63 @@ pub const LANE_GRAPH_PRIOR: &str = "lane_graph_prior";
 /// Search operator: posterior over ego rollouts.
 pub const COLLISION_POSTERIOR: &str = "collision_posterior";
 
-/// Contract and parent.
+/// Contract, and the parent: CAT as published.
 pub fn family() -> Family {
-    Family { contract: contract(), parent: parent() }
-}
-
-fn contract() -> Contract {
-    let mut operators = grammar::shared_operators();
-    operators.insert(Slot::Motion, vec![motion_operator()]);
-    operators.insert(Slot::Search, vec![search_operator()]);
-    let mut mechanism_slots = grammar::shared_mechanism_slots();
-    mechanism_slots.extend([slot(
-        "candidate_score",
-        ValueType::Number,
-        grammar::candidate_features(),
-        "A log-score of a candidate; the search operator says whether it is added to the posterior or replaces it.",
-    )]);
-    let mut parameters = grammar::shared_parameters();
-    parameters.extend(prior_parameters());
-    Contract {
-        family: FamilyName::new(NAME),
-        title: "CAT: closed-loop adversarial training (Zhang et al. 2023)".into(),
+    let (motion, search) = (prior::parameters(""), search_parameters());
+    Own {
+        name: NAME,
+        title: "CAT: closed-loop adversarial training (Zhang et al. 2023)",
         describes: "Replaces the future of a recorded vehicle by one of 32 trajectories of a lane-graph motion prior. \
                     Each is weighed by its prior probability times the discounted probability that it meets the ego's \
                     latest rollout; the largest posterior is replayed."
             .into(),
-        backend: "metadrive".into(),
-        private_vocabulary: private_vocabulary(),
-        parameters,
-        operators,
-        mechanism_slots,
-        scene_features: vocabulary::SCENE.to_vec(),
-        constraints: grammar::constraints(),
-        limits: Limits::default(),
+        words: vec![LANE_GRAPH_PRIOR, COLLISION_POSTERIOR, "candidate_score"],
+        operators: vec![(Slot::Motion, motion_operator(&motion)), (Slot::Search, search_operator())],
+        without_shared: &[],
+        mechanism_slots: vec![slot(
+            "candidate_score",
+            ValueType::Number,
+            grammar::candidate_features(),
+            "A log-score of a candidate; the search operator says whether it is added to the posterior or replaces it.",
+        )],
+        graph: parent_graph(&motion, &search),
+        parameters: interface::by_name(motion.into_iter().chain(search)),
     }
+    .family()
 }
 
-/// Words that another family may not use.
-fn private_vocabulary() -> Vec<String> {
-    let words = [LANE_GRAPH_PRIOR, COLLISION_POSTERIOR, "candidate_score"].into_iter().map(String::from);
-    words.chain(prior_parameters().into_keys()).collect()
+fn search_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(
+            parameter(
+                "contact_discount",
+                number(0.5, 1.0, "1"),
+                "u, discount of a contact per 0.5 s check; 0.99 in CAT",
+            ),
+            0.99,
+        ),
+        own(
+            parameter(
+                "ego_shift_s",
+                number(0.0, 1.5, "s"),
+                "the ego's rollout is also tried this much earlier and later",
+            ),
+            0.0,
+        ),
+    ]
 }
 
-fn prior_parameters() -> BTreeMap<String, ParameterSpec> {
-    let own = [
-        parameter("contact_discount", number(0.5, 1.0, "1"), "u, discount of a contact per 0.5 s check; 0.99 in CAT"),
-        parameter("ego_shift_s", number(0.0, 1.5, "s"), "the ego's rollout is also tried this much earlier and later"),
-    ];
-    prior::parameters("").into_iter().map(|p| (p.name, p.spec)).chain(own).collect()
-}
-
-fn motion_operator() -> OperatorSpec {
+fn motion_operator(parameters: &[OwnParameter]) -> OperatorSpec {
     interface::operator(
         Slot::Motion,
         LANE_GRAPH_PRIOR,
-        prior::parameters("").iter().map(interface::follows).collect(),
+        parameters.iter().map(interface::follows).collect(),
         "Candidate trajectories to goals on reachable lanes and on constant-turn arcs, with their log-probability.",
     )
 }
 
 fn search_operator() -> OperatorSpec {
-    operator(
+    grammar::operator(
         Slot::Search,
         COLLISION_POSTERIOR,
         [
@@ -96,44 +89,17 @@ fn search_operator() -> OperatorSpec {
     )
 }
 
-/// CAT as published.
-fn parent() -> Program {
-    let mut parameters = grammar::shared_values();
-    parameters.extend(prior::parameters("").into_iter().map(|p| (p.name, p.value)));
-    parameters.extend([value("contact_discount", 0.99), value("ego_shift_s", 0.0)]);
-    Program {
-        solution_id: SolutionId::new("cat/parent"),
-        lineage_id: LineageId::new("cat"),
-        source_family: FamilyName::new(NAME),
-        generation: 0,
-        parameters,
-        operator_graph: parent_graph(),
-        scenario_conditioned_policy: vec![],
-        mechanism_modules: BTreeMap::new(),
-        compile_contract: CompileContract { backend: "metadrive".into(), constraints: grammar::constraints() },
-        ancestor_chain: vec![],
-    }
-}
-
-fn parent_graph() -> BTreeMap<String, OperatorNode> {
-    let own = |name: &'static str| -> (&'static str, Setting) { (name, grammar::from_parameter(name)) };
-    let prior_settings = interface::from_parameters(&prior::parameters(""));
-    [
-        node("select", Slot::Select, "every_scene", &[], []),
-        node("actor", Slot::Actor, "marked_actor", &["select"], [("otherwise", grammar::word("nearest_path"))]),
-        node("timing", Slot::Timing, "after_history", &["actor"], [own("duration_s")]),
-        interface::node("motion", Slot::Motion, LANE_GRAPH_PRIOR, &["timing"], prior_settings),
-        node(
-            "search",
-            Slot::Search,
-            COLLISION_POSTERIOR,
-            &["motion"],
-            [own("contact_discount"), own("ego_shift_s"), ("combine", grammar::word("add"))],
-        ),
-        node("choice", Slot::Diversity, "best_choice", &["search"], []),
-    ]
-    .into_iter()
-    .collect()
+fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String, OperatorNode)> {
+    let mut search = interface::from_parameters(search);
+    search.push(interface::word("combine", "add"));
+    let motion = interface::from_parameters(motion);
+    let mut graph = interface::one_marked_vehicle();
+    graph.extend([
+        interface::node("motion", Slot::Motion, LANE_GRAPH_PRIOR, &["timing"], motion),
+        interface::node("search", Slot::Search, COLLISION_POSTERIOR, &["motion"], search),
+        interface::best_of_search(),
+    ]);
+    graph
 }
 
 /// Candidates of the lane-graph prior from the actor's sample before its window.

@@ -100,6 +100,28 @@ fn parent(name: &str, parameters: BTreeMap<String, ParameterValue>, graph: Vec<(
     }
 }
 
+/// The parameters of several operators together, by name.
+pub fn by_name(parameters: impl IntoIterator<Item = OwnParameter>) -> Vec<OwnParameter> {
+    let mut all: Vec<OwnParameter> = parameters.into_iter().collect();
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    all
+}
+
+/// Offers a family the actor operator that takes a group of vehicles, with the size that the parent gives it. Its words
+/// are nobody's own: more than one family moves several vehicles at once.
+pub fn with_actor_group(mut family: Family, size: f64) -> Family {
+    family.contract.operators.entry(Slot::Actor).or_default().push(grammar::group_operator());
+    family.contract.parameters.extend([grammar::group_parameter()]);
+    family.parent.parameters.extend([grammar::value("group_size", size)]);
+    family
+}
+
+/// The actor node of such a family's parent.
+pub fn actor_group() -> (String, OperatorNode) {
+    let size = ("group_size".to_string(), grammar::from_parameter("group_size"));
+    node("actor", Slot::Actor, "actor_group", &["select"], vec![size])
+}
+
 /// An operator kind with any number of settings.
 pub fn operator(slot: Slot, kind: &str, settings: Vec<(String, SettingSpec)>, describes: &str) -> OperatorSpec {
     let mut spec = grammar::operator(slot, kind, [], describes);

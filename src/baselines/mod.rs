@@ -110,20 +110,7 @@ mod tests {
 
     /// Generated scenes, kind after kind.
     pub fn worlds(count: usize) -> impl Iterator<Item = Scene> {
-        let options = SynthOptions {
-            kinds: WorldKind::ALL.to_vec(),
-            steps: 91,
-            current_step: 10,
-            warm_up_s: 12.0,
-            tracks_per_scene: 20,
-            pedestrian_share: 0.1,
-            cyclist_share: 0.06,
-            ego_travel_m_min: 10.0,
-            interaction_time_s_max: 4.0,
-            interaction_gap_m_max: 12.0,
-            attempts_max: 40,
-            following_share: 0.2,
-        };
+        let options = SynthOptions { warm_up_s: 12.0, tracks_per_scene: 20, ..crate::scene::fixture::worlds() };
         (0..count).map(move |index| pool_member(&options, Seed(11), index).unwrap())
     }
 

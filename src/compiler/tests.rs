@@ -224,20 +224,7 @@ proptest! {
 
 #[test]
 fn on_generated_worlds_both_parents_compile_and_cat_makes_the_ego_crash_more_often() {
-    let options = crate::scene::synth::SynthOptions {
-        kinds: crate::scene::synth::WorldKind::ALL.to_vec(),
-        steps: 91,
-        current_step: 10,
-        warm_up_s: 18.0,
-        tracks_per_scene: 24,
-        pedestrian_share: 0.1,
-        cyclist_share: 0.06,
-        ego_travel_m_min: 10.0,
-        interaction_time_s_max: 4.0,
-        interaction_gap_m_max: 12.0,
-        attempts_max: 40,
-        following_share: 0.2,
-    };
+    let options = crate::scene::synth::SynthOptions { tracks_per_scene: 24, ..crate::scene::fixture::worlds() };
     let (cat, at) = (family("cat"), family("at"));
     let (mut contacts, mut near) = ([0, 0], 0);
     for index in 0..22 {

@@ -92,7 +92,8 @@ fn evaluate(
     desk: &Desk<'_>,
 ) -> Result<Exit, RunError> {
     let RoutedCandidate { candidate, route, pairs, monitored } = routed;
-    let score = match labels::score(study, snapshot.spec, &candidate.program, &snapshot.window, desk.rollouts) {
+    let subject = (&candidate.program, candidate.program_hash);
+    let score = match labels::score(study, snapshot.spec, subject, &snapshot.window, desk.rollouts) {
         Ok(score) => score,
         Err(RunError::Evaluation(EvaluationError::NoLabel(reason))) => {
             for verdict in gates.verdicts.iter_mut().filter(|v| v.gate == Gate::Compile) {

@@ -38,6 +38,7 @@ pub struct RoutedCandidate {
 pub fn draft(
     study: &Study<'_>,
     snapshot: &Snapshot<'_>,
+    router: &Router<'_>,
     slot: u32,
     rollouts: &Rollouts<'_>,
 ) -> Result<Draft, RunError> {
@@ -52,7 +53,7 @@ pub fn draft(
     let proposed = agents::propose(&task, &study.meter.asking(study.ask, &snapshot.spec.id))?;
     let reached = match proposed.end {
         End::Declined { reason } => Reached::Declined { reason },
-        End::Patch(patch) => admit(study, snapshot, slot, &patch, rollouts)?,
+        End::Patch(patch) => admit(study, snapshot, router, slot, &patch, rollouts)?,
     };
     Ok(Draft { slot, target: target.text, proposal: proposed.proposal, reached })
 }
@@ -60,6 +61,7 @@ pub fn draft(
 fn admit(
     study: &Study<'_>,
     snapshot: &Snapshot<'_>,
+    router: &Router<'_>,
     slot: u32,
     patch: &ProgramPatch,
     rollouts: &Rollouts<'_>,
@@ -80,7 +82,7 @@ fn admit(
     Ok(match admission.candidate {
         None => Reached::Invalid { gates: admission.gates },
         Some(candidate) => {
-            let routed = Box::new(route(study, snapshot, slot, candidate, patch)?);
+            let routed = Box::new(route(study, snapshot, router, slot, candidate, patch)?);
             Reached::Routed { gates: admission.gates, routed }
         }
     })
@@ -89,6 +91,7 @@ fn admit(
 fn route(
     study: &Study<'_>,
     snapshot: &Snapshot<'_>,
+    router: &Router<'_>,
     slot: u32,
     candidate: Candidate,
     patch: &ProgramPatch,
@@ -102,6 +105,6 @@ fn route(
         pairs.push(features(schema, &of_candidate, &entry.scene.id, &entry.features, &entry.interaction)?);
     }
     let attempt = AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot);
-    let routed = Router::new(&snapshot.world)?.route(&pairs, &mut monitor_stream(study.seed, &attempt))?;
+    let routed = router.route(&pairs, &mut monitor_stream(study.seed, &attempt))?;
     Ok(RoutedCandidate { candidate, route: routed.route, pairs, monitored: routed.monitored })
 }

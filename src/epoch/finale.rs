@@ -123,7 +123,7 @@ fn choose(
     let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
     for solution in std::iter::once(parent.clone()).chain(finalists(study, state, spec, parent)) {
         let program = state.lineages.program(&spec.id, &solution)?;
-        let score = labels::score(study, spec, program, &study.evolution, desk.rollouts)?;
+        let score = labels::score(study, spec, (program, program.hash()?), &study.evolution, desk.rollouts)?;
         desk.log.append(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
@@ -168,7 +168,7 @@ fn held_out(
     desk: &mut Desk<'_>,
 ) -> Result<Score, RunError> {
     let program = state.lineages.program(&spec.id, solution)?;
-    let score = labels::score(study, spec, program, &study.held_out, desk.rollouts)?;
+    let score = labels::score(study, spec, (program, program.hash()?), &study.held_out, desk.rollouts)?;
     let roles = [
         ("parent", solution == parent),
         ("active", *solution == choice.active),

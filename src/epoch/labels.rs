@@ -8,18 +8,17 @@ use super::{
     state::Snapshot,
     study::{LineageSpec, SceneEntry, Study},
 };
-use crate::adapters::ADAPTER_VERSION;
 use crate::compiler::{Compiled, Decision, Prepared};
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
-use crate::kernel::{Digest, Seed, canon::CanonError};
+use crate::kernel::Digest;
 use crate::objects::{Program, Score};
-use crate::sim::{Intervention, Outcome, SIM_VERSION, Trace, rollout, rollout_traced};
+use crate::sim::{Intervention, Outcome, Trace, rollout, rollout_traced};
 
-/// Labels a program on the scenes at these places.
+/// Labels a program, given with its hash, on the scenes at these places.
 pub fn score(
     study: &Study<'_>,
     spec: &LineageSpec,
-    program: &Program,
+    (program, hash): (&Program, Digest),
     places: &[usize],
     rollouts: &Rollouts<'_>,
 ) -> Result<Score, RunError> {
@@ -30,7 +29,7 @@ pub fn score(
         Ok(prepared) => Ok(prepared),
         Err(failure) => Err(failure.to_string()),
     };
-    let subject = Subject { program: program.hash()?, ego: &spec.ego, seed: study.seed };
+    let subject = Subject { program: hash, ego: &spec.ego, seed: study.seed };
     let scene = |&place: &usize| {
         let entry = &study.scenes[place];
         SceneRef { id: &entry.scene.id, digest: entry.digest, group: entry.group() }
@@ -55,12 +54,13 @@ pub fn trials(
     let mut problems = Vec::new();
     for probe in &snapshot.probes {
         let entry = &study.scenes[probe.place];
-        if rollouts.has(&request_key(hash, entry.digest, spec.ego.digest(), study.seed)?) {
+        // The compilation and the rollout of one request have one key, each among its own kind of memo.
+        let key = request_key(hash, entry.digest, spec.ego.digest(), study.seed)?;
+        if rollouts.has(&key) {
             continue;
         }
-        let key = trial_key(hash, entry.digest, spec.ego.digest(), study.seed)?;
         let failure = match rollouts.tried(&key)? {
-            Some(trial) => trial.failure,
+            Some(trial) => trial.failure.clone(),
             None => {
                 if prepared.is_none() {
                     match Prepared::new(program, contract) {
@@ -87,11 +87,6 @@ pub fn trials(
         problems.extend(failure);
     }
     Ok(problems)
-}
-
-/// Key of a trial request: what a compilation depends on, as for a rollout.
-fn trial_key(program: Digest, scene: Digest, ego: Digest, seed: Seed) -> Result<Digest, CanonError> {
-    Digest::of("evodrive/compile-request/1", &(SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed))
 }
 
 /// Compiles for one scene and rolls out. A text is the reason why there is no label.

@@ -37,13 +37,50 @@ pub struct Rollouts<'a> {
     desk: Mutex<Seen>,
 }
 
+/// Records by the key of their request, each with the digest it is stored under.
+type Met<T> = BTreeMap<Digest, (Arc<T>, Digest)>;
+
 /// What this run met so far.
 #[derive(Default)]
 struct Seen {
-    records: BTreeMap<Digest, (Arc<RolloutRecord>, Digest)>,
+    records: Met<RolloutRecord>,
     reused: usize,
     simulated: usize,
-    trials: BTreeMap<Digest, TrialRecord>,
+    trials: Met<TrialRecord>,
+}
+
+/// A kind of record that the store keeps as a memo of its request.
+trait Kept: Serialize + DeserializeOwned {
+    const KIND: MemoKind;
+
+    fn met(seen: &mut Seen) -> &mut Met<Self>;
+
+    /// The scene it is about, for people.
+    fn scene(&self) -> &str;
+}
+
+impl Kept for RolloutRecord {
+    const KIND: MemoKind = MemoKind::Rollout;
+
+    fn met(seen: &mut Seen) -> &mut Met<Self> {
+        &mut seen.records
+    }
+
+    fn scene(&self) -> &str {
+        &self.scene
+    }
+}
+
+impl Kept for TrialRecord {
+    const KIND: MemoKind = MemoKind::Compile;
+
+    fn met(seen: &mut Seen) -> &mut Met<Self> {
+        &mut seen.trials
+    }
+
+    fn scene(&self) -> &str {
+        &self.scene
+    }
 }
 
 impl<'a> Rollouts<'a> {
@@ -73,95 +110,68 @@ impl<'a> Rollouts<'a> {
     }
 
     /// The record of a trial, if there is one to rely on.
-    pub fn tried(&self, key: &Digest) -> Result<Option<TrialRecord>, CacheError> {
-        if let Some(found) = self.seen().trials.get(key) {
-            return Ok(Some(found.clone()));
-        }
-        if self.mode == Mode::Verify {
-            return Ok(None);
-        }
-        let found = self.stored_trial(key)?;
-        if let Some(trial) = &found {
-            self.seen().trials.insert(*key, trial.clone());
-        }
-        Ok(found)
+    pub fn tried(&self, key: &Digest) -> Result<Option<Arc<TrialRecord>>, CacheError> {
+        Ok(self.at_hand(key)?.map(|(trial, _, _)| trial))
     }
 
     /// Keeps a trial; one that differs from an earlier record of the same request is a divergence.
     pub fn keep_trial(&self, key: &Digest, trial: TrialRecord) -> Result<(), CacheError> {
-        match self.stored_trial(key)? {
-            Some(before) if before == trial => {}
-            Some(before) => return Err(diverged(key, &trial.scene, &before, &trial)),
-            None => {
-                let bytes = serde_json::to_vec(&trial).map_err(|error| CacheError::Store(Box::new(error)))?;
-                let object = self.store.put(&bytes).map_err(from_store)?;
-                self.store.memo_put(MemoKind::Compile, key, &object).map_err(from_store)?;
-            }
-        }
-        self.seen().trials.insert(*key, trial);
-        Ok(())
+        self.keep_new(key, trial).map(drop)
     }
 
-    fn stored_trial(&self, key: &Digest) -> Result<Option<TrialRecord>, CacheError> {
-        self.stored_as(MemoKind::Compile, key).map(|found| found.map(|(trial, _)| trial))
+    /// A record to rely on, and whether this run meets it for the first time. A run that verifies relies on its own only.
+    fn at_hand<T: Kept>(&self, key: &Digest) -> Result<Option<(Arc<T>, Digest, bool)>, CacheError> {
+        if let Some((record, object)) = T::met(&mut self.seen()).get(key) {
+            return Ok(Some((record.clone(), *object, false)));
+        }
+        if self.mode == Mode::Verify {
+            return Ok(None);
+        }
+        let Some((record, object)) = self.stored::<T>(key)? else { return Ok(None) };
+        let new = T::met(&mut self.seen()).insert(*key, (record.clone(), object)).is_none();
+        Ok(Some((record, object, new)))
+    }
+
+    /// Stores a record that this run made, and says whether it is the first of its request.
+    fn keep_new<T: Kept>(&self, key: &Digest, record: T) -> Result<(Digest, bool), CacheError> {
+        let bytes = serde_json::to_vec(&record).map_err(|error| CacheError::Store(Box::new(error)))?;
+        if let Some((before, stored)) = self.stored::<T>(key)?
+            && Digest::of_bytes(&bytes) != stored
+        {
+            return Err(diverged(key, &*before, &record));
+        }
+        let object = self.store.put(&bytes).map_err(from_store)?;
+        self.store.memo_put(T::KIND, key, &object).map_err(from_store)?;
+        let new = T::met(&mut self.seen()).insert(*key, (Arc::new(record), object)).is_none();
+        Ok((object, new))
+    }
+
+    fn stored<T: Kept>(&self, key: &Digest) -> Result<Option<(Arc<T>, Digest)>, CacheError> {
+        let Some(object) = self.store.memo_get(T::KIND, key) else { return Ok(None) };
+        let bytes = self.store.get(&object).map_err(from_store)?;
+        let record = serde_json::from_slice(&bytes)
+            .map_err(|error| CacheError::Damaged { key: *key, reason: error.to_string() })?;
+        Ok(Some((Arc::new(record), object)))
     }
 
     fn seen(&self) -> MutexGuard<'_, Seen> {
         self.desk.lock().unwrap_or_else(PoisonError::into_inner)
     }
-
-    fn stored(&self, key: &Digest) -> Result<Option<(Arc<RolloutRecord>, Digest)>, CacheError> {
-        let found = self.stored_as(MemoKind::Rollout, key)?;
-        Ok(found.map(|(record, object)| (Arc::new(record), object)))
-    }
-
-    fn stored_as<T: DeserializeOwned>(&self, kind: MemoKind, key: &Digest) -> Result<Option<(T, Digest)>, CacheError> {
-        let Some(object) = self.store.memo_get(kind, key) else { return Ok(None) };
-        let bytes = self.store.get(&object).map_err(from_store)?;
-        let record = serde_json::from_slice(&bytes)
-            .map_err(|error| CacheError::Damaged { key: *key, reason: error.to_string() })?;
-        Ok(Some((record, object)))
-    }
 }
 
 impl RolloutCache for Rollouts<'_> {
     fn recorded(&self, key: &Digest) -> Result<Option<(Arc<RolloutRecord>, Digest)>, CacheError> {
-        if let Some(found) = self.seen().records.get(key) {
-            return Ok(Some(found.clone()));
-        }
-        if self.mode == Mode::Verify {
-            return Ok(None);
-        }
-        let found = self.stored(key)?;
-        if let Some(found) = &found {
-            let mut seen = self.seen();
-            if seen.records.insert(*key, found.clone()).is_none() {
-                seen.reused += 1;
-            }
-        }
-        Ok(found)
+        Ok(self.at_hand(key)?.map(|(record, object, new)| {
+            self.seen().reused += usize::from(new);
+            (record, object)
+        }))
     }
 
     fn keep(&self, key: &Digest, record: &RolloutRecord) -> Result<Digest, CacheError> {
-        let bytes = record_bytes(record).map_err(|error| CacheError::Store(Box::new(error)))?;
-        if let Some((before, stored)) = self.stored(key)?
-            && Digest::of_bytes(&bytes) != stored
-        {
-            return Err(diverged(key, &record.scene, &*before, record));
-        }
-        let object = self.store.put(&bytes).map_err(from_store)?;
-        self.store.memo_put(MemoKind::Rollout, key, &object).map_err(from_store)?;
-        let mut seen = self.seen();
-        if seen.records.insert(*key, (Arc::new(record.clone()), object)).is_none() {
-            seen.simulated += 1;
-        }
+        let (object, new) = self.keep_new(key, record.clone())?;
+        self.seen().simulated += usize::from(new);
         Ok(object)
     }
-}
-
-/// The bytes of a record as the store keeps them.
-fn record_bytes(record: &RolloutRecord) -> Result<Vec<u8>, serde_json::Error> {
-    serde_json::to_vec(record)
 }
 
 /// The digest under which the store keeps a record.
@@ -169,16 +179,16 @@ fn record_bytes(record: &RolloutRecord) -> Result<Vec<u8>, serde_json::Error> {
 /// # Errors
 /// None for a record that came from a rollout: its numbers are finite and its keys are texts.
 pub fn record_digest(record: &RolloutRecord) -> Result<Digest, serde_json::Error> {
-    Ok(Digest::of_bytes(&record_bytes(record)?))
+    Ok(Digest::of_bytes(&serde_json::to_vec(record)?))
 }
 
 fn from_store(error: StoreError) -> CacheError {
     CacheError::Store(Box::new(error))
 }
 
-fn diverged<T: Serialize>(key: &Digest, scene: &str, before: &T, now: &T) -> CacheError {
+fn diverged<T: Kept>(key: &Digest, before: &T, now: &T) -> CacheError {
     let value = |record: &T| serde_json::to_value(record).unwrap_or_default();
     let (field, recorded, computed) = first_difference("", &value(before), &value(now));
     let difference = format!("at {field}: recorded {recorded}, computed {computed}");
-    CacheError::Diverged { key: *key, scene: scene.to_string(), difference }
+    CacheError::Diverged { key: *key, scene: now.scene().to_string(), difference }
 }

@@ -12,6 +12,7 @@ use super::{
 };
 use crate::objects::event::{RunResult, kind};
 use crate::store::Transcript;
+use crate::world::Router;
 
 /// What a run works with besides the study: where events go, where rollouts come from, who watches.
 pub struct Desk<'a> {
@@ -47,7 +48,8 @@ fn one_epoch(
     let snapshot = Snapshot::freeze(study, state, epoch, spec, desk.rollouts)?;
     desk.log.append(kind::FROZEN, &snapshot.event)?;
     let slots: Vec<u32> = (0..study.budget.slots).collect();
-    let drafts = study.pool.map(&slots, |_, slot| draft(study, &snapshot, *slot, desk.rollouts));
+    let router = Router::new(&snapshot.world)?;
+    let drafts = study.pool.map(&slots, |_, slot| draft(study, &snapshot, &router, *slot, desk.rollouts));
     let judged = acceptor::judge(study, state, &snapshot, drafts, desk)?;
     desk.rollouts.flush()?;
     for attempt in &judged.attempts {

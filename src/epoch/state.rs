@@ -100,7 +100,7 @@ impl<'a> Snapshot<'a> {
         let parent = state.lineages.active(&spec.id)?.clone();
         let parent_hash = parent.hash()?;
         let window = study.window(epoch);
-        let parent_score = labels::score(study, spec, &parent, &window, rollouts)?;
+        let parent_score = labels::score(study, spec, (&parent, parent_hash), &window, rollouts)?;
         let scene_tags = study.tags(&window);
         let query = Query { parent: &parent, epoch, scene_tags: &scene_tags };
         let memory: Vec<Card> =

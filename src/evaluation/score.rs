@@ -10,11 +10,11 @@ use crate::objects::{Objectives, SceneFailure, SceneScore, Score, benchmark::Saf
 
 /// One scene's labels.
 pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &MetadriveOptions) -> SceneScore {
-    let diagnostics = realism::diagnostics(&record.outcome, &options.realism);
+    let (diagnostics, realism) = realism::realism(&record.outcome, &options.realism);
     SceneScore {
         scene: record.scene.clone(),
         attack: attack::attack(&record.outcome, &options.attack),
-        realism: realism::realism(&diagnostics, &options.realism),
+        realism,
         diagnostics,
         intervened: record.intervened,
         request,

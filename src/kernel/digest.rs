@@ -31,7 +31,8 @@ impl Digest {
         Ok(Digest::under(domain, &canonical_json_bytes(value)?))
     }
 
-    fn under(domain: &str, bytes: &[u8]) -> Digest {
+    /// The same for canonical bytes that are at hand already.
+    pub fn under(domain: &str, bytes: &[u8]) -> Digest {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(domain.len() as u64).to_le_bytes());
         hasher.update(domain.as_bytes());

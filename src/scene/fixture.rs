@@ -3,6 +3,7 @@
 use super::{Ego, Lane, LaneKind, Neighbour, Origin, Road, Sample, Scene, Track};
 use crate::kernel::Vec2;
 use crate::scene::AgentKind;
+use crate::scene::synth::{SynthOptions, WorldKind};
 
 /// Samples of something that drives straight at constant speed.
 pub fn straight(steps: usize, from: Vec2, heading_rad: f64, speed_mps: f64) -> Vec<Option<Sample>> {
@@ -77,5 +78,23 @@ pub fn two_lane_scene() -> Scene {
         stop_signs: vec![],
         crosswalks: vec![],
         staging: None,
+    }
+}
+
+/// Generated worlds of every kind, as most tests want them.
+pub fn worlds() -> SynthOptions {
+    SynthOptions {
+        kinds: WorldKind::ALL.to_vec(),
+        steps: 91,
+        current_step: 10,
+        warm_up_s: 18.0,
+        tracks_per_scene: 40,
+        pedestrian_share: 0.1,
+        cyclist_share: 0.06,
+        ego_travel_m_min: 10.0,
+        interaction_time_s_max: 4.0,
+        interaction_gap_m_max: 12.0,
+        following_share: 0.2,
+        attempts_max: 40,
     }
 }

@@ -16,7 +16,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Damage, Divergence, StoreError, difference::first_difference, file};
-use crate::kernel::Digest;
+use crate::kernel::{
+    Digest,
+    canon::{CanonError, canonical_json_bytes, json_text},
+};
 
 /// Kind of the event that ends a transcript.
 pub const SEALED: &str = "sealed";
@@ -46,9 +49,14 @@ pub struct Event {
 pub struct Transcript {
     path: PathBuf,
     file: File,
-    events: Vec<Event>,
-    /// How many of `events` this run has itself produced or accepted as given.
+    /// The events that the file held when it was opened. Those written since are on disk only.
+    recorded: Vec<Event>,
+    /// How many events this run has itself produced or accepted as given.
     confirmed: usize,
+    /// Hash of the last of them.
+    head: Digest,
+    /// Place of the seal among them.
+    sealed: Option<u64>,
 }
 
 /// `prev` of the first event.
@@ -73,8 +81,32 @@ impl Event {
 }
 
 fn unstorable(kind: &str, error: impl std::fmt::Display) -> StoreError {
-    let source = crate::kernel::canon::CanonError::Other(error.to_string());
-    StoreError::Unstorable { kind: kind.to_string(), source }
+    refused(kind)(CanonError::Other(error.to_string()))
+}
+
+fn refused(kind: &str) -> impl Fn(CanonError) -> StoreError {
+    move |source| StoreError::Unstorable { kind: kind.to_string(), source }
+}
+
+/// The line of an event, from the canonical bytes of `(seq, prev, kind, body)`: what `Event::line` prints.
+fn line_of(hashed: &[u8], hash: Digest) -> Result<Vec<u8>, CanonError> {
+    let (text, ends) = json_text::elements(hashed, MAX_BODY_DEPTH)?;
+    let [seq, prev, kind, _] = ends[..] else { return Err(CanonError::Other("an event has four parts".into())) };
+    let hash = hash.to_hex();
+    let parts: [&[u8]; 11] = [
+        b"{\"body\":",
+        &text[kind..],
+        b",\"hash\":\"",
+        hash.as_bytes(),
+        b"\",\"kind\":",
+        &text[prev..kind],
+        b",\"prev\":",
+        &text[seq..prev],
+        b",\"seq\":",
+        &text[..seq],
+        b"}\n",
+    ];
+    Ok(parts.concat())
 }
 
 impl Transcript {
@@ -87,15 +119,23 @@ impl Transcript {
             .open(path)
             .map_err(|source| StoreError::io("create", path, source))?;
         lock(&file, path)?;
-        Ok(Transcript { path: path.to_path_buf(), file, events: Vec::new(), confirmed: 0 })
+        Ok(Transcript::at_start(path, file, Vec::new()))
     }
 
     /// Opens for appending behind the recorded events. A line that was cut off while it was written is removed; any other
     /// damage is an error that names the line.
     pub fn open(path: &Path) -> Result<Transcript, StoreError> {
         let mut transcript = Transcript::continue_from_start(path)?;
-        transcript.confirmed = transcript.events.len();
+        transcript.confirmed = transcript.recorded.len();
+        if let Some(last) = transcript.recorded.last() {
+            transcript.head = last.hash;
+            transcript.sealed = (last.kind == SEALED).then_some(last.seq);
+        }
         Ok(transcript)
+    }
+
+    fn at_start(path: &Path, file: File, recorded: Vec<Event>) -> Transcript {
+        Transcript { path: path.to_path_buf(), file, recorded, confirmed: 0, head: genesis(), sealed: None }
     }
 
     /// Opens for a run that starts over: each appended event is first compared with the recorded one at its place, and
@@ -114,40 +154,37 @@ impl Transcript {
         if unfinished {
             file.write_all(b"\n").map_err(io)?;
         }
-        Ok(Transcript { path: path.to_path_buf(), file, events, confirmed: 0 })
+        Ok(Transcript::at_start(path, file, events))
     }
 
     /// Adds an event and gives its hash. The body is stored as the JSON it serialises to; NaN and infinities are refused.
     /// While recorded events remain, a difference is a `StoreError::Divergence` and nothing is written.
     pub fn append<T: Serialize + ?Sized>(&mut self, kind: &str, body: &T) -> Result<Digest, StoreError> {
-        if let Some(seal) = self.events[..self.confirmed].last().filter(|event| event.kind == SEALED) {
-            return Err(StoreError::Sealed { path: self.path.clone(), seq: seal.seq });
+        if let Some(seq) = self.sealed {
+            return Err(StoreError::Sealed { path: self.path.clone(), seq });
         }
-        let (seq, prev) = (self.confirmed as u64, self.head());
-        let hash = Digest::of_json(EVENT_DOMAIN, &(seq, prev, kind, body))
-            .map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
-        let recorded = self.events.get(self.confirmed);
-        if recorded.is_none_or(|recorded| recorded.hash != hash) {
-            let mut body = serde_json::to_value(body).map_err(|e| unstorable(kind, e))?;
-            if !sort_keys(&mut body, MAX_BODY_DEPTH) {
-                return Err(unstorable(kind, format!("its body is nested deeper than {MAX_BODY_DEPTH}")));
+        let (seq, prev) = (self.confirmed as u64, self.head);
+        let hashed = canonical_json_bytes(&(seq, prev, kind, body)).map_err(refused(kind))?;
+        let hash = Digest::under(EVENT_DOMAIN, &hashed);
+        match self.recorded.get(self.confirmed) {
+            Some(recorded) if recorded.hash == hash => {}
+            Some(recorded) => {
+                let body = serde_json::to_value(body).map_err(|e| unstorable(kind, e))?;
+                return Err(divergence(&self.path, recorded, kind, &body));
             }
-            let event = Event { body, hash, kind: kind.to_string(), prev, seq };
-            if let Some(recorded) = recorded {
-                return Err(divergence(&self.path, recorded, &event));
-            }
-            self.write(&event)?;
-            self.events.push(event);
+            None => self.write(&line_of(&hashed, hash).map_err(refused(kind))?)?,
         }
         self.confirmed += 1;
+        self.head = hash;
+        self.sealed = (kind == SEALED).then_some(seq);
         Ok(hash)
     }
 
     /// A line goes to the system in one write. One that fails half-way is taken back, so that the next one is not glued to it.
-    fn write(&mut self, event: &Event) -> Result<(), StoreError> {
+    fn write(&mut self, line: &[u8]) -> Result<(), StoreError> {
         let io = |source| StoreError::io("append to", &self.path, source);
         let end = self.file.seek(SeekFrom::End(0)).map_err(io)?;
-        if let Err(source) = self.file.write_all(&event.line()?) {
+        if let Err(source) = self.file.write_all(line) {
             let _ = self.file.set_len(end);
             return Err(io(source));
         }
@@ -168,22 +205,12 @@ impl Transcript {
 
     /// Hash of the last event that this run produced or accepted; before the first one, the digest of the format's name.
     pub fn head(&self) -> Digest {
-        self.events[..self.confirmed].last().map_or_else(genesis, |event| event.hash)
-    }
-
-    /// All events in the file, also those that a continued run has not come to yet.
-    pub fn events(&self) -> &[Event] {
-        &self.events
+        self.head
     }
 
     /// How many recorded events a continued run has still to reproduce.
     pub fn remaining(&self) -> usize {
-        self.events.len() - self.confirmed
-    }
-
-    /// Whether the file ends with a seal.
-    pub fn is_sealed(&self) -> bool {
-        self.events.last().is_some_and(|event| event.kind == SEALED)
+        self.recorded.len().saturating_sub(self.confirmed)
     }
 }
 
@@ -291,11 +318,11 @@ fn read_line(line: &[u8], before: Option<&Event>) -> Result<Event, BadLine> {
     }
 }
 
-fn divergence(path: &Path, recorded: &Event, computed: &Event) -> StoreError {
-    let (field, old, new) = if recorded.kind == computed.kind {
-        first_difference("/body", &recorded.body, &computed.body)
+fn divergence(path: &Path, recorded: &Event, kind: &str, body: &Value) -> StoreError {
+    let (field, old, new) = if recorded.kind == kind {
+        first_difference("/body", &recorded.body, body)
     } else {
-        ("/kind".to_string(), recorded.kind.clone(), computed.kind.clone())
+        ("/kind".to_string(), recorded.kind.clone(), kind.to_string())
     };
     StoreError::Divergence(Box::new(Divergence {
         file: path.to_path_buf(),
@@ -305,25 +332,6 @@ fn divergence(path: &Path, recorded: &Event, computed: &Event) -> StoreError {
         recorded: old,
         computed: new,
     }))
-}
-
-/// The value with the keys of every object in order, whatever `serde_json/preserve_order` says; `None` when too deep.
-/// Brings the keys of every object into order; false when it is nested deeper than `depth`.
-fn sort_keys(value: &mut Value, depth: usize) -> bool {
-    match (value, depth.checked_sub(1)) {
-        (Value::Array(items), Some(depth)) => items.iter_mut().all(|item| sort_keys(item, depth)),
-        (Value::Object(map), Some(depth)) => {
-            // In order already, unless serde_json was built to keep the order of insertion.
-            if !map.keys().is_sorted() {
-                let mut entries: Vec<(String, Value)> = std::mem::take(map).into_iter().collect();
-                entries.sort_by(|a, b| a.0.cmp(&b.0));
-                map.extend(entries);
-            }
-            map.iter_mut().all(|(_, item)| sort_keys(item, depth))
-        }
-        (Value::Array(_) | Value::Object(_), None) => false,
-        _ => true,
-    }
 }
 
 #[cfg(test)]
@@ -348,10 +356,10 @@ mod tests {
     fn what_was_appended_is_read_back_with_the_same_head() {
         let (_dir, path) = temp();
         let head = three_events(&path);
-        let transcript = Transcript::open(&path).unwrap();
-        assert_eq!(transcript.head(), head);
-        assert_eq!(transcript.events().len(), 3);
-        assert_eq!(transcript.events()[0].body, json!({"rate": 0.1, "seed": 7}));
+        assert_eq!(Transcript::open(&path).unwrap().head(), head);
+        let events = read_events(&path).unwrap();
+        assert_eq!(events.len(), 3);
+        assert_eq!(events[0].body, json!({"rate": 0.1, "seed": 7}));
     }
 
     #[test]
@@ -369,7 +377,7 @@ mod tests {
         for cut in second_line_end + 1..whole.len() {
             std::fs::write(&path, &whole[..cut]).unwrap();
             let mut transcript = Transcript::open(&path).unwrap();
-            if transcript.events().len() == 2 {
+            if transcript.confirmed == 2 {
                 transcript.append("attempt", &json!({"z": 1, "a": {"c": null, "b": true}})).unwrap();
             }
             assert_eq!(transcript.head(), head, "cut at {cut}");
@@ -402,7 +410,7 @@ mod tests {
         let error = transcript.append("attempt", &json!({"gain": [1.0, 0.5, 1e300], "text": "ü\n"})).unwrap_err();
         let StoreError::Divergence(found) = error else { panic!("{error}") };
         assert_eq!((found.seq, found.kind.as_str(), found.field.as_str()), (1, "attempt", "/body/gain/1"));
-        assert_eq!((found.recorded.as_str(), found.computed.as_str()), ("-0.0", "0.5"));
+        assert_eq!((found.recorded.as_str(), found.computed.as_str()), ("0.0", "0.5"));
         let kind = transcript.append("epoch", &json!(null)).unwrap_err();
         assert!(kind.to_string().contains("at /kind: recorded attempt, computed epoch"), "{kind}");
         drop(transcript);
@@ -418,7 +426,6 @@ mod tests {
         assert!(matches!(transcript.append("late", &1), Err(StoreError::Sealed { seq: 3, .. })));
         drop(transcript);
         let mut transcript = Transcript::open(&path).unwrap();
-        assert!(transcript.is_sealed());
         assert_eq!(transcript.head(), root);
         assert!(matches!(transcript.append("late", &1), Err(StoreError::Sealed { seq: 3, .. })));
     }
@@ -438,7 +445,7 @@ mod tests {
         let mut transcript = Transcript::create(&path).unwrap();
         let error = transcript.append("score", &[1.0, f64::NAN]).unwrap_err();
         assert!(matches!(error, StoreError::Unstorable { .. }), "{error}");
-        assert_eq!(transcript.events().len(), 0);
+        assert_eq!(transcript.head(), genesis());
         assert_eq!(std::fs::read(&path).unwrap(), b"");
     }
 

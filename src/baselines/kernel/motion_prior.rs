@@ -206,27 +206,13 @@ mod tests {
     use crate::kernel::Seed;
     use crate::scene::Road;
 
-    pub const OPTIONS: PriorOptions = PriorOptions {
-        count: 32,
-        nms_radius_m: 7.2,
-        goal_spacing_m: 2.0,
-        profile_step_mps2: 1.0,
-        profile_levels: 3,
-        speed_change_scale_mps: 2.0,
-        acceleration_scale_mps2: 3.0,
-        lateral_scale_mps2: 3.0,
-        lane_offset_scale_m: 1.5,
-        lane_change_cost: 0.5,
-        flatten_rank: 6,
-    };
-
     fn eastbound(speed: f64) -> Sample {
         Sample { position: Vec2::new(20.0, 0.3), heading_rad: 0.05, velocity: Vec2::new(speed, 0.0) }
     }
 
     fn of(scene: &crate::scene::Scene, speed: f64) -> Vec<Candidate> {
         let lanes = LaneGraph::of(&scene.road);
-        candidates(&lanes, &eastbound(speed), 80, &OPTIONS, &mut Seed(1).stream(&["prior"]))
+        candidates(&lanes, &eastbound(speed), 80, &PriorOptions::REFERENCE, &mut Seed(1).stream(&["prior"]))
     }
 
     #[test]
@@ -271,7 +257,7 @@ mod tests {
     #[test]
     fn without_any_lane_there_are_still_arcs() {
         let lanes = LaneGraph::of(&Road::default());
-        let found = candidates(&lanes, &eastbound(5.0), 80, &OPTIONS, &mut Seed(1).stream(&["prior"]));
+        let found = candidates(&lanes, &eastbound(5.0), 80, &PriorOptions::REFERENCE, &mut Seed(1).stream(&["prior"]));
         assert!(!found.is_empty());
     }
 

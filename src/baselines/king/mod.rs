@@ -11,17 +11,15 @@
 pub mod actions;
 pub mod loss;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
+use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use super::interface::{self, Own, OwnParameter, own};
 use super::kernel::adam::Rates;
 use super::kernel::driven::{self, Descent, Driven, Iterate};
 use super::kernel::{Part, Settings, Stage, StageError, following};
-use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, SettingSpec, vocabulary};
-use crate::objects::{
-    CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
-};
+use crate::adapters::{Family, OperatorSpec, vocabulary};
+use crate::objects::{OperatorNode, Slot, ValueType};
 use actions::ActionSpace;
 use loss::{Attraction, Loss};
 
@@ -32,18 +30,20 @@ pub const STEERED_ACTIONS: &str = "steered_actions";
 /// Search operator: Adam over all adversaries' actions.
 pub const KINEMATIC_DESCENT: &str = "kinematic_descent";
 
-/// Contract and parent.
+/// Contract, and the parent: KING for two adversaries, with the adaptations named above.
 pub fn family() -> Family {
-    Family { contract: contract(), parent: parent() }
-}
-
-fn contract() -> Contract {
-    let mut operators = grammar::shared_operators();
-    operators.entry(Slot::Actor).or_default().push(grammar::group_operator());
-    operators.insert(Slot::Motion, vec![motion_operator()]);
-    operators.insert(Slot::Search, vec![search_operator()]);
-    let mut mechanism_slots = grammar::shared_mechanism_slots();
-    mechanism_slots.extend([
+    let (motion, search) = (motion_parameters(), search_parameters());
+    let own = Own {
+        name: NAME,
+        title: "KING: safety-critical scenarios by kinematics gradients (Hanselmann et al. 2022)",
+        describes: "Moves the steering and throttle sequences of several recorded vehicles by gradient descent through \
+                    a bicycle model: toward the ego, off undrivable ground, apart from each other. The ego is simulated \
+                    again as they change; the first iterate that it touches is used."
+            .into(),
+        words: vec![STEERED_ACTIONS, KINEMATIC_DESCENT, "pursuer_weight", "iterate_loss", "pursuit_rule"],
+        operators: vec![(Slot::Motion, motion_operator(&motion)), (Slot::Search, search_operator(&search))],
+        without_shared: &[],
+        mechanism_slots: vec![
         slot(
             "pursuer_weight",
             ValueType::Number,
@@ -57,92 +57,80 @@ fn contract() -> Contract {
             "A loss of a motion found on the way, smaller is better; the search operator says whether it is added to \
              KING's own loss or replaces it when the iterates are ranked.",
         ),
-    ]);
-    let mut parameters = grammar::shared_parameters();
-    parameters.extend([grammar::group_parameter()]);
-    parameters.extend(own_parameters());
-    Contract {
-        family: FamilyName::new(NAME),
-        title: "KING: safety-critical scenarios by kinematics gradients (Hanselmann et al. 2022)".into(),
-        describes: "Moves the steering and throttle sequences of several recorded vehicles by gradient descent through \
-                    a bicycle model: toward the ego, off undrivable ground, apart from each other. The ego is simulated \
-                    again as they change; the first iterate that it touches is used."
-            .into(),
-        backend: "metadrive".into(),
-        private_vocabulary: private_vocabulary(),
-        parameters,
-        operators,
-        mechanism_slots,
-        scene_features: vocabulary::SCENE.to_vec(),
-        constraints: grammar::constraints(),
-        limits: Limits::default(),
-    }
+        ],
+        graph: parent_graph(&motion, &search),
+        parameters: interface::by_name(motion.into_iter().chain(search)),
+    };
+    interface::with_actor_group(own.family(), 2.0)
 }
 
-/// Words that another family may not use.
-fn private_vocabulary() -> Vec<String> {
-    let words = [STEERED_ACTIONS, KINEMATIC_DESCENT, "pursuer_weight", "iterate_loss", "pursuit_rule"];
-    words.into_iter().map(String::from).chain(own_parameters().into_keys()).collect()
-}
-
-fn own_parameters() -> BTreeMap<String, ParameterSpec> {
-    [
-        parameter("action_spacing_s", number(0.1, 1.0, "s"), "time for which an action is held; 0.25 in KING"),
-        parameter("throttle_mps2_max", number(0.5, 4.0, "m/s^2"), "acceleration at full throttle; 0.56 in KING"),
-        parameter("brake_mps2_max", number(1.0, 8.0, "m/s^2"), "deceleration at full brake; 4.95 in KING"),
-        parameter("descent_iterations", integer(10, 150, "1"), "iterations of Adam; 100 to 150 in KING"),
-        parameter("descent_rate", number(0.001, 0.2, "1"), "step length of Adam; 0.005 in KING"),
-        parameter("first_moment_decay", number(0.5, 0.95, "1"), "beta 1; 0.8 in KING"),
-        parameter("second_moment_decay", number(0.9, 0.9999, "1"), "beta 2; 0.999, 0.99, 0.99 in KING"),
-        parameter("ego_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1 in KING"),
-        parameter("attraction_weight", number(0.1, 5.0, "1/m"), "weight of the mean distance to the ego; 1 in KING"),
-        parameter("departure_weight", number(0.0, 60.0, "1"), "weight of the off-road cost; 20 to 23 in KING"),
-        parameter("departure_sigma_m", number(0.3, 3.0, "m"), "width of the off-road Gaussian; 1 in KING"),
-        parameter("repulsion_weight", number(0.0, 20.0, "1/m"), "weight of the adversaries' distance; 5 in KING"),
-        parameter("repulsion_m_max", number(0.5, 6.0, "m"), "no repulsion beyond this distance; 1.25 in KING"),
+fn motion_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(
+            parameter("action_spacing_s", number(0.1, 1.0, "s"), "time for which an action is held; 0.25 in KING"),
+            0.25,
+        ),
+        own(
+            parameter("throttle_mps2_max", number(0.5, 4.0, "m/s^2"), "acceleration at full throttle; 0.56 in KING"),
+            3.0,
+        ),
+        own(
+            parameter("brake_mps2_max", number(1.0, 8.0, "m/s^2"), "deceleration at full brake; 4.95 in KING"),
+            4.952399,
+        ),
     ]
-    .into_iter()
-    .collect()
 }
 
-const MOTION_SETTINGS: [&str; 3] = ["action_spacing_s", "throttle_mps2_max", "brake_mps2_max"];
-
-const SEARCH_SETTINGS: [&str; 10] = [
-    "descent_iterations",
-    "descent_rate",
-    "first_moment_decay",
-    "second_moment_decay",
-    "ego_replay_every",
-    "attraction_weight",
-    "departure_weight",
-    "departure_sigma_m",
-    "repulsion_weight",
-    "repulsion_m_max",
-];
-
-/// A required setting with the domain of the parameter of the same name.
-fn follows(name: &str) -> (String, SettingSpec) {
-    let spec = own_parameters().remove(name).unwrap_or_else(|| unreachable!("{name} is declared above"));
-    required(name, spec.domain, &spec.describes)
+fn search_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(parameter("descent_iterations", integer(10, 150, "1"), "iterations of Adam; 100 to 150 in KING"), 120.0),
+        own(parameter("descent_rate", number(0.001, 0.2, "1"), "step length of Adam; 0.005 in KING"), 0.005),
+        own(parameter("first_moment_decay", number(0.5, 0.95, "1"), "beta 1; 0.8 in KING"), 0.8),
+        own(parameter("second_moment_decay", number(0.9, 0.9999, "1"), "beta 2; 0.999, 0.99, 0.99 in KING"), 0.99),
+        own(
+            parameter(
+                "ego_replay_every",
+                integer(1, 8, "1"),
+                "iterations between two simulations of the ego; 1 in KING",
+            ),
+            1.0,
+        ),
+        own(
+            parameter(
+                "attraction_weight",
+                number(0.1, 5.0, "1/m"),
+                "weight of the mean distance to the ego; 1 in KING",
+            ),
+            1.0,
+        ),
+        own(
+            parameter("departure_weight", number(0.0, 60.0, "1"), "weight of the off-road cost; 20 to 23 in KING"),
+            23.0,
+        ),
+        own(parameter("departure_sigma_m", number(0.3, 3.0, "m"), "width of the off-road Gaussian; 1 in KING"), 1.0),
+        own(
+            parameter("repulsion_weight", number(0.0, 20.0, "1/m"), "weight of the adversaries' distance; 5 in KING"),
+            5.0,
+        ),
+        own(
+            parameter("repulsion_m_max", number(0.5, 6.0, "m"), "no repulsion beyond this distance; 1.25 in KING"),
+            1.25,
+        ),
+    ]
 }
 
-fn motion_operator() -> OperatorSpec {
-    operator(
+fn motion_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    interface::operator(
         Slot::Motion,
         STEERED_ACTIONS,
-        MOTION_SETTINGS.map(follows),
+        parameters.iter().map(interface::follows).collect(),
         "Steering and throttle of every adversary through a bicycle model, at first those that follow its record.",
     )
 }
 
-fn search_operator() -> OperatorSpec {
-    let mut spec = operator(
-        Slot::Search,
-        KINEMATIC_DESCENT,
-        SEARCH_SETTINGS.map(follows),
-        "Adam over all adversaries' actions until the ego touches one; iterates on the way become the candidates.",
-    );
-    spec.settings.extend([
+fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    let mut settings: Vec<_> = parameters.iter().map(interface::follows).collect();
+    settings.extend([
         required(
             "pursuit_rule",
             choice(&["nearest", "everyone"]),
@@ -152,60 +140,25 @@ fn search_operator() -> OperatorSpec {
         optional("loss", "iterate_loss", "a loss of the family's own, for ranking the iterates"),
         required("combine", choice(&["add", "replace"]), "what a given loss does to KING's own in that ranking"),
     ]);
-    spec
+    interface::operator(
+        Slot::Search,
+        KINEMATIC_DESCENT,
+        settings,
+        "Adam over all adversaries' actions until the ego touches one; iterates on the way become the candidates.",
+    )
 }
 
-/// KING for two adversaries, with the adaptations named above.
-fn parent() -> Program {
-    let mut parameters = grammar::shared_values();
-    parameters.extend([
-        value("group_size", 2.0),
-        value("action_spacing_s", 0.25),
-        value("throttle_mps2_max", 3.0),
-        value("brake_mps2_max", 4.952399),
-        value("descent_iterations", 120.0),
-        value("descent_rate", 0.005),
-        value("first_moment_decay", 0.8),
-        value("second_moment_decay", 0.99),
-        value("ego_replay_every", 1.0),
-        value("attraction_weight", 1.0),
-        value("departure_weight", 23.0),
-        value("departure_sigma_m", 1.0),
-        value("repulsion_weight", 5.0),
-        value("repulsion_m_max", 1.25),
-    ]);
-    Program {
-        solution_id: SolutionId::new("king/parent"),
-        lineage_id: LineageId::new("king"),
-        source_family: FamilyName::new(NAME),
-        generation: 0,
-        parameters,
-        operator_graph: parent_graph(),
-        scenario_conditioned_policy: vec![],
-        mechanism_modules: BTreeMap::new(),
-        compile_contract: CompileContract { backend: "metadrive".into(), constraints: grammar::constraints() },
-        ancestor_chain: vec![],
-    }
-}
-
-fn parent_graph() -> BTreeMap<String, OperatorNode> {
-    let own = |name: &'static str| -> (&'static str, Setting) { (name, grammar::from_parameter(name)) };
-    let mut graph: BTreeMap<String, OperatorNode> = [
-        node("select", Slot::Select, "every_scene", &[], []),
-        node("actor", Slot::Actor, "actor_group", &["select"], [own("group_size")]),
-        node("timing", Slot::Timing, "after_history", &["actor"], [own("duration_s")]),
-        node("motion", Slot::Motion, STEERED_ACTIONS, &["timing"], MOTION_SETTINGS.map(own)),
-        node("search", Slot::Search, KINEMATIC_DESCENT, &["motion"], SEARCH_SETTINGS.map(own)),
-        node("choice", Slot::Diversity, "best_choice", &["search"], []),
+fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String, OperatorNode)> {
+    let mut search = interface::from_parameters(search);
+    search.extend([interface::word("pursuit_rule", "nearest"), interface::word("combine", "add")]);
+    vec![
+        interface::node("select", Slot::Select, "every_scene", &[], vec![]),
+        interface::actor_group(),
+        interface::after_history(),
+        interface::node("motion", Slot::Motion, STEERED_ACTIONS, &["timing"], interface::from_parameters(motion)),
+        interface::node("search", Slot::Search, KINEMATIC_DESCENT, &["motion"], search),
+        interface::best_of_search(),
     ]
-    .into_iter()
-    .collect();
-    for (setting, word) in [("pursuit_rule", "nearest"), ("combine", "add")] {
-        if let Some(node) = graph.get_mut("search") {
-            node.settings.insert(setting.into(), grammar::word(word));
-        }
-    }
-    graph
 }
 
 /// Opens every adversary's action space, starting from the actions that follow its record.

@@ -79,7 +79,7 @@ fn motion_operator() -> OperatorSpec {
     settings.extend([
         interface::follows(&of("preference_weight")),
         interface::follows(&of("kept_count")),
-        required("experts", choice(&[&Experts::digest()]), "the trained experts, by the digest of their weights"),
+        required("experts", choice(&[Experts::digest()]), "the trained experts, by the digest of their weights"),
     ]);
     interface::operator(
         Slot::Motion,
@@ -110,7 +110,7 @@ fn search_operator() -> OperatorSpec {
 fn parent_graph() -> Vec<(String, OperatorNode)> {
     let follow = |name: &str| (name.to_string(), grammar::from_parameter(name));
     let mut motion = interface::from_parameters(&prior::parameters(PRIOR));
-    motion.extend([follow("preference_weight"), follow("kept_count"), word("experts", &Experts::digest())]);
+    motion.extend([follow("preference_weight"), follow("kept_count"), word("experts", Experts::digest())]);
     let search = vec![
         ("selection_weight".to_string(), grammar::from_parameter("preference_weight")),
         follow("expert_share"),

@@ -32,8 +32,9 @@ impl Experts {
     }
 
     /// First digits of the digest of the committed file: programs name the experts that they mean by it.
-    pub fn digest() -> String {
-        Digest::of_bytes(COMMITTED.as_bytes()).short(16)
+    pub fn digest() -> &'static str {
+        static SHORT: LazyLock<String> = LazyLock::new(|| Digest::of_bytes(COMMITTED.as_bytes()).short(16));
+        &SHORT
     }
 
     /// Refuses a program that means other experts.
@@ -42,7 +43,7 @@ impl Experts {
         if named == expected {
             return Ok(());
         }
-        Err(StageError::Unfit { setting: "experts".into(), found: named.into(), expected })
+        Err(StageError::Unfit { setting: "experts".into(), found: named.into(), expected: expected.into() })
     }
 
     /// θ(w) = w θ_adv + (1 - w) θ_real.

@@ -14,20 +14,18 @@
 pub mod loss;
 pub mod solution;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::grammar::{self, choice, integer, node, number, operator, optional, parameter, required, slot, value};
+use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use super::interface::{self, Own, OwnParameter, own};
 use super::kernel::adam::Rates;
 use super::kernel::driven::{self, Descent, Driven, Iterate, Mover};
 use super::kernel::latent::{LatentOptions, LatentSpace};
 use super::kernel::motion_prior::{self, PriorOptions};
 use super::kernel::{Part, Settings, Stage, StageError, following};
-use crate::adapters::{Contract, Family, Limits, OperatorSpec, ParameterSpec, SettingSpec, vocabulary};
+use crate::adapters::{Family, OperatorSpec, vocabulary};
 use crate::kernel::num;
-use crate::objects::{
-    CompileContract, FamilyName, LineageId, OperatorNode, Program, Setting, Slot, SolutionId, ValueType,
-};
+use crate::objects::{OperatorNode, Slot, ValueType};
 use crate::scene::DT_S;
 use loss::{Loss, Others};
 use solution::{Solution, exists};
@@ -39,189 +37,135 @@ pub const LATENT_MOTION: &str = "latent_motion";
 /// Search operator: Adam over latents, then the solution pass.
 pub const LATENT_DESCENT: &str = "latent_descent";
 
-/// Contract and parent.
+/// Contract, and the parent: STRIVE's rule-based configuration for three vehicles, with the adaptations named above.
 pub fn family() -> Family {
-    Family { contract: contract(), parent: parent() }
-}
-
-fn contract() -> Contract {
-    let mut operators = grammar::shared_operators();
-    operators.entry(Slot::Actor).or_default().push(grammar::group_operator());
-    operators.insert(Slot::Motion, vec![motion_operator()]);
-    operators.insert(Slot::Search, vec![search_operator()]);
-    let mut mechanism_slots = grammar::shared_mechanism_slots();
-    mechanism_slots.extend([
-        slot(
-            "attacker_weight",
-            ValueType::Number,
-            vocabulary::ACTOR.to_vec(),
-            "Factor of a vehicle's share in the soft choice of attackers, clamped to 0.05..20; larger attacks rather.",
-        ),
-        slot(
-            "latent_score",
-            ValueType::Number,
-            grammar::candidate_features(),
-            "A score of a motion found on the way, larger is better; the search operator says whether it is added to \
-             minus STRIVE's own loss or replaces it when the iterates are ranked.",
-        ),
-    ]);
-    let mut parameters = grammar::shared_parameters();
-    parameters.extend([grammar::group_parameter()]);
-    parameters.extend(own_parameters());
-    Contract {
-        family: FamilyName::new(NAME),
-        title: "STRIVE: generating scenarios via a learned traffic prior (Rempe et al. 2022)".into(),
+    let (motion, search) = (motion_parameters(), search_parameters());
+    let own = Own {
+        name: NAME,
+        title: "STRIVE: generating scenarios via a learned traffic prior (Rempe et al. 2022)",
         describes: "Moves several recorded vehicles in the latent space of a motion prior, so that some come close to \
                     the ego while their motion stays likely. Attackers are chosen softly by nearness. A crash is kept \
                     only if a search over the ego's own motion finds a way to avoid it."
             .into(),
-        backend: "metadrive".into(),
-        private_vocabulary: private_vocabulary(),
-        parameters,
-        operators,
-        mechanism_slots,
-        scene_features: vocabulary::SCENE.to_vec(),
-        constraints: grammar::constraints(),
-        limits: Limits::default(),
-    }
+        words: vec![LATENT_MOTION, LATENT_DESCENT, "attacker_weight", "latent_score"],
+        operators: vec![(Slot::Motion, motion_operator(&motion)), (Slot::Search, search_operator(&search))],
+        without_shared: &[],
+        mechanism_slots: vec![
+            slot(
+                "attacker_weight",
+                ValueType::Number,
+                vocabulary::ACTOR.to_vec(),
+                "Factor of a vehicle's share in the soft choice of attackers, clamped to 0.05..20; larger attacks rather.",
+            ),
+            slot(
+                "latent_score",
+                ValueType::Number,
+                grammar::candidate_features(),
+                "A score of a motion found on the way, larger is better; the search operator says whether it is added to \
+             minus STRIVE's own loss or replaces it when the iterates are ranked.",
+            ),
+        ],
+        graph: parent_graph(&motion, &search),
+        parameters: interface::by_name(motion.into_iter().chain(search)),
+    };
+    interface::with_actor_group(own.family(), 3.0)
 }
 
-/// Words that another family may not use.
-fn private_vocabulary() -> Vec<String> {
-    let words = [LATENT_MOTION, LATENT_DESCENT, "attacker_weight", "latent_score"];
-    words.into_iter().map(String::from).chain(own_parameters().into_keys()).collect()
-}
-
-fn own_parameters() -> BTreeMap<String, ParameterSpec> {
-    [
-        parameter("latent_modes", integer(2, 6, "1"), "modes of acceleration, and as many of curvature; 4"),
-        parameter("acceleration_spread_mps2", number(0.1, 3.0, "m/s^2"), "least spread of an acceleration mode; 1.05"),
-        parameter("curvature_spread_1pm", number(0.001, 0.05, "1/m"), "least spread of a curvature mode"),
-        parameter("latent_iterations", integer(10, 200, "1"), "iterations of Adam; 200 in STRIVE"),
-        parameter("latent_rate", number(0.01, 0.5, "1"), "step length of Adam; 0.05 in STRIVE"),
-        parameter("planner_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1"),
-        parameter("crash_weight", number(0.1, 10.0, "1/m^2"), "weight of the attackers' squared distance; 2"),
-        parameter("earliest_crash_s", number(0.0, 5.0, "s"), "no crash is sought before this time; 2"),
-        parameter("attacker_prior_weight", number(0.0, 1.0, "1"), "weight of an attacker's likelihood; 0.005"),
-        parameter("bystander_prior_weight", number(0.0, 5.0, "1"), "weight of the others' likelihood; 1"),
-        parameter("attacker_record_weight", number(0.0, 2.0, "1"), "weight of an attacker's way from its record; 0.05"),
-        parameter("bystander_record_weight", number(0.0, 5.0, "1"), "weight of the others' way from theirs; 0.5"),
-        parameter(
-            "soft_contact_weight",
-            number(0.0, 60.0, "1"),
-            "weight of contact among all but attacker and ego; 20",
+fn motion_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(parameter("latent_modes", integer(2, 6, "1"), "modes of acceleration, and as many of curvature; 4"), 4.0),
+        own(
+            parameter(
+                "acceleration_spread_mps2",
+                number(0.1, 3.0, "m/s^2"),
+                "least spread of an acceleration mode; 1.05",
+            ),
+            1.05,
         ),
-        parameter("road_contact_weight", number(0.0, 60.0, "1"), "weight of corners beside the road; 20"),
-        parameter("solution_iterations", integer(5, 60, "1"), "iterations of each start of the solution pass"),
-        parameter("solution_rate", number(0.02, 1.0, "1"), "step length of the solution pass"),
-        parameter("solution_buffer_m", number(0.0, 2.0, "m"), "room that the solution pass strives for; 0.5"),
+        own(parameter("curvature_spread_1pm", number(0.001, 0.05, "1/m"), "least spread of a curvature mode"), 0.005),
     ]
-    .into_iter()
-    .collect()
 }
 
-const MOTION_SETTINGS: [&str; 3] = ["latent_modes", "acceleration_spread_mps2", "curvature_spread_1pm"];
-
-const SEARCH_SETTINGS: [&str; 14] = [
-    "latent_iterations",
-    "latent_rate",
-    "planner_replay_every",
-    "crash_weight",
-    "earliest_crash_s",
-    "attacker_prior_weight",
-    "bystander_prior_weight",
-    "attacker_record_weight",
-    "bystander_record_weight",
-    "soft_contact_weight",
-    "road_contact_weight",
-    "solution_iterations",
-    "solution_rate",
-    "solution_buffer_m",
-];
-
-/// A required setting with the domain of the parameter of the same name.
-fn follows(name: &str) -> (String, SettingSpec) {
-    let spec = own_parameters().remove(name).unwrap_or_else(|| unreachable!("{name} is declared above"));
-    required(name, spec.domain, &spec.describes)
+fn search_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(parameter("latent_iterations", integer(10, 200, "1"), "iterations of Adam; 200 in STRIVE"), 200.0),
+        own(parameter("latent_rate", number(0.01, 0.5, "1"), "step length of Adam; 0.05 in STRIVE"), 0.05),
+        own(
+            parameter("planner_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1"),
+            1.0,
+        ),
+        own(parameter("crash_weight", number(0.1, 10.0, "1/m^2"), "weight of the attackers' squared distance; 2"), 2.0),
+        own(parameter("earliest_crash_s", number(0.0, 5.0, "s"), "no crash is sought before this time; 2"), 2.0),
+        own(
+            parameter("attacker_prior_weight", number(0.0, 1.0, "1"), "weight of an attacker's likelihood; 0.005"),
+            0.005,
+        ),
+        own(parameter("bystander_prior_weight", number(0.0, 5.0, "1"), "weight of the others' likelihood; 1"), 1.0),
+        own(
+            parameter(
+                "attacker_record_weight",
+                number(0.0, 2.0, "1"),
+                "weight of an attacker's way from its record; 0.05",
+            ),
+            0.05,
+        ),
+        own(
+            parameter("bystander_record_weight", number(0.0, 5.0, "1"), "weight of the others' way from theirs; 0.5"),
+            0.5,
+        ),
+        own(
+            parameter(
+                "soft_contact_weight",
+                number(0.0, 60.0, "1"),
+                "weight of contact among all but attacker and ego; 20",
+            ),
+            20.0,
+        ),
+        own(parameter("road_contact_weight", number(0.0, 60.0, "1"), "weight of corners beside the road; 20"), 20.0),
+        own(
+            parameter("solution_iterations", integer(5, 60, "1"), "iterations of each start of the solution pass"),
+            25.0,
+        ),
+        own(parameter("solution_rate", number(0.02, 1.0, "1"), "step length of the solution pass"), 0.15),
+        own(parameter("solution_buffer_m", number(0.0, 2.0, "m"), "room that the solution pass strives for; 0.5"), 0.5),
+    ]
 }
 
-fn motion_operator() -> OperatorSpec {
-    operator(
+fn motion_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    interface::operator(
         Slot::Motion,
         LATENT_MOTION,
-        MOTION_SETTINGS.map(follows),
+        parameters.iter().map(interface::follows).collect(),
         "Cosine modes of acceleration and curvature, with mean and spread from the lane-graph prior's candidates.",
     )
 }
 
-fn search_operator() -> OperatorSpec {
-    let mut spec = operator(
-        Slot::Search,
-        LATENT_DESCENT,
-        SEARCH_SETTINGS.map(follows),
-        "Adam over all latents until the ego touches an adversary; what the ego could not have avoided is rejected.",
-    );
-    spec.settings.extend([
+fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    let mut settings: Vec<_> = parameters.iter().map(interface::follows).collect();
+    settings.extend([
         optional("weight", "attacker_weight", "factors of the soft choice; without it all are 1"),
         optional("score", "latent_score", "a score of the family's own, for ranking the iterates"),
         required("combine", choice(&["add", "replace"]), "what a given score does to STRIVE's own in that ranking"),
     ]);
-    spec
+    interface::operator(
+        Slot::Search,
+        LATENT_DESCENT,
+        settings,
+        "Adam over all latents until the ego touches an adversary; what the ego could not have avoided is rejected.",
+    )
 }
 
-/// STRIVE's rule-based configuration for three vehicles, with the adaptations named above.
-fn parent() -> Program {
-    let mut parameters = grammar::shared_values();
-    parameters.extend([
-        value("group_size", 3.0),
-        value("latent_modes", 4.0),
-        value("acceleration_spread_mps2", 1.05),
-        value("curvature_spread_1pm", 0.005),
-        value("latent_iterations", 200.0),
-        value("latent_rate", 0.05),
-        value("planner_replay_every", 1.0),
-        value("crash_weight", 2.0),
-        value("earliest_crash_s", 2.0),
-        value("attacker_prior_weight", 0.005),
-        value("bystander_prior_weight", 1.0),
-        value("attacker_record_weight", 0.05),
-        value("bystander_record_weight", 0.5),
-        value("soft_contact_weight", 20.0),
-        value("road_contact_weight", 20.0),
-        value("solution_iterations", 25.0),
-        value("solution_rate", 0.15),
-        value("solution_buffer_m", 0.5),
-    ]);
-    Program {
-        solution_id: SolutionId::new("strive/parent"),
-        lineage_id: LineageId::new("strive"),
-        source_family: FamilyName::new(NAME),
-        generation: 0,
-        parameters,
-        operator_graph: parent_graph(),
-        scenario_conditioned_policy: vec![],
-        mechanism_modules: BTreeMap::new(),
-        compile_contract: CompileContract { backend: "metadrive".into(), constraints: grammar::constraints() },
-        ancestor_chain: vec![],
-    }
-}
-
-fn parent_graph() -> BTreeMap<String, OperatorNode> {
-    let own = |name: &'static str| -> (&'static str, Setting) { (name, grammar::from_parameter(name)) };
-    let mut graph: BTreeMap<String, OperatorNode> = [
-        node("select", Slot::Select, "every_scene", &[], []),
-        node("actor", Slot::Actor, "actor_group", &["select"], [own("group_size")]),
-        node("timing", Slot::Timing, "after_history", &["actor"], [own("duration_s")]),
-        node("motion", Slot::Motion, LATENT_MOTION, &["timing"], MOTION_SETTINGS.map(own)),
-        node("search", Slot::Search, LATENT_DESCENT, &["motion"], SEARCH_SETTINGS.map(own)),
-        node("choice", Slot::Diversity, "best_choice", &["search"], []),
+fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String, OperatorNode)> {
+    let mut search = interface::from_parameters(search);
+    search.extend([interface::word("combine", "add")]);
+    vec![
+        interface::node("select", Slot::Select, "every_scene", &[], vec![]),
+        interface::actor_group(),
+        interface::after_history(),
+        interface::node("motion", Slot::Motion, LATENT_MOTION, &["timing"], interface::from_parameters(motion)),
+        interface::node("search", Slot::Search, LATENT_DESCENT, &["motion"], search),
+        interface::best_of_search(),
     ]
-    .into_iter()
-    .collect();
-    if let Some(node) = graph.get_mut("search") {
-        node.settings.insert("combine".into(), grammar::word("add"));
-    }
-    graph
 }
 
 /// Candidates of the lane-graph prior from which mean and spread are taken.

@@ -8,6 +8,9 @@ use super::{acceleration, collision_validity, continuity, initial_overlap, jerk,
 use crate::kernel::num;
 use crate::sim::{AdversaryReport, Outcome};
 
+/// How many there are.
+const DIAGNOSTICS: usize = 7;
+
 /// Weight and tolerance of a soft diagnostic of one quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -64,17 +67,17 @@ pub struct OptionsError {
 }
 
 impl RealismOptions {
-    /// Diagnostic name -> w_j.
-    pub fn weights(&self) -> BTreeMap<&'static str, f64> {
-        BTreeMap::from([
-            (map::NAME, self.map_validity.weight),
-            (initial_overlap::NAME, self.initial_non_overlap.weight),
-            (collision_validity::NAME, self.collision_validity.weight),
-            (route_progress::NAME, self.route_progress.weight),
-            (continuity::NAME, self.trajectory_continuity.weight),
+    /// w_j with their names, in name order.
+    pub fn weights(&self) -> [(&'static str, f64); DIAGNOSTICS] {
+        [
             (acceleration::NAME, self.bounded_acceleration.weight),
             (jerk::NAME, self.bounded_jerk.weight),
-        ])
+            (collision_validity::NAME, self.collision_validity.weight),
+            (initial_overlap::NAME, self.initial_non_overlap.weight),
+            (map::NAME, self.map_validity.weight),
+            (route_progress::NAME, self.route_progress.weight),
+            (continuity::NAME, self.trajectory_continuity.weight),
+        ]
     }
 
     /// Weights must be shares of one, tolerances positive.
@@ -102,44 +105,38 @@ impl RealismOptions {
                 return wrong(format!("{name}.bound"), options.bound, "a number not below 0");
             }
         }
-        let total = num::sum(self.weights().into_values());
+        let total = num::sum(self.weights().into_iter().map(|(_, weight)| weight));
         match (total - 1.0).abs() < 1e-9 {
             true => Ok(()),
             false => wrong("weights (their sum)".into(), total, "1"),
         }
     }
 
-    /// d_j of one adversary.
-    fn diagnostics(&self, report: &AdversaryReport) -> BTreeMap<String, f64> {
-        BTreeMap::from([
-            (map::NAME.to_string(), map::diagnostic(report, self.map_validity.tolerance)),
-            (initial_overlap::NAME.to_string(), initial_overlap::diagnostic(report)),
-            (collision_validity::NAME.to_string(), collision_validity::diagnostic(report)),
-            (route_progress::NAME.to_string(), route_progress::diagnostic(report, self.route_progress.tolerance)),
-            (continuity::NAME.to_string(), continuity::diagnostic(report, self.trajectory_continuity.tolerance)),
-            (acceleration::NAME.to_string(), acceleration::diagnostic(report, &self.bounded_acceleration)),
-            (jerk::NAME.to_string(), jerk::diagnostic(report, &self.bounded_jerk)),
-        ])
+    /// d_j of one adversary, in name order.
+    fn of_adversary(&self, report: &AdversaryReport) -> [f64; DIAGNOSTICS] {
+        [
+            acceleration::diagnostic(report, &self.bounded_acceleration),
+            jerk::diagnostic(report, &self.bounded_jerk),
+            collision_validity::diagnostic(report),
+            initial_overlap::diagnostic(report),
+            map::diagnostic(report, self.map_validity.tolerance),
+            route_progress::diagnostic(report, self.route_progress.tolerance),
+            continuity::diagnostic(report, self.trajectory_continuity.tolerance),
+        ]
     }
 }
 
-/// d_j of a rollout: of each diagnostic the worst adversary's, so that a second attacker cannot hide a first. A
-/// rollout without adversaries changed nothing that could be unrealistic: every diagnostic is 1.
-pub fn diagnostics(outcome: &Outcome, options: &RealismOptions) -> BTreeMap<String, f64> {
-    let mut worst: BTreeMap<String, f64> = options.weights().into_keys().map(|name| (name.to_string(), 1.0)).collect();
+/// d_j of a rollout by name, and r_MD(τ) in [0, 1]. Of each diagnostic it is the worst adversary's, so that a second
+/// attacker cannot hide a first. A rollout without adversaries changed nothing that could be unrealistic: every
+/// diagnostic is 1.
+pub fn realism(outcome: &Outcome, options: &RealismOptions) -> (BTreeMap<String, f64>, f64) {
+    let mut worst = [1.0f64; DIAGNOSTICS];
     for report in &outcome.adversaries {
-        for (name, value) in options.diagnostics(report) {
-            if let Some(so_far) = worst.get_mut(&name) {
-                *so_far = so_far.min(value);
-            }
-        }
+        worst.iter_mut().zip(options.of_adversary(report)).for_each(|(so_far, value)| *so_far = so_far.min(value));
     }
-    worst
-}
-
-/// r_MD(τ) of diagnostics, in name order; the last bit of rounding is clamped into [0, 1].
-pub fn realism(diagnostics: &BTreeMap<String, f64>, options: &RealismOptions) -> f64 {
     let weights = options.weights();
-    let terms = diagnostics.iter().map(|(name, d)| weights.get(name.as_str()).copied().unwrap_or(0.0) * (1.0 - d));
-    (1.0 - num::sum(terms)).clamp(0.0, 1.0)
+    let missing = num::sum(weights.iter().zip(worst).map(|((_, weight), d)| weight * (1.0 - d)));
+    let named = weights.iter().zip(worst).map(|((name, _), d)| (name.to_string(), d)).collect();
+    // The last bit of rounding is clamped away.
+    (named, (1.0 - missing).clamp(0.0, 1.0))
 }

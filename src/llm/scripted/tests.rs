@@ -6,7 +6,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Scripted;
 use crate::{
     adapters::{Family, Registry},
-    agents::{Briefing, End, Target, Task, example::Example, prompt, prompt::Subject, propose, reply},
+    agents::{
+        Briefing, End, Target, Task,
+        example::Example,
+        prompt,
+        prompt::{Subject, patch_text},
+        propose, reply,
+    },
     candidates::admit,
     kernel::Digest,
     llm::{Ask, AskError, Model, ModelError, ModelSpec, Reply, Request},
@@ -154,14 +160,16 @@ fn without_declared_errors_no_reply_of_any_role_is_refused() {
     let (spec, mut replies) = (model(5, [0.0; 4]), 0);
     for stage in stages() {
         for slot in 0..60 {
-            let patch = drafted(&stage, slot, &spec);
+            let text = patch_text(&drafted(&stage, slot, &spec)).unwrap();
             let mut reviews = vec![];
             for role in Role::CRITICS {
-                let bytes =
-                    Scripted.complete(&asked(&stage, slot, &spec, role, 0, &Subject::Review(&patch))).unwrap().bytes;
+                let bytes = Scripted
+                    .complete(&asked(&stage, slot, &spec, role, 0, &Subject::Review { patch: &text }))
+                    .unwrap()
+                    .bytes;
                 reviews.push(reply::review(&bytes, role).unwrap());
             }
-            let subject = Subject::Repair { patch: &patch, reviews: &reviews };
+            let subject = Subject::Repair { patch: &text, reviews: &reviews };
             let bytes = Scripted.complete(&asked(&stage, slot, &spec, Role::Repair, 1, &subject)).unwrap().bytes;
             reply::patch(&bytes, Role::Repair).unwrap();
             replies += 6;
@@ -200,14 +208,16 @@ fn errors_come_at_the_declared_rates() {
 fn reviews_of(stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
     let spec = model(2, [0.0; 4]);
     let one = |role| {
-        let bytes = Scripted.complete(&asked(stage, slot, &spec, role, 0, &Subject::Review(patch))).unwrap().bytes;
+        let subject = Subject::Review { patch: &patch_text(patch).unwrap() };
+        let bytes = Scripted.complete(&asked(stage, slot, &spec, role, 0, &subject)).unwrap().bytes;
         reply::review(&bytes, role).unwrap()
     };
     Role::CRITICS.into_iter().map(one).collect()
 }
 
 fn repaired(stage: &Stage, patch: &ProgramPatch, reviews: &[Review], slot: u32) -> ProgramPatch {
-    let subject = Subject::Repair { patch, reviews };
+    let text = patch_text(patch).unwrap();
+    let subject = Subject::Repair { patch: &text, reviews };
     let bytes = Scripted.complete(&asked(stage, slot, &model(2, [0.0; 4]), Role::Repair, 1, &subject)).unwrap().bytes;
     reply::patch(&bytes, Role::Repair).unwrap()
 }

@@ -3,23 +3,11 @@
 use super::*;
 use crate::kernel::{Seed, Vec2};
 use crate::scene::Scene;
+use crate::scene::fixture::worlds;
 use crate::scene::synth::{SynthOptions, WorldKind, generate};
 
 fn scene(kind: WorldKind) -> Scene {
-    let options = SynthOptions {
-        kinds: vec![kind],
-        steps: 91,
-        current_step: 10,
-        warm_up_s: 18.0,
-        tracks_per_scene: 40,
-        pedestrian_share: 0.1,
-        cyclist_share: 0.06,
-        ego_travel_m_min: 10.0,
-        interaction_time_s_max: 4.0,
-        interaction_gap_m_max: 12.0,
-        following_share: 0.2,
-        attempts_max: 40,
-    };
+    let options = SynthOptions { kinds: vec![kind], ..worlds() };
     generate(kind, Seed(1), 0, &options).unwrap()
 }
 

@@ -6,20 +6,7 @@ use crate::scene::{AgentKind, DT_S, LightState, Track};
 use proptest::prelude::*;
 
 pub(crate) fn options() -> SynthOptions {
-    SynthOptions {
-        kinds: WorldKind::ALL.to_vec(),
-        steps: 91,
-        current_step: 10,
-        warm_up_s: 18.0,
-        tracks_per_scene: 40,
-        pedestrian_share: 0.1,
-        cyclist_share: 0.06,
-        ego_travel_m_min: 10.0,
-        interaction_time_s_max: 4.0,
-        interaction_gap_m_max: 12.0,
-        following_share: 0.2,
-        attempts_max: 40,
-    }
+    crate::scene::fixture::worlds()
 }
 
 fn few_scenes() -> Vec<Scene> {

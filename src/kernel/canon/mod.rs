@@ -2,6 +2,8 @@
 //! key, floats as bits. It never goes through a JSON library's text, so neither number formatting nor the
 //! `preserve_order` feature can change a key. Every field counts unless its type skips it (a deny-list).
 
+pub mod json_text;
+
 use serde::ser::{self, Serialize};
 
 /// Why a value has no canonical form.
@@ -31,7 +33,7 @@ pub fn canonical_json_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>,
 }
 
 fn written<T: Serialize + ?Sized>(value: &T, as_json: bool) -> Result<Vec<u8>, CanonError> {
-    let mut sheet = Sheet { out: Vec::with_capacity(1024), entries: Vec::new(), sorted: Vec::new(), as_json };
+    let mut sheet = Sheet { out: Vec::with_capacity(4096), entries: Vec::new(), sorted: Vec::new(), as_json };
     value.serialize(Writer { sheet: &mut sheet })?;
     Ok(sheet.out)
 }
@@ -175,9 +177,9 @@ impl<'a> Map<'a> {
     }
 
     fn close(self) -> Result<(), CanonError> {
+        self.sheet.count(self.count_at, (self.sheet.entries.len() - self.first) as u64);
         let Sheet { out, entries, sorted, .. } = self.sheet;
         let own = &mut entries[self.first..];
-        out[self.count_at..self.count_at + 8].copy_from_slice(&(own.len() as u64).to_le_bytes());
         // Keys of a map differ, but equal ones would still have one order: that of their values.
         let place = |entry: &(usize, usize, usize)| (&out[entry.0..entry.1], &out[entry.1..entry.2]);
         if !own.is_sorted_by(|a, b| place(a) <= place(b)) {
@@ -360,49 +362,38 @@ impl<'a> ser::Serializer for Writer<'a> {
     }
 }
 
-impl ser::SerializeSeq for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
+/// Serde has one trait for each kind of list and of record; each is written as any other.
+macro_rules! parts {
+    (List: $($kind:ident $method:ident),*) => {$(
+        impl ser::$kind for List<'_> {
+            type Ok = ();
+            type Error = CanonError;
+            fn $method<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
+                self.push(value)
+            }
+            fn end(self) -> Result<(), CanonError> {
+                self.close()
+            }
+        }
+    )*};
+    (Map: $($kind:ident),*) => {$(
+        impl ser::$kind for Map<'_> {
+            type Ok = ();
+            type Error = CanonError;
+            fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
+                self.key(key)?;
+                self.value(value)
+            }
+            fn end(self) -> Result<(), CanonError> {
+                self.close()
+            }
+        }
+    )*};
 }
 
-impl ser::SerializeTuple for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeTupleStruct for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeTupleVariant for List<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
-        self.push(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
+parts!(List: SerializeSeq serialize_element, SerializeTuple serialize_element, SerializeTupleStruct serialize_field,
+    SerializeTupleVariant serialize_field);
+parts!(Map: SerializeStruct, SerializeStructVariant);
 
 impl ser::SerializeMap for Map<'_> {
     type Ok = ();
@@ -412,29 +403,6 @@ impl ser::SerializeMap for Map<'_> {
     }
     fn serialize_value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), CanonError> {
         self.value(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeStruct for Map<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
-        self.key(key)?;
-        self.value(value)
-    }
-    fn end(self) -> Result<(), CanonError> {
-        self.close()
-    }
-}
-
-impl ser::SerializeStructVariant for Map<'_> {
-    type Ok = ();
-    type Error = CanonError;
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<(), CanonError> {
-        ser::SerializeStruct::serialize_field(self, key, value)
     }
     fn end(self) -> Result<(), CanonError> {
         self.close()

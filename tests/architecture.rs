@@ -26,7 +26,7 @@ const TABLE: &[(&str, &str)] = &[
         "epoch",
         "kernel store scene sim ego objects llm adapters baselines compiler agents candidates world evaluation archive lineage memory",
     ),
-    ("evidence", "kernel store scene sim objects archive lineage memory world"),
+    ("evidence", "kernel store scene sim objects evaluation archive lineage memory world"),
     ("cli", "*"),
 ];
 

@@ -9,9 +9,9 @@ use evodrive::evaluation::*;
 use evodrive::kernel::{Digest, Seed, par::Pool};
 use evodrive::sim::{ActorRef, AdversaryReport, Contact, End, Motion, Outcome, Striker};
 
-fn options() -> EvaluationOptions {
+fn options() -> MetadriveOptions {
     let soft = |weight, tolerance| Diagnostic { weight, tolerance };
-    EvaluationOptions {
+    MetadriveOptions {
         attack: AttackOptions { target: AttackTarget::AdversaryContact },
         realism: RealismOptions {
             map_validity: soft(0.2, 2.0),
@@ -22,7 +22,6 @@ fn options() -> EvaluationOptions {
             bounded_acceleration: BoundedDiagnostic { weight: 0.2, bound: 6.0, tolerance: 4.0 },
             bounded_jerk: BoundedDiagnostic { weight: 0.2, bound: 10.0, tolerance: 20.0 },
         },
-        safebench: None,
     }
 }
 
@@ -159,7 +158,7 @@ fn evaluate_with(
         .iter()
         .map(|id| SceneRef { id, digest: Digest::of_bytes(id.as_bytes()), group: None, counsel: None })
         .collect();
-    evaluate(&subject, &scenes, label, &options(), cache, &Pool::new(threads).unwrap())
+    evaluate(&subject, &scenes, label, &EvaluationOptions::Metadrive(options()), cache, &Pool::new(threads).unwrap())
 }
 
 #[test]

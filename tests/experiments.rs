@@ -23,8 +23,8 @@ fn read(path: &Path) -> Experiment {
 
 #[test]
 fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
-    let paths = [files("experiments"), files("experiments/metadrive")].concat();
-    assert!(paths.len() >= 12, "{paths:?}");
+    let paths = ["experiments", "experiments/metadrive", "experiments/safebench"].map(files).concat();
+    assert!(paths.len() >= 17, "{paths:?}");
     let (families, mut names) = (registry(), BTreeSet::new());
     for path in &paths {
         let experiment = read(path);
@@ -80,4 +80,62 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
     all.sort();
     together.sort();
     assert_eq!((all.len(), &all), (10, &together));
+}
+
+#[test]
+fn the_safebench_experiments_share_everything_but_their_sources() {
+    let (mut alone, mut together, mut shared): (Vec<LineageId>, Vec<LineageId>, BTreeSet<String>) = Default::default();
+    for path in files("experiments/safebench") {
+        let experiment = read(&path);
+        let stem = path.file_stem().unwrap().to_str().unwrap();
+        assert_eq!(experiment.name, format!("safebench-{stem}"));
+        let SceneSource::Safebench { options, .. } = &experiment.scenes else { panic!("{stem}: other scenes") };
+        options.check().unwrap();
+        let (split, budget) = (&experiment.split, &experiment.budget);
+        let kept = experiment.evaluation.safebench().expect("SafeBench's protocol").selected_per_group;
+        assert_eq!((options.families.len(), options.routes.len(), budget.epochs), (8, 10, 4), "{stem}");
+        assert_eq!(
+            (kept, split.window),
+            (options.draws as usize, 64 * options.draws as usize),
+            "{stem}: every group whole"
+        );
+        assert_eq!(split.held_out, 16 * options.draws as usize, "{stem}");
+        let ids = experiment.lineages.iter().map(|lineage| lineage.id.clone());
+        if stem == "all-idm" {
+            together.extend(ids)
+        } else {
+            alone.extend(ids)
+        }
+        let mut table: toml::Table = std::fs::read_to_string(&path).unwrap().parse().unwrap();
+        for own in ["name", "describes", "cassette", "lineage"] {
+            table.remove(own).unwrap();
+        }
+        shared.insert(toml::to_string(&table).unwrap());
+    }
+    assert_eq!(shared.len(), 1);
+    alone.sort();
+    together.sort();
+    assert_eq!((alone.len(), &alone), (4, &together));
+}
+
+/// The message with which a changed copy of a file is refused.
+fn refused(file: &str, change: impl Fn(String) -> String) -> String {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("changed.toml");
+    std::fs::write(&path, change(text)).unwrap();
+    Experiment::read(&path).expect_err("a file that must be refused").message
+}
+
+#[test]
+fn labels_that_a_protocol_does_not_read_are_refused_and_those_that_it_reads_are_required() {
+    let attack = "\n[evaluation.attack]\ntarget = \"any_contact\"\n";
+    let unread = refused("experiments/safebench/human-idm.toml", |text| text + attack);
+    assert!(unread.contains("[evaluation.attack]") && unread.contains("remove one of the two"), "{unread}");
+    let missing = refused("experiments/metadrive/cat-idm.toml", |text| text.replace(attack, "\n"));
+    assert!(missing.contains("[evaluation.attack] is missing"), "{missing}");
+    let unknown = refused("experiments/safebench/human-idm.toml", |text| text + "\n[evaluation.nothing]\n");
+    assert!(unknown.contains("nothing"), "{unknown}");
+    let without = refused("experiments/safebench/human-idm.toml", |text| text.replace("draws = 4\n", ""));
+    assert!(without.contains("draws"), "{without}");
 }

@@ -189,7 +189,7 @@ mod tests {
             let text = desk.0.get(desk.1.len()).cloned().unwrap_or_default();
             desk.1.push(request.clone());
             let response = Digest::of_bytes(text.as_bytes());
-            Ok(Reply { request: request.key().unwrap(), response, bytes: text.into_bytes() })
+            Ok(Reply { request: request.key().unwrap(), response, bytes: text.into_bytes(), metadata: None })
         }
     }
 

@@ -5,15 +5,13 @@
 //! follows the points at 3 m/s. The search and the smoothing are those of AdvSim's stand-in here: the port ships
 //! optimised sequences, we search.
 
-use super::grammar::{self, integer, number, optional, parameter};
-use super::interface::{self, Own, own};
-use super::kernel::script_space::{Perturbation, ScriptSpace};
-use super::kernel::traffic_family::{actions, adversary, standard};
+use super::grammar::{integer, number, parameter};
+use super::interface::own;
+use super::kernel::script_space::Perturbation;
 use super::kernel::{Part, Settings, Stage, StageError};
-use super::{profile_search, staged};
+use super::profile_search::{self, Profiled};
 use crate::adapters::Family;
-use crate::objects::{Slot, ValueType};
-use crate::scene::safebench::{Stage as Places, TrafficFamily};
+use crate::scene::safebench::TrafficFamily;
 use crate::sim::{Phase, Until};
 
 /// The family's name in programs, experiments and tables.
@@ -27,57 +25,26 @@ const PREFIX: &str = "lateral_";
 /// Contract and parent.
 pub fn family() -> Family {
     let share = "largest sideways move over the port's bound of 3, 2 or 1 m; 1 as ported";
-    let motion = [
+    let smoothing = "neighbouring numbers that are averaged; 1: none";
+    let shift = "added to the port's trigger distance";
+    let motion = vec![
         own(parameter("lateral_share", number(0.05, 1.0, "1"), share), 1.0),
         own(parameter("lateral_pace", number(0.3, 2.0, "1"), "target speed over the port's; 1 as ported"), 1.0),
-        own(
-            parameter("lateral_smoothing", integer(1, 20, "1"), "neighbouring numbers that are averaged; 1: none"),
-            1.0,
-        ),
-        own(
-            parameter("lateral_trigger_shift_m", number(-15.0, 15.0, "m"), "added to the port's trigger distance"),
-            0.0,
-        ),
+        own(parameter("lateral_smoothing", integer(1, 20, "1"), smoothing), 1.0),
+        own(parameter("lateral_trigger_shift_m", number(-15.0, 15.0, "m"), shift), 0.0),
     ];
-    let search = profile_search::parameters(PREFIX);
-    let mut graph = staged::graph_start();
-    let follows = |parameters: &[interface::OwnParameter]| interface::from_parameters(parameters);
-    graph.push(interface::node("motion", Slot::Motion, LATERAL_SEQUENCE, &["timing"], follows(&motion)));
-    graph.push(interface::node("search", Slot::Search, LATERAL_QUERIES, &["motion"], follows(&search)));
-    graph.push(interface::best_of_search());
-    let space = interface::operator(
-        Slot::Motion,
-        LATERAL_SEQUENCE,
-        motion.iter().map(interface::follows).collect(),
-        "The scripted adversary steering at 100 points beside its straight path, one a tick.",
-    );
-    let mut settings: Vec<_> = search.iter().map(interface::follows).collect();
-    settings.push(optional("loss", "lateral_loss", "added to the search's own loss of a simulated scenario"));
-    let queries = interface::operator(
-        Slot::Search,
-        LATERAL_QUERIES,
-        settings,
-        "Simulates profiles one after the other, each a change of the best so far, until the ego collides.",
-    );
-    staged::family(Own {
+    profile_search::family(Profiled {
         name: NAME,
         title: "AT: adversarial trajectories (Zhang et al. 2022), SafeBench's port",
-        describes:
-            "Moves 100 points of a scripted road user's straight path sideways within a fixed bound and lets it \
+        describes: "Moves 100 points of a scripted road user's straight path sideways within a fixed bound and lets it \
                     steer at one point a tick. Each query simulates the scenario against the ego; contact ends the \
-                    search, nearness guides it."
-                .into(),
-        words: vec![LATERAL_SEQUENCE, LATERAL_QUERIES, "lateral_loss"],
-        parameters: motion.into_iter().chain(search).collect(),
-        operators: vec![(Slot::Motion, space), (Slot::Search, queries)],
-        without_shared: staged::WITHOUT_SHARED,
-        mechanism_slots: vec![grammar::slot(
-            "lateral_loss",
-            ValueType::Number,
-            grammar::candidate_features(),
-            "A loss of a simulated scenario by its adversary's motion, smaller is better; added to distance and contact.",
-        )],
-        graph,
+                    search, nearness guides it.",
+        space: LATERAL_SEQUENCE,
+        space_describes: "The scripted adversary steering at 100 points beside its straight path, one a tick.",
+        motion,
+        queries: LATERAL_QUERIES,
+        prefix: PREFIX,
+        loss: "lateral_loss",
     })
 }
 
@@ -106,28 +73,19 @@ fn trigger_m(family: TrafficFamily) -> f64 {
 
 /// The scripted scenario with a lateral profile in place of its adversary's path.
 pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
-    let Some(places) = Places::of(&stage.situation.scene) else { return Ok(()) };
-    let family = places.staging().family;
-    let mut values = standard(family);
-    if let Some(place) = staged::place_of(family, "trigger_m") {
-        values[place] = (trigger_m(family) + settings.number("lateral_trigger_shift_m")?).max(0.0);
-    }
-    if let Some(place) = staged::place_of(family, "oncoming_gap_m") {
-        values[place] = 20.0;
-    }
-    let (bound_m, length_m) = bounds_m(family);
-    let lead = (family == TrafficFamily::LaneChanging).then(|| Phase::straight(12.0, Until::Driven { m: 2.0 }));
-    let perturbation = Perturbation::Lateral {
-        amplitude_m: settings.number("lateral_share")? * bound_m,
-        length_m,
-        mps: settings.number("lateral_pace")? * target_mps(family),
-        lead,
-        smoothing: settings.count("lateral_smoothing")?,
-    };
-    let Ok(base) = actions(&places, &values) else { return Ok(()) };
-    let space = ScriptSpace { base, adversary: adversary(family), perturbation };
-    parts.iter_mut().for_each(|part| profile_search::open(stage, &space, part));
-    Ok(())
+    profile_search::start(stage, parts, |family| {
+        let trigger_m = (trigger_m(family) + settings.number("lateral_trigger_shift_m")?).max(0.0);
+        let (bound_m, length_m) = bounds_m(family);
+        let lead = (family == TrafficFamily::LaneChanging).then(|| Phase::straight(12.0, Until::Driven { m: 2.0 }));
+        let perturbation = Perturbation::Lateral {
+            amplitude_m: settings.number("lateral_share")? * bound_m,
+            length_m,
+            mps: settings.number("lateral_pace")? * target_mps(family),
+            lead,
+            smoothing: settings.count("lateral_smoothing")?,
+        };
+        Ok((vec![("trigger_m", trigger_m), ("oncoming_gap_m", 20.0)], perturbation))
+    })
 }
 
 /// Queries of lateral profiles.

@@ -5,15 +5,13 @@
 //! numpy's generator, ours comes from a named stream. Choices of ours: the (1+1) evolution strategy, a small budget, and
 //! the moving mean over neighbouring numbers (`speed_smoothing`, 1 in the port: none).
 
-use super::grammar::{self, integer, number, optional, parameter};
-use super::interface::{self, Own, own};
-use super::kernel::script_space::{Perturbation, ScriptSpace};
-use super::kernel::traffic_family::{actions, adversary, standard};
+use super::grammar::{integer, number, parameter};
+use super::interface::own;
+use super::kernel::script_space::Perturbation;
 use super::kernel::{Part, Settings, Stage, StageError};
-use super::{profile_search, staged};
+use super::profile_search::{self, Profiled};
 use crate::adapters::Family;
-use crate::objects::{Slot, ValueType};
-use crate::scene::safebench::{Stage as Places, TrafficFamily};
+use crate::scene::safebench::TrafficFamily;
 use crate::sim::{Phase, Until};
 
 /// The family's name in programs, experiments and tables.
@@ -26,7 +24,7 @@ const PREFIX: &str = "speed_";
 
 /// Contract and parent.
 pub fn family() -> Family {
-    let motion = [
+    let motion = vec![
         own(
             parameter("speed_ceiling", number(0.5, 3.0, "1"), "largest speed over the standard speed; 2 as ported"),
             2.0,
@@ -34,44 +32,18 @@ pub fn family() -> Family {
         own(parameter("speed_smoothing", integer(1, 20, "1"), "neighbouring numbers that are averaged; 1: none"), 1.0),
         own(parameter("speed_trigger_shift_m", number(-15.0, 15.0, "m"), "added to the port's trigger distance"), 0.0),
     ];
-    let search = profile_search::parameters(PREFIX);
-    let mut graph = staged::graph_start();
-    let follows = |parameters: &[interface::OwnParameter]| interface::from_parameters(parameters);
-    graph.push(interface::node("motion", Slot::Motion, SPEED_SEQUENCE, &["timing"], follows(&motion)));
-    graph.push(interface::node("search", Slot::Search, SPEED_QUERIES, &["motion"], follows(&search)));
-    graph.push(interface::best_of_search());
-    let space = interface::operator(
-        Slot::Motion,
-        SPEED_SEQUENCE,
-        motion.iter().map(interface::follows).collect(),
-        "The scripted adversary on its straight path with a target speed of its own for each of 100 ticks.",
-    );
-    let mut settings: Vec<_> = search.iter().map(interface::follows).collect();
-    settings.push(optional("loss", "speed_loss", "added to the search's own loss of a simulated scenario"));
-    let queries = interface::operator(
-        Slot::Search,
-        SPEED_QUERIES,
-        settings,
-        "Simulates profiles one after the other, each a change of the best so far, until the ego collides.",
-    );
-    staged::family(Own {
+    profile_search::family(Profiled {
         name: NAME,
         title: "AdvSim (Wang et al. 2021), SafeBench's port",
         describes: "Searches the speed of a scripted road user at each of 100 ticks after its trigger. Its path is \
                     fixed. Each query simulates the scenario against the ego; contact ends the search, nearness guides \
-                    it."
-        .into(),
-        words: vec![SPEED_SEQUENCE, SPEED_QUERIES, "speed_loss"],
-        parameters: motion.into_iter().chain(search).collect(),
-        operators: vec![(Slot::Motion, space), (Slot::Search, queries)],
-        without_shared: staged::WITHOUT_SHARED,
-        mechanism_slots: vec![grammar::slot(
-            "speed_loss",
-            ValueType::Number,
-            grammar::candidate_features(),
-            "A loss of a simulated scenario by its adversary's motion, smaller is better; added to distance and contact.",
-        )],
-        graph,
+                    it.",
+        space: SPEED_SEQUENCE,
+        space_describes: "The scripted adversary on its straight path with a target speed of its own for each of 100 ticks.",
+        motion,
+        queries: SPEED_QUERIES,
+        prefix: PREFIX,
+        loss: "speed_loss",
     })
 }
 
@@ -87,20 +59,14 @@ fn trigger_m(family: TrafficFamily) -> f64 {
 
 /// The scripted scenario with a profile in place of its adversary's speed.
 pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
-    let Some(places) = Places::of(&stage.situation.scene) else { return Ok(()) };
-    let family = places.staging().family;
-    let mut values = standard(family);
-    if let Some(place) = staged::place_of(family, "trigger_m") {
-        values[place] = (trigger_m(family) + settings.number("speed_trigger_shift_m")?).max(0.0);
-    }
-    // The leader drives as it is scripted until it begins to brake.
-    let lead = (family == TrafficFamily::LaneChanging).then(|| Phase::straight(12.0, Until::Driven { m: 5.0 }));
-    let mps_max = settings.number("speed_ceiling")? * standard_mps(family);
-    let perturbation = Perturbation::Speeds { mps_max, lead, smoothing: settings.count("speed_smoothing")? };
-    let Ok(base) = actions(&places, &values) else { return Ok(()) };
-    let space = ScriptSpace { base, adversary: adversary(family), perturbation };
-    parts.iter_mut().for_each(|part| profile_search::open(stage, &space, part));
-    Ok(())
+    profile_search::start(stage, parts, |family| {
+        let trigger_m = (trigger_m(family) + settings.number("speed_trigger_shift_m")?).max(0.0);
+        // The leader drives as it is scripted until it begins to brake.
+        let lead = (family == TrafficFamily::LaneChanging).then(|| Phase::straight(12.0, Until::Driven { m: 5.0 }));
+        let mps_max = settings.number("speed_ceiling")? * standard_mps(family);
+        let perturbation = Perturbation::Speeds { mps_max, lead, smoothing: settings.count("speed_smoothing")? };
+        Ok((vec![("trigger_m", trigger_m)], perturbation))
+    })
 }
 
 /// Queries of speed profiles.

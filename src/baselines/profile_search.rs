@@ -3,16 +3,74 @@
 
 use std::sync::Arc;
 
-use super::grammar::{integer, number, parameter};
-use super::interface::{OwnParameter, own};
+use super::grammar::{self, integer, number, optional, parameter};
+use super::interface::{self, Own, OwnParameter, own};
 use super::kernel::candidate::Judged;
 use super::kernel::query_search::{Answer, Queries, ask_all};
-use super::kernel::script_space::{PROFILE_VALUES, ScriptSpace};
+use super::kernel::script_space::{PROFILE_VALUES, Perturbation, ScriptSpace};
+use super::kernel::traffic_family::{self, actions, standard};
 use super::kernel::{Part, Settings, Stage, StageError, scripted};
+use super::staged;
+use crate::adapters::Family;
 use crate::kernel::num;
+use crate::objects::{Slot, ValueType};
+use crate::scene::safebench::{Stage as Places, TrafficFamily};
+
+/// What a source of searched profiles says of itself.
+pub struct Profiled {
+    pub name: &'static str,
+    pub title: &'static str,
+    pub describes: &'static str,
+    /// Motion operator: the space of profiles, and its parameters.
+    pub space: &'static str,
+    pub space_describes: &'static str,
+    pub motion: Vec<OwnParameter>,
+    /// Search operator, and what the names of its parameters begin with.
+    pub queries: &'static str,
+    pub prefix: &'static str,
+    /// Mechanism that adds to the search's loss.
+    pub loss: &'static str,
+}
+
+/// Contract and parent of a source.
+pub fn family(of: Profiled) -> Family {
+    let search = parameters(of.prefix);
+    let mut graph = staged::graph_start();
+    let values = interface::from_parameters(&of.motion);
+    graph.push(interface::node("motion", Slot::Motion, of.space, &["timing"], values));
+    let values = interface::from_parameters(&search);
+    graph.push(interface::node("search", Slot::Search, of.queries, &["motion"], values));
+    graph.push(interface::best_of_search());
+    let settings = of.motion.iter().map(interface::follows).collect();
+    let space = interface::operator(Slot::Motion, of.space, settings, of.space_describes);
+    let mut settings: Vec<_> = search.iter().map(interface::follows).collect();
+    settings.push(optional("loss", of.loss, "added to the search's own loss of a simulated scenario"));
+    let queries = interface::operator(
+        Slot::Search,
+        of.queries,
+        settings,
+        "Simulates profiles one after the other, each a change of the best so far, until the ego collides.",
+    );
+    staged::family(Own {
+        name: of.name,
+        title: of.title,
+        describes: of.describes.into(),
+        words: vec![of.space, of.queries, of.loss],
+        parameters: of.motion.into_iter().chain(search).collect(),
+        operators: vec![(Slot::Motion, space), (Slot::Search, queries)],
+        without_shared: staged::WITHOUT_SHARED,
+        mechanism_slots: vec![grammar::slot(
+            of.loss,
+            ValueType::Number,
+            grammar::candidate_features(),
+            "A loss of a simulated scenario by its adversary's motion, smaller is better; added to distance and contact.",
+        )],
+        graph,
+    })
+}
 
 /// Parameters of the search; each name begins with `prefix`.
-pub fn parameters(prefix: &str) -> Vec<OwnParameter> {
+fn parameters(prefix: &str) -> Vec<OwnParameter> {
     let named = |name: &str, domain, describes: &str, value| {
         own(parameter(&format!("{prefix}{name}"), domain, describes), value)
     };
@@ -23,8 +81,34 @@ pub fn parameters(prefix: &str) -> Vec<OwnParameter> {
     ]
 }
 
+/// Figures of a traffic family's script that a source sets by their names, where the script has them, and what its
+/// profiles stand in for.
+pub type Setting = (Vec<(&'static str, f64)>, Perturbation);
+
+/// Puts every part at the middle of the space over the stage's scripted scenario; where that finds no place on the road,
+/// nothing is put.
+pub fn start(
+    stage: &Stage<'_>,
+    parts: &mut [Part],
+    setting: impl FnOnce(TrafficFamily) -> Result<Setting, StageError>,
+) -> Result<(), StageError> {
+    let Some(places) = Places::of(&stage.situation.scene) else { return Ok(()) };
+    let family = places.staging().family;
+    let (figures, perturbation) = setting(family)?;
+    let mut values = standard(family);
+    for (name, value) in figures {
+        if let Some(place) = staged::place_of(family, name) {
+            values[place] = value;
+        }
+    }
+    let Ok(base) = actions(&places, &values) else { return Ok(()) };
+    let space = ScriptSpace { base, adversary: traffic_family::adversary(family), perturbation };
+    parts.iter_mut().for_each(|part| open(stage, &space, part));
+    Ok(())
+}
+
 /// The middle of a space, simulated: where a search sets out from.
-pub fn open(stage: &Stage<'_>, space: &ScriptSpace, part: &mut Part) {
+fn open(stage: &Stage<'_>, space: &ScriptSpace, part: &mut Part) {
     let actions = space.actions(&vec![0.5; space.dimensions()]);
     let space = Some(Arc::new(space.clone()));
     let middle = scripted::simulated(stage.situation, actions, adversary(&space), part.window.from_step, space);

@@ -98,6 +98,11 @@ impl RunFolder {
         self.dir.join("report.html")
     }
 
+    /// What it cost to make the run.
+    pub fn cost(&self) -> PathBuf {
+        self.dir.join("cost.json")
+    }
+
     pub fn result(&self) -> PathBuf {
         self.dir.join("result.json")
     }

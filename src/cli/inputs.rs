@@ -12,7 +12,8 @@ use crate::adapters::Family;
 use crate::agents::contract_text;
 use crate::baselines;
 use crate::ego::Policy;
-use crate::epoch::{Budget, Counsels, LineageSpec, SceneEntry, Study};
+use crate::epoch::{Budget, Counsels, LineageSpec, Meter, SceneEntry, Study};
+use crate::evaluation::EvaluationOptions;
 use crate::kernel::{Digest, Seed, par::Pool as Threads};
 use crate::llm::Ask;
 use crate::scene::import::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
@@ -148,16 +149,18 @@ pub fn study<'a>(
     let text = |f: &Family| (f.contract.family.clone(), contract_text(&f.contract));
     let used = |f: &&Family| lineages.iter().any(|spec| spec.family == f.contract.family);
     let contract_texts = registry.iter().filter(used).map(text).collect();
-    experiment.evaluation.realism.check().map_err(|error| bad(error.to_string()))?;
-    if let Some(safebench) = &experiment.evaluation.safebench {
-        if let Some((name, expected)) = safebench.fault() {
-            return Err(bad(format!("evaluation.safebench.{name}: expected {expected}")));
-        }
-        if let Some(entry) = entries.iter().find(|entry| entry.group().is_none()) {
-            return Err(bad(format!(
-                "scene {} is staged for no traffic family; [evaluation.safebench] takes [scenes] source = \"safebench\"",
-                entry.scene.id
-            )));
+    match &experiment.evaluation {
+        EvaluationOptions::Metadrive(options) => options.realism.check().map_err(|error| bad(error.to_string()))?,
+        EvaluationOptions::Safebench { safebench } => {
+            if let Some((name, expected)) = safebench.fault() {
+                return Err(bad(format!("evaluation.safebench.{name}: expected {expected}")));
+            }
+            if let Some(entry) = entries.iter().find(|entry| entry.group().is_none()) {
+                return Err(bad(format!(
+                    "scene {} is staged for no traffic family; [evaluation.safebench] takes [scenes] source = \"safebench\"",
+                    entry.scene.id
+                )));
+            }
         }
     }
     experiment.memory.validate().map_err(|error| bad(error.to_string()))?;
@@ -192,6 +195,7 @@ pub fn study<'a>(
         counsels: Counsels::default(),
         ask,
         pool: threads,
+        meter: Meter::default(),
     };
     for lineage in &study.lineages {
         study.parent(lineage).map_err(|error| bad(error.to_string()))?;

@@ -3,6 +3,7 @@
 mod answer;
 mod args;
 mod bench;
+mod cost;
 mod exit;
 mod exit_from;
 pub mod experiment;

@@ -10,12 +10,10 @@ use crate::scene::draw::{Actor, Contact, Drawing, Role, role_of};
 use crate::sim::{ActorRef, ActorTrace, End, Outcome, Trace};
 
 /// Scenes of a lineage that can be played.
-const SCENES_MAX: usize = 4;
-/// Programs of a lineage that can be played, besides parent and active.
-const PROGRAMS_MAX: usize = 8;
+const SCENES_MAX: usize = 3;
 
-/// The parent, the active program, and attempts that were accepted, in the scenes of the last window where they differ
-/// most.
+/// The parent, the chosen and the active program, and the finalists, in the scenes where they differ most. Any other
+/// rollout is drawn by `evodrive scenes show`.
 pub fn choose(study: &Study<'_>, story: &Story) -> Result<Stage, Failure> {
     let mut stage = Stage::default();
     for spec in &study.lineages {
@@ -45,6 +43,7 @@ fn programs(story: &Story, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
     let evolved = story.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == spec.id));
     if let Some(result) = evolved {
         add(&result.evolved.solution, "chosen");
+        result.endpoint.iter().for_each(|endpoint| add(&endpoint.solution, "endpoint"));
     }
     if let Some(parent) = story.parents.iter().find(|p| p.lineage == spec.id) {
         add(&parent.program.solution_id, "parent");
@@ -52,12 +51,8 @@ fn programs(story: &Story, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
     if let Some(active) = story.active(&spec.id) {
         add(active, "active");
     }
-    let accepted = story.attempts.iter().rev().filter(|a| a.lineage == spec.id);
-    let accepted = accepted.filter(|a| a.exit.decision().is_some_and(|d| d.gates.any()));
-    for attempt in accepted.take(PROGRAMS_MAX) {
-        if let Some(candidate) = attempt.exit.candidate() {
-            add(&candidate.program.solution_id, "accepted");
-        }
+    for finalist in story.finalists.iter().filter(|f| f.lineage == spec.id) {
+        add(&finalist.solution, "finalist");
     }
     chosen
 }

@@ -8,8 +8,8 @@ use super::args::{FolderArgs, RecordArgs, RunArgs};
 use super::exit::Failure;
 use super::experiment::Experiment;
 use super::folder::{Recording, RunFolder};
-use super::{inputs, models, playables, result_text};
-use crate::epoch::{self, Desk, Mode, Progress, Rollouts, Study};
+use super::{cost, inputs, models, playables, result_text};
+use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study};
 use crate::evidence::report;
 use crate::kernel::{Digest, par::Pool as Threads};
 use crate::llm::{Ask, Cassette, DrawSlot, Record, RecordMode, Replay};
@@ -163,7 +163,9 @@ impl Job {
 
 /// The run itself, its result files and its report.
 fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bool) -> Result<Answer, Failure> {
-    let study = inputs::study(&job.experiment, job.scenes, ask, &job.threads)?;
+    let mut study = inputs::study(&job.experiment, job.scenes, ask, &job.threads)?;
+    let clock = cost::clock();
+    study.meter = Meter::new(&clock);
     let objects = Store::open(&folder.store())?;
     let path = folder.transcript();
     let log = if path.exists() { Transcript::continue_from_start(&path)? } else { Transcript::create(&path)? };
@@ -178,11 +180,14 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
     let root = desk.log.head();
     let (reused, simulated) = desk.rollouts.counts();
     drop(desk);
+    let cost = cost::of(&study, (reused, simulated));
+    cost::keep(folder, &cost)?;
     let result_json = serde_json::to_vec_pretty(&json!({"root": root, "result": result})).map_err(Failure::internal)?;
     store::write_atomic(&folder.result(), &result_json)?;
     if report {
         write_report(&study, folder)?;
     }
+    progress(cost::table(&cost));
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store"));
     Ok(answer(&job.experiment, folder, &result, root, (reused, simulated)))
 }
@@ -192,7 +197,10 @@ pub fn write_report(study: &Study<'_>, folder: &RunFolder) -> Result<(), Failure
     let story = folder.story()?;
     study.recall(&story.counsels);
     let playables = playables::choose(study, &story)?;
-    Ok(store::write_atomic(&folder.report(), report::html(&story, &playables).as_bytes())?)
+    Ok(store::write_atomic(
+        &folder.report(),
+        report::html(&story, &playables, cost::kept(folder)?.as_ref()).as_bytes(),
+    )?)
 }
 
 fn answer(
@@ -208,6 +216,7 @@ fn answer(
         "root": root,
         "folder": folder.dir,
         "report": folder.report(),
+        "cost": folder.cost(),
         "result": result,
         "rollouts": {"simulated": simulated, "reused": reused},
     });

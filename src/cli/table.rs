@@ -26,6 +26,10 @@ pub enum Which {
     MetadriveMain,
     /// MetaDrive, a row a generator and ego, with the endpoint of the local trace.
     MetadrivePolicy,
+    /// SafeBench, a row a generator: the parent's scenes against those after the last round.
+    SafebenchMain,
+    /// SafeBench, every round by traffic family, a part a generator.
+    SafebenchRounds,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -45,6 +49,8 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let table = match options.table {
         Which::MetadriveMain => tables::metadrive_main(&stories),
         Which::MetadrivePolicy => tables::metadrive_policy(&stories),
+        Which::SafebenchMain => tables::safebench_main(&stories),
+        Which::SafebenchRounds => tables::safebench_rounds(&stories),
     };
     let table = table.map_err(Failure::bad_input)?;
     let text = match options.format {

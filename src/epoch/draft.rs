@@ -50,7 +50,7 @@ pub fn draft(
         models: &study.models,
         max_repair_rounds: study.budget.max_repair_rounds,
     };
-    let proposed = agents::propose(&task, study.ask)?;
+    let proposed = agents::propose(&task, &study.meter.asking(study.ask, &snapshot.spec.id))?;
     let reached = match proposed.end {
         End::Declined { reason } => Reached::Declined { reason },
         End::Patch(patch) => admit(study, snapshot, router, slot, &patch, rollouts)?,

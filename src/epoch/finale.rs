@@ -12,6 +12,7 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::archive::{Contender, pf_area_pct, select_active};
+use crate::kernel::num;
 use crate::objects::{
     Attempt, Objectives, Score, SolutionId,
     event::{ExitCounts, Finalist, FrontPoint, HeldOut, LineageResult, Measured, RunResult, kind},
@@ -25,6 +26,7 @@ pub fn report(study: &Study<'_>, state: &State, desk: &mut Desk<'_>) -> Result<R
     let mut lineages = Vec::new();
     for spec in &study.lineages {
         lineages.push(one_lineage(study, state, spec, desk)?);
+        study.meter.turn(&spec.id);
     }
     Ok(RunResult {
         lineages,
@@ -70,7 +72,7 @@ fn one_lineage(
         scenes: study.held_out.len(),
     });
     let of = |solution: &SolutionId| Measured::new(solution.clone(), measured[solution]);
-    let pf_area_at_3_pct = frontier_gain(study, state, spec, &parent, &choice, &measured, desk)?;
+    let (pf_area_at_3_pct, by_group) = frontier_gain(study, state, spec, &parent, &choice, &measured, desk)?;
     let archive = &state.archives[&spec.id];
     Ok(LineageResult {
         lineage: spec.id.clone(),
@@ -81,6 +83,7 @@ fn one_lineage(
         selection: choice.reason,
         endpoint: choice.endpoint.as_ref().map(of),
         pf_area_at_3_pct,
+        pf_area_at_3_pct_by_group: by_group,
         front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
         hypervolume_by_epoch: state.settled.iter().filter(|s| s.lineage == spec.id).map(|s| s.hypervolume).collect(),
         exits: count(&state.attempts.iter().filter(|a| a.lineage == spec.id).collect::<Vec<_>>()),
@@ -88,7 +91,8 @@ fn one_lineage(
     })
 }
 
-/// PF-Area@3: on held-out objectives; in SafeBench's protocol over its groups, whose archive is recorded here too.
+/// PF-Area@3: on held-out objectives; in SafeBench's protocol the mean over its groups, which follow, and whose archive
+/// is recorded here too.
 fn frontier_gain(
     study: &Study<'_>,
     state: &State,
@@ -97,14 +101,15 @@ fn frontier_gain(
     choice: &Choice,
     measured: &BTreeMap<SolutionId, Objectives>,
     desk: &mut Desk<'_>,
-) -> Result<f64, RunError> {
-    if let (Some(options), Some(parent_score)) = (&study.evaluation.safebench, choice.scores.get(parent)) {
+) -> Result<(f64, BTreeMap<String, f64>), RunError> {
+    if let (Some(options), Some(parent_score)) = (study.evaluation.safebench(), choice.scores.get(parent)) {
         rounds::record(study, state, spec, options, (parent, parent_score), desk)?;
-        let descendants: Vec<Score> = choice.top.iter().filter_map(|s| choice.scores.get(s).cloned()).collect();
-        return Ok(rounds::pf_area_over_groups_pct(study, parent_score, &descendants, FRONTIER_BUDGET));
+        let descendants: Vec<&Score> = choice.top.iter().filter_map(|s| choice.scores.get(s)).collect();
+        let gains = rounds::pf_area_by_group_pct(study, options, parent_score, &descendants, FRONTIER_BUDGET, desk)?;
+        return Ok((num::mean(&gains.values().copied().collect::<Vec<f64>>()).unwrap_or(0.0), gains));
     }
     let descendants: Vec<Objectives> = choice.top.iter().map(|s| measured[s]).collect();
-    Ok(pf_area_pct(&[measured[parent]], &descendants, FRONTIER_BUDGET, &study.archive))
+    Ok((pf_area_pct(&[measured[parent]], &descendants, FRONTIER_BUDGET, &study.archive), BTreeMap::new()))
 }
 
 /// Labels the finalists on every evolution scene, so that one window's luck does not choose, and applies the

@@ -74,7 +74,7 @@ pub fn trials(
                 }
                 let compile =
                     |ready: &Prepared<'_>| ready.compile_counselled(&probe.situation, study.seed, counsel.as_ref());
-                let compiled = prepared.as_ref().map(compile);
+                let compiled = prepared.as_ref().map(|ready| study.meter.compile(&spec.id, || compile(ready)));
                 let failure = compiled.and_then(Result::err).map(|failure| failure.to_string());
                 rollouts.keep_trial(
                     &key,
@@ -105,10 +105,10 @@ pub fn labelled_rollout(
 ) -> Result<RolloutRecord, String> {
     let entry = &study.scenes[place];
     let situation = entry.situation(&spec.ego)?;
-    let compiled =
-        prepared.compile_counselled(&situation, study.seed, counsel).map_err(|failure| failure.to_string())?;
-    let outcome: Outcome = rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut())
-        .map_err(|error| error.to_string())?;
+    let compile = || prepared.compile_counselled(&situation, study.seed, counsel);
+    let compiled = study.meter.compile(&spec.id, compile).map_err(|failure| failure.to_string())?;
+    let run = || rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut());
+    let outcome: Outcome = study.meter.rollout(&spec.id, run).map_err(|error| error.to_string())?;
     record(entry, spec, prepared, &compiled.decision, outcome)
 }
 

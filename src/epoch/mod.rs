@@ -3,6 +3,7 @@
 mod acceptor;
 mod briefing;
 mod composition;
+mod cost;
 mod counsel;
 mod draft;
 mod error;
@@ -17,6 +18,7 @@ mod state;
 mod study;
 
 pub use composition::CompositionOptions;
+pub use cost::{Clock, Meter};
 pub use counsel::{CounselOptions, Counsels};
 pub use error::RunError;
 pub use labels::{Traced, labelled_rollout, trace};

@@ -65,6 +65,7 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         counsel::take(study, spec, &study.evolution, desk)?;
         let first = Snapshot::freeze(study, &state, 0, spec, desk.rollouts)?;
         state.archives.entry(spec.id.clone()).or_default().insert(acceptor::parent_entry(&first)?)?;
+        study.meter.turn(&spec.id);
     }
     state.digest = state.first_digest()?;
     Ok(state)

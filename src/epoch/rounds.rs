@@ -1,7 +1,7 @@
 //! SafeBench's archive: labelled scenes by group of family and route, what balanced selection keeps of them after every
-//! round, and the frontier gain as the mean over groups (paper, appendix CARLA/SafeBench Protocol).
+//! round, and the frontier gain of every group (paper, appendix CARLA/SafeBench Protocol).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     RunError,
@@ -10,16 +10,22 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::archive::pf_area_pct;
-use crate::evaluation::{Group, RolloutCache, Runs, SafebenchOptions, SafebenchRun, balanced};
-use crate::kernel::num;
-use crate::objects::benchmark::{ArchiveRound, SelectedScene};
-use crate::objects::{Objectives, SceneScore, Score, SolutionId, event::kind};
+use crate::evaluation::{Group, RolloutCache, Runs, SafebenchOptions, balanced};
+use crate::objects::benchmark::{ArchiveRound, SafebenchRun, SelectedScene};
+use crate::objects::{Objectives, Score, SolutionId, event::kind};
 
 /// A labelled scene of the archive.
 struct Archived {
     /// The round that added it; 0 for the parent's.
     round: u32,
     solution: SolutionId,
+    labelled: Labelled,
+}
+
+/// A scene's run in its group.
+#[derive(Clone)]
+struct Labelled {
+    scene: String,
     group: Group,
     run: SafebenchRun,
 }
@@ -33,21 +39,16 @@ pub fn record(
     (parent, parent_score): (&SolutionId, &Score),
     desk: &mut Desk<'_>,
 ) -> Result<(), RunError> {
-    let groups = groups(study);
     let mut archive = Vec::new();
-    let mut add = |round: u32, solution: &SolutionId, scenes: &[SceneScore]| -> Result<(), RunError> {
-        for scene in scenes {
-            let Some(group) = groups.get(scene.scene.as_str()) else { continue };
-            let Some((record, _)) = desk.rollouts.recorded(&scene.request)? else { continue };
-            let Some(run) = SafebenchRun::of(&record.outcome, &options.ars) else { continue };
-            archive.push(Archived { round, solution: solution.clone(), group: *group, run });
-        }
+    let mut add = |round: u32, solution: &SolutionId, score: &Score| -> Result<(), RunError> {
+        let labelled = labelled(study, options, score, desk)?;
+        archive.extend(labelled.into_iter().map(|labelled| Archived { round, solution: solution.clone(), labelled }));
         Ok(())
     };
-    add(0, parent, &parent_score.scenes)?;
+    add(0, parent, parent_score)?;
     for attempt in state.attempts.iter().filter(|attempt| attempt.lineage == spec.id) {
         if let (Some(candidate), Some(score)) = (attempt.exit.candidate(), attempt.exit.score()) {
-            add(attempt.epoch + 1, &candidate.program.solution_id, &score.scenes)?;
+            add(attempt.epoch + 1, &candidate.program.solution_id, score)?;
         }
     }
     for round in 0..=study.budget.epochs {
@@ -58,49 +59,80 @@ pub fn record(
     Ok(())
 }
 
+/// The labelled runs of a score, read back from their records.
+fn labelled(
+    study: &Study<'_>,
+    options: &SafebenchOptions,
+    score: &Score,
+    desk: &Desk<'_>,
+) -> Result<Vec<Labelled>, RunError> {
+    let groups = groups(study);
+    let mut runs = Vec::with_capacity(score.scenes.len());
+    for scene in &score.scenes {
+        let Some(group) = groups.get(scene.scene.as_str()) else { continue };
+        let Some((record, _)) = desk.rollouts.recorded(&scene.request)? else { continue };
+        let Some(run) = SafebenchRun::of(&record.outcome, &options.ars) else { continue };
+        runs.push(Labelled { scene: scene.scene.clone(), group: *group, run });
+    }
+    Ok(runs)
+}
+
 /// What balanced selection keeps of the scenes up to a round.
 fn after(round: u32, archive: &[Archived], spec: &LineageSpec, options: &SafebenchOptions) -> Option<ArchiveRound> {
     let so_far: Vec<&Archived> = archive.iter().filter(|scene| scene.round <= round).collect();
-    let runs: Vec<(Group, SafebenchRun)> = so_far.iter().map(|scene| (scene.group, scene.run)).collect();
+    let runs: Vec<(Group, SafebenchRun)> = so_far.iter().map(|s| (s.labelled.group, s.labelled.run)).collect();
     let kept = balanced(&runs, options.selected_per_group);
     let mut selected = Runs::default();
     kept.iter().for_each(|place| selected.add(runs[*place].0, runs[*place].1));
     let scene = |place: &usize| {
-        let (family, route) = so_far[*place].group;
-        let (attack, realism) = so_far[*place].run.point();
+        let Archived { solution, labelled, .. } = so_far[*place];
+        let (attack, realism) = labelled.run.point();
         SelectedScene {
-            group: format!("{}/{route}", family.name()),
-            solution: so_far[*place].solution.clone(),
+            group: name(labelled.group),
+            scene: labelled.scene.clone(),
+            solution: solution.clone(),
             attack,
             realism,
+            run: labelled.run,
         }
     };
     let (lineage, benchmark) = (spec.id.clone(), selected.benchmark()?);
     Some(ArchiveRound { lineage, round, benchmark, selected: kept.iter().map(scene).collect() })
 }
 
-/// PF-Area@k in a study of groups: the mean of the groups' gains, where a group without an eligible descendant has
-/// none. Eligible is a scene that was labelled and is valid (its ARS is not 0).
-pub fn pf_area_over_groups_pct(study: &Study<'_>, parent: &Score, descendants: &[Score], k: usize) -> f64 {
-    let points = |score: &Score| -> BTreeMap<Group, Objectives> {
+/// PF-Area@k of every group of the study, percent. A point of a group is a program's score over the group's runs; a
+/// group without an eligible descendant gains nothing. Eligible is what was labelled and is valid (its ARS is not 0).
+pub fn pf_area_by_group_pct(
+    study: &Study<'_>,
+    options: &SafebenchOptions,
+    parent: &Score,
+    descendants: &[&Score],
+    k: usize,
+    desk: &Desk<'_>,
+) -> Result<BTreeMap<String, f64>, RunError> {
+    let points = |score: &Score| -> Result<BTreeMap<Group, Objectives>, RunError> {
         let groups = groups(study);
-        let of = |s: &SceneScore| {
-            Some((*groups.get(s.scene.as_str())?, Objectives { attack: s.attack, realism: s.realism }))
-        };
-        score.scenes.iter().filter_map(of).collect()
+        let mut runs = Runs::default();
+        labelled(study, options, score, desk)?.iter().for_each(|scene| runs.add(scene.group, scene.run));
+        let failed = score.failures.iter().filter_map(|failure| groups.get(failure.scene.as_str()));
+        failed.for_each(|group| runs.add_failure(*group));
+        Ok(runs.groups().into_iter().map(|(group, score)| (group, score.point())).collect())
     };
-    let (before, after) = (points(parent), descendants.iter().map(points).collect::<Vec<_>>());
-    let gain = |group: &Group| {
-        let own: Vec<Objectives> = before.get(group).copied().into_iter().collect();
-        let eligible = after.iter().filter_map(|points| points.get(group)).filter(|point| point.realism > 0.0);
-        pf_area_pct(&own, &eligible.copied().collect::<Vec<_>>(), k, &study.archive)
+    let before = points(parent)?;
+    let after = descendants.iter().map(|score| points(score)).collect::<Result<Vec<_>, _>>()?;
+    let gain = |group: Group| {
+        let own: Vec<Objectives> = before.get(&group).copied().into_iter().collect();
+        let eligible = after.iter().filter_map(|points| points.get(&group)).filter(|point| point.realism > 0.0);
+        (name(group), pf_area_pct(&own, &eligible.copied().collect::<Vec<_>>(), k, &study.archive))
     };
-    let groups: std::collections::BTreeSet<Group> =
-        study.evolution.iter().filter_map(|&place| study.scenes[place].group()).collect();
-    num::mean(&groups.iter().map(gain).collect::<Vec<f64>>()).unwrap_or(0.0)
+    Ok(groups(study).into_values().collect::<BTreeSet<Group>>().into_iter().map(gain).collect())
 }
 
 fn groups<'s>(study: &'s Study<'_>) -> BTreeMap<&'s str, Group> {
     let entries = study.evolution.iter().map(|&place| &study.scenes[place]);
     entries.filter_map(|entry| Some((entry.scene.id.as_str(), entry.group()?))).collect()
+}
+
+fn name((family, route): Group) -> String {
+    format!("{}/{route}", family.name())
 }

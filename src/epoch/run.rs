@@ -57,6 +57,7 @@ fn one_epoch(
     }
     let settled = acceptor::settle(study, state, &snapshot, judged)?;
     desk.log.append(kind::SETTLED, &settled)?;
+    study.meter.turn(&spec.id);
     (desk.watch)(Progress::settled(&settled));
     Ok(())
 }

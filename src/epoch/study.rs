@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::RunError;
 use super::composition::CompositionOptions;
+use super::cost::Meter;
 use super::counsel::{CounselOptions, Counsels};
 use super::state::Probe;
 use crate::adapters::{Family, Registry};
@@ -54,6 +55,8 @@ pub struct Study<'a> {
     pub counsels: Counsels,
     pub ask: &'a dyn Ask,
     pub pool: &'a Pool,
+    /// What the work costs; no result depends on it.
+    pub meter: Meter<'a>,
 }
 
 /// How much is tried.

@@ -7,11 +7,12 @@ pub mod score;
 
 pub use metrics::safebench::SafebenchOptions;
 pub use metrics::{
-    AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, OptionsError, RealismOptions,
+    AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, MetadriveOptions, OptionsError,
+    ProtocolError, RealismOptions,
 };
 pub use protocol::balanced::balanced;
 pub use protocol::metadrive::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
-pub use protocol::safebench::{Group, Runs, SafebenchRun, SafebenchScore, Table, group_score};
+pub use protocol::safebench::{Group, Runs, SafebenchScore, Table, group_score};
 pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};
 pub use score::score_of;
 

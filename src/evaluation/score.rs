@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::metrics::{EvaluationOptions, attack, realism, safebench::SafebenchOptions};
-use super::protocol::safebench::{Group, Runs, SafebenchRun};
+use super::metrics::{MetadriveOptions, attack, realism, safebench::SafebenchOptions};
+use super::protocol::safebench::{Group, Runs};
 use super::record::RolloutRecord;
 use crate::kernel::{Digest, num};
-use crate::objects::{Objectives, SceneFailure, SceneScore, Score};
+use crate::objects::{Objectives, SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 
 /// One scene's labels.
-pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &EvaluationOptions) -> SceneScore {
+pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &MetadriveOptions) -> SceneScore {
     let (diagnostics, realism) = realism::realism(&record.outcome, &options.realism);
     SceneScore {
         scene: record.scene.clone(),

@@ -29,6 +29,8 @@ pub struct Reply {
     pub request: Digest,
     pub response: Digest,
     pub bytes: Vec<u8>,
+    /// What the provider said about the answer; no result depends on it.
+    pub metadata: Option<Metadata>,
 }
 
 /// Whoever answers requests: a cassette, a recorder in front of a model, a test. Called from many threads.

@@ -151,7 +151,10 @@ impl Ask for Record<'_> {
         let (response, metadata) = self.answer(request, &key)?;
         let bytes = self.store.get(&response).map_err(on_disk)?;
         let mut collected = self.collected.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        collected.insert((request.slot.clone(), key), Collected { request: request.clone(), response, metadata });
-        Ok(Reply { request: key, response, bytes })
+        collected.insert(
+            (request.slot.clone(), key),
+            Collected { request: request.clone(), response, metadata: metadata.clone() },
+        );
+        Ok(Reply { request: key, response, bytes, metadata })
     }
 }

@@ -25,7 +25,12 @@ impl Ask for Replay {
     fn ask(&self, request: &Request) -> Result<Reply, AskError> {
         let key = key_of(request)?;
         match self.cassette.get(&key) {
-            Some(found) => Ok(Reply { request: key, response: found.response, bytes: found.bytes.clone() }),
+            Some(found) => Ok(Reply {
+                request: key,
+                response: found.response,
+                bytes: found.bytes.clone(),
+                metadata: found.metadata.clone(),
+            }),
             None => Err(AskError::Miss(Box::new(miss(&self.cassette, request, key, &self.remedy)))),
         }
     }

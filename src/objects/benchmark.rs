@@ -5,6 +5,44 @@ use std::collections::BTreeMap;
 
 use super::ids::{LineageId, SolutionId};
 
+/// One run as the overall score's formula reads it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Run {
+    pub collision: bool,
+    pub red_lights: f64,
+    pub stop_signs: f64,
+    pub off_road_m: f64,
+    /// Mean over time.
+    pub route_distance_m: f64,
+    /// 0..=1; a completed route counts as 1.
+    pub completion: f64,
+    /// Duration of a completed run, s.
+    pub completed_s: Option<f64>,
+    /// Mean over time of the norm.
+    pub acceleration_mps2: f64,
+    /// Sum of absolute heading changes over the duration.
+    pub yaw_rate_radps: f64,
+    pub lane_invasions: f64,
+}
+
+/// Sub-scores and validity of one run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunRealism {
+    pub valid: bool,
+    /// S_kin, S_map, S_int, S_dist, each 0..=1.
+    pub sub_scores: [f64; 4],
+}
+
+/// One labelled run of a staged scene: all that SafeBench's scores of a set of runs are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SafebenchRun {
+    pub run: Run,
+    pub realism: RunRealism,
+}
+
 /// A row of SafeBench's tables. All in 0..=1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BenchmarkRow {
@@ -46,9 +84,13 @@ pub struct ArchiveRound {
 pub struct SelectedScene {
     /// `family/route`.
     pub group: String,
+    /// Id of the scene; a group may hold several.
+    pub scene: String,
     /// Whose program made it.
     pub solution: SolutionId,
     /// Contribution of the run alone.
     pub attack: f64,
     pub realism: f64,
+    /// What it adds to the score of any set of runs.
+    pub run: SafebenchRun,
 }

@@ -181,6 +181,9 @@ pub struct LineageResult {
     pub endpoint: Option<Measured>,
     /// Matched-budget frontier gain, percent (paper eq. app-pf-area, k = 3).
     pub pf_area_at_3_pct: f64,
+    /// In SafeBench's protocol: the same of every group (`family/route`), whose mean it is.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub pf_area_at_3_pct_by_group: BTreeMap<String, f64>,
     /// The evolution front after the last epoch.
     pub front: Vec<FrontPoint>,
     pub hypervolume_by_epoch: Vec<f64>,

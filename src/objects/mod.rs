@@ -5,6 +5,7 @@ pub mod attempt;
 pub mod benchmark;
 pub mod card;
 pub mod composition;
+pub mod cost;
 pub mod counsel;
 pub mod diff;
 pub mod entry;

@@ -5,7 +5,7 @@
 //! ([`Manifest`]), the scenes' bodies one after another in the manifest's order (see `binary.rs`), and the BLAKE3
 //! digest (32 bytes) of everything before it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -84,6 +84,11 @@ pub enum PoolError {
     TooFew { wanted: usize, usable: usize, all: usize },
     #[error("a share of {0} is none; expected more than 0, at most 1")]
     Share(String),
+    #[error(
+        "{part} of {wanted} scenes would take some scenes of group {group} and leave others; the draws of a group stay \
+         together: ask for {fits} scenes"
+    )]
+    CutGroup { part: &'static str, wanted: usize, group: String, fits: usize },
 }
 
 /// The bytes of a pool file.
@@ -263,27 +268,67 @@ impl Pool {
     }
 
     /// Draws `held_out` scenes, then the evolution scenes, from the usable scenes in an order that rests on the seed
-    /// and the ids alone: a larger evolution set keeps the held-out one.
+    /// and the ids alone: a larger evolution set keeps the held-out one. Scenes of one SafeBench group (family and route)
+    /// stay together; every other scene stands alone.
     pub fn split(&self, seed: Seed, evolution: EvolutionSize, held_out: usize) -> Result<Split, PoolError> {
-        let usable_scenes = self.scenes.iter().filter(|scene| usable(scene).is_ok());
-        let mut scenes: Vec<SplitScene> =
-            usable_scenes.map(|s| SplitScene { id: s.id.clone(), digest: s.digest() }).collect();
-        scenes.sort_by(|a, b| a.id.cmp(&b.id));
-        seed.stream(&["scene", "split"]).shuffle(&mut scenes);
+        let mut units = self.units();
+        seed.stream(&["scene", "split"]).shuffle(&mut units);
+        let mut scenes: Vec<SplitScene> = units.iter().flat_map(|unit| unit.scenes.clone()).collect();
         let rest = scenes.len().saturating_sub(held_out);
         let wanted = match evolution {
             EvolutionSize::Count(count) => count,
-            EvolutionSize::Share(share) if share > 0.0 && share <= 1.0 => ((rest as f64 * share) as usize).max(1),
+            EvolutionSize::Share(share) if share > 0.0 && share <= 1.0 => {
+                let wanted = ((rest as f64 * share) as usize).max(1);
+                whole_groups(&units, held_out + wanted).0.checked_sub(held_out).filter(|n| *n > 0).unwrap_or(wanted)
+            }
             EvolutionSize::Share(share) => return Err(PoolError::Share(share.to_string())),
         };
         if wanted > rest || held_out > scenes.len() {
             let wanted = wanted.saturating_add(held_out);
             return Err(PoolError::TooFew { wanted, usable: scenes.len(), all: self.scenes.len() });
         }
+        for (part, wanted) in [("a held-out set", held_out), ("a split", held_out + wanted)] {
+            if let (fits, Some(group)) = whole_groups(&units, wanted) {
+                return Err(PoolError::CutGroup { part, wanted, group, fits });
+            }
+        }
         let mut rest = scenes.split_off(held_out);
         rest.truncate(wanted);
         Ok(Split { evolution: rest, held_out: scenes })
     }
+
+    /// The usable scenes by what stays together, sorted by the first id.
+    fn units(&self) -> Vec<Unit> {
+        let mut units: BTreeMap<String, Vec<SplitScene>> = BTreeMap::new();
+        let group = |scene: &Scene| scene.staging.as_ref().map_or_else(|| scene.id.clone(), |staging| staging.group());
+        for scene in self.scenes.iter().filter(|scene| usable(scene).is_ok()) {
+            let scenes = units.entry(group(scene)).or_default();
+            scenes.push(SplitScene { id: scene.id.clone(), digest: scene.digest() });
+        }
+        let mut units: Vec<Unit> = units.into_iter().map(|(group, scenes)| Unit { group, scenes }).collect();
+        units.iter_mut().for_each(|unit| unit.scenes.sort_by(|a, b| a.id.cmp(&b.id)));
+        units.sort_by(|a, b| a.scenes[0].id.cmp(&b.scenes[0].id));
+        units
+    }
+}
+
+/// Scenes that a split keeps together.
+struct Unit {
+    group: String,
+    /// At least one.
+    scenes: Vec<SplitScene>,
+}
+
+/// How many of the first `wanted` scenes are whole units, and the unit that the rest would cut.
+fn whole_groups(units: &[Unit], wanted: usize) -> (usize, Option<String>) {
+    let mut fits = 0;
+    for unit in units {
+        if fits + unit.scenes.len() > wanted {
+            return (fits, (fits < wanted).then(|| unit.group.clone()));
+        }
+        fits += unit.scenes.len();
+    }
+    (fits, None)
 }
 
 #[cfg(test)]
@@ -359,6 +404,29 @@ mod tests {
         assert_eq!(split.held_out, pool.split(Seed(4), EvolutionSize::Share(1.0), 3).unwrap().held_out);
         let all: BTreeSet<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
         assert_eq!(all.len(), 10);
+    }
+
+    #[test]
+    fn scenes_of_one_group_are_never_split_apart() {
+        use crate::scene::synth::{FamilyOptions, family_member};
+        let options = FamilyOptions { draws: 3, ..FamilyOptions::all() };
+        let scenes = (0..options.count()).map(|i| family_member(&options, Seed(7), i).unwrap()).collect();
+        let pool = Pool::new(scenes, vec![]).unwrap();
+        let groups = |scenes: &[SplitScene]| -> BTreeSet<String> {
+            scenes.iter().map(|s| pool.scene(&s.id).unwrap().staging.as_ref().unwrap().group()).collect()
+        };
+        let split = pool.split(Seed(4), EvolutionSize::Count(120), 30).unwrap();
+        let (open, closed) = (groups(&split.evolution), groups(&split.held_out));
+        assert_eq!((open.len(), closed.len()), (40, 10));
+        assert!(open.is_disjoint(&closed));
+        let cut = pool.split(Seed(4), EvolutionSize::Count(120), 31).unwrap_err();
+        assert!(matches!(&cut, PoolError::CutGroup { wanted: 31, fits: 30, .. }), "{cut}");
+        assert!(pool.split(Seed(4), EvolutionSize::Count(121), 30).is_err());
+        assert_eq!(pool.split(Seed(4), EvolutionSize::Share(0.335), 30).unwrap().evolution.len(), 69, "70 cut a group");
+        // With one draw a group is a scene, and the split is that of scenes.
+        let one =
+            Pool::new((0..80).map(|i| family_member(&FamilyOptions::all(), Seed(7), i).unwrap()).collect(), vec![]);
+        assert_eq!(groups(&one.unwrap().split(Seed(4), EvolutionSize::Count(40), 10).unwrap().held_out), closed);
     }
 
     #[test]

@@ -16,15 +16,75 @@ pub use realism::{BoundedDiagnostic, Diagnostic, OptionsError, RealismOptions};
 
 use serde::{Deserialize, Serialize};
 
-/// Everything that turns outcomes into objectives. Comes from the experiment file.
+/// Everything that turns outcomes into objectives: one of the two protocols. Comes from the experiment file, where
+/// `[evaluation.attack]` and `[evaluation.realism]` stand for MetaDrive's and `[evaluation.safebench]` for the other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, try_from = "WrittenOptions")]
+pub enum EvaluationOptions {
+    Metadrive(MetadriveOptions),
+    /// Scenes must be staged for SafeBench's traffic families.
+    Safebench {
+        safebench: safebench::SafebenchOptions,
+    },
+}
+
+/// What the MetaDrive protocol labels a scene by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct EvaluationOptions {
+pub struct MetadriveOptions {
     pub attack: AttackOptions,
     pub realism: RealismOptions,
-    /// SafeBench's protocol instead of the two above: scenes must be staged for its traffic families.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub safebench: Option<safebench::SafebenchOptions>,
+}
+
+impl EvaluationOptions {
+    /// Options of SafeBench's protocol, if this is it.
+    pub fn safebench(&self) -> Option<&safebench::SafebenchOptions> {
+        match self {
+            EvaluationOptions::Safebench { safebench } => Some(safebench),
+            EvaluationOptions::Metadrive(_) => None,
+        }
+    }
+}
+
+/// The tables below `[evaluation]` as a file may hold them.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenOptions {
+    attack: Option<AttackOptions>,
+    realism: Option<RealismOptions>,
+    safebench: Option<safebench::SafebenchOptions>,
+}
+
+/// `[evaluation]` that names no protocol, or two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ProtocolError {
+    #[error(
+        "[evaluation.{0}] is read by the MetaDrive protocol only, and [evaluation.safebench] asks for SafeBench's; \
+         remove one of the two"
+    )]
+    Unread(&'static str),
+    #[error(
+        "[evaluation.{0}] is missing; the MetaDrive protocol needs [evaluation.attack] and [evaluation.realism], \
+         SafeBench's needs [evaluation.safebench] alone"
+    )]
+    Missing(&'static str),
+}
+
+impl TryFrom<WrittenOptions> for EvaluationOptions {
+    type Error = ProtocolError;
+
+    fn try_from(written: WrittenOptions) -> Result<EvaluationOptions, ProtocolError> {
+        match (written.safebench, written.attack, written.realism) {
+            (Some(safebench), None, None) => Ok(EvaluationOptions::Safebench { safebench }),
+            (Some(_), Some(_), _) => Err(ProtocolError::Unread("attack")),
+            (Some(_), None, Some(_)) => Err(ProtocolError::Unread("realism")),
+            (None, Some(attack), Some(realism)) => {
+                Ok(EvaluationOptions::Metadrive(MetadriveOptions { attack, realism }))
+            }
+            (None, None, _) => Err(ProtocolError::Missing("attack")),
+            (None, Some(_), None) => Err(ProtocolError::Missing("realism")),
+        }
+    }
 }
 
 /// `1 - min(v / ρ, 1)`: a soft diagnostic of a non-negative violation `v` with tolerance scale ρ, same unit (paper eq.

@@ -7,7 +7,8 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use super::safebench::{Group, SafebenchRun};
+use super::safebench::Group;
+use crate::objects::benchmark::SafebenchRun;
 
 /// Places of the runs that are kept, group after group, the best first. A group without a valid run keeps its best
 /// invalid ones, which count as such: it may not vanish from the result.

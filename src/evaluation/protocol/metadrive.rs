@@ -3,12 +3,12 @@
 use super::super::metrics::EvaluationOptions;
 use super::super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
 use super::super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
-use super::safebench::{Group, SafebenchRun};
+use super::safebench::Group;
 use std::sync::Arc;
 
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, canon::CanonError, par::Pool};
-use crate::objects::{SceneFailure, SceneScore, Score};
+use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 
 /// What is labelled.
 #[derive(Clone, Copy)]
@@ -65,12 +65,12 @@ pub fn evaluate(
     }
     let said = |(_, f): &(&SceneRef<'_>, SceneFailure)| format!("{}: {}", f.scene, f.reason);
     let reason = failed.first().map_or("there are no scenes".to_string(), said);
-    let score = match &options.safebench {
-        None => {
+    let score = match options {
+        EvaluationOptions::Metadrive(options) => {
             let score = |(_, r): &(&SceneRef<'_>, Recorded)| scene_score(&r.record, r.key, r.stored, options);
             score_of(labelled.iter().map(score).collect(), failed.into_iter().map(|(_, f)| f).collect())
         }
-        Some(safebench) => {
+        EvaluationOptions::Safebench { safebench } => {
             let mut runs: Vec<Grouped<(SceneScore, SafebenchRun)>> = Vec::with_capacity(labelled.len());
             for (scene, r) in &labelled {
                 let unstaged = || EvaluationError::Unstaged(scene.id.to_string());

@@ -5,21 +5,12 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::metrics::safebench::{
-    Ars, ArsOptions, Criteria, Run, RunRealism, ars, attack, criteria, run_realism, trace_score,
-};
+use super::super::metrics::safebench::{Ars, ArsOptions, Criteria, ars, attack, criteria, run_realism, trace_score};
 use crate::kernel::num;
-use crate::objects::benchmark::{Benchmark, BenchmarkRow};
+use crate::objects::Objectives;
+use crate::objects::benchmark::{Benchmark, BenchmarkRow, Run, RunRealism, SafebenchRun};
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::Outcome;
-
-/// One labelled run of a generated scene.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SafebenchRun {
-    pub run: Run,
-    pub realism: RunRealism,
-}
 
 impl SafebenchRun {
     /// `None` for an outcome of a scene that is not staged for a traffic family.
@@ -29,8 +20,7 @@ impl SafebenchRun {
 
     /// The run alone in the plane of attack and ARS.
     pub fn point(&self) -> (f64, f64) {
-        let score = group_score(&[*self], 0);
-        score.map_or((0.0, 0.0), |s| (s.attack.clamp(0.0, 1.0), s.realism.ars.clamp(0.0, 1.0)))
+        group_score(&[*self], 0).map(|score| score.point()).map_or((0.0, 0.0), |point| (point.attack, point.realism))
     }
 
     /// How severe a single run is: collisions first, then a low OS (as ChatScene keeps its samples).
@@ -56,6 +46,13 @@ pub struct SafebenchScore {
     pub attack: f64,
     /// 100 A R Valid.
     pub trace_score: f64,
+}
+
+impl SafebenchScore {
+    /// In the plane of attack and ARS, both 0..=1.
+    pub fn point(&self) -> Objectives {
+        Objectives { attack: self.attack.clamp(0.0, 1.0), realism: self.realism.ars.clamp(0.0, 1.0) }
+    }
 }
 
 /// Scores of a set of runs of one group; `None` without a run.

@@ -1,12 +1,28 @@
 //! What the page shows, as one JSON value: the story of the run in the shapes that the page's script draws.
 
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 
 use super::super::story::Story;
-use crate::objects::{Attempt, Counselled, LineageId, edit_categories, event::LineageResult, program_diff};
+use crate::kernel::num;
+use crate::objects::{
+    Attempt, Counselled, Exchange, Exit, LineageId, Role, Round, SceneScore, cost::RunCost, edit_categories,
+    event::LineageResult, program_diff,
+};
+
+const ROLES: [Role; 7] = [
+    Role::Actor,
+    Role::StructuralCritic,
+    Role::AttackCritic,
+    Role::RealismCritic,
+    Role::IsolationCritic,
+    Role::Repair,
+    Role::WorldAgent,
+];
 
 /// Everything but the player's scenes.
-pub fn of(story: &Story) -> Value {
+pub fn of(story: &Story, cost: Option<&RunCost>) -> Value {
+    let names = Names::of(story);
     let lineages: Vec<Value> = story.parents.iter().map(|p| lineage(story, &p.lineage)).collect();
     json!({
         "name": story.opened.name,
@@ -23,7 +39,12 @@ pub fn of(story: &Story) -> Value {
         "rollouts": story.result.as_ref().map(|r| r.rollouts),
         "lineages": lineages,
         "counsels": story.counsels.iter().map(counsel).collect::<Vec<_>>(),
-        "attempts": story.attempts.iter().map(|a| attempt(story, a)).collect::<Vec<_>>(),
+        "cost": cost,
+        "scenes": names.scenes,
+        "diagnostics": names.diagnostics,
+        "model_names": names.models,
+        "roles": ROLES.map(Role::name),
+        "attempts": story.attempts.iter().map(|a| attempt(story, &names, a)).collect::<Vec<_>>(),
     })
 }
 
@@ -74,17 +95,65 @@ fn counsel(counselled: &Counselled) -> Value {
     })
 }
 
-fn attempt(story: &Story, attempt: &Attempt) -> Value {
+/// Texts that would stand in the attempts thousands of times; these name their places in the sorted lists.
+struct Names {
+    scenes: Vec<String>,
+    diagnostics: Vec<String>,
+    models: Vec<String>,
+}
+
+impl Names {
+    fn of(story: &Story) -> Names {
+        let labelled = || story.attempts.iter().filter_map(|a| a.exit.score()).flat_map(|score| &score.scenes);
+        let sorted = |names: &mut dyn Iterator<Item = &String>| -> Vec<String> {
+            names.collect::<BTreeSet<&String>>().into_iter().cloned().collect()
+        };
+        Names {
+            scenes: sorted(&mut labelled().map(|scene| &scene.scene)),
+            diagnostics: sorted(&mut labelled().flat_map(|scene| scene.diagnostics.keys())),
+            models: sorted(
+                &mut story.attempts.iter().flat_map(|a| &a.proposal.exchanges).map(|exchange| &exchange.model),
+            ),
+        }
+    }
+
+    /// `[role, round, model, request, response, refusal]`; digests are cut as the page prints them.
+    fn exchange(&self, exchange: &Exchange) -> Value {
+        let (request, response) = (exchange.request.short(12), exchange.response.short(12));
+        let model = self.models.binary_search(&exchange.model).ok();
+        json!([role(exchange.role), exchange.round, model, request, response, exchange.refusal])
+    }
+
+    /// `[scene, attack, realism, applied, [[diagnostic, value], ...]]`, of the diagnostics only those below 1.
+    fn label(&self, label: &SceneScore) -> Value {
+        let place = |names: &[String], name: &String| names.binary_search(name).ok();
+        let below = label.diagnostics.iter().filter(|(_, value)| **value < 1.0);
+        let below: Vec<Value> =
+            below.map(|(name, value)| json!([place(&self.diagnostics, name), num::rounded(*value, 3)])).collect();
+        json!([
+            place(&self.scenes, &label.scene),
+            num::rounded(label.attack, 3),
+            num::rounded(label.realism, 4),
+            u8::from(label.intervened),
+            below
+        ])
+    }
+}
+
+fn attempt(story: &Story, names: &Names, attempt: &Attempt) -> Value {
     let patch = attempt.proposal.patch();
     let candidate = attempt.exit.candidate();
     let change = candidate
         .and_then(|c| story.program(&attempt.parent).map(|parent| program_diff(parent, &c.program)))
         .unwrap_or_default();
     let reason = match &attempt.exit {
-        crate::objects::Exit::Declined { reason } => Some(reason),
+        Exit::Declined { reason } => Some(reason),
         _ => None,
     };
-    json!({
+    // A reader sees the patch where there is no change of a program to show.
+    let operations = patch.filter(|_| change.is_empty()).map(|p| &p.operations);
+    let score = attempt.exit.score();
+    let mut object = json!({
         "id": attempt.id,
         "lineage": attempt.lineage,
         "epoch": attempt.epoch,
@@ -94,19 +163,46 @@ fn attempt(story: &Story, attempt: &Attempt) -> Value {
         "exit": attempt.exit.name(),
         "reason": reason,
         "hypothesis": patch.map(|p| &p.hypothesis),
-        "operations": patch.map(|p| &p.operations),
+        "operations": operations,
         "categories": patch.map(|p| edit_categories(p).into_iter().map(|s| s.name()).collect::<Vec<_>>()),
         "tags": candidate.map(|c| &c.mechanism_tags),
         "solution": candidate.map(|c| &c.program.solution_id),
         "memory": attempt.memory_shown,
-        "exchanges": attempt.proposal.exchanges,
-        "reviews": attempt.proposal.rounds.iter().map(|r| &r.reviews).collect::<Vec<_>>(),
-        "gates": attempt.exit.gates().map(|g| &g.verdicts),
-        "route": attempt.exit.route(),
-        "objectives": attempt.exit.score().map(|s| s.objectives),
-        "scenes": attempt.exit.score().map(|s| &s.scenes),
-        "failures": attempt.exit.score().map(|s| &s.failures),
-        "decision": attempt.exit.decision(),
+        "exchanges": attempt.proposal.exchanges.iter().map(|x| names.exchange(x)).collect::<Vec<_>>(),
+        "reviews": attempt.proposal.rounds.iter().map(reviews).collect::<Vec<_>>(),
+        "gates": attempt.exit.gates().map(|g| g.verdicts.iter().map(|v| json!([v.gate, v.problems])).collect::<Vec<_>>()),
+        "route": attempt.exit.route().map(|r| short(json!({
+            "decision": r.decision, "reason": r.reason, "predicted": r.predicted, "uncertainty": r.uncertainty,
+        }))),
+        "objectives": score.map(|s| short(json!(s.objectives))),
+        "scenes": score.map(|s| s.scenes.iter().map(|label| names.label(label)).collect::<Vec<_>>()),
+        "failures": score.map(|s| &s.failures),
+        "decision": attempt.exit.decision().map(|d| short(json!(d))),
         "diff": change,
-    })
+    });
+    // Nothing is what most attempts have of most of this.
+    if let Some(fields) = object.as_object_mut() {
+        fields.retain(|_, value| !value.is_null() && value.as_str() != Some(""));
+    }
+    object
+}
+
+/// A role's place in the page's list of roles.
+fn role(role: Role) -> Option<usize> {
+    ROLES.iter().position(|known| *known == role)
+}
+
+/// `[role, decision, blockers]` of each critic.
+fn reviews(round: &Round) -> Vec<Value> {
+    round.reviews.iter().map(|review| json!([role(review.role), review.decision, review.blockers])).collect()
+}
+
+/// With six decimals: more than any chart or line of the page shows.
+fn short(value: Value) -> Value {
+    match value {
+        Value::Number(n) if n.is_f64() => json!(num::rounded(n.as_f64().unwrap_or_default(), 6)),
+        Value::Array(items) => items.into_iter().map(short).collect(),
+        Value::Object(fields) => fields.into_iter().map(|(name, value)| (name, short(value))).collect(),
+        other => other,
+    }
 }

@@ -1,19 +1,21 @@
 //! The report: one self-contained HTML file that opens offline.
 
 mod data;
+mod packed;
 
-use serde::Serialize;
 use std::collections::BTreeMap;
 
 use super::story::Story;
+use crate::objects::cost::RunCost;
 use crate::scene::draw::{Actor, Contact, Drawing, PLAYER_CSS, PLAYER_JS, script_json};
 
 const PAGE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
+const UNPACK: &str = include_str!("assets/unpack.js");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// Rollouts to play, and the scenes in which they happened.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default)]
 pub struct Stage {
     /// Scene id -> the scene as it was recorded.
     pub scenes: BTreeMap<String, Drawing>,
@@ -21,7 +23,7 @@ pub struct Stage {
 }
 
 /// A rollout as what it changed: actors not named here move as recorded.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct Playable {
     pub solution: String,
     /// `parent`, `active`, `front`, ...
@@ -34,14 +36,15 @@ pub struct Playable {
 }
 
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
-pub fn html(story: &Story, stage: &Stage) -> String {
-    let data = script_json(&(data::of(story), stage));
+/// `cost` is what the run cost, where that is known.
+pub fn html(story: &Story, stage: &Stage, cost: Option<&RunCost>) -> String {
+    let data = script_json(&(data::of(story, cost), packed::stage(stage)));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),
         ("/*DATA*/", data),
         ("/*PLAYER*/", PLAYER_JS.into()),
-        ("/*SCRIPT*/", SCRIPT.into()),
+        ("/*SCRIPT*/", format!("{UNPACK}\n{SCRIPT}")),
     ];
     let mut page = String::with_capacity(PAGE.len() + parts.iter().map(|(_, text)| text.len()).sum::<usize>());
     let mut rest = PAGE;

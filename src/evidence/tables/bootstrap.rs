@@ -61,11 +61,14 @@ pub fn estimates(quantities: &[Quantity]) -> Vec<Option<Estimate>> {
     }
     let estimate = |(quantity, values): (&Quantity, &Vec<f64>)| {
         let value = mean_over(quantity, |part| 0..part.values.len())?;
-        let bounds = (num::quantile(values, LEVELS[0]), num::quantile(values, LEVELS[1]));
-        let interval = if let (Some(low), Some(high)) = bounds { Some([low, high]) } else { None };
-        Some(Estimate { value, interval })
+        Some(Estimate { value, interval: interval(values) })
     };
     quantities.iter().zip(&resampled).map(estimate).collect()
+}
+
+/// The 95 % percentile interval of a quantity's resampled values; `None` without any.
+pub fn interval(resampled: &[f64]) -> Option<[f64; 2]> {
+    Some([num::quantile(resampled, LEVELS[0])?, num::quantile(resampled, LEVELS[1])?])
 }
 
 /// Mean over lineages of the mean over the labelled ones of these scenes; `None` where a lineage has none.

@@ -1,25 +1,28 @@
 //! A table as CSV (RFC 4180 quoting): one line a row, numbers unrounded, the paper's in columns of their own.
 
-use super::layout::Table;
+use super::layout::{PROPOSALS, Table};
 
 /// For every column its value, the interval's ends and the paper's figure; empty = there is none.
 pub fn csv(table: &Table) -> String {
-    let mut head: Vec<String> = ["method", "policy", "status", "lineages"].map(String::from).to_vec();
+    let mut head: Vec<String> = table.labels.iter().map(|label| label.key.to_string()).collect();
+    head.extend(["status", "lineages"].map(String::from));
     for column in &table.columns {
         head.extend(["", "_low", "_high", "_paper"].map(|end| format!("{}{end}", column.key)));
     }
-    head.extend(["held_out_scenes", "rollouts", "proposals", "notes"].map(String::from));
+    head.extend(table.counts.iter().chain([&PROPOSALS]).map(|count| count.key.to_string()));
+    head.push("notes".into());
     let mut out = line(&head);
-    for row in &table.rows {
+    for row in table.rows() {
         let status = if row.missing() { "missing" } else { "measured" };
-        let mut fields = vec![row.method.clone(), row.policy.clone(), status.into(), row.lineages.join(" ")];
+        let mut fields = row.labels.clone();
+        fields.extend([status.to_string(), row.lineages.join(" ")]);
         for value in &row.values {
             let interval = value.ours.and_then(|estimate| estimate.interval);
             let numbers = [value.ours.map(|e| e.value), interval.map(|i| i[0]), interval.map(|i| i[1]), value.paper];
             fields.extend(numbers.map(|number| number.map_or(String::new(), |x| x.to_string())));
         }
-        let count = |n: usize| if row.missing() { String::new() } else { n.to_string() };
-        fields.extend([count(row.held_out_scenes), count(row.rollouts), row.proposals.clone(), row.notes.join(" ")]);
+        fields.extend(row.counts.iter().map(|n| if row.missing() { String::new() } else { n.to_string() }));
+        fields.extend([row.proposals.clone(), row.notes.join(" ")]);
         out.push_str(&line(&fields));
     }
     out

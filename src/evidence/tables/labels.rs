@@ -3,7 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::PerScene;
-use super::paper::{self, Method};
+use super::paper::{
+    self,
+    metadrive::{METHODS, Method},
+};
 use super::stopped;
 use crate::evidence::story::Story;
 use crate::kernel::{Digest, canon::CanonError};
@@ -27,6 +30,10 @@ pub enum TableError {
     NoLabels { run: String, lineage: LineageId, solution: SolutionId },
     #[error("row {row} with ego {ego} is in {first} and in {second}; name runs that hold it once")]
     Twice { row: String, ego: String, first: String, second: String },
+    #[error("run {run} followed {found}; its tables are {tables}")]
+    OtherProtocol { run: String, found: &'static str, tables: &'static str },
+    #[error("run {run}: the archive of lineage {lineage} {what}; derive the run again with `evodrive replay`")]
+    Archive { run: String, lineage: LineageId, what: String },
     #[error("run {run}: {error}")]
     Canon { run: String, error: CanonError },
 }
@@ -102,7 +109,7 @@ impl LineageLabels {
 
     /// The ego as the paper calls it, or as we do.
     pub fn policy(&self) -> String {
-        paper::policy_name(&self.ego).map_or(self.ego.clone(), str::to_string)
+        paper::policy(&self.ego)
     }
 }
 
@@ -126,6 +133,10 @@ pub fn result(story: &Story) -> Result<&RunResult, TableError> {
 pub fn lineages(stories: &[Story]) -> Result<Vec<LineageLabels>, TableError> {
     let mut all: Vec<LineageLabels> = Vec::new();
     for story in stories {
+        if !story.rounds.is_empty() {
+            let (found, tables) = ("SafeBench's protocol", "safebench-main and safebench-rounds");
+            return Err(TableError::OtherProtocol { run: run_name(story), found, tables });
+        }
         for lineage in &result(story)?.lineages {
             let new = one(story, lineage)?;
             if let Some(old) = all.iter().find(|old| old.name == new.name && old.ego == new.ego) {
@@ -171,7 +182,7 @@ fn one(story: &Story, result: &LineageResult) -> Result<LineageLabels, TableErro
 }
 
 /// A lineage's id without its ego.
-fn stem(result: &LineageResult) -> &str {
+pub fn stem(result: &LineageResult) -> &str {
     let id = result.lineage.as_str();
     id.strip_suffix(result.ego.as_str()).and_then(|rest| rest.strip_suffix('-')).unwrap_or(id)
 }
@@ -190,11 +201,11 @@ fn method(story: &Story, result: &LineageResult) -> Option<&'static Method> {
         (Some(_), Some(rest)) => rest.chars().all(|c| c.is_ascii_digit() || matches!(c, '-' | '.' | '_')),
         _ => false,
     };
-    paper::METHODS.iter().find(|m| m.family == family && (m.weight.is_none() || m.weight == weight) && own_id(m))
+    METHODS.iter().find(|m| m.family == family && (m.weight.is_none() || m.weight == weight) && own_id(m))
 }
 
 /// Distinct rollouts behind a lineage's recorded labels.
-fn rollouts(story: &Story, lineage: &LineageId) -> usize {
+pub fn rollouts(story: &Story, lineage: &LineageId) -> usize {
     let frozen = story.frozen.iter().filter(|f| f.lineage == *lineage).map(|f| &f.parent_score);
     let attempts = story.attempts.iter().filter(|a| a.lineage == *lineage).filter_map(|a| a.exit.score());
     let finalists = story.finalists.iter().filter(|f| f.lineage == *lineage).map(|f| &f.score);

@@ -1,46 +1,61 @@
 //! A table as LaTeX with booktabs, shaped like the paper's; graphicx scales it to the line.
 
-use super::layout::{Column, EVIDENCE_HEADS, Row, Table};
+use super::cells::{self, Spelling};
+use super::layout::{Column, Part, Table};
 
-/// The whole `table*` environment.
+const SPELLING: Spelling = Spelling {
+    text: escaped,
+    none: "--",
+    paper: "\\quad\\textit{paper}",
+    interval: |interval| format!("\\,{{\\tiny {}}}", escaped(&interval)),
+    figure: |figure| format!("\\textit{{{figure}}}"),
+};
+
+/// A `table*` environment a part; the notes stand below the last.
 pub fn latex(table: &Table) -> String {
-    let numbers = table.columns.len();
     let mut out = String::from("% needs \\usepackage{booktabs} and \\usepackage{graphicx}\n");
-    out.push_str("\\begin{table*}[!htbp]\n\\centering\n\\scriptsize\n\\setlength{\\tabcolsep}{3pt}\n");
-    out.push_str(&format!("\\caption{{{} (paper: {}).}}\n", escaped(table.title), escaped(table.source)));
-    out.push_str(&format!("\\label{{tab:evodrive-{}}}\n", table.name));
-    out.push_str("\\resizebox{\\linewidth}{!}{%\n");
-    out.push_str(&format!("\\begin{{tabular}}{{ll{}rrl}}\n\\toprule\n", "r".repeat(numbers)));
-    out.push_str(&group_heads(&table.columns));
-    let heads = table.columns.iter().map(head);
-    let heads = ["Method", "Policy"].map(String::from).into_iter().chain(heads).chain(EVIDENCE_HEADS.map(String::from));
-    line(&mut out, heads.collect());
-    out.push_str("\\midrule\n");
-    for row in &table.rows {
-        line(&mut out, ours(table, row));
-        if row.in_paper() {
-            line(&mut out, paper(table, row));
-        }
+    for (at, one) in table.parts.iter().enumerate() {
+        let notes = if at + 1 == table.parts.len() { table.notes.as_slice() } else { &[] };
+        part(&mut out, table, one, notes);
     }
-    out.push_str("\\bottomrule\n\\end{tabular}}\n");
-    for note in &table.notes {
-        out.push_str(&format!("\\par\\smallskip\\parbox{{\\linewidth}}{{\\raggedright {}}}\n", escaped(note)));
-    }
-    out.push_str("\\end{table*}\n");
     out
 }
 
-/// Heads over neighbouring columns of one group, with their rules.
-fn group_heads(columns: &[Column]) -> String {
-    let (mut cells, mut rules) = (vec![String::new(), String::new()], String::new());
-    let mut first = 3;
-    for group in columns.chunk_by(|a, b| a.group == b.group) {
+fn part(out: &mut String, table: &Table, part: &Part, notes: &[String]) {
+    let source = part.source.map_or(String::new(), |label| format!(" (paper: {})", escaped(label)));
+    out.push_str("\\begin{table*}[!htbp]\n\\centering\n\\scriptsize\n\\setlength{\\tabcolsep}{3pt}\n");
+    out.push_str(&format!("\\caption{{{}{source}.}}\n", escaped(&part.title)));
+    out.push_str(&format!("\\label{{tab:evodrive-{}}}\n", part.name));
+    out.push_str("\\resizebox{\\linewidth}{!}{%\n");
+    let aligned = [(table.labels.len(), "l"), (table.columns.len() + table.counts.len(), "r"), (1, "l")];
+    let aligned: String = aligned.map(|(columns, side)| side.repeat(columns)).concat();
+    out.push_str(&format!("\\begin{{tabular}}{{{aligned}}}\n\\toprule\n"));
+    out.push_str(&group_heads(table));
+    let (before, after) = cells::outer_heads(table);
+    line(out, before.into_iter().chain(table.columns.iter().map(head)).chain(after).collect());
+    out.push_str("\\midrule\n");
+    cells::lines(table, part, &SPELLING).into_iter().for_each(|cells| line(out, cells));
+    out.push_str("\\bottomrule\n\\end{tabular}}\n");
+    for note in notes {
+        out.push_str(&format!("\\par\\smallskip\\parbox{{\\linewidth}}{{\\raggedright {}}}\n", escaped(note)));
+    }
+    out.push_str("\\end{table*}\n");
+}
+
+/// Heads over neighbouring columns of one group, with their rules; empty without groups.
+fn group_heads(table: &Table) -> String {
+    if table.columns.iter().all(|column| column.group.is_empty()) {
+        return String::new();
+    }
+    let (mut cells, mut rules) = (vec![String::new(); table.labels.len()], String::new());
+    let mut first = table.labels.len() + 1;
+    for group in table.columns.chunk_by(|a, b| a.group == b.group) {
         let last = first + group.len() - 1;
         cells.push(format!("\\multicolumn{{{}}}{{c}}{{{}}}", group.len(), escaped(group[0].group)));
         rules.push_str(&format!("\\cmidrule(lr){{{first}-{last}}}"));
         first = last + 1;
     }
-    cells.extend(EVIDENCE_HEADS.map(|_| String::new()));
+    cells.extend(vec![String::new(); table.counts.len() + 1]);
     let mut out = String::new();
     line(&mut out, cells);
     format!("{out}{rules}\n")
@@ -53,35 +68,6 @@ fn head(column: &Column) -> String {
         None => "",
     };
     format!("{}{arrow}", escaped(column.head))
-}
-
-fn ours(table: &Table, row: &Row) -> Vec<String> {
-    let mut cells = vec![escaped(&row.method), escaped(&row.policy)];
-    for (column, value) in table.columns.iter().zip(&row.values) {
-        cells.push(match value.ours {
-            None if row.missing() => "missing".into(),
-            None => "--".into(),
-            Some(estimate) => {
-                let interval = |i| format!("\\,{{\\tiny {}}}", escaped(&column.form.interval(i)));
-                let interval = estimate.interval.map(interval).unwrap_or_default();
-                format!("{}{interval}", escaped(&column.form.number(estimate.value)))
-            }
-        });
-    }
-    if row.missing() {
-        cells.extend(["--"; 3].map(String::from));
-    } else {
-        cells.extend([row.held_out_scenes.to_string(), row.rollouts.to_string(), escaped(&row.proposals)]);
-    }
-    cells
-}
-
-fn paper(table: &Table, row: &Row) -> Vec<String> {
-    let italic = |figure: String| format!("\\textit{{{}}}", escaped(&figure));
-    let numbers = table.columns.iter().zip(&row.values);
-    let numbers = numbers.map(|(c, value)| value.paper.map_or("--".into(), |figure| italic(c.form.number(figure))));
-    let first = ["\\quad\\textit{paper}", ""].map(String::from).into_iter();
-    first.chain(numbers).chain(["", "", ""].map(String::from)).collect()
 }
 
 fn line(out: &mut String, cells: Vec<String>) {

@@ -72,18 +72,34 @@ pub struct Value {
     pub paper: Option<f64>,
 }
 
-/// A generator family, in the policy table against one ego.
+/// A column of text or of counts, beside the numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Head {
+    /// Name in CSV and JSON.
+    pub key: &'static str,
+    pub head: &'static str,
+}
+
+/// The generator family of a row.
+pub const METHOD: Head = Head { key: "method", head: "Method" };
+/// The ego, or the egos that were averaged over.
+pub const POLICY: Head = Head { key: "policy", head: "Policy" };
+/// Distinct rollouts behind a row.
+pub const ROLLOUTS: Head = Head { key: "rollouts", head: "Rollouts" };
+/// Kinds of the models that proposals came from.
+pub const PROPOSALS: Head = Head { key: "proposals", head: "Proposals" };
+
+/// Numbers of a generator family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    pub method: String,
-    /// The ego, or the egos that were averaged over.
-    pub policy: String,
+    /// One a label of the table.
+    pub labels: Vec<String>,
     /// Lineages that it rests on; none = missing.
     pub lineages: Vec<String>,
     /// One a column.
     pub values: Vec<Value>,
-    pub held_out_scenes: usize,
-    pub rollouts: usize,
+    /// One a count of the table.
+    pub counts: Vec<usize>,
     pub proposals: String,
     /// What stopped those lineages that show no gain.
     pub notes: Vec<String>,
@@ -115,47 +131,57 @@ pub struct RunSource {
     pub rollouts: usize,
 }
 
+/// Rows under one caption.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Ending of its LaTeX label.
+    pub name: String,
+    pub title: String,
+    /// Label of the paper's table, where it has one.
+    pub source: Option<&'static str>,
+    pub rows: Vec<Row>,
+}
+
 /// A whole table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     pub name: &'static str,
-    pub title: &'static str,
-    /// Label of the paper's table.
-    pub source: &'static str,
+    /// Text columns before the numbers.
+    pub labels: Vec<Head>,
     pub columns: Vec<Column>,
-    pub rows: Vec<Row>,
+    /// What the numbers rest on, after them.
+    pub counts: Vec<Head>,
+    pub parts: Vec<Part>,
     pub runs: Vec<RunSource>,
     pub notes: Vec<String>,
 }
 
-/// Heads of the columns after the numbers.
-pub const EVIDENCE_HEADS: [&str; 3] = ["Scenes", "Rollouts", "Proposals"];
-
 impl Table {
+    /// All rows, part after part.
+    pub fn rows(&self) -> impl Iterator<Item = &Row> {
+        self.parts.iter().flat_map(|part| &part.rows)
+    }
+
     /// As one JSON object.
     pub fn json(&self) -> Json {
-        let row = |row: &Row| {
+        let row = |part: &Part, row: &Row| {
             let values: Map<String, Json> =
                 self.columns.iter().zip(&row.values).map(|(c, v)| (c.key.to_string(), json!(v))).collect();
-            json!({
-                "method": row.method,
-                "policy": row.policy,
-                "missing": row.missing(),
-                "lineages": row.lineages,
-                "values": values,
-                "held_out_scenes": row.held_out_scenes,
-                "rollouts": row.rollouts,
-                "proposals": row.proposals,
-                "notes": row.notes,
-            })
+            let mut object = Map::new();
+            object.extend(self.labels.iter().zip(&row.labels).map(|(head, text)| (head.key.to_string(), json!(text))));
+            object.extend(self.counts.iter().zip(&row.counts).map(|(head, n)| (head.key.to_string(), json!(n))));
+            object.extend([
+                ("source".to_string(), json!(part.source)),
+                ("missing".to_string(), json!(row.missing())),
+                ("lineages".to_string(), json!(row.lineages)),
+                ("values".to_string(), Json::Object(values)),
+                (PROPOSALS.key.to_string(), json!(row.proposals)),
+                ("notes".to_string(), json!(row.notes)),
+            ]);
+            Json::Object(object)
         };
-        json!({
-            "table": self.name,
-            "source": self.source,
-            "rows": self.rows.iter().map(row).collect::<Vec<_>>(),
-            "runs": self.runs,
-            "notes": self.notes,
-        })
+        let rows: Vec<Json> = self.parts.iter().flat_map(|part| part.rows.iter().map(|r| row(part, r))).collect();
+        json!({"table": self.name, "rows": rows, "runs": self.runs, "notes": self.notes})
     }
 }
 

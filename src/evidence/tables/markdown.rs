@@ -1,24 +1,27 @@
 //! A table as Markdown: a line of ours, under it the paper's, then the notes.
 
-use super::layout::{Column, EVIDENCE_HEADS, Row, Table};
+use super::cells::{self, Spelling};
+use super::layout::{Column, Table};
+
+const SPELLING: Spelling =
+    Spelling {
+        text: escaped, none: "–", paper: "· paper", interval: |interval| format!(" {interval}"), figure: |f| f
+    };
 
 /// The table with its notes as a list.
 pub fn markdown(table: &Table) -> String {
-    let mut out = format!("**{}** (paper: `{}`)\n\n", table.title, table.source);
-    let heads = table.columns.iter().map(head);
-    line(
-        &mut out,
-        ["Method", "Policy"].map(String::from).into_iter().chain(heads).chain(EVIDENCE_HEADS.map(String::from)),
-    );
-    let numbers = table.columns.len() + 2;
-    line(&mut out, ["---"; 2].into_iter().chain(vec!["--:"; numbers]).chain(["---"]).map(String::from));
-    for row in &table.rows {
-        line(&mut out, ours(table, row));
-        if row.in_paper() {
-            line(&mut out, paper(table, row));
-        }
+    let mut out = String::new();
+    for part in &table.parts {
+        let source = part.source.map_or(String::new(), |label| format!(" (paper: `{label}`)"));
+        out.push_str(&format!("**{}**{source}\n\n", part.title));
+        let (before, after) = cells::outer_heads(table);
+        line(&mut out, before.into_iter().chain(table.columns.iter().map(head)).chain(after));
+        let numbers = table.columns.len() + table.counts.len();
+        let rules = vec!["---"; table.labels.len()].into_iter().chain(vec!["--:"; numbers]).chain(["---"]);
+        line(&mut out, rules.map(String::from));
+        cells::lines(table, part, &SPELLING).into_iter().for_each(|cells| line(&mut out, cells));
+        out.push('\n');
     }
-    out.push('\n');
     for note in &table.notes {
         out.push_str(&format!("- {}\n", escaped(note)));
     }
@@ -36,33 +39,6 @@ fn head(column: &Column) -> String {
         None => "",
     };
     format!("{} {}{arrow}", column.group, column.head).trim_start().to_string()
-}
-
-fn ours(table: &Table, row: &Row) -> Vec<String> {
-    let mut cells = vec![escaped(&row.method), escaped(&row.policy)];
-    for (column, value) in table.columns.iter().zip(&row.values) {
-        cells.push(match value.ours {
-            None if row.missing() => "missing".into(),
-            None => "–".into(),
-            Some(estimate) => {
-                let interval = estimate.interval.map(|i| format!(" {}", column.form.interval(i))).unwrap_or_default();
-                format!("{}{interval}", column.form.number(estimate.value))
-            }
-        });
-    }
-    if row.missing() {
-        cells.extend(["–"; 3].map(String::from));
-    } else {
-        cells.extend([row.held_out_scenes.to_string(), row.rollouts.to_string(), escaped(&row.proposals)]);
-    }
-    cells
-}
-
-fn paper(table: &Table, row: &Row) -> Vec<String> {
-    let numbers = table.columns.iter().zip(&row.values);
-    let numbers = numbers.map(|(column, value)| value.paper.map_or("–".into(), |figure| column.form.number(figure)));
-    let first = ["· paper", ""].map(String::from).into_iter();
-    first.chain(numbers).chain(["", "", ""].map(String::from)).collect()
 }
 
 /// Text that stays one cell and one line and is no markup.

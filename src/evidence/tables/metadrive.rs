@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity};
 use super::labels::{self, LineageLabels, TableError};
-use super::layout::{Column, Form, Row, RunSource, Table, Value};
-use super::paper;
+use super::layout::{Column, Form, Head, METHOD, POLICY, Part, ROLLOUTS, Row, Table, Value};
+use super::notes;
+use super::paper::{self, metadrive as printed};
 use crate::evidence::story::Story;
 use crate::kernel::num;
 
@@ -33,19 +34,19 @@ const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
 pub fn metadrive_main(stories: &[Story]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
-    let mut groups: Vec<&str> = paper::METHODS.iter().map(|method| method.group).collect();
+    let mut groups: Vec<&str> = printed::METHODS.iter().map(|method| method.group).collect();
     groups.dedup();
     let averaged = |l: &&LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
     let mut rows = Vec::new();
     for group in groups {
         let of: Vec<&LineageLabels> = all.iter().filter(averaged).filter(|l| l.group() == group).collect();
-        rows.push(main_row(group, &of, paper::main_figures(group)));
+        rows.push(main_row(group, &of, printed::main_figures(group)));
     }
     rows.extend(all.iter().filter(|l| !averaged(l)).map(|l| main_row(&l.name, &[l], None)));
     let average = format!(
         "The paper averages over the egos IDM and RL; ours averages over those that were run, named in the column Policy. \
          SAGE averages over its preference weights too, as in the paper ({}).",
-        paper::POLICY_LABEL
+        printed::POLICY_LABEL
     );
     let columns = vec![
         PARENT_ATTACK,
@@ -57,26 +58,19 @@ pub fn metadrive_main(stories: &[Story]) -> Result<Table, TableError> {
         RP_CHANGE,
         PF_AREA,
     ];
-    Ok(Table {
-        name: "metadrive-main",
-        title: "Generator evolution in MetaDrive",
-        source: paper::MAIN_LABEL,
-        columns,
-        notes: notes(stories, &all, Some(average)),
-        runs: runs(stories)?,
-        rows,
-    })
+    let title = "Generator evolution in MetaDrive";
+    table("metadrive-main", title, printed::MAIN_LABEL, columns, rows, told(stories, &all, Some(average)), stories)
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
 pub fn metadrive_policy(stories: &[Story]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
     let mut rows = Vec::new();
-    for method in &paper::METHODS {
+    for method in &printed::METHODS {
         for (ego, policy) in expected_policies(&all) {
             let found = all.iter().find(|l| l.method == Some(method) && l.ego == ego);
-            let figures = paper::policy_figures(method.name, policy);
-            rows.push(policy_row(method.name, policy, found, figures));
+            let theirs = printed::policy_figures(method.name, policy);
+            rows.push(policy_row(method.name, policy, found, theirs));
         }
     }
     let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
@@ -92,15 +86,24 @@ pub fn metadrive_policy(stories: &[Story]) -> Result<Table, TableError> {
         RP_CHANGE,
         PF_AREA,
     ];
-    Ok(Table {
-        name: "metadrive-policy",
-        title: "Policy-specific results in MetaDrive",
-        source: paper::POLICY_LABEL,
-        columns,
-        notes: notes(stories, &all, None),
-        runs: runs(stories)?,
-        rows,
-    })
+    let title = "Policy-specific results in MetaDrive";
+    table("metadrive-policy", title, printed::POLICY_LABEL, columns, rows, told(stories, &all, None), stories)
+}
+
+const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
+
+fn table(
+    name: &'static str,
+    title: &str,
+    source: &'static str,
+    columns: Vec<Column>,
+    rows: Vec<Row>,
+    notes: Vec<String>,
+    stories: &[Story],
+) -> Result<Table, TableError> {
+    let parts = vec![Part { name: name.into(), title: title.into(), source: Some(source), rows }];
+    let (labels, counts) = (vec![METHOD, POLICY], vec![SCENES, ROLLOUTS]);
+    Ok(Table { name, labels, columns, counts, parts, runs: notes::runs(stories)?, notes })
 }
 
 /// The paper's policies whose rows are listed also where a lineage is missing: IDM, and the learned one once it was run.
@@ -179,12 +182,10 @@ fn row(method: &str, policy: String, of: &[&LineageLabels], ours: &[Option<Estim
     let suites: BTreeMap<_, usize> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().flat_map(|l| l.proposals.split(" + ")).collect();
     Row {
-        method: method.to_string(),
-        policy,
+        labels: vec![method.to_string(), policy],
         lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
         values: ours.iter().zip(theirs).map(|(ours, paper)| Value { ours: *ours, paper: *paper }).collect(),
-        held_out_scenes: suites.values().sum(),
-        rollouts: of.iter().map(|l| l.rollouts).sum(),
+        counts: vec![suites.values().sum(), of.iter().map(|l| l.rollouts).sum()],
         proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
         notes: of
             .iter()
@@ -193,27 +194,9 @@ fn row(method: &str, policy: String, of: &[&LineageLabels], ours: &[Option<Estim
     }
 }
 
-fn runs(stories: &[Story]) -> Result<Vec<RunSource>, TableError> {
-    let source = |story: &Story| {
-        let result = labels::result(story)?;
-        Ok(RunSource {
-            name: story.opened.name.clone(),
-            root: story.root.to_hex(),
-            models: story.opened.models.clone(),
-            scripted_roles: story.opened.scripted_roles().into_iter().map(String::from).collect(),
-            evolution_scenes: story.opened.evolution_scenes.len(),
-            held_out_scenes: story.opened.held_out_scenes.len(),
-            epochs: result.epochs,
-            attempts: result.exits.total(),
-            rollouts: result.rollouts,
-        })
-    };
-    stories.iter().map(source).collect()
-}
-
 /// What a reader must know beside the numbers.
-fn notes(stories: &[Story], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
-    let mut notes = vec![
+fn told(stories: &[Story], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
+    let mut told = vec![
         "Attack: share of held-out scenes in which the ego fails. RP = 100 (1 - R). Evolved: the active generator, chosen on \
          evolution labels."
             .to_string(),
@@ -224,64 +207,39 @@ fn notes(stories: &[Story], all: &[LineageLabels], average: Option<String>) -> V
             bootstrap::SEED.0
         ),
     ];
-    notes.extend(average);
+    told.extend(average);
     if !all.iter().any(|l| paper::policy_name(&l.ego) == Some("RL")) {
-        notes.push("The paper's learned ego (RL) is absent: no run named here has one.".into());
+        told.push("The paper's learned ego (RL) is absent: no run named here has one.".into());
     }
-    notes.extend(stories.iter().map(run_note));
+    told.extend(stories.iter().map(notes::run));
     let absent = missing(all);
     if !absent.is_empty() {
-        notes.push(format!("Missing in these runs: {}.", absent.join(", ")));
+        told.push(format!("Missing in these runs: {}.", absent.join(", ")));
     }
     if all.iter().map(|l| l.suite).collect::<BTreeSet<_>>().len() > 1 {
-        notes.push("The runs have different held-out scenes: rows of different runs are not paired by scene.".into());
+        told.push("The runs have different held-out scenes: rows of different runs are not paired by scene.".into());
     }
-    if stories.windows(2).any(|pair| pair[0].opened.versions != pair[1].opened.versions) {
-        notes.push("The runs were made by different versions of simulator, evaluation or adapters.".into());
-    }
+    told.extend(notes::different_versions(stories));
     for l in all {
         let count = l.parent.unlabelled().max(l.evolved.unlabelled());
         if count > 0 {
             let scenes = l.suite_scenes;
-            notes.push(format!(
+            told.push(format!(
                 "{}: up to {count} of {scenes} held-out scenes have no label and count nowhere.",
                 l.lineage
             ));
         }
     }
-    notes.extend(all.iter().filter_map(|l| Some(format!("{}, {}: {}.", l.name, l.policy(), l.stopped.as_ref()?))));
-    notes
+    told.extend(all.iter().filter_map(|l| Some(format!("{}, {}: {}.", l.name, l.policy(), l.stopped.as_ref()?))));
+    told
 }
 
 /// The paper's rows without a lineage in these runs.
 fn missing(all: &[LineageLabels]) -> Vec<String> {
     let mut absent = Vec::new();
     for (ego, policy) in expected_policies(all) {
-        let gone = paper::METHODS.iter().filter(|m| !all.iter().any(|l| l.method == Some(*m) && l.ego == ego));
+        let gone = printed::METHODS.iter().filter(|m| !all.iter().any(|l| l.method == Some(*m) && l.ego == ego));
         absent.extend(gone.map(|m| format!("{} with {policy}", m.name)));
     }
     absent
-}
-
-fn run_note(story: &Story) -> String {
-    let opened = &story.opened;
-    let mut roles: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    opened.models.iter().for_each(|(role, label)| roles.entry(label).or_default().push(role));
-    let from = match roles.len() {
-        1 => roles.keys().map(|label| label.to_string()).collect(),
-        _ => roles.iter().map(|(label, of)| format!("{label} as {}", of.join(", "))).collect::<Vec<_>>().join("; "),
-    };
-    let stand_in = match opened.scripted_roles().is_empty() {
-        true => "",
-        false => " (scripted is a rule-based stand-in, not a language model)",
-    };
-    let (epochs, attempts, rollouts) =
-        story.result.as_ref().map_or((0, 0, 0), |result| (result.epochs, result.exits.total(), result.rollouts));
-    format!(
-        "Run {}: {} evolution and {} held-out scenes, {epochs} epochs, {attempts} attempts, {rollouts} rollouts; \
-         proposals from {from}{stand_in}.",
-        labels::run_name(story),
-        opened.evolution_scenes.len(),
-        opened.held_out_scenes.len()
-    )
 }

@@ -1,13 +1,20 @@
 //! The paper's tables from recorded runs: our numbers with their intervals, the paper's beside them, and what both rest on.
 
+mod archives;
 mod bootstrap;
+mod cells;
 mod csv;
 mod labels;
 mod latex;
 mod layout;
 mod markdown;
 mod metadrive;
+mod notes;
 mod paper;
+mod resampled;
+mod safebench;
+#[cfg(test)]
+mod safebench_tests;
 mod stopped;
 #[cfg(test)]
 mod tests;
@@ -16,6 +23,7 @@ pub use bootstrap::Estimate;
 pub use csv::csv;
 pub use labels::TableError;
 pub use latex::latex;
-pub use layout::{Column, Form, Row, RunSource, Table, Value};
+pub use layout::{Column, Form, Head, Part, Row, RunSource, Table, Value};
 pub use markdown::markdown;
 pub use metadrive::{metadrive_main, metadrive_policy};
+pub use safebench::{safebench_main, safebench_rounds};

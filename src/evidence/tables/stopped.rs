@@ -78,13 +78,35 @@ fn gate_name(gate: Gate) -> &'static str {
 /// One sentence for a lineage whose active generator is still its parent or whose frontier did not grow; else `None`.
 pub fn note(story: &Story, result: &LineageResult) -> Option<String> {
     let kept = result.evolved.solution == result.parent.solution;
-    // A gain that the table prints as 0 is none.
-    let what = match (kept, num::rounded(result.pf_area_at_3_pct, Form::Gain.digits()) > 0.0) {
+    let what = match (kept, grows(result)) {
         (false, true) => return None,
         (true, true) => "no gain, the parent stays active (its descendants add frontier area only)",
         (true, false) => "no gain, the parent stays active and descendants add no frontier area",
         (false, false) => "no frontier gain, descendants add no area on held-out scenes",
     };
+    Some(sentence(what, story, result))
+}
+
+/// The same for SafeBench's archive: whether its attack rose from the parent's scenes to the last round's, and whether
+/// anything of the last round is a descendant's.
+pub fn archive_note(story: &Story, result: &LineageResult, attack_change: f64, descends: bool) -> Option<String> {
+    let rises = num::rounded(attack_change, Form::Rate.digits()) > 0.0;
+    let what = match (descends, rises, grows(result)) {
+        (_, true, true) => return None,
+        (false, ..) => "no gain, balanced selection keeps the parent's scenes alone",
+        (true, false, true) => "no gain in attack, the archive changes without it",
+        (true, false, false) => "no gain, the archive changes without more attack and no group's frontier grows",
+        (true, true, false) => "no frontier gain, the chosen descendants add no area in any group",
+    };
+    Some(sentence(what, story, result))
+}
+
+/// A gain that the tables print as 0 is none.
+fn grows(result: &LineageResult) -> bool {
+    num::rounded(result.pf_area_at_3_pct, Form::Gain.digits()) > 0.0
+}
+
+fn sentence(what: &str, story: &Story, result: &LineageResult) -> String {
     let ends = Ends::of(story.attempts.iter().filter(|a| a.lineage == result.lineage));
-    Some(format!("{what}; {}; final choice: {}", ends.text(), result.selection))
+    format!("{what}; {}; final choice: {}", ends.text(), result.selection)
 }

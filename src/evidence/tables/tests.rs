@@ -11,12 +11,12 @@ use crate::objects::{
 };
 
 /// Attack and realism of one scene; `None` = its rollout failed.
-type Label = Option<(f64, f64)>;
+pub(super) type Label = Option<(f64, f64)>;
 
 const SCENES: [&str; 4] = ["s1", "s2", "s3", "s4"];
 
 /// A finished run without lineages.
-fn run(name: &str, models: &[(&str, &str)]) -> Story {
+pub(super) fn run(name: &str, models: &[(&str, &str)]) -> Story {
     let digest = Digest::of_bytes(b"any");
     let text = |(role, label): &(&str, &str)| (role.to_string(), label.to_string());
     Story {
@@ -48,7 +48,7 @@ fn scripted() -> Story {
     run("made", &[("actor", "scripted"), ("repair", "scripted")])
 }
 
-fn score(of: &str, labels: &[Label; 4]) -> Score {
+pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
     let scene = |(id, label): (&&str, &Label)| {
         let (attack, realism) = (*label)?;
         Some(SceneScore {
@@ -115,6 +115,7 @@ fn add(story: &mut Story, end: &End<'_>) {
         selection: "1 of 1 reach the realism required".into(),
         endpoint: after,
         pf_area_at_3_pct: end.pf_area_at_3_pct,
+        pf_area_at_3_pct_by_group: BTreeMap::new(),
         front: Vec::new(),
         hypervolume_by_epoch: Vec::new(),
         exits: ExitCounts::default(),
@@ -143,7 +144,7 @@ const SAGE: End<'static> = End {
 };
 
 fn row<'t>(table: &'t Table, method: &str) -> &'t Row {
-    table.rows.iter().find(|row| row.method == method).unwrap()
+    table.rows().find(|row| row.labels[0] == method).unwrap()
 }
 
 fn ours(table: &Table, method: &str, key: &str) -> Estimate {
@@ -151,7 +152,7 @@ fn ours(table: &Table, method: &str, key: &str) -> Estimate {
     row(table, method).values[column].ours.unwrap()
 }
 
-fn near(found: f64, expected: f64) {
+pub(super) fn near(found: f64, expected: f64) {
     assert!((found - expected).abs() < 1e-12, "{found}, expected {expected}");
 }
 
@@ -174,7 +175,7 @@ fn rates_penalties_and_differences_are_the_hand_computed_ones() {
         near(ours(&table, "CAT", key).value, expected);
     }
     let cat = row(&table, "CAT");
-    assert_eq!((cat.held_out_scenes, cat.rollouts, cat.proposals.as_str()), (4, 8, "scripted"));
+    assert_eq!((cat.counts.as_slice(), cat.proposals.as_str()), ([4, 8].as_slice(), "scripted"));
     assert_eq!(cat.values[0].paper, Some(0.390));
     assert!(cat.notes.is_empty());
 }
@@ -206,7 +207,7 @@ fn the_main_table_averages_over_the_papers_egos_and_says_which() {
     add(&mut story, &other(&replay, "replay"));
     let table = metadrive_main(&[story]).unwrap();
     let cat = row(&table, "CAT");
-    assert_eq!(cat.policy, "IDM + RL");
+    assert_eq!(cat.labels[1], "IDM + RL");
     assert_eq!(cat.lineages, ["cat-idm", "cat-learned"]);
     for (key, expected) in [
         ("parent_attack", (0.25 + 0.0) / 2.0),
@@ -221,8 +222,8 @@ fn the_main_table_averages_over_the_papers_egos_and_says_which() {
         near(ours(&table, "CAT", key).value, expected);
     }
     // The ego that the paper does not have stands apart, without figures of the paper.
-    let apart = table.rows.last().unwrap();
-    assert_eq!((apart.policy.as_str(), apart.in_paper()), ("replay", false));
+    let apart = table.rows().last().unwrap();
+    assert_eq!((apart.labels[1].as_str(), apart.in_paper()), ("replay", false));
 }
 
 #[test]
@@ -231,11 +232,11 @@ fn what_was_not_run_is_missing_and_the_learned_ego_is_absent() {
     add(&mut story, &CAT);
     add(&mut story, &SAGE);
     let policy = metadrive_policy(&[story.clone()]).unwrap();
-    assert_eq!(policy.rows.len(), 10);
-    assert!(policy.rows.iter().all(|row| row.policy == "IDM"));
-    let missing: Vec<&str> = policy.rows.iter().filter(|row| row.missing()).map(|row| row.method.as_str()).collect();
+    assert_eq!(policy.rows().count(), 10);
+    assert!(policy.rows().all(|row| row.labels[1] == "IDM"));
+    let missing: Vec<&str> = policy.rows().filter(|row| row.missing()).map(|row| row.labels[0].as_str()).collect();
     assert_eq!(missing, ["ADV-BMT", "AT", "SAGE (w=0.00)", "SAGE (w=1.00)", "LLM-Attacker", "KING", "SEAL", "STRIVE"]);
-    assert!(policy.rows.iter().filter(|row| row.missing()).all(|row| row.values.iter().all(|v| v.ours.is_none())));
+    assert!(policy.rows().filter(|row| row.missing()).all(|row| row.values.iter().all(|v| v.ours.is_none())));
     let text = markdown(&policy);
     assert!(text.contains("learned ego (RL) is absent") && text.contains("| KING | IDM | missing |"), "{text}");
     let main = metadrive_main(&[story]).unwrap();
@@ -271,7 +272,7 @@ fn a_scene_without_a_label_counts_nowhere_and_is_told() {
     assert!(table.notes.iter().any(|note| note.starts_with("cat-idm: up to 1 of 4 held-out scenes have no label")));
 }
 
-fn attempt(lineage: &str, slot: u32, exit: Exit) -> Attempt {
+pub(super) fn attempt(lineage: &str, slot: u32, exit: Exit) -> Attempt {
     let lineage = LineageId::new(lineage);
     Attempt {
         id: AttemptId::at(&lineage, 0, slot),

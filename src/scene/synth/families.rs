@@ -12,6 +12,8 @@ use crate::scene::{AgentKind, Ego, Light, LightState, Origin, Sample, Scene, Tra
 
 /// Number of the first evaluated route and of the last.
 const ROUTES: (u32, u32) = (4, 13);
+/// Most scenes of one family and route.
+const DRAWS_MAX: u32 = 100;
 
 /// Which scenes of the traffic families are generated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,12 +23,15 @@ pub struct FamilyOptions {
     pub families: Vec<TrafficFamily>,
     /// Route numbers, 4 to 13 for the ten that SafeBench evaluates.
     pub routes: Vec<u32>,
+    /// Scenes of each family and route, 1 to 100. They differ in their names alone, and a generator draws its random
+    /// numbers by the scene's name: several samples of its parameters on one route, as SafeBench and ChatScene take them.
+    pub draws: u32,
 }
 
 impl FamilyOptions {
-    /// All eight families on the ten evaluated routes.
+    /// All eight families on the ten evaluated routes, one scene each.
     pub fn all() -> FamilyOptions {
-        FamilyOptions { families: TrafficFamily::ALL.to_vec(), routes: (ROUTES.0..=ROUTES.1).collect() }
+        FamilyOptions { families: TrafficFamily::ALL.to_vec(), routes: (ROUTES.0..=ROUTES.1).collect(), draws: 1 }
     }
 
     pub fn check(&self) -> Result<(), SynthError> {
@@ -39,21 +44,30 @@ impl FamilyOptions {
         if self.routes.is_empty() || !legal || twice(self.routes.len(), &|a, b| self.routes[a] == self.routes[b]) {
             return bad("routes", format!("{:?}", self.routes), "route numbers from 4 to 13, each once");
         }
+        if !(1..=DRAWS_MAX).contains(&self.draws) {
+            return bad("draws", self.draws.to_string(), "1 to 100");
+        }
         Ok(())
     }
 
     /// Number of scenes.
     pub fn count(&self) -> usize {
-        self.families.len() * self.routes.len()
+        self.families.len() * self.routes.len() * self.draws as usize
     }
 }
 
-/// The scene at place `i` of the pool: families in turn, each with all its routes.
+/// The scene at place `i` of the pool: families in turn, each with all its routes, each with all its draws.
 pub fn family_member(options: &FamilyOptions, seed: Seed, i: usize) -> Result<Scene, SynthError> {
     options.check()?;
-    let (family, route) = (i / options.routes.len(), i % options.routes.len());
+    let (group, draw) = (i / options.draws as usize, i % options.draws as usize);
+    let (family, route) = (group / options.routes.len(), group % options.routes.len());
     let family = options.families[family % options.families.len()];
-    Ok(family_scene(family, options.routes[route], seed))
+    let mut scene = family_scene(family, options.routes[route], seed);
+    // The first draw keeps the plain name, so that a pool of more draws contains that of fewer.
+    if draw > 0 {
+        scene.id = format!("{}/draw{draw:02}", scene.id);
+    }
+    Ok(scene)
 }
 
 /// The scene `safebench/<family>/<route>` on a generated road. Equal arguments give equal bits.

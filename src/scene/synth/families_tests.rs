@@ -40,6 +40,20 @@ fn eighty_sound_usable_scenes_of_their_own_names_make_the_pool() {
 }
 
 #[test]
+fn draws_of_a_group_are_one_scene_under_several_names() {
+    let options = FamilyOptions { families: vec![TrafficFamily::RightTurn], routes: vec![5, 9], draws: 3 };
+    let pool: Vec<Scene> = (0..options.count()).map(|i| family_member(&options, Seed(7), i).unwrap()).collect();
+    let ids: Vec<&str> = pool.iter().map(|scene| scene.id.as_str()).collect();
+    let route = |n: &str| ["", "/draw01", "/draw02"].map(|draw| format!("safebench/right_turn/{n}{draw}"));
+    assert_eq!(ids, [route("05"), route("09")].concat());
+    assert_eq!(pool[0], family_scene(TrafficFamily::RightTurn, 5, Seed(7)), "the first is that of a pool of one draw");
+    assert_eq!(Scene { id: pool[0].id.clone(), ..pool[2].clone() }, pool[0]);
+    assert_ne!(pool[2].digest(), pool[0].digest(), "so that each has a rollout of its own");
+    assert!(FamilyOptions { draws: 0, ..options.clone() }.check().is_err());
+    assert!(FamilyOptions { draws: 101, ..options }.check().is_err());
+}
+
+#[test]
 fn every_route_follows_lanes_in_their_direction() {
     for scene in TrafficFamily::ALL.into_iter().flat_map(scenes) {
         let graph = LaneGraph::of(&scene.road);

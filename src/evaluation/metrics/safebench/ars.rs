@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::soft;
 use crate::kernel::num;
+use crate::objects::benchmark::RunRealism;
 use crate::scene::AgentKind;
 use crate::sim::{ActorConduct, AdversaryReport, Outcome};
 
@@ -93,15 +94,6 @@ pub struct ArsOptions {
     pub interaction: InteractionOptions,
     pub distance: DistanceOptions,
     pub validity: ValidityOptions,
-}
-
-/// Sub-scores and validity of one run.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RunRealism {
-    pub valid: bool,
-    /// S_kin, S_map, S_int, S_dist, each 0..=1.
-    pub sub_scores: [f64; 4],
 }
 
 /// The score of a set of runs.

@@ -6,10 +6,10 @@ mod ars;
 mod overall;
 
 pub use ars::{
-    Ars, ArsOptions, BoundedOptions, DistanceOptions, InteractionOptions, KinematicsOptions, MapOptions, RunRealism,
+    Ars, ArsOptions, BoundedOptions, DistanceOptions, InteractionOptions, KinematicsOptions, MapOptions,
     ValidityOptions, WEIGHTS, ars, run_realism,
 };
-pub use overall::{Criteria, Run, criteria};
+pub use overall::{Criteria, criteria};
 
 /// What SafeBench's protocol rests on beside its formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::num;
+use crate::objects::benchmark::Run;
 use crate::sim::{End, Outcome};
 
 // Divisors of the sub-metrics, in their units.
@@ -13,27 +14,6 @@ const TIME_S: f64 = 60.0;
 const ACCELERATION_MPS2: f64 = 8.0;
 const YAW_RATE_RADPS: f64 = 3.0;
 const LANE_INVASIONS: f64 = 20.0;
-
-/// One run as the formula reads it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Run {
-    pub collision: bool,
-    pub red_lights: f64,
-    pub stop_signs: f64,
-    pub off_road_m: f64,
-    /// Mean over time.
-    pub route_distance_m: f64,
-    /// 0..=1; a completed route counts as 1.
-    pub completion: f64,
-    /// Duration of a completed run, s.
-    pub completed_s: Option<f64>,
-    /// Mean over time of the norm.
-    pub acceleration_mps2: f64,
-    /// Sum of absolute heading changes over the duration.
-    pub yaw_rate_radps: f64,
-    pub lane_invasions: f64,
-}
 
 impl Run {
     /// `None` for an outcome of a scene that is not staged for a traffic family.

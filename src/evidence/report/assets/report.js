@@ -56,6 +56,21 @@
         : ` The scripted stand-in, which is no language model, answered as ${data.scripted_roles.join(", ")}.`);
   }
 
+  function costTable() {
+    const cost = data.cost;
+    if (!cost) return byId("cost").remove();
+    const wall = cost.lineages.reduce((sum, l) => sum + l.wall_s, 0);
+    const head = ["Lineage", "Wall s", "Share", "Rollouts", "Rollout s", "Compiled", "Compile s", "Answers", "Model s", "Tokens in", "Tokens out"];
+    const cell = (text, number = true) => el("td", number ? { class: "num" } : {}, String(text));
+    const tokens = (n) => n ? n.toLocaleString("en") : "–";
+    byId("cost-table").append(el("table", {},
+      el("thead", {}, el("tr", {}, head.map((h, i) => el("th", i ? { class: "num" } : {}, h)))),
+      el("tbody", {}, [...cost.lineages].sort((a, b) => b.wall_s - a.wall_s).map((l) => el("tr", {}, cell(l.lineage, false),
+        cell(fixed(l.wall_s, 1)), cell(wall ? `${fixed(100 * l.wall_s / wall, 0)} %` : "–"), cell(l.rollouts), cell(fixed(l.rollout_s, 1)),
+        cell(l.compiled), cell(fixed(l.compile_s, 1)), cell(l.answers), cell(fixed(l.model_s, 1)), cell(tokens(l.input_tokens)), cell(tokens(l.output_tokens)))))));
+    byId("cost-note").textContent = `${cost.simulated} rollouts simulated and ${cost.reused} read from the store in ${fixed(wall, 1)} s on ${cost.threads} threads. Times of rollouts, compiling and models are summed over threads; compiling holds the search of a family, with the simulations inside it. No result depends on any of this.`;
+  }
+
   // --- charts
   function axes(width, height, xRange, yRange, xLabel, yLabel) {
     const m = { left: 52, right: 14, top: 12, bottom: 40 };
@@ -166,10 +181,10 @@
   function detail(a) {
     const left = [el("h3", {}, "Asked for"), el("p", {}, a.target)];
     if (a.reason) left.push(el("h3", {}, "Declined"), el("p", {}, a.reason));
-    if (a.memory.length) left.push(el("h3", {}, "Memory shown"), el("p", { class: "mono" }, a.memory.join(", ")));
+    if (a.memory && a.memory.length) left.push(el("h3", {}, "Memory shown"), el("p", { class: "mono" }, a.memory.join(", ")));
     left.push(el("h3", {}, "Reviews"));
-    a.reviews.forEach((round, i) => round.forEach((r) => left.push(el("p", {}, `round ${i} · ${r.role.replace("_", " ")}: `, el("b", { class: r.decision === "approve" ? "pass" : "fail" }, r.decision)), r.blockers.length ? list(r.blockers) : null)));
-    if (a.gates) left.push(el("h3", {}, "Gates"), ...a.gates.map((g) => el("p", {}, `${g.gate}: `, el("b", { class: g.problems.length ? "fail" : "pass" }, g.problems.length ? "failed" : "passed"), g.problems.length ? list(g.problems) : null)));
+    a.reviews.forEach((round, i) => round.forEach(([role, decision, blockers]) => left.push(el("p", {}, `round ${i} · ${data.roles[role].replace("_", " ")}: `, el("b", { class: decision === "approve" ? "pass" : "fail" }, decision)), blockers.length ? list(blockers) : null)));
+    if (a.gates) left.push(el("h3", {}, "Gates"), ...a.gates.map(([gate, problems]) => el("p", {}, `${gate}: `, el("b", { class: problems.length ? "fail" : "pass" }, problems.length ? "failed" : "passed"), problems.length ? list(problems) : null)));
     if (a.route) left.push(el("h3", {}, "Route"), el("p", {}, `${a.route.decision}: ${a.route.reason}; uncertainty ${fixed(a.route.uncertainty, 3)}`));
     if (a.decision) {
       const g = a.decision.gates, d = g.densification, l = g.local_push, t = g.parent_tradeoff;
@@ -182,9 +197,9 @@
     if (a.diff) right.push(el("h3", {}, "Change of the program"), el("pre", { class: "diff" }, a.diff.split("\n").map((line) => el("span", { class: line.startsWith("+") ? "add" : line.startsWith("-") ? "del" : line.startsWith("@@") ? "hunk" : "" }, line + "\n"))));
     else if (a.operations) right.push(el("h3", {}, "Patch"), el("pre", { class: "diff" }, JSON.stringify(a.operations, null, 2)));
     if (a.scenes) right.push(el("h3", {}, "Scenes"), el("div", { class: "wide" }, el("table", {}, el("thead", {}, el("tr", {}, el("th", {}, "Scene"), el("th", { class: "num" }, "Attack"), el("th", { class: "num" }, "Realism"), el("th", {}, "Below 1"))),
-      el("tbody", {}, a.scenes.map((s) => el("tr", {}, el("td", {}, s.scene + (s.intervened ? "" : " (not applied)")), el("td", { class: "num" }, fixed(s.attack, 2)), el("td", { class: "num" }, fixed(s.realism, 4)), el("td", {}, Object.entries(s.diagnostics).filter(([, d]) => d < 1).map(([n, d]) => `${n} ${d.toFixed(3)}`).join(", "))))))));
+      el("tbody", {}, a.scenes.map(([scene, attack, realism, applied, below]) => el("tr", {}, el("td", {}, data.scenes[scene] + (applied ? "" : " (not applied)")), el("td", { class: "num" }, fixed(attack, 2)), el("td", { class: "num" }, fixed(realism, 4)), el("td", {}, below.map(([n, d]) => `${data.diagnostics[n]} ${d.toFixed(3)}`).join(", "))))))));
     if (a.failures && a.failures.length) right.push(el("h3", {}, "Scenes without a label"), list(a.failures.map((f) => `${f.scene}: ${f.reason}`)));
-    right.push(el("h3", {}, "Exchanges"), list(a.exchanges.map((x) => `${x.role} round ${x.round} (${x.model}) request ${x.request.slice(0, 12)} response ${x.response.slice(0, 12)}${x.refusal ? ` – refused: ${x.refusal}` : ""}`)));
+    right.push(el("h3", {}, "Exchanges"), list(a.exchanges.map(([role, round, model, request, response, refusal]) => `${data.roles[role]} round ${round} (${data.model_names[model]}) request ${request} response ${response}${refusal ? ` – refused: ${refusal}` : ""}`)));
     return el("div", { class: "two" }, el("div", {}, left), el("div", {}, right));
   }
 
@@ -217,10 +232,10 @@
 
   // --- player: the recorded scene with the actors that the rollout changed put in their place
   function merged(rollout) {
-    const base = stage.scenes[rollout.scene];
-    const changed = new Map(rollout.changed.map((a) => [a.label, a]));
+    const base = EvoUnpack.drawing(stage.scenes[rollout.scene]), moved = rollout.changed.map(EvoUnpack.actor);
+    const changed = new Map(moved.map((a) => [a.label, a]));
     const kept = base.actors.map((a) => { const now = changed.get(a.label); changed.delete(a.label); return now || a; });
-    const adversaries = new Set(rollout.changed.filter((a) => a.role === "adversary").map((a) => a.label));
+    const adversaries = new Set(moved.filter((a) => a.role === "adversary").map((a) => a.label));
     const ghosts = base.actors.filter((a) => adversaries.has(a.label)).map((a) => ({ ...a, label: `${a.label} as logged`, role: "ghost" }));
     return { ...base, actors: [...ghosts, ...kept.filter((a) => a.role !== "ego"), ...changed.values(), ...kept.filter((a) => a.role === "ego")], contact: rollout.contact };
   }
@@ -254,6 +269,6 @@
   byId("filter-exit").append(option("", "all"), ...["declined", "invalid", "rejected", "evaluated"].map((e) => option(e, e)));
   byId("front-lineage").addEventListener("change", drawFront);
   for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", drawAttempts);
-  resultTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); drawPlayer();
+  resultTable(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); drawPlayer();
   document.body.dataset.ready = "yes";
 })();

@@ -1,4 +1,4 @@
-//! The paper's figures for the MetaDrive tables, as printed there, under the labels of their tables.
+//! The MetaDrive tables.
 
 /// Label of the table that averages over the ego policies.
 pub const MAIN_LABEL: &str = "tab:metadrive-main-generator-evolution";
@@ -40,9 +40,6 @@ pub const METHODS: [Method; 10] = [
     method("STRIVE", "strive"),
 ];
 
-/// Our ego policies that stand for one of the paper's, with its name there.
-pub const POLICIES: [(&str, &str); 2] = [("idm", "IDM"), ("learned", "RL")];
-
 /// tab:metadrive-main-generator-evolution: parent attack, parent RP %, evolved attack, evolved RP %, relative change of
 /// attack %, change of RP in points, PF-Area@3 %.
 const MAIN: [(&str, [f64; 7]); 8] = [
@@ -81,11 +78,6 @@ const POLICY: [(&str, &str, [f64; 7]); 20] = [
     ("STRIVE", "RL", [0.220, 0.04, 0.220, 0.04, 0.190, 0.53, 0.0]),
 ];
 
-/// The paper's name of an ego policy; `None` for one that it does not have.
-pub fn policy_name(ego: &str) -> Option<&'static str> {
-    POLICIES.iter().find(|(ours, _)| *ours == ego).map(|(_, name)| *name)
-}
-
 /// Figures of a row of the main table.
 pub fn main_figures(group: &str) -> Option<&'static [f64; 7]> {
     MAIN.iter().find(|(name, _)| *name == group).map(|(_, figures)| figures)
@@ -119,7 +111,7 @@ mod tests {
     fn every_method_has_a_row_for_every_policy() {
         for method in &METHODS {
             assert!(main_figures(method.group).is_some(), "{}", method.name);
-            for (_, policy) in POLICIES {
+            for (_, policy) in super::super::POLICIES {
                 assert!(policy_figures(method.name, policy).is_some(), "{} {policy}", method.name);
             }
         }

@@ -1,0 +1,26 @@
+"use strict";
+// Turns the stage of the page (see report/packed.rs) into drawings, each when it is first played.
+const EvoUnpack = (() => {
+  const points = (packed) => {
+    const out = [];
+    let x = 0, y = 0;
+    for (let k = 0; k < packed.length; k += 2) { x += packed[k]; y += packed[k + 1]; out.push([x / 100, y / 100]); }
+    return out;
+  };
+  const actor = ({ steps, runs, ...rest }) => {
+    const samples = new Array(steps).fill(null);
+    for (const [first, differences] of runs) {
+      let x = 0, y = 0, h = 0, v = 0;
+      for (let k = 0; k < differences.length; k += 4) {
+        x += differences[k]; y += differences[k + 1]; h += differences[k + 2]; v += differences[k + 3];
+        samples[first + k / 4] = [x / 100, y / 100, h / 1000, v / 100];
+      }
+    }
+    return { ...rest, samples };
+  };
+  const drawing = (packed) => ({
+    ...packed, surfaces: packed.surfaces.map(points), lines: packed.lines.map((l) => ({ ...l, points: points(l.points) })),
+    crosswalks: packed.crosswalks.map(points), route: points(packed.route), actors: packed.actors.map(actor),
+  });
+  return { actor, drawing };
+})();

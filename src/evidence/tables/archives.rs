@@ -1,0 +1,135 @@
+//! What a recorded SafeBench run holds of each lineage for the tables: the archive after every round, run by run.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::labels::{self, TableError};
+use super::paper::safebench::{METHODS, Method};
+use super::stopped;
+use crate::evaluation::{Group, Runs};
+use crate::evidence::story::Story;
+use crate::objects::benchmark::{ArchiveRound, Benchmark, SafebenchRun};
+use crate::objects::{LineageId, event::LineageResult};
+use crate::scene::safebench::TrafficFamily;
+
+/// One lineage of a finished SafeBench run.
+#[derive(Clone, Debug)]
+pub struct LineageArchive {
+    pub lineage: LineageId,
+    /// The run's name and the beginning of its root.
+    pub run: String,
+    /// The paper's row that it fills, if it is one of the paper's methods as published.
+    pub method: Option<&'static Method>,
+    pub name: String,
+    /// Our name of the ego policy.
+    pub ego: String,
+    /// From the parent's scenes alone to the last round.
+    pub rounds: Vec<Round>,
+    /// Frontier gain of every group, percent.
+    pub gains_pct: BTreeMap<Group, f64>,
+    /// Distinct rollouts that its labels rest on.
+    pub rollouts: usize,
+    /// Kinds of the models that proposals came from.
+    pub proposals: String,
+    /// Where there is no gain: what stopped it.
+    pub stopped: Option<String>,
+}
+
+/// What balanced selection keeps after a round.
+#[derive(Clone, Debug)]
+pub struct Round {
+    pub runs: BTreeMap<Group, Vec<SafebenchRun>>,
+}
+
+impl Round {
+    /// Scores of the runs of these groups; one that is named twice counts twice. `None` without a run.
+    pub fn scores(&self, groups: impl IntoIterator<Item = Group>) -> Option<Benchmark> {
+        let mut runs = Runs::default();
+        for group in groups {
+            self.runs.get(&group).into_iter().flatten().for_each(|run| runs.add(group, *run));
+        }
+        runs.benchmark()
+    }
+}
+
+impl LineageArchive {
+    /// Every group of the study, also those without a scene.
+    pub fn groups(&self) -> BTreeSet<Group> {
+        self.gains_pct.keys().chain(self.rounds.iter().flat_map(|round| round.runs.keys())).copied().collect()
+    }
+
+    /// Scenes that balanced selection keeps after the last round.
+    pub fn scenes(&self) -> usize {
+        self.rounds.last().map_or(0, |round| round.runs.values().map(Vec::len).sum())
+    }
+}
+
+/// All lineages of these runs, in their order. No row of a table may come from two of them.
+pub fn lineages(stories: &[Story]) -> Result<Vec<LineageArchive>, TableError> {
+    let mut all: Vec<LineageArchive> = Vec::new();
+    for story in stories {
+        let result = labels::result(story)?;
+        if story.rounds.is_empty() {
+            let (found, tables) = ("the MetaDrive protocol", "metadrive-main and metadrive-policy");
+            return Err(TableError::OtherProtocol { run: labels::run_name(story), found, tables });
+        }
+        for lineage in &result.lineages {
+            let new = one(story, lineage)?;
+            if let Some(old) = all.iter().find(|old| old.name == new.name && old.ego == new.ego) {
+                let place = |l: &LineageArchive| format!("{} of run {}", l.lineage, l.run);
+                let (first, second) = (place(old), place(&new));
+                return Err(TableError::Twice { row: new.name, ego: new.ego, first, second });
+            }
+            all.push(new);
+        }
+    }
+    Ok(all)
+}
+
+fn one(story: &Story, result: &LineageResult) -> Result<LineageArchive, TableError> {
+    let mut recorded: Vec<&ArchiveRound> = story.rounds.iter().filter(|r| r.lineage == result.lineage).collect();
+    recorded.sort_by_key(|round| round.round);
+    let damaged =
+        |what: String| TableError::Archive { run: labels::run_name(story), lineage: result.lineage.clone(), what };
+    let (Some(first), Some(last)) = (recorded.first(), recorded.last()) else {
+        return Err(damaged("holds no round".into()));
+    };
+    if let Some((place, round)) = recorded.iter().enumerate().find(|(place, round)| round.round as usize != *place) {
+        return Err(damaged(format!("names round {} where round {place} is expected", round.round)));
+    }
+    let attack_change = last.benchmark.mean.attack - first.benchmark.mean.attack;
+    let descends = last.selected.iter().any(|scene| scene.solution != result.parent.solution);
+    let stem = labels::stem(result);
+    let method = METHODS.iter().find(|m| m.family == result.family.as_str() && m.family == stem.replace('-', "_"));
+    let group = |name: &String| group(name).ok_or_else(|| damaged(format!("names the group {name:?}")));
+    let gains = result.pf_area_at_3_pct_by_group.iter().map(|(name, gain)| Ok((group(name)?, *gain)));
+    let round = |recorded: &&ArchiveRound| {
+        let mut runs: BTreeMap<Group, Vec<SafebenchRun>> = BTreeMap::new();
+        for scene in &recorded.selected {
+            runs.entry(group(&scene.group)?).or_default().push(scene.run);
+        }
+        let round = Round { runs };
+        match round.scores(round.runs.keys().copied()) {
+            Some(scores) if scores == recorded.benchmark => Ok(round),
+            _ => Err(damaged(format!("holds scores in round {} that are not those of its runs", recorded.round))),
+        }
+    };
+    Ok(LineageArchive {
+        lineage: result.lineage.clone(),
+        run: labels::run_name(story),
+        method,
+        name: method.map_or(stem, |method| method.name).to_string(),
+        ego: result.ego.clone(),
+        gains_pct: gains.collect::<Result<_, TableError>>()?,
+        rounds: recorded.iter().map(round).collect::<Result<_, TableError>>()?,
+        rollouts: labels::rollouts(story, &result.lineage),
+        proposals: labels::proposals(story),
+        stopped: stopped::archive_note(story, result, attack_change, descends),
+    })
+}
+
+/// `right_turn/5`.
+fn group(name: &str) -> Option<Group> {
+    let (family, route) = name.rsplit_once('/')?;
+    let family = TrafficFamily::ALL.into_iter().find(|known| known.name() == family)?;
+    Some((family, route.parse().ok()?))
+}

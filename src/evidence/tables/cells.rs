@@ -1,0 +1,64 @@
+//! The cells of a table's lines, the same in every format that a person reads: a line of ours, under it the paper's.
+
+use super::layout::{PROPOSALS, Part, Row, Table};
+
+/// How a format spells what is the same in all.
+pub struct Spelling {
+    /// Text as it prints.
+    pub text: fn(&str) -> String,
+    /// In place of a number that is not there.
+    pub none: &'static str,
+    /// Opens the paper's line.
+    pub paper: &'static str,
+    /// An interval behind its number.
+    pub interval: fn(String) -> String,
+    /// A number of the paper's.
+    pub figure: fn(String) -> String,
+}
+
+/// Heads of the columns that hold no numbers of the paper: before the numbers and after them.
+pub fn outer_heads(table: &Table) -> (Vec<String>, Vec<String>) {
+    let names = |heads: &mut dyn Iterator<Item = &super::layout::Head>| heads.map(|h| h.head.to_string()).collect();
+    (names(&mut table.labels.iter()), names(&mut table.counts.iter().chain([&PROPOSALS])))
+}
+
+/// All lines of a part.
+pub fn lines(table: &Table, part: &Part, spelling: &Spelling) -> Vec<Vec<String>> {
+    let both = |row: &Row| {
+        let paper = row.in_paper().then(|| paper(table, row, spelling));
+        [Some(ours(table, row, spelling)), paper].into_iter().flatten()
+    };
+    part.rows.iter().flat_map(both).collect()
+}
+
+fn ours(table: &Table, row: &Row, spelling: &Spelling) -> Vec<String> {
+    let mut cells: Vec<String> = row.labels.iter().map(|label| (spelling.text)(label)).collect();
+    for (column, value) in table.columns.iter().zip(&row.values) {
+        cells.push(match value.ours {
+            None if row.missing() => "missing".into(),
+            None => spelling.none.into(),
+            Some(estimate) => {
+                let interval = estimate.interval.map(|i| (spelling.interval)(column.form.interval(i)));
+                format!("{}{}", (spelling.text)(&column.form.number(estimate.value)), interval.unwrap_or_default())
+            }
+        });
+    }
+    if row.missing() {
+        cells.extend(vec![spelling.none.to_string(); table.counts.len() + 1]);
+    } else {
+        cells.extend(row.counts.iter().map(usize::to_string));
+        cells.push((spelling.text)(&row.proposals));
+    }
+    cells
+}
+
+fn paper(table: &Table, row: &Row, spelling: &Spelling) -> Vec<String> {
+    let figure = |number: String| (spelling.figure)((spelling.text)(&number));
+    let numbers = table.columns.iter().zip(&row.values);
+    let numbers = numbers.map(|(c, value)| value.paper.map_or(spelling.none.into(), |f| figure(c.form.number(f))));
+    let mut cells = vec![String::new(); table.labels.len()];
+    cells[0] = spelling.paper.into();
+    cells.extend(numbers);
+    cells.extend(vec![String::new(); table.counts.len() + 1]);
+    cells
+}

@@ -1,0 +1,56 @@
+//! What every table says of the runs that it was made from.
+
+use std::collections::BTreeMap;
+
+use super::labels::{self, TableError};
+use super::layout::RunSource;
+use crate::evidence::story::Story;
+
+/// The runs as the JSON form lists them.
+pub fn runs(stories: &[Story]) -> Result<Vec<RunSource>, TableError> {
+    let source = |story: &Story| {
+        let result = labels::result(story)?;
+        Ok(RunSource {
+            name: story.opened.name.clone(),
+            root: story.root.to_hex(),
+            models: story.opened.models.clone(),
+            scripted_roles: story.opened.scripted_roles().into_iter().map(String::from).collect(),
+            evolution_scenes: story.opened.evolution_scenes.len(),
+            held_out_scenes: story.opened.held_out_scenes.len(),
+            epochs: result.epochs,
+            attempts: result.exits.total(),
+            rollouts: result.rollouts,
+        })
+    };
+    stories.iter().map(source).collect()
+}
+
+/// One sentence on a run: its size, and what the proposals came from.
+pub fn run(story: &Story) -> String {
+    let opened = &story.opened;
+    let mut roles: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    opened.models.iter().for_each(|(role, label)| roles.entry(label).or_default().push(role));
+    let from = match roles.len() {
+        1 => roles.keys().map(|label| label.to_string()).collect(),
+        _ => roles.iter().map(|(label, of)| format!("{label} as {}", of.join(", "))).collect::<Vec<_>>().join("; "),
+    };
+    let stand_in = match opened.scripted_roles().is_empty() {
+        true => "",
+        false => " (scripted is a rule-based stand-in, not a language model)",
+    };
+    let (epochs, attempts, rollouts) =
+        story.result.as_ref().map_or((0, 0, 0), |result| (result.epochs, result.exits.total(), result.rollouts));
+    format!(
+        "Run {}: {} evolution and {} held-out scenes, {epochs} epochs, {attempts} attempts, {rollouts} rollouts; \
+         proposals from {from}{stand_in}.",
+        labels::run_name(story),
+        opened.evolution_scenes.len(),
+        opened.held_out_scenes.len()
+    )
+}
+
+/// Whether the runs may not be compared without more ado.
+pub fn different_versions(stories: &[Story]) -> Option<String> {
+    let differ = stories.windows(2).any(|pair| pair[0].opened.versions != pair[1].opened.versions);
+    differ.then(|| "The runs were made by different versions of simulator, evaluation or adapters.".into())
+}

@@ -1,0 +1,243 @@
+//! The SafeBench tables: what balanced selection keeps of the parent's scenes against what it keeps after the last round,
+//! and every round by traffic family.
+
+use std::collections::BTreeSet;
+
+use super::archives::{self, LineageArchive};
+use super::bootstrap::{self, Estimate};
+use super::labels::TableError;
+use super::layout::{Column, Form, Head, METHOD, POLICY, Part, ROLLOUTS, Row, Table, Value};
+use super::notes;
+use super::paper::{
+    self,
+    safebench::{EGO, MAIN_LABEL, METHODS, Method, ROUNDS},
+};
+use super::resampled::Resampled;
+use crate::evidence::story::Story;
+use crate::objects::benchmark::{Benchmark, BenchmarkRow};
+use crate::scene::safebench::TrafficFamily;
+
+const GROUPS: Head = Head { key: "groups", head: "Groups" };
+const SCENES: Head = Head { key: "scenes", head: "Scenes" };
+const COUNTS: [Head; 3] = [GROUPS, SCENES, ROLLOUTS];
+
+/// A rate of the tables, read off a row of the recorded scores.
+struct Metric {
+    name: &'static str,
+    of: fn(&BenchmarkRow) -> f64,
+}
+
+const ATTACK: Metric = Metric { name: "Attack", of: |row| row.attack };
+const ARS: Metric = Metric { name: "ARS", of: |row| row.realism };
+const CR: Metric = Metric { name: "CR", of: |row| row.collision_rate };
+const OS: Metric = Metric { name: "OS", of: |row| row.overall_score };
+
+/// The paper's main table: a row a generator and ego.
+pub fn safebench_main(stories: &[Story]) -> Result<Table, TableError> {
+    let all = archives::lineages(stories)?;
+    let row = |of: &Subject<'_>| {
+        let ours = of.archive.map_or([None; 13], main_values);
+        let theirs = of.method.map(|method| method.main);
+        let values = ours.into_iter().enumerate().map(|(k, ours)| Value { ours, paper: theirs.map(|t| t[k]) });
+        of.row(&[], values.collect())
+    };
+    let rows = in_order(&all).iter().map(row).collect();
+    let title = "Generator evolution on SafeBench's traffic families".to_string();
+    Ok(Table {
+        name: "safebench-main",
+        labels: vec![METHOD, POLICY],
+        columns: main_columns(),
+        counts: COUNTS.to_vec(),
+        parts: vec![Part { name: "safebench-main".into(), title, source: Some(MAIN_LABEL), rows }],
+        runs: notes::runs(stories)?,
+        notes: told(stories, &all),
+    })
+}
+
+fn main_columns() -> Vec<Column> {
+    let column = |key, group, head, upward, form| Column { key, group, head, upward: Some(upward), form };
+    vec![
+        column("parent_attack", "Parent", "Attack", true, Form::Rate),
+        column("parent_ars", "Parent", "ARS", true, Form::Rate),
+        column("parent_cr", "Parent", "CR", true, Form::Rate),
+        column("parent_os", "Parent", "OS", false, Form::Rate),
+        column("evolved_attack", "Evolved", "Attack", true, Form::Rate),
+        column("evolved_ars", "Evolved", "ARS", true, Form::Rate),
+        column("evolved_cr", "Evolved", "CR", true, Form::Rate),
+        column("evolved_os", "Evolved", "OS", false, Form::Rate),
+        column("attack_change_pct", "Change", "Attack rel.", true, Form::Gain),
+        column("ars_change_pp", "Change", "ARS", true, Form::Points),
+        column("cr_change_pp", "Change", "CR", true, Form::Points),
+        column("os_change_pp", "Change", "OS", false, Form::Points),
+        column("pf_area_at_3_pct", "Change", "PF-Area@3", true, Form::Gain),
+    ]
+}
+
+fn main_values(archive: &LineageArchive) -> [Option<Estimate>; 13] {
+    let resampled = Resampled::new(archive);
+    let rates = [ATTACK, ARS, CR, OS].map(|metric| metric.of);
+    let parent = rates.map(|of| resampled.estimate(|rounds| mean(rounds.first(), of)));
+    let evolved = rates.map(|of| resampled.estimate(|rounds| mean(rounds.last(), of)));
+    let points = |of: fn(&BenchmarkRow) -> f64| {
+        resampled.estimate(|rounds| Some(100.0 * (mean(rounds.last(), of)? - mean(rounds.first(), of)?)))
+    };
+    let relative = resampled.estimate(|rounds| {
+        let (before, after) = (mean(rounds.first(), ATTACK.of)?, mean(rounds.last(), ATTACK.of)?);
+        (before > 0.0).then(|| 100.0 * (after - before) / before)
+    });
+    let change = [relative, points(ARS.of), points(CR.of), points(OS.of), resampled.gain()];
+    let mut values = parent.into_iter().chain(evolved).chain(change);
+    std::array::from_fn(|_| values.next().flatten())
+}
+
+/// A rate over all families after a round.
+fn mean(round: Option<&Option<Benchmark>>, of: fn(&BenchmarkRow) -> f64) -> Option<f64> {
+    Some(of(&round?.as_ref()?.mean))
+}
+
+/// The paper's tables by round: a part a generator and ego, a line a metric and round, a column a traffic family.
+pub fn safebench_rounds(stories: &[Story]) -> Result<Table, TableError> {
+    let all = archives::lineages(stories)?;
+    let part = |of: &Subject<'_>| {
+        let (title, stem) = (of.method.map_or(of.name.as_str(), |m| m.title), of.name.to_lowercase().replace('_', "-"));
+        let (ego, ending) = match of.archive {
+            Some(archive) => (format!(" with {}", paper::policy(&archive.ego)), format!("-{}", archive.ego)),
+            None => Default::default(),
+        };
+        Part {
+            name: format!("safebench-rounds-{stem}{ending}"),
+            title: format!("{title}{ego}: results by traffic family and evolution round on SafeBench"),
+            source: of.method.map(|method| method.rounds_label),
+            rows: round_rows(of),
+        }
+    };
+    Ok(Table {
+        name: "safebench-rounds",
+        labels: vec![METHOD, POLICY, Head { key: "metric", head: "Metric" }, Head { key: "round", head: "Round" }],
+        columns: round_columns(),
+        counts: COUNTS.to_vec(),
+        parts: in_order(&all).iter().map(part).collect(),
+        runs: notes::runs(stories)?,
+        notes: told(stories, &all),
+    })
+}
+
+/// Heads as in the paper's tables.
+fn round_columns() -> Vec<Column> {
+    let heads = [
+        "Straight Obs.",
+        "Turn. Obs.",
+        "Lane Change",
+        "Veh. Pass.",
+        "Red-light",
+        "Unprot. Left",
+        "Right-turn",
+        "Crossing",
+    ];
+    let families = TrafficFamily::ALL.into_iter().map(TrafficFamily::name).zip(heads);
+    let column = |(key, head)| Column { key, group: "", head, upward: None, form: Form::Rate };
+    families.chain([("average", "Avg.")]).map(column).collect()
+}
+
+fn round_rows(of: &Subject<'_>) -> Vec<Row> {
+    let resampled = of.archive.map(Resampled::new);
+    let printed = if of.method.is_some() { ROUNDS } else { 0 };
+    let rounds = of.archive.map_or(0, |archive| archive.rounds.len()).max(printed);
+    let line = |place: usize, metric: &Metric, round: usize| {
+        let theirs = of.method.and_then(|method| method.round(place, round));
+        let ours = |column: usize| {
+            let family = TrafficFamily::ALL.get(column).map(|family| family.name());
+            resampled.as_ref()?.estimate(|rounds| {
+                let scores = rounds.get(round)?.as_ref()?;
+                let row = family.map_or(Some(&scores.mean), |family| scores.families.get(family))?;
+                Some((metric.of)(row))
+            })
+        };
+        let value = |column: usize| Value { ours: ours(column), paper: theirs.map(|figures| figures[column]) };
+        of.row(&[metric.name, &round.to_string()], (0..=TrafficFamily::ALL.len()).map(value).collect())
+    };
+    let mut rows = Vec::new();
+    for (place, metric) in [CR, OS, ARS].iter().enumerate() {
+        rows.extend((0..rounds).map(|round| line(place, metric, round)));
+    }
+    rows
+}
+
+/// Who has a row or a part: a method of the paper with a lineage that fills it, or without, or a lineage alone.
+struct Subject<'a> {
+    method: Option<&'static Method>,
+    name: String,
+    archive: Option<&'a LineageArchive>,
+}
+
+/// The paper's methods, then what else was run.
+fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
+    let mut order = Vec::new();
+    for method in &METHODS {
+        let of: Vec<&LineageArchive> = all.iter().filter(|archive| archive.method == Some(method)).collect();
+        let missing = of.is_empty().then_some(None);
+        let subject = |archive| Subject { method: Some(method), name: method.name.into(), archive };
+        order.extend(of.into_iter().map(Some).chain(missing).map(subject));
+    }
+    let others = all.iter().filter(|archive| archive.method.is_none());
+    order.extend(others.map(|archive| Subject { method: None, name: archive.name.clone(), archive: Some(archive) }));
+    order
+}
+
+impl Subject<'_> {
+    /// A row of numbers, with labels after the method and the ego.
+    fn row(&self, labels: &[&str], values: Vec<Value>) -> Row {
+        let policy = self.archive.map_or(String::new(), |archive| paper::policy(&archive.ego));
+        let counts = |archive: &LineageArchive| vec![archive.groups().len(), archive.scenes(), archive.rollouts];
+        Row {
+            labels: [self.name.clone(), policy].into_iter().chain(labels.iter().map(|l| l.to_string())).collect(),
+            lineages: self.archive.iter().map(|archive| archive.lineage.to_string()).collect(),
+            values,
+            counts: self.archive.map_or(vec![0; COUNTS.len()], counts),
+            proposals: self.archive.map_or(String::new(), |archive| archive.proposals.clone()),
+            notes: self.archive.iter().filter_map(|archive| stopped(archive)).collect(),
+        }
+    }
+}
+
+fn stopped(archive: &LineageArchive) -> Option<String> {
+    Some(format!("{}, {}: {}.", archive.name, paper::policy(&archive.ego), archive.stopped.as_ref()?))
+}
+
+/// What a reader must know beside the numbers.
+fn told(stories: &[Story], all: &[LineageArchive]) -> Vec<String> {
+    let mut told = vec![
+        "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score. \
+         Attack = CR (1 - OS) of the means over the eight traffic families. Rows: AS is AdvSim, AT SafeBench's port of \
+         adversarial trajectories, CS ChatScene, Human the benchmark's own parameter grid."
+            .to_string(),
+        "Parent is what balanced selection keeps of the parent's scenes (round 0), Evolved what it keeps of all scenes up to \
+         the last round, the same number for each group of family and route. As in the paper these are the scenes that \
+         evolution saw; held-out routes are in the run's own result. PF-Area@3 is the mean over groups, 0 for one without an \
+         eligible descendant."
+            .to_string(),
+        format!(
+            "In brackets: 95 % percentile bootstrap intervals over groups, drawn within their traffic family, {} resamples, \
+             seed {}; differences are paired by group. A rate that some draw leaves undefined has none.",
+            bootstrap::RESAMPLES,
+            bootstrap::SEED.0
+        ),
+    ];
+    if !all.iter().any(|archive| paper::policy_name(&archive.ego) == Some(EGO)) {
+        told.push(format!(
+            "The paper's ego is a learned policy ({EGO}), which no run named here has: its figures are another ego's."
+        ));
+    }
+    told.extend(stories.iter().map(notes::run));
+    let filled = |method: &&Method| all.iter().any(|archive| archive.method == Some(*method));
+    let missing: Vec<&str> = METHODS.iter().filter(|method| !filled(method)).map(|method| method.name).collect();
+    if !missing.is_empty() {
+        told.push(format!("Missing in these runs: {}.", missing.join(", ")));
+    }
+    if all.iter().map(LineageArchive::groups).collect::<BTreeSet<_>>().len() > 1 {
+        told.push("The lineages were evolved on different groups of family and route.".into());
+    }
+    told.extend(notes::different_versions(stories));
+    told.extend(all.iter().filter_map(stopped));
+    told
+}

@@ -1,0 +1,289 @@
+//! Worked examples: small recorded SafeBench runs whose tables were computed by hand.
+
+use std::collections::BTreeMap;
+
+use super::tests::{attempt, near, run, score};
+use super::*;
+use crate::evaluation::Runs;
+use crate::evidence::story::Story;
+use crate::objects::benchmark::{ArchiveRound, Run as Drive, RunRealism, SafebenchRun, SelectedScene};
+use crate::objects::{FamilyName, LineageId, Objectives, Score, SolutionId, attempt::*, event::*};
+use crate::scene::safebench::TrafficFamily;
+
+/// Family, route, whether the ego collided; a run is otherwise perfect and its ARS is 0.8.
+type Selected = (TrafficFamily, u32, bool);
+
+use TrafficFamily::{LaneChanging, RightTurn};
+
+fn drive(collision: bool) -> SafebenchRun {
+    SafebenchRun {
+        run: Drive {
+            collision,
+            red_lights: 0.0,
+            stop_signs: 0.0,
+            off_road_m: 0.0,
+            route_distance_m: 0.0,
+            completion: 1.0,
+            completed_s: Some(0.0),
+            acceleration_mps2: 0.0,
+            yaw_rate_radps: 0.0,
+            lane_invasions: 0.0,
+        },
+        realism: RunRealism { valid: true, sub_scores: [0.5, 1.0, 1.0, 1.0] },
+    }
+}
+
+/// OS of such runs: only the five points for collisions are ever lost.
+fn overall(collision_rate: f64) -> f64 {
+    1.0 - 5.0 * collision_rate / 10.1
+}
+
+struct Lineage<'a> {
+    id: &'a str,
+    family: &'a str,
+    rounds: &'a [&'a [Selected]],
+    /// Solution of the scenes of rounds after the first.
+    descendant: &'a str,
+    gains_pct: &'a [(&'a str, f64)],
+}
+
+fn add(story: &mut Story, of: &Lineage<'_>) {
+    let lineage = LineageId::new(of.id);
+    let parent = SolutionId::new(format!("{}/parent", of.id));
+    for (round, scenes) in of.rounds.iter().enumerate() {
+        let solution = if round == 0 { parent.clone() } else { SolutionId::new(of.descendant) };
+        let mut runs = Runs::default();
+        scenes.iter().for_each(|(family, route, collision)| runs.add((*family, *route), drive(*collision)));
+        let scene = |(family, route, collision): &Selected| SelectedScene {
+            group: format!("{}/{route}", family.name()),
+            scene: format!("safebench/{}/{route:02}", family.name()),
+            solution: solution.clone(),
+            attack: 0.0,
+            realism: 0.8,
+            run: drive(*collision),
+        };
+        story.rounds.push(ArchiveRound {
+            lineage: lineage.clone(),
+            round: round as u32,
+            benchmark: runs.benchmark().unwrap(),
+            selected: scenes.iter().map(scene).collect(),
+        });
+    }
+    let measured = Measured::new(parent, Objectives { attack: 0.1, realism: 0.8 });
+    let gains: BTreeMap<String, f64> = of.gains_pct.iter().map(|(group, gain)| (group.to_string(), *gain)).collect();
+    story.result.as_mut().unwrap().lineages.push(LineageResult {
+        lineage,
+        family: FamilyName::new(of.family),
+        ego: "idm".into(),
+        evolved: measured.clone(),
+        parent: measured,
+        selection: "1 of 1 reach the realism required".into(),
+        endpoint: None,
+        pf_area_at_3_pct: gains.values().sum::<f64>() / gains.len().max(1) as f64,
+        pf_area_at_3_pct_by_group: gains,
+        front: Vec::new(),
+        hypervolume_by_epoch: Vec::new(),
+        exits: ExitCounts::default(),
+        held_out_scenes: 4,
+    });
+}
+
+/// Right turn: one of two routes collides, then both; lane changing: none, then one of two.
+const ADVSIM: Lineage<'static> = Lineage {
+    id: "advsim-idm",
+    family: "advsim",
+    rounds: &[
+        &[(LaneChanging, 4, false), (LaneChanging, 5, false), (RightTurn, 4, true), (RightTurn, 5, false)],
+        &[(LaneChanging, 4, true), (LaneChanging, 5, false), (RightTurn, 4, true), (RightTurn, 5, true)],
+    ],
+    descendant: "advsim-idm/e0s0",
+    gains_pct: &[("lane_changing/4", 40.0), ("lane_changing/5", 0.0), ("right_turn/4", 0.0), ("right_turn/5", 20.0)],
+};
+
+/// Nothing of a descendant is selected.
+const HUMAN: Lineage<'static> = Lineage {
+    id: "human-idm",
+    family: "human",
+    rounds: &[&[(RightTurn, 4, true)], &[(RightTurn, 4, true)]],
+    descendant: "human-idm/parent",
+    gains_pct: &[("right_turn/4", 0.0)],
+};
+
+fn story(lineages: &[&Lineage<'_>]) -> Story {
+    let mut story = run("made", &[("actor", "scripted")]);
+    lineages.iter().for_each(|lineage| add(&mut story, lineage));
+    story
+}
+
+fn value(table: &Table, labels: &[&str], key: &str) -> Value {
+    let column = table.columns.iter().position(|c| c.key == key).unwrap();
+    let row = table.rows().find(|row| row.labels == labels).unwrap_or_else(|| panic!("no row {labels:?}"));
+    row.values[column]
+}
+
+fn ours(table: &Table, labels: &[&str], key: &str) -> Estimate {
+    value(table, labels, key).ours.unwrap()
+}
+
+#[test]
+fn the_main_table_is_worked_by_hand() {
+    let table = safebench_main(&[story(&[&ADVSIM])]).unwrap();
+    let row = ["AS", "IDM"];
+    // Families count alike: CR 0 and 1/2, then 1/2 and 1.
+    let (before, after) = (0.25, 0.75);
+    for (key, expected) in [
+        ("parent_cr", before),
+        ("parent_os", overall(before)),
+        ("parent_attack", before * (1.0 - overall(before))),
+        ("parent_ars", 0.8),
+        ("evolved_cr", after),
+        ("evolved_os", overall(after)),
+        ("evolved_attack", after * (1.0 - overall(after))),
+        // CR and 1 - OS both triple.
+        ("attack_change_pct", 800.0),
+        ("cr_change_pp", 50.0),
+        ("os_change_pp", 100.0 * (overall(after) - overall(before))),
+        ("ars_change_pp", 0.0),
+        ("pf_area_at_3_pct", 15.0),
+    ] {
+        near(ours(&table, &row, key).value, expected);
+    }
+    assert_eq!(value(&table, &row, "parent_attack").paper, Some(0.260));
+    assert_eq!(value(&table, &row, "pf_area_at_3_pct").paper, Some(142.5));
+    let advsim = table.rows().next().unwrap();
+    assert_eq!((advsim.counts.as_slice(), advsim.proposals.as_str()), ([4, 4, 0].as_slice(), "scripted"));
+    assert!(advsim.notes.is_empty(), "{:?}", advsim.notes);
+}
+
+#[test]
+fn intervals_draw_routes_within_their_family_and_pair_differences() {
+    let table = safebench_main(&[story(&[&ADVSIM])]).unwrap();
+    let interval = |key| ours(&table, &["AS", "IDM"], key).interval.unwrap();
+    // Lane changing never collides before, so CR is half of right turn's 0, 1/2 or 1, each with a chance of at least 1/4.
+    assert_eq!(interval("parent_cr"), [0.0, 0.5]);
+    // Right turn always does afterwards: 1/2 and half of lane changing's.
+    assert_eq!(interval("evolved_cr"), [0.5, 1.0]);
+    // Each family gains one of its two routes: 0 to 100 points, never less than 0.
+    assert_eq!(interval("cr_change_pp"), [0.0, 100.0]);
+    assert_eq!(interval("ars_change_pp"), [0.0, 0.0], "paired, a rate that is the same in every route has no width");
+    assert_eq!(interval("pf_area_at_3_pct"), [0.0, 30.0]);
+    let relative = ours(&table, &["AS", "IDM"], "attack_change_pct");
+    assert_eq!(relative.interval, None, "some draw has no attack to compare with");
+}
+
+#[test]
+fn the_rounds_stand_by_family_with_the_papers_beside_them() {
+    let table = safebench_rounds(&[story(&[&ADVSIM])]).unwrap();
+    let advsim = &table.parts[0];
+    assert_eq!((advsim.rows.len(), advsim.source), (15, Some("tab:carla-as-family-rounds")));
+    let row = |metric, round| ["AS", "IDM", metric, round];
+    near(ours(&table, &row("CR", "0"), "right_turn").value, 0.5);
+    near(ours(&table, &row("CR", "1"), "average").value, 0.75);
+    near(ours(&table, &row("OS", "1"), "lane_changing").value, overall(0.5));
+    near(ours(&table, &row("ARS", "0"), "average").value, 0.8);
+    assert_eq!(ours(&table, &row("CR", "0"), "right_turn").interval, Some([0.0, 1.0]));
+    assert_eq!(value(&table, &row("CR", "0"), "straight_obstacle").ours, None, "not in this run");
+    assert_eq!(value(&table, &row("CR", "4"), "average").ours, None, "the run has one round");
+    assert_eq!(value(&table, &row("CR", "4"), "average").paper, Some(0.791));
+    assert_eq!(value(&table, &row("ARS", "2"), "straight_obstacle").paper, Some(0.980));
+}
+
+#[test]
+fn what_was_not_run_is_missing_and_a_variant_stands_apart() {
+    let variant = Lineage { id: "advsim-slow-idm", ..ADVSIM };
+    let made = story(&[&ADVSIM, &variant]);
+    let main = safebench_main(std::slice::from_ref(&made)).unwrap();
+    let labels: Vec<&str> = main.rows().map(|row| row.labels[0].as_str()).collect();
+    assert_eq!(labels, ["AS", "AT", "CS", "Human", "advsim-slow"]);
+    let missing: Vec<bool> = main.rows().map(Row::missing).collect();
+    assert_eq!(missing, [false, true, true, true, false]);
+    assert!(!main.rows().last().unwrap().in_paper());
+    let text = markdown(&main);
+    assert!(text.contains("| AT |  | missing |") && text.contains("Missing in these runs: AT, CS, Human."), "{text}");
+    assert!(text.contains("learned policy (RL)"), "{text}");
+    let rounds = safebench_rounds(&[made]).unwrap();
+    assert_eq!(rounds.parts.iter().map(|part| part.rows.len()).collect::<Vec<_>>(), [15, 15, 15, 15, 6]);
+}
+
+#[test]
+fn a_lineage_id_with_hyphens_is_the_family_with_underscores() {
+    let adv_traj = Lineage { id: "adv-traj-idm", family: "adv_traj", ..ADVSIM };
+    let table = safebench_main(&[story(&[&adv_traj])]).unwrap();
+    near(ours(&table, &["AT", "IDM"], "parent_cr").value, 0.25);
+}
+
+#[test]
+fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
+    let mut made = story(&[&HUMAN]);
+    made.attempts = vec![attempt("human-idm", 0, Exit::Declined { reason: "no JSON".into() })];
+    let table = safebench_main(&[made]).unwrap();
+    for key in ["cr_change_pp", "os_change_pp", "ars_change_pp", "attack_change_pct", "pf_area_at_3_pct"] {
+        let none = ours(&table, &["Human", "IDM"], key);
+        assert_eq!((none.value, none.interval), (0.0, Some([0.0, 0.0])), "{key}");
+    }
+    let note = "Human, IDM: no gain, balanced selection keeps the parent's scenes alone; 1 attempts: 1 without a usable \
+                patch, 0 stopped by gates, 0 by the router, 0 evaluated, of these 0 accepted, 0 not accepted with more \
+                attack than the parent but too little realism, 0 with no more attack; final choice: 1 of 1 reach the \
+                realism required.";
+    assert!(markdown(&table).contains(note), "{}", markdown(&table));
+}
+
+#[test]
+fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused() {
+    let made = story(&[&ADVSIM]);
+    let wrong = metadrive_main(std::slice::from_ref(&made)).unwrap_err().to_string();
+    assert!(wrong.contains("safebench-main"), "{wrong}");
+    let mut other = made.clone();
+    other.rounds.clear();
+    assert!(safebench_main(&[other]).unwrap_err().to_string().contains("metadrive-main"));
+    let twice = safebench_main(&[made.clone(), made.clone()]).unwrap_err().to_string();
+    assert!(twice.starts_with("row AS with ego idm is in advsim-idm of run made"), "{twice}");
+    let mut unfinished = made.clone();
+    unfinished.result = None;
+    assert!(safebench_rounds(&[unfinished]).unwrap_err().to_string().contains("evodrive resume"));
+    let mut gap = made.clone();
+    gap.rounds.remove(0);
+    assert!(safebench_main(&[gap]).unwrap_err().to_string().contains("round 1 where round 0"));
+    let mut changed = made.clone();
+    changed.rounds[1].selected[0].run.run.collision = false;
+    assert!(safebench_main(&[changed]).unwrap_err().to_string().contains("not those of its runs"));
+    let mut nameless = made;
+    nameless.rounds[0].selected[0].group = "nowhere/4".into();
+    assert!(safebench_main(&[nameless]).unwrap_err().to_string().contains("nowhere/4"));
+}
+
+#[test]
+fn rollouts_are_counted_once_over_everything_that_was_labelled() {
+    let mut made = story(&[&ADVSIM]);
+    let labels: Score = score("advsim", &[Some((0.0, 1.0)); 4]);
+    let solution = SolutionId::new("advsim-idm/parent");
+    let finalist = Finalist { lineage: LineageId::new("advsim-idm"), solution, score: labels };
+    made.finalists = vec![finalist.clone(), finalist];
+    assert_eq!(safebench_main(&[made]).unwrap().rows().next().unwrap().counts, [4, 4, 4]);
+}
+
+#[test]
+fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
+    let made = story(&[&ADVSIM, &HUMAN]);
+    let made = std::slice::from_ref(&made);
+    for table in [safebench_main(made).unwrap(), safebench_rounds(made).unwrap()] {
+        let text = markdown(&table);
+        let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
+        let cells = |line: &&str| line.matches(" | ").count();
+        assert!(lines.len() > 8 && lines.iter().all(|line| cells(line) == cells(&lines[0])), "{text}");
+        let text = latex(&table);
+        let rows: Vec<&str> =
+            text.lines().filter(|line| line.ends_with("\\\\") && !line.contains("multicolumn")).collect();
+        let cells = |line: &&str| line.matches(" & ").count();
+        assert!(rows.iter().all(|line| cells(line) == cells(&rows[0])), "{text}");
+        assert_eq!(text.matches("\\begin{table*}").count(), table.parts.len());
+        assert!(text.is_ascii(), "LaTeX engines differ in what else they print");
+        let text = csv(&table);
+        let heads = table.labels.len() + 2 + 4 * table.columns.len() + table.counts.len() + 2;
+        assert_eq!(text.lines().next().unwrap().split(',').count(), heads);
+        assert_eq!(text.lines().count(), 1 + table.rows().count());
+        let json = table.json();
+        assert_eq!(json["rows"][0]["groups"], 4);
+        assert_eq!(json["rows"][0]["source"], table.parts[0].source.unwrap());
+    }
+}

@@ -1,0 +1,55 @@
+//! What a run cost, by lineage. It stands beside a run, never in it: no event and no digest holds a time.
+
+use serde::{Deserialize, Serialize};
+
+use super::ids::{FamilyName, LineageId};
+
+/// Version of the file that holds a [`RunCost`].
+pub const FORMAT: &str = "evodrive-cost/1";
+
+/// Work done for one lineage. What was read from the store cost nothing and counts nowhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Work {
+    /// Time from one lineage's end to the next one's, seconds: the lineages of a run take turns.
+    pub wall_s: f64,
+    /// Scenes for which a program was compiled, and the time that it took, summed over threads.
+    pub compiled: usize,
+    pub compile_s: f64,
+    /// Rollouts that were simulated, and the time that it took, summed over threads.
+    pub rollouts: usize,
+    pub rollout_s: f64,
+    /// Answers of models, from a cassette too, and the time that they took, summed over threads.
+    pub answers: usize,
+    pub model_s: f64,
+    /// As the providers counted them; 0 where they said nothing, as the scripted model does.
+    pub input_tokens: u64,
+    pub output_tokens: u64,
+}
+
+/// A lineage's work.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LineageCost {
+    pub lineage: LineageId,
+    pub family: FamilyName,
+    pub ego: String,
+    #[serde(flatten)]
+    pub work: Work,
+}
+
+/// The cost of carrying a run out once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunCost {
+    pub format: String,
+    pub threads: usize,
+    /// Distinct rollouts simulated, and read from the store.
+    pub simulated: usize,
+    pub reused: usize,
+    pub lineages: Vec<LineageCost>,
+}
+
+impl RunCost {
+    /// Time of all lineages, seconds.
+    pub fn wall_s(&self) -> f64 {
+        self.lineages.iter().map(|lineage| lineage.work.wall_s).sum()
+    }
+}

@@ -67,7 +67,7 @@ pub fn parent(study: &Study<'_>, spec: &LineageSpec, desk: &mut Desk<'_>) -> Res
     for (slot, form) in (0..).zip(baselines::template_forms()) {
         let Some(description) = options.descriptions.get(form.kind) else { continue };
         let order = Order { lineage: &spec.id, slot, form: &form, description, rounds: options.rounds, model };
-        let event: Composed = compose(&order, study.ask)?;
+        let event: Composed = compose(&order, &study.meter.asking(study.ask, &spec.id))?;
         desk.log.append(kind::COMPOSED, &event)?;
         (desk.watch)(Progress::Composed { template: event.name(), used: event.template.is_some() });
         composed.push(event);

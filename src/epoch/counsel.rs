@@ -146,7 +146,7 @@ impl Rehearsal<'_> {
             Some(situation) => self.tried(place, situation, counsel),
             None => Ok(Trial::Refused { reason: "the ego cannot drive this scene".into() }),
         };
-        let advice = agents::counsel::counsel(&case, self.study.ask, &tried)?;
+        let advice = agents::counsel::counsel(&case, &self.study.meter.asking(self.study.ask, &self.spec.id), &tried)?;
         Ok(Counselled {
             lineage: self.spec.id.clone(),
             scene: entry.scene.id.clone(),

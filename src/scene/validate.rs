@@ -13,6 +13,10 @@ pub const STEPS_MAX: usize = 1200;
 pub const COORDINATE_MAX_M: f64 = 100_000.0;
 /// Nothing in traffic is faster, m/s.
 pub const SPEED_MAX_MPS: f64 = 100.0;
+/// Nobody comes farther in two minutes, and no route is longer, metres: whoever looks along a way must be able to.
+pub const WAY_MAX_M: f64 = 20_000.0;
+/// And all tracks of a scene together, metres.
+pub const WAYS_MAX_M: f64 = 5_000_000.0;
 /// Longest and shortest side of a bounding box, metres: a road train; a traffic cone seen from above.
 pub const SIDE_MAX_M: f64 = 60.0;
 pub const SIDE_MIN_M: f64 = 0.05;
@@ -166,6 +170,10 @@ impl Check {
             let seen = track.span().is_some();
             self.that(seen, "track_is_observed", place, "no sample".into(), "at least one sample");
         }
+        let ways_m = scene.tracks.iter().map(way_m).fold(0.0, |sum, way_m| sum + way_m);
+        // What is not finite broke a rule of its own.
+        let sound = !(ways_m > WAYS_MAX_M && ways_m.is_finite());
+        self.that(sound, "ways_are_plausible", || "tracks".into(), format!("{ways_m:.0} m in all"), "at most 5000 km");
     }
 
     fn track(&mut self, place: impl Fn() -> String, track: &Track, steps: usize) {
@@ -191,6 +199,9 @@ impl Check {
                 self.that(false, "speed_is_plausible", &place, found(), "at most 100 m/s");
             }
         }
+        let way_m = way_m(track);
+        let sound = !(way_m > WAY_MAX_M && way_m.is_finite());
+        self.that(sound, "way_is_plausible", &place, format!("a way of {way_m:.0} m"), "at most 20 km");
     }
 
     fn ego(&mut self, scene: &Scene) {
@@ -208,6 +219,9 @@ impl Check {
             "a step of the scene",
         );
         self.line(|| "ego.route".into(), &ego.route, 2);
+        let route_m = ego.route.windows(2).map(|w| w[0].distance(w[1])).fold(0.0, |sum, d| sum + d);
+        let sound = !(route_m > WAY_MAX_M && route_m.is_finite());
+        self.that(sound, "route_is_plausible", || "ego.route".into(), format!("{route_m:.0} m"), "at most 20 km");
         let distinct = ego.route.windows(2).any(|w| w[0].distance(w[1]) > 1e-6);
         let found = format!("{} points in one place", ego.route.len());
         self.that(distinct, "route_has_length", || "ego.route".into(), found, "two points that differ");
@@ -258,6 +272,17 @@ impl Check {
     }
 }
 
+/// From sample to sample, over gaps too.
+fn way_m(track: &Track) -> f64 {
+    let mut last: Option<Vec2> = None;
+    let mut way_m = 0.0;
+    for sample in track.samples.iter().flatten() {
+        way_m += last.map_or(0.0, |last| last.distance(sample.position));
+        last = Some(sample.position);
+    }
+    way_m
+}
+
 fn on_the_map(point: Vec2) -> bool {
     point.is_finite() && point.x.abs() <= COORDINATE_MAX_M && point.y.abs() <= COORDINATE_MAX_M
 }
@@ -292,6 +317,17 @@ mod tests {
         assert_eq!(broken_by(|s| s.tracks[0].samples.fill(None)), ["track_is_observed"]);
         assert_eq!(broken_by(|s| s.ego.track.samples[0] = None), ["ego_is_there_at_its_start"]);
         assert_eq!(broken_by(|s| s.ego.route = vec![Vec2::ZERO; 2]), ["route_has_length"]);
+        let far = |k: usize| Vec2::new(if k.is_multiple_of(2) { 0.0 } else { 9e3 }, 0.0);
+        let jump = |t: &mut Track| t.samples.iter_mut().flatten().enumerate().for_each(|(k, s)| s.position = far(k));
+        assert_eq!(broken_by(|s| jump(&mut s.tracks[0])), ["way_is_plausible"]);
+        assert_eq!(broken_by(|s| s.ego.route = (0..5).map(far).collect()), ["route_is_plausible"]);
+        assert_eq!(
+            broken_by(|s| {
+                jump(&mut s.tracks[0]);
+                s.tracks = (0..20).map(|k| Track { id: k.to_string(), ..s.tracks[0].clone() }).collect();
+            }),
+            ["way_is_plausible", "ways_are_plausible"]
+        );
         assert_eq!(broken_by(|s| s.road.lanes[0].exits.push(77)), ["lane_links_exist"]);
         assert_eq!(broken_by(|s| s.road.lanes[1].exits.push(0)), ["lane_links_are_mutual"]);
         assert_eq!(broken_by(|s| s.road.lanes[0].exits = vec![2; 65]), ["lane_links_are_few"]);

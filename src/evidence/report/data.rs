@@ -28,6 +28,7 @@ pub fn of(story: &Story, cost: Option<&RunCost>) -> Value {
         "name": story.opened.name,
         "root": story.root,
         "sealed": story.result.is_some(),
+        "safebench": !story.rounds.is_empty(),
         "models": story.opened.models,
         "scripted_roles": story.opened.scripted_roles(),
         "versions": story.opened.versions,

@@ -1,6 +1,6 @@
 //! The cells of a table's lines, the same in every format that a person reads: a line of ours, under it the paper's.
 
-use super::layout::{PROPOSALS, Part, Row, Table};
+use super::layout::{Head, PROPOSALS, Part, Row, Table};
 
 /// How a format spells what is the same in all.
 pub struct Spelling {
@@ -16,10 +16,10 @@ pub struct Spelling {
     pub figure: fn(String) -> String,
 }
 
-/// Heads of the columns that hold no numbers of the paper: before the numbers and after them.
+/// Heads of the columns before the numbers and after them.
 pub fn outer_heads(table: &Table) -> (Vec<String>, Vec<String>) {
-    let names = |heads: &mut dyn Iterator<Item = &super::layout::Head>| heads.map(|h| h.head.to_string()).collect();
-    (names(&mut table.labels.iter()), names(&mut table.counts.iter().chain([&PROPOSALS])))
+    let names = |heads: &[Head]| -> Vec<String> { heads.iter().map(|head| head.head.to_string()).collect() };
+    (names(&table.labels), [names(&table.counts), names(&[PROPOSALS])].concat())
 }
 
 /// All lines of a part.

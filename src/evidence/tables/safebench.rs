@@ -212,8 +212,9 @@ fn told(stories: &[Story], all: &[LineageArchive]) -> Vec<String> {
          adversarial trajectories, CS ChatScene, Human the benchmark's own parameter grid."
             .to_string(),
         "Parent is what balanced selection keeps of the parent's scenes (round 0), Evolved what it keeps of all scenes up to \
-         the last round, the same number for each group of family and route. As in the paper these are the scenes that \
-         evolution saw; held-out routes are in the run's own result. PF-Area@3 is the mean over groups, 0 for one without an \
+         the last round, the same number for each group of family and route. So a gain is the archive's, put together \
+         group by group from many programs, and as in the paper on the scenes that evolution saw; what the one chosen program \
+         does on held-out routes is in the run's own result. PF-Area@3 is the mean over groups, 0 for one without an \
          eligible descendant."
             .to_string(),
         format!(

@@ -50,7 +50,7 @@
         cell(signed(r.evolved.objectives.attack - r.parent.objectives.attack, 3)), cell(signed(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2)),
         cell(signed(r.pf_area_at_3_pct, 1)), el("td", {}, el("code", {}, r.evolved.solution)))))));
     const scenes = rows[0].result.held_out_scenes;
-    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is the share of scenes with a target failure; RP = 100 (1 − realism), lower is more realistic.` +
+    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families, realism is ARS" : "the share of scenes with a target failure"}; RP = 100 (1 − realism), lower is more realistic.` +
       (!data.scripted_roles.length ? "" : data.scripted_roles.length === Object.keys(data.models).length
         ? " Proposals came from the scripted stand-in, not from a language model: these numbers say nothing about LLM agents."
         : ` The scripted stand-in, which is no language model, answered as ${data.scripted_roles.join(", ")}.`);

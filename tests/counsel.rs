@@ -231,6 +231,8 @@ fn described(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
     set(["budget", "probe_scenes"], 1.into());
     set(["budget", "finalists"], 1.into());
     table["scenes"]["options"]["routes"] = vec![4, 5].into();
+    table["scenes"]["options"]["draws"] = 1.into();
+    table["evaluation"]["safebench"]["selected_per_group"] = 1.into();
     table["scenes"]["options"]["families"] = vec!["crossing_negotiation", "red_light_running", "right_turn"].into();
     table["split"]["evolution"]["count"] = 4.into();
     table.insert("cassette".into(), "small.jsonl".into());

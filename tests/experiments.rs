@@ -1,6 +1,6 @@
 //! The experiment files that come with the project can be used as they are.
 
-use evodrive::baselines::{registry, takes_counsel};
+use evodrive::baselines::{registry, takes_counsel, takes_templates};
 use evodrive::cli::experiment::{Experiment, SceneSource};
 use evodrive::objects::LineageId;
 use std::collections::BTreeSet;
@@ -110,6 +110,11 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
         for own in ["name", "describes", "cassette", "lineage"] {
             table.remove(own).unwrap();
         }
+        // ChatScene's parent is composed; nobody else's is.
+        let composes = experiment.lineages.iter().any(|lineage| takes_templates(&lineage.family));
+        assert_eq!(table.remove("composition").is_some(), composes, "{stem}");
+        let roles = table["roles"].as_table_mut().unwrap();
+        assert_eq!(roles.remove("template_agent").is_some(), composes, "{stem}");
         shared.insert(toml::to_string(&table).unwrap());
     }
     assert_eq!(shared.len(), 1);

@@ -41,7 +41,7 @@ pub struct Case<'a> {
 pub struct Advice {
     pub exchanges: Vec<Exchange>,
     pub rounds: Vec<CounselRound>,
-    /// The set that met the ego, or came nearest to it; the earliest of equals.
+    /// The set that met the ego, or came nearest to it; the earliest of equals. Nobody where no set could attack.
     pub counsel: Counsel,
 }
 
@@ -71,7 +71,8 @@ pub fn counsel<E: From<AgentError>>(
         }
     }
     let distance_m = |place: &usize| talk.rounds[*place].trial.distance_m();
-    let best = (0..talk.sets.len()).min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+    let told = (0..talk.sets.len()).filter(|place| distance_m(place).is_finite());
+    let best = told.min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
     let counsel = best.map(|place| talk.counsel(&talk.sets[place])).unwrap_or_default();
     Ok(Advice { exchanges: talk.exchanges, rounds: talk.rounds, counsel })
 }
@@ -295,6 +296,8 @@ mod tests {
         assert_eq!(asked.len(), 6, "nothing is asked when all is tried");
         let refused = Trial::Refused { reason: "no window".into() };
         let (advice, _) = advised(&[choice(&["b"])], 2, &[refused.clone(), refused]);
+        assert_eq!((advice.rounds.len(), advice.counsel.attackers), (2, vec![]), "who could not attack is not advised");
+        let (advice, _) = advised(&[choice(&["b"])], 2, &vec![missed(Failure::Late, 2.0); 2]);
         assert_eq!(advice.counsel.attackers, [2], "of equals the earliest");
     }
 }

@@ -181,7 +181,10 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
     let (reused, simulated) = desk.rollouts.counts();
     drop(desk);
     let cost = cost::of(&study, (reused, simulated));
-    cost::keep(folder, &cost)?;
+    if mode == Mode::Reuse {
+        // Deriving a run again to verify it is not what the run cost.
+        cost::keep(folder, &cost)?;
+    }
     let result_json = serde_json::to_vec_pretty(&json!({"root": root, "result": result})).map_err(Failure::internal)?;
     store::write_atomic(&folder.result(), &result_json)?;
     if report {

@@ -10,7 +10,7 @@ use super::folder::RunFolder;
 use crate::evidence::attempt_text::{self, Exchanged};
 use crate::evidence::{Story, composition_text, counsel_text};
 use crate::llm::{Cassette, Metadata};
-use crate::objects::{Attempt, Exchange, spelling};
+use crate::objects::{Attempt, Composed, Counselled, Exchange, spelling};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -52,10 +52,23 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         let exchanges: Vec<Value> = composed.exchanges.iter().map(shown).collect();
         return Ok(Answer::new(text, json!({"composition": composed, "exchanges": exchanges})));
     }
-    let attempt = find(&story, &options.attempt)?;
+    let attempt = story.attempt(&options.attempt).ok_or_else(|| unknown(&story, &options.attempt))?;
     let text = attempt_text::attempt(attempt, &texts, options.full);
     let exchanges: Vec<Value> = attempt.proposal.exchanges.iter().map(shown).collect();
     Ok(Answer::new(text, json!({"attempt": attempt, "exchanges": exchanges})))
+}
+
+/// Nothing that can be shown has this name.
+fn unknown(story: &Story, name: &str) -> Failure {
+    let attempts = story.attempts.iter().map(|attempt| attempt.id.to_string());
+    let others = story.counsels.iter().map(Counselled::name).chain(story.composed.iter().map(Composed::name));
+    let known: Vec<String> = attempts.chain(others).collect();
+    let near = spelling::nearest(name, known.iter().map(String::as_str));
+    let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+    Failure::bad_input(format!(
+        "no attempt `{name}` in this run, nor a scene or a template of that name{hint} (attempts are <lineage>/e<epoch>s<slot>, counsel <lineage>/<scene>, \
+         templates <lineage>/<kind>)"
+    ))
 }
 
 /// The attempt of that name.

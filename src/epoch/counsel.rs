@@ -1,7 +1,7 @@
 //! Counsel for the scenes of a lineage whose family takes it: the attacker agent is asked before the first program meets a
 //! scene, held-out scenes included only when the suite is opened.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::agents::{self, AgentError, counsel::Case};
 use crate::baselines::{kernel::Stage, llm_attacker, takes_counsel};
-use crate::compiler::{Prepared, Situation};
+use crate::compiler::{Decision, Prepared, Situation};
 use crate::evaluation::{RolloutCache, request_key};
 use crate::llm::ModelSpec;
 use crate::objects::{
@@ -23,7 +23,7 @@ use crate::objects::{
     counsel::{Trial, Vehicle},
     event::kind,
 };
-use crate::scene::Sample;
+use crate::scene::{Sample, TrackIx};
 use crate::sim::Action;
 
 /// `[counsel]`: how the attacker agent is asked.
@@ -185,16 +185,34 @@ impl Rehearsal<'_> {
             let reason = record.decision["reason"].as_str().unwrap_or_default().to_string();
             return Ok(Trial::Refused { reason });
         }
+        if let Some(reason) = others_than(counsel, &record.decision)? {
+            return Ok(Trial::Refused { reason });
+        }
         let way = || self.way(situation, counsel).unwrap_or_default();
         Ok(llm_attacker::counsel::trial(situation, &record.outcome, way))
     }
 
     /// What the leader was to drive: the scene step of the first sample, and the samples.
     fn way(&self, situation: &Situation, counsel: &Counsel) -> Option<(usize, Vec<Sample>)> {
-        let compiled = self.prepared.compile_counselled(situation, self.study.seed, Some(counsel)).ok()?;
+        let leader = counsel.attackers.first()?;
+        let compile = || self.prepared.compile_counselled(situation, self.study.seed, Some(counsel));
+        let compiled = self.study.meter.compile(&self.spec.id, compile).ok()?;
+        // Actions come in the order of the pool, which is not the set's.
         compiled.intervention.actions.into_iter().find_map(|action| match action {
-            Action::Follow { from_step, samples, .. } => Some((from_step, samples)),
+            Action::Follow { track, from_step, samples } if track == *leader => Some((from_step, samples)),
             _ => None,
         })
     }
+}
+
+/// Why an outcome is not the set's: some of its vehicles had no way to drive, or others attacked in their place.
+fn others_than(counsel: &Counsel, decision: &serde_json::Value) -> Result<Option<String>, RunError> {
+    let decision = Decision::deserialize(decision)
+        .map_err(|error| RunError::Study(format!("a rollout record's decision cannot be read: {error}")))?;
+    let attacked: BTreeSet<TrackIx> = decision.actors.iter().map(|actor| actor.track).collect();
+    let named: BTreeSet<TrackIx> = counsel.attackers.iter().copied().collect();
+    Ok((attacked != named).then(|| match attacked.is_subset(&named) {
+        true => "not all of the set have a way to attack here".to_string(),
+        false => "the set has no way to attack here, others would".to_string(),
+    }))
 }

@@ -158,8 +158,9 @@ impl Counselled {
         format!("{}/{}", self.lineage, self.scene)
     }
 
-    /// The round whose set became the counsel: the nearest, the earliest of equals.
+    /// The round whose set became the counsel: the nearest, the earliest of equals; `None` where no set could attack.
     pub fn chosen(&self) -> Option<&CounselRound> {
-        self.rounds.iter().min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))
+        let told = self.rounds.iter().filter(|round| round.trial.distance_m().is_finite());
+        told.min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))
     }
 }

@@ -27,7 +27,8 @@ pub fn blind(program: &Program) -> Program {
 
 /// Most vehicles that the program lets attack together.
 pub fn attackers_max(program: &Program) -> Result<usize, StageError> {
-    settings_of(program).count("attacker_count")
+    let settings = settings_of(program);
+    Ok(settings.count("attacker_count")?.min(settings.count("pool_size")?).max(1))
 }
 
 /// The `count` most promising vehicles by the program's weights, most promising first: the rules' own proposal.

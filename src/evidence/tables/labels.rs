@@ -11,7 +11,7 @@ use super::stopped;
 use crate::evidence::story::Story;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::objects::{
-    LineageId, ParameterValue, Score, SolutionId,
+    LineageId, ParameterValue, Role, Score, SolutionId,
     event::{LineageResult, RunResult},
 };
 
@@ -118,10 +118,14 @@ pub fn run_name(story: &Story) -> String {
     format!("{} ({})", story.opened.name, story.root.short(8))
 }
 
-/// Kinds of the models of all roles, e.g. `scripted` or `openai_compatible + scripted`: a label opens with its kind.
+/// Kinds of the models of the roles that propose programs, e.g. `scripted` or `openai_compatible + scripted`: a label opens
+/// with its kind. Who is asked about scenes or descriptions is named in the run itself.
 pub fn proposals(story: &Story) -> String {
     let kind = |label: &String| label.split(' ').next().unwrap_or_default().to_string();
-    story.opened.models.values().map(kind).collect::<BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" + ")
+    let asides = [Role::AttackerAgent, Role::TemplateAgent].map(Role::name);
+    let proposing =
+        story.opened.models.iter().filter(|(role, _)| !asides.contains(&role.as_str())).map(|(_, label)| label);
+    proposing.map(kind).collect::<BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" + ")
 }
 
 /// The result of a finished run.

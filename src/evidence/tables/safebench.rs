@@ -215,7 +215,8 @@ fn told(stories: &[Story], all: &[LineageArchive]) -> Vec<String> {
          the last round, the same number for each group of family and route. So a gain is the archive's, put together \
          group by group from many programs, and as in the paper on the scenes that evolution saw; what the one chosen program \
          does on held-out routes is in the run's own result. PF-Area@3 is the mean over groups, 0 for one without an \
-         eligible descendant."
+         eligible descendant; a group whose parent scenes have less frontier area than the experiment's epsilon_pf, as those \
+         without a collision, is divided by that epsilon instead, a choice of ours that the paper does not name."
             .to_string(),
         format!(
             "In brackets: 95 % percentile bootstrap intervals over groups, drawn within their traffic family, {} resamples, \

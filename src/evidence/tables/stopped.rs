@@ -93,7 +93,8 @@ pub fn archive_note(story: &Story, result: &LineageResult, attack_change: f64, d
     let rises = num::rounded(attack_change, Form::Rate.digits()) > 0.0;
     let what = match (descends, rises, grows(result)) {
         (_, true, true) => return None,
-        (false, ..) => "no gain, balanced selection keeps the parent's scenes alone",
+        (false, _, true) => "no gain in the archive, balanced selection keeps the parent's scenes alone",
+        (false, _, false) => "no gain, balanced selection keeps the parent's scenes alone",
         (true, false, true) => "no gain in attack, the archive changes without it",
         (true, false, false) => "no gain, the archive changes without more attack and no group's frontier grows",
         (true, true, false) => "no frontier gain, the chosen descendants add no area in any group",

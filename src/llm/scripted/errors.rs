@@ -13,7 +13,8 @@ use crate::{
 pub struct Rates {
     /// Of all replies: cut off, fenced, or with prose around the object.
     pub malformed_json_rate: f64,
-    /// Of patches: a number outside its declared range. Of sets of attackers: a vehicle that the scene does not have.
+    /// Of patches: a number outside its declared range. Of sets of attackers: a vehicle that the scene does not have. Of
+    /// templates: a range beyond its bounds.
     pub out_of_range_rate: f64,
     /// Of patches: a mechanism that reads a word of another family, or of none.
     pub foreign_mechanism_rate: f64,

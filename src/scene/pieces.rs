@@ -8,6 +8,8 @@ use crate::kernel::Vec2;
 /// Side of a cell where the road is no larger than `CELLS_MAX` of them, metres.
 const CELL_M: f64 = 5.0;
 const CELLS_MAX: f64 = 32_768.0;
+/// Entries of pieces in cells. Roads of pieces so long that they would take more get larger cells.
+const ENTRIES_MAX: u64 = 32_000_000;
 
 /// One segment of a lane: its centre line and the surface around it.
 #[derive(Clone, Debug)]
@@ -95,10 +97,10 @@ impl Pieces {
         for (ix, lane) in lanes() {
             push_pieces(lane, ix, &mut pieces);
         }
-        Pieces::gridded(pieces)
+        Pieces::gridded(pieces, ENTRIES_MAX)
     }
 
-    fn gridded(pieces: Vec<Piece>) -> Pieces {
+    fn gridded(pieces: Vec<Piece>, entries_max: u64) -> Pieces {
         let (mut low, mut high) = (Vec2::ZERO, Vec2::ZERO);
         if let Some(first) = pieces.first() {
             (low, high) = (first.low, first.high);
@@ -110,11 +112,30 @@ impl Pieces {
         let size = high - low;
         let longest = size.x.max(size.y);
         let cell_m = CELL_M.max((size.x * size.y / CELLS_MAX).sqrt()).max(longest / CELLS_MAX);
-        let columns = (size.x / cell_m).floor() as i64 + 1;
-        let rows = (size.y / cell_m).floor() as i64 + 1;
-        let mut gridded = Pieces { all: pieces, low, cell_m, columns, rows, starts: vec![], items: vec![] };
+        let mut gridded = Pieces { all: pieces, low, cell_m, columns: 1, rows: 1, starts: vec![], items: vec![] };
+        gridded.divide(size);
+        // No answer rests on the side of a cell, only the time that it takes.
+        while gridded.entries() > entries_max && gridded.columns * gridded.rows > 1 {
+            gridded.cell_m *= 2.0;
+            gridded.divide(size);
+        }
         gridded.fill();
         gridded
+    }
+
+    fn divide(&mut self, size: Vec2) {
+        self.columns = (size.x / self.cell_m).floor() as i64 + 1;
+        self.rows = (size.y / self.cell_m).floor() as i64 + 1;
+    }
+
+    /// How often pieces would be entered in cells.
+    fn entries(&self) -> u64 {
+        let touched = |piece: &Piece| {
+            let (columns, rows) = self.cells_of(piece);
+            let count = |range: &std::ops::RangeInclusive<i64>| (range.end() - range.start() + 1).max(0) as u64;
+            count(&columns) * count(&rows)
+        };
+        self.all.iter().map(touched).fold(0, u64::saturating_add)
     }
 
     /// Pieces in the cell that has most of them.
@@ -149,12 +170,18 @@ impl Pieces {
     }
 
     fn for_cells_of(&self, piece: &Piece, mut visit: impl FnMut(usize)) {
-        let (low, high) = (self.cell_of(piece.low), self.cell_of(piece.high));
-        for row in low.1.max(0)..=high.1.min(self.rows - 1) {
-            for column in low.0.max(0)..=high.0.min(self.columns - 1) {
+        let (columns, rows) = self.cells_of(piece);
+        for row in rows {
+            for column in columns.clone() {
                 visit((row * self.columns + column) as usize);
             }
         }
+    }
+
+    /// Columns and rows that a piece's bounding rectangle touches.
+    fn cells_of(&self, piece: &Piece) -> (std::ops::RangeInclusive<i64>, std::ops::RangeInclusive<i64>) {
+        let (low, high) = (self.cell_of(piece.low), self.cell_of(piece.high));
+        (low.0.max(0)..=high.0.min(self.columns - 1), low.1.max(0)..=high.1.min(self.rows - 1))
     }
 
     fn cell_of(&self, point: Vec2) -> (i64, i64) {
@@ -236,5 +263,48 @@ fn push_pieces(lane: &Lane, ix: LaneIx, pieces: &mut Vec<Piece>) {
             high,
         });
         start_s_m += length_m;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::fixture::two_lane_scene;
+
+    /// Which pieces hold a point, and the nearest within 30 m.
+    fn found(pieces: &Pieces, point: Vec2) -> (Vec<u32>, Option<(f64, u32)>) {
+        let mut under: Vec<u32> = pieces.at(point).filter(|(_, piece)| piece.contains(point)).map(|p| p.0).collect();
+        under.sort_unstable();
+        let mut best: Option<(f64, u32)> = None;
+        pieces.outward(point, 30.0, |ix, piece| {
+            let distance = piece.nearest(point).1;
+            if distance <= 900.0 && best.is_none_or(|b| (distance, ix) < b) {
+                best = Some((distance, ix));
+            }
+            best.map_or(30.0, |b| b.0.sqrt())
+        });
+        (under, best)
+    }
+
+    #[test]
+    fn pieces_across_the_whole_map_get_larger_cells_and_the_same_answers() {
+        let mut road = two_lane_scene().road;
+        let far = |k: usize| if k.is_multiple_of(2) { Vec2::new(-900.0, -900.0) } else { Vec2::new(900.0, 900.0) };
+        let mut zigzag = road.lanes[0].clone();
+        zigzag.centre = (0..40).map(far).collect();
+        zigzag.left = zigzag.centre.iter().map(|p| *p + Vec2::new(-2.0, 2.0)).collect();
+        zigzag.right = zigzag.centre.iter().map(|p| *p + Vec2::new(2.0, -2.0)).collect();
+        road.lanes.push(zigzag);
+        let fine = Pieces::of(&road);
+        assert!(fine.entries() > 40_000 && fine.items.len() as u64 == fine.entries(), "{}", fine.entries());
+        for most in [10_000, 500, 1] {
+            let coarse = Pieces::gridded(fine.all.clone(), most);
+            assert!(coarse.cell_m > fine.cell_m);
+            assert!(coarse.entries() <= most || coarse.columns * coarse.rows == 1);
+            for k in 0..400 {
+                let point = Vec2::new(f64::from(k % 20) * 7.0 - 10.0, f64::from(k / 20) * 3.0 - 15.0);
+                assert_eq!(found(&fine, point), found(&coarse, point), "{point:?}, {most}");
+            }
+        }
     }
 }

@@ -275,11 +275,17 @@ impl Pool {
         seed.stream(&["scene", "split"]).shuffle(&mut units);
         let mut scenes: Vec<SplitScene> = units.iter().flat_map(|unit| unit.scenes.clone()).collect();
         let rest = scenes.len().saturating_sub(held_out);
+        let least = first_whole_after(&units, held_out);
         let wanted = match evolution {
             EvolutionSize::Count(count) => count,
             EvolutionSize::Share(share) if share > 0.0 && share <= 1.0 => {
                 let wanted = ((rest as f64 * share) as usize).max(1);
-                whole_groups(&units, held_out + wanted).0.checked_sub(held_out).filter(|n| *n > 0).unwrap_or(wanted)
+                whole_groups(&units, held_out + wanted)
+                    .0
+                    .checked_sub(held_out)
+                    .filter(|n| *n > 0)
+                    .or(least)
+                    .unwrap_or(wanted)
             }
             EvolutionSize::Share(share) => return Err(PoolError::Share(share.to_string())),
         };
@@ -287,10 +293,12 @@ impl Pool {
             let wanted = wanted.saturating_add(held_out);
             return Err(PoolError::TooFew { wanted, usable: scenes.len(), all: self.scenes.len() });
         }
-        for (part, wanted) in [("a held-out set", held_out), ("a split", held_out + wanted)] {
-            if let (fits, Some(group)) = whole_groups(&units, wanted) {
-                return Err(PoolError::CutGroup { part, wanted, group, fits });
-            }
+        if let (fits, Some(group)) = whole_groups(&units, held_out) {
+            return Err(PoolError::CutGroup { part: "a held-out set", wanted: held_out, group, fits });
+        }
+        if let (all, Some(group)) = whole_groups(&units, held_out + wanted) {
+            let fits = Some(all - held_out).filter(|fits| *fits > 0).or(least).unwrap_or(0);
+            return Err(PoolError::CutGroup { part: "an evolution set", wanted, group, fits });
         }
         let mut rest = scenes.split_off(held_out);
         rest.truncate(wanted);
@@ -329,6 +337,15 @@ fn whole_groups(units: &[Unit], wanted: usize) -> (usize, Option<String>) {
         fits += unit.scenes.len();
     }
     (fits, None)
+}
+
+/// How many scenes the first whole units after `held_out` scenes have at least.
+fn first_whole_after(units: &[Unit], held_out: usize) -> Option<usize> {
+    let mut count = 0;
+    units.iter().find_map(|unit| {
+        count += unit.scenes.len();
+        count.checked_sub(held_out).filter(|least| *least > 0)
+    })
 }
 
 #[cfg(test)]
@@ -421,7 +438,11 @@ mod tests {
         assert!(open.is_disjoint(&closed));
         let cut = pool.split(Seed(4), EvolutionSize::Count(120), 31).unwrap_err();
         assert!(matches!(&cut, PoolError::CutGroup { wanted: 31, fits: 30, .. }), "{cut}");
-        assert!(pool.split(Seed(4), EvolutionSize::Count(121), 30).is_err());
+        let cut = pool.split(Seed(4), EvolutionSize::Count(121), 30).unwrap_err();
+        assert!(matches!(&cut, PoolError::CutGroup { wanted: 121, fits: 120, .. }), "of the evolution set: {cut}");
+        let cut = pool.split(Seed(4), EvolutionSize::Count(2), 30).unwrap_err();
+        assert!(matches!(&cut, PoolError::CutGroup { wanted: 2, fits: 3, .. }), "no set of no scenes: {cut}");
+        assert_eq!(pool.split(Seed(4), EvolutionSize::Share(0.001), 30).unwrap().evolution.len(), 3, "a whole group");
         assert_eq!(pool.split(Seed(4), EvolutionSize::Share(0.335), 30).unwrap().evolution.len(), 69, "70 cut a group");
         // With one draw a group is a scene, and the split is that of scenes.
         let one =

@@ -6,12 +6,15 @@ use std::collections::BinaryHeap;
 
 use super::LaneIx;
 use super::lanes::{LaneGraph, LanePlace};
+use super::validate::WAY_MAX_M;
 use crate::kernel::{Polyline, Vec2, num};
 
 /// What a lane change costs in the search, metres of way: it is made only where it saves more.
 const LANE_CHANGE_COST_M: f64 = 20.0;
 /// Points of a route, metres apart.
 const SPACING_M: f64 = 1.0;
+/// No line is drawn beyond this, metres: so far beyond what a scene's route may have that it is refused all the same.
+const LINE_MAX_M: f64 = 2.0 * WAY_MAX_M;
 /// Lanes a search looks at before it gives up.
 const LANES_MAX: usize = 20_000;
 
@@ -34,7 +37,7 @@ struct Leg {
 }
 
 /// The line from `position` (which lies at `start` in its lane) to the nearest of `goals`, then straight on until it
-/// is `length_m` long or the lanes end. Without goals it follows the lane. `transition_m` is the length over which a
+/// is `length_m` long or the lanes end, twice [`WAY_MAX_M`] at most. Without goals it follows the lane. `transition_m` is the length over which a
 /// lateral offset is driven off. `None` where no way leads to a goal.
 pub fn plan(
     graph: &LaneGraph,
@@ -49,7 +52,8 @@ pub fn plan(
     } else {
         search(graph, start, goals, transition_m)?
     };
-    extend(graph, &mut legs, length_m);
+    cut(&mut legs);
+    extend(graph, &mut legs, length_m.min(LINE_MAX_M));
     let line = drawn(graph, position, &legs, transition_m);
     Polyline::new(line).ok().map(|line| Vec::from(line.resampled(SPACING_M)))
 }
@@ -117,6 +121,20 @@ fn search(graph: &LaneGraph, start: LanePlace, goals: &[GoalPlace], transition_m
     }
     legs.reverse();
     Some(legs)
+}
+
+/// Ends the legs where they are as long as a line is drawn.
+fn cut(legs: &mut Vec<Leg>) {
+    let mut left = LINE_MAX_M;
+    let whole = legs.iter().position(|leg| {
+        left -= (leg.to_m - leg.from_m).max(0.0);
+        left < 0.0
+    });
+    if let Some(last) = whole {
+        legs.truncate(last + 1);
+        legs[last].to_m += left;
+        legs[last].changes_lane = false;
+    }
 }
 
 /// Follows the lanes, where they fork the straightest, until the legs are `length_m` long.
@@ -209,6 +227,33 @@ mod tests {
         let steepest = route.points().windows(2).map(|w| (w[1] - w[0]).heading()).take(70);
         assert!(steepest.fold(0.0, |m: f64, h| m.max(h.abs())) < 0.2, "no jump sideways");
         assert!(route.project(Vec2::new(60.0, 0.0)).offset_m.abs() < 0.05, "the change is over after 30 m");
+    }
+
+    #[test]
+    fn a_ring_is_not_followed_for_ever() {
+        let mut road = two_lane_scene().road;
+        road.lanes.truncate(1);
+        (road.lanes[0].exits, road.lanes[0].entries) = (vec![0], vec![0]);
+        let graph = LaneGraph::of(&road);
+        let start = LanePlace { lane: 0, s_m: 0.0, offset_m: 0.0, heading_rad: 0.0, distance_m: 0.0 };
+        for length_m in [1e9, f64::INFINITY] {
+            let mut legs = vec![Leg { lane: 0, from_m: 0.0, to_m: start.s_m, changes_lane: false }];
+            extend(&graph, &mut legs, LINE_MAX_M.min(length_m));
+            let followed_m: f64 = legs.iter().map(|leg| leg.to_m - leg.from_m).sum();
+            assert!((followed_m - LINE_MAX_M).abs() < 1e-3, "{followed_m}");
+            assert!(plan(&graph, Vec2::ZERO, start, &[], length_m, 30.0).unwrap().len() <= LINE_MAX_M as usize + 2);
+        }
+    }
+
+    #[test]
+    fn a_way_to_a_goal_beyond_all_measure_is_cut_before_it_is_drawn() {
+        let leg = |to_m| Leg { lane: 0, from_m: 0.0, to_m, changes_lane: true };
+        let mut legs = vec![leg(LINE_MAX_M - 10.0), leg(1e9), leg(5.0)];
+        cut(&mut legs);
+        assert_eq!(legs, [leg(LINE_MAX_M - 10.0), Leg { changes_lane: false, ..leg(10.0) }]);
+        let mut sound = vec![leg(WAY_MAX_M), leg(3.0)];
+        cut(&mut sound);
+        assert_eq!(sound, [leg(WAY_MAX_M), leg(3.0)]);
     }
 
     #[test]

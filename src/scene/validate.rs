@@ -24,6 +24,9 @@ pub const SIDE_MIN_M: f64 = 0.05;
 /// Lanes that a lane leads into, or that lead into it.
 pub const LINKS_MAX: usize = 64;
 
+/// Violations of a scene that are told one by one.
+pub const VIOLATIONS_MAX: usize = 1000;
+
 /// One broken rule: which, where, what stands there, what was expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
@@ -42,9 +45,10 @@ impl fmt::Display for Violation {
 }
 
 impl Scene {
-    /// Every rule the scene breaks, in the order of its fields; empty for a sound scene.
+    /// Every rule the scene breaks, in the order of its fields; empty for a sound scene. Beyond [`VIOLATIONS_MAX`] one
+    /// more says how many there are.
     pub fn validate(&self) -> Vec<Violation> {
-        let mut check = Check { violations: Vec::new() };
+        let mut check = Check { violations: Vec::new(), more: 0 };
         check.header(self);
         check.lanes(self);
         for (ix, edge) in self.road.edges.iter().enumerate() {
@@ -53,17 +57,34 @@ impl Scene {
         check.tracks(self);
         check.ego(self);
         check.furniture(self);
+        if check.more > 0 {
+            let found = format!("{} violations", check.more + VIOLATIONS_MAX);
+            let (rule, expected) = ("and_more", format!("none; the first {VIOLATIONS_MAX} are told"));
+            check.violations.push(Violation { rule, place: "the scene".into(), found, expected });
+        }
         check.violations
+    }
+}
+
+/// How many rules are broken, in words: a number, or that there are more than are told.
+pub fn how_many(violations: &[Violation]) -> String {
+    match violations.len() {
+        count @ ..=VIOLATIONS_MAX => count.to_string(),
+        _ => format!("more than {VIOLATIONS_MAX}"),
     }
 }
 
 struct Check {
     violations: Vec<Violation>,
+    /// Beyond those that are told.
+    more: usize,
 }
 
 impl Check {
     fn that(&mut self, holds: bool, rule: &'static str, place: impl FnOnce() -> String, found: String, expected: &str) {
-        if !holds {
+        if !holds && self.violations.len() >= VIOLATIONS_MAX {
+            self.more += 1;
+        } else if !holds {
             self.violations.push(Violation { rule, place: place(), found, expected: expected.to_string() });
         }
     }
@@ -353,6 +374,20 @@ mod tests {
             }),
             ["light_states_match_steps"]
         );
+    }
+
+    #[test]
+    fn the_first_thousand_violations_are_told_and_the_rest_counted() {
+        let mut scene = two_lane_scene();
+        scene.objects_of_interest = vec![99; 1000];
+        assert_eq!((scene.validate().len(), how_many(&scene.validate()).as_str()), (1000, "1000"));
+        scene.objects_of_interest = vec![99; 5000];
+        let told = scene.validate();
+        assert_eq!(
+            (told.len(), told[0].rule, how_many(&told).as_str()),
+            (1001, "objects_of_interest_exist", "more than 1000")
+        );
+        assert_eq!((told[1000].rule, told[1000].found.as_str()), ("and_more", "5000 violations"));
     }
 
     #[test]

@@ -30,7 +30,9 @@ fn recorded(folder: &str, part_of_name: &str) -> Vec<Scene> {
         .iter()
         .map(|p| (p.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(p).unwrap()))
         .collect();
-    import_files(&files).scenes
+    let scenes = import_files(&files).scenes;
+    assert!(!scenes.is_empty(), "no scene in the files *{part_of_name}* of data/{folder}");
+    scenes
 }
 
 /// Whether a vehicle's samples move as a car's can: forward, along its heading, within the limits of speed.

@@ -6,7 +6,7 @@ use super::error::{ImportError, shown};
 use super::pickle::{self, Node, Numbers};
 use super::summary::Imported;
 use crate::kernel::{Vec2, num};
-use crate::scene::validate::STEPS_MAX;
+use crate::scene::validate::{STEPS_MAX, how_many};
 use crate::scene::{AgentKind, DT_S, LaneKind, LeftOut, LightState, Origin, Sample};
 
 /// Of all tracks, observed or not.
@@ -71,7 +71,7 @@ pub(super) fn finished(file_name: &str, log: Log) -> Imported {
             match violations.first() {
                 None => Imported { scenes: vec![scene], left_out },
                 Some(first) => {
-                    let reason = format!("it breaks {} rules of a sound scene, first {first}", violations.len());
+                    let reason = format!("it breaks {} rules of a sound scene, first {first}", how_many(&violations));
                     left_out.push(out(id, reason));
                     Imported { scenes: vec![], left_out }
                 }

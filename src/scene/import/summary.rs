@@ -6,6 +6,7 @@ use super::error::ImportError;
 use super::tfrecord::Records;
 use super::{commonroad, gpudrive, opendrive, safebench, scenarionet, scenarionet_json, waymo};
 use crate::kernel::Digest;
+use crate::scene::validate::how_many;
 use crate::scene::{LeftOut, Scene};
 
 /// What one file gave.
@@ -56,19 +57,20 @@ pub fn part(head: &[u8]) -> Part {
 #[derive(Debug, Default)]
 pub struct BesideRoutes {
     found: safebench::Library,
-    refused: BTreeMap<String, ImportError>,
+    /// By name and content: files of several folders may share a name.
+    refused: BTreeMap<(String, Digest), ImportError>,
 }
 
 impl BesideRoutes {
     /// Reads a file that is [`Part::Beside`]; one that cannot be read is told when it is imported.
     pub fn add(&mut self, name: &str, bytes: &[u8]) {
         let read = if has_root(bytes, b"<OpenDRIVE") {
-            opendrive::road(name, bytes).map(|road| self.found.add_town(name, road))
+            opendrive::road(name, bytes).and_then(|road| self.found.add_town(name, road))
         } else {
             self.found.add_scenarios(name, bytes)
         };
         if let Err(error) = read {
-            self.refused.insert(name.to_string(), error);
+            self.refused.insert((name.to_string(), Digest::of_bytes(bytes)), error);
         }
     }
 }
@@ -85,7 +87,10 @@ pub struct FileScenes {
 pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> FileScenes {
     let imported = match (part(bytes), beside) {
         // It gives no scene of its own, or the reason why it could not be read.
-        (Part::Beside, Some(beside)) => beside.refused.get(name).map_or(Ok(Imported::default()), |e| Err(e.clone())),
+        (Part::Beside, Some(beside)) => {
+            let refused = beside.refused.get(&(name.to_string(), Digest::of_bytes(bytes)));
+            refused.map_or(Ok(Imported::default()), |error| Err(error.clone()))
+        }
         (Part::Routes, Some(beside)) => safebench::import(name, bytes, &beside.found),
         _ => import_file(name, bytes),
     };
@@ -102,7 +107,7 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> Fil
                 sound.push((scene, digest));
             }
             Some(first) => {
-                let reason = format!("it breaks {} rules of a sound scene, first {first}", violations.len());
+                let reason = format!("it breaks {} rules of a sound scene, first {first}", how_many(&violations));
                 left_out.push(LeftOut { file: name.into(), what: scene.id, reason });
             }
         }
@@ -197,9 +202,9 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     if bytes.first() == Some(&0x80) {
         return scenarionet::import(file, bytes);
     }
-    // Whatever order its keys stand in; GPUDrive's road users have lengths too, but stand in a list called "objects".
+    // Whatever of its keys comes first; GPUDrive's road users have lengths too, but stand in a list called "objects".
     let described = [b"\"map_features\"".as_slice(), b"\"dynamic_map_states\"", b"\"sdc_id\""].into_iter().any(holds)
-        || holds(b"\"version\"") && holds(b"\"length\"") && !holds(b"\"objects\"");
+        || (holds(b"\"tracks\"") || holds(b"\"version\"") && holds(b"\"length\"")) && !holds(b"\"objects\"");
     if first == Some(&b'{') && described {
         return scenarionet_json::import(file, bytes);
     }

@@ -14,13 +14,19 @@ use super::summary::Imported;
 use super::tfrecord::Records;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
-use crate::scene::{AgentKind, LaneKind, LeftOut, LightState, Origin, Sample};
+use crate::scene::{AgentKind, LaneKind, LeftOut, LightState, Origin, Sample, Scene};
 
 /// Published records have up to 4 MiB without their lidar.
 const RECORD_BYTES_MAX: usize = 16 << 20;
 /// Parts of a record by field: tracks, light states over time, map features. Two bytes of the wire make one of 200.
 const PARTS_MAX: [(u64, usize, &str); 3] =
     [(2, 20_000, "tracks"), (7, STEPS_MAX, "dynamic_map_states"), (8, 50_000, "map_features")];
+/// States of lights of a record.
+const LIGHT_STATES_MAX: usize = 4_000_000;
+/// Samples, light states and map points of all records of a file together; a published file has a tenth.
+const FILE_PARTS_MAX: usize = 32_000_000;
+/// What the least that a record, track or light costs to name counts as.
+const PART_MIN: usize = 16;
 /// Lanes that one thing names.
 const LINKS_MAX: usize = 64;
 /// Distances from lane points to border points that one scenario may cost; beyond it widths stay unknown.
@@ -40,7 +46,7 @@ pub struct Scenario {
     #[prost(int32, tag = "6")]
     pub(super) sdc_track_index: i32,
     #[prost(message, repeated, tag = "7")]
-    dynamic_map_states: Vec<DynamicMapState>,
+    pub(super) dynamic_map_states: Vec<DynamicMapState>,
     #[prost(message, repeated, tag = "8")]
     pub(super) map_features: Vec<MapFeature>,
     #[prost(int32, tag = "10")]
@@ -81,7 +87,7 @@ pub struct ObjectState {
 #[derive(Clone, PartialEq, Message)]
 pub struct DynamicMapState {
     #[prost(message, repeated, tag = "1")]
-    lane_states: Vec<LaneState>,
+    pub(super) lane_states: Vec<LaneState>,
 }
 
 #[derive(Clone, PartialEq, Message)]
@@ -191,13 +197,31 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     if bytes.is_empty() {
         return Err(ImportError::new(file_name, "byte 0", "a record", "the file is empty; fetch it again"));
     }
+    read(file_name, bytes, FILE_PARTS_MAX)
+}
+
+fn read(file_name: &str, bytes: &[u8], parts_max: usize) -> Result<Imported, ImportError> {
     let mut imported = Imported::default();
+    let mut parts = 0usize;
     for (index, record) in Records::of(file_name, bytes).enumerate() {
         let what = format!("record {index}");
+        if parts > parts_max {
+            let reason = format!(
+                "it and what follows: expected at most {parts_max} samples, light states and map points in the records \
+                 of a file; split the file"
+            );
+            imported.left_out.push(LeftOut { file: file_name.into(), what, reason });
+            break;
+        }
+        parts = parts.saturating_add(PART_MIN);
         let found = record.and_then(|data| scenario(file_name, index, data));
         match found {
             Ok(log) => {
+                let (steps, things) = (log.times_s.len(), log.tracks.len() + log.lights.len());
                 let one = finished(file_name, log);
+                parts = parts.saturating_add(one.scenes.iter().map(map_points).sum());
+                let steps = one.scenes.iter().map(|scene| scene.steps).fold(steps.max(PART_MIN), usize::max);
+                parts = parts.saturating_add(steps.saturating_mul(things));
                 imported.scenes.extend(one.scenes);
                 imported.left_out.extend(one.left_out);
             }
@@ -211,6 +235,12 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     Ok(imported)
 }
 
+fn map_points(scene: &Scene) -> usize {
+    let road = &scene.road;
+    let lines = road.edges.iter().chain(&scene.crosswalks);
+    lines.map(Vec::len).sum::<usize>() + road.lanes.iter().map(|lane| 3 * lane.centre.len()).sum::<usize>()
+}
+
 fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
     let refuse = |place: String, expected: String| {
         ImportError::new(file, format!("record {index}{place}"), expected, "fetch the file again or leave it out")
@@ -219,7 +249,8 @@ fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
         return Err(refuse(String::new(), "at most 16 MiB".into()));
     }
     for (field, most, name) in PARTS_MAX {
-        let count = count_of(data, field);
+        let whole = "a Scenario message, whole to its end and without groups";
+        let count = count_of(data, field).ok_or_else(|| refuse(String::new(), whole.into()))?;
         if count > most {
             return Err(refuse(format!(", {name}"), format!("at most {most}, found {count}")));
         }
@@ -247,31 +278,32 @@ fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
         tracks: message.tracks.iter().map(track).collect(),
         ego,
         objects_of_interest: message.objects_of_interest.iter().take(LINKS_MAX).map(i32::to_string).collect(),
-        lights: lights(&message.dynamic_map_states, steps),
+        lights: lights(&message.dynamic_map_states, steps)
+            .map_err(|expected| refuse(", dynamic_map_states".into(), expected))?,
         ..Log::default()
     };
     features(&message.map_features, &mut log);
     Ok(log)
 }
 
-/// How often a field of length-delimited content occurs in a message, up to the first place that is no field.
-fn count_of(message: &[u8], wanted: u64) -> usize {
+/// How often a field of length-delimited content occurs in a message; `None` where something in it is no field, or a
+/// group, which no published message has.
+fn count_of(message: &[u8], wanted: u64) -> Option<usize> {
     let mut rest = message;
     let mut count = 0;
-    while let Ok(key) = prost::encoding::decode_varint(&mut rest) {
+    while !rest.is_empty() {
+        let key = prost::encoding::decode_varint(&mut rest).ok()?;
         let length = match key & 7 {
             0 => prost::encoding::decode_varint(&mut rest).map(|_| 0),
             1 => Ok(8),
             2 => prost::encoding::decode_varint(&mut rest),
             5 => Ok(4),
-            _ => break,
+            _ => return None,
         };
         count += usize::from(key == (wanted << 3 | 2));
-        let skipped = length.ok().and_then(|n| usize::try_from(n).ok()).and_then(|n| rest.get(n..));
-        let Some(after) = skipped else { break };
-        rest = after;
+        rest = length.ok().and_then(|n| usize::try_from(n).ok()).and_then(|n| rest.get(n..))?;
     }
-    count
+    Some(count)
 }
 
 fn track(track: &Track) -> LogTrack {
@@ -301,7 +333,8 @@ fn track(track: &Track) -> LogTrack {
     }
 }
 
-fn lights(given: &[DynamicMapState], steps: usize) -> Vec<LogLight> {
+/// Or what was expected.
+fn lights(given: &[DynamicMapState], steps: usize) -> Result<Vec<LogLight>, String> {
     let mut lights: BTreeMap<i64, LogLight> = BTreeMap::new();
     for (step, state) in given.iter().take(steps).enumerate() {
         for lane in &state.lane_states {
@@ -313,9 +346,12 @@ fn lights(given: &[DynamicMapState], steps: usize) -> Vec<LogLight> {
             light.stop_point = light.stop_point.or(lane.stop_point.as_ref().map(place));
             light.states.resize(step, LightState::Unknown);
             light.states.push(waymo_light_state(i64::from(lane.state)));
+            if lights.len().saturating_mul(steps) > LIGHT_STATES_MAX {
+                return Err("at most 4 million states of lights".into());
+            }
         }
     }
-    lights.into_values().collect()
+    Ok(lights.into_values().collect())
 }
 
 fn place(point: &MapPoint) -> Vec2 {
@@ -437,6 +473,10 @@ pub(super) mod tests {
         Track { id, object_type, states: (0..91).map(state).collect() }
     }
 
+    pub fn light_at(lane: i64) -> LaneState {
+        LaneState { lane, state: 4, stop_point: None }
+    }
+
     /// A car crossing the path of another, and a pedestrian.
     pub fn message() -> Scenario {
         let border = |lane_start_index, lane_end_index, boundary_feature_id| BoundarySegment {
@@ -504,6 +544,23 @@ pub(super) mod tests {
         assert_eq!((scene.lights[0].states[29], scene.lights[0].states[30]), (LightState::Stop, LightState::Go));
         assert_eq!((scene.stop_signs[0].lanes.clone(), scene.road.edges.len()), (vec![0], 1));
         assert_eq!(crate::scene::usable(scene), Ok(()));
+    }
+
+    #[test]
+    fn records_beyond_the_parts_of_a_file_are_left_out_together() {
+        let named = |k: usize| Scenario { scenario_id: k.to_string(), ..message() }.encode_to_vec();
+        let bytes = written(&(0..5).map(named).collect::<Vec<_>>());
+        let imported = read("f.tfrecord", &bytes, 500).unwrap();
+        assert_eq!((imported.scenes.len(), imported.left_out.len()), (2, 1), "{:?}", imported.left_out);
+        assert!(imported.left_out[0].what == "record 2" && imported.left_out[0].reason.contains("at most 500"));
+        assert_eq!(read("f.tfrecord", &bytes, FILE_PARTS_MAX).unwrap().scenes.len(), 5);
+        // Records of nothing count too, and so do tracks that nobody ever sees.
+        let nothing = read("f.tfrecord", &written(&[&[named(0)][..], &vec![vec![]; 100]].concat()), 500).unwrap();
+        assert!(nothing.left_out.len() < 20, "{}", nothing.left_out.len());
+        let mut unseen = message();
+        unseen.tracks[0].states.iter_mut().for_each(|state| state.valid = false);
+        let unseen = written(&[unseen.encode_to_vec(), named(1), named(2)]);
+        assert_eq!(read("f.tfrecord", &unseen, 300).unwrap().scenes.len(), 1);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::scene::{DT_S, Ego, LeftOut, Origin, Scene};
 
 /// Steps of the longest scene made of a planning problem: 20 s.
 pub const STEPS_MAX: usize = 200;
-/// Samples, lane points and light states of all scenes of a file together: each planning problem gives a scene of its own.
+/// Samples, points of the map and light states of all scenes of a file together: each planning problem gives a scene of its own.
 const PARTS_MAX: usize = 8_000_000;
 /// Box of the ego where only a planning problem is given: CommonRoad's vehicle 2, a BMW 320i, metres.
 pub const EGO_LENGTH_M: f64 = 4.508;
@@ -58,10 +58,10 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
         let reason = "it holds no planning problem, so nothing says where the ego starts".to_string();
         left_out.push(LeftOut { file: file_name.into(), what: String::new(), reason });
     }
-    let parts = network.size() + STEPS_MAX * (obstacles.count() + network.light_count());
+    let parts = network.size() + obstacles.edge_points() + STEPS_MAX * (obstacles.count() + network.light_count());
     if problems.len().saturating_mul(parts) > PARTS_MAX {
         let expected =
-            format!("at most {PARTS_MAX} samples, lane points and light states in the scenes of all problems");
+            format!("at most {PARTS_MAX} samples, points of the map and light states in the scenes of all problems");
         let remedy = "split the file by planning problems";
         return Err(ImportError::new(file_name, file.root.place(), expected, remedy));
     }

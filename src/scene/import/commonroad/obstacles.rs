@@ -117,6 +117,10 @@ impl Obstacles {
         self.obstacles.len()
     }
 
+    pub fn edge_points(&self) -> usize {
+        self.edges.iter().map(Vec::len).sum()
+    }
+
     /// Time of the last state of whatever moves, seconds.
     pub fn last_s(&self) -> f64 {
         let moving = self.obstacles.iter().filter(|o| !o.is_static);

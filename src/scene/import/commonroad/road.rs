@@ -317,9 +317,10 @@ impl Network {
         self.road.lanes.get(lane).and_then(|lane| lane.speed_limit_mps)
     }
 
-    /// Points of all lanes.
+    /// Points of all lanes and crosswalks, and the stop signs.
     pub fn size(&self) -> usize {
-        self.road.lanes.iter().map(|lane| 3 * lane.centre.len()).sum()
+        let lanes: usize = self.road.lanes.iter().map(|lane| 3 * lane.centre.len()).sum();
+        lanes + self.crosswalks.iter().map(Vec::len).sum::<usize>() + self.stop_signs.len()
     }
 
     /// References from lanelets to lights.

@@ -132,6 +132,15 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         ),
         (wm, "map features", wholes::record_of(&[0x42, 0x00].repeat(60_000)), "map_features: expected at most 50000"),
         (wm, "the ego's index", waymo(|m| m.sdc_track_index = i32::MAX), "sdc_track_index"),
+        (wm, "light states", wholes::lights_of(44_000), "dynamic_map_states: expected at most 4 million states"),
+        (
+            wm,
+            "map features behind a group",
+            wholes::record_of(&[&[0x1b, 0x1c][..], &[0x42, 0x00].repeat(60_000)].concat()),
+            "without groups",
+        ),
+        (cr, "road edges of all problems", wholes::edges_of_problems(3_000, 600), "at most 8000000 samples"),
+        (cr, "a ring to follow", wholes::ring_to_follow(1_000_000), "route_is_plausible"),
         // Numbers that are none.
         (net, "NaN", pickled(&states(&|s| s["position"][5][0] = json!("<nan>"))), "finite numbers at valid step 5"),
         (net, "infinity", pickled(&states(&|s| s["heading"][5] = json!("<inf>"))), "finite numbers at valid step 5"),
@@ -229,12 +238,6 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         ),
         (
             odr,
-            "its own successor",
-            edited(odr, "elementType=\"road\" elementId=\"3\"", "elementType=\"road\" elementId=\"2\""),
-            "another road than itself",
-        ),
-        (
-            odr,
             "its own connection",
             edited(odr, "connectingRoad=\"2\"", "connectingRoad=\"1\""),
             "other than the incoming one",
@@ -250,6 +253,29 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
     assert!(missed.is_empty(), "{}", missed.join("\n"));
     let told_of = |format: &str| table.iter().filter(|row| row.0 == format).count();
     assert!(wholes().iter().all(|whole| told_of(whole.format) >= 3), "every importer has its rows");
+}
+
+#[test]
+fn a_road_that_is_a_ring_is_read_without_a_link_to_itself() {
+    let ring = edited("OpenDRIVE", "elementType=\"road\" elementId=\"3\"", "elementType=\"road\" elementId=\"2\"");
+    let road = super::opendrive::road("ring.xodr", &ring).unwrap();
+    let lane = road.lanes.iter().find(|lane| lane.id == "2/0/-1").unwrap();
+    assert_eq!((lane.exits.len(), lane.entries.len()), (0, 1));
+}
+
+#[test]
+fn a_scenario_description_is_known_whichever_key_comes_first() {
+    let whole = described(|_| ());
+    let text = whole.to_string();
+    for first in ["tracks", "map_features", "metadata", "length"] {
+        let mut rest = whole.clone();
+        let value = rest.as_object_mut().unwrap().remove(first).unwrap();
+        let rest = rest.to_string();
+        let turned = format!("{{{:?}:{value},{}", first, &rest[1..]);
+        assert_eq!(turned.len(), text.len());
+        let summary = import_files(&[("s.json", turned)]);
+        assert_eq!(summary.scenes.len(), 1, "{first}: {:?}", summary.left_out);
+    }
 }
 
 #[test]

@@ -172,3 +172,55 @@ pub fn field(length: u64) -> Vec<u8> {
     prost::encoding::encode_varint(length, &mut bytes);
     bytes
 }
+
+/// So many lights in the first step of Waymo's message.
+pub fn lights_of(count: i64) -> Vec<u8> {
+    let state = waymo::tests::light_at;
+    sealed(|m| m.dynamic_map_states[0] = waymo::DynamicMapState { lane_states: (0..count).map(state).collect() })
+}
+
+const ROAD_HEAD: &str = "<commonRoad commonRoadVersion=\"2020a\" benchmarkID=\"x\" timeStepSize=\"0.1\">";
+
+fn lanelet(id: usize, from: i32, to: i32, successor: &str) -> String {
+    let bound = |y: i32| {
+        let point = |x: i32| format!("<point><x>{x}</x><y>{y}</y></point>");
+        [point(from), point(to)].concat()
+    };
+    format!(
+        "<lanelet id=\"{id}\"><leftBound>{}</leftBound><rightBound>{}</rightBound>{successor}</lanelet>",
+        bound(2),
+        bound(-2)
+    )
+}
+
+/// A problem that starts 5 m into lanelet 1 at 10 m/s and may take as many steps.
+fn problem(id: usize, steps: usize) -> String {
+    format!(
+        "<planningProblem id=\"{id}\"><initialState><position><point><x>5</x><y>0</y></point></position><orientation>\
+         <exact>0</exact></orientation><time><exact>0</exact></time><velocity><exact>10</exact></velocity>\
+         </initialState><goalState><time><intervalStart>1</intervalStart><intervalEnd>{steps}</intervalEnd></time>\
+         </goalState></planningProblem>"
+    )
+}
+
+/// Two lanelets that follow each other in a ring, to be driven for so many steps.
+pub fn ring_to_follow(steps: usize) -> Vec<u8> {
+    let next = |id: usize| format!("<successor ref=\"{id}\"/>");
+    let road = lanelet(1, 0, 100, &next(2)) + &lanelet(2, 100, 0, &next(1));
+    format!("{ROAD_HEAD}{road}{}</commonRoad>", problem(9, steps)).into_bytes()
+}
+
+/// A lanelet with so many pieces of road boundary, and so many planning problems.
+pub fn edges_of_problems(edges: usize, problems: usize) -> Vec<u8> {
+    let edge = |k: usize| {
+        format!(
+            "<staticObstacle id=\"{}\"><type>roadBoundary</type><shape><rectangle><length>1</length><width>1</width>\
+             </rectangle></shape><initialState><position><point><x>0</x><y>9</y></point></position><orientation>\
+             <exact>0</exact></orientation><time><exact>0</exact></time></initialState></staticObstacle>",
+            10_000 + k
+        )
+    };
+    let edges: String = (0..edges).map(edge).collect();
+    let problems: String = (0..problems).map(|k| problem(100_000 + k, 30)).collect();
+    format!("{ROAD_HEAD}{}{edges}{problems}</commonRoad>", lanelet(1, 0, 100, "")).into_bytes()
+}

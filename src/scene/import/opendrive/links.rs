@@ -53,7 +53,8 @@ pub(super) fn within_and_between(
     Ok(())
 }
 
-/// The road that a road's own link names, with the section and the end that touch; `None` for junctions.
+/// The road that a road's own link names, with the section and the end that touch; `None` for junctions and for
+/// the road itself.
 fn linked_road(
     network: &Network,
     road: &Element<'_>,
@@ -69,8 +70,9 @@ fn linked_road(
         return Err(link.refuse(format!("the id of a road, found {:?}", shown(id))));
     }
     let end = contact(&link)?;
+    // A road that is a ring: its lanes are read, but no lane leads into itself.
     if road.attribute("id") == Some(id) {
-        return Err(link.refuse("another road than itself; a ring is written as two roads"));
+        return Ok(None);
     }
     Ok(Some((id.to_string(), network.section_at(id, end), end)))
 }

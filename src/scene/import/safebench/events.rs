@@ -8,6 +8,8 @@ use super::super::error::{ImportError, shown};
 use crate::kernel::{Polyline, Pose};
 use crate::scene::safebench::{SPAWNS_MAX, TrafficFamily};
 
+/// The benchmark's files have less than 1 MiB.
+const BYTES_MAX: usize = 16 << 20;
 /// Events of one file.
 const EVENTS_MAX: usize = 100_000;
 /// Coordinates of a town lie within this, metres.
@@ -89,6 +91,9 @@ impl Events {
     pub(super) fn add(&mut self, file: &str, bytes: &[u8]) -> Result<(), ImportError> {
         let remedy = "fetch the benchmark's file again";
         let refuse = |place: String, expected: &str| ImportError::new(file, place, expected, remedy);
+        if bytes.len() > BYTES_MAX {
+            return Err(refuse("byte 0".into(), "at most 16 MiB"));
+        }
         let read: File = serde_json::from_slice(bytes).map_err(|error| {
             refuse(format!("line {}", error.line()), &format!("a scenario file of SafeBench ({error})"))
         })?;

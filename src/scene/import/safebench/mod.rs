@@ -33,9 +33,19 @@ pub struct Library {
 
 impl Library {
     /// Adds the road of a town: the name of its file up to the first dot.
-    pub fn add_town(&mut self, file: &str, road: Road) {
+    ///
+    /// # Errors
+    /// The name is taken by another road.
+    pub fn add_town(&mut self, file: &str, road: Road) -> Result<(), ImportError> {
+        let town = file.split('.').next().unwrap_or(file).to_string();
+        if let Some((taken, _)) = self.towns.get(&town) {
+            let expected = format!("one road for the town {}, found another read before it", shown(&town));
+            let remedy = "import the routes of each road by themselves, or give the town a name of its own";
+            return if *taken == road { Ok(()) } else { Err(ImportError::new(file, "file name", expected, remedy)) };
+        }
         let graph = LaneGraph::of(&road);
-        self.towns.insert(file.split('.').next().unwrap_or(file).to_string(), (road, graph));
+        self.towns.insert(town, (road, graph));
+        Ok(())
     }
 
     /// Adds a scenario file.

@@ -28,7 +28,8 @@ pub const EVENTS: &str = r#"{"available_scenarios":[{"Plain":[{"available_event_
 
 pub fn library() -> Library {
     let mut library = Library::default();
-    library.add_town("Plain.xodr", crate::scene::import::opendrive::road("Plain.xodr", TOWN.as_bytes()).unwrap());
+    let road = crate::scene::import::opendrive::road("Plain.xodr", TOWN.as_bytes()).unwrap();
+    library.add_town("Plain.xodr", road).unwrap();
     library.add_scenarios("scenario_05.json", EVENTS.as_bytes()).unwrap();
     library
 }
@@ -94,6 +95,30 @@ fn towns_and_events_may_stand_anywhere_in_a_list_of_files() {
     assert_eq!(summary.scenes.len(), 1);
     assert_eq!(summary.left_out.len(), 1, "{:?}", summary.left_out);
     assert!(summary.left_out[0].reason.contains("Town03"));
+}
+
+#[test]
+fn towns_of_one_name_from_several_folders_are_told_apart() {
+    let wider = TOWN.replace("a=\"3.5\"", "a=\"3.75\"");
+    let cut = &TOWN[..TOWN.len() - 20];
+    let files = [
+        ("Plain.xodr", cut),
+        ("Plain.xodr", TOWN),
+        ("Plain.xodr", TOWN),
+        ("Plain.xodr", wider.as_str()),
+        ("scenario_05_route_06.xml", ROUTE),
+        ("scenario_05.json", EVENTS),
+    ];
+    let summary = import_files(&files);
+    assert_eq!((summary.scenes.len(), summary.left_out.len()), (1, 2), "{:?}", summary.left_out);
+    assert_eq!(summary.scenes[0].road, library().towns["Plain"].0, "the first that can be read");
+    assert!(summary.left_out[1].reason.contains("one road for the town Plain"), "{:?}", summary.left_out);
+}
+
+#[test]
+fn a_scenario_file_of_more_than_16_mib_is_not_parsed() {
+    let told = Library::default().add_scenarios("s.json", &vec![b' '; (16 << 20) + 1]).unwrap_err();
+    assert!(told.to_string().contains("at most 16 MiB"), "{told}");
 }
 
 #[test]

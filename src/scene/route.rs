@@ -55,7 +55,10 @@ pub fn plan(
     cut(&mut legs);
     extend(graph, &mut legs, length_m.min(LINE_MAX_M));
     let line = drawn(graph, position, &legs, transition_m);
-    Polyline::new(line).ok().map(|line| Vec::from(line.resampled(SPACING_M)))
+    let line = Polyline::new(line).ok()?;
+    // Lanes that follow each other need not meet: the gaps between them are no part of the legs.
+    let points = if line.length_m() <= LINE_MAX_M { line.resampled(SPACING_M) } else { line };
+    Some(Vec::from(points))
 }
 
 #[derive(Clone, Copy)]
@@ -241,7 +244,10 @@ mod tests {
             extend(&graph, &mut legs, LINE_MAX_M.min(length_m));
             let followed_m: f64 = legs.iter().map(|leg| leg.to_m - leg.from_m).sum();
             assert!((followed_m - LINE_MAX_M).abs() < 1e-3, "{followed_m}");
-            assert!(plan(&graph, Vec2::ZERO, start, &[], length_m, 30.0).unwrap().len() <= LINE_MAX_M as usize + 2);
+            // Each lap jumps back from the lane's end to its start, and the jumps are not filled with points.
+            let line = plan(&graph, Vec2::ZERO, start, &[], length_m, 30.0).unwrap();
+            assert!(line.len() <= LINE_MAX_M as usize + 2 * legs.len(), "{}", line.len());
+            assert!(line.windows(2).any(|w| w[0].distance(w[1]) > 10.0 * SPACING_M));
         }
     }
 

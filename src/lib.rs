@@ -5,15 +5,22 @@
 pub mod kernel;
 pub mod store;
 
+pub mod draw;
 pub mod ego;
+pub mod formats;
 pub mod scene;
 pub mod sim;
+pub mod synth;
 
 pub mod adapters;
-pub mod baselines;
 pub mod compiler;
+pub mod families;
 pub mod llm;
+pub mod motion;
 pub mod objects;
+pub mod scripted;
+pub mod search;
+pub mod stage;
 
 pub mod agents;
 pub mod archive;

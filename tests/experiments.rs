@@ -1,7 +1,7 @@
 //! The experiment files that come with the project can be used as they are.
 
-use evodrive::baselines::{registry, takes_counsel, takes_templates};
 use evodrive::cli::experiment::{Experiment, SceneSource};
+use evodrive::families::{registry, takes_counsel, takes_templates};
 use evodrive::objects::LineageId;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

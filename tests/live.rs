@@ -4,11 +4,11 @@
 #![allow(clippy::disallowed_methods)]
 
 use evodrive::llm::live::{Ledger, Live, RESPONSE_BYTES_MAX, Secret, Tokens, draw_seed};
-use evodrive::llm::scripted::Scripted;
 use evodrive::llm::{
     Cassette, ClientOptions, Completion, DrawSlot, IncompleteReplies, Message, Model, ModelError, ModelSpec, Request,
     ResponseFormat, Schema, SpendCap,
 };
+use evodrive::scripted::Scripted;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};

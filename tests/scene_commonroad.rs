@@ -3,8 +3,11 @@
 use std::path::PathBuf;
 
 use evodrive::kernel::{Polyline, Vec2};
-use evodrive::scene::import::{Imported, commonroad, import_files};
 use evodrive::scene::{AgentKind, LaneGraph, LightState, Scene, SceneFeatures, usable};
+use evodrive::{
+    formats::commonroad::read as commonroad,
+    formats::{Imported, import_files},
+};
 
 fn fixture(name: &str) -> String {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/commonroad").join(name);

@@ -7,12 +7,11 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
+use evodrive::formats::xml_read::{Document, Element};
+use evodrive::formats::{Staging, commonroad, import_files, openscenario, scenarionet};
 use evodrive::kernel::Seed;
-use evodrive::scene::export::{Staging, commonroad, openscenario, scenarionet_json};
-use evodrive::scene::import::import_files;
-use evodrive::scene::import::xml::{Document, Element};
-use evodrive::scene::synth::{FamilyOptions, SynthOptions, WorldKind, family_member, pool_member};
 use evodrive::scene::{Sample, Scene};
+use evodrive::synth::{FamilyOptions, SynthOptions, WorldKind, family_member, pool_member};
 
 #[allow(clippy::disallowed_methods)]
 fn named_folder(variable: &str) -> Option<PathBuf> {
@@ -165,10 +164,10 @@ fn exported_scenes_come_back_with_the_same_digest() {
     for (scene, staging) in cases() {
         let expected = as_exported(scene, staging.as_ref());
         let name = file_name(&expected);
-        let xml = commonroad(scene, staging.as_ref()).unwrap();
+        let xml = commonroad::export(scene, staging.as_ref()).unwrap();
         keep(&format!("{name}.xml"), &xml.bytes);
         assert_eq!(imported("f.xml", &xml.bytes).digest(), expected.digest(), "{}: CommonRoad", expected.id);
-        let json = scenarionet_json(scene, staging.as_ref()).unwrap();
+        let json = scenarionet::export(scene, staging.as_ref()).unwrap();
         keep(&format!("{name}.json"), &json.bytes);
         assert_eq!(imported("f.json", &json.bytes).digest(), expected.digest(), "{}: ScenarioNet", expected.id);
     }
@@ -180,7 +179,7 @@ fn every_scene_has_an_openscenario_form() {
         let expected = as_exported(scene, staging.as_ref());
         let name = file_name(&expected);
         let road_file = format!("{name}.xodr");
-        let files = openscenario(scene, staging.as_ref(), &road_file).unwrap();
+        let files = openscenario::export(scene, staging.as_ref(), &road_file).unwrap();
         keep(&format!("{name}.xosc"), &files.xosc);
         keep(&road_file, &files.xodr);
         let text = String::from_utf8(files.xosc).unwrap();
@@ -200,7 +199,7 @@ fn commonroad_files_are_valid_by_the_schema() {
     let mut files = Vec::new();
     for (number, (scene, staging)) in cases().iter().enumerate() {
         files.push(folder.path().join(format!("{number}.xml")));
-        std::fs::write(&files[number], commonroad(scene, staging.as_ref()).unwrap().bytes).unwrap();
+        std::fs::write(&files[number], commonroad::export(scene, staging.as_ref()).unwrap().bytes).unwrap();
     }
     match Command::new("xmllint").arg("--noout").arg("--schema").arg(&schema).args(&files).output() {
         Err(error) if error.kind() == ErrorKind::NotFound => {
@@ -289,7 +288,7 @@ fn check_structure(root: Element<'_>, name: &str) {
 #[test]
 fn commonroad_files_have_the_structure_that_the_schema_asks_for() {
     for (scene, staging) in cases() {
-        let bytes = commonroad(scene, staging.as_ref()).unwrap().bytes;
+        let bytes = commonroad::export(scene, staging.as_ref()).unwrap().bytes;
         let document = Document::parse("f.xml", &bytes).unwrap();
         check_structure(document.root(), &scene.id);
     }
@@ -298,7 +297,7 @@ fn commonroad_files_have_the_structure_that_the_schema_asks_for() {
 #[test]
 fn what_commonroad_cannot_hold_is_said() {
     let scene = &generated()[2];
-    let notes = commonroad(scene, None).unwrap().notes;
+    let notes = commonroad::export(scene, None).unwrap().notes;
     let says = |what: &str, words: &str| notes.iter().any(|n| n.what.starts_with(what) && n.reason.contains(words));
     assert!(says("tracks[", "history before the ego's start"));
     assert!(says("ego", "route"));

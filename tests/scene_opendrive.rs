@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use evodrive::formats::opendrive::read as opendrive;
 use evodrive::kernel::num;
-use evodrive::scene::import::opendrive;
 use evodrive::scene::{LaneGraph, Road};
 
 #[allow(clippy::disallowed_methods)]

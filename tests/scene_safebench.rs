@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use evodrive::ego::Policy;
-use evodrive::scene::import::import_files;
+use evodrive::formats::import_files;
 use evodrive::scene::safebench::{Stage, TrafficFamily};
 use evodrive::sim::{End, Intervention, Plant, rollout};
 

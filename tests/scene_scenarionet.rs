@@ -4,8 +4,11 @@
 use std::path::PathBuf;
 
 use evodrive::kernel::{Polyline, Vec2};
-use evodrive::scene::import::{Imported, import_files, scenarionet};
 use evodrive::scene::{AgentKind, LaneGraph, LaneKind, LightState, SceneFeatures, usable};
+use evodrive::{
+    formats::scenarionet::read as scenarionet,
+    formats::{Imported, import_files},
+};
 
 fn fixture(name: &str) -> Vec<u8> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/scenarionet").join(name);

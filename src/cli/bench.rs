@@ -10,9 +10,9 @@ use super::exit::Failure;
 use super::inputs;
 use std::sync::Arc;
 
-use crate::baselines;
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
+use crate::families;
 use crate::kernel::{Seed, num, par::Pool as Threads};
 use crate::objects::FamilyName;
 use crate::scene::Scene;
@@ -158,7 +158,7 @@ impl Split {
 
 /// Scenes made ready with CAT's intervention; those that the ego cannot drive are left out.
 fn stages(scenes: &[Arc<Scene>], ego: &Policy, threads: &Threads) -> Vec<Option<(Situation, Intervention)>> {
-    let registry = baselines::registry();
+    let registry = families::registry();
     threads.map(scenes, |_, scene| {
         let situation = Situation::new(scene.clone(), ego).ok()?;
         let family = registry.get(&FamilyName::new("cat"))?;

@@ -7,16 +7,16 @@ use std::path::{Path, PathBuf};
 use super::exit::Failure;
 use super::models::{self, ModelOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
-use crate::baselines;
 use crate::epoch::{CompositionOptions, CounselOptions};
 use crate::evaluation::EvaluationOptions;
+use crate::families;
 use crate::kernel::Digest;
 use crate::llm::SpendCap;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
-use crate::scene::synth::{FamilyOptions, SynthOptions};
 use crate::store;
+use crate::synth::{FamilyOptions, SynthOptions};
 
 /// Bytes that an experiment file may have.
 const FILE_BYTES_MAX: u64 = 1 << 20;
@@ -199,7 +199,7 @@ impl Experiment {
 
     /// Whether templates are composed: where the file describes some and a lineage's family takes them.
     fn check_composition(&self) -> Result<bool, String> {
-        let takes = self.lineages.iter().any(|lineage| baselines::takes_templates(&lineage.family));
+        let takes = self.lineages.iter().any(|lineage| families::takes_templates(&lineage.family));
         let role = Role::TemplateAgent.name();
         match &self.composition {
             Some(_) if !takes => Err("no lineage's family takes templates; take [composition] out".into()),
@@ -216,7 +216,7 @@ impl Experiment {
 
     /// Whether a lineage's family takes counsel: then, and only then, the file says how and of whom.
     fn check_counsel(&self) -> Result<bool, String> {
-        let takes = self.lineages.iter().find(|lineage| baselines::takes_counsel(&lineage.family));
+        let takes = self.lineages.iter().find(|lineage| families::takes_counsel(&lineage.family));
         let role = Role::AttackerAgent.name();
         match (takes, &self.counsel) {
             (Some(lineage), None) => {

@@ -10,15 +10,16 @@ use super::experiment::{Experiment, SceneSource};
 use super::models;
 use crate::adapters::Family;
 use crate::agents::contract_text;
-use crate::baselines;
 use crate::ego::Policy;
 use crate::epoch::{Budget, Counsels, LineageSpec, Meter, SceneEntry, Study};
 use crate::evaluation::EvaluationOptions;
+use crate::families;
+use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
 use crate::kernel::{Digest, Seed, par::Pool as Threads};
 use crate::llm::Ask;
-use crate::scene::import::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
-use crate::scene::{Pool, Scene, pool, synth, usable};
+use crate::scene::{Pool, Scene, pool, usable};
 use crate::store;
+use crate::synth;
 
 /// Bytes that a scenario file or a pool may have.
 const SCENE_FILE_BYTES_MAX: u64 = 1 << 30;
@@ -139,7 +140,7 @@ pub fn study<'a>(
     let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
     let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone(), &egos));
     let families: Vec<&str> = experiment.lineages.iter().map(|l| l.family.as_str()).collect();
-    let registry = baselines::registry();
+    let registry = families::registry();
     for family in families {
         if registry.get(&crate::objects::FamilyName::new(family)).is_none() {
             let known: Vec<&str> = registry.iter().map(|f| f.contract.family.as_str()).collect();

@@ -6,8 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::exit::Failure;
 use super::experiment::Experiment;
 use super::folder::RunFolder;
-use crate::llm::{ClientOptions, Model, ModelSpec, ResponseFormat, client, scripted::Scripted};
+use crate::llm::{ClientOptions, Model, ModelSpec, ResponseFormat, client};
 use crate::objects::Role;
+use crate::scripted::Scripted;
 
 /// `[models.<name>]`.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -1,12 +1,12 @@
 //! Which rollouts a report can play, simulated again as drawings.
 
 use super::exit::Failure;
+use crate::draw::{Actor, Contact, Drawing, Role, role_of};
 use crate::epoch::{LineageSpec, Study, Traced, trace};
 use crate::evidence::Story;
 use crate::evidence::report::{Playable, Stage};
 use crate::objects::{Program, SceneScore, SolutionId};
 use crate::scene::Scene;
-use crate::scene::draw::{Actor, Contact, Drawing, Role, role_of};
 use crate::sim::{ActorRef, ActorTrace, End, Outcome, Trace};
 
 /// Scenes of a lineage that can be played.

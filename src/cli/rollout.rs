@@ -7,13 +7,13 @@ use super::exit::Failure;
 use super::experiment::Experiment;
 use super::folder::RunFolder;
 use super::{inputs, playables, show};
+use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Study, Traced, record_digest, trace};
 use crate::evidence::Story;
+use crate::formats::{Inserted, Staging};
 use crate::kernel::par::Pool as Threads;
 use crate::llm::{Cassette, Replay};
 use crate::objects::{Attempt, SolutionId};
-use crate::scene::draw::{Actor, Drawing, Role};
-use crate::scene::export::{Inserted, Staging};
 use crate::scene::{DT_S, Scene};
 use crate::sim::{Action, ActorRef, ActorTrace};
 

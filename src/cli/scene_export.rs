@@ -11,9 +11,9 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::rollout::{self, OfAttempt};
 use super::scenes;
+use crate::formats::{ExportError, Exported, Note, Staging, commonroad, openscenario, scenarionet};
 use crate::kernel::par::Pool as Threads;
 use crate::scene::Scene;
-use crate::scene::export::{ExportError, Exported, Note, Staging, commonroad, openscenario, scenarionet_json};
 use crate::store;
 
 /// Scenes that are held in memory as files before they are written.
@@ -143,11 +143,11 @@ fn export(job: &Job, format: Format) -> Result<Files, ExportError> {
     let one =
         |ending: &str, exported: Exported| (vec![(format!("{}.{ending}", job.name), exported.bytes)], exported.notes);
     match format {
-        Format::Scenarionet => Ok(one("json", scenarionet_json(scene, staging)?)),
-        Format::Commonroad => Ok(one("xml", commonroad(scene, staging)?)),
+        Format::Scenarionet => Ok(one("json", scenarionet::export(scene, staging)?)),
+        Format::Commonroad => Ok(one("xml", commonroad::export(scene, staging)?)),
         Format::Openscenario => {
             let road_file = format!("{}.xodr", job.name);
-            let files = openscenario(scene, staging, &road_file)?;
+            let files = openscenario::export(scene, staging, &road_file)?;
             // The road first: a scenario never lies beside a road that is not there yet.
             Ok((vec![(road_file, files.xodr), (format!("{}.xosc", job.name), files.xosc)], files.notes))
         }

@@ -9,8 +9,8 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::rollout::{self, OfAttempt, Played};
 use super::scenes::{self, row};
+use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::scene::Scene;
-use crate::scene::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::store;
 
 #[derive(Debug, Args)]

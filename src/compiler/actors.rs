@@ -1,9 +1,9 @@
 //! The actor slot: which vehicles become adversaries.
 
-use crate::baselines::actor_operator;
-use crate::baselines::kernel::actors::ActorFacts;
-use crate::baselines::kernel::{Settings, Situation, Stage, StageError};
+use crate::families::actor_operator;
 use crate::scene::TrackIx;
+use crate::stage::actors::ActorFacts;
+use crate::stage::{Settings, Situation, Stage, StageError};
 
 /// A vehicle whose log moves less than this stands in for nobody, metres (MetaDrive's rule for static objects).
 const MOVED_M_MIN: f64 = 3.0;

@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::ActorDecision;
-use crate::baselines::kernel::{Candidate, Part, Settings, Situation, Stage, StageError};
 use crate::kernel::{Stream, num};
+use crate::motion::Candidate;
+use crate::stage::{Part, Settings, Situation, Stage, StageError};
 
 /// The chosen candidate of every part, by index. Where actors were moved together and some iterate is left for all of
 /// them, the first part's choice among those iterates is everybody's.

@@ -2,9 +2,10 @@
 //! all; how good a motion is, the realism diagnostics say.
 
 use super::CompileFailure;
-use crate::baselines::kernel::{Candidate, Part, Situation};
 use crate::kernel::Vec2;
+use crate::motion::Candidate;
 use crate::scene::DT_S;
+use crate::stage::{Part, Situation};
 
 /// Γ_dyn: nothing on a road is faster, m/s.
 const SPEED_MPS_MAX: f64 = 70.0;

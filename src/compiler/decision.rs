@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::baselines::kernel::Window;
+use crate::motion::Window;
 use crate::scene::{AgentKind, TrackIx};
 
 /// What a program decided in one scene.

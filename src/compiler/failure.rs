@@ -1,7 +1,7 @@
 //! Why a program cannot be compiled.
 
-use crate::baselines::kernel::StageError;
 use crate::scene::TrackIx;
+use crate::stage::StageError;
 
 /// A failed compilation: a finding about the program, never a score.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -1,9 +1,10 @@
 //! The filter slot: which candidates may not be used.
 
 use crate::adapters::vocabulary;
-use crate::baselines::kernel::candidate::{Judged, Needs, features};
-use crate::baselines::kernel::{Candidate, Part, Settings, Situation, StageError};
+use crate::motion::Candidate;
 use crate::scene::TrackIx;
+use crate::stage::judged::{Judged, Needs, features};
+use crate::stage::{Part, Settings, Situation, StageError};
 
 /// Removes what the filter refuses from every part.
 pub fn apply(situation: &Situation, kind: &str, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {

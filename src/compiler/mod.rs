@@ -10,7 +10,8 @@ pub mod prepared;
 pub mod timing;
 pub mod walk;
 
-pub use crate::baselines::kernel::{Situation, SituationError, Window};
+pub use crate::motion::Window;
+pub use crate::stage::{Situation, SituationError};
 pub use decision::{ActorDecision, Decision, FilterReport};
 pub use failure::CompileFailure;
 pub use prepared::Prepared;

@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use super::{CompileFailure, Compiled, Situation, walk};
 use crate::adapters::Contract;
-use crate::baselines::kernel::candidate::Needs;
-use crate::baselines::kernel::{Module, Settings, Stage};
 use crate::kernel::{Digest, Seed};
 use crate::objects::expr::{self, Expr};
 use crate::objects::{Counsel, OperatorNode, ParameterValue, Program, Setting};
+use crate::stage::judged::Needs;
+use crate::stage::{Module, Settings, Stage};
 
 /// A module's code and the groups of candidate features that it reads.
 #[derive(Clone, Debug)]

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::*;
 use crate::adapters::{Domain, Family};
-use crate::baselines::{grammar, registry};
 use crate::ego;
+use crate::families::{grammar, registry};
 use crate::kernel::Vec2;
 use crate::objects::{FamilyName, MechanismModule, ParameterValue, PolicyRule, Setting, Slot, ValueType};
 use crate::scene::fixture::two_lane_scene;
@@ -224,11 +224,11 @@ proptest! {
 
 #[test]
 fn on_generated_worlds_both_parents_compile_and_cat_makes_the_ego_crash_more_often() {
-    let options = crate::scene::synth::SynthOptions { tracks_per_scene: 24, ..crate::scene::fixture::worlds() };
+    let options = crate::synth::SynthOptions { tracks_per_scene: 24, ..crate::scene::fixture::worlds() };
     let (cat, at) = (family("cat"), family("at"));
     let (mut contacts, mut near) = ([0, 0], 0);
     for index in 0..22 {
-        let scene = crate::scene::synth::pool_member(&options, Seed(5), index).unwrap();
+        let scene = crate::synth::pool_member(&options, Seed(5), index).unwrap();
         let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
         for (which, family) in [&cat, &at].into_iter().enumerate() {
             let compiled = compile(&family.parent, &family.contract, &situation, Seed(1)).unwrap();

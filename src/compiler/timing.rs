@@ -1,8 +1,9 @@
 //! The timing slot: when an actor's motion is changed.
 
-use crate::baselines::kernel::{Settings, Situation, StageError, Window};
-use crate::baselines::staged::EGO_TRIGGER;
+use crate::families::staged::EGO_TRIGGER;
+use crate::motion::Window;
 use crate::scene::{DT_S, TrackIx};
+use crate::stage::{Settings, Situation, StageError};
 
 /// A shorter window is none, steps.
 const STEPS_MIN: usize = 10;

@@ -1,11 +1,12 @@
 //! A scene's way through the operator graph: select, actor, timing, motion, search and filters, choice.
 
 use super::{CompileFailure, Compiled, Decision, FilterReport, Prepared, actors, choice, constraints, filters, timing};
-use crate::baselines::kernel::{Candidate, Part, Settings, Situation, Stage, StageError};
-use crate::baselines::operator;
+use crate::families::operator;
+use crate::motion::Candidate;
 use crate::objects::Slot;
 use crate::scene::TrackIx;
 use crate::sim::{Action, Intervention};
+use crate::stage::{Part, Settings, Situation, Stage, StageError};
 
 /// What has been decided so far.
 #[derive(Default)]

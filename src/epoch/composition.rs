@@ -15,7 +15,7 @@ use crate::agents::{
     AgentError,
     compose::{Order, compose},
 };
-use crate::baselines;
+use crate::families;
 use crate::objects::{Composed, Program, Role, event::kind};
 
 /// `[composition]`: what the template agent is asked for.
@@ -37,7 +37,7 @@ impl CompositionOptions {
         if !(1..=8).contains(&self.rounds) {
             return Some(("rounds".into(), "1 to 8".into()));
         }
-        let kinds: Vec<&str> = baselines::template_forms().iter().map(|form| form.kind).collect();
+        let kinds: Vec<&str> = families::template_forms().iter().map(|form| form.kind).collect();
         if self.descriptions.is_empty() {
             return Some(("descriptions".into(), format!("one of {} at least", kinds.join(", "))));
         }
@@ -58,13 +58,13 @@ impl CompositionOptions {
 /// The parent of a lineage. In families that take templates it is composed, and every composition is an event; what the
 /// experiment file sets for the parent stands above what was composed.
 pub fn parent(study: &Study<'_>, spec: &LineageSpec, desk: &mut Desk<'_>) -> Result<Program, RunError> {
-    let (Some(options), true) = (&study.composition, baselines::takes_templates(&spec.family)) else {
+    let (Some(options), true) = (&study.composition, families::takes_templates(&spec.family)) else {
         return study.parent(spec);
     };
     let model = study.models.get(&Role::TemplateAgent);
     let model = model.ok_or(AgentError::NoModel { role: Role::TemplateAgent.name() })?;
     let mut composed = Vec::new();
-    for (slot, form) in (0..).zip(baselines::template_forms()) {
+    for (slot, form) in (0..).zip(families::template_forms()) {
         let Some(description) = options.descriptions.get(form.kind) else { continue };
         let order = Order { lineage: &spec.id, slot, form: &form, description, rounds: options.rounds, model };
         let event: Composed = compose(&order, &study.meter.asking(study.ask, &spec.id))?;

@@ -14,9 +14,9 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::agents::{self, AgentError, counsel::Case};
-use crate::baselines::{kernel::Stage, llm_attacker, takes_counsel};
 use crate::compiler::{Decision, Prepared, Situation};
 use crate::evaluation::{RolloutCache, request_key};
+use crate::families::{llm_attacker, takes_counsel};
 use crate::llm::ModelSpec;
 use crate::objects::{
     Counsel, Counselled, LineageId, Program, Role,
@@ -25,6 +25,7 @@ use crate::objects::{
 };
 use crate::scene::{Sample, TrackIx};
 use crate::sim::Action;
+use crate::stage::Stage;
 
 /// `[counsel]`: how the attacker agent is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

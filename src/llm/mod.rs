@@ -10,7 +10,6 @@ pub mod record;
 pub mod replay;
 pub mod reply;
 pub mod request;
-pub mod scripted;
 
 pub use addressed::{Schema, Text};
 pub use cassette::{Cassette, CassetteError, Recorded};

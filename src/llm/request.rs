@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use super::{Schema, Text, scripted};
+use super::{Schema, Text};
 use crate::kernel::Digest;
+use crate::scripted;
 
 /// Everything that can change an answer. Every field counts into the key: what must not (api key, timeout,
 /// retries, user agent, proxy, address, prices, spend cap) is not a field here but belongs to the live client (`ClientOptions`).

@@ -3,7 +3,7 @@
 use super::{Ego, Lane, LaneKind, Neighbour, Origin, Road, Sample, Scene, Track};
 use crate::kernel::Vec2;
 use crate::scene::AgentKind;
-use crate::scene::synth::{SynthOptions, WorldKind};
+use crate::synth::{SynthOptions, WorldKind};
 
 /// Samples of something that drives straight at constant speed.
 pub fn straight(steps: usize, from: Vec2, heading_rad: f64, speed_mps: f64) -> Vec<Option<Sample>> {

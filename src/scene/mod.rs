@@ -1,12 +1,9 @@
 //! What a scenario is: road, tracks, lights, ego and route, where they come from and how they are pooled.
 
 pub mod binary;
-pub mod draw;
-pub mod export;
 pub mod features;
 #[cfg(test)]
 pub mod fixture;
-pub mod import;
 pub mod lanes;
 pub mod pieces;
 pub mod pool;
@@ -14,7 +11,6 @@ pub mod remainder;
 pub mod route;
 pub mod safebench;
 pub mod stats;
-pub mod synth;
 pub mod types;
 pub mod usable;
 pub mod validate;

@@ -425,7 +425,7 @@ mod tests {
 
     #[test]
     fn scenes_of_one_group_are_never_split_apart() {
-        use crate::scene::synth::{FamilyOptions, family_member};
+        use crate::synth::{FamilyOptions, family_member};
         let options = FamilyOptions { draws: 3, ..FamilyOptions::all() };
         let scenes = (0..options.count()).map(|i| family_member(&options, Seed(7), i).unwrap()).collect();
         let pool = Pool::new(scenes, vec![]).unwrap();

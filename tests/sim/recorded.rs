@@ -4,10 +4,10 @@
 use std::path::PathBuf;
 
 use crate::kernel::num;
-use crate::scene::import::import_files;
 use crate::scene::{AgentKind, DT_S, Sample, Scene, Track};
 use crate::sim::bicycle::{Car, DEFAULT_LIMITS};
 use crate::sim::body::SUBSTEPS;
+use evodrive::formats::import_files;
 
 /// Steps of a window.
 const STEPS: usize = 20;

@@ -6,8 +6,8 @@ mod packed;
 use std::collections::BTreeMap;
 
 use super::story::Story;
+use crate::draw::{Actor, Contact, Drawing, PLAYER_CSS, PLAYER_JS, script_json};
 use crate::objects::cost::RunCost;
-use crate::scene::draw::{Actor, Contact, Drawing, PLAYER_CSS, PLAYER_JS, script_json};
 
 const PAGE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");

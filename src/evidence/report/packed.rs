@@ -4,8 +4,8 @@
 use serde_json::{Value, json};
 
 use super::Stage;
+use crate::draw::{Actor, Drawing};
 use crate::kernel::{Vec2, num};
-use crate::scene::draw::{Actor, Drawing};
 
 /// Units of a sample's numbers: centimetres, milliradians, centimetres a second.
 const SCALES: [f64; 4] = [100.0, 100.0, 1000.0, 100.0];
@@ -93,7 +93,7 @@ fn whole(value: f64, scale: f64) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::draw::Role;
+    use crate::draw::Role;
     use proptest::prelude::*;
 
     /// What `unpack.js` does.

@@ -1,0 +1,162 @@
+//! ADV-BMT (Liu et al. 2026): a new road user is inserted whose motion is grown backward in time from an imposed
+//! collision with the ego, token by token, and rejected where it hardly moves or turns too sharply.
+//!
+//! The bidirectional transformer is replaced by a closed-form preference over its own token vocabulary (`reverse`):
+//! gentle controls, near a lane and along it, near half the speed limit, never through another road user. Everyone else
+//! is replayed, as under teacher forcing. The collision is imposed on the ego's rollout in the recorded scene.
+
+pub mod contract;
+pub mod reverse;
+
+pub use contract::family;
+
+use self::reverse::{Imposed, Preference, Reverse};
+use crate::kernel::{Stream, Vec2, num};
+use crate::motion::Candidate;
+use crate::motion::Window;
+use crate::motion::token_grid::Nucleus;
+use crate::scene::{AgentKind, DT_S, Sample, TrackIx};
+use crate::stage::judged::Judged;
+use crate::stage::{Part, Settings, Situation, Stage, StageError};
+
+/// The family's name in programs, experiments and tables.
+pub const NAME: &str = "adv_bmt";
+/// Actor operator: a road user that was not there.
+pub const INSERTED_ACTOR: &str = "inserted_actor";
+/// Motion operator: backward rollouts over tokens.
+pub const REVERSE_TOKENS: &str = "reverse_tokens";
+/// Search operator: rejection by displacement and curvature.
+pub const REJECTION: &str = "plausibility_rejection";
+
+/// A shorter way to the collision is none, steps.
+const STEPS_MIN: usize = 10;
+/// Score of a rejected sample, less its distance from the last one.
+const REJECTED: f64 = -1000.0;
+
+/// The inserted road user.
+pub fn actor(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
+    let kind = match settings.word("shape")? {
+        "cyclist" => AgentKind::Cyclist,
+        "pedestrian" => AgentKind::Pedestrian,
+        _ => AgentKind::Vehicle,
+    };
+    Ok(vec![stage.situation.guest(kind)])
+}
+
+/// Backward rollouts from the imposed collision to the window's first step, in the order in which they were drawn.
+pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let count = settings.count("sample_count")?;
+    let nucleus =
+        Nucleus { share: settings.number("nucleus_share")?, temperature: settings.number("token_temperature")? };
+    let preference = Preference {
+        acceleration_scale_mps2: settings.number("token_acceleration_scale_mps2")?,
+        yaw_scale_radps: settings.number("token_yaw_scale_radps")?,
+        lane_scale_m: settings.number("token_lane_scale_m")?,
+        heading_scale_rad: settings.number("token_heading_scale_rad")?,
+        speed_scale_mps: settings.number("token_speed_scale_mps")?,
+    };
+    let linger = (settings.number("linger_s")? / DT_S).round() as usize;
+    let drawn = settings.word("meeting")? == "drawn";
+    for part in parts {
+        let mut stream = stage.stream("reverse", part.actor);
+        let reverse = Reverse::new(stage.situation, part.actor, preference, nucleus);
+        for index in 0..count {
+            let Some(step) = meeting_step(stage.situation, part.window, drawn, &mut stream) else { continue };
+            let Some(imposed) = impose(stage.situation, step, index, settings, &mut stream)? else { continue };
+            let Some((mut samples, log_p)) = reverse.grow(&imposed, part.window.from_step, &mut stream) else {
+                continue;
+            };
+            let room = part.window.steps - samples.len();
+            samples.extend((1..=linger.min(room)).map(|k| coasting(&imposed.state.sample(), k)));
+            part.candidates.push(Candidate::new(samples, log_p));
+        }
+    }
+    Ok(())
+}
+
+/// k_c: the last step of window and ego rollout, or a multiple of half a second drawn before it.
+fn meeting_step(situation: &Situation, window: Window, drawn: bool, stream: &mut Stream) -> Option<usize> {
+    let last = situation.ego.steps().end.min(window.from_step + window.steps).checked_sub(1)?;
+    let room = last.checked_sub(window.from_step).filter(|room| *room >= STEPS_MIN)?;
+    if !drawn {
+        return Some(last);
+    }
+    let choices = (room - STEPS_MIN) / 5 + 1;
+    Some(window.from_step + STEPS_MIN + 5 * stream.below(choices))
+}
+
+/// The state in which the inserted road user meets the ego: where the ego is, slower, headed elsewhere.
+fn impose(
+    situation: &Situation,
+    step: usize,
+    index: usize,
+    settings: &Settings,
+    stream: &mut Stream,
+) -> Result<Option<Imposed>, StageError> {
+    let Some(ego) = situation.ego.at(step) else { return Ok(None) };
+    let forward = Vec2::from_heading(ego.heading_rad);
+    let offset = forward * settings.number("impact_forward_m")? + forward.left() * settings.number("impact_left_m")?;
+    let turn = stream.normal(0.0, settings.number("heading_spread_rad")?);
+    let along_lane = situation.lanes.heading_at(ego.position, 6.0).unwrap_or(ego.heading_rad);
+    let heading_rad = match settings.word("headings")? {
+        // The lane's direction, across it to both sides, against it.
+        "lane_aligned" => along_lane + num::FRAC_PI_2 * [0.0, 1.0, -1.0, 2.0][index % 4],
+        _ => turn,
+    };
+    let spread = stream.normal(0.0, settings.number("impact_speed_spread_mps")?);
+    let speed_mps = (settings.number("impact_speed_share")? * ego.speed_mps() + spread).max(0.0);
+    Ok(Some(Imposed::new(ego.position + offset, num::wrap_angle(heading_rad), speed_mps, step)))
+}
+
+fn coasting(last: &Sample, steps: usize) -> Sample {
+    Sample { position: last.position + last.velocity * (steps as f64 * DT_S), ..*last }
+}
+
+/// The first sample that is not rejected scores highest; where all are, the last one does.
+pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let mean_speed_mps_min = settings.number("mean_speed_mps_min")?;
+    let curvature_1pm_max = settings.number("curvature_1pm_max")?;
+    let replaces = settings.word("combine")? == "replace";
+    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    for part in parts {
+        let from_step = part.window.from_step;
+        let judged = Judged { situation: stage.situation, actor: part.actor, from_step, adversaries: &adversaries };
+        for (index, candidate) in part.candidates.iter_mut().enumerate() {
+            let plausible = displacement_mps(&candidate.samples) >= mean_speed_mps_min
+                && curvature_1pm(&candidate.samples) < curvature_1pm_max
+                && !starts_in_the_ego(&judged, &candidate.samples);
+            let order = if plausible { -(index as f64) } else { REJECTED + index as f64 };
+            let own = settings.optional("score").map(|module| module.of_candidate(candidate, &judged));
+            candidate.score = match own {
+                None => order,
+                // An own score ranks what is plausible; the rest stays below.
+                Some(own) if plausible => own + if replaces { 0.0 } else { order },
+                Some(own) => own + REJECTED,
+            };
+        }
+    }
+    Ok(())
+}
+
+/// Net displacement over time, m/s: the method asks for 1 (k_c / 10 metres at 10 Hz).
+fn displacement_mps(samples: &[Sample]) -> f64 {
+    let (Some(first), Some(last)) = (samples.first(), samples.last()) else { return 0.0 };
+    first.position.distance(last.position) / (samples.len() as f64 * DT_S)
+}
+
+/// Largest |Δθ| / (|Δs| + 1e-6), 1/m.
+fn curvature_1pm(samples: &[Sample]) -> f64 {
+    let bend = |pair: &[Sample]| {
+        let turn = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad).abs();
+        turn / (pair[0].position.distance(pair[1].position) + 1e-6)
+    };
+    samples.windows(2).map(bend).fold(0.0, f64::max)
+}
+
+fn starts_in_the_ego(judged: &Judged<'_>, samples: &[Sample]) -> bool {
+    let ego = judged.situation.ego.body(judged.from_step);
+    samples.first().zip(ego).is_some_and(|(first, ego)| judged.situation.body(judged.actor, first).overlaps(ego))
+}
+
+#[cfg(test)]
+mod tests;

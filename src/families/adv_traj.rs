@@ -1,0 +1,94 @@
+//! AT's port to SafeBench (`adv_trajectory`; Zhang et al. 2022): the scripted adversary of a traffic family steers at 100
+//! points of a straight path, one a tick, each moved sideways by at most 1 to 3 m, found by black-box queries.
+//!
+//! Speeds of 30 and 10 in the port's controller are taken as km/h, where alone they make sense; family 3's leader
+//! follows the points at 3 m/s. The search and the smoothing are those of AdvSim's stand-in here: the port ships
+//! optimised sequences, we search.
+
+use super::grammar::{integer, number, parameter};
+use super::interface::own;
+use super::profile_search::{self, Profiled};
+use crate::adapters::Family;
+use crate::motion::script_space::Perturbation;
+use crate::scene::safebench::TrafficFamily;
+use crate::sim::{Phase, Until};
+use crate::stage::{Part, Settings, Stage, StageError};
+
+/// The family's name in programs, experiments and tables.
+pub const NAME: &str = "adv_traj";
+/// Motion operator: the space of lateral profiles.
+pub const LATERAL_SEQUENCE: &str = "lateral_sequence";
+/// Search operator: queries of whole scenarios.
+pub const LATERAL_QUERIES: &str = "lateral_queries";
+const PREFIX: &str = "lateral_";
+
+/// Contract and parent.
+pub fn family() -> Family {
+    let share = "largest sideways move over the port's bound of 3, 2 or 1 m; 1 as ported";
+    let smoothing = "neighbouring numbers that are averaged; 1: none";
+    let shift = "added to the port's trigger distance";
+    let motion = vec![
+        own(parameter("lateral_share", number(0.05, 1.0, "1"), share), 1.0),
+        own(parameter("lateral_pace", number(0.3, 2.0, "1"), "target speed over the port's; 1 as ported"), 1.0),
+        own(parameter("lateral_smoothing", integer(1, 20, "1"), smoothing), 1.0),
+        own(parameter("lateral_trigger_shift_m", number(-15.0, 15.0, "m"), shift), 0.0),
+    ];
+    profile_search::family(Profiled {
+        name: NAME,
+        title: "AT: adversarial trajectories (Zhang et al. 2022), SafeBench's port",
+        describes: "Moves 100 points of a scripted road user's straight path sideways within a fixed bound and lets it \
+                    steer at one point a tick. Each query simulates the scenario against the ego; contact ends the \
+                    search, nearness guides it.",
+        space: LATERAL_SEQUENCE,
+        space_describes: "The scripted adversary steering at 100 points beside its straight path, one a tick.",
+        motion,
+        queries: LATERAL_QUERIES,
+        prefix: PREFIX,
+        loss: "lateral_loss",
+    })
+}
+
+/// Bound of a move sideways and length of the planned path, metres.
+pub fn bounds_m(family: TrafficFamily) -> (f64, f64) {
+    match family.number() {
+        1 | 2 => (1.0, 20.0),
+        3 | 4 => (2.0, 50.0),
+        _ => (3.0, 100.0),
+    }
+}
+
+/// Target speed, m/s.
+fn target_mps(family: TrafficFamily) -> f64 {
+    match family.number() {
+        1 | 2 => 10.0 / 3.6,
+        3 => 3.0,
+        _ => 30.0 / 3.6,
+    }
+}
+
+/// Trigger distances of the port, metres.
+fn trigger_m(family: TrafficFamily) -> f64 {
+    [35.0, 17.0, 35.0, 45.0, 40.0, 50.0, 45.0, 40.0][family.number() - 1]
+}
+
+/// The scripted scenario with a lateral profile in place of its adversary's path.
+pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    profile_search::start(stage, parts, |family| {
+        let trigger_m = (trigger_m(family) + settings.number("lateral_trigger_shift_m")?).max(0.0);
+        let (bound_m, length_m) = bounds_m(family);
+        let lead = (family == TrafficFamily::LaneChanging).then(|| Phase::straight(12.0, Until::Driven { m: 2.0 }));
+        let perturbation = Perturbation::Lateral {
+            amplitude_m: settings.number("lateral_share")? * bound_m,
+            length_m,
+            mps: settings.number("lateral_pace")? * target_mps(family),
+            lead,
+            smoothing: settings.count("lateral_smoothing")?,
+        };
+        Ok((vec![("trigger_m", trigger_m), ("oncoming_gap_m", 20.0)], perturbation))
+    })
+}
+
+/// Queries of lateral profiles.
+pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    profile_search::search(stage, settings, PREFIX, parts)
+}

@@ -1,0 +1,114 @@
+//! LLM-Attacker (Mei et al. 2025): who attacks is searched with feedback. A few vehicles are proposed, each is given CAT's
+//! trajectory, the attack is tried against the driver, and what went wrong decides who attacks how in the next round.
+//!
+//! The paper's agents propose the attackers of a scene, reflect on what became of them and modify the set; their texts and
+//! code are not public. So they do here, before any program of a lineage meets the scene: a model is shown the vehicles
+//! and answers with attackers, the parent program carries them out with no search of its own (`counsel`), and the model
+//! is told why the attack failed and answers again. What worked best is the scene's counsel: recorded, and from then
+//! on an input of every compilation for that scene. `counsel_weight` says how far a program trusts it, from 0 for not
+//! at all, and the program's own expressions may read who was advised (`counsel_rank`), so both can be evolved.
+//! Compiling stays pure: within it, proposal, reflection and modification are rules (`deliberation`) that begin with the
+//! advised set and go on by themselves, and that stand alone where nobody gave counsel.
+
+pub mod contract;
+pub mod counsel;
+pub mod deliberation;
+pub mod reflection;
+
+pub use contract::family;
+
+use super::prior;
+use crate::kernel::num;
+use crate::scene::TrackIx;
+use crate::stage::actors::ActorFacts;
+use crate::stage::{Part, Settings, Stage, StageError};
+
+pub use deliberation::search;
+
+/// The family's name in programs, experiments and tables.
+pub const NAME: &str = "llm_attacker";
+/// Actor operator: vehicles that may attack, most promising first.
+pub const ATTACKER_POOL: &str = "attacker_pool";
+/// Motion operator: candidates of the lane-graph prior for each of them.
+pub const ATTACKER_PRIOR: &str = "attacker_prior";
+/// Search operator: propose, evaluate, reflect.
+pub const DELIBERATION: &str = "attacker_deliberation";
+/// Feature: place among the advised attackers, from 1; 0 for a vehicle that is not advised.
+pub const COUNSEL_RANK: &str = "counsel_rank";
+/// Parameter: what being advised is worth.
+const COUNSEL_WEIGHT: &str = "counsel_weight";
+/// Prefix of the prior's words in this family.
+const PRIOR: &str = "attacker_";
+
+/// Weights of the first proposal's score.
+const WEIGHTS: [&str; 5] =
+    ["urgency_weight", "nearness_weight", "conflict_weight", "lane_relation_weight", "behind_weight"];
+/// Time scale of the urgency, s, and length scale of the nearness, metres.
+const URGENCY_S: f64 = 3.0;
+const NEARNESS_M: f64 = 20.0;
+
+/// Vehicles by the first proposal's score (all of it but whether they can reach the ego, which only candidates tell).
+pub fn pool(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
+    let size = settings.count("pool_size")?;
+    let weights = weights(settings)?;
+    let trust = settings.number(COUNSEL_WEIGHT)?;
+    let replaces = settings.word("combine")? == "replace";
+    let rank_of = |track: TrackIx| stage.counsel.and_then(|counsel| counsel.rank(track)).unwrap_or(0) as f64;
+    let readable = |(track, facts): (TrackIx, &ActorFacts)| [&facts.values[..], &[rank_of(track)]].concat();
+    let score = |(track, facts): (TrackIx, &ActorFacts)| {
+        let own = settings.optional("score").map(|module| module.number(readable((track, facts))));
+        let promised = match own {
+            Some(own) if replaces => own,
+            Some(own) => own + promise(facts, &weights),
+            None => promise(facts, &weights),
+        };
+        promised + if rank_of(track) > 0.0 { trust } else { 0.0 }
+    };
+    let guard = settings.optional("guard");
+    let admitted = known(stage).filter(|vehicle| guard.is_none_or(|guard| guard.boolean(readable(*vehicle))));
+    let mut ranked: Vec<(TrackIx, f64)> = admitted.map(|vehicle| (vehicle.0, score(vehicle))).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    ranked.truncate(size.max(1));
+    Ok(ranked.into_iter().map(|(track, _)| track).collect())
+}
+
+/// Vehicles that may attack, in the scene's order.
+fn known<'s>(stage: &Stage<'s>) -> impl Iterator<Item = (TrackIx, &'s ActorFacts)> + use<'s> {
+    stage.situation.actors.iter().enumerate().filter_map(|(track, facts)| Some((track, facts.as_ref()?)))
+}
+
+fn weights(settings: &Settings) -> Result<[f64; WEIGHTS.len()], StageError> {
+    let mut weights = [0.0; WEIGHTS.len()];
+    for (weight, name) in weights.iter_mut().zip(WEIGHTS) {
+        *weight = settings.number(name)?;
+    }
+    Ok(weights)
+}
+
+/// e^(-TTC/3) + 0.7 e^(-d/20) + 0.5 conflict + 0.3 same or adjacent lane - 0.5 behind, with the program's weights.
+fn promise(facts: &ActorFacts, [urgency, nearness, conflict, lane, behind]: &[f64; WEIGHTS.len()]) -> f64 {
+    let value = |name: &str| facts.value(name).unwrap_or(0.0);
+    let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
+    let collision_s = time_to_collision_s(facts).unwrap_or(f64::INFINITY);
+    let beside = value("same_lane") != 0.0 || value("adjacent_lane") != 0.0;
+    urgency * num::exp(-collision_s / URGENCY_S)
+        + nearness * num::exp(-value("gap_m") / NEARNESS_M)
+        + conflict * value("paths_cross")
+        + lane * flag(beside)
+        - behind * value("behind")
+}
+
+/// Gap over closing speed; `None` where the distance does not shrink.
+fn time_to_collision_s(facts: &ActorFacts) -> Option<f64> {
+    let closing_mps = facts.value("closing_speed_mps").filter(|mps| *mps > 0.1)?;
+    Some(facts.value("gap_m")? / closing_mps)
+}
+
+/// Candidates of the lane-graph prior for every vehicle of the pool.
+pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    prior::propose(stage, &prior::options(settings, PRIOR)?, parts);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,274 @@
+//! The source families: one file each with its contract, its parent program and its signature mechanism.
+
+pub mod adv_bmt;
+pub mod adv_traj;
+pub mod advsim;
+pub mod at;
+pub mod cat;
+pub mod chatscene;
+pub mod grammar;
+pub mod human;
+pub mod interface;
+pub mod king;
+pub mod llm_attacker;
+pub mod prior;
+pub mod profile_search;
+pub mod sage;
+pub mod seal;
+pub mod staged;
+pub mod strive;
+
+use crate::adapters::Registry;
+use crate::objects::{FamilyName, composition::TemplateForm};
+use crate::stage::{ActorOperator, Operator};
+
+/// Every family that can be evolved.
+pub fn registry() -> Registry {
+    Registry::new([
+        cat::family(),
+        at::family(),
+        seal::family(),
+        adv_bmt::family(),
+        sage::family(),
+        llm_attacker::family(),
+        king::family(),
+        strive::family(),
+        human::family(),
+        advsim::family(),
+        adv_traj::family(),
+        chatscene::family(),
+    ])
+}
+
+/// What a motion or search kind does; `None` for kinds of other slots, which the compiler knows itself.
+pub fn operator(kind: &str) -> Option<Operator> {
+    match kind {
+        cat::LANE_GRAPH_PRIOR => Some(cat::motion),
+        cat::COLLISION_POSTERIOR => Some(cat::search),
+        at::BOUNDED_OFFSETS => Some(at::motion),
+        at::PARTICLE_SWARM => Some(at::search),
+        at::OFFSET_GRADIENT => Some(at::descend),
+        king::STEERED_ACTIONS => Some(king::motion),
+        king::KINEMATIC_DESCENT => Some(king::search),
+        strive::LATENT_MOTION => Some(strive::motion),
+        strive::LATENT_DESCENT => Some(strive::search),
+        adv_bmt::REVERSE_TOKENS => Some(adv_bmt::motion),
+        adv_bmt::REJECTION => Some(adv_bmt::search),
+        llm_attacker::ATTACKER_PRIOR => Some(llm_attacker::motion),
+        llm_attacker::DELIBERATION => Some(llm_attacker::search),
+        sage::MIXED_EXPERTS => Some(sage::motion),
+        sage::PREFERENCE_REWARD => Some(sage::search),
+        seal::OPPONENT_PRIOR => Some(seal::motion),
+        seal::CRITICAL_DEVIATION => Some(seal::search),
+        human::PARAMETER_GRID => Some(human::motion),
+        human::GRID_ORDER => Some(human::search),
+        advsim::SPEED_SEQUENCE => Some(advsim::motion),
+        advsim::SPEED_QUERIES => Some(advsim::search),
+        adv_traj::LATERAL_SEQUENCE => Some(adv_traj::motion),
+        adv_traj::LATERAL_QUERIES => Some(adv_traj::search),
+        chatscene::SCENE_TEMPLATE => Some(chatscene::motion),
+        chatscene::RANGE_SHRINKING => Some(chatscene::search),
+        _ => None,
+    }
+}
+
+/// Who an actor kind of a family's own makes an adversary; `None` for the kinds that the compiler knows itself.
+pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
+    match kind {
+        adv_bmt::INSERTED_ACTOR => Some(adv_bmt::actor),
+        llm_attacker::ATTACKER_POOL => Some(llm_attacker::pool),
+        staged::SCRIPTED_ACTOR => Some(staged::actor),
+        _ => None,
+    }
+}
+
+/// Whether a family's parent is composed from descriptions: of what `template_forms` says, with `chatscene::put`.
+pub fn takes_templates(family: &FamilyName) -> bool {
+    family.as_str() == chatscene::NAME
+}
+
+/// What a template may be composed of, a form for each kind of scenario.
+pub fn template_forms() -> Vec<TemplateForm> {
+    chatscene::forms()
+}
+
+/// Whether a family's programs are compiled with the counsel of a model about who attacks in a scene. It is taken with
+/// `llm_attacker::counsel`.
+pub fn takes_counsel(family: &FamilyName) -> bool {
+    family.as_str() == llm_attacker::NAME
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adapters::{Contract, Domain, Family};
+    use crate::compiler::{CompileFailure, Compiled, compile};
+    use crate::ego;
+    use crate::kernel::Seed;
+    use crate::objects::{ParameterValue, Program, Setting};
+    use crate::scene::Scene;
+    use crate::scene::fixture::two_lane_scene;
+    use crate::scene::safebench::TrafficFamily;
+    use crate::sim;
+    use crate::stage::Situation;
+    use crate::synth::{SynthOptions, WorldKind, family_scene, pool_member};
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+    use std::sync::{Arc, LazyLock};
+
+    /// A scene against the IDM ego, and what a family's parent makes of it.
+    pub fn compiled(family: &str, scene: Scene) -> (Situation, Compiled) {
+        let family = registry().get(&FamilyName::new(family)).unwrap().clone();
+        let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
+        let compiled = built(&family, &family.parent, &situation);
+        (situation, compiled)
+    }
+
+    /// Generated scenes, kind after kind.
+    pub fn worlds(count: usize) -> impl Iterator<Item = Scene> {
+        let options = SynthOptions { warm_up_s: 12.0, tracks_per_scene: 20, ..crate::scene::fixture::worlds() };
+        (0..count).map(move |index| pool_member(&options, Seed(11), index).unwrap())
+    }
+
+    /// What a legal program makes of a situation.
+    pub fn built(family: &Family, program: &Program, situation: &Situation) -> Compiled {
+        compile(program, &family.contract, situation, Seed(1)).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    fn fits(domain: &Domain, value: &ParameterValue) -> bool {
+        match (domain, value) {
+            (Domain::Number { low, high, .. }, ParameterValue::Number(x)) => (*low..=*high).contains(x),
+            (Domain::Integer { low, high, .. }, ParameterValue::Number(x)) => {
+                x.fract() == 0.0 && (*low as f64..=*high as f64).contains(x)
+            }
+            (Domain::Choice { options }, ParameterValue::Choice(word)) => options.contains(word),
+            _ => false,
+        }
+    }
+
+    /// Every word by which a contract could be recognised.
+    fn words(contract: &Contract) -> BTreeSet<String> {
+        let kinds = contract.operators.values().flatten();
+        let mut words: BTreeSet<String> = kinds.clone().map(|o| o.kind.clone()).collect();
+        words.extend(kinds.flat_map(|o| o.settings.keys().cloned()));
+        words.extend(contract.parameters.keys().cloned());
+        words.extend(contract.mechanism_slots.keys().cloned());
+        let read = contract.mechanism_slots.values().flat_map(|slot| &slot.features);
+        words.extend(read.map(|feature| feature.name.to_string()));
+        words
+    }
+
+    fn check_parent(family: &Family) {
+        let (contract, parent) = (&family.contract, &family.parent);
+        assert!(parent.parameters.keys().eq(contract.parameters.keys()), "a parent sets each parameter once");
+        for (name, value) in &parent.parameters {
+            assert!(fits(&contract.parameters[name].domain, value), "{name} = {value:?}");
+        }
+        for (name, node) in &parent.operator_graph {
+            let spec = contract.operators[&node.slot].iter().find(|o| o.kind == node.kind).unwrap();
+            assert_eq!(spec.inputs.len(), node.inputs.len(), "{name}");
+            for (setting, spec) in &spec.settings {
+                assert!(!spec.required || node.settings.contains_key(setting), "{name} lacks {setting}");
+            }
+            for (setting, value) in &node.settings {
+                let value = match value {
+                    Setting::Parameter(r) => parent.parameters[&r.parameter].clone(),
+                    Setting::Choice(word) => ParameterValue::Choice(word.clone()),
+                    Setting::Number(number) => ParameterValue::Number(*number),
+                    Setting::Mechanism(r) => panic!("a parent has no module {}", r.mechanism),
+                };
+                assert!(fits(&spec.settings[setting].domain, &value), "{name}.{setting} = {value:?}");
+            }
+        }
+    }
+
+    /// A legal program somewhere in the family's space: numbers and words drawn by shares of their ranges.
+    fn drawn(family: &Family, shares: &[f64]) -> Program {
+        let mut program = family.parent.clone();
+        let mut share = shares.iter().copied().cycle();
+        let mut next = || share.next().unwrap_or(0.5);
+        for (name, spec) in &family.contract.parameters {
+            let value = match &spec.domain {
+                Domain::Number { low, high, .. } => low + (high - low) * next(),
+                Domain::Integer { low, high, .. } => (*low as f64 + (high - low) as f64 * next()).round(),
+                _ => continue,
+            };
+            program.parameters.insert(name.clone(), ParameterValue::Number(value));
+        }
+        for node in program.operator_graph.values_mut() {
+            let spec = family.contract.operator(node.slot, &node.kind).unwrap();
+            for (name, setting) in &mut node.settings {
+                if let Domain::Choice { options } = &spec.settings[name].domain {
+                    let place = (next() * options.len() as f64) as usize;
+                    *setting = Setting::Choice(options[place.min(options.len() - 1)].clone());
+                }
+            }
+        }
+        program
+    }
+
+    static SITUATIONS: LazyLock<Vec<Situation>> = LazyLock::new(|| {
+        let mut scenes: Vec<Scene> = worlds(WorldKind::ALL.len()).collect();
+        scenes.push(two_lane_scene());
+        // Nothing but the ego and a vehicle that is seen for a second; no lane.
+        let mut bare = two_lane_scene();
+        bare.road.lanes.clear();
+        bare.objects_of_interest.clear();
+        bare.tracks.truncate(1);
+        bare.tracks[0].samples[10..].fill(None);
+        scenes.push(bare);
+        scenes.push(family_scene(TrafficFamily::VehiclePassing, 5, Seed(7)));
+        scenes.push(family_scene(TrafficFamily::TurningObstacle, 5, Seed(7)));
+        let situation = |scene| Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
+        scenes.into_iter().map(situation).collect()
+    });
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn any_legal_program_compiles_on_any_legal_scene_or_names_a_constraint(
+            shares in prop::collection::vec(0.0..1.0f64, 13), place in 0..WorldKind::ALL.len() + 4, seed in 0u64..1000,
+        ) {
+            let situation = &SITUATIONS[place];
+            let staged = [human::NAME, advsim::NAME, adv_traj::NAME, chatscene::NAME];
+            for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME].into_iter().chain(staged) {
+                let family = registry().get(&FamilyName::new(name)).unwrap().clone();
+                match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
+                    Ok(compiled) => {
+                        let mut driver = ego::Policy::Idm.driver();
+                        let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut());
+                        prop_assert!(outcome.is_ok(), "{name}: {outcome:?}");
+                        prop_assert_eq!(compiled.decision.applies, !compiled.intervention.actions.is_empty());
+                    }
+                    Err(CompileFailure::Constraint { .. }) => {}
+                    Err(other) => prop_assert!(false, "{name}: {other}"),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_parent_obeys_its_own_contract() {
+        registry().iter().for_each(check_parent);
+    }
+
+    #[test]
+    fn no_family_speaks_another_familys_private_words() {
+        for one in registry().iter() {
+            for other in registry().iter().filter(|o| o.contract.family != one.contract.family) {
+                let theirs = words(&other.contract);
+                let shared: Vec<_> = one.contract.private_vocabulary.iter().filter(|w| theirs.contains(*w)).collect();
+                assert!(shared.is_empty(), "{} shares {shared:?}", other.contract.family);
+            }
+        }
+    }
+
+    #[test]
+    fn private_words_are_words_of_the_contract() {
+        for family in registry().iter() {
+            let own = words(&family.contract);
+            let strange: Vec<_> = family.contract.private_vocabulary.iter().filter(|w| !own.contains(*w)).collect();
+            assert!(strange.is_empty(), "{strange:?}");
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! What AdvSim and the AT port share: a profile of 100 numbers over a traffic family's scripted scenario, searched by
+//! queries that each simulate the whole scenario. Every family names the same figures in words of its own.
+
+use std::sync::Arc;
+
+use super::grammar::{self, integer, number, optional, parameter};
+use super::interface::{self, Own, OwnParameter, own};
+use super::staged;
+use crate::adapters::Family;
+use crate::kernel::num;
+use crate::motion::script_space::{PROFILE_VALUES, Perturbation, ScriptSpace};
+use crate::motion::traffic_family::{self, actions, standard};
+use crate::objects::{Slot, ValueType};
+use crate::scene::safebench::{Stage as Places, TrafficFamily};
+use crate::search::query_search::{Answer, Queries, ask_all};
+use crate::stage::judged::Judged;
+use crate::stage::{Part, Settings, Stage, StageError, scripted};
+
+/// What a source of searched profiles says of itself.
+pub struct Profiled {
+    pub name: &'static str,
+    pub title: &'static str,
+    pub describes: &'static str,
+    /// Motion operator: the space of profiles, and its parameters.
+    pub space: &'static str,
+    pub space_describes: &'static str,
+    pub motion: Vec<OwnParameter>,
+    /// Search operator, and what the names of its parameters begin with.
+    pub queries: &'static str,
+    pub prefix: &'static str,
+    /// Mechanism that adds to the search's loss.
+    pub loss: &'static str,
+}
+
+/// Contract and parent of a source.
+pub fn family(of: Profiled) -> Family {
+    let search = parameters(of.prefix);
+    let mut graph = staged::graph_start();
+    let values = interface::from_parameters(&of.motion);
+    graph.push(interface::node("motion", Slot::Motion, of.space, &["timing"], values));
+    let values = interface::from_parameters(&search);
+    graph.push(interface::node("search", Slot::Search, of.queries, &["motion"], values));
+    graph.push(interface::best_of_search());
+    let settings = of.motion.iter().map(interface::follows).collect();
+    let space = interface::operator(Slot::Motion, of.space, settings, of.space_describes);
+    let mut settings: Vec<_> = search.iter().map(interface::follows).collect();
+    settings.push(optional("loss", of.loss, "added to the search's own loss of a simulated scenario"));
+    let queries = interface::operator(
+        Slot::Search,
+        of.queries,
+        settings,
+        "Simulates profiles one after the other, each a change of the best so far, until the ego collides.",
+    );
+    staged::family(Own {
+        name: of.name,
+        title: of.title,
+        describes: of.describes.into(),
+        words: vec![of.space, of.queries, of.loss],
+        parameters: of.motion.into_iter().chain(search).collect(),
+        operators: vec![(Slot::Motion, space), (Slot::Search, queries)],
+        without_shared: staged::WITHOUT_SHARED,
+        mechanism_slots: vec![grammar::slot(
+            of.loss,
+            ValueType::Number,
+            grammar::candidate_features(),
+            "A loss of a simulated scenario by its adversary's motion, smaller is better; added to distance and contact.",
+        )],
+        graph,
+    })
+}
+
+/// Parameters of the search; each name begins with `prefix`.
+fn parameters(prefix: &str) -> Vec<OwnParameter> {
+    let named = |name: &str, domain, describes: &str, value| {
+        own(parameter(&format!("{prefix}{name}"), domain, describes), value)
+    };
+    vec![
+        named("query_count", integer(1, 50, "1"), "most simulations of a search; it stops at a contact", 8.0),
+        named("query_step", number(0.02, 1.0, "1"), "largest change of a number between queries", 0.5),
+        named("changed_share", number(0.02, 1.0, "1"), "share of the 100 numbers that a query changes", 0.3),
+    ]
+}
+
+/// Figures of a traffic family's script that a source sets by their names, where the script has them, and what its
+/// profiles stand in for.
+pub type Setting = (Vec<(&'static str, f64)>, Perturbation);
+
+/// Puts every part at the middle of the space over the stage's scripted scenario; where that finds no place on the road,
+/// nothing is put.
+pub fn start(
+    stage: &Stage<'_>,
+    parts: &mut [Part],
+    setting: impl FnOnce(TrafficFamily) -> Result<Setting, StageError>,
+) -> Result<(), StageError> {
+    let Some(places) = Places::of(&stage.situation.scene) else { return Ok(()) };
+    let family = places.staging().family;
+    let (figures, perturbation) = setting(family)?;
+    let mut values = standard(family);
+    for (name, value) in figures {
+        if let Some(place) = staged::place_of(family, name) {
+            values[place] = value;
+        }
+    }
+    let Ok(base) = actions(&places, &values) else { return Ok(()) };
+    let space = ScriptSpace { base, adversary: traffic_family::adversary(family), perturbation };
+    parts.iter_mut().for_each(|part| open(stage, &space, part));
+    Ok(())
+}
+
+/// The middle of a space, simulated: where a search sets out from.
+fn open(stage: &Stage<'_>, space: &ScriptSpace, part: &mut Part) {
+    let actions = space.actions(&vec![0.5; space.dimensions()]);
+    let space = Some(Arc::new(space.clone()));
+    let middle = scripted::simulated(stage.situation, actions, adversary(&space), part.window.from_step, space);
+    part.candidates = middle.into_iter().collect();
+}
+
+fn adversary(space: &Option<Arc<ScriptSpace>>) -> usize {
+    space.as_ref().map_or(0, |space| space.adversary)
+}
+
+/// Asks for profiles until one makes the ego collide. Every query is a candidate, scored by minus its loss.
+pub fn search(stage: &Stage<'_>, settings: &Settings, prefix: &str, parts: &mut [Part]) -> Result<(), StageError> {
+    let number = |name: &str| settings.number(&format!("{prefix}{name}"));
+    let count = settings.count(&format!("{prefix}query_count"))?;
+    let queries = Queries { count, step: number("query_step")?, changed_share: number("changed_share")? };
+    let module = settings.optional("loss");
+    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    for part in parts {
+        let spaces = part.candidates.iter().filter_map(|c| c.scripted.as_ref()?.space.clone());
+        let Some(space) = spaces.into_iter().next() else { continue };
+        let (situation, actor, from_step) = (stage.situation, part.actor, part.window.from_step);
+        let judged = Judged { situation, actor, from_step, adversaries: &adversaries };
+        let ask = |place: &[f64]| {
+            let actions = space.actions(place);
+            let mut found = scripted::simulated(situation, actions, space.adversary, from_step, None)?;
+            let (own, success) = found.scripted.as_ref().map(|s| (s.loss(), s.contact))?;
+            let extra = module.map_or(0.0, |module| module.of_candidate(&found, &judged));
+            let loss = num::stored(own + extra)?;
+            found.score = -loss;
+            Some(Answer { loss, success, found })
+        };
+        let asked = ask_all(&queries, PROFILE_VALUES, &mut stage.stream("queries", actor), ask);
+        part.candidates = asked.into_iter().map(|(_, found)| found).collect();
+    }
+    Ok(())
+}

@@ -1,0 +1,201 @@
+//! What SAGE sees of a candidate: the parts of its reward, and the features over which an expert is log-linear.
+
+use crate::adapters::vocabulary;
+use crate::kernel::num;
+use crate::motion::Candidate;
+use crate::scene::{DT_S, Sample};
+use crate::stage::judged::{Judged, Needs, features};
+
+/// Names of the features in their order; scales in [`Measured::features`].
+pub const FEATURES: [&str; 10] = [
+    "lane_deviation",
+    "acceleration_rms",
+    "lateral_acceleration_rms",
+    "yaw_rate_rms",
+    "heading_total",
+    "progress_change",
+    "nearness_to_ego",
+    "approach_time",
+    "overlap",
+    "road_departure",
+];
+
+/// A corner this far beyond the lanes has left the road, metres: the simulator's tolerance.
+const OFF_ROAD_M: f64 = 0.5;
+/// Penalties of the method for leaving the road and for running into a third road user.
+const OFF_ROAD_PENALTY: f64 = 50.0;
+const BYSTANDER_PENALTY: f64 = 10.0;
+
+/// A candidate, measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    lane_deviation_m_max: f64,
+    off_road_m_max: f64,
+    bystander_gap_m_min: f64,
+    ego_distance_m_min: f64,
+    /// Time of the smallest distance since the window opened, s.
+    approach_s: f64,
+    horizon_s: f64,
+    motion: Motion,
+}
+
+/// Means over the candidate's steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Motion {
+    acceleration_rms: f64,
+    lateral_rms: f64,
+    yaw_rms: f64,
+    /// Net change of heading, absolute, rad.
+    heading_total: f64,
+    /// Mean speed less the speed at the start, m/s.
+    speed_change: f64,
+    /// 5 [mean softplus(|a| - 7) + mean softplus(|a_lat| - 6)] + 5 mean softplus(|ω| - 0.8)
+    kinematic_penalty: f64,
+    /// 5 softplus(|Δθ| - π) + 3 mean(|ω| / (v + 0.01))
+    behaviour_penalty: f64,
+}
+
+impl Measured {
+    pub fn of(candidate: &Candidate, judged: &Judged<'_>) -> Measured {
+        let needs = Needs { ego: true, road: true, bystanders: true, ..Needs::default() };
+        let values = features(candidate, judged, needs);
+        let value = |name: &str| {
+            vocabulary::CANDIDATE.iter().position(|feature| feature.name == name).map_or(0.0, |place| values[place])
+        };
+        let opened_s = judged.from_step.saturating_sub(judged.situation.scene.current_step) as f64 * DT_S;
+        Measured {
+            lane_deviation_m_max: value("lane_deviation_m_max"),
+            off_road_m_max: value("off_road_m_max"),
+            bystander_gap_m_min: value("bystander_gap_m_min"),
+            ego_distance_m_min: value("ego_distance_m_min"),
+            approach_s: (value("closest_approach_s") - opened_s).max(0.0),
+            horizon_s: candidate.samples.len() as f64 * DT_S,
+            motion: motion(&candidate.samples),
+        }
+    }
+
+    /// φ(τ), each of the order of one, in the order of [`FEATURES`].
+    pub fn features(&self) -> [f64; FEATURES.len()] {
+        let m = &self.motion;
+        let overlap = self.ego_distance_m_min == 0.0;
+        [
+            (self.lane_deviation_m_max / 1.5).min(3.0),
+            m.acceleration_rms / 3.0,
+            m.lateral_rms / 3.0,
+            m.yaw_rms / 0.3,
+            m.heading_total / num::PI,
+            m.speed_change / 5.0,
+            num::exp(-0.2 * self.ego_distance_m_min),
+            (self.approach_s / self.horizon_s.max(DT_S)).min(1.0),
+            if overlap { 1.0 } else { 0.0 },
+            self.off_road_m_max.min(3.0),
+        ]
+    }
+
+    /// R_adv: 10 (1 - t/T) on contact at t, else exp(-0.2 d) within 20 m, else 0.
+    pub fn adversarial(&self) -> f64 {
+        if self.ego_distance_m_min == 0.0 {
+            10.0 * (1.0 - (self.approach_s / self.horizon_s.max(DT_S)).min(1.0))
+        } else if self.ego_distance_m_min <= 20.0 {
+            num::exp(-0.2 * self.ego_distance_m_min)
+        } else {
+            0.0
+        }
+    }
+
+    /// Kinematic and behaviour penalties.
+    pub fn unrealism(&self) -> f64 {
+        self.motion.kinematic_penalty + self.motion.behaviour_penalty
+    }
+
+    /// 50 off the road, 10 more through a third road user.
+    pub fn map_penalty(&self) -> f64 {
+        let off_road = if self.off_road_m_max > OFF_ROAD_M { OFF_ROAD_PENALTY } else { 0.0 };
+        off_road + if self.bystander_gap_m_min == 0.0 { BYSTANDER_PENALTY } else { 0.0 }
+    }
+
+    /// Whether it may be used at all.
+    pub fn is_feasible(&self) -> bool {
+        self.map_penalty() == 0.0
+    }
+
+    /// a R_adv - b (kinematic + behaviour) - map
+    pub fn reward(&self, adversarial: f64, realistic: f64) -> f64 {
+        adversarial * self.adversarial() - realistic * self.unrealism() - self.map_penalty()
+    }
+}
+
+fn motion(samples: &[Sample]) -> Motion {
+    let steps = samples.len().saturating_sub(1).max(1) as f64;
+    let mut found = Motion::default();
+    let mut heading = 0.0;
+    for pair in samples.windows(2) {
+        let (speed, next) = (pair[0].speed_mps(), pair[1].speed_mps());
+        let turn = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad);
+        let (acceleration, yaw) = ((next - speed) / DT_S, turn / DT_S);
+        let mean_speed = 0.5 * (speed + next);
+        let lateral = mean_speed * yaw;
+        heading += turn;
+        found.acceleration_rms += acceleration * acceleration / steps;
+        found.lateral_rms += lateral * lateral / steps;
+        found.yaw_rms += yaw * yaw / steps;
+        found.speed_change += (mean_speed - samples[0].speed_mps()) / steps;
+        found.kinematic_penalty += 5.0
+            * (softplus(acceleration.abs() - 7.0) + softplus(lateral.abs() - 6.0) + softplus(yaw.abs() - 0.8))
+            / steps;
+        found.behaviour_penalty += 3.0 * (yaw.abs() / (mean_speed + 0.01)) / steps;
+    }
+    for square in [&mut found.acceleration_rms, &mut found.lateral_rms, &mut found.yaw_rms] {
+        *square = square.sqrt();
+    }
+    found.heading_total = heading.abs();
+    found.behaviour_penalty += 5.0 * softplus(heading.abs() - num::PI);
+    found
+}
+
+/// ln(1 + e^x) without overflow.
+fn softplus(x: f64) -> f64 {
+    x.max(0.0) + num::ln(1.0 + num::exp(-x.abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Vec2;
+
+    #[test]
+    fn softplus_by_hand() {
+        assert!((softplus(0.0) - num::ln(2.0)).abs() < 1e-15);
+        assert!((softplus(800.0) - 800.0).abs() < 1e-12 && softplus(-800.0) == 0.0);
+    }
+
+    #[test]
+    fn someone_who_drives_straight_pays_only_the_tails_of_softplus() {
+        let straight: Vec<Sample> = (0..80)
+            .map(|k| Sample { position: Vec2::new(k as f64, 0.0), heading_rad: 0.0, velocity: Vec2::new(10.0, 0.0) })
+            .collect();
+        let found = motion(&straight);
+        let tails = 5.0 * (softplus(-7.0) + softplus(-6.0) + softplus(-0.8)) + 5.0 * softplus(-num::PI);
+        assert!((found.kinematic_penalty + found.behaviour_penalty - tails).abs() < 1e-9);
+        assert_eq!((found.heading_total, found.speed_change), (0.0, 0.0));
+    }
+
+    #[test]
+    fn the_adversarial_reward_by_hand() {
+        let measured = |distance: f64| Measured {
+            lane_deviation_m_max: 0.0,
+            off_road_m_max: 0.0,
+            bystander_gap_m_min: 50.0,
+            ego_distance_m_min: distance,
+            approach_s: 2.0,
+            horizon_s: 8.0,
+            motion: Motion::default(),
+        };
+        assert_eq!(measured(0.0).adversarial(), 7.5);
+        assert!((measured(5.0).adversarial() - num::exp(-1.0)).abs() < 1e-15);
+        assert_eq!(measured(20.5).adversarial(), 0.0);
+        let off = Measured { off_road_m_max: 1.0, bystander_gap_m_min: 0.0, ..measured(0.0) };
+        assert_eq!((off.map_penalty(), off.is_feasible()), (60.0, false));
+        assert_eq!(off.reward(10.0, 1.0), 75.0 - 60.0);
+    }
+}

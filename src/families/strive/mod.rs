@@ -1,0 +1,252 @@
+//! STRIVE, stress-testing by a learned motion prior (Rempe et al. 2022): the latents of several vehicles are moved by
+//! Adam toward a crash with the planner under the prior's likelihood, who attacks being chosen softly by nearness; a
+//! scene is kept only if the ego could have avoided the crash, shown by a second search over the ego's own latent.
+//!
+//! Kept: the terms of the loss and their weights, Adam's step length and iterations, the soft choice of attackers with
+//! weights of prior and start that follow it, the exclusion of vehicles that stay behind, five-disc soft contact, the
+//! solution pass and its buffer.
+//! Declared adaptations: the learned variational prior is the linear-Gaussian latent of `kernel::latent`, so the first
+//! fit to the record is exact and needs no iterations; weights of the soft choice carry no slope; no model of the ego
+//! tracks the planner, for slopes go through the adversaries alone and the true ego is simulated instead; the search ends
+//! with the first contact; a motion that the simulated ego survives is solvable by that rollout, so the solution pass
+//! works on those that end in contact.
+
+pub mod loss;
+pub mod solution;
+
+use std::sync::Arc;
+
+use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
+use super::interface::{self, Own, OwnParameter, own};
+use crate::adapters::{Family, OperatorSpec, vocabulary};
+use crate::kernel::num;
+use crate::motion::Driven;
+use crate::motion::following;
+use crate::motion::latent::{LatentOptions, LatentSpace};
+use crate::motion::motion_prior::{self, PriorOptions};
+use crate::objects::{OperatorNode, Slot, ValueType};
+use crate::scene::DT_S;
+use crate::search::adam::Rates;
+use crate::search::descent::{self, Descent, Iterate, Mover};
+use crate::stage::{Part, Settings, Stage, StageError};
+use loss::{Loss, Others};
+use solution::{Solution, exists};
+
+/// The family's name in programs, experiments and tables.
+pub const NAME: &str = "strive";
+/// Motion operator: a latent around the record.
+pub const LATENT_MOTION: &str = "latent_motion";
+/// Search operator: Adam over latents, then the solution pass.
+pub const LATENT_DESCENT: &str = "latent_descent";
+
+/// Contract, and the parent: STRIVE's rule-based configuration for three vehicles, with the adaptations named above.
+pub fn family() -> Family {
+    let (motion, search) = (motion_parameters(), search_parameters());
+    let own = Own {
+        name: NAME,
+        title: "STRIVE: generating scenarios via a learned traffic prior (Rempe et al. 2022)",
+        describes: "Moves several recorded vehicles in the latent space of a motion prior, so that some come close to \
+                    the ego while their motion stays likely. Attackers are chosen softly by nearness. A crash is kept \
+                    only if a search over the ego's own motion finds a way to avoid it."
+            .into(),
+        words: vec![LATENT_MOTION, LATENT_DESCENT, "attacker_weight", "latent_score"],
+        operators: vec![(Slot::Motion, motion_operator(&motion)), (Slot::Search, search_operator(&search))],
+        without_shared: &[],
+        mechanism_slots: vec![
+            slot(
+                "attacker_weight",
+                ValueType::Number,
+                vocabulary::ACTOR.to_vec(),
+                "Factor of a vehicle's share in the soft choice of attackers, clamped to 0.05..20; larger attacks rather.",
+            ),
+            slot(
+                "latent_score",
+                ValueType::Number,
+                grammar::candidate_features(),
+                "A score of a motion found on the way, larger is better; the search operator says whether it is added to \
+             minus STRIVE's own loss or replaces it when the iterates are ranked.",
+            ),
+        ],
+        graph: parent_graph(&motion, &search),
+        parameters: interface::by_name(motion.into_iter().chain(search)),
+    };
+    interface::with_actor_group(own.family(), 3.0)
+}
+
+fn motion_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(parameter("latent_modes", integer(2, 6, "1"), "modes of acceleration, and as many of curvature; 4"), 4.0),
+        own(
+            parameter(
+                "acceleration_spread_mps2",
+                number(0.1, 3.0, "m/s^2"),
+                "least spread of an acceleration mode; 1.05",
+            ),
+            1.05,
+        ),
+        own(parameter("curvature_spread_1pm", number(0.001, 0.05, "1/m"), "least spread of a curvature mode"), 0.005),
+    ]
+}
+
+fn search_parameters() -> Vec<OwnParameter> {
+    vec![
+        own(parameter("latent_iterations", integer(10, 200, "1"), "iterations of Adam; 200 in STRIVE"), 200.0),
+        own(parameter("latent_rate", number(0.01, 0.5, "1"), "step length of Adam; 0.05 in STRIVE"), 0.05),
+        own(
+            parameter("planner_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1"),
+            1.0,
+        ),
+        own(parameter("crash_weight", number(0.1, 10.0, "1/m^2"), "weight of the attackers' squared distance; 2"), 2.0),
+        own(parameter("earliest_crash_s", number(0.0, 5.0, "s"), "no crash is sought before this time; 2"), 2.0),
+        own(
+            parameter("attacker_prior_weight", number(0.0, 1.0, "1"), "weight of an attacker's likelihood; 0.005"),
+            0.005,
+        ),
+        own(parameter("bystander_prior_weight", number(0.0, 5.0, "1"), "weight of the others' likelihood; 1"), 1.0),
+        own(
+            parameter(
+                "attacker_record_weight",
+                number(0.0, 2.0, "1"),
+                "weight of an attacker's way from its record; 0.05",
+            ),
+            0.05,
+        ),
+        own(
+            parameter("bystander_record_weight", number(0.0, 5.0, "1"), "weight of the others' way from theirs; 0.5"),
+            0.5,
+        ),
+        own(
+            parameter(
+                "soft_contact_weight",
+                number(0.0, 60.0, "1"),
+                "weight of contact among all but attacker and ego; 20",
+            ),
+            20.0,
+        ),
+        own(parameter("road_contact_weight", number(0.0, 60.0, "1"), "weight of corners beside the road; 20"), 20.0),
+        own(
+            parameter("solution_iterations", integer(5, 60, "1"), "iterations of each start of the solution pass"),
+            25.0,
+        ),
+        own(parameter("solution_rate", number(0.02, 1.0, "1"), "step length of the solution pass"), 0.15),
+        own(parameter("solution_buffer_m", number(0.0, 2.0, "m"), "room that the solution pass strives for; 0.5"), 0.5),
+    ]
+}
+
+fn motion_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    interface::operator(
+        Slot::Motion,
+        LATENT_MOTION,
+        parameters.iter().map(interface::follows).collect(),
+        "Cosine modes of acceleration and curvature, with mean and spread from the lane-graph prior's candidates.",
+    )
+}
+
+fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
+    let mut settings: Vec<_> = parameters.iter().map(interface::follows).collect();
+    settings.extend([
+        optional("weight", "attacker_weight", "factors of the soft choice; without it all are 1"),
+        optional("score", "latent_score", "a score of the family's own, for ranking the iterates"),
+        required("combine", choice(&["add", "replace"]), "what a given score does to STRIVE's own in that ranking"),
+    ]);
+    interface::operator(
+        Slot::Search,
+        LATENT_DESCENT,
+        settings,
+        "Adam over all latents until the ego touches an adversary; what the ego could not have avoided is rejected.",
+    )
+}
+
+fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String, OperatorNode)> {
+    let mut search = interface::from_parameters(search);
+    search.extend([interface::word("combine", "add")]);
+    vec![
+        interface::node("select", Slot::Select, "every_scene", &[], vec![]),
+        interface::actor_group(),
+        interface::after_history(),
+        interface::node("motion", Slot::Motion, LATENT_MOTION, &["timing"], interface::from_parameters(motion)),
+        interface::node("search", Slot::Search, LATENT_DESCENT, &["motion"], search),
+        interface::best_of_search(),
+    ]
+}
+
+/// Candidates of the lane-graph prior from which mean and spread are taken.
+const LIKELY: usize = 16;
+
+/// Opens every adversary's latent space around its record.
+pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let options = LatentOptions {
+        modes: settings.count("latent_modes")?,
+        acceleration_spread_mps2: settings.number("acceleration_spread_mps2")?,
+        curvature_spread_1pm: settings.number("curvature_spread_1pm")?,
+    };
+    let prior = PriorOptions { count: LIKELY, ..PriorOptions::REFERENCE };
+    for part in parts {
+        let record = following::record(&stage.situation.scene.tracks[part.actor], part.window);
+        let space = record.map(|(start, samples)| -> Arc<dyn Driven> {
+            let mut stream = stage.stream("likely", part.actor);
+            let anchor = start.sample();
+            let lanes = &stage.situation.lanes;
+            let likely = motion_prior::candidates(lanes, &anchor, samples.len(), &prior, &mut stream);
+            Arc::new(LatentSpace::new(start, &samples, &likely, &options))
+        });
+        descent::open(part, stage.situation, space);
+    }
+    Ok(())
+}
+
+/// At most this many iterates become candidates.
+const CANDIDATES_MAX: usize = 8;
+/// Adam's decays, which STRIVE leaves at their usual values.
+const DECAYS: (f64, f64) = (0.9, 0.999);
+
+/// Adam over all latents; iterates that are solvable become candidates, scored by minus their loss and below those
+/// that make contact.
+pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let (situation, rates) = (stage.situation, |rate| Rates { rate, first_decay: DECAYS.0, second_decay: DECAYS.1 });
+    let descent = Descent {
+        iterations: settings.count("latent_iterations")?,
+        rates: rates(settings.number("latent_rate")?),
+        replay_every: settings.count("planner_replay_every")?,
+    };
+    let solution = Solution {
+        iterations: settings.count("solution_iterations")?,
+        rates: rates(settings.number("solution_rate")?),
+        buffer_m: settings.number("solution_buffer_m")?,
+    };
+    let others = Others::of(situation, parts);
+    let loss = Loss {
+        attacker_weights: descent::actor_weights(situation, parts, settings.optional("weight")),
+        records: parts.iter().filter_map(|p| p.driven.as_ref()).map(|d| d.start().to_vec()).collect(),
+        from_step: situation.first_step() + (settings.number("earliest_crash_s")? / DT_S).round() as usize,
+        crash_weight: settings.number("crash_weight")?,
+        prior_weights: (settings.number("attacker_prior_weight")?, settings.number("bystander_prior_weight")?),
+        record_weights: (settings.number("attacker_record_weight")?, settings.number("bystander_record_weight")?),
+        contact_weight: settings.number("soft_contact_weight")?,
+        road_weight: settings.number("road_contact_weight")?,
+        field: situation.road_field(),
+        others: &others,
+    };
+    let iterates = descent::descend(situation, parts, &descent, |movers, ego, slopes| loss.of(movers, ego, slopes));
+    let solvable = |iterate: &Iterate| match iterate.contact {
+        Some(true) => exists(situation, &iterate.movers, &others, &solution),
+        met => met == Some(false),
+    };
+    let mut chosen = descent::selection(&iterates, CANDIDATES_MAX);
+    chosen.retain(|index| solvable(&iterates[*index]));
+    let (module, replaces) = (settings.optional("score"), settings.word("combine")? == "replace");
+    let score = |index: usize| {
+        let iterate = &iterates[index];
+        let own = if replaces && module.is_some() { 0.0 } else { iterate.loss };
+        let given = module.map_or(0.0, |module| descent::judged(situation, iterate, module, log_prior));
+        (index, descent::score(iterate.contact, own - given))
+    };
+    let scored: Vec<(usize, f64)> = chosen.into_iter().map(score).collect();
+    descent::into_candidates(parts, &iterates, &scored, log_prior);
+    Ok(())
+}
+
+/// log N(z; 0, I) but for its constant.
+fn log_prior(mover: &Mover) -> f64 {
+    -0.5 * num::sum(mover.place.iter().map(|z| z * z))
+}

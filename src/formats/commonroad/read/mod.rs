@@ -1,0 +1,222 @@
+//! CommonRoad XML, versions 2018b and 2020a: road, signs and lights, obstacles, and one scene per planning problem.
+//! Coordinates become metres from the ego's start; headings keep their axes; steps become 0.1 s.
+
+mod obstacles;
+mod problem;
+mod road;
+
+use crate::formats::import_error::{ImportError, shown};
+use crate::formats::summary::Imported;
+use crate::formats::xml_read::{Document, Element};
+use crate::kernel::{Vec2, num};
+use crate::scene::remainder::Remainder;
+use crate::scene::{DT_S, Ego, LeftOut, Origin, Scene};
+
+/// Steps of the longest scene made of a planning problem: 20 s.
+pub const STEPS_MAX: usize = 200;
+/// Samples, points of the map and light states of all scenes of a file together: each planning problem gives a scene of its own.
+const PARTS_MAX: usize = 8_000_000;
+/// Box of the ego where only a planning problem is given: CommonRoad's vehicle 2, a BMW 320i, metres.
+pub const EGO_LENGTH_M: f64 = 4.508;
+pub const EGO_WIDTH_M: f64 = 1.610;
+
+/// What the parts of this importer share about the file.
+struct File<'d> {
+    name: &'d str,
+    root: Element<'d>,
+    /// 2020a: type names for roles, signs, lights. Otherwise 2018b.
+    is_2020a: bool,
+    /// Seconds between two steps of the file.
+    dt_s: f64,
+}
+
+/// The scenes of a CommonRoad file, one per planning problem.
+///
+/// # Errors
+/// The file is not CommonRoad XML of a known version, or is inconsistent: truncated, numbers that are none, ids that
+/// occur twice, references to nothing.
+pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    let document = Document::parse(file_name, bytes)?;
+    let file = opened(file_name, document.root())?;
+    let network = road::read(&file)?;
+    let mut left_out = Vec::new();
+    let obstacles = obstacles::read(&file, &mut left_out)?;
+    if let Some(text) = document.instruction("evodrive") {
+        match exported(&file, text, &network, &obstacles) {
+            Some(scene) => return Ok(Imported { scenes: vec![scene], left_out }),
+            None => left_out.push(LeftOut {
+                file: file_name.into(),
+                what: "<?evodrive?>".into(),
+                reason: "the file was edited after its export, or exported by another version; what its CommonRoad \
+                         elements say was read, without the ego's log and route"
+                    .into(),
+            }),
+        }
+    }
+    let problems: Vec<Element<'_>> = file.root.named("planningProblem").collect();
+    if problems.is_empty() {
+        let reason = "it holds no planning problem, so nothing says where the ego starts".to_string();
+        left_out.push(LeftOut { file: file_name.into(), what: String::new(), reason });
+    }
+    let parts = network.size() + obstacles.edge_points() + STEPS_MAX * (obstacles.count() + network.light_count());
+    if problems.len().saturating_mul(parts) > PARTS_MAX {
+        let expected =
+            format!("at most {PARTS_MAX} samples, points of the map and light states in the scenes of all problems");
+        let remedy = "split the file by planning problems";
+        return Err(ImportError::new(file_name, file.root.place(), expected, remedy));
+    }
+    let benchmark = file.root.needed_attribute("benchmarkID")?;
+    let mut scenes = Vec::new();
+    for element in &problems {
+        let problem = problem::read(&file, element, &network)?;
+        let id = match problems.len() {
+            1 => benchmark.to_string(),
+            _ => format!("{benchmark}#{}", problem.id),
+        };
+        match scene(&file, id.clone(), &problem, &network, &obstacles) {
+            Ok(scene) => match scene.validate().first() {
+                None => scenes.push(scene),
+                Some(broken) => left_out.push(LeftOut {
+                    file: file_name.into(),
+                    what: id,
+                    reason: format!("it breaks a rule of a sound scene: {broken}"),
+                }),
+            },
+            Err(reason) => left_out.push(LeftOut { file: file_name.into(), what: id, reason }),
+        }
+    }
+    document.was_read_whole()?;
+    Ok(Imported { scenes, left_out })
+}
+
+/// What the CommonRoad elements of an export of this project say, without what stands in its instruction.
+pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, ImportError> {
+    let document = Document::parse(file_name, bytes)?;
+    let file = opened(file_name, document.root())?;
+    let network = road::read(&file)?;
+    let obstacles = obstacles::read(&file, &mut Vec::new())?;
+    unplanned(&file, &network, &obstacles)
+}
+
+/// The very scene that was exported; `None` where the file does not say what it said then.
+fn exported(file: &File<'_>, text: &str, network: &road::Network, obstacles: &obstacles::Obstacles) -> Option<Scene> {
+    let remainder = Remainder::from_text(text)?;
+    let read = unplanned(file, network, obstacles).ok()?;
+    remainder.laid_over(&read, &origin(file))
+}
+
+/// The scene in the file's own coordinates and time, for its first planning problem; without a route.
+fn unplanned(file: &File<'_>, network: &road::Network, obstacles: &obstacles::Obstacles) -> Result<Scene, ImportError> {
+    let element = file.root.needed_child("planningProblem")?;
+    let problem = problem::read(file, &element, network)?;
+    let id = file.root.needed_attribute("benchmarkID")?.to_string();
+    let last_s = obstacles.last_s().max(problem.goal_step.map_or(0.0, |step| step * file.dt_s));
+    let ego = problem::unplanned_ego(&problem);
+    Ok(assembled(file, id, (0.0, Vec2::ZERO), last_s, ego, network, obstacles))
+}
+
+fn opened<'d>(name: &'d str, root: Element<'d>) -> Result<File<'d>, ImportError> {
+    if root.name() != "commonRoad" {
+        return Err(root.refuse(format!("a root element <commonRoad>, found <{}>", shown(root.name()))));
+    }
+    let version = root.needed_attribute("commonRoadVersion")?;
+    let is_2020a = match version {
+        "2020a" => true,
+        "2018b" => false,
+        other => {
+            let expected = format!("commonRoadVersion 2018b or 2020a, found {:?}", shown(other));
+            let remedy = "convert it with commonroad-io's file reader and writer";
+            return Err(ImportError::new(name, root.place(), expected, remedy));
+        }
+    };
+    let dt_s = root.number_attribute("timeStepSize")?;
+    if !(0.01..=1.0).contains(&dt_s) {
+        return Err(root.refuse(format!("timeStepSize from 0.01 to 1 s, found {dt_s}")));
+    }
+    Ok(File { name, root, is_2020a, dt_s })
+}
+
+fn scene(
+    file: &File<'_>,
+    id: String,
+    problem: &problem::Problem,
+    network: &road::Network,
+    obstacles: &obstacles::Obstacles,
+) -> Result<Scene, String> {
+    let ego = problem::ego(problem, network)?;
+    let start_s = problem.start_step * file.dt_s;
+    let last_seen_s = obstacles.last_s() - start_s;
+    let goal_s = problem.goal_step.map_or(0.0, |step| step * file.dt_s - start_s);
+    let needed_s = last_seen_s.max(goal_s).max(problem::driving_time_s(&ego));
+    Ok(assembled(file, id, (start_s, problem.position), needed_s, ego, network, obstacles))
+}
+
+/// The scene that begins at a time and has its origin at a place of the file.
+fn assembled(
+    file: &File<'_>,
+    id: String,
+    (start_s, here): (f64, Vec2),
+    needed_s: f64,
+    ego: Ego,
+    network: &road::Network,
+    obstacles: &obstacles::Obstacles,
+) -> Scene {
+    let steps = ((needed_s / DT_S + 1e-6).floor().max(0.0) as usize + 1).clamp(2, STEPS_MAX);
+    let mut scene = Scene {
+        id,
+        origin: origin(file),
+        steps,
+        current_step: 0,
+        road: network.shifted(here),
+        tracks: obstacles.tracks(start_s, here, steps),
+        ego,
+        objects_of_interest: vec![],
+        lights: network.lights_over(steps, start_s, file.dt_s, here),
+        stop_signs: network.stop_signs_from(here),
+        crosswalks: network.crosswalks.iter().map(|line| shifted(line, here)).collect(),
+        staging: None,
+    };
+    scene.road.edges = obstacles.edges.iter().map(|line| shifted(line, here)).collect();
+    scene.ego.track.samples.resize(steps, None);
+    scene
+}
+
+fn origin(file: &File<'_>) -> Origin {
+    let format = if file.is_2020a { "commonroad-2020a" } else { "commonroad-2018b" };
+    Origin { format: format.into(), name: file.name.into() }
+}
+
+fn shifted(line: &[Vec2], origin: Vec2) -> Vec<Vec2> {
+    line.iter().map(|p| *p - origin).collect()
+}
+
+/// `<point><x/><y/></point>`; a height is not read.
+fn point(element: &Element<'_>) -> Result<Vec2, ImportError> {
+    Ok(Vec2::new(element.needed_child("x")?.number()?, element.needed_child("y")?.number()?))
+}
+
+/// `<exact>`, or the middle of `<intervalStart>` and `<intervalEnd>`.
+fn exact_or_middle(element: &Element<'_>) -> Result<f64, ImportError> {
+    match element.child("exact") {
+        Some(exact) => exact.number(),
+        None => {
+            let from = element.needed_child("intervalStart")?.number()?;
+            let to = element.needed_child("intervalEnd")?.number()?;
+            Ok(from + 0.5 * (to - from))
+        }
+    }
+}
+
+/// Like [`exact_or_middle`] for angles: the middle of the arc that is run through counter-clockwise.
+fn angle(element: &Element<'_>) -> Result<f64, ImportError> {
+    exact_or_middle(element).map(num::wrap_angle)
+}
+
+/// A time as a step of the file, from 0 to 1 million.
+fn step(element: &Element<'_>) -> Result<f64, ImportError> {
+    let step = element.integer()?;
+    if !(0..=1_000_000).contains(&step) {
+        return Err(element.refuse(format!("a step from 0 to 1000000, found {step}")));
+    }
+    Ok(step as f64)
+}

@@ -1,0 +1,29 @@
+//! The formats people have, each in a folder of its own with both ways side by side: pure functions between bytes and
+//! scenes. One bad file never stops the others; what is left out, or cannot be held, is named with its reason.
+
+pub mod assemble;
+pub mod centreline;
+pub mod commonroad;
+pub mod export_error;
+#[cfg(test)]
+mod export_tests;
+pub mod gpudrive;
+#[cfg(test)]
+mod hostile;
+pub mod import_error;
+pub mod opendrive;
+pub mod openscenario;
+pub mod resample;
+pub mod safebench;
+pub mod scenarionet;
+pub mod staging;
+pub mod summary;
+pub mod topology;
+pub mod waymo;
+pub mod xml_read;
+pub mod xml_write;
+
+pub use export_error::{ExportError, Exported, Note};
+pub use import_error::ImportError;
+pub use staging::{Inserted, Staging};
+pub use summary::{ImportSummary, Imported, import_files};

@@ -1,0 +1,6 @@
+//! OpenDRIVE roads, both ways.
+
+pub mod read;
+pub mod write;
+
+pub use read::road;

@@ -1,0 +1,234 @@
+//! Lane sections: offsets and widths to lanes in driving direction, with their neighbours across the section.
+
+use super::plan_view::{self, Geometry};
+use super::{Network, ROAD_LENGTH_MAX_M, cubic, cubics};
+use crate::formats::centreline::{Across, lines, thinned};
+use crate::formats::import_error::ImportError;
+use crate::formats::xml_read::Element;
+use crate::kernel::Vec2;
+use crate::scene::{Lane, LaneIx, LaneKind, Neighbour};
+
+/// Stations of a lane before thinning, metres apart.
+const SPACING_M: f64 = 1.0;
+const SECTIONS_MAX: usize = 10_000;
+const LANES_MAX: usize = 200;
+/// Stations of all lanes of a file, those of lanes that are not kept included.
+const POINTS_MAX: usize = 8_000_000;
+/// Lanes of a file.
+const LANES_IN_ALL_MAX: usize = 200_000;
+/// Type records of a road.
+const TYPES_MAX: usize = 1000;
+/// A lane that is nowhere wider than this is none, metres.
+const WIDTH_MIN_M: f64 = 0.1;
+
+/// Adds all lanes of a road.
+pub(super) fn add(network: &mut Network, id: &str, road: &Element<'_>) -> Result<(), ImportError> {
+    let length_m = road.number_attribute("length")?;
+    if !(length_m > 0.0 && length_m <= ROAD_LENGTH_MAX_M) {
+        return Err(road.refuse(format!("a length above 0, at most {ROAD_LENGTH_MAX_M} m, found {length_m}")));
+    }
+    let line = plan_view::read(road)?;
+    if road.named("type").nth(TYPES_MAX).is_some() {
+        return Err(road.refuse(format!("at most {TYPES_MAX} types")));
+    }
+    let lanes = road.needed_child("lanes")?;
+    let offsets = cubics(&lanes, "laneOffset", "s")?;
+    let mut sections: Vec<(f64, Element<'_>)> = Vec::new();
+    for section in lanes.named("laneSection") {
+        sections.push((section.number_attribute("s")?, section));
+    }
+    if sections.is_empty() || sections.len() > SECTIONS_MAX || sections.windows(2).any(|w| w[1].0 < w[0].0) {
+        return Err(lanes.refuse(format!("1 to {SECTIONS_MAX} lane sections in order")));
+    }
+    network.sections.insert(id.to_string(), sections.len());
+    for (index, (from_m, section)) in sections.iter().enumerate() {
+        let to_m = sections.get(index + 1).map_or(length_m, |next| next.0);
+        let stretch = Stretch { id, index, from_m: *from_m, to_m, line: &line, offsets: &offsets, road };
+        stretch.add(network, section)?;
+    }
+    Ok(())
+}
+
+/// One lane section of a road.
+struct Stretch<'r> {
+    id: &'r str,
+    index: usize,
+    from_m: f64,
+    to_m: f64,
+    line: &'r [Geometry],
+    offsets: &'r [(f64, [f64; 4])],
+    road: &'r Element<'r>,
+}
+
+impl Stretch<'_> {
+    fn add(&self, network: &mut Network, section: &Element<'_>) -> Result<(), ImportError> {
+        self.count(network, section)?;
+        let stations = self.stations();
+        let poses = plan_view::poses(self.line, &stations);
+        let mut across: Vec<(i64, LaneIx)> = Vec::new();
+        for (side, name) in [(1.0, "left"), (-1.0, "right")] {
+            let Some(group) = section.child(name) else { continue };
+            let mut lanes: Vec<(i64, Element<'_>)> = Vec::new();
+            for lane in group.children().filter(|child| child.name() == "lane") {
+                lanes.push((lane_id(&lane, side)?, lane));
+            }
+            if lanes.len() > LANES_MAX {
+                return Err(group.refuse(format!("at most {LANES_MAX} lanes")));
+            }
+            // Widths add up from the middle outwards.
+            lanes.sort_by_key(|(id, _)| id.abs());
+            let mut inner: Vec<f64> = stations.iter().map(|&s| cubic(self.offsets, s)).collect();
+            for (lane_id, lane) in &lanes {
+                let widths = cubics(lane, "width", "sOffset")?;
+                let kind = kind(lane, self.road);
+                let mut points = Vec::with_capacity(stations.len());
+                for (k, pose) in poses.iter().enumerate() {
+                    let width = cubic(&widths, stations[k] - self.from_m).max(0.0);
+                    let middle = inner[k] + side * 0.5 * width;
+                    let centre = pose.position + Vec2::from_heading(pose.heading_rad).left() * middle;
+                    points.push(Across { centre, left_m: 0.5 * width, right_m: 0.5 * width });
+                    inner[k] += side * width;
+                }
+                let Some(kind) = kind else { continue };
+                if let Some(ix) = self.push(network, *lane_id, lane, kind, points)? {
+                    across.push((*lane_id, ix));
+                }
+            }
+        }
+        neighbours(network, &across);
+        Ok(())
+    }
+
+    /// Takes the stations of the section's reference line and lanes into account before they are made.
+    fn count(&self, network: &mut Network, section: &Element<'_>) -> Result<(), ImportError> {
+        let groups = ["left", "right"].into_iter().filter_map(|side| section.child(side));
+        let lanes: usize = groups.map(|group| group.named("lane").count()).sum();
+        network.stations = network.stations.saturating_add((1 + lanes).saturating_mul(self.pieces() + 1));
+        if network.stations > POINTS_MAX {
+            return Err(section.refuse("fewer or shorter lanes: the network is out of all proportion"));
+        }
+        Ok(())
+    }
+
+    fn pieces(&self) -> usize {
+        ((self.to_m - self.from_m).max(0.0) / SPACING_M).ceil().max(1.0) as usize
+    }
+
+    fn stations(&self) -> Vec<f64> {
+        let length = (self.to_m - self.from_m).max(0.0);
+        let pieces = self.pieces();
+        // Just inside both ends: there the next section's or stretch's records would hold.
+        let inside = |s: f64| s.clamp(self.from_m, (self.to_m - 1e-7).max(self.from_m));
+        (0..=pieces).map(|k| inside(self.from_m + length * k as f64 / pieces as f64)).collect()
+    }
+
+    /// `None` where the lane is nowhere wide or long enough to be one.
+    fn push(
+        &self,
+        network: &mut Network,
+        lane_id: i64,
+        lane: &Element<'_>,
+        kind: LaneKind,
+        mut points: Vec<Across>,
+    ) -> Result<Option<LaneIx>, ImportError> {
+        let forward = (lane_id < 0) != (self.road.attribute("rule") == Some("LHT"));
+        if !forward {
+            points.reverse();
+        }
+        if network.road.lanes.len() >= LANES_IN_ALL_MAX {
+            return Err(lane.refuse(format!("at most {LANES_IN_ALL_MAX} lanes in all")));
+        }
+        if points.iter().any(|p| !p.centre.is_finite() || !p.left_m.is_finite()) {
+            return Err(lane.refuse("finite widths and places"));
+        }
+        let thin = thinned(&points);
+        if thin.len() < 2 || points.iter().all(|p| 2.0 * p.left_m < WIDTH_MIN_M) {
+            return Ok(None);
+        }
+        let (centre, left, right) = lines(&thin);
+        let ix = network.road.lanes.len();
+        network.index.insert((self.id.to_string(), self.index, lane_id), ix);
+        network.forward.push(forward);
+        network.road.lanes.push(Lane {
+            id: format!("{}/{}/{lane_id}", self.id, self.index),
+            kind,
+            centre,
+            left,
+            right,
+            entries: vec![],
+            exits: vec![],
+            left_neighbour: None,
+            right_neighbour: None,
+            speed_limit_mps: speed(lane)?.or(self.road_speed()?),
+        });
+        Ok(Some(ix))
+    }
+
+    /// Of the last road type that starts at or before the section.
+    fn road_speed(&self) -> Result<Option<f64>, ImportError> {
+        let mut found = None;
+        for kind in self.road.children().filter(|child| child.name() == "type") {
+            if kind.number_attribute("s")? <= self.from_m + 1e-9 {
+                found = speed(&kind)?;
+            }
+        }
+        Ok(found)
+    }
+}
+
+fn lane_id(lane: &Element<'_>, side: f64) -> Result<i64, ImportError> {
+    let id = lane.needed_attribute("id")?.parse::<i64>().ok();
+    let id = id.filter(|id| *id != 0 && id.abs() < 1000 && (*id > 0) == (side > 0.0));
+    id.ok_or_else(|| lane.refuse("a lane id: above 0 on the left, below 0 on the right"))
+}
+
+/// `None` for what is no surface to be on.
+fn kind(lane: &Element<'_>, road: &Element<'_>) -> Option<LaneKind> {
+    let motorway = || {
+        let mut types = road.children().filter(|child| child.name() == "type");
+        types.any(|kind| kind.attribute("type") == Some("motorway"))
+    };
+    match lane.attribute("type").unwrap_or("none") {
+        "driving" | "entry" | "exit" | "onRamp" | "offRamp" | "connectingRamp" | "bidirectional" | "HOV" | "bus"
+        | "taxi" | "mwyEntry" | "mwyExit" | "slipLane" => {
+            Some(if motorway() { LaneKind::Freeway } else { LaneKind::Street })
+        }
+        "biking" => Some(LaneKind::Bike),
+        "shoulder" | "border" | "stop" | "parking" | "sidewalk" | "walking" | "shared" => Some(LaneKind::Other),
+        _ => None,
+    }
+}
+
+/// `<speed max= unit=>`; m/s where no unit is given.
+fn speed(parent: &Element<'_>) -> Result<Option<f64>, ImportError> {
+    let Some(given) = parent.child("speed") else { return Ok(None) };
+    let Some(max) = given.attribute("max").and_then(|text| text.parse::<f64>().ok()) else { return Ok(None) };
+    let factor = match given.attribute("unit") {
+        None | Some("m/s" | "") => 1.0,
+        Some("km/h") => 1.0 / 3.6,
+        Some("mph") => 0.44704,
+        Some(_) => return Err(given.refuse("a unit m/s, km/h or mph")),
+    };
+    Ok(Some(max * factor).filter(|speed| *speed > 0.0 && *speed <= 100.0))
+}
+
+/// Neighbours among the lanes with through traffic of one section.
+fn neighbours(network: &mut Network, across: &[(i64, LaneIx)]) {
+    for &(id, ix) in across {
+        let through = |ix: LaneIx| matches!(network.road.lanes[ix].kind, LaneKind::Street | LaneKind::Freeway);
+        if !through(ix) {
+            continue;
+        }
+        let find = |wanted: i64| across.iter().find(|(other, _)| *other == wanted).map(|(_, ix)| *ix);
+        let step = |id: i64, by: i64| if id + by == 0 { id + 2 * by } else { id + by };
+        // Of a lane that runs with the line the lane with the next higher id lies to the left.
+        let by = if network.forward[ix] { 1 } else { -1 };
+        let beside = |wanted: i64| {
+            let lane = find(wanted).filter(|&lane| through(lane))?;
+            Some(Neighbour { lane, same_direction: network.forward[lane] == network.forward[ix] })
+        };
+        let (left, right) = (beside(step(id, by)), beside(step(id, -by)));
+        network.road.lanes[ix].left_neighbour = left;
+        network.road.lanes[ix].right_neighbour = right;
+    }
+}

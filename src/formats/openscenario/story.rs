@@ -1,0 +1,142 @@
+//! Where everybody is at the start, what each follows, when the play ends.
+
+use std::ops::Range;
+
+use super::super::staging::stretches;
+use super::entities::{Cast, Member};
+use super::seconds;
+use crate::formats::xml_write::{Xml, decimal};
+use crate::scene::{Sample, Scene, Track};
+
+pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>) {
+    xml.within("Storyboard", &[], |xml| {
+        xml.within("Init", &[], |xml| {
+            xml.within("Actions", &[], |xml| cast.members.iter().for_each(|member| init(xml, member)));
+        });
+        xml.within("Story", &[("name", &"story")], |xml| {
+            xml.within("Act", &[("name", &"act")], |xml| {
+                cast.members.iter().for_each(|member| part(xml, member));
+                xml.within("StartTrigger", &[], |xml| after(xml, "act starts", 0));
+            });
+        });
+        xml.within("StopTrigger", &[], |xml| after(xml, "the scene ends", scene.steps - 1));
+    });
+}
+
+fn init(xml: &mut Xml, member: &Member<'_>) {
+    let Some(start) = member.track.at(0) else { return };
+    xml.within("Private", &[("entityRef", &member.name)], |xml| {
+        xml.within("PrivateAction", &[], |xml| {
+            xml.within("TeleportAction", &[], |xml| position(xml, start));
+        });
+        xml.within("PrivateAction", &[], |xml| {
+            xml.within("LongitudinalAction", &[], |xml| {
+                xml.within("SpeedAction", &[], |xml| {
+                    xml.empty(
+                        "SpeedActionDynamics",
+                        &[("dynamicsShape", &"step"), ("dynamicsDimension", &"time"), ("value", &0)],
+                    );
+                    xml.within("SpeedActionTarget", &[], |xml| {
+                        xml.empty("AbsoluteTargetSpeed", &[("value", &decimal(start.speed_mps()))]);
+                    });
+                });
+            });
+        });
+    });
+}
+
+/// Everybody has a group; who has no event only stands where Init put it.
+fn part(xml: &mut Xml, member: &Member<'_>) {
+    let name = &member.name;
+    let parts = stretches(member.track, 0);
+    let moves = parts.iter().any(|range| range.start > 0 || range.len() > 1 || leaves(member, range));
+    xml.within("ManeuverGroup", &[("name", &format!("group_{name}")), ("maximumExecutionCount", &1)], |xml| {
+        xml.within("Actors", &[("selectTriggeringEntities", &"false")], |xml| {
+            xml.empty("EntityRef", &[("entityRef", name)]);
+        });
+        if moves {
+            xml.within("Maneuver", &[("name", &format!("maneuver_{name}"))], |xml| {
+                parts.iter().enumerate().for_each(|(number, range)| stretch(xml, member, number, range));
+            });
+        }
+    });
+}
+
+/// The ego stays: where its motion is not known any more, somebody else drives it.
+fn leaves(member: &Member<'_>, range: &Range<usize>) -> bool {
+    range.end < member.track.samples.len() && !member.is_ego
+}
+
+/// It comes, follows its trajectory and goes.
+fn stretch(xml: &mut Xml, member: &Member<'_>, number: usize, range: &Range<usize>) {
+    let Member { name, track, .. } = member;
+    let Some(first) = track.at(range.start) else { return };
+    if range.start > 0 {
+        event(xml, &format!("add_{name}_{number}"), range.start, |xml| {
+            entity_action(xml, name, |xml| xml.within("AddEntityAction", &[], |xml| position(xml, first)));
+        });
+    }
+    if range.len() > 1 {
+        event(xml, &format!("follow_{name}_{number}"), range.start, |xml| {
+            xml.within("PrivateAction", &[], |xml| {
+                xml.within("RoutingAction", &[], |xml| {
+                    xml.within("FollowTrajectoryAction", &[], |xml| follow(xml, name, number, track, range));
+                });
+            });
+        });
+    }
+    if leaves(member, range) {
+        event(xml, &format!("delete_{name}_{number}"), range.end - 1, |xml| {
+            entity_action(xml, name, |xml| xml.empty("DeleteEntityAction", &[]));
+        });
+    }
+}
+
+fn follow(xml: &mut Xml, name: &str, number: usize, track: &Track, range: &Range<usize>) {
+    xml.within("TrajectoryRef", &[], |xml| {
+        xml.within("Trajectory", &[("name", &format!("trajectory_{name}_{number}")), ("closed", &"false")], |xml| {
+            xml.within("Shape", &[], |xml| {
+                xml.within("Polyline", &[], |xml| {
+                    for step in range.clone() {
+                        let Some(sample) = track.at(step) else { continue };
+                        xml.within("Vertex", &[("time", &seconds(step))], |xml| position(xml, sample));
+                    }
+                });
+            });
+        });
+    });
+    xml.within("TimeReference", &[], |xml| {
+        xml.empty("Timing", &[("domainAbsoluteRelative", &"absolute"), ("scale", &1), ("offset", &0)]);
+    });
+    xml.empty("TrajectoryFollowingMode", &[("followingMode", &"position")]);
+}
+
+fn position(xml: &mut Xml, sample: &Sample) {
+    let (x, y, h) = (decimal(sample.position.x), decimal(sample.position.y), decimal(sample.heading_rad));
+    xml.within("Position", &[], |xml| {
+        xml.empty("WorldPosition", &[("x", &x), ("y", &y), ("z", &0), ("h", &h), ("p", &0), ("r", &0)]);
+    });
+}
+
+fn entity_action(xml: &mut Xml, name: &str, inside: impl FnOnce(&mut Xml)) {
+    xml.within("GlobalAction", &[], |xml| xml.within("EntityAction", &[("entityRef", &name)], inside));
+}
+
+/// An event with one action that happens at a step.
+fn event(xml: &mut Xml, name: &str, step: usize, action: impl FnOnce(&mut Xml)) {
+    xml.within("Event", &[("name", &name), ("priority", &"parallel"), ("maximumExecutionCount", &1)], |xml| {
+        xml.within("Action", &[("name", &format!("{name}_action"))], action);
+        xml.within("StartTrigger", &[], |xml| after(xml, &format!("{name}_time"), step));
+    });
+}
+
+/// True once simulation time has passed a step: `greaterThan` is what ScenarioRunner knows.
+fn after(xml: &mut Xml, name: &str, step: usize) {
+    xml.within("ConditionGroup", &[], |xml| {
+        xml.within("Condition", &[("name", &name), ("delay", &0), ("conditionEdge", &"none")], |xml| {
+            xml.within("ByValueCondition", &[], |xml| {
+                xml.empty("SimulationTimeCondition", &[("value", &seconds(step)), ("rule", &"greaterThan")]);
+            });
+        });
+    });
+}

@@ -1,0 +1,441 @@
+//! The stack machine of the pickle format: opcodes to values, nothing executed.
+
+use std::ops::Range;
+
+use super::numpy::{Global, applied, built};
+use super::{OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
+use crate::formats::import_error::{ImportError, shown};
+
+const BYTES_MAX: usize = 256 << 20;
+/// Copied items.
+const COPIES_MAX: usize = 16_000_000;
+const STACK_MAX: usize = 2_000_000;
+/// How far ahead of the memo's end a memo index may point.
+const MEMO_JUMP_MAX: usize = 65_536;
+
+/// Reads one pickle.
+///
+/// # Errors
+/// Truncated or unknown opcodes, names outside the list of harmless ones, and anything beyond the bounds.
+pub fn read<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
+    let mut machine = Machine {
+        pickle: Pickle { file, bytes, objects: Vec::new(), root: Value::None, listed: Default::default() },
+        at: 0,
+        stack: Vec::new(),
+        marks: Vec::new(),
+        memo: Vec::new(),
+        copied: 0,
+        pushed: 0,
+    };
+    if bytes.len() > BYTES_MAX {
+        return Err(machine.refuse("at most 256 MiB"));
+    }
+    if bytes.first() != Some(&0x80) {
+        return Err(machine.refuse("a pickle of protocol 2 to 5"));
+    }
+    while machine.step()? {}
+    Ok(machine.pickle)
+}
+
+pub(super) struct Machine<'a> {
+    pub pickle: Pickle<'a>,
+    at: usize,
+    stack: Vec<Value>,
+    marks: Vec<usize>,
+    memo: Vec<Option<Value>>,
+    copied: usize,
+    pushed: usize,
+}
+
+type Step<T> = Result<T, ImportError>;
+
+impl Machine<'_> {
+    pub fn refuse(&self, expected: impl Into<String>) -> ImportError {
+        let remedy = "the file is damaged or no data; write it again with ScenarioNet";
+        ImportError::new(self.pickle.file, format!("byte {}", self.at), expected, remedy)
+    }
+
+    fn take(&mut self, count: usize) -> Step<Range<usize>> {
+        let end = self.at.checked_add(count).filter(|&end| end <= self.pickle.bytes.len());
+        let end = end.ok_or_else(|| self.refuse(format!("{count} more bytes, found the end of the file")))?;
+        let range = self.at..end;
+        self.at = end;
+        Ok(range)
+    }
+
+    fn array<const N: usize>(&mut self) -> Step<[u8; N]> {
+        let range = self.take(N)?;
+        let mut found = [0; N];
+        found.copy_from_slice(&self.pickle.bytes[range]);
+        Ok(found)
+    }
+
+    fn byte(&mut self) -> Step<usize> {
+        Ok(usize::from(self.array::<1>()?[0]))
+    }
+
+    fn count4(&mut self) -> Step<usize> {
+        Ok(u32::from_le_bytes(self.array()?) as usize)
+    }
+
+    fn count8(&mut self) -> Step<usize> {
+        let count = u64::from_le_bytes(self.array()?);
+        usize::try_from(count).map_err(|_| self.refuse("a length that fits into memory"))
+    }
+
+    fn line(&mut self) -> Step<Range<usize>> {
+        let rest = &self.pickle.bytes[self.at..];
+        let length = rest.iter().take(4096).position(|&b| b == b'\n');
+        let length = length.ok_or_else(|| self.refuse("a line end"))?;
+        let range = self.take(length)?;
+        self.at += 1;
+        Ok(range)
+    }
+
+    fn line_text(&mut self) -> Step<String> {
+        let range = self.line()?;
+        let text = std::str::from_utf8(&self.pickle.bytes[range]).map(str::to_string);
+        text.map_err(|_| self.refuse("UTF-8 text"))
+    }
+
+    /// Counts items about to be copied.
+    pub fn copies(&mut self, items: usize) -> Step<()> {
+        self.copied = self.copied.saturating_add(items);
+        if self.copied > COPIES_MAX {
+            return Err(self.refuse("at most 16 million copied items"));
+        }
+        Ok(())
+    }
+
+    pub fn push(&mut self, value: Value) -> Step<()> {
+        if self.stack.len() >= STACK_MAX {
+            return Err(self.refuse("at most 2 million values that wait for their container"));
+        }
+        self.pushed += 1;
+        if self.pushed > VALUES_MAX {
+            return Err(self.refuse("at most 16 million values"));
+        }
+        self.stack.push(value);
+        Ok(())
+    }
+
+    pub fn object(&mut self, object: Object) -> Step<Value> {
+        if self.pickle.objects.len() >= OBJECTS_MAX {
+            return Err(self.refuse("at most 4 million lists, texts and the like"));
+        }
+        self.pickle.objects.push(object);
+        Ok(Value::Object((self.pickle.objects.len() - 1) as u32))
+    }
+
+    fn push_object(&mut self, object: Object) -> Step<()> {
+        let value = self.object(object)?;
+        self.push(value)
+    }
+
+    fn pop(&mut self) -> Step<Value> {
+        let floor = self.marks.last().copied().unwrap_or(0);
+        if self.stack.len() <= floor {
+            return Err(self.refuse("a value on the stack"));
+        }
+        self.stack.pop().ok_or_else(|| self.refuse("a value on the stack"))
+    }
+
+    fn top(&self) -> Step<Value> {
+        self.stack.last().copied().ok_or_else(|| self.refuse("a value on the stack"))
+    }
+
+    fn since_mark(&mut self) -> Step<Vec<Value>> {
+        let mark = self.marks.pop().ok_or_else(|| self.refuse("a mark before"))?;
+        Ok(self.stack.split_off(mark.min(self.stack.len())))
+    }
+
+    fn text(&mut self, count: usize) -> Step<()> {
+        let range = self.take(count)?;
+        if std::str::from_utf8(&self.pickle.bytes[range.clone()]).is_err() {
+            return Err(self.refuse("UTF-8 text"));
+        }
+        self.push_object(Object::Text(range))
+    }
+
+    /// Bytes; strings of Python 2 are texts where they are ASCII.
+    fn bytes(&mut self, count: usize, python2: bool) -> Step<()> {
+        let range = self.take(count)?;
+        let is_text = python2 && self.pickle.bytes[range.clone()].is_ascii();
+        self.push_object(if is_text { Object::Text(range) } else { Object::Bytes(range) })
+    }
+
+    fn long(&mut self, count: usize) -> Step<()> {
+        if count > 64 {
+            return Err(self.refuse("a whole number of at most 64 bytes"));
+        }
+        let range = self.take(count)?;
+        let bytes = &self.pickle.bytes[range];
+        let negative = bytes.last().is_some_and(|b| b & 0x80 != 0);
+        let value = if bytes.len() <= 8 {
+            let mut wide = [if negative { 0xff } else { 0 }; 8];
+            wide[..bytes.len()].copy_from_slice(bytes);
+            Value::Int(i64::from_le_bytes(wide))
+        } else {
+            // Such numbers are names, never quantities: their nearest float will do.
+            let size = bytes.iter().rev().fold(0.0, |sum, b| sum * 256.0 + f64::from(*b));
+            Value::Float(size)
+        };
+        self.push(value)
+    }
+
+    fn remember(&mut self, index: usize) -> Step<()> {
+        let value = self.top()?;
+        if index > self.memo.len() + MEMO_JUMP_MAX || index > OBJECTS_MAX {
+            return Err(self.refuse(format!("a memo index near {}, found {index}", self.memo.len())));
+        }
+        if index >= self.memo.len() {
+            self.memo.resize(index + 1, None);
+        }
+        self.memo[index] = Some(value);
+        Ok(())
+    }
+
+    fn recall(&mut self, index: usize) -> Step<()> {
+        let value = self.memo.get(index).copied().flatten();
+        let value = value.ok_or_else(|| self.refuse(format!("something in the memo at {index}")))?;
+        self.push(value)
+    }
+
+    fn extend_list(&mut self, items: Vec<Value>) -> Step<()> {
+        let Value::Object(index) = self.top()? else { return Err(self.refuse("a list to append to")) };
+        match self.pickle.objects.get_mut(index as usize) {
+            Some(Object::List(list) | Object::Set(list)) => list.extend(items),
+            _ => return Err(self.refuse("a list to append to")),
+        }
+        Ok(())
+    }
+
+    fn extend_dict(&mut self, items: &[Value]) -> Step<()> {
+        if !items.len().is_multiple_of(2) {
+            return Err(self.refuse("keys with values"));
+        }
+        let Value::Object(index) = self.top()? else { return Err(self.refuse("a dictionary to fill")) };
+        match self.pickle.objects.get_mut(index as usize) {
+            Some(Object::Dict(entries)) => entries.extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1]))),
+            _ => return Err(self.refuse("a dictionary to fill")),
+        }
+        Ok(())
+    }
+
+    fn global(&mut self, module: &str, name: &str) -> Step<()> {
+        let Some(global) = Global::named(module, name) else {
+            let expected =
+                format!("numpy arrays and plain containers only, found the name {}.{}", shown(module), shown(name));
+            let remedy = "a scene needs no such name; write the file again with plain data";
+            return Err(ImportError::new(self.pickle.file, format!("byte {}", self.at), expected, remedy));
+        };
+        self.push_object(Object::Global(global))
+    }
+
+    fn stack_global(&mut self) -> Step<()> {
+        let (name, module) = (self.pop()?, self.pop()?);
+        let text = |value| self.pickle.text(value).map(str::to_string);
+        let (Some(module), Some(name)) = (text(module), text(name)) else {
+            return Err(self.refuse("a module and a name"));
+        };
+        self.global(&module, &name)
+    }
+
+    fn float_line(&mut self) -> Step<()> {
+        let text = self.line_text()?;
+        let value = text.trim().parse().map_err(|_| self.refuse("a number"))?;
+        self.push(Value::Float(value))
+    }
+
+    fn int_line(&mut self) -> Step<()> {
+        let text = self.line_text()?;
+        let value = match text.trim().trim_end_matches('L') {
+            "00" => Value::Bool(false),
+            "01" => Value::Bool(true),
+            digits => Value::Int(digits.parse().map_err(|_| self.refuse("a whole number"))?),
+        };
+        self.push(value)
+    }
+
+    fn index_line(&mut self) -> Step<usize> {
+        let text = self.line_text()?;
+        text.trim().parse().map_err(|_| self.refuse("an index"))
+    }
+
+    fn tuple(&mut self, count: usize) -> Step<()> {
+        let mut items = Vec::with_capacity(count);
+        for _ in 0..count {
+            items.push(self.pop()?);
+        }
+        items.reverse();
+        self.push_object(Object::Tuple(items))
+    }
+
+    /// One opcode; false at the end.
+    fn step(&mut self) -> Step<bool> {
+        match self.byte()? as u8 {
+            0x80 => {
+                let protocol = self.byte()?;
+                if !(2..=5).contains(&protocol) {
+                    return Err(self.refuse(format!("protocol 2 to 5, found {protocol}")));
+                }
+            }
+            0x95 => {
+                let frame = self.count8()?;
+                if frame > self.pickle.bytes.len() - self.at {
+                    return Err(self.refuse(format!("a frame of {frame} bytes, found the end of the file")));
+                }
+            }
+            b'.' => {
+                self.pickle.root = self.pop()?;
+                return Ok(false);
+            }
+            b'(' => {
+                if self.marks.len() >= STACK_MAX {
+                    return Err(self.refuse("at most 2 million open marks"));
+                }
+                self.marks.push(self.stack.len());
+            }
+            b'0' => {
+                self.pop()?;
+            }
+            b'1' => {
+                self.since_mark()?;
+            }
+            b'2' => {
+                let top = self.top()?;
+                self.push(top)?;
+            }
+            b'N' => self.push(Value::None)?,
+            0x88 => self.push(Value::Bool(true))?,
+            0x89 => self.push(Value::Bool(false))?,
+            b'J' => {
+                let value = i32::from_le_bytes(self.array()?);
+                self.push(Value::Int(i64::from(value)))?;
+            }
+            b'K' => {
+                let value = self.byte()?;
+                self.push(Value::Int(value as i64))?;
+            }
+            b'M' => {
+                let value = u16::from_le_bytes(self.array()?);
+                self.push(Value::Int(i64::from(value)))?;
+            }
+            0x8a => {
+                let count = self.byte()?;
+                self.long(count)?;
+            }
+            0x8b => {
+                let count = self.count4()?;
+                self.long(count)?;
+            }
+            b'I' | b'L' => self.int_line()?,
+            b'F' => self.float_line()?,
+            b'G' => {
+                let value = f64::from_be_bytes(self.array()?);
+                self.push(Value::Float(value))?;
+            }
+            code @ (b'U' | b'C' | 0x8c) => {
+                let count = self.byte()?;
+                if code == 0x8c { self.text(count)? } else { self.bytes(count, code == b'U')? }
+            }
+            code @ (b'T' | b'B' | b'X') => {
+                let count = self.count4()?;
+                if code == b'X' { self.text(count)? } else { self.bytes(count, code == b'T')? }
+            }
+            code @ (0x8d | 0x8e | 0x96) => {
+                let count = self.count8()?;
+                if code == 0x8d { self.text(count)? } else { self.bytes(count, false)? }
+            }
+            code => return self.container(code),
+        }
+        Ok(true)
+    }
+
+    fn container(&mut self, code: u8) -> Step<bool> {
+        match code {
+            b']' => self.push_object(Object::List(vec![]))?,
+            b'}' => self.push_object(Object::Dict(vec![]))?,
+            b')' => self.push_object(Object::Tuple(vec![]))?,
+            0x8f => self.push_object(Object::Set(vec![]))?,
+            b'l' => {
+                let items = self.since_mark()?;
+                self.push_object(Object::List(items))?;
+            }
+            b't' => {
+                let items = self.since_mark()?;
+                self.push_object(Object::Tuple(items))?;
+            }
+            0x91 => {
+                let items = self.since_mark()?;
+                self.push_object(Object::Set(items))?;
+            }
+            b'd' => {
+                let items = self.since_mark()?;
+                self.push_object(Object::Dict(vec![]))?;
+                self.extend_dict(&items)?;
+            }
+            0x85..=0x87 => self.tuple(usize::from(code - 0x84))?,
+            b'a' => {
+                let item = self.pop()?;
+                self.extend_list(vec![item])?;
+            }
+            b'e' | 0x90 => {
+                let items = self.since_mark()?;
+                self.extend_list(items)?;
+            }
+            b's' => {
+                let (value, key) = (self.pop()?, self.pop()?);
+                self.extend_dict(&[key, value])?;
+            }
+            b'u' => {
+                let items = self.since_mark()?;
+                self.extend_dict(&items)?;
+            }
+            0x94 => self.remember(self.memo.len())?,
+            b'q' => {
+                let index = self.byte()?;
+                self.remember(index)?;
+            }
+            b'r' => {
+                let index = self.count4()?;
+                self.remember(index)?;
+            }
+            b'p' => {
+                let index = self.index_line()?;
+                self.remember(index)?;
+            }
+            b'h' => {
+                let index = self.byte()?;
+                self.recall(index)?;
+            }
+            b'j' => {
+                let index = self.count4()?;
+                self.recall(index)?;
+            }
+            b'g' => {
+                let index = self.index_line()?;
+                self.recall(index)?;
+            }
+            b'c' => {
+                let (module, name) = (self.line_text()?, self.line_text()?);
+                self.global(&module, &name)?;
+            }
+            0x93 => self.stack_global()?,
+            b'R' | 0x81 => {
+                let (arguments, callee) = (self.pop()?, self.pop()?);
+                let value = applied(self, callee, arguments)?;
+                self.push(value)?;
+            }
+            b'b' => {
+                let (state, target) = (self.pop()?, self.top()?);
+                built(self, target, state)?;
+            }
+            other => {
+                self.at -= 1;
+                return Err(self.refuse(format!("an opcode of plain data, found {other:#04x}")));
+            }
+        }
+        Ok(true)
+    }
+}

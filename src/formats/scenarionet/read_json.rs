@@ -1,0 +1,52 @@
+//! ScenarioNet's ScenarioDescription as JSON: what this project exports, and what `json.dump` makes of the pickles'
+//! dictionaries (arrays as lists). An export of this project gives back the very scene it was made of.
+
+use super::pickle::{self, Node};
+use super::read::{finished, log_of};
+use crate::formats::assemble::assembled;
+use crate::formats::import_error::ImportError;
+use crate::formats::summary::Imported;
+use crate::kernel::Vec2;
+use crate::scene::remainder::Remainder;
+use crate::scene::{LeftOut, Origin, Scene};
+
+const FORMAT: &str = "scenarionet-json";
+
+/// The scene in a JSON file. If an export of this project was edited since, what its standard keys say is read, and
+/// that is said in `left_out`.
+///
+/// # Errors
+/// No JSON, or no ScenarioDescription with a self-driving car; see [`super::read::import`].
+pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    let tree = pickle::read_json(file_name, bytes)?;
+    let root = tree.root();
+    let beside = root.get("metadata").and_then(|metadata| metadata.get("evodrive")).filter(|node| !node.is_none());
+    let Some(beside) = beside else {
+        return Ok(finished(file_name, log_of(file_name, &root, FORMAT)?));
+    };
+    let origin = Origin { format: FORMAT.into(), name: file_name.into() };
+    let read = in_its_own_frame(file_name, &root)?;
+    let remainder = beside.text().and_then(Remainder::from_text);
+    if let Some(scene) = remainder.and_then(|remainder| remainder.laid_over(&read, &origin)) {
+        return Ok(Imported { scenes: vec![scene], left_out: vec![] });
+    }
+    let mut imported = finished(file_name, log_of(file_name, &root, FORMAT)?);
+    let reason = "the file was edited after its export, or exported by another version; what its standard keys say \
+                  was read, without the exact lane boundaries, start and route";
+    let what = "metadata.evodrive".to_string();
+    imported.left_out.insert(0, LeftOut { file: file_name.into(), what, reason: reason.into() });
+    Ok(imported)
+}
+
+/// What the standard keys of an export of this project say, without what stands beside them.
+pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, ImportError> {
+    in_its_own_frame(file_name, &pickle::read_json(file_name, bytes)?.root())
+}
+
+/// Coordinates stay as they are.
+fn in_its_own_frame(file_name: &str, root: &Node<'_>) -> Result<Scene, ImportError> {
+    let mut log = log_of(file_name, root, FORMAT)?;
+    log.frame = Some(Vec2::ZERO);
+    let (scene, _) = assembled(log).map_err(|reason| root.refuse(format!("a whole scene ({reason})")))?;
+    Ok(scene)
+}

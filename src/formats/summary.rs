@@ -1,0 +1,230 @@
+//! Many files at once: the format of each found by its content, what was left out named.
+
+use std::collections::BTreeMap;
+
+use super::import_error::ImportError;
+use super::waymo::tfrecord::Records;
+use super::{
+    commonroad::read as commonroad,
+    gpudrive,
+    opendrive::read as opendrive,
+    safebench,
+    scenarionet::{read as scenarionet, read_json as scenarionet_json},
+    waymo,
+};
+use crate::kernel::Digest;
+use crate::scene::validate::how_many;
+use crate::scene::{LeftOut, Scene};
+
+/// What one file gave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Imported {
+    pub scenes: Vec<Scene>,
+    pub left_out: Vec<LeftOut>,
+}
+
+/// What many files gave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImportSummary {
+    /// In the order of the files; every one passes [`Scene::validate`]; ids are unique.
+    pub scenes: Vec<Scene>,
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Parts of one file that are named when they are left out.
+const NAMED_MAX: usize = 1000;
+
+/// As many bytes of a file as tell what it is.
+pub const HEAD_BYTES: usize = 4096;
+
+/// What a file is to the others of a list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// A scenario or several, read without any other file.
+    Alone,
+    /// Routes of SafeBench, which need what is [`Part::Beside`] them.
+    Routes,
+    /// A town or SafeBench's scenario file: no scene, but what routes lead through.
+    Beside,
+}
+
+/// What a file is, told by its first [`HEAD_BYTES`].
+pub fn part(head: &[u8]) -> Part {
+    let head = &head[..head.len().min(HEAD_BYTES)];
+    if has_root(head, b"<routes") {
+        Part::Routes
+    } else if has_root(head, b"<OpenDRIVE") || safebench::looks_like_scenarios(head) {
+        Part::Beside
+    } else {
+        Part::Alone
+    }
+}
+
+/// What stands beside route files: towns and scenario files, and those of them that could not be read.
+#[derive(Debug, Default)]
+pub struct BesideRoutes {
+    found: safebench::Library,
+    /// By name and content: files of several folders may share a name.
+    refused: BTreeMap<(String, Digest), ImportError>,
+}
+
+impl BesideRoutes {
+    /// Reads a file that is [`Part::Beside`]; one that cannot be read is told when it is imported.
+    pub fn add(&mut self, name: &str, bytes: &[u8]) {
+        let read = if has_root(bytes, b"<OpenDRIVE") {
+            opendrive::road(name, bytes).and_then(|road| self.found.add_town(name, road))
+        } else {
+            self.found.add_scenarios(name, bytes)
+        };
+        if let Err(error) = read {
+            self.refused.insert((name.to_string(), Digest::of_bytes(bytes)), error);
+        }
+    }
+}
+
+/// What one file gave: scenes that break no rule, with their digests, and what was left out.
+#[derive(Debug, Default)]
+pub struct FileScenes {
+    scenes: Vec<(Scene, Digest)>,
+    left_out: Vec<LeftOut>,
+}
+
+/// Reads one file of a list; `beside` is what stands beside the list's route files, if it has some. A bad file gives no
+/// scene and its reason.
+pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> FileScenes {
+    let imported = match (part(bytes), beside) {
+        // It gives no scene of its own, or the reason why it could not be read.
+        (Part::Beside, Some(beside)) => {
+            let refused = beside.refused.get(&(name.to_string(), Digest::of_bytes(bytes)));
+            refused.map_or(Ok(Imported::default()), |error| Err(error.clone()))
+        }
+        (Part::Routes, Some(beside)) => safebench::import(name, bytes, &beside.found),
+        _ => import_file(name, bytes),
+    };
+    let Imported { scenes, mut left_out } = match imported {
+        Ok(imported) => imported,
+        Err(error) => return FileScenes::left_out(name, reason(&error)),
+    };
+    let mut sound = Vec::with_capacity(scenes.len());
+    for scene in scenes {
+        let violations = scene.validate();
+        match violations.first() {
+            None => {
+                let digest = scene.digest();
+                sound.push((scene, digest));
+            }
+            Some(first) => {
+                let reason = format!("it breaks {} rules of a sound scene, first {first}", how_many(&violations));
+                left_out.push(LeftOut { file: name.into(), what: scene.id, reason });
+            }
+        }
+    }
+    if left_out.len() > NAMED_MAX {
+        let reason = format!("and {} more parts of this file", left_out.len() - NAMED_MAX);
+        left_out.truncate(NAMED_MAX);
+        left_out.push(LeftOut { file: name.into(), what: String::new(), reason });
+    }
+    FileScenes { scenes: sound, left_out }
+}
+
+impl FileScenes {
+    /// A file that is left out as a whole.
+    pub fn left_out(name: &str, reason: String) -> FileScenes {
+        let left_out = vec![LeftOut { file: name.into(), what: String::new(), reason }];
+        FileScenes { scenes: vec![], left_out }
+    }
+}
+
+/// Puts together what files gave, given in the files' order: an id is taken once.
+pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSummary {
+    let mut summary = ImportSummary::default();
+    let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
+    for (name, read) in files {
+        summary.left_out.extend(read.left_out);
+        for (scene, digest) in read.scenes {
+            let Some((file, earlier)) = taken.get(&scene.id) else {
+                taken.insert(scene.id.clone(), (name.clone(), digest));
+                summary.scenes.push(scene);
+                continue;
+            };
+            let reason = if *earlier == digest {
+                format!("the same scene was already read from {file}")
+            } else {
+                format!("its id is already taken by a different scene of {file}; give it an id of its own")
+            };
+            summary.left_out.push(LeftOut { file: name.clone(), what: scene.id, reason });
+        }
+    }
+    summary
+}
+
+/// Imports files given as (name without folder, bytes). A bad file is left out and stops nothing.
+pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSummary {
+    let beside = files.iter().any(|(_, bytes)| part(bytes.as_ref()) == Part::Routes).then(|| {
+        let mut beside = BesideRoutes::default();
+        for (name, bytes) in files.iter().filter(|(_, bytes)| part(bytes.as_ref()) == Part::Beside) {
+            beside.add(name.as_ref(), bytes.as_ref());
+        }
+        beside
+    });
+    let read = |(name, bytes): &(N, B)| {
+        let name = name.as_ref();
+        (name.to_string(), read_file(name, bytes.as_ref(), beside.as_ref()))
+    };
+    summed(files.iter().map(read))
+}
+
+fn reason(error: &ImportError) -> String {
+    format!("{}: expected {}; {}", error.place, error.expected, error.remedy)
+}
+
+/// Whether an XML file's root element begins so, told by its first bytes.
+fn has_root(bytes: &[u8], element: &[u8]) -> bool {
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
+    let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
+    first == Some(&b'<') && head.windows(element.len()).any(|window| window == element)
+}
+
+/// Imports one file of whatever format, told by its content, never by its name.
+pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
+    let holds = |needle: &[u8]| head.windows(needle.len()).any(|window| window == needle);
+    let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
+    if first == Some(&b'<') {
+        if holds(b"<commonRoad") {
+            return commonroad::import(file, bytes);
+        }
+        if holds(b"<OpenDRIVE") {
+            let road = opendrive::road(file, bytes)?;
+            let reason = format!("a road network of {} lanes alone: nothing says who drives on it", road.lanes.len());
+            let left_out = vec![LeftOut { file: file.into(), what: String::new(), reason }];
+            return Ok(Imported { scenes: vec![], left_out });
+        }
+        if holds(b"<routes") {
+            return safebench::import(file, bytes, &safebench::Library::default());
+        }
+        let remedy = "EvoDrive reads CommonRoad XML; convert the file or leave it out";
+        return Err(ImportError::new(file, "line 1", "a root element <commonRoad>", remedy));
+    }
+    if bytes.first() == Some(&0x80) {
+        return scenarionet::import(file, bytes);
+    }
+    // Whatever of its keys comes first; GPUDrive's road users have lengths too, but stand in a list called "objects".
+    let described = [b"\"map_features\"".as_slice(), b"\"dynamic_map_states\"", b"\"sdc_id\""].into_iter().any(holds)
+        || (holds(b"\"tracks\"") || holds(b"\"version\"") && holds(b"\"length\"")) && !holds(b"\"objects\"");
+    if first == Some(&b'{') && described {
+        return scenarionet_json::import(file, bytes);
+    }
+    if first == Some(&b'{') {
+        if safebench::looks_like_scenarios(head) {
+            let remedy = "import it together with the route files";
+            return Err(ImportError::new(file, "byte 0", "route files beside this scenario file of SafeBench", remedy));
+        }
+        return gpudrive::import(file, bytes);
+    }
+    if Records::looks_like(bytes) {
+        return waymo::import(file, bytes);
+    }
+    let remedy = "see `evodrive scenes import --help` for the formats that are read";
+    Err(ImportError::new(file, "byte 0", "a scene file of a known format", remedy))
+}

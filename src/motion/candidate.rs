@@ -1,0 +1,37 @@
+//! A candidate trajectory of an adversary.
+
+use std::sync::Arc;
+
+use super::Scripted;
+use crate::kernel::num;
+use crate::scene::Sample;
+
+/// One way on for an actor: a sample every 0.1 s from the window's first step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    pub samples: Vec<Sample>,
+    /// Log-probability under the family's prior; 0 where a family has none.
+    pub prior_log_probability: f64,
+    /// What the search gave it; larger is better.
+    pub score: f64,
+    /// Scene step from which the actor no longer follows the samples but reacts to the ego; `None`: never.
+    pub handover_step: Option<usize>,
+    /// Where a search moves several actors at once: candidates of one iterate belong together.
+    pub iterate: Option<usize>,
+    /// Where road users wait for the ego: the whole scenario, of which `samples` are the adversary's simulated motion.
+    pub scripted: Option<Arc<Scripted>>,
+}
+
+impl Candidate {
+    pub fn new(samples: Vec<Sample>, prior_log_probability: f64) -> Candidate {
+        let score = prior_log_probability;
+        Candidate { samples, prior_log_probability, score, handover_step: None, iterate: None, scripted: None }
+    }
+
+    /// Mean distance to another candidate at equal times, metres.
+    pub fn mean_distance_m(&self, other: &Candidate) -> f64 {
+        let pairs = self.samples.iter().zip(&other.samples);
+        let count = self.samples.len().min(other.samples.len()).max(1) as f64;
+        num::sum(pairs.map(|(a, b)| a.position.distance(b.position))) / count
+    }
+}

@@ -1,0 +1,284 @@
+//! SafeBench's eight scenarios as they are scripted: which actors stand where and do what, given the numbers that the
+//! benchmark calls a scenario's parameters. AdvSim, the AT port and the human-designed grid all start from these.
+
+use crate::kernel::{Pose, num};
+use crate::scene::AgentKind;
+use crate::scene::safebench::{Stage, TrafficFamily};
+use crate::sim::{Action, Phase, Script, Trigger, Until};
+
+/// A parameter of a family's scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FamilyParameter {
+    pub name: &'static str,
+    pub unit: &'static str,
+    /// SafeBench's standard value.
+    pub standard: f64,
+    /// The range that SafeBench's random set is drawn from.
+    pub sampled: (f64, f64),
+}
+
+const fn parameter(name: &'static str, unit: &'static str, standard: f64, low: f64, high: f64) -> FamilyParameter {
+    FamilyParameter { name, unit, standard, sampled: (low, high) }
+}
+
+/// The parameters of a family, in SafeBench's order.
+pub fn parameters(family: TrafficFamily) -> &'static [FamilyParameter] {
+    match family {
+        TrafficFamily::StraightObstacle => {
+            const {
+                &[
+                    SPEED_ON_FOOT,
+                    parameter("trigger_m", "m", 20.0, 16.0, 24.0),
+                    parameter("start_m", "m", 45.0, 35.0, 55.0),
+                ]
+            }
+        }
+        TrafficFamily::TurningObstacle => {
+            const {
+                &[
+                    parameter("speed_mps", "m/s", 10.0, 8.0, 12.0),
+                    parameter("trigger_m", "m", 20.0, 15.0, 19.0),
+                    parameter("start_m", "m", 8.0, 6.0, 10.0),
+                ]
+            }
+        }
+        TrafficFamily::LaneChanging => {
+            const {
+                &[
+                    parameter("leader_ahead_m", "m", 35.0, 30.0, 40.0),
+                    parameter("second_ahead_m", "m", 1.0, 1.0, 1.0),
+                    parameter("leader_mps", "m/s", 12.0, 10.0, 20.0),
+                    parameter("second_mps", "m/s", 12.0, 10.0, 20.0),
+                    parameter("brake_after_m", "m", 5.0, 15.0, 25.0),
+                    parameter("braked_mps", "m/s", 2.0, 3.0, 3.0),
+                    parameter("trigger_m", "m", 35.0, 30.0, 30.0),
+                ]
+            }
+        }
+        TrafficFamily::VehiclePassing => {
+            const {
+                &[
+                    parameter("parked_ahead_m", "m", 50.0, 45.0, 55.0),
+                    parameter("oncoming_gap_m", "m", 30.0, 25.0, 35.0),
+                    parameter("oncoming_mps", "m/s", 8.0, 6.0, 10.0),
+                    parameter("trigger_m", "m", 45.0, 40.0, 50.0),
+                ]
+            }
+        }
+        TrafficFamily::RedLightRunning | TrafficFamily::CrossingNegotiation => {
+            const { &[parameter("speed_mps", "m/s", 10.0, 7.0, 13.0), parameter("trigger_m", "m", 35.0, 29.0, 41.0)] }
+        }
+        TrafficFamily::UnprotectedLeftTurn => {
+            const { &[parameter("speed_mps", "m/s", 12.0, 9.0, 15.0), parameter("trigger_m", "m", 45.0, 39.0, 51.0)] }
+        }
+        TrafficFamily::RightTurn => {
+            const { &[parameter("speed_mps", "m/s", 12.0, 9.0, 15.0), parameter("trigger_m", "m", 35.0, 29.0, 41.0)] }
+        }
+    }
+}
+
+const SPEED_ON_FOOT: FamilyParameter = parameter("speed_mps", "m/s", 2.5, 2.0, 3.0);
+
+/// A family's standard parameters.
+pub fn standard(family: TrafficFamily) -> Vec<f64> {
+    parameters(family).iter().map(|p| p.standard).collect()
+}
+
+/// The action that a generator perturbs: the scripted actor that meets the ego.
+pub fn adversary(family: TrafficFamily) -> usize {
+    match family {
+        // The first is the parked car, to which the trigger's distance is measured.
+        TrafficFamily::VehiclePassing => 1,
+        _ => 0,
+    }
+}
+
+/// Why a family's actors cannot be put on a scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LayoutError {
+    #[error("{family} takes {expected} parameters, found {found}")]
+    Count { family: &'static str, expected: usize, found: usize },
+    #[error("{family}: {name} is {found}, expected a number from 0 to 1000")]
+    Value { family: &'static str, name: &'static str, found: f64 },
+    #[error("{scene}: {family} needs {what}, which the scene does not have")]
+    Place { scene: String, family: &'static str, what: &'static str },
+}
+
+/// Length and width, metres.
+const CAR_M: (f64, f64) = (4.8, 2.0);
+const BICYCLE_M: (f64, f64) = (1.8, 0.6);
+const WALKER_M: (f64, f64) = (0.6, 0.6);
+const VENDING_MACHINE_M: (f64, f64) = (1.1, 0.9);
+/// SafeBench's family 5 waits until the ego moves, m/s.
+const EGO_MOVES_MPS: f64 = 0.5;
+/// How far the crossing cars go before they stop, metres (families 5 and 8; 6 and 7).
+const CROSSED_M: f64 = 110.0;
+const TURNED_M: f64 = 100.0;
+
+/// The actions of a family's scenario. The first is the reference actor to which the trigger's distance is measured.
+/// Values stand in the order of [`parameters`].
+pub fn actions(stage: &Stage<'_>, values: &[f64]) -> Result<Vec<Action>, LayoutError> {
+    let family = stage.staging().family;
+    let wanted = parameters(family);
+    if values.len() != wanted.len() {
+        let (expected, found) = (wanted.len(), values.len());
+        return Err(LayoutError::Count { family: family.name(), expected, found });
+    }
+    if let Some((p, v)) = wanted.iter().zip(values).find(|(_, v)| !(0.0..=1000.0).contains(*v)) {
+        return Err(LayoutError::Value { family: family.name(), name: p.name, found: *v });
+    }
+    let missing = |what| LayoutError::Place { scene: stage.scene().id.clone(), family: family.name(), what };
+    Ok(match (family, values) {
+        (TrafficFamily::StraightObstacle, &[speed_mps, trigger_m, start_m]) => {
+            walker_behind_a_machine(stage, speed_mps, trigger_m, start_m)
+        }
+        (TrafficFamily::TurningObstacle, &[speed_mps, trigger_m, start_m]) => {
+            let exit_m = stage.turn_exit_m().ok_or_else(|| missing("a route that turns after its trigger"))?;
+            let spawn = stage.roadside(exit_m + start_m).pose;
+            vec![actor(
+                AgentKind::Cyclist,
+                BICYCLE_M,
+                spawn,
+                near(trigger_m),
+                vec![Phase::straight(speed_mps, Until::Forever)],
+            )]
+        }
+        (
+            TrafficFamily::LaneChanging,
+            &[ahead_m, gap_m, leader_mps, second_mps, brake_after_m, braked_mps, trigger_m],
+        ) => {
+            let beside = stage.left_lane(ahead_m + gap_m).filter(|lane| lane.same_direction);
+            let beside = beside.ok_or_else(|| missing("a lane of the same direction on the ego's left"))?;
+            let leader = vec![
+                Phase::straight(leader_mps, Until::Driven { m: brake_after_m }),
+                Phase::straight(braked_mps, Until::Forever),
+            ];
+            let second = vec![Phase::straight(second_mps, Until::Forever)];
+            vec![
+                actor(AgentKind::Vehicle, CAR_M, stage.ahead(ahead_m), near(trigger_m), leader),
+                actor(AgentKind::Vehicle, CAR_M, beside.pose, near(trigger_m), second),
+            ]
+        }
+        (TrafficFamily::VehiclePassing, &[ahead_m, gap_m, oncoming_mps, trigger_m]) => {
+            let oncoming = stage.left_lane(ahead_m + gap_m).filter(|lane| !lane.same_direction);
+            let oncoming = oncoming.ok_or_else(|| missing("an oncoming lane on the ego's left"))?;
+            let phases = vec![Phase::straight(oncoming_mps, Until::Forever)];
+            vec![
+                actor(AgentKind::Vehicle, CAR_M, stage.ahead(ahead_m), near(trigger_m), vec![]),
+                actor(AgentKind::Vehicle, CAR_M, oncoming.pose, near(trigger_m), phases),
+            ]
+        }
+        (_, &[speed_mps, trigger_m]) => {
+            let spawn = stage.spawns().next().ok_or_else(|| missing("a frame for its actor"))?;
+            vec![crossing_car(family, spawn, speed_mps, trigger_m)]
+        }
+        _ => return Err(missing("parameters of its own")),
+    })
+}
+
+fn near(distance_m: f64) -> Trigger {
+    Trigger { reference: 0, distance_m, ego_speed_mps_min: 0.0 }
+}
+
+fn actor(kind: AgentKind, size_m: (f64, f64), spawn: Pose, trigger: Trigger, phases: Vec<Phase>) -> Action {
+    Action::Triggered(Script { kind, length_m: size_m.0, width_m: size_m.1, spawn, trigger, phases })
+}
+
+/// Family 1: the walker stops in the road after 0.6 of the way over; the vending machine hides where it comes from.
+fn walker_behind_a_machine(stage: &Stage<'_>, speed_mps: f64, trigger_m: f64, start_m: f64) -> Vec<Action> {
+    let roadside = stage.roadside(start_m);
+    let stop_m = 0.6 * roadside.lane_width_m * (1.0 + 1.25 * roadside.lanes_between as f64);
+    let phases = vec![Phase::straight(speed_mps, Until::Driven { m: stop_m })];
+    let machine = Pose {
+        position: stage.staging().trigger.position.lerp(roadside.pose.position, 0.9),
+        heading_rad: num::wrap_angle(roadside.pose.heading_rad + num::PI),
+    };
+    vec![
+        actor(AgentKind::Pedestrian, WALKER_M, roadside.pose, near(trigger_m), phases),
+        actor(AgentKind::Static, VENDING_MACHINE_M, machine, near(trigger_m), vec![]),
+    ]
+}
+
+/// Families 5 to 8: straight on from its frame, until it is out of the way.
+fn crossing_car(family: TrafficFamily, spawn: Pose, speed_mps: f64, trigger_m: f64) -> Action {
+    let waits = family == TrafficFamily::RedLightRunning;
+    let far_m = match family {
+        TrafficFamily::RedLightRunning | TrafficFamily::CrossingNegotiation => CROSSED_M,
+        _ => TURNED_M,
+    };
+    let trigger = Trigger { ego_speed_mps_min: if waits { EGO_MOVES_MPS } else { 0.0 }, ..near(trigger_m) };
+    actor(AgentKind::Vehicle, CAR_M, spawn, trigger, vec![Phase::straight(speed_mps, Until::Driven { m: far_m })])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ego::Policy;
+    use crate::kernel::{Seed, par::Pool};
+    use crate::scene::Scene;
+    use crate::sim::{End, Intervention, Outcome, Plant, rollout, rollout_traced};
+    use crate::synth::{FamilyOptions, family_member, family_scene};
+
+    fn pool() -> Vec<Scene> {
+        let options = FamilyOptions::all();
+        (0..options.count()).map(|i| family_member(&options, Seed(7), i).unwrap()).collect()
+    }
+
+    fn run(scene: &Scene) -> Outcome {
+        let stage = Stage::of(scene).unwrap();
+        let actions = actions(&stage, &standard(stage.staging().family)).unwrap();
+        rollout(&Plant::new(scene).unwrap(), &Intervention { actions }, &mut *Policy::Idm.driver()).unwrap()
+    }
+
+    #[test]
+    fn every_family_s_standard_scenario_is_set_off_on_each_of_its_routes() {
+        let scenes = pool();
+        let outcomes: Vec<Outcome> = scenes.iter().map(run).collect();
+        let mut contacts = [0; 8];
+        for (scene, outcome) in scenes.iter().zip(&outcomes) {
+            let family = scene.staging.as_ref().unwrap().family;
+            let driving = outcome.driving.as_ref().unwrap();
+            assert!(outcome.adversaries.iter().all(|a| !a.initial_overlap), "{}", scene.id);
+            assert!(driving.actors[adversary(family)].moved, "{}: never set off", scene.id);
+            assert!(driving.duration_s > 2.0 && outcome.end != End::OffRoad, "{}: {driving:?}", scene.id);
+            contacts[family.number() - 1] += usize::from(outcome.contact.is_some());
+        }
+        println!("contacts with the IDM ego by family, of 10: {contacts:?}");
+        let all: usize = contacts.iter().sum();
+        assert!(all > 5 && all < 75, "{contacts:?}: neither harmless nor hopeless");
+    }
+
+    #[test]
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let scenes = pool();
+        let digests = |threads: usize| Pool::new(threads).unwrap().map(&scenes, |_, scene| run(scene).trace);
+        assert_eq!(digests(1), digests(3));
+    }
+
+    #[test]
+    fn a_walker_stands_until_the_ego_is_near_and_stops_in_the_road() {
+        let scene = family_scene(TrafficFamily::StraightObstacle, 5, Seed(7));
+        let stage = Stage::of(&scene).unwrap();
+        let actions = actions(&stage, &[2.5, 20.0, 45.0]).unwrap();
+        let plant = Plant::new(&scene).unwrap();
+        let (_, trace) = rollout_traced(&plant, &Intervention { actions }, &mut *Policy::Idm.driver()).unwrap();
+        let walker: Vec<_> = trace.actors[0].samples.iter().flatten().collect();
+        let from = walker.iter().position(|s| s.speed_mps() > 0.0).unwrap();
+        assert!(trace.ego[from - 1].position.distance(walker[0].position) < 20.0);
+        assert!(trace.ego[from - 2].position.distance(walker[0].position) >= 20.0, "not a step too early");
+        assert!(walker[from..].iter().take(5).all(|s| (s.speed_mps() - 2.5).abs() < 1e-9), "at full speed at once");
+        let gone = walker[walker.len() - 1].position.distance(walker[0].position);
+        let asked = 0.6 * stage.roadside(45.0).lane_width_m;
+        assert!(gone >= asked - 1e-9 && gone < asked + 0.25 + 1e-9, "{gone} {asked}");
+    }
+
+    #[test]
+    fn parameters_that_are_none_and_roads_that_do_not_fit_are_told() {
+        let mut scene = family_scene(TrafficFamily::VehiclePassing, 5, Seed(7));
+        let told = |scene: &Scene, values: &[f64]| actions(&Stage::of(scene).unwrap(), values).unwrap_err().to_string();
+        assert!(told(&scene, &[1.0]).contains("4 parameters"));
+        assert!(told(&scene, &[50.0, f64::NAN, 8.0, 45.0]).contains("oncoming_gap_m"));
+        scene.road.lanes.iter_mut().for_each(|lane| lane.left_neighbour = None);
+        assert!(told(&scene, &standard(TrafficFamily::VehiclePassing)).contains("an oncoming lane"));
+    }
+}

@@ -1,0 +1,8 @@
+//! The steps of a scene at which a motion is changed.
+
+/// The steps at which an actor's motion is changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Window {
+    pub from_step: usize,
+    pub steps: usize,
+}

@@ -1,0 +1,104 @@
+//! The scripted stand-in: rules that answer the prompts of the roles through the same JSON contract as a language model would.
+//!
+//! It is no language model and is never called one. It exists so that a study can be recorded and replayed without any provider, and so
+//! that the loop is exercised with errors at declared rates. It sees the text of the request and nothing else; every draw comes from a
+//! stream named by the request's draw slot, so that equal requests get equal bytes.
+
+mod actor;
+mod attackers;
+mod check;
+mod conditions;
+mod critics;
+mod edit;
+mod errors;
+mod forms;
+mod reader;
+mod repair;
+mod strategies;
+mod templates;
+mod wiring;
+
+pub use errors::Rates;
+
+use serde_json::Value;
+
+use crate::kernel::{Seed, Stream};
+use crate::llm::{Completion, Model, ModelError, Request};
+
+/// `kind` of a `ModelSpec` that is answered here.
+pub const KIND: &str = "scripted";
+
+/// Rules in place of a model. All it needs is in the request: `sampling` must hold `seed` and the four error rates of [`Rates`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Scripted;
+
+impl Model for Scripted {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        let rates = Rates::of(&request.model)?;
+        let draws = Draws::of(request)?;
+        let garbled = |answer: Value| errors::garbled(answer.to_string(), rates, &mut draws.stream("malformed"));
+        if request.slot.role == attackers::ROLE {
+            return Ok(garbled(attackers::answer(request, rates, &draws)?).into_bytes().into());
+        }
+        if request.slot.role == templates::ROLE {
+            return Ok(garbled(templates::answer(request, rates, &draws)?).into_bytes().into());
+        }
+        let page = reader::Page::read(request)?;
+        let answer = match request.slot.role.as_str() {
+            "actor" => patch_answer(&page, actor::propose(&page, &draws)?, rates, &draws),
+            "repair" => patch_answer(&page, repair::repair(&page, &draws)?, rates, &draws),
+            role if critics::ROLES.contains(&role) => {
+                page.answer("critic_review", critics::review(&page, role, rates.oversight_rate, &draws)?)
+            }
+            other => return Err(unanswerable(format!("the scripted model has no rules for the role `{other}`"))),
+        };
+        Ok(garbled(answer).into_bytes().into())
+    }
+}
+
+fn patch_answer(page: &reader::Page, mut patch: Value, rates: Rates, draws: &Draws) -> Value {
+    errors::plant(page, &mut patch, rates, &mut draws.stream("errors"));
+    page.answer("program_patch", patch)
+}
+
+pub(crate) fn unanswerable(reason: impl Into<String>) -> ModelError {
+    ModelError::Unanswerable { reason: reason.into() }
+}
+
+/// Streams of random numbers for one request.
+struct Draws {
+    seed: Seed,
+    path: [String; 5],
+}
+
+impl Draws {
+    fn of(request: &Request) -> Result<Draws, ModelError> {
+        let seed = errors::required(&request.model, "seed")?;
+        if !(0.0..9_007_199_254_740_992.0).contains(&seed) || seed.fract() != 0.0 {
+            return Err(unanswerable(format!("sampling.seed is {seed}, expected a whole number from 0 to 2^53")));
+        }
+        let slot = &request.slot;
+        let path = [
+            slot.lineage.clone(),
+            slot.epoch.to_string(),
+            slot.slot.to_string(),
+            slot.role.clone(),
+            slot.round.to_string(),
+        ];
+        Ok(Draws { seed: Seed(seed as u64), path })
+    }
+
+    fn stream(&self, purpose: &str) -> Stream {
+        let [lineage, epoch, slot, role, round] = &self.path;
+        self.seed.stream(&["scripted", lineage, epoch, slot, role, round, purpose])
+    }
+
+    /// The streams of the actor of this slot: a repair that was shown no readable patch drafts it again.
+    fn of_actor(&self) -> Draws {
+        let [lineage, epoch, slot, ..] = self.path.clone();
+        Draws { seed: self.seed, path: [lineage, epoch, slot, "actor".into(), "0".into()] }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,191 @@
+//! The features of a candidate as seen from its situation: the values of `vocabulary::CANDIDATE`.
+
+use super::situation::Situation;
+use crate::adapters::vocabulary;
+use crate::kernel::{OrientedBox, num};
+use crate::motion::Candidate;
+use crate::scene::{DT_S, Sample, TrackIx};
+
+/// A gap that stands for "nobody comes near", metres.
+const FAR_GAP_M: f64 = 50.0;
+/// Road and bystander checks look at every this many samples.
+const STRIDE: usize = 5;
+
+/// What is needed to judge a candidate besides itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged<'a> {
+    pub situation: &'a Situation,
+    pub actor: TrackIx,
+    /// Scene step of the first sample.
+    pub from_step: usize,
+    /// Tracks that are adversaries themselves, and so no bystanders.
+    pub adversaries: &'a [TrackIx],
+}
+
+/// Which features an expression or a filter reads; the others are left 0, for they cost time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    pub ego: bool,
+    pub kinematics: bool,
+    pub road: bool,
+    pub log: bool,
+    pub bystanders: bool,
+}
+
+impl Needs {
+    /// Needs of an expression that reads these names.
+    pub fn of<'n>(names: impl IntoIterator<Item = &'n str>) -> Needs {
+        let mut needs = Needs::default();
+        for name in names {
+            match name {
+                "ego_distance_m_min" | "closest_approach_s" | "closest_speed_mps" | "collision_likelihood" => {
+                    needs.ego = true
+                }
+                "acceleration_mps2_max"
+                | "lateral_acceleration_mps2_max"
+                | "jerk_mps3_max"
+                | "yaw_rate_radps_max"
+                | "speed_mps_max"
+                | "heading_change_rad" => needs.kinematics = true,
+                "off_road_m_max" | "lane_deviation_m_max" => needs.road = true,
+                "log_deviation_m_max" => needs.log = true,
+                "bystander_gap_m_min" => needs.bystanders = true,
+                _ => {}
+            }
+        }
+        needs
+    }
+}
+
+/// Values of `vocabulary::CANDIDATE` in its order.
+pub fn features(candidate: &Candidate, judged: &Judged<'_>, needs: Needs) -> Vec<f64> {
+    let mut values = Vec::with_capacity(vocabulary::CANDIDATE.len() + vocabulary::ACTOR.len());
+    values.push(candidate.prior_log_probability);
+    let ego = if needs.ego { ego_relation(&candidate.samples, judged) } else { EgoRelation::default() };
+    values.extend([ego.distance_m_min, ego.approach_s, ego.speed_mps, ego.likelihood]);
+    let motion = if needs.kinematics { kinematics(&candidate.samples, judged) } else { Kinematics::default() };
+    values.extend([
+        motion.acceleration_mps2_max,
+        motion.lateral_mps2_max,
+        motion.jerk_mps3_max,
+        motion.yaw_rate_radps_max,
+        motion.speed_mps_max,
+        motion.heading_change_rad,
+    ]);
+    let (off_road_m, lane_m) = if needs.road { road(&candidate.samples, judged) } else { (0.0, 0.0) };
+    values.extend([off_road_m, lane_m]);
+    values.push(if needs.log { log_deviation_m(&candidate.samples, judged) } else { 0.0 });
+    values.push(if needs.bystanders { bystander_gap_m(&candidate.samples, judged) } else { 0.0 });
+    debug_assert_eq!(values.len(), vocabulary::CANDIDATE.len());
+    values
+}
+
+/// Closest approach to the ego's rollout.
+#[derive(Clone, Copy, Debug, Default)]
+struct EgoRelation {
+    distance_m_min: f64,
+    approach_s: f64,
+    speed_mps: f64,
+    likelihood: f64,
+}
+
+fn ego_relation(samples: &[Sample], judged: &Judged<'_>) -> EgoRelation {
+    let situation = judged.situation;
+    let now = situation.scene.current_step;
+    let mut found = EgoRelation { distance_m_min: 200.0, approach_s: 20.0, ..EgoRelation::default() };
+    for (k, sample) in samples.iter().enumerate() {
+        let step = judged.from_step + k;
+        let (Some(ego), Some(body)) = (situation.ego.at(step), situation.ego.body(step)) else { break };
+        let track = situation.track(judged.actor);
+        let reach = body.radius() + 0.5 * num::hypot(track.length_m, track.width_m);
+        if sample.position.distance(body.center) - reach >= found.distance_m_min {
+            continue;
+        }
+        let distance = situation.body(judged.actor, sample).distance(body);
+        if distance < found.distance_m_min {
+            found.distance_m_min = distance;
+            found.approach_s = step.saturating_sub(now) as f64 * DT_S;
+            found.speed_mps = (sample.velocity - ego.velocity).norm();
+        }
+        if distance == 0.0 {
+            // First overlap: CAT's discount per 0.5 s.
+            found.likelihood = num::pow(0.99, (k / 5 + 1) as f64);
+            break;
+        }
+    }
+    found
+}
+
+/// Motion extremes from finite differences, the anchor before the first sample included.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Kinematics {
+    pub acceleration_mps2_max: f64,
+    pub lateral_mps2_max: f64,
+    pub jerk_mps3_max: f64,
+    pub yaw_rate_radps_max: f64,
+    pub speed_mps_max: f64,
+    pub heading_change_rad: f64,
+}
+
+fn kinematics(samples: &[Sample], judged: &Judged<'_>) -> Kinematics {
+    let anchor = judged.from_step.checked_sub(1).and_then(|k| judged.situation.track(judged.actor).at(k));
+    let all: Vec<&Sample> = anchor.into_iter().chain(samples).collect();
+    let mut found = Kinematics::default();
+    let mut last_acceleration: Option<f64> = None;
+    for pair in all.windows(2) {
+        let (speed, next) = (pair[0].speed_mps(), pair[1].speed_mps());
+        let turn = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad);
+        let acceleration = (next - speed) / DT_S;
+        let yaw_rate = turn / DT_S;
+        found.acceleration_mps2_max = found.acceleration_mps2_max.max(acceleration.abs());
+        found.lateral_mps2_max = found.lateral_mps2_max.max((0.5 * (speed + next) * yaw_rate).abs());
+        found.yaw_rate_radps_max = found.yaw_rate_radps_max.max(yaw_rate.abs());
+        found.speed_mps_max = found.speed_mps_max.max(next);
+        found.heading_change_rad += turn.abs();
+        if let Some(last) = last_acceleration {
+            found.jerk_mps3_max = found.jerk_mps3_max.max((acceleration - last).abs() / DT_S);
+        }
+        last_acceleration = Some(acceleration);
+    }
+    found
+}
+
+/// How far a corner leaves the drivable area, and the distance from the nearest centre line; largest of each.
+fn road(samples: &[Sample], judged: &Judged<'_>) -> (f64, f64) {
+    let lanes = &judged.situation.lanes;
+    let (mut off_m, mut lane_m) = (0.0f64, 0.0f64);
+    for sample in samples.iter().step_by(STRIDE).chain(samples.last()) {
+        for corner in judged.situation.body(judged.actor, sample).corners() {
+            off_m = off_m.max(lanes.off_road_m(corner));
+        }
+        let place = lanes.nearest_lane_any_heading(sample.position, 10.0);
+        lane_m = lane_m.max(place.map_or(10.0, |p| p.distance_m));
+    }
+    (off_m, if lanes.lane_count() == 0 { 0.0 } else { lane_m })
+}
+
+fn log_deviation_m(samples: &[Sample], judged: &Judged<'_>) -> f64 {
+    let track = judged.situation.track(judged.actor);
+    let steps = samples.iter().enumerate().filter_map(|(k, s)| Some((s, track.at(judged.from_step + k)?)));
+    steps.map(|(own, log)| own.position.distance(log.position)).fold(0.0, f64::max)
+}
+
+fn bystander_gap_m(samples: &[Sample], judged: &Judged<'_>) -> f64 {
+    let scene = &judged.situation.scene;
+    let mut gap_m = FAR_GAP_M;
+    for (k, sample) in samples.iter().enumerate().step_by(STRIDE) {
+        let body = judged.situation.body(judged.actor, sample);
+        for (ix, track) in scene.tracks.iter().enumerate() {
+            if ix == judged.actor || judged.adversaries.contains(&ix) {
+                continue;
+            }
+            let Some(other) = track.at(judged.from_step + k) else { continue };
+            let reach = body.radius() + 0.5 * (track.length_m + track.width_m);
+            if sample.position.distance(other.position) - reach < gap_m {
+                let theirs = OrientedBox::new(other.position, other.heading_rad, track.length_m, track.width_m);
+                gap_m = gap_m.min(body.distance(&theirs));
+            }
+        }
+    }
+    gap_m
+}

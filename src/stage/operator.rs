@@ -1,0 +1,123 @@
+//! What operators work on: the parts of a decision, the settings of a node, and expressions ready to be asked.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::judged::{Judged, Needs, features};
+use super::situation::Situation;
+use crate::kernel::{Seed, Stream};
+use crate::motion::offsets::OffsetSpace;
+use crate::motion::{Candidate, Driven, Window};
+use crate::objects::Counsel;
+use crate::objects::expr::Compiled;
+use crate::scene::TrackIx;
+
+/// One adversary's part of a decision while it is made.
+#[derive(Clone, Debug)]
+pub struct Part {
+    pub actor: TrackIx,
+    pub window: Window,
+    pub candidates: Vec<Candidate>,
+    /// Where the motion operator opens a continuous space instead of listing candidates.
+    pub offsets: Option<OffsetSpace>,
+    /// Likewise, where the motion is a differentiable function of a decision vector.
+    pub driven: Option<Arc<dyn Driven>>,
+}
+
+/// A motion or search operator: works on all adversaries of a scene together.
+pub type Operator = fn(&Stage<'_>, &Settings, &mut [Part]) -> Result<(), StageError>;
+
+/// An actor operator of a family's own: who becomes an adversary.
+pub type ActorOperator = fn(&Stage<'_>, &Settings) -> Result<Vec<TrackIx>, StageError>;
+
+/// Where and for what a program is being compiled.
+#[derive(Clone, Copy, Debug)]
+pub struct Stage<'a> {
+    pub situation: &'a Situation,
+    pub seed: Seed,
+    /// First digits of the program's hash: programs draw from streams of their own.
+    pub program: &'a str,
+    /// Who is advised to attack in this scene; only families that take counsel are given one.
+    pub counsel: Option<&'a Counsel>,
+}
+
+impl Stage<'_> {
+    /// The random stream of one purpose for one actor.
+    pub fn stream(&self, purpose: &str, actor: TrackIx) -> Stream {
+        self.seed.stream(&["compile", self.program, self.situation.scene_id(), purpose, &actor.to_string()])
+    }
+}
+
+/// An operator could not do its work: the settings are not what its kind declares.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StageError {
+    #[error("setting {0} is missing")]
+    Missing(String),
+    #[error("setting {setting} is {found}, expected {expected}")]
+    Unfit { setting: String, found: String, expected: String },
+}
+
+/// A module of H with everything but the features of its slot filled in.
+#[derive(Clone, Debug)]
+pub struct Module {
+    pub code: Arc<Compiled>,
+    pub needs: Needs,
+    /// Values of scene features and parameters, which follow the slot's features in the scope.
+    pub tail: Vec<f64>,
+}
+
+impl Module {
+    /// The value for these slot features.
+    pub fn number(&self, mut slot_values: Vec<f64>) -> f64 {
+        slot_values.extend_from_slice(&self.tail);
+        self.code.number(&slot_values)
+    }
+
+    pub fn boolean(&self, slot_values: Vec<f64>) -> bool {
+        self.number(slot_values) != 0.0
+    }
+
+    /// The value for a candidate: its features, then those of its actor.
+    pub fn of_candidate(&self, candidate: &Candidate, judged: &Judged<'_>) -> f64 {
+        let mut values = features(candidate, judged, self.needs);
+        values.extend(judged.situation.facts(judged.actor).into_iter().flat_map(|facts| &facts.values));
+        self.number(values)
+    }
+}
+
+/// The settings of one node, resolved for one scene.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    pub numbers: BTreeMap<String, f64>,
+    pub words: BTreeMap<String, String>,
+    pub modules: BTreeMap<String, Module>,
+}
+
+impl Settings {
+    pub fn number(&self, name: &str) -> Result<f64, StageError> {
+        self.numbers.get(name).copied().ok_or_else(|| StageError::Missing(name.into()))
+    }
+
+    /// A whole number that is not negative.
+    pub fn count(&self, name: &str) -> Result<usize, StageError> {
+        let found = self.number(name)?;
+        if found.fract() == 0.0 && (0.0..=1e6).contains(&found) {
+            return Ok(found as usize);
+        }
+        let expected = "a whole number".into();
+        Err(StageError::Unfit { setting: name.into(), found: found.to_string(), expected })
+    }
+
+    pub fn word(&self, name: &str) -> Result<&str, StageError> {
+        self.words.get(name).map(String::as_str).ok_or_else(|| StageError::Missing(name.into()))
+    }
+
+    pub fn module(&self, name: &str) -> Result<&Module, StageError> {
+        self.modules.get(name).ok_or_else(|| StageError::Missing(name.into()))
+    }
+
+    /// A mechanism that may be left out.
+    pub fn optional(&self, name: &str) -> Option<&Module> {
+        self.modules.get(name)
+    }
+}

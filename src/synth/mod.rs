@@ -1,0 +1,156 @@
+//! Generated worlds: a road is laid, individual drivers are simulated on it, and what they did is the log.
+//!
+//! Drivers follow by the Intelligent Driver Model, change lanes by MOBIL and enter junctions by lights, stop
+//! signs and gap acceptance, so a log is dynamically consistent: nobody overlaps anybody, and every motion
+//! is one that a driver could make. Equal options, seed and index give equal bits.
+
+mod curve;
+mod driver;
+mod families;
+mod family_site;
+mod interaction;
+mod junction;
+mod lane_change;
+mod network;
+mod node;
+mod options;
+mod record;
+mod right_of_way;
+mod traffic;
+mod walkers;
+mod worlds;
+
+#[cfg(test)]
+mod tests;
+
+pub use families::{FamilyOptions, family_member, family_scene};
+pub use options::{Reject, SynthError, SynthOptions, WorldKind};
+
+use crate::kernel::{Seed, num};
+use crate::scene::{Ego, Lane, LaneIx, Light, Neighbour, Origin, Road, Scene, StopSign};
+use interaction::Pair;
+use network::{Network, SynthLane};
+use record::Log;
+use traffic::{Traffic, stream};
+
+/// The scene `synth/<kind>/<seed>/<index>`.
+///
+/// Sub-seeds are tried until one passes the filter of [`SynthOptions`]: the ego travels far enough and another
+/// vehicle interacts with it, which then stands in `objects_of_interest`. Lights hang over the lane that ends
+/// at them. Errors: an option out of range, or no scene within `attempts_max`.
+pub fn generate(kind: WorldKind, seed: Seed, index: u32, options: &SynthOptions) -> Result<Scene, SynthError> {
+    options.check()?;
+    let id = format!("synth/{}/{}/{index}", kind.name(), seed.0);
+    let mut last = Reject::NoEgo;
+    let may_follow =
+        seed.stream(&["synth", kind.name(), &index.to_string(), "following"]).chance(options.following_share);
+    for attempt in 0..options.attempts_max {
+        let path = ["synth".to_string(), kind.name().to_string(), index.to_string(), attempt.to_string()];
+        let net = worlds::lay_world(kind, options.tracks_per_scene, &mut stream(seed, &path, "world"));
+        let mut traffic = Traffic::new(&net, kind, options, seed, &path);
+        let log = record::record(&mut traffic, options);
+        let following = may_follow || 2 * attempt >= options.attempts_max;
+        let chosen = interaction::choose(&log.tracks, options, following).and_then(|pair| {
+            record::consistent(&log, options.steps)?;
+            Ok(pair)
+        });
+        match chosen {
+            Ok(pair) => return Ok(assemble(id, kind, seed, index, options, &net, log, pair)),
+            Err(reject) => last = reject,
+        }
+    }
+    Err(SynthError::Filtered { id, attempts: options.attempts_max, last })
+}
+
+/// `count` scenes, the kinds of the options in turn; scene `i` has index `i / number of kinds`.
+///
+/// Scenes are independent of each other, so a caller may as well map [`generate`] over its own threads; see
+/// [`pool_member`].
+pub fn pool(options: &SynthOptions, seed: Seed, count: usize) -> Result<Vec<Scene>, SynthError> {
+    (0..count).map(|i| pool_member(options, seed, i)).collect()
+}
+
+/// The scene at place `i` of a pool.
+pub fn pool_member(options: &SynthOptions, seed: Seed, i: usize) -> Result<Scene, SynthError> {
+    options.check()?;
+    let kind = options.kinds[i % options.kinds.len()];
+    let index = u32::try_from(i / options.kinds.len()).unwrap_or(u32::MAX);
+    generate(kind, seed, index, options)
+}
+
+#[allow(clippy::too_many_arguments)]
+fn assemble(
+    id: String,
+    kind: WorldKind,
+    seed: Seed,
+    index: u32,
+    options: &SynthOptions,
+    net: &Network,
+    log: Log,
+    pair: Pair,
+) -> Scene {
+    let Log { mut tracks, lights } = log;
+    let ego = tracks.remove(pair.ego);
+    let other = if pair.other > pair.ego { pair.other - 1 } else { pair.other };
+    let mut route: Vec<crate::kernel::Vec2> = Vec::new();
+    for sample in ego.samples.iter().flatten() {
+        if route.last().is_none_or(|last| last.distance(sample.position) > 0.05) {
+            route.push(sample.position);
+        }
+    }
+    Scene {
+        id,
+        origin: Origin { format: format!("synth/{}", kind.name()), name: format!("{}/{index}", seed.0) },
+        steps: options.steps,
+        current_step: options.current_step,
+        road: road(net),
+        tracks,
+        ego: Ego { track: ego, start_step: options.current_step, route, target_speed_mps: None },
+        objects_of_interest: vec![other],
+        lights: lights
+            .into_iter()
+            .map(|(lane, states)| Light { lane, stop_point: stop_point(net, lane), states })
+            .collect(),
+        stop_signs: stop_signs(net),
+        crosswalks: walkers::polygons(net),
+        staging: None,
+    }
+}
+
+fn road(net: &Network) -> Road {
+    let lane = |(i, lane): (usize, &SynthLane)| {
+        let half = 0.5 * lane.width_m;
+        let beside = |n: Option<(LaneIx, bool)>| n.map(|(lane, same_direction)| Neighbour { lane, same_direction });
+        Lane {
+            id: i.to_string(),
+            kind: lane.kind,
+            centre: lane.curve.points.clone(),
+            left: lane.curve.line(half),
+            right: lane.curve.line(-half),
+            entries: lane.entries.clone(),
+            exits: lane.exits.clone(),
+            left_neighbour: beside(lane.left),
+            right_neighbour: beside(lane.right),
+            speed_limit_mps: Some(num::rounded(lane.limit_mps, 3)),
+        }
+    };
+    Road { lanes: net.lanes.iter().enumerate().map(lane).collect(), edges: net.edges.clone() }
+}
+
+fn stop_point(net: &Network, lane: LaneIx) -> crate::kernel::Vec2 {
+    let lane = &net.lanes[lane];
+    lane.curve.at(lane.gate.map_or(lane.curve.length_m(), |gate| gate.stop_s)).position
+}
+
+fn stop_signs(net: &Network) -> Vec<StopSign> {
+    let mut lanes: Vec<LaneIx> = net
+        .nodes
+        .iter()
+        .flat_map(|node| &node.connectors)
+        .filter(|connector| connector.stop_sign)
+        .map(|connector| connector.origin)
+        .collect();
+    lanes.sort_unstable();
+    lanes.dedup();
+    lanes.into_iter().map(|lane| StopSign { position: stop_point(net, lane), lanes: vec![lane] }).collect()
+}

@@ -8,7 +8,7 @@ use super::isolation::ForeignVocabulary;
 use super::vocabulary::Feature;
 use crate::objects::{FamilyName, Program, Slot, ValueType};
 
-/// A family's declared search space. Built by the family's file in `baselines`; fixed before evolution.
+/// A family's declared search space. Built by the family's file in `families`; fixed before evolution.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Contract {
     pub family: FamilyName,

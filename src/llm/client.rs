@@ -10,7 +10,9 @@ pub const OPENAI_COMPATIBLE: &str = "openai_compatible";
 /// `kind` of a model behind Anthropic's Messages API.
 pub const ANTHROPIC: &str = "anthropic";
 
-const KINDS: [&str; 3] = [crate::scripted::KIND, OPENAI_COMPATIBLE, ANTHROPIC];
+/// The kind that rules of this program answer; whoever answers lives elsewhere.
+pub const SCRIPTED: &str = "scripted";
+const KINDS: [&str; 3] = [SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC];
 const OPENAI_SAMPLING: [&str; 9] = [
     "temperature",
     "top_p",

@@ -1,4 +1,4 @@
-//! Asking a model: request, replay, record, cassette, the scripted stand-in, and real models under the feature `live`.
+//! Asking a model: request, replay, record, cassette, and real models under the feature `live`.
 
 pub mod addressed;
 pub mod cassette;

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+use super::client::SCRIPTED;
 use super::{Schema, Text};
 use crate::kernel::Digest;
-use crate::scripted;
 
 /// Everything that can change an answer. Every field counts into the key: what must not (api key, timeout,
 /// retries, user agent, proxy, address, prices, spend cap) is not a field here but belongs to the live client (`ClientOptions`).
@@ -60,7 +60,7 @@ impl ModelSpec {
     /// What a result says about where its answers came from. It opens with the kind, so that no name can pass the scripted
     /// stand-in off as a language model.
     pub fn label(&self) -> String {
-        if self.kind == scripted::KIND && self.name == self.kind {
+        if self.kind == SCRIPTED && self.name == self.kind {
             return self.kind.clone();
         }
         format!("{} ({}, {})", self.kind, self.name, self.model)

@@ -23,10 +23,10 @@ pub use errors::Rates;
 use serde_json::Value;
 
 use crate::kernel::{Seed, Stream};
-use crate::llm::{Completion, Model, ModelError, Request};
+use crate::llm::{self, Completion, Model, ModelError, Request};
 
 /// `kind` of a `ModelSpec` that is answered here.
-pub const KIND: &str = "scripted";
+pub const KIND: &str = llm::client::SCRIPTED;
 
 /// Rules in place of a model. All it needs is in the request: `sampling` must hold `seed` and the four error rates of [`Rates`].
 #[derive(Clone, Copy, Debug, Default)]

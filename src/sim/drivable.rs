@@ -3,7 +3,7 @@
 //!
 //! Three computations of the project know this surface. This one serves rollouts: it looks for the largest distance so
 //! far, starts at the piece that last held the place, and skips what cannot raise the maximum. `LaneGraph::off_road_m`
-//! serves single questions up to 100 m. `baselines::kernel::RoadField` is a raster of signed distances with slopes, for
+//! serves single questions up to 100 m. `stage::road_field::RoadField` is a raster of signed distances with slopes, for
 //! searches by gradient, right to half a cell. The first two share their pieces; results in last bits rest on each.
 
 use std::sync::Arc;

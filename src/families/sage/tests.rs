@@ -20,7 +20,7 @@ fn training_again_gives_the_committed_experts() {
     assert_eq!(
         trained.text(),
         expected,
-        "if this is meant, the text on the left belongs into src/baselines/sage/experts.json"
+        "if this is meant, the text on the left belongs into src/families/sage/experts.json"
     );
     assert_eq!(&trained, Experts::committed());
 }

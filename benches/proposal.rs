@@ -7,7 +7,7 @@ use std::path::Path;
 use divan::counter::ItemsCount;
 use evodrive::cli::{experiment::Experiment, inputs};
 use evodrive::epoch::{Desk, Mode, Rollouts, Study, run};
-use evodrive::kernel::par::Pool;
+use evodrive::kernel::Threads;
 use evodrive::llm::{Cassette, Replay};
 use evodrive::store::{Store, Transcript};
 
@@ -26,7 +26,7 @@ fn carry_out(study: &Study<'_>, rollouts: &Rollouts<'_>) -> usize {
 #[divan::bench(sample_count = 30, sample_size = 1)]
 fn proposals_with_everything_recorded(bencher: divan::Bencher<'_, '_>) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
-    let threads = Pool::new(1).expect("a thread");
+    let threads = Threads::new(1).expect("a thread");
     let experiment = Experiment::read(&file).expect("the experiment");
     let scenes = inputs::scenes(&experiment, &file, &[], &threads).expect("scenes");
     let cassette = Cassette::load(&file.with_file_name("../cassettes/quickstart.jsonl")).expect("the cassette");

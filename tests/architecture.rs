@@ -41,7 +41,7 @@ const TABLE: &[(&str, &str)] = &[
 const EFFECTS: &[(&str, &[&str], &[&str])] = &[
     ("disk", &["std::fs", "fs::File", "OpenOptions", "rusqlite"], &["store/"]),
     ("network", &["std::net", "TcpStream", "ureq::"], &["llm/live/"]),
-    ("threads", &["thread::spawn", "thread::scope", "thread::Builder", "rayon"], &["kernel/par.rs"]),
+    ("threads", &["thread::spawn", "thread::scope", "thread::Builder", "rayon"], &["kernel/threads.rs"]),
     ("randomness", &["rand_chacha", "rand_core", "from_entropy", "getrandom"], &["kernel/rng.rs"]),
     ("clock", &["Instant::now", "SystemTime", "thread::sleep"], &["cli/"]),
     ("environment", &["std::env", "env::var"], &["cli/"]),

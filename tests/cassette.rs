@@ -7,7 +7,7 @@ use std::{
 };
 
 use evodrive::{
-    kernel::par::Pool,
+    kernel::Threads,
     llm::{
         Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Message, Metadata, Model, ModelError, ModelSpec,
         Record, RecordMode, Replay, Reply, Request, ResponseFormat, Schema,
@@ -277,7 +277,7 @@ fn a_recording_asks_once_and_its_cassette_does_not_depend_on_threads() {
         let record = Record::new(&store, Cassette::new(""), RecordMode::Missing, constant);
         let mut mixed = slots.clone();
         mixed.reverse();
-        Pool::new(threads).unwrap().map(&mixed, |_, at| record.ask(&request(at.clone())).unwrap());
+        Threads::new(threads).unwrap().map(&mixed, |_, at| record.ask(&request(at.clone())).unwrap());
         texts.push(record.into_cassette("t", &slots).unwrap().to_bytes("t").unwrap());
         // Killed and started again: everything is in the memo.
         let record = Record::new(&store, Cassette::new(""), RecordMode::Missing, models(&calls));

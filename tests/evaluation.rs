@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use evodrive::ego::Policy;
 use evodrive::evaluation::metrics::realism::{BinaryDiagnostic, realism};
 use evodrive::evaluation::*;
-use evodrive::kernel::{Digest, Seed, par::Pool};
+use evodrive::kernel::{Digest, Seed, Threads};
 use evodrive::sim::{ActorRef, AdversaryReport, Contact, End, Motion, Outcome, Striker};
 
 fn options() -> MetadriveOptions {
@@ -158,7 +158,7 @@ fn evaluate_with(
         .iter()
         .map(|id| SceneRef { id, digest: Digest::of_bytes(id.as_bytes()), group: None, counsel: None })
         .collect();
-    evaluate(&subject, &scenes, label, &EvaluationOptions::Metadrive(options()), cache, &Pool::new(threads).unwrap())
+    evaluate(&subject, &scenes, label, &EvaluationOptions::Metadrive(options()), cache, &Threads::new(threads).unwrap())
 }
 
 #[test]

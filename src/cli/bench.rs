@@ -13,7 +13,7 @@ use std::sync::Arc;
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
 use crate::families;
-use crate::kernel::{Seed, num, par::Pool as Threads};
+use crate::kernel::{Seed, Threads, num};
 use crate::objects::FamilyName;
 use crate::scene::Scene;
 use crate::sim::{Intervention, Part, SimError, rollout_counted, rollout_in_parts};
@@ -85,7 +85,7 @@ fn sim(options: &SimOptions) -> Result<Answer, Failure> {
         "{} scenes, {} threads, median of {} rounds\nrollouts/s     {:>14.0}\nsteps/s        {:>14.0}\nagent-steps/s  {:>14.0}\n\
          reading the pool took {:.2} s, preparing all scenes and compiling the adversaries {:.2} s, one round of rollouts {:.4} s\n{}",
         stages.len(),
-        threads.threads(),
+        threads.count(),
         seconds.len(),
         rate(stages.len()),
         rate(steps as usize),
@@ -96,7 +96,7 @@ fn sim(options: &SimOptions) -> Result<Answer, Failure> {
         split.text()
     );
     let object = json!({
-        "scenes": stages.len(), "threads": threads.threads(), "rounds": seconds.len(),
+        "scenes": stages.len(), "threads": threads.count(), "rounds": seconds.len(),
         "rollouts_per_s": rate(stages.len()), "steps_per_s": rate(steps as usize),
         "agent_steps_per_s": rate(agent_steps as usize),
         "seconds": {"read": reading.as_secs_f64(), "prepare": preparing.as_secs_f64(), "rollouts_median": median},

@@ -33,7 +33,7 @@ pub fn of(study: &Study<'_>, (reused, simulated): (usize, usize)) -> RunCost {
         work: spent.get(&spec.id).copied().unwrap_or_default(),
     };
     let lineages = study.lineages.iter().map(cost).collect();
-    RunCost { format: FORMAT.into(), threads: study.pool.threads(), simulated, reused, lineages }
+    RunCost { format: FORMAT.into(), threads: study.pool.count(), simulated, reused, lineages }
 }
 
 /// Keeps the cost in the folder. A run that found every rollout in the store leaves the file of the run that made them.
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
     use crate::cli::{experiment::Experiment, inputs};
     use crate::epoch::{Clock, Desk, Meter, Mode, Rollouts};
-    use crate::kernel::{Digest, par::Pool as Threads};
+    use crate::kernel::{Digest, Threads};
     use crate::llm::{Cassette, Replay};
     use crate::objects::FamilyName;
     use crate::store::{Store, Transcript};

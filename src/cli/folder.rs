@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::exit::Failure;
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
-use crate::evidence::Story;
+use crate::evidence::RecordedRun;
 use crate::kernel::Digest;
 use crate::sim::SIM_VERSION;
 use crate::store;
@@ -138,8 +138,8 @@ impl RunFolder {
     }
 
     /// The recorded run.
-    pub fn story(&self) -> Result<Story, Failure> {
+    pub fn story(&self) -> Result<RecordedRun, Failure> {
         let events = store::read_events(&self.transcript())?;
-        Story::read(&events).map_err(|error| Failure::bad_input(format!("{}: {error}", self.dir.display())))
+        RecordedRun::read(&events).map_err(|error| Failure::bad_input(format!("{}: {error}", self.dir.display())))
     }
 }

@@ -15,7 +15,7 @@ use crate::epoch::{Budget, Counsels, LineageSpec, Meter, SceneEntry, Study};
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
-use crate::kernel::{Digest, Seed, par::Pool as Threads};
+use crate::kernel::{Digest, Seed, Threads};
 use crate::llm::Ask;
 use crate::scene::{Pool, Scene, pool, usable};
 use crate::store;

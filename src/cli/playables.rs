@@ -3,7 +3,7 @@
 use super::exit::Failure;
 use crate::draw::{Actor, Contact, Drawing, Role, role_of};
 use crate::epoch::{LineageSpec, Study, Traced, trace};
-use crate::evidence::Story;
+use crate::evidence::RecordedRun;
 use crate::evidence::report::{Playable, Stage};
 use crate::objects::{Program, SceneScore, SolutionId};
 use crate::scene::Scene;
@@ -14,7 +14,7 @@ const SCENES_MAX: usize = 3;
 
 /// The parent, the chosen and the active program, and the finalists, in the scenes where they differ most. Any other
 /// rollout is drawn by `evodrive scenes show`.
-pub fn choose(study: &Study<'_>, story: &Story) -> Result<Stage, Failure> {
+pub fn choose(study: &Study<'_>, story: &RecordedRun) -> Result<Stage, Failure> {
     let mut stage = Stage::default();
     for spec in &study.lineages {
         let programs = programs(story, spec);
@@ -33,7 +33,7 @@ pub fn choose(study: &Study<'_>, story: &Story) -> Result<Stage, Failure> {
     Ok(stage)
 }
 
-fn programs(story: &Story, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
+fn programs(story: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
     let mut chosen: Vec<(SolutionId, String)> = Vec::new();
     let mut add = |solution: &SolutionId, role: &str| {
         if !chosen.iter().any(|(known, _)| known == solution) {
@@ -58,7 +58,7 @@ fn programs(story: &Story, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
 }
 
 /// Evolution scenes in which the finalists' labels differ most from the parent's, then those with an attack.
-fn scenes(study: &Study<'_>, story: &Story, spec: &LineageSpec) -> Vec<usize> {
+fn scenes(study: &Study<'_>, story: &RecordedRun, spec: &LineageSpec) -> Vec<usize> {
     let finalists: Vec<_> = story.finalists.iter().filter(|f| f.lineage == spec.id).collect();
     let label = |scores: &[SceneScore], id: &str| {
         scores.iter().find(|s| s.scene == id).map_or((0.0, 1.0), |s| (s.attack, s.realism))

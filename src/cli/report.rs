@@ -9,7 +9,7 @@ use super::exit::Failure;
 use super::experiment::Experiment;
 use super::folder::RunFolder;
 use super::{inputs, run};
-use crate::kernel::par::Pool as Threads;
+use crate::kernel::Threads;
 use crate::llm::{Cassette, Replay};
 
 #[derive(Debug, Args)]

@@ -9,9 +9,9 @@ use super::folder::RunFolder;
 use super::{inputs, playables, show};
 use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Study, Traced, record_digest, trace};
-use crate::evidence::Story;
+use crate::evidence::RecordedRun;
 use crate::formats::{Inserted, Staging};
-use crate::kernel::par::Pool as Threads;
+use crate::kernel::Threads;
 use crate::llm::{Cassette, Replay};
 use crate::objects::{Attempt, SolutionId};
 use crate::scene::{DT_S, Scene};
@@ -55,7 +55,7 @@ pub fn of_attempt(run: Option<&PathBuf>, attempt: &str, scenes: &[String]) -> Re
 }
 
 /// Places of the scenes in the study.
-fn places(study: &Study<'_>, story: &Story, attempt: &Attempt, scenes: &[String]) -> Result<Vec<usize>, Failure> {
+fn places(study: &Study<'_>, story: &RecordedRun, attempt: &Attempt, scenes: &[String]) -> Result<Vec<usize>, Failure> {
     let labelled: Vec<String> = attempt.exit.score().iter().flat_map(|s| &s.scenes).map(|s| s.scene.clone()).collect();
     let wanted = if scenes.is_empty() { &labelled } else { scenes };
     if wanted.is_empty() {

@@ -11,7 +11,7 @@ use super::folder::{Recording, RunFolder};
 use super::{cost, inputs, models, playables, result_text};
 use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study};
 use crate::evidence::report;
-use crate::kernel::{Digest, par::Pool as Threads};
+use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, DrawSlot, Record, RecordMode, Replay};
 use crate::objects::event::RunResult;
 use crate::scene::{Pool, pool};

@@ -12,7 +12,7 @@ use super::exit::Failure;
 use super::rollout::{self, OfAttempt};
 use super::scenes;
 use crate::formats::{ExportError, Exported, Note, Staging, commonroad, openscenario, scenarionet};
-use crate::kernel::par::Pool as Threads;
+use crate::kernel::Threads;
 use crate::scene::Scene;
 use crate::store;
 

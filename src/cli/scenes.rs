@@ -9,7 +9,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::experiment::Experiment;
 use super::{inputs, scene_export, scene_show};
-use crate::kernel::par::Pool as Threads;
+use crate::kernel::Threads;
 use crate::scene::stats::PoolStats;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
 use crate::store;

@@ -8,7 +8,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::evidence::attempt_text::{self, Exchanged};
-use crate::evidence::{Story, composition_text, counsel_text};
+use crate::evidence::{RecordedRun, composition_text, counsel_text};
 use crate::llm::{Cassette, Metadata};
 use crate::objects::{Attempt, Composed, Counselled, Exchange, spelling};
 
@@ -59,7 +59,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
 }
 
 /// Nothing that can be shown has this name.
-fn unknown(story: &Story, name: &str) -> Failure {
+fn unknown(story: &RecordedRun, name: &str) -> Failure {
     let attempts = story.attempts.iter().map(|attempt| attempt.id.to_string());
     let others = story.counsels.iter().map(Counselled::name).chain(story.composed.iter().map(Composed::name));
     let known: Vec<String> = attempts.chain(others).collect();
@@ -72,7 +72,7 @@ fn unknown(story: &Story, name: &str) -> Failure {
 }
 
 /// The attempt of that name.
-pub fn find<'s>(story: &'s Story, name: &str) -> Result<&'s Attempt, Failure> {
+pub fn find<'s>(story: &'s RecordedRun, name: &str) -> Result<&'s Attempt, Failure> {
     story.attempt(name).ok_or_else(|| {
         let known: Vec<&str> = story.attempts.iter().map(|a| a.id.as_str()).collect();
         let near = spelling::nearest(name, known.iter().copied());

@@ -14,7 +14,7 @@ use crate::compiler::Situation;
 use crate::ego::Policy;
 use crate::evaluation::{EvaluationOptions, Group};
 use crate::families::chatscene;
-use crate::kernel::{Digest, Seed, par::Pool};
+use crate::kernel::{Digest, Seed, Threads};
 use crate::llm::{Ask, ModelSpec};
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{Composed, FamilyName, LineageId, ParameterValue, Program, Role, WorldConfiguration};
@@ -54,7 +54,7 @@ pub struct Study<'a> {
     /// What it said so far.
     pub counsels: Counsels,
     pub ask: &'a dyn Ask,
-    pub pool: &'a Pool,
+    pub pool: &'a Threads,
     /// What the work costs; no result depends on it.
     pub meter: Meter<'a>,
 }

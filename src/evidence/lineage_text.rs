@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use super::story::Story;
+use super::recorded_run::RecordedRun;
 use crate::objects::{Attempt, LineageId, Objectives, Program, program_diff};
 
 /// The chain from the parent to the active program, each step with its hypothesis, labels and diff.
-pub fn chain(story: &Story, lineage: &LineageId) -> String {
+pub fn chain(story: &RecordedRun, lineage: &LineageId) -> String {
     let Some(active) = story.active(lineage) else { return format!("no lineage {lineage} in this run\n") };
     let programs = story.chain(active);
     let mut out = format!("lineage {lineage}: {} programs from the parent to {active}\n", programs.len());
@@ -56,7 +56,7 @@ pub fn shortened(text: &str, most: usize) -> String {
     flat.chars().take(most.saturating_sub(1)).chain(['…']).collect()
 }
 
-fn attempt_of<'a>(story: &'a Story, program: &Program) -> Option<&'a Attempt> {
+fn attempt_of<'a>(story: &'a RecordedRun, program: &Program) -> Option<&'a Attempt> {
     story.attempts.iter().find(|a| a.exit.candidate().is_some_and(|c| c.program.solution_id == program.solution_id))
 }
 

@@ -4,8 +4,8 @@ pub mod attempt_text;
 pub mod composition_text;
 pub mod counsel_text;
 pub mod lineage_text;
+pub mod recorded_run;
 pub mod report;
-pub mod story;
 pub mod tables;
 
-pub use story::{Story, StoryError};
+pub use recorded_run::{RecordedRun, RecordedRunError};

@@ -6,7 +6,7 @@
 //! This adaptation is ours, declared; the source describes none. Bounds are the method's nuScenes maxima in SI.
 
 use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use crate::adapters::{Family, OperatorSpec};
 use crate::kernel::{Vec2, num};
 use crate::motion::Candidate;
@@ -31,7 +31,7 @@ pub const OFFSET_GRADIENT: &str = "offset_gradient";
 /// Contract, and the parent: AT as published, on the logged future.
 pub fn family() -> Family {
     let (motion, search) = (motion_parameters(), search_parameters());
-    Own {
+    FamilySpec {
         name: NAME,
         title: "AT: adversarial trajectories (Zhang et al. 2022)",
         describes: "Keeps a recorded vehicle on its own path and shifts it by offsets of at most one metre at knots of \

@@ -6,7 +6,7 @@
 //! log comes nearest to the ego's rollout stands in, a declared choice.
 
 use super::grammar::{self, choice, number, optional, parameter, required, slot};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::prior;
 use crate::adapters::{Family, OperatorSpec};
 use crate::objects::{OperatorNode, Slot, ValueType};
@@ -24,7 +24,7 @@ pub const COLLISION_POSTERIOR: &str = "collision_posterior";
 /// Contract, and the parent: CAT as published.
 pub fn family() -> Family {
     let (motion, search) = (prior::parameters(""), search_parameters());
-    Own {
+    FamilySpec {
         name: NAME,
         title: "CAT: closed-loop adversarial training (Zhang et al. 2023)",
         describes: "Replaces the future of a recorded vehicle by one of 32 trajectories of a lane-graph motion prior. \

@@ -12,7 +12,7 @@
 use std::sync::Arc;
 
 use super::grammar::{self, choice, integer, number, optional, parameter, required};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::staged;
 use crate::adapters::Family;
 use crate::kernel::num;
@@ -91,7 +91,7 @@ pub fn family() -> Family {
         "lane_behaviour",
         "crossing_behaviour",
     ];
-    staged::family(Own {
+    staged::family(FamilySpec {
         name: NAME,
         title: "ChatScene (Zhang et al. 2024)",
         describes: "Composes a scenario from a template: a road user at a place beside or ahead of the ego, a trigger \

@@ -6,7 +6,7 @@
 //! program is labelled by one run a route. That is our choice.
 
 use super::grammar::{self, number, optional, parameter};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::staged;
 use crate::adapters::Family;
 use crate::kernel::num;
@@ -49,7 +49,7 @@ pub fn family() -> Family {
         [optional("score", "grid_score", "an order over the grid; without one all members are alike")],
         "Gives every member of the grid the value of an expression, or 0.",
     );
-    staged::family(Own {
+    staged::family(FamilySpec {
         name: NAME,
         title: "Human: SafeBench's hand-designed scenarios (Xu et al. 2022)",
         describes: "One scripted road user a traffic family waits until the ego is near and then crosses, brakes or \

@@ -34,7 +34,7 @@ pub fn from_parameters(parameters: &[OwnParameter]) -> Vec<(String, Setting)> {
 }
 
 /// What a family adds.
-pub struct Own {
+pub struct FamilySpec {
     pub name: &'static str,
     /// Method and reference.
     pub title: &'static str,
@@ -50,7 +50,7 @@ pub struct Own {
     pub graph: Vec<(String, OperatorNode)>,
 }
 
-impl Own {
+impl FamilySpec {
     /// Contract and parent: the shared grammar with the family's own beside it.
     pub fn family(self) -> Family {
         let mut operators = grammar::shared_operators();

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::grammar::{self, integer, number, optional, parameter};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::staged;
 use crate::adapters::Family;
 use crate::kernel::num;
@@ -51,7 +51,7 @@ pub fn family(of: Profiled) -> Family {
         settings,
         "Simulates profiles one after the other, each a change of the best so far, until the ego collides.",
     );
-    staged::family(Own {
+    staged::family(FamilySpec {
         name: of.name,
         title: of.title,
         describes: of.describes.into(),

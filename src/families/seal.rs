@@ -7,7 +7,7 @@
 //! replaced by eight primitives of the simulator with a uniform prior. Both are declared stand-ins.
 
 use super::grammar::{self, choice, number, optional, parameter, required, slot};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::prior;
 use crate::adapters::Family;
 use crate::motion::Candidate;
@@ -37,7 +37,7 @@ pub fn family() -> Family {
         optional("score", "opponent_score", "a score of the family's own"),
         required("combine", choice(&["add", "replace"]), "what a given score does to SEAL's own"),
     ]);
-    Own {
+    FamilySpec {
         name: NAME,
         title: "SEAL: skill-enabled adversary learning (Stoler et al. 2025)",
         describes: "Follows one of 32 trajectories of a lane-graph motion prior, the one with the largest mean of \

@@ -3,7 +3,7 @@
 //! operator leaves the moment to its trigger, and motion and search operators work on whole scenarios, each simulated
 //! against the ego when it is proposed. Where a scene belongs to no traffic family, nobody is eligible.
 
-use super::interface::{self, Own};
+use super::interface::{self, FamilySpec};
 use crate::adapters::{Family, OperatorSpec};
 use crate::motion::traffic_family::{FamilyParameter, parameters};
 use crate::objects::{OperatorNode, Slot};
@@ -25,7 +25,7 @@ const LOG_SLOTS: [&str; 3] = ["actor_score", "actor_guard", "window_start_s"];
 const LOG_PARAMETERS: [&str; 3] = ["duration_s", "actor_gap_m_max", "pressure_horizon_s"];
 
 /// Contract and parent of a family of the SafeBench protocol.
-pub fn family(mut own: Own) -> Family {
+pub fn family(mut own: FamilySpec) -> Family {
     own.operators.extend(operators());
     let mut family = own.family();
     family.contract.backend = BACKEND.into();

@@ -5,10 +5,11 @@ pub mod canon;
 pub mod digest;
 pub mod geom;
 pub mod num;
-pub mod par;
 pub mod rng;
+pub mod threads;
 
 pub use canon::canonical_bytes;
 pub use digest::Digest;
 pub use geom::{OrientedBox, Polyline, Pose, Vec2};
 pub use rng::{Seed, Stream};
+pub use threads::Threads;

@@ -214,7 +214,7 @@ fn crossing_car(family: TrafficFamily, spawn: Pose, speed_mps: f64, trigger_m: f
 mod tests {
     use super::*;
     use crate::ego::Policy;
-    use crate::kernel::{Seed, par::Pool};
+    use crate::kernel::{Seed, Threads};
     use crate::scene::Scene;
     use crate::sim::{End, Intervention, Outcome, Plant, rollout, rollout_traced};
     use crate::synth::{FamilyOptions, family_member, family_scene};
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn results_do_not_depend_on_the_number_of_threads() {
         let scenes = pool();
-        let digests = |threads: usize| Pool::new(threads).unwrap().map(&scenes, |_, scene| run(scene).trace);
+        let digests = |threads: usize| Threads::new(threads).unwrap().map(&scenes, |_, scene| run(scene).trace);
         assert_eq!(digests(1), digests(3));
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use super::{
     Draws, check, edit, forms,
-    reader::Page,
+    reader::PromptView,
     strategies::{STRATEGIES, Strategy},
     unanswerable,
     wiring::Draft,
@@ -18,7 +18,7 @@ const TRIES: usize = 48;
 const DOUBLE_SHARE: f64 = 0.25;
 
 /// A patch for the parent of the prompt.
-pub fn propose(page: &Page, draws: &Draws) -> Result<Value, ModelError> {
+pub fn propose(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     let stream = &mut draws.stream("draft");
     for _ in 0..TRIES {
         if let Some(patch) = attempt(page, stream) {
@@ -28,7 +28,7 @@ pub fn propose(page: &Page, draws: &Draws) -> Result<Value, ModelError> {
     Err(unanswerable("no edit strategy finds anything to change in this parent under this contract"))
 }
 
-fn attempt(page: &Page, stream: &mut Stream) -> Option<Value> {
+fn attempt(page: &PromptView, stream: &mut Stream) -> Option<Value> {
     let mut draft = Draft::default();
     let first = chosen(page, "", stream)?;
     let mut says = (first.apply)(page, &mut draft, stream)?;
@@ -44,13 +44,13 @@ fn attempt(page: &Page, stream: &mut Stream) -> Option<Value> {
     (!draft.operations.is_empty() && check::findings(page, &patch).is_empty()).then_some(patch)
 }
 
-fn chosen(page: &Page, except: &str, stream: &mut Stream) -> Option<&'static Strategy> {
+fn chosen(page: &PromptView, except: &str, stream: &mut Stream) -> Option<&'static Strategy> {
     let weights: Vec<f64> = STRATEGIES.iter().map(|s| if s.name == except { 0.0 } else { weight(page, s) }).collect();
     STRATEGIES.get(forms::weighted(&weights, stream)?)
 }
 
 /// The strategy's weight for the target, shifted by how the latest attempts and the parent stand.
-fn weight(page: &Page, strategy: &Strategy) -> f64 {
+fn weight(page: &PromptView, strategy: &Strategy) -> f64 {
     let [attack, realism, diversify] = strategy.weights;
     let mut weight = match page.target() {
         "raise_attack" => attack,
@@ -68,14 +68,14 @@ fn weight(page: &Page, strategy: &Strategy) -> f64 {
 }
 
 /// Whether the latest labelled attempt fell behind the parent in realism.
-fn lost_realism(page: &Page) -> bool {
+fn lost_realism(page: &PromptView) -> bool {
     let latest = page.outcomes.recent.iter().rev().find(|attempt| attempt.exit == "evaluated");
     let realism = latest.and_then(|attempt| attempt.objectives.as_ref()).map(|o| o.realism);
     let parent = page.outcomes.parent.as_ref().map(|parent| parent.objectives.realism);
     matches!((realism, parent), (Some(child), Some(parent)) if child < parent - 0.01)
 }
 
-fn patch(page: &Page, draft: &Draft, says: &str) -> Value {
+fn patch(page: &PromptView, draft: &Draft, says: &str) -> Value {
     let clusters: BTreeSet<&String> = draft.clusters.iter().collect();
     json!({
         "source_baseline": page.identity.source_family,
@@ -89,7 +89,7 @@ fn patch(page: &Page, draft: &Draft, says: &str) -> Value {
 }
 
 /// What was done, and what is expected of it given the target.
-fn hypothesis(page: &Page, says: &str, operations: &[Value]) -> String {
+fn hypothesis(page: &PromptView, says: &str, operations: &[Value]) -> String {
     let restricts = operations.iter().all(|o| o["value"]["slot"] == "filter" || edit::path_of(o).contains("/inputs/"));
     let expects = match (page.target(), restricts) {
         ("raise_attack", false) => "attack should rise on scenes that were missed, with realism kept",
@@ -103,7 +103,7 @@ fn hypothesis(page: &Page, says: &str, operations: &[Value]) -> String {
 }
 
 /// Cards of mechanisms that the draft builds on, and one that warned of what it leaves out.
-fn memory_refs(page: &Page, draft: &Draft) -> Vec<String> {
+fn memory_refs(page: &PromptView, draft: &Draft) -> Vec<String> {
     let uses = |tags: &[String]| tags.iter().any(|tag| draft.tags.contains(tag));
     let helped = page.memory.iter().filter(|card| card.kind == "success" && uses(&card.mechanism_tags)).take(3);
     let heeded = |tags: &[String]| !tags.is_empty() && !uses(tags);

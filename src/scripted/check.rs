@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     edit,
-    reader::{Domain, Module, Node, Page, Program, Rule, names_in},
+    reader::{Domain, Module, Node, Program, PromptView, Rule, names_in},
 };
 
 /// Something that blocks, and what would mend it.
@@ -55,7 +55,7 @@ impl Finding {
 }
 
 /// All that blocks, in the order of the operations.
-pub fn findings(page: &Page, patch: &Value) -> Vec<Finding> {
+pub fn findings(page: &PromptView, patch: &Value) -> Vec<Finding> {
     let mut found = identity(page, patch);
     found.extend(surface(page, patch));
     if !found.iter().any(|finding| matches!(finding.fix, Fix::Drop)) {
@@ -65,14 +65,14 @@ pub fn findings(page: &Page, patch: &Value) -> Vec<Finding> {
 }
 
 /// The program that comes out, as far as the operations can be done.
-pub fn child(page: &Page, patch: &Value) -> Option<Program> {
+pub fn child(page: &PromptView, patch: &Value) -> Option<Program> {
     let mut parts = page.parts.clone();
     edit::operations(patch).iter().try_for_each(|operation| edit::apply(&mut parts, operation)).ok()?;
     Program::deserialize(&parts).ok()
 }
 
 /// Family, parent id and hash as the prompt has them.
-pub fn identity(page: &Page, patch: &Value) -> Vec<Finding> {
+pub fn identity(page: &PromptView, patch: &Value) -> Vec<Finding> {
     let expected = [
         ("source_baseline", &page.identity.source_family),
         ("parent_solution_id", &page.identity.parent_solution_id),
@@ -90,7 +90,7 @@ pub fn identity(page: &Page, patch: &Value) -> Vec<Finding> {
 }
 
 /// Number of operations, paths, repeats, edits without effect, and whether each can be done.
-fn surface(page: &Page, patch: &Value) -> Vec<Finding> {
+fn surface(page: &PromptView, patch: &Value) -> Vec<Finding> {
     let operations = edit::operations(patch);
     let (mut parts, mut seen, mut found) = (page.parts.clone(), BTreeSet::new(), vec![]);
     for (index, operation) in operations.iter().enumerate() {
@@ -117,7 +117,7 @@ fn surface(page: &Page, patch: &Value) -> Vec<Finding> {
 }
 
 /// The child's entries and references.
-fn content(page: &Page, patch: &Value) -> Vec<Finding> {
+fn content(page: &PromptView, patch: &Value) -> Vec<Finding> {
     let Some(child) = child(page, patch) else {
         let last = edit::operations(patch).len().saturating_sub(1);
         let path = edit::operations(patch).last().map(edit::path_of).unwrap_or_default().to_string();
@@ -147,7 +147,7 @@ enum Mend {
 }
 
 /// The last operation whose place holds the flaw; if none does, one that took something away, or the last one.
-fn blame(page: &Page, patch: &Value, flaw: Flaw) -> Finding {
+fn blame(page: &PromptView, patch: &Value, flaw: Flaw) -> Finding {
     let operations = edit::operations(patch);
     let rules = page.program.scenario_conditioned_policy.len();
     let mut appended = rules;
@@ -182,13 +182,13 @@ fn blame(page: &Page, patch: &Value, flaw: Flaw) -> Finding {
 }
 
 struct Check<'a> {
-    page: &'a Page,
+    page: &'a PromptView,
     child: &'a Program,
     flaws: Vec<Flaw>,
 }
 
 impl<'a> Check<'a> {
-    fn all(page: &'a Page, program: &'a Program) -> Vec<Flaw> {
+    fn all(page: &'a PromptView, program: &'a Program) -> Vec<Flaw> {
         let mut check = Check { page, child: program, flaws: vec![] };
         check.sizes();
         check.values("/parameters", &program.parameters);

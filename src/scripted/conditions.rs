@@ -3,7 +3,7 @@
 
 use super::{
     forms::{fill, without_constants},
-    reader::{Page, names_in},
+    reader::{PromptView, names_in},
 };
 use crate::kernel::{Stream, num};
 
@@ -36,7 +36,7 @@ const SCENES: [(&str, &str); 16] = [
 ];
 
 /// One condition that the contract's scene features allow; `None` where it has none of them.
-pub fn draw(page: &Page, stream: &mut Stream) -> Option<Condition> {
+pub fn draw(page: &PromptView, stream: &mut Stream) -> Option<Condition> {
     let weak = page.clusters.iter().filter(|cluster| cluster.attacked_share.is_none_or(|share| share < 0.5));
     let shown: Vec<_> = weak.filter(|cluster| !cluster.features.is_empty()).collect();
     if stream.chance(0.4)
@@ -60,7 +60,7 @@ pub fn draw(page: &Page, stream: &mut Stream) -> Option<Condition> {
     stream.pick(&booleans).map(|feature| Condition { text: (*feature).clone(), name: "scene", cluster: None })
 }
 
-fn near_cluster(page: &Page, cluster: &super::reader::Cluster, stream: &mut Stream) -> Option<Condition> {
+fn near_cluster(page: &PromptView, cluster: &super::reader::Cluster, stream: &mut Stream) -> Option<Condition> {
     let numbers: Vec<(&String, f64)> = cluster
         .features
         .iter()

@@ -8,7 +8,7 @@ use super::{
     check::{self, Finding, Fix},
     edit,
     forms::Purpose,
-    reader::{Page, Program, words},
+    reader::{Program, PromptView, words},
     unanswerable,
 };
 use crate::{kernel::Stream, llm::ModelError};
@@ -27,7 +27,7 @@ struct Objection {
 }
 
 /// The review of one role.
-pub fn review(page: &Page, role: &str, oversight_rate: f64, draws: &Draws) -> Result<Value, ModelError> {
+pub fn review(page: &PromptView, role: &str, oversight_rate: f64, draws: &Draws) -> Result<Value, ModelError> {
     let patch = page.patch.as_ref().ok_or_else(|| unanswerable("a critic's prompt has no JSON block `Patch`"))?;
     let mut objections = match role {
         "structural_critic" => structural(page, patch),
@@ -57,13 +57,13 @@ fn cut(text: &str) -> String {
     text.chars().take(1_000).collect()
 }
 
-fn structural(page: &Page, patch: &Value) -> Vec<Objection> {
+fn structural(page: &PromptView, patch: &Value) -> Vec<Objection> {
     let local = |finding: Finding| Objection { blocker: finding.blocker(), hint: finding.hint(), fatal: false };
     check::findings(page, patch).into_iter().map(local).collect()
 }
 
 /// Whether the patch can do what the target asks, and whether memory warns of its mechanism.
-fn attack(page: &Page, patch: &Value) -> Vec<Objection> {
+fn attack(page: &PromptView, patch: &Value) -> Vec<Objection> {
     let mut found = vec![];
     let operations = edit::operations(patch);
     if page.target() == "raise_attack" && !operations.is_empty() && operations.iter().all(|o| restricts(page, o)) {
@@ -91,7 +91,7 @@ fn attack(page: &Page, patch: &Value) -> Vec<Objection> {
 }
 
 /// Filters, guards and gates can only take away.
-fn restricts(page: &Page, operation: &Value) -> bool {
+fn restricts(page: &PromptView, operation: &Value) -> bool {
     let value = &operation["value"];
     let guards = |slot: &str| matches!(Purpose::of(page, slot), Some(Purpose::Guard | Purpose::Gate));
     let path = edit::path_of(operation);
@@ -102,7 +102,7 @@ fn restricts(page: &Page, operation: &Value) -> bool {
 }
 
 /// Guards that go, bounds that loosen, pressure where plausibility is weak already.
-fn realism(page: &Page, patch: &Value) -> Vec<Objection> {
+fn realism(page: &PromptView, patch: &Value) -> Vec<Objection> {
     let operations = edit::operations(patch);
     let Some(child) = check::child(page, patch) else { return vec![] };
     let hint = |why: &str| format!("add a guard {why}: a filter between the candidates and the choice");
@@ -141,7 +141,7 @@ fn realism(page: &Page, patch: &Value) -> Vec<Objection> {
 }
 
 /// Nodes of filters, and settings that hold a guard.
-fn guards(page: &Page, program: &Program) -> usize {
+fn guards(page: &PromptView, program: &Program) -> usize {
     let filters = program.operator_graph.values().filter(|node| node.slot == "filter").count();
     let settings = program.operator_graph.values().flat_map(|node| node.settings.values());
     let is_guard = |value: &&Value| {
@@ -152,7 +152,7 @@ fn guards(page: &Page, program: &Program) -> usize {
 }
 
 /// A limit parameter or setting that rises by more than a quarter of its range.
-fn loosens(page: &Page, operation: &Value) -> bool {
+fn loosens(page: &PromptView, operation: &Value) -> bool {
     let path = edit::path_of(operation);
     let steps = edit::steps(path);
     let [part, name] = steps.as_slice() else { return false };
@@ -163,7 +163,7 @@ fn loosens(page: &Page, operation: &Value) -> bool {
 }
 
 /// Family, parent, foreign and protected words, references.
-fn isolation(page: &Page, patch: &Value) -> Vec<Objection> {
+fn isolation(page: &PromptView, patch: &Value) -> Vec<Objection> {
     let mut found = vec![];
     for finding in check::identity(page, patch) {
         let fatal = finding.path == "source_baseline";
@@ -201,13 +201,13 @@ fn isolation(page: &Page, patch: &Value) -> Vec<Objection> {
 }
 
 /// The first word of another family in an operation.
-pub fn foreign_word(page: &Page, operation: &Value) -> Option<String> {
+pub fn foreign_word(page: &PromptView, operation: &Value) -> Option<String> {
     let text = operation.to_string();
     let found = words(&text).find(|word| page.foreign.iter().any(|foreign| foreign == word));
     found.map(str::to_string)
 }
 
-fn risk_tags(page: &Page, patch: &Value, role: &str) -> Vec<String> {
+fn risk_tags(page: &PromptView, patch: &Value, role: &str) -> Vec<String> {
     let mut tags: BTreeSet<String> = BTreeSet::new();
     for operation in edit::operations(patch) {
         let named = operation["value"]["tags"].as_array().into_iter().flatten().filter_map(Value::as_str);

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{edit, reader::Page, unanswerable};
+use super::{edit, reader::PromptView, unanswerable};
 use crate::{
     kernel::{Stream, num},
     llm::{ModelError, ModelSpec},
@@ -51,7 +51,7 @@ pub fn required(model: &ModelSpec, name: &str) -> Result<f64, ModelError> {
 }
 
 /// Plants errors of content. Every kind is drawn in every patch, so that one rate moves nothing of another kind.
-pub fn plant(page: &Page, patch: &mut Value, rates: Rates, stream: &mut Stream) {
+pub fn plant(page: &PromptView, patch: &mut Value, rates: Rates, stream: &mut Stream) {
     let [range, foreign, stale] =
         [rates.out_of_range_rate, rates.foreign_mechanism_rate, rates.stale_hash_rate].map(|rate| stream.chance(rate));
     if range {
@@ -65,7 +65,7 @@ pub fn plant(page: &Page, patch: &mut Value, rates: Rates, stream: &mut Stream) 
     }
 }
 
-fn out_of_range(page: &Page, patch: &mut Value, stream: &mut Stream) {
+fn out_of_range(page: &PromptView, patch: &mut Value, stream: &mut Stream) {
     let numeric: Vec<(String, [f64; 2])> = page
         .contract
         .parameters
@@ -85,7 +85,7 @@ fn out_of_range(page: &Page, patch: &mut Value, stream: &mut Stream) {
     put(page, patch, at, edit::replace(path, Value::from(num::rounded(value.round(), 2))));
 }
 
-fn foreign_mechanism(page: &Page, patch: &mut Value, stream: &mut Stream) {
+fn foreign_mechanism(page: &PromptView, patch: &mut Value, stream: &mut Stream) {
     let word = stream.pick(&page.foreign).map_or("borrowed_mechanism", String::as_str);
     let expression = edit::operations(patch).iter().position(|o| o["value"]["expression"].is_string());
     if let Some(at) = expression {
@@ -112,7 +112,7 @@ fn foreign_mechanism(page: &Page, patch: &mut Value, stream: &mut Stream) {
 }
 
 /// In place of an operation, or one more, or in place of the last one where there is no room.
-fn put(page: &Page, patch: &mut Value, at: Option<usize>, operation: Value) {
+fn put(page: &PromptView, patch: &mut Value, at: Option<usize>, operation: Value) {
     let most = page.contract.limits.operations_per_patch.max(1);
     let Some(operations) = patch["operations"].as_array_mut() else { return };
     match at {

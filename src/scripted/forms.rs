@@ -3,7 +3,7 @@
 
 use super::{
     conditions,
-    reader::{Page, names_in, words},
+    reader::{PromptView, names_in, words},
 };
 use crate::kernel::{Stream, num};
 
@@ -120,7 +120,7 @@ const SCORES: [&str; 10] = [
 
 impl Purpose {
     /// By what the slot gives, what it reads and what its entry says.
-    pub fn of(page: &Page, slot: &str) -> Option<Purpose> {
+    pub fn of(page: &PromptView, slot: &str) -> Option<Purpose> {
         let spec = page.contract.mechanism_slots.get(slot)?;
         let says = spec.meaning.to_lowercase();
         Some(match spec.output.as_str() {
@@ -134,7 +134,7 @@ impl Purpose {
 }
 
 /// An expression for a mechanism slot from the features that it may read; `None` where no form fits them.
-pub fn invent(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
+pub fn invent(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
     match Purpose::of(page, slot)? {
         Purpose::Score => score(page, slot, stream),
         Purpose::Loss => {
@@ -155,7 +155,7 @@ pub fn invent(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism>
 }
 
 /// One more term for an existing score or guard of the slot, with its tag.
-pub fn extra_term(page: &Page, slot: &str, stream: &mut Stream) -> Option<(String, String)> {
+pub fn extra_term(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<(String, String)> {
     match Purpose::of(page, slot)? {
         Purpose::Guard => atom(page, slot, &GUARDS, &[], stream),
         Purpose::Score | Purpose::Loss => {
@@ -166,7 +166,7 @@ pub fn extra_term(page: &Page, slot: &str, stream: &mut Stream) -> Option<(Strin
     }
 }
 
-fn score(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
+fn score(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
     let (lead_tag, lead) = atom(page, slot, &PRESSURE, &[], stream).or_else(|| plain_feature(page, slot, stream))?;
     let plausible = stream.chance(if page.target() == "raise_realism" { 0.8 } else { 0.35 });
     let other = if plausible { &PLAUSIBILITY[..] } else { &PRESSURE[..] };
@@ -182,7 +182,7 @@ fn score(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
     Some(Mechanism { expression, tags: vec![lead_tag, tag], clusters })
 }
 
-fn guard(page: &Page, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
+fn guard(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
     let (first, mut expression) = atom(page, slot, &GUARDS, &[], stream)?;
     let mut tags = vec![first];
     for share in [0.7, 0.35] {
@@ -235,7 +235,7 @@ fn closes_at_end(term: &str) -> bool {
 
 /// A drawn atom whose features the slot may read: rather what memory recommends, rather not what it warns of.
 fn atom(
-    page: &Page,
+    page: &PromptView,
     slot: &str,
     atoms: &[(&str, &str)],
     used: &[&str],
@@ -254,7 +254,7 @@ fn atom(
 }
 
 /// How much the context speaks for a mechanism.
-fn appeal(page: &Page, tag: &str, text: &str) -> f64 {
+fn appeal(page: &PromptView, tag: &str, text: &str) -> f64 {
     let mut weight = 1.0;
     if page.failed_tags().contains(tag) {
         weight *= 0.1;
@@ -277,7 +277,7 @@ fn appeal(page: &Page, tag: &str, text: &str) -> f64 {
 }
 
 /// A term from a feature that no atom knows, scaled by its unit.
-fn plain_feature(page: &Page, slot: &str, stream: &mut Stream) -> Option<(String, String)> {
+fn plain_feature(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<(String, String)> {
     let reads = &page.contract.mechanism_slots.get(slot)?.reads;
     let numbers: Vec<_> = reads.iter().filter_map(|name| Some((name, page.contract.features.get(name)?))).collect();
     let numbers: Vec<_> = numbers.into_iter().filter(|(_, feature)| feature.value == "number").collect();
@@ -326,7 +326,7 @@ pub fn without_constants(template: &str) -> String {
 
 /// Draws the constants of a template: `<low..high>`, `<low..high unit>`, `<low..high #>` for whole numbers. A constant with a unit is
 /// sometimes a parameter of the family instead, if one has this unit, a value of this size and a name akin to what it is about.
-pub fn fill(page: &Page, about: &str, template: &str, stream: &mut Stream) -> String {
+pub fn fill(page: &PromptView, about: &str, template: &str, stream: &mut Stream) -> String {
     let about = format!("{about} {template}");
     let mut rest = template;
     let mut text = String::new();
@@ -367,7 +367,7 @@ fn parsed(body: &str, start: usize, end: usize) -> Option<Constant<'_>> {
     Some(Constant { start, end, low: low.parse().ok()?, high: high.parse().ok()?, unit })
 }
 
-fn constant(page: &Page, place: &Constant<'_>, about: &str, stream: &mut Stream) -> String {
+fn constant(page: &PromptView, place: &Constant<'_>, about: &str, stream: &mut Stream) -> String {
     let (low, high) = (place.low, place.high);
     if place.unit == "#" {
         return num::rounded(stream.uniform(low - 0.49, high + 0.49), 0).to_string();

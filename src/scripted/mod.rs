@@ -43,7 +43,7 @@ impl Model for Scripted {
         if request.slot.role == templates::ROLE {
             return Ok(garbled(templates::answer(request, rates, &draws)?).into_bytes().into());
         }
-        let page = reader::Page::read(request)?;
+        let page = reader::PromptView::read(request)?;
         let answer = match request.slot.role.as_str() {
             "actor" => patch_answer(&page, actor::propose(&page, &draws)?, rates, &draws),
             "repair" => patch_answer(&page, repair::repair(&page, &draws)?, rates, &draws),
@@ -56,7 +56,7 @@ impl Model for Scripted {
     }
 }
 
-fn patch_answer(page: &reader::Page, mut patch: Value, rates: Rates, draws: &Draws) -> Value {
+fn patch_answer(page: &reader::PromptView, mut patch: Value, rates: Rates, draws: &Draws) -> Value {
     errors::plant(page, &mut patch, rates, &mut draws.stream("errors"));
     page.answer("program_patch", patch)
 }

@@ -9,7 +9,7 @@ use crate::llm::{ModelError, Request};
 
 /// A request as read.
 #[derive(Debug)]
-pub struct Page {
+pub struct PromptView {
     pub identity: Identity,
     pub contract: Contract,
     pub foreign: Vec<String>,
@@ -197,12 +197,12 @@ pub struct Review {
     pub repair_hints: Vec<String>,
 }
 
-impl Page {
-    pub fn read(request: &Request) -> Result<Page, ModelError> {
+impl PromptView {
+    pub fn read(request: &Request) -> Result<PromptView, ModelError> {
         let blocks: BTreeMap<String, Value> =
             request.messages.iter().filter(|m| m.role == "user").flat_map(|m| blocks(&m.text)).collect();
         let parts: Value = take(&blocks, "Parent program")?;
-        Ok(Page {
+        Ok(PromptView {
             identity: take(&blocks, "Identity")?,
             contract: take(&blocks, "Family contract")?,
             foreign: take(&blocks, "Words of other families")?,

@@ -6,7 +6,7 @@ use super::{
     Draws, actor,
     check::{self, Finding, Fix},
     critics, edit,
-    reader::{Page, words},
+    reader::{PromptView, words},
     strategies, unanswerable,
 };
 use crate::llm::ModelError;
@@ -15,7 +15,7 @@ use crate::llm::ModelError;
 const PASSES: usize = 4;
 
 /// The repaired patch, with its summary.
-pub fn repair(page: &Page, draws: &Draws) -> Result<Value, ModelError> {
+pub fn repair(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     let Some(original) = &page.patch else { return redrafted(page, draws) };
     let mut patch = original.clone();
     let mut done = vec![];
@@ -38,7 +38,7 @@ pub fn repair(page: &Page, draws: &Draws) -> Result<Value, ModelError> {
 }
 
 /// Whether a review speaks of it: a repair clears what reviewers raised and leaves the rest alone.
-fn is_raised(page: &Page, finding: &Finding) -> bool {
+fn is_raised(page: &PromptView, finding: &Finding) -> bool {
     let said = page
         .reviews
         .iter()
@@ -49,7 +49,7 @@ fn is_raised(page: &Page, finding: &Finding) -> bool {
     said.into_iter().any(named)
 }
 
-fn mend(page: &Page, patch: &mut Value, finding: &Finding) {
+fn mend(page: &PromptView, patch: &mut Value, finding: &Finding) {
     if let Fix::Identity = finding.fix {
         patch["source_baseline"] = page.identity.source_family.as_str().into();
         patch["parent_solution_id"] = page.identity.parent_solution_id.as_str().into();
@@ -108,7 +108,7 @@ fn with_word(text: &str, from: &str, to: &str) -> String {
     out
 }
 
-fn drop_foreign(page: &Page, patch: &mut Value) -> Vec<String> {
+fn drop_foreign(page: &PromptView, patch: &mut Value) -> Vec<String> {
     let raised = |word: &str| {
         page.reviews.iter().flat_map(|review| &review.blockers).any(|blocker| words(blocker).any(|w| w == word))
     };
@@ -124,7 +124,7 @@ fn drop_foreign(page: &Page, patch: &mut Value) -> Vec<String> {
     }
 }
 
-fn drop_references(page: &Page, patch: &mut Value) -> Vec<String> {
+fn drop_references(page: &PromptView, patch: &mut Value) -> Vec<String> {
     let known: Vec<&String> =
         page.memory.iter().map(|card| &card.id).chain(page.clusters.iter().map(|c| &c.name)).collect();
     let mut dropped = vec![];
@@ -141,7 +141,7 @@ fn drop_references(page: &Page, patch: &mut Value) -> Vec<String> {
 }
 
 /// A guard where a review asks for one and the patch has room.
-fn add_guard(page: &Page, patch: &mut Value, draws: &Draws) -> Vec<String> {
+fn add_guard(page: &PromptView, patch: &mut Value, draws: &Draws) -> Vec<String> {
     let asked = page.reviews.iter().flat_map(|review| &review.repair_hints).any(|hint| hint.contains("add a guard"));
     let (Some(program), true) = (check::child(page, patch), asked) else { return vec![] };
     let stream = &mut draws.stream("guard");
@@ -160,7 +160,7 @@ fn add_guard(page: &Page, patch: &mut Value, draws: &Draws) -> Vec<String> {
 }
 
 /// No readable patch: what the text holds if it can be read after all, else the actor's draft once more.
-fn redrafted(page: &Page, draws: &Draws) -> Result<Value, ModelError> {
+fn redrafted(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     let text = page
         .unreadable
         .as_ref()

@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use super::{
     conditions, edit,
     forms::{self, Purpose},
-    reader::{Domain, Node, Page},
+    reader::{Domain, Node, PromptView},
     wiring::{self, Draft},
 };
 use crate::kernel::{Stream, num};
 
 /// Writes operations into the draft and says what they do, or finds nothing to do.
-pub type Apply = fn(&Page, &mut Draft, &mut Stream) -> Option<String>;
+pub type Apply = fn(&PromptView, &mut Draft, &mut Stream) -> Option<String>;
 
 pub struct Strategy {
     pub name: &'static str,
@@ -61,7 +61,7 @@ impl Place<'_> {
     }
 }
 
-fn places(page: &Page) -> Vec<Place<'_>> {
+fn places(page: &PromptView) -> Vec<Place<'_>> {
     let mut found = vec![];
     for (node, operator) in &page.program.operator_graph {
         if let Some(kind) = page.kind(&operator.slot, &operator.kind) {
@@ -91,7 +91,7 @@ fn tags_text(draft: &Draft) -> String {
 }
 
 /// A mechanism where the contract offers a place for one and the parent has none.
-fn fill_optional_mechanism(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn fill_optional_mechanism(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let free = places(page).into_iter().filter(|p| p.domain.slot.is_some() && p.value.is_none()).collect();
     let place = drawn(free, stream)?;
     let slot = place.domain.slot.as_deref()?;
@@ -105,7 +105,7 @@ fn fill_optional_mechanism(page: &Page, draft: &mut Draft, stream: &mut Stream) 
 }
 
 /// Another operator kind in a slot that has more than one, with its settings and the modules that it needs.
-fn swap_operator(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn swap_operator(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let mut swaps = vec![];
     for (name, node) in &page.program.operator_graph {
         let (Some(slot), Some(now)) = (page.contract.operators.get(&node.slot), page.kind(&node.slot, &node.kind))
@@ -128,7 +128,7 @@ fn swap_operator(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<
 }
 
 /// A fresh expression in a module that is there.
-fn replace_expression(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn replace_expression(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (name, module) = drawn(page.program.mechanism_modules.iter().collect(), stream)?;
     let mechanism = forms::invent(page, &module.slot, stream)?;
     let value = wiring::module_json(page, &module.slot, &mechanism.expression, &mechanism.tags);
@@ -138,7 +138,7 @@ fn replace_expression(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Op
 }
 
 /// One more term in a score, one more condition in a guard.
-fn add_term(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn add_term(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (name, module) = drawn(page.program.mechanism_modules.iter().collect(), stream)?;
     let (tag, term) = forms::extra_term(page, &module.slot, stream)?;
     let old = &module.expression;
@@ -159,7 +159,7 @@ fn add_term(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<Strin
 }
 
 /// A module that counts less outside a kind of scene.
-fn gate_expression(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn gate_expression(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let numeric = page.program.mechanism_modules.iter().filter(|(_, module)| module.output == "number").collect();
     let (name, module) = drawn(numeric, stream)?;
     let condition = conditions::draw(page, stream)?;
@@ -174,14 +174,14 @@ fn gate_expression(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Optio
     Some(format!("`{name}` counts fully only where `{}` holds", condition.text))
 }
 
-fn insert_filter(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn insert_filter(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let kind = wiring::insert_filter(page, &page.program, draft, stream)?;
     let about = page.weakest().map(|(name, value)| format!(", where {name} stands at {value}")).unwrap_or_default();
     Some(format!("`{kind}` removes candidates that would not be driven{about}"))
 }
 
 /// Parameters that differ in a kind of scene.
-fn rule_on_parameters(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn rule_on_parameters(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let condition = room_for_rule(page)?.then(|| conditions::draw(page, stream))??;
     let mut movable: Vec<&String> = page.contract.parameters.keys().filter(|name| is_used(page, name)).collect();
     stream.shuffle(&mut movable);
@@ -196,7 +196,7 @@ fn rule_on_parameters(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Op
 }
 
 /// Operator settings that differ in a kind of scene.
-fn rule_on_settings(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn rule_on_settings(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let condition = room_for_rule(page)?.then(|| conditions::draw(page, stream))??;
     let place =
         drawn(places(page).into_iter().filter(|p| p.domain.slot.is_none() && p.value.is_some()).collect(), stream)?;
@@ -207,7 +207,7 @@ fn rule_on_settings(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Opti
 }
 
 /// A second module that takes a setting over in a kind of scene.
-fn module_by_scene(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn module_by_scene(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let condition = room_for_rule(page)?.then(|| conditions::draw(page, stream))??;
     let place =
         drawn(places(page).into_iter().filter(|p| p.domain.slot.is_some() && p.value.is_some()).collect(), stream)?;
@@ -223,11 +223,17 @@ fn module_by_scene(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Optio
     Some(says)
 }
 
-fn room_for_rule(page: &Page) -> Option<bool> {
+fn room_for_rule(page: &PromptView) -> Option<bool> {
     (page.program.scenario_conditioned_policy.len() < page.contract.limits.rules).then_some(true)
 }
 
-fn push_rule(page: &Page, draft: &mut Draft, condition: &conditions::Condition, parameters: Value, operators: Value) {
+fn push_rule(
+    page: &PromptView,
+    draft: &mut Draft,
+    condition: &conditions::Condition,
+    parameters: Value,
+    operators: Value,
+) {
     let name = draft.fresh(condition.name, page.program.scenario_conditioned_policy.iter().map(|rule| &rule.name));
     let rule = json!({"name": name, "when": condition.text, "parameters": parameters, "operators": operators});
     draft.operations.push(edit::add("/scenario_conditioned_policy/-".into(), rule));
@@ -235,7 +241,7 @@ fn push_rule(page: &Page, draft: &mut Draft, condition: &conditions::Condition, 
 }
 
 /// Another condition for a rule that is there.
-fn new_condition(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn new_condition(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (index, rule) = drawn(page.program.scenario_conditioned_policy.iter().enumerate().collect(), stream)?;
     let condition = conditions::draw(page, stream)?;
     draft
@@ -246,7 +252,7 @@ fn new_condition(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<
 }
 
 /// A rule that holds in one more, or in fewer, kinds of scenes.
-fn widen_rule(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn widen_rule(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (index, rule) = drawn(page.program.scenario_conditioned_policy.iter().enumerate().collect(), stream)?;
     let condition = conditions::draw(page, stream)?;
     let joint = if stream.chance(0.5) { "or" } else { "and" };
@@ -262,7 +268,7 @@ fn widen_rule(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<Str
 }
 
 /// Takes out a node that passes on what it takes.
-fn remove_filter(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn remove_filter(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let graph = &page.program.operator_graph;
     let removable = |node: &Node| {
         let count = graph.values().filter(|other| other.slot == node.slot).count();
@@ -288,14 +294,14 @@ fn remove_filter(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<
     Some(format!("Without `{}` more candidates stay in play", node.kind))
 }
 
-fn remove_rule(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn remove_rule(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (index, rule) = drawn(page.program.scenario_conditioned_policy.iter().enumerate().collect(), stream)?;
     draft.operations.push(edit::remove(format!("/scenario_conditioned_policy/{index}")));
     Some(format!("Without the rule `{}` all scenes are treated alike", rule.name))
 }
 
 /// Takes an optional mechanism out of a setting, and its module if nothing else refers to it.
-fn remove_optional(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn remove_optional(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let set = places(page).into_iter().filter(|p| p.domain.slot.is_some() && !p.domain.required && p.value.is_some());
     let place = drawn(set.collect(), stream)?;
     let name = place.value?["mechanism"].as_str()?;
@@ -308,7 +314,7 @@ fn remove_optional(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Optio
 }
 
 /// Another word for a setting or a parameter that offers several.
-fn flip_choice(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn flip_choice(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let settings =
         places(page).into_iter().filter(|p| p.domain.kind == "choice" && p.value.is_some_and(Value::is_string));
     let mut choices: Vec<(String, &Domain, &Value)> =
@@ -326,7 +332,7 @@ fn flip_choice(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<St
 }
 
 /// A setting that follows a parameter, or stops doing so.
-fn retarget_setting(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn retarget_setting(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let place =
         drawn(places(page).into_iter().filter(|p| p.domain.is_numeric() && p.value.is_some()).collect(), stream)?;
     let now = place.value?;
@@ -340,7 +346,7 @@ fn retarget_setting(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Opti
 }
 
 /// One to three parameters moved inside their ranges.
-fn move_parameters(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn move_parameters(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let mut names: Vec<&String> = page.contract.parameters.keys().filter(|name| is_used(page, name)).collect();
     stream.shuffle(&mut names);
     let mut said = vec![];
@@ -354,7 +360,7 @@ fn move_parameters(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Optio
 }
 
 /// One number of an expression, scaled.
-fn retune_constant(page: &Page, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+fn retune_constant(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (name, module) = drawn(page.program.mechanism_modules.iter().collect(), stream)?;
     let spans = numbers_in(&module.expression);
     let (start, end) = *stream.pick(&spans)?;
@@ -384,7 +390,7 @@ fn numbers_in(text: &str) -> Vec<(usize, usize)> {
 }
 
 /// Whether anything in the program follows the parameter.
-fn is_used(page: &Page, name: &str) -> bool {
+fn is_used(page: &PromptView, name: &str) -> bool {
     let reference = json!({"parameter": name});
     let graph = page.program.operator_graph.values().flat_map(|node| node.settings.values());
     let read = page.program.mechanism_modules.values().any(|module| module.inputs.iter().any(|input| input == name));
@@ -393,7 +399,7 @@ fn is_used(page: &Page, name: &str) -> bool {
 }
 
 /// Another value of a parameter: a step of at most `share` of its range, or another word.
-fn moved(page: &Page, name: &str, share: f64, stream: &mut Stream) -> Option<Value> {
+fn moved(page: &PromptView, name: &str, share: f64, stream: &mut Stream) -> Option<Value> {
     let (domain, now) = (page.contract.parameters.get(name)?, page.program.parameters.get(name)?);
     if domain.kind == "choice" {
         let others: Vec<&String> = domain.options.iter().filter(|option| now.as_str() != Some(option)).collect();
@@ -412,7 +418,7 @@ fn quoted(names: &[&String]) -> String {
 }
 
 /// A guard for a patch that lacks one: a filter, or a guard in an optional place. Operations to append; used by the repair.
-pub fn guard(page: &Page, program: &super::reader::Program, stream: &mut Stream) -> Option<Draft> {
+pub fn guard(page: &PromptView, program: &super::reader::Program, stream: &mut Stream) -> Option<Draft> {
     let mut draft = Draft::default();
     wiring::insert_filter(page, program, &mut draft, stream)?;
     Some(draft)

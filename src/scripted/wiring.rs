@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{
     edit,
     forms::{self, Mechanism, Purpose, kinship},
-    reader::{Domain, Kind, Node, Page, Program, names_in},
+    reader::{Domain, Kind, Node, Program, PromptView, names_in},
 };
 use crate::kernel::{Stream, num};
 
@@ -39,7 +39,7 @@ impl Draft {
 }
 
 /// A module as JSON, its inputs read off the expression.
-pub fn module_json(page: &Page, slot: &str, expression: &str, tags: &[String]) -> Value {
+pub fn module_json(page: &PromptView, slot: &str, expression: &str, tags: &[String]) -> Value {
     let output = page.contract.mechanism_slots.get(slot).map_or("number", |spec| spec.output.as_str());
     let tags: BTreeSet<&String> = tags.iter().rev().take(6).collect();
     json!({
@@ -53,7 +53,7 @@ pub fn module_json(page: &Page, slot: &str, expression: &str, tags: &[String]) -
 
 /// Adds a new module of the slot; gives its name.
 pub fn new_module(
-    page: &Page,
+    page: &PromptView,
     program: &Program,
     slot: &str,
     draft: &mut Draft,
@@ -69,7 +69,13 @@ pub fn new_module(
 }
 
 /// A reference to a module of the slot: sometimes one that the program has, otherwise a new one.
-pub fn mechanism(page: &Page, program: &Program, slot: &str, draft: &mut Draft, stream: &mut Stream) -> Option<Value> {
+pub fn mechanism(
+    page: &PromptView,
+    program: &Program,
+    slot: &str,
+    draft: &mut Draft,
+    stream: &mut Stream,
+) -> Option<Value> {
     let present: Vec<&String> =
         program.mechanism_modules.iter().filter(|(_, module)| module.slot == slot).map(|(name, _)| name).collect();
     if stream.chance(0.3)
@@ -82,7 +88,7 @@ pub fn mechanism(page: &Page, program: &Program, slot: &str, draft: &mut Draft, 
 
 /// Settings for a node of this kind: what the old node has where it fits, otherwise drawn.
 pub fn settings(
-    page: &Page,
+    page: &PromptView,
     program: &Program,
     kind: &Kind,
     old: Option<&Node>,
@@ -108,7 +114,7 @@ pub fn settings(
 
 /// A value for one setting.
 pub fn setting(
-    page: &Page,
+    page: &PromptView,
     program: &Program,
     name: &str,
     domain: &Domain,
@@ -127,7 +133,7 @@ pub fn setting(
 }
 
 /// The numeric parameter whose whole range fits the setting, with its unit and the most words in common with its name.
-pub fn akin_parameter<'a>(page: &'a Page, name: &str, domain: &Domain) -> Option<&'a String> {
+pub fn akin_parameter<'a>(page: &'a PromptView, name: &str, domain: &Domain) -> Option<&'a String> {
     let [low, high] = domain.range?;
     let fits = |spec: &Domain| {
         spec.unit == domain.unit
@@ -160,7 +166,7 @@ pub fn number(kind: &str, x: f64, low: f64, high: f64) -> Value {
 }
 
 /// Puts one more filter into the graph: a kind that passes on what it takes, between two nodes that are joined. Says which kind it was.
-pub fn insert_filter(page: &Page, program: &Program, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
+pub fn insert_filter(page: &PromptView, program: &Program, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let mut places = vec![];
     for (slot, spec) in &page.contract.operators {
         let count = program.operator_graph.values().filter(|node| node.slot == *slot).count();
@@ -202,7 +208,7 @@ pub fn insert_filter(page: &Page, program: &Program, draft: &mut Draft, stream: 
 
 /// A consumer, the place among its inputs and the source, for an edge on which this type flows; the later of two as a rule, where the
 /// consumer makes something else of it.
-fn edge(page: &Page, program: &Program, port: &str, stream: &mut Stream) -> Option<(String, usize, String)> {
+fn edge(page: &PromptView, program: &Program, port: &str, stream: &mut Stream) -> Option<(String, usize, String)> {
     let mut edges = vec![];
     for (name, node) in &program.operator_graph {
         let Some(kind) = page.kind(&node.slot, &node.kind) else { continue };

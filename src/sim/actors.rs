@@ -9,8 +9,8 @@ use super::body::{Place, SUBSTEPS, Size, coasting, sample_during};
 use super::contact::Mover;
 use super::idm;
 use super::intervention::{Action, ActorRef, Intervention};
+use super::path::{Along, Path};
 use super::plant::{Plant, sample_is_sound, size_is_sound};
-use super::route::{Along, Route};
 use super::skills::{self, EgoForecast, SKILL_STEPS, Skill};
 use super::triggered::{Moved, Play, standing};
 
@@ -304,7 +304,7 @@ impl Actor {
 }
 
 /// Pose on a path: the heading is that of the chord under the wheels, so it turns smoothly.
-fn on_path(path: &Route, along: &Along, speed_mps: f64, half_length_m: f64) -> Sample {
+fn on_path(path: &Path, along: &Along, speed_mps: f64, half_length_m: f64) -> Sample {
     let wheel_m = 0.5 * half_length_m;
     let chord = path.at(along.s_m + wheel_m, along.segment) - path.at(along.s_m - wheel_m, along.segment);
     let heading_rad = chord.heading();

@@ -5,12 +5,12 @@ use crate::scene::Sample;
 
 use super::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
 use super::intervention::ActorRef;
+use super::others::Others;
 use super::outcome::{Contact, Striker};
 use super::plant::Plant;
-use super::world::World;
 
 /// The places of a road user through one decision step, the first at its beginning.
-pub(super) type Path = [Place; SUBSTEPS + 1];
+pub(super) type Swept = [Place; SUBSTEPS + 1];
 
 /// Slower approach than this is no strike, m/s.
 const STRIKE_MPS: f64 = 0.5;
@@ -19,7 +19,7 @@ const STRIKE_MPS: f64 = 0.5;
 #[derive(Clone, Copy)]
 pub(super) struct Mover<'a> {
     pub size: &'a Size,
-    pub path: &'a Path,
+    pub path: &'a Swept,
     /// Radius of the box plus the way it takes.
     pub reach_m: f64,
 }
@@ -59,7 +59,7 @@ fn meets(mover: &Mover<'_>, j: usize, size: &Size, place: &Place) -> bool {
 }
 
 /// Rows of the k-th step that `mover` may touch during it, simulated tracks passed over.
-fn near_rows(plant: &Plant, world: &World, k: usize, mover: &Mover<'_>, mut f: impl FnMut(usize)) {
+fn near_rows(plant: &Plant, world: &Others, k: usize, mover: &Mover<'_>, mut f: impl FnMut(usize)) {
     let rows = &plant.rows;
     let center = mover.path[0].position;
     for row in rows.strip(k, center.x, mover.reach_m + rows.reach_max[k]) {
@@ -74,7 +74,7 @@ fn near_rows(plant: &Plant, world: &World, k: usize, mover: &Mover<'_>, mut f: i
 /// The ego's first contact in the k-th step; at one physics step the lowest track first, then simulated road users.
 pub(super) fn first_contact(
     plant: &Plant,
-    world: &World,
+    world: &Others,
     ghosts: &mut [bool],
     k: usize,
     ego: &Mover<'_>,
@@ -144,7 +144,7 @@ fn spared(ghost: &mut bool, substep: usize, spare_overlaps: bool, appears: impl 
 
 /// Whether a mover touches anyone but the ego up to a physics step of the k-th step. `own` is its place in
 /// `world.actors`.
-pub(super) fn touches_bystander(plant: &Plant, world: &World, k: usize, own: usize, until: usize) -> bool {
+pub(super) fn touches_bystander(plant: &Plant, world: &Others, k: usize, own: usize, until: usize) -> bool {
     let mover = world.actors[own].mover();
     let mut found = false;
     near_rows(plant, world, k, &mover, |row| {

@@ -8,7 +8,7 @@ use crate::scene::pieces::Pieces;
 use crate::scene::{Lane, LaneKind, Road, Scene};
 
 use super::drivable::Drivable;
-use super::route::Route;
+use super::path::Path;
 
 /// Lines farther than this from the box around the route are left out, metres.
 const NEAR_M: f64 = 40.0;
@@ -35,7 +35,7 @@ pub(super) struct Course {
 }
 
 impl Course {
-    pub fn new(scene: &Scene, route: &Route) -> Course {
+    pub fn new(scene: &Scene, route: &Path) -> Course {
         let lanes: Vec<&Lane> = scene.road.lanes.iter().filter(|l| is_driven(l)).collect();
         let (mut low, mut high) = (route.points()[0], route.points()[0]);
         for point in route.points() {
@@ -95,7 +95,7 @@ fn is_connector(lane: &Lane, road: &Road) -> bool {
     several(&lane.entries, |l| &l.exits) || several(&lane.exits, |l| &l.entries)
 }
 
-fn stop_line(scene: &Scene, sign: &crate::scene::StopSign, route: &Route) -> Option<f64> {
+fn stop_line(scene: &Scene, sign: &crate::scene::StopSign, route: &Path) -> Option<f64> {
     let ends = sign.lanes.iter().filter_map(|&ix| scene.road.lanes.get(ix)?.centre.last().copied());
     std::iter::once(sign.position).chain(ends).find_map(|place| {
         let at = route.project(place);

@@ -6,9 +6,9 @@ use crate::scene::{LightState, Sample};
 use super::body::Size;
 use super::idm::{self, Front, SIGHT_M};
 use super::intervention::ActorRef;
+use super::others::Others;
+use super::path::{Along, Path};
 use super::plant::Plant;
-use super::route::{Along, Route};
-use super::world::World;
 
 /// A driver of the ego. One instance drives one rollout at a time; `begin` resets it.
 pub trait Driver {
@@ -62,7 +62,7 @@ pub struct Seen {
 /// The world at one decision step, as a driver may see it.
 pub struct View<'a> {
     pub(super) plant: &'a Plant,
-    pub(super) world: &'a World,
+    pub(super) world: &'a Others,
     pub(super) k: usize,
     pub(super) ego: &'a EgoState,
 }
@@ -82,7 +82,7 @@ impl View<'_> {
         self.ego
     }
 
-    pub fn route(&self) -> &Route {
+    pub fn route(&self) -> &Path {
         self.plant.route()
     }
 

@@ -11,7 +11,7 @@ use crate::kernel::{Vec2, num};
 
 use super::bicycle::Limits;
 use super::body::Size;
-use super::route::{Along, Route};
+use super::path::{Along, Path};
 
 /// Constants of the law (MetaDrive `IDMPolicy` and `TrajectoryIDMPolicy`).
 pub const DISTANCE_WANTED_M: f64 = 10.0;
@@ -55,7 +55,7 @@ pub fn acceleration_mps2(throttle: f64, limits: &Limits) -> f64 {
 }
 
 /// How far ahead of `own` along the path an object is, if it is on the path.
-pub fn gap_on_path(route: &Route, own: &Along, position: Vec2, axis: Vec2, size: &Size) -> Option<f64> {
+pub fn gap_on_path(route: &Path, own: &Along, position: Vec2, axis: Vec2, size: &Size) -> Option<f64> {
     let at = route.project_near(position, own, 0.0, SIGHT_M);
     let gap_m = at.s_m - own.s_m;
     if gap_m <= 0.0 || at.s_m > route.length_m() || at.offset_m.abs() > size.radius_m + HALF_PATH_WIDTH_M {
@@ -70,7 +70,7 @@ pub fn gap_on_path(route: &Route, own: &Along, position: Vec2, axis: Vec2, size:
 /// asked for only then.
 pub(super) fn nearer(
     nearest: &mut Option<Front>,
-    route: &Route,
+    route: &Path,
     own: &Along,
     position: Vec2,
     axis: Vec2,

@@ -10,9 +10,9 @@ pub mod gaps;
 pub mod idm;
 pub mod intervention;
 pub mod outcome;
+pub mod path;
 pub mod plant;
 pub mod rollout;
-pub mod route;
 mod rows;
 pub mod script;
 pub mod skills;
@@ -21,12 +21,12 @@ mod actors;
 mod contact;
 mod course;
 mod motion;
+mod others;
 mod recorder;
 mod trace_digest;
 mod traffic;
 mod triggered;
 mod watch;
-mod world;
 
 pub use body::Size;
 pub use driver::{Control, Driver, EgoState, Seen, View};
@@ -34,9 +34,9 @@ pub use driving::{ActorConduct, Driving};
 pub use error::SimError;
 pub use intervention::{Action, ActorRef, Intervention};
 pub use outcome::{ActorTrace, AdversaryReport, Contact, End, Motion, Outcome, Striker, Trace};
+pub use path::{Along, Path};
 pub use plant::Plant;
 pub use rollout::{Part, RolloutCost, rollout, rollout_counted, rollout_in_parts, rollout_traced};
-pub use route::{Along, Route};
 pub use script::{Phase, Script, Speed, Trigger, Until, Way};
 
 /// Part of every rollout key; rises when any outcome can change.

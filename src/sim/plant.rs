@@ -10,7 +10,7 @@ use super::SimError;
 use super::body::Size;
 use super::course::Course;
 use super::drivable::Drivable;
-use super::route::Route;
+use super::path::Path;
 use super::rows::{NONE, Rows};
 
 /// Coordinates beyond this are refused, metres.
@@ -35,7 +35,7 @@ const PATH_TOLERANCE_M: f64 = 0.05;
 pub(super) struct Candidate {
     /// The row at which it appears.
     pub row: u32,
-    pub path: Route,
+    pub path: Path,
 }
 
 /// A light over the ego's route.
@@ -56,9 +56,9 @@ pub struct Plant {
     pub(super) sizes: Vec<Size>,
     pub(super) ego_size: Size,
     pub(super) ego_start: Sample,
-    pub(super) route: Route,
+    pub(super) route: Path,
     /// The route straightened a little: quicker to search for what is ahead.
-    pub(super) route_ahead: Route,
+    pub(super) route_ahead: Path,
     pub(super) drivable: Drivable,
     /// For scenes of a traffic family: they are run under SafeBench's rules.
     pub(super) course: Option<Course>,
@@ -85,9 +85,9 @@ impl Plant {
         let rows = Rows::new(scene.clone(), &sizes);
         let refuse = |place: &str, rule| error(&scene, place.to_string(), rule);
         let start = *scene.ego.track.at(first_step).ok_or_else(|| refuse("ego", "needs a sample at its start step"))?;
-        let route = Route::new(&scene.ego.route, start.heading_rad)
+        let route = Path::new(&scene.ego.route, start.heading_rad)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
-        let route_ahead = Route::simplified(&scene.ego.route, start.heading_rad, PATH_TOLERANCE_M)
+        let route_ahead = Path::simplified(&scene.ego.route, start.heading_rad, PATH_TOLERANCE_M)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
         let lanes = Arc::new(LaneGraph::of(&scene.road));
         let mut plant = Plant {
@@ -140,7 +140,7 @@ impl Plant {
     }
 
     /// The path the ego is to drive.
-    pub fn route(&self) -> &Route {
+    pub fn route(&self) -> &Path {
         &self.route
     }
 
@@ -311,11 +311,11 @@ fn candidate(rows: &Rows, born: usize, row: usize) -> Option<Candidate> {
     if points[0].distance(points[points.len() - 1]) <= PATH_M_MIN {
         return None;
     }
-    let path = Route::simplified(&points, rows.sample(born, row).heading_rad, PATH_TOLERANCE_M)?;
+    let path = Path::simplified(&points, rows.sample(born, row).heading_rad, PATH_TOLERANCE_M)?;
     Some(Candidate { row: row as u32, path })
 }
 
-fn route_light(light: &Light, route: &Route, first_step: usize) -> Option<RouteLight> {
+fn route_light(light: &Light, route: &Path, first_step: usize) -> Option<RouteLight> {
     let at = route.project(light.stop_point);
     let on_route = at.offset_m.abs() <= LIGHT_OFFSET_M && at.s_m >= 0.0 && at.s_m <= route.length_m();
     on_route.then(|| RouteLight { s_m: at.s_m, states: light.states.iter().skip(first_step).copied().collect() })

@@ -4,9 +4,9 @@ use crate::scene::Sample;
 
 use super::contact::row_during;
 use super::intervention::ActorRef;
+use super::others::Others;
 use super::outcome::{ActorTrace, Trace};
 use super::plant::Plant;
-use super::world::World;
 
 pub(super) struct Recorder {
     trace: Trace,
@@ -15,7 +15,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    pub fn new(plant: &Plant, world: &World, adversaries: usize) -> Recorder {
+    pub fn new(plant: &Plant, world: &Others, adversaries: usize) -> Recorder {
         let acts = |who: ActorRef| world.actors.iter().take(adversaries).any(|a| a.who == who);
         let of = |actor: ActorRef, size: &super::body::Size| ActorTrace {
             actor,
@@ -34,16 +34,16 @@ impl Recorder {
     }
 
     /// The state at the k-th simulated step.
-    pub fn push(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize) {
+    pub fn push(&mut self, plant: &Plant, world: &Others, ego: &Sample, k: usize) {
         self.push_row(plant, world, ego, k, |row| *plant.rows.sample(k, row));
     }
 
     /// The state after a physics step of the k-th step, at the moment of contact.
-    pub fn push_during(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize, substep: usize) {
+    pub fn push_during(&mut self, plant: &Plant, world: &Others, ego: &Sample, k: usize, substep: usize) {
         self.push_row(plant, world, ego, k, |row| row_during(plant, k, row, substep).1);
     }
 
-    fn push_row(&mut self, plant: &Plant, world: &World, ego: &Sample, k: usize, of: impl Fn(usize) -> Sample) {
+    fn push_row(&mut self, plant: &Plant, world: &Others, ego: &Sample, k: usize, of: impl Fn(usize) -> Sample) {
         self.trace.ego.push(*ego);
         for actor in &mut self.trace.actors {
             actor.samples.push(None);

@@ -7,11 +7,12 @@ use super::SimError;
 use super::actors::{adversaries, set_off};
 use super::bicycle::{Car, DEFAULT_LIMITS};
 use super::body::{Place, SUBSTEP_S, SUBSTEPS, sample_during};
-use super::contact::{self, Hit, Mover, Path};
+use super::contact::{self, Hit, Mover, Swept};
 use super::driver::{Control, Driver, EgoState, View};
 use super::driving::DrivingMeter;
 use super::gaps::Footprints;
 use super::intervention::Intervention;
+use super::others::Others;
 use super::outcome::{Contact, End, Outcome, Trace};
 use super::plant::Plant;
 use super::recorder::Recorder;
@@ -19,7 +20,6 @@ use super::skills::EgoForecast;
 use super::trace_digest::TraceDigest;
 use super::traffic;
 use super::watch::{Nearness, Watched};
-use super::world::World;
 
 /// MetaDrive: the ego has left the road this far beside its route, metres.
 pub const OFF_ROAD_OFFSET_M: f64 = 4.0;
@@ -113,7 +113,7 @@ struct Run<'a> {
     plant: &'a Plant,
     intervention: &'a Intervention,
     driver: &'a mut dyn Driver,
-    world: World,
+    world: Others,
     ghosts: Vec<bool>,
     watched: Vec<Watched>,
     /// Number of adversaries: the first of `world.actors`.
@@ -135,7 +135,7 @@ struct Run<'a> {
 
 /// The ego through one decision step.
 struct EgoStep {
-    path: Path,
+    path: Swept,
     /// After each physics step.
     samples: [Sample; SUBSTEPS],
     car: Car,
@@ -145,7 +145,7 @@ struct EgoStep {
 
 impl<'a> Run<'a> {
     fn new(plant: &'a Plant, intervention: &'a Intervention, driver: &'a mut dyn Driver) -> Result<Run<'a>, SimError> {
-        let mut world = World::for_plant(plant, intervention.actions.len());
+        let mut world = Others::for_plant(plant, intervention.actions.len());
         adversaries(plant, intervention, &mut world.actors)?;
         let watched = world.actors.iter().map(|a| Watched::new(plant, a, intervention)).collect();
         for actor in &mut world.actors {
@@ -339,7 +339,7 @@ impl<'a> Run<'a> {
 
     fn follow(&self, next: &Sample) -> EgoStep {
         let (first, last) = (Place { position: self.ego.sample.position, axis: self.ego.axis }, Place::of(next));
-        let path: Path = core::array::from_fn(|j| first.towards(&last, j as f64 / SUBSTEPS as f64));
+        let path: Swept = core::array::from_fn(|j| first.towards(&last, j as f64 / SUBSTEPS as f64));
         let now = &self.ego.sample;
         let samples = core::array::from_fn(|j| sample_during(now, Some(next), &path[j + 1], j + 1));
         let car = Car::new(next, 2.0 * self.ego.size.half_length_m);
@@ -447,15 +447,15 @@ fn seconds_after(substep: usize) -> f64 {
     if substep == SUBSTEPS { DT_S } else { substep as f64 * SUBSTEP_S }
 }
 
-fn reach(path: &Path, radius_m: f64) -> f64 {
+fn reach(path: &Swept, radius_m: f64) -> f64 {
     let start = path[0].position;
     radius_m + path.iter().map(|p| (p.position - start).norm_squared()).fold(0.0, f64::max).sqrt()
 }
 
-impl World {
-    fn for_plant(plant: &Plant, adversaries: usize) -> World {
+impl Others {
+    fn for_plant(plant: &Plant, adversaries: usize) -> Others {
         let candidates: usize = plant.candidates.iter().map(Vec::len).sum();
-        World { actors: Vec::with_capacity(adversaries + candidates), simulated: vec![false; plant.tracks()] }
+        Others { actors: Vec::with_capacity(adversaries + candidates), simulated: vec![false; plant.tracks()] }
     }
 
     /// Recorded rows of a step whose road users are simulated instead.

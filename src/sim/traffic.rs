@@ -10,15 +10,15 @@ use crate::kernel::{Vec2, num};
 use super::actors::{Actor, Mind};
 use super::driver::EgoState;
 use super::idm::{self, Front, NORMAL_SPEED_KMPH, SIGHT_M};
+use super::others::Others;
+use super::path::{Along, Path};
 use super::plant::Plant;
-use super::route::{Along, Route};
-use super::world::World;
 
 const BEHIND_M: f64 = 1.0;
 const SIDE_M: f64 = 15.0;
 
 /// Turns those reactive that appear behind the ego at the k-th step.
-pub(super) fn wake(plant: &Plant, world: &mut World, ego: &EgoState, k: usize, replays: bool) {
+pub(super) fn wake(plant: &Plant, world: &mut Others, ego: &EgoState, k: usize, replays: bool) {
     if replays || k >= plant.steps() {
         return;
     }
@@ -36,7 +36,7 @@ pub(super) fn wake(plant: &Plant, world: &mut World, ego: &EgoState, k: usize, r
 }
 
 /// Sets the throttle of every reactive road user from what it sees at the k-th step.
-pub(super) fn decide(plant: &Plant, world: &mut World, ego: &EgoState, k: usize) {
+pub(super) fn decide(plant: &Plant, world: &mut Others, ego: &EgoState, k: usize) {
     for own in 0..world.actors.len() {
         let actor = &world.actors[own];
         let (Mind::Path { born, index, along, speed_mps, .. }, Some(now)) = (&actor.mind, &actor.now) else {
@@ -55,11 +55,11 @@ pub(super) fn decide(plant: &Plant, world: &mut World, ego: &EgoState, k: usize)
 #[allow(clippy::too_many_arguments)]
 fn front_of(
     plant: &Plant,
-    world: &World,
+    world: &Others,
     ego: &EgoState,
     k: usize,
     own: usize,
-    path: &Route,
+    path: &Path,
     along: &Along,
     position: Vec2,
 ) -> Option<Front> {

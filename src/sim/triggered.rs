@@ -6,7 +6,7 @@ use crate::scene::{AgentKind, DT_S, Sample};
 
 use super::bicycle::{Car, DEFAULT_LIMITS};
 use super::body::SUBSTEPS;
-use super::route::{Along, Route};
+use super::path::{Along, Path};
 use super::script::{Phase, Script, Speed, Until, Way};
 use super::skills::EgoForecast;
 
@@ -33,7 +33,7 @@ pub(super) struct Play {
     /// Place on the present phase's path.
     along: Option<Along>,
     /// Paths of the phases that have one.
-    paths: Vec<Option<Route>>,
+    paths: Vec<Option<Path>>,
 }
 
 /// What one decision step does. It lives on the stack for a moment; a box would allocate in every step.
@@ -47,7 +47,7 @@ pub(super) enum Moved {
 impl Play {
     pub fn new(script: &Script) -> Play {
         let path = |phase: &Phase| match &phase.way {
-            Way::Path { points } => Route::new(points, script.spawn.heading_rad),
+            Way::Path { points } => Path::new(points, script.spawn.heading_rad),
             _ => None,
         };
         Play {
@@ -163,7 +163,7 @@ impl Play {
     }
 
     /// The present phase's path with the place on it, `gone_m` further along it than the last time.
-    fn on_path(&mut self, gone_m: f64) -> Option<(&Route, Along)> {
+    fn on_path(&mut self, gone_m: f64) -> Option<(&Path, Along)> {
         let path = self.paths.get(self.phase)?.as_ref()?;
         let place = self.car.position;
         let along = match self.along {

@@ -10,9 +10,9 @@ use super::driver::EgoState;
 use super::gaps::{Footprints, encroach, encroachment_s, time_to_collision_s};
 use super::intervention::{Action, ActorRef, Intervention};
 use super::motion::MotionMeter;
+use super::others::Others;
 use super::outcome::AdversaryReport;
 use super::plant::Plant;
-use super::world::World;
 
 /// A corner this far beyond the lanes still counts as on the road: lane lines of recordings are no better, metres.
 pub const DRIVABLE_TOLERANCE_M: f64 = 0.5;
@@ -146,7 +146,7 @@ impl Watched {
     }
 
     /// Whether it overlaps anyone, the ego included, at the first step of the intervention.
-    pub fn check_start(&mut self, plant: &Plant, world: &World, own: usize, k: usize, ego: &contact::Mover<'_>) {
+    pub fn check_start(&mut self, plant: &Plant, world: &Others, own: usize, k: usize, ego: &contact::Mover<'_>) {
         if k != self.from_k || world.actors[own].now.is_none() {
             return;
         }

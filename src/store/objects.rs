@@ -393,7 +393,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path()).unwrap();
         let items: Vec<u32> = (0..200).collect();
-        let pool = crate::kernel::par::Pool::new(4).unwrap();
+        let pool = crate::kernel::Threads::new(4).unwrap();
         let names = pool.map(&items, |_, n| store.put(&(n % 50).to_le_bytes()).unwrap());
         for (n, name) in items.iter().zip(&names) {
             assert_eq!(store.get(name).unwrap(), (n % 50).to_le_bytes());

@@ -1,7 +1,7 @@
 //! Whole rollouts against what must hold in any world: symmetry, replay, independence of threads.
 
 use crate::ego::Policy;
-use crate::kernel::{Pose, Vec2, num, par::Pool};
+use crate::kernel::{Pose, Threads, Vec2, num};
 use crate::scene::{Sample, Scene};
 use crate::scenes::*;
 use crate::sim::*;
@@ -191,7 +191,7 @@ fn scripted_road_users_move_alike_in_any_frame_and_on_any_number_of_threads() {
     assert!(contacts > 3, "{contacts}");
     let seeds: Vec<u64> = (0..30).collect();
     let digests =
-        |threads| Pool::new(threads).unwrap().map(&seeds, |_, &s| run(&crossing(s, 5, 91), &scripted(s)).trace);
+        |threads| Threads::new(threads).unwrap().map(&seeds, |_, &s| run(&crossing(s, 5, 91), &scripted(s)).trace);
     assert_eq!(digests(1), digests(4));
 }
 
@@ -253,7 +253,7 @@ fn replaying_the_log_reproduces_it_and_its_contacts() {
 fn one_thread_and_four_give_the_same_outcomes() {
     let seeds: Vec<u64> = (0..64).collect();
     let outcomes = |threads: usize| {
-        Pool::new(threads).unwrap().map(&seeds, |_, &seed| {
+        Threads::new(threads).unwrap().map(&seeds, |_, &seed| {
             let scene = crossing(seed, 25, 91);
             run(&scene, &intercept(&scene, 10))
         })

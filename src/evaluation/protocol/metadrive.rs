@@ -7,7 +7,7 @@ use super::safebench::Group;
 use std::sync::Arc;
 
 use crate::ego::Policy;
-use crate::kernel::{Digest, Seed, canon::CanonError, par::Pool};
+use crate::kernel::{Digest, Seed, Threads, canon::CanonError};
 use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 
 /// What is labelled.
@@ -53,7 +53,7 @@ pub fn evaluate(
     label: &Labeller<'_>,
     options: &EvaluationOptions,
     cache: &dyn RolloutCache,
-    pool: &Pool,
+    pool: &Threads,
 ) -> Result<Score, EvaluationError> {
     let records = pool.map(scenes, |i, scene| one(subject, i, scene, label, cache));
     let (mut labelled, mut failed) = (Vec::new(), Vec::new());

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-use super::super::story::Story;
+use super::super::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::{
     Attempt, Counselled, Exchange, Exit, LineageId, Role, Round, SceneScore, cost::RunCost, edit_categories,
@@ -21,7 +21,7 @@ const ROLES: [Role; 7] = [
 ];
 
 /// Everything but the player's scenes.
-pub fn of(story: &Story, cost: Option<&RunCost>) -> Value {
+pub fn of(story: &RecordedRun, cost: Option<&RunCost>) -> Value {
     let names = Names::of(story);
     let lineages: Vec<Value> = story.parents.iter().map(|p| lineage(story, &p.lineage)).collect();
     json!({
@@ -49,7 +49,7 @@ pub fn of(story: &Story, cost: Option<&RunCost>) -> Value {
     })
 }
 
-fn lineage(story: &Story, id: &LineageId) -> Value {
+fn lineage(story: &RecordedRun, id: &LineageId) -> Value {
     let parent = story.parents.iter().find(|p| p.lineage == *id);
     let result: Option<&LineageResult> =
         story.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == *id));
@@ -104,7 +104,7 @@ struct Names {
 }
 
 impl Names {
-    fn of(story: &Story) -> Names {
+    fn of(story: &RecordedRun) -> Names {
         let labelled = || story.attempts.iter().filter_map(|a| a.exit.score()).flat_map(|score| &score.scenes);
         let sorted = |names: &mut dyn Iterator<Item = &String>| -> Vec<String> {
             names.collect::<BTreeSet<&String>>().into_iter().cloned().collect()
@@ -141,7 +141,7 @@ impl Names {
     }
 }
 
-fn attempt(story: &Story, names: &Names, attempt: &Attempt) -> Value {
+fn attempt(story: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
     let patch = attempt.proposal.patch();
     let candidate = attempt.exit.candidate();
     let change = candidate

@@ -5,7 +5,7 @@ mod packed;
 
 use std::collections::BTreeMap;
 
-use super::story::Story;
+use super::recorded_run::RecordedRun;
 use crate::draw::{Actor, Contact, Drawing, PLAYER_CSS, PLAYER_JS, script_json};
 use crate::objects::cost::RunCost;
 
@@ -37,7 +37,7 @@ pub struct Playable {
 
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
 /// `cost` is what the run cost, where that is known.
-pub fn html(story: &Story, stage: &Stage, cost: Option<&RunCost>) -> String {
+pub fn html(story: &RecordedRun, stage: &Stage, cost: Option<&RunCost>) -> String {
     let data = script_json(&(data::of(story, cost), packed::stage(stage)));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [

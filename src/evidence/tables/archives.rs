@@ -6,7 +6,7 @@ use super::labels::{self, TableError};
 use super::paper::safebench::{METHODS, Method};
 use super::stopped;
 use crate::evaluation::{Group, Runs};
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::benchmark::{ArchiveRound, Benchmark, SafebenchRun};
 use crate::objects::{LineageId, event::LineageResult};
 use crate::scene::safebench::TrafficFamily;
@@ -64,7 +64,7 @@ impl LineageArchive {
 }
 
 /// All lineages of these runs, in their order. No row of a table may come from two of them.
-pub fn lineages(stories: &[Story]) -> Result<Vec<LineageArchive>, TableError> {
+pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
     let mut all: Vec<LineageArchive> = Vec::new();
     for story in stories {
         let result = labels::result(story)?;
@@ -85,7 +85,7 @@ pub fn lineages(stories: &[Story]) -> Result<Vec<LineageArchive>, TableError> {
     Ok(all)
 }
 
-fn one(story: &Story, result: &LineageResult) -> Result<LineageArchive, TableError> {
+fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, TableError> {
     let mut recorded: Vec<&ArchiveRound> = story.rounds.iter().filter(|r| r.lineage == result.lineage).collect();
     recorded.sort_by_key(|round| round.round);
     let damaged =

@@ -8,7 +8,7 @@ use super::paper::{
     metadrive::{METHODS, Method},
 };
 use super::stopped;
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::objects::{
     LineageId, ParameterValue, Role, Score, SolutionId,
@@ -114,13 +114,13 @@ impl LineageLabels {
 }
 
 /// The run's name and the beginning of its root.
-pub fn run_name(story: &Story) -> String {
+pub fn run_name(story: &RecordedRun) -> String {
     format!("{} ({})", story.opened.name, story.root.short(8))
 }
 
 /// Kinds of the models of the roles that propose programs, e.g. `scripted` or `openai_compatible + scripted`: a label opens
 /// with its kind. Who is asked about scenes or descriptions is named in the run itself.
-pub fn proposals(story: &Story) -> String {
+pub fn proposals(story: &RecordedRun) -> String {
     let kind = |label: &String| label.split(' ').next().unwrap_or_default().to_string();
     let asides = [Role::AttackerAgent, Role::TemplateAgent].map(Role::name);
     let proposing =
@@ -129,12 +129,12 @@ pub fn proposals(story: &Story) -> String {
 }
 
 /// The result of a finished run.
-pub fn result(story: &Story) -> Result<&RunResult, TableError> {
+pub fn result(story: &RecordedRun) -> Result<&RunResult, TableError> {
     story.result.as_ref().ok_or_else(|| TableError::Unfinished { run: run_name(story) })
 }
 
 /// All lineages of these runs, in their order. No row of a table may come from two of them.
-pub fn lineages(stories: &[Story]) -> Result<Vec<LineageLabels>, TableError> {
+pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableError> {
     let mut all: Vec<LineageLabels> = Vec::new();
     for story in stories {
         if !story.rounds.is_empty() {
@@ -154,7 +154,7 @@ pub fn lineages(stories: &[Story]) -> Result<Vec<LineageLabels>, TableError> {
     Ok(all)
 }
 
-fn one(story: &Story, result: &LineageResult) -> Result<LineageLabels, TableError> {
+fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, TableError> {
     let suite = &story.opened.held_out_scenes;
     let digest = Digest::of("evodrive/held-out-suite/1", &(story.opened.pool, suite))
         .map_err(|error| TableError::Canon { run: run_name(story), error })?;
@@ -193,7 +193,7 @@ pub fn stem(result: &LineageResult) -> &str {
 
 /// The paper's row: the family's own lineage, and for SAGE the one of its parent's preference weight. A lineage with
 /// another id, such as `cat-short-idm`, is a variant with a row of its own.
-fn method(story: &Story, result: &LineageResult) -> Option<&'static Method> {
+fn method(story: &RecordedRun, result: &LineageResult) -> Option<&'static Method> {
     let family = result.family.as_str();
     let parent = story.parents.iter().find(|p| p.lineage == result.lineage);
     let weight = parent.and_then(|p| match p.program.parameters.get(PREFERENCE_WEIGHT) {
@@ -209,7 +209,7 @@ fn method(story: &Story, result: &LineageResult) -> Option<&'static Method> {
 }
 
 /// Distinct rollouts behind a lineage's recorded labels.
-pub fn rollouts(story: &Story, lineage: &LineageId) -> usize {
+pub fn rollouts(story: &RecordedRun, lineage: &LineageId) -> usize {
     let frozen = story.frozen.iter().filter(|f| f.lineage == *lineage).map(|f| &f.parent_score);
     let attempts = story.attempts.iter().filter(|a| a.lineage == *lineage).filter_map(|a| a.exit.score());
     let finalists = story.finalists.iter().filter(|f| f.lineage == *lineage).map(|f| &f.score);

@@ -7,7 +7,7 @@ use super::labels::{self, LineageLabels, TableError};
 use super::layout::{Column, Form, Head, METHOD, POLICY, Part, ROLLOUTS, Row, Table, Value};
 use super::notes;
 use super::paper::{self, metadrive as printed};
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 
 const fn column(
@@ -32,7 +32,7 @@ const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Fo
 const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
 
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
-pub fn metadrive_main(stories: &[Story]) -> Result<Table, TableError> {
+pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
     let mut groups: Vec<&str> = printed::METHODS.iter().map(|method| method.group).collect();
     groups.dedup();
@@ -63,7 +63,7 @@ pub fn metadrive_main(stories: &[Story]) -> Result<Table, TableError> {
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
-pub fn metadrive_policy(stories: &[Story]) -> Result<Table, TableError> {
+pub fn metadrive_policy(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
     let mut rows = Vec::new();
     for method in &printed::METHODS {
@@ -99,7 +99,7 @@ fn table(
     columns: Vec<Column>,
     rows: Vec<Row>,
     notes: Vec<String>,
-    stories: &[Story],
+    stories: &[RecordedRun],
 ) -> Result<Table, TableError> {
     let parts = vec![Part { name: name.into(), title: title.into(), source: Some(source), rows }];
     let (labels, counts) = (vec![METHOD, POLICY], vec![SCENES, ROLLOUTS]);
@@ -195,7 +195,7 @@ fn row(method: &str, policy: String, of: &[&LineageLabels], ours: &[Option<Estim
 }
 
 /// What a reader must know beside the numbers.
-fn told(stories: &[Story], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
+fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
     let mut told = vec![
         "Attack: share of held-out scenes in which the ego fails. RP = 100 (1 - R). Evolved: the active generator, chosen on \
          evolution labels."

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use super::labels::{self, TableError};
 use super::layout::RunSource;
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 
 /// The runs as the JSON form lists them.
-pub fn runs(stories: &[Story]) -> Result<Vec<RunSource>, TableError> {
-    let source = |story: &Story| {
+pub fn runs(stories: &[RecordedRun]) -> Result<Vec<RunSource>, TableError> {
+    let source = |story: &RecordedRun| {
         let result = labels::result(story)?;
         Ok(RunSource {
             name: story.opened.name.clone(),
@@ -26,7 +26,7 @@ pub fn runs(stories: &[Story]) -> Result<Vec<RunSource>, TableError> {
 }
 
 /// One sentence on a run: its size, and what the proposals came from.
-pub fn run(story: &Story) -> String {
+pub fn run(story: &RecordedRun) -> String {
     let opened = &story.opened;
     let mut roles: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     opened.models.iter().for_each(|(role, label)| roles.entry(label).or_default().push(role));
@@ -50,7 +50,7 @@ pub fn run(story: &Story) -> String {
 }
 
 /// Whether the runs may not be compared without more ado.
-pub fn different_versions(stories: &[Story]) -> Option<String> {
+pub fn different_versions(stories: &[RecordedRun]) -> Option<String> {
     let differ = stories.windows(2).any(|pair| pair[0].opened.versions != pair[1].opened.versions);
     differ.then(|| "The runs were made by different versions of simulator, evaluation or adapters.".into())
 }

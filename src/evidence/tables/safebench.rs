@@ -13,7 +13,7 @@ use super::paper::{
     safebench::{EGO, MAIN_LABEL, METHODS, Method, ROUNDS},
 };
 use super::resampled::Resampled;
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::benchmark::{Benchmark, BenchmarkRow};
 use crate::scene::safebench::TrafficFamily;
 
@@ -33,7 +33,7 @@ const CR: Metric = Metric { name: "CR", of: |row| row.collision_rate };
 const OS: Metric = Metric { name: "OS", of: |row| row.overall_score };
 
 /// The paper's main table: a row a generator and ego.
-pub fn safebench_main(stories: &[Story]) -> Result<Table, TableError> {
+pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::lineages(stories)?;
     let row = |of: &Subject<'_>| {
         let ours = of.archive.map_or([None; 13], main_values);
@@ -96,7 +96,7 @@ fn mean(round: Option<&Option<Benchmark>>, of: fn(&BenchmarkRow) -> f64) -> Opti
 }
 
 /// The paper's tables by round: a part a generator and ego, a line a metric and round, a column a traffic family.
-pub fn safebench_rounds(stories: &[Story]) -> Result<Table, TableError> {
+pub fn safebench_rounds(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::lineages(stories)?;
     let part = |of: &Subject<'_>| {
         let (title, stem) = (of.method.map_or(of.name.as_str(), |m| m.title), of.name.to_lowercase().replace('_', "-"));
@@ -205,7 +205,7 @@ fn stopped(archive: &LineageArchive) -> Option<String> {
 }
 
 /// What a reader must know beside the numbers.
-fn told(stories: &[Story], all: &[LineageArchive]) -> Vec<String> {
+fn told(stories: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
     let mut told = vec![
         "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score. \
          Attack = CR (1 - OS) of the means over the eight traffic families. Rows: AS is AdvSim, AT SafeBench's port of \

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::tests::{attempt, near, run, score};
 use super::*;
 use crate::evaluation::Runs;
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::benchmark::{ArchiveRound, Run as Drive, RunRealism, SafebenchRun, SelectedScene};
 use crate::objects::{FamilyName, LineageId, Objectives, Score, SolutionId, attempt::*, event::*};
 use crate::scene::safebench::TrafficFamily;
@@ -47,7 +47,7 @@ struct Lineage<'a> {
     gains_pct: &'a [(&'a str, f64)],
 }
 
-fn add(story: &mut Story, of: &Lineage<'_>) {
+fn add(story: &mut RecordedRun, of: &Lineage<'_>) {
     let lineage = LineageId::new(of.id);
     let parent = SolutionId::new(format!("{}/parent", of.id));
     for (round, scenes) in of.rounds.iter().enumerate() {
@@ -109,7 +109,7 @@ const HUMAN: Lineage<'static> = Lineage {
     gains_pct: &[("right_turn/4", 0.0)],
 };
 
-fn story(lineages: &[&Lineage<'_>]) -> Story {
+fn story(lineages: &[&Lineage<'_>]) -> RecordedRun {
     let mut story = run("made", &[("actor", "scripted")]);
     lineages.iter().for_each(|lineage| add(&mut story, lineage));
     story

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::layout::Form;
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::{Attempt, Exit, attempt::Gate, event::LineageResult};
 
@@ -76,7 +76,7 @@ fn gate_name(gate: Gate) -> &'static str {
 }
 
 /// One sentence for a lineage whose active generator is still its parent or whose frontier did not grow; else `None`.
-pub fn note(story: &Story, result: &LineageResult) -> Option<String> {
+pub fn note(story: &RecordedRun, result: &LineageResult) -> Option<String> {
     let kept = result.evolved.solution == result.parent.solution;
     let what = match (kept, grows(result)) {
         (false, true) => return None,
@@ -89,7 +89,7 @@ pub fn note(story: &Story, result: &LineageResult) -> Option<String> {
 
 /// The same for SafeBench's archive: whether its attack rose from the parent's scenes to the last round's, and whether
 /// anything of the last round is a descendant's.
-pub fn archive_note(story: &Story, result: &LineageResult, attack_change: f64, descends: bool) -> Option<String> {
+pub fn archive_note(story: &RecordedRun, result: &LineageResult, attack_change: f64, descends: bool) -> Option<String> {
     let rises = num::rounded(attack_change, Form::Rate.digits()) > 0.0;
     let what = match (descends, rises, grows(result)) {
         (_, true, true) => return None,
@@ -107,7 +107,7 @@ fn grows(result: &LineageResult) -> bool {
     num::rounded(result.pf_area_at_3_pct, Form::Gain.digits()) > 0.0
 }
 
-fn sentence(what: &str, story: &Story, result: &LineageResult) -> String {
+fn sentence(what: &str, story: &RecordedRun, result: &LineageResult) -> String {
     let ends = Ends::of(story.attempts.iter().filter(|a| a.lineage == result.lineage));
     format!("{what}; {}; final choice: {}", ends.text(), result.selection)
 }

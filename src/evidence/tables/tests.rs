@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::evidence::story::Story;
+use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::{
     Attempt, FamilyName, LineageId, Objectives, ParameterValue, Program, SceneFailure, SceneScore, Score, SolutionId,
@@ -16,10 +16,10 @@ pub(super) type Label = Option<(f64, f64)>;
 const SCENES: [&str; 4] = ["s1", "s2", "s3", "s4"];
 
 /// A finished run without lineages.
-pub(super) fn run(name: &str, models: &[(&str, &str)]) -> Story {
+pub(super) fn run(name: &str, models: &[(&str, &str)]) -> RecordedRun {
     let digest = Digest::of_bytes(b"any");
     let text = |(role, label): &(&str, &str)| (role.to_string(), label.to_string());
-    Story {
+    RecordedRun {
         opened: Opened {
             name: name.into(),
             experiment: digest,
@@ -44,7 +44,7 @@ pub(super) fn run(name: &str, models: &[(&str, &str)]) -> Story {
     }
 }
 
-fn scripted() -> Story {
+fn scripted() -> RecordedRun {
     run("made", &[("actor", "scripted"), ("repair", "scripted")])
 }
 
@@ -80,7 +80,7 @@ struct End<'a> {
     pf_area_at_3_pct: f64,
 }
 
-fn add(story: &mut Story, end: &End<'_>) {
+fn add(story: &mut RecordedRun, end: &End<'_>) {
     let lineage = LineageId::new(end.id);
     let parent = SolutionId::new(format!("{}/parent", end.id));
     let child = SolutionId::new(format!("{}/e0s0", end.id));

@@ -3,14 +3,14 @@
 use super::{INSERTED_ACTOR, NAME, REJECTION, REVERSE_TOKENS};
 use crate::adapters::{Family, OperatorSpec};
 use crate::families::grammar::{self, choice, integer, number, optional, parameter, required, slot};
-use crate::families::interface::{self, Own, OwnParameter, own, word};
+use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};
 use crate::kernel::num;
 use crate::objects::{OperatorNode, Slot, ValueType};
 
 /// Contract and parent.
 pub fn family() -> Family {
     let (motion, search) = (motion_parameters(), search_parameters());
-    Own {
+    FamilySpec {
         name: NAME,
         title: "ADV-BMT: bidirectional motion generation (Liu et al. 2026)",
         describes: "Inserts a road user that was not recorded. A collision with the ego's rollout is imposed at the \

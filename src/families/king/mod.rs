@@ -14,7 +14,7 @@ pub mod loss;
 use std::sync::Arc;
 
 use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use crate::adapters::{Family, OperatorSpec, vocabulary};
 use crate::motion::Driven;
 use crate::motion::following;
@@ -35,7 +35,7 @@ pub const KINEMATIC_DESCENT: &str = "kinematic_descent";
 /// Contract, and the parent: KING for two adversaries, with the adaptations named above.
 pub fn family() -> Family {
     let (motion, search) = (motion_parameters(), search_parameters());
-    let own = Own {
+    let own = FamilySpec {
         name: NAME,
         title: "KING: safety-critical scenarios by kinematics gradients (Hanselmann et al. 2022)",
         describes: "Moves the steering and throttle sequences of several recorded vehicles by gradient descent through \

@@ -3,14 +3,14 @@
 use super::{ATTACKER_POOL, ATTACKER_PRIOR, COUNSEL_RANK, COUNSEL_WEIGHT, DELIBERATION, NAME, PRIOR};
 use crate::adapters::{Family, Feature, OperatorSpec, ParameterSpec, vocabulary};
 use crate::families::grammar::{self, choice, from_parameter, integer, number, optional, parameter, required, slot};
-use crate::families::interface::{self, Own, OwnParameter, own, word};
+use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};
 use crate::families::prior;
 use crate::objects::{OperatorNode, Slot, ValueType};
 
 /// Contract and parent.
 pub fn family() -> Family {
     let (pool, motion, search) = (pool_parameters(), prior::parameters(PRIOR), search_parameters());
-    Own {
+    FamilySpec {
         name: NAME,
         title: "LLM-Attacker: attackers chosen with feedback (Mei et al. 2025)",
         describes: "Searches who attacks. The most promising vehicles form a pool, each with CAT's candidate \

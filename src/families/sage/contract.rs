@@ -4,7 +4,7 @@ use super::experts::Experts;
 use super::{MIXED_EXPERTS, NAME, PREFERENCE_REWARD, PRIOR};
 use crate::adapters::{Family, OperatorSpec};
 use crate::families::grammar::{self, choice, integer, number, optional, parameter, required, slot};
-use crate::families::interface::{self, Own, OwnParameter, own, word};
+use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};
 use crate::families::prior;
 use crate::motion::motion_prior::PriorOptions;
 use crate::objects::{OperatorNode, ParameterValue, Slot, ValueType};
@@ -13,7 +13,7 @@ use crate::stage::Settings;
 /// Contract and parent.
 pub fn family() -> Family {
     let parameters = parameters();
-    Own {
+    FamilySpec {
         name: NAME,
         title: "SAGE: steerable preference alignment (Nie et al. 2025)",
         describes: "Two experts were trained from one motion prior by preference pairs, feasible before infeasible: \

@@ -17,7 +17,7 @@ pub mod solution;
 use std::sync::Arc;
 
 use super::grammar::{self, choice, integer, number, optional, parameter, required, slot};
-use super::interface::{self, Own, OwnParameter, own};
+use super::interface::{self, FamilySpec, OwnParameter, own};
 use crate::adapters::{Family, OperatorSpec, vocabulary};
 use crate::kernel::num;
 use crate::motion::Driven;
@@ -42,7 +42,7 @@ pub const LATENT_DESCENT: &str = "latent_descent";
 /// Contract, and the parent: STRIVE's rule-based configuration for three vehicles, with the adaptations named above.
 pub fn family() -> Family {
     let (motion, search) = (motion_parameters(), search_parameters());
-    let own = Own {
+    let own = FamilySpec {
         name: NAME,
         title: "STRIVE: generating scenarios via a learned traffic prior (Rempe et al. 2022)",
         describes: "Moves several recorded vehicles in the latent space of a motion prior, so that some come close to \

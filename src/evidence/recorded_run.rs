@@ -13,7 +13,7 @@ use crate::store::Event;
 
 /// A transcript that is no run of this format.
 #[derive(Debug, thiserror::Error)]
-pub enum StoryError {
+pub enum RecordedRunError {
     #[error("event {seq} ({kind}) cannot be read: {reason}; the run was written by another version of evodrive")]
     Unreadable { seq: u64, kind: String, reason: String },
     #[error("the transcript does not begin with an `opened` event; it is not the transcript of a run")]
@@ -22,7 +22,7 @@ pub enum StoryError {
 
 /// All events of a run, typed, in order.
 #[derive(Clone, Debug)]
-pub struct Story {
+pub struct RecordedRun {
     pub opened: Opened,
     pub parents: Vec<ParentAdopted>,
     /// Templates that were composed; empty where no family takes templates.
@@ -42,10 +42,10 @@ pub struct Story {
     pub root: Digest,
 }
 
-impl Story {
-    pub fn read(events: &[Event]) -> Result<Story, StoryError> {
-        let first = events.first().filter(|e| e.kind == kind::OPENED).ok_or(StoryError::NotARun)?;
-        let mut story = Story {
+impl RecordedRun {
+    pub fn read(events: &[Event]) -> Result<RecordedRun, RecordedRunError> {
+        let first = events.first().filter(|e| e.kind == kind::OPENED).ok_or(RecordedRunError::NotARun)?;
+        let mut story = RecordedRun {
             opened: body(first)?,
             parents: Vec::new(),
             composed: Vec::new(),
@@ -72,7 +72,7 @@ impl Story {
                 kind::HELD_OUT => story.held_out.push(body(event)?),
                 kind::SEALED => story.result = Some(body(event)?),
                 other => {
-                    return Err(StoryError::Unreadable {
+                    return Err(RecordedRunError::Unreadable {
                         seq: event.seq,
                         kind: other.to_string(),
                         reason: "unknown kind".into(),
@@ -124,8 +124,8 @@ impl Story {
     }
 }
 
-fn body<T: DeserializeOwned>(event: &Event) -> Result<T, StoryError> {
-    serde_json::from_value(event.body.clone()).map_err(|error| StoryError::Unreadable {
+fn body<T: DeserializeOwned>(event: &Event) -> Result<T, RecordedRunError> {
+    serde_json::from_value(event.body.clone()).map_err(|error| RecordedRunError::Unreadable {
         seq: event.seq,
         kind: event.kind.clone(),
         reason: error.to_string(),

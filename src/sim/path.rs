@@ -18,17 +18,17 @@ pub struct Along {
 
 /// A polyline with unit directions, running straight on beyond both ends.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Route {
+pub struct Path {
     points: Vec<Vec2>,
     directions: Vec<Vec2>,
     headings_rad: Vec<f64>,
     lengths: Vec<f64>,
 }
 
-impl Route {
+impl Path {
     /// The path through `points`, thinned to [`ROUTE_SPACING_M`]. A path shorter than that becomes a metre straight
     /// ahead of its first point in direction `heading_rad`. `None` if a point is not finite or there is none.
-    pub fn new(points: &[Vec2], heading_rad: f64) -> Option<Route> {
+    pub fn new(points: &[Vec2], heading_rad: f64) -> Option<Path> {
         let first = *points.first()?;
         if !points.iter().all(|p| p.is_finite()) {
             return None;
@@ -47,27 +47,27 @@ impl Route {
         if kept.len() == 1 {
             kept.push(first + Vec2::from_heading(heading_rad));
         }
-        Route::through(Polyline::new(kept).ok()?)
+        Path::through(Polyline::new(kept).ok()?)
     }
 
-    /// [`Route::new`] with every point left out that lies within `tolerance_m` of the line without it.
-    pub fn simplified(points: &[Vec2], heading_rad: f64, tolerance_m: f64) -> Option<Route> {
-        let fine = Route::new(points, heading_rad)?.points;
+    /// [`Path::new`] with every point left out that lies within `tolerance_m` of the line without it.
+    pub fn simplified(points: &[Vec2], heading_rad: f64, tolerance_m: f64) -> Option<Path> {
+        let fine = Path::new(points, heading_rad)?.points;
         let mut kept = vec![fine[0]];
         let mut from = 0;
         while from + 1 < fine.len() {
             from = longest_chord(&fine, from, tolerance_m);
             kept.push(fine[from]);
         }
-        Route::through(Polyline::new(kept).ok()?)
+        Path::through(Polyline::new(kept).ok()?)
     }
 
-    fn through(line: Polyline) -> Option<Route> {
+    fn through(line: Polyline) -> Option<Path> {
         let (points, lengths) = (line.points(), line.lengths());
         let directions: Vec<Vec2> =
             points.windows(2).zip(lengths.windows(2)).map(|(p, l)| (p[1] - p[0]) * (1.0 / (l[1] - l[0]))).collect();
         let headings_rad = directions.iter().map(|d| d.heading()).collect();
-        Some(Route { points: points.to_vec(), directions, headings_rad, lengths: lengths.to_vec() })
+        Some(Path { points: points.to_vec(), directions, headings_rad, lengths: lengths.to_vec() })
     }
 
     pub fn points(&self) -> &[Vec2] {

@@ -2,28 +2,28 @@
 
 use rayon::prelude::*;
 
-/// A pool of worker threads. Results never depend on how many there are.
-pub struct Pool(rayon::ThreadPool);
+/// Worker threads. Results never depend on how many there are.
+pub struct Threads(rayon::ThreadPool);
 
-/// The pool could not be started.
+/// Worker threads could not be started.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot start {threads} worker threads: {source}; try --jobs 1")]
-pub struct PoolError {
+pub struct ThreadsError {
     threads: usize,
     source: rayon::ThreadPoolBuildError,
 }
 
-impl Pool {
+impl Threads {
     /// `threads` workers; 0 means one per core.
-    pub fn new(threads: usize) -> Result<Pool, PoolError> {
+    pub fn new(threads: usize) -> Result<Threads, ThreadsError> {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
-            .map(Pool)
-            .map_err(|source| PoolError { threads, source })
+            .map(Threads)
+            .map_err(|source| ThreadsError { threads, source })
     }
 
-    pub fn threads(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.0.current_num_threads()
     }
 
@@ -40,8 +40,8 @@ mod tests {
     #[test]
     fn order_does_not_depend_on_the_number_of_threads() {
         let items: Vec<u64> = (0..500).collect();
-        let one = Pool::new(1).unwrap().map(&items, |i, x| x * 3 + i as u64);
-        let four = Pool::new(4).unwrap().map(&items, |i, x| x * 3 + i as u64);
+        let one = Threads::new(1).unwrap().map(&items, |i, x| x * 3 + i as u64);
+        let four = Threads::new(4).unwrap().map(&items, |i, x| x * 3 + i as u64);
         assert_eq!(one, four);
     }
 }

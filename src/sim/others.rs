@@ -11,7 +11,7 @@ use super::rows::Rows;
 
 /// The buffers of a rollout; reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
-pub struct World {
+pub struct Others {
     /// Adversaries first (in the order of the actions), then reactive traffic as it turns so.
     pub(super) actors: Vec<Actor>,
     /// Tracks that are simulated: their recorded rows are passed over.
@@ -41,7 +41,7 @@ impl Near<'_> {
     }
 }
 
-impl World {
+impl Others {
     /// Calls `f` for everyone present whose centre lies within `radius_m` of `center`: recorded ones by x, then simulated
     /// ones.
     pub(super) fn for_each_near<'a>(
@@ -85,7 +85,7 @@ impl World {
         }
     }
 
-    /// [`World::for_each_near`] with everything that a driver may see.
+    /// [`Others::for_each_near`] with everything that a driver may see.
     pub(super) fn for_each_within(
         &self,
         plant: &Plant,

@@ -248,6 +248,13 @@ fn parse(path: &Path, bytes: &[u8]) -> Parsed {
     let mut parsed = Parsed { events: Vec::new(), whole_bytes: 0, damage: Vec::new(), unfinished: false };
     let mut rest = bytes;
     while !rest.is_empty() {
+        // The chain alone does not protect the seal: whoever can write the file can continue the chain behind it.
+        if parsed.events.last().is_some_and(|event| event.kind == SEALED) {
+            let place = format!("line {}", parsed.events.len() + 1);
+            let what = format!("expected nothing behind the seal, found {} bytes; cut them off", rest.len());
+            parsed.damage.push(Damage::at(path, place, what));
+            break;
+        }
         let (line, ended) = match rest.iter().position(|&b| b == b'\n') {
             Some(end) => (&rest[..end], true),
             None => (rest, false),
@@ -428,6 +435,25 @@ mod tests {
         let mut transcript = Transcript::open(&path).unwrap();
         assert_eq!(transcript.head(), root);
         assert!(matches!(transcript.append("late", &1), Err(StoreError::Sealed { seq: 3, .. })));
+    }
+
+    #[test]
+    fn whatever_stands_behind_the_seal_is_damage_even_if_it_continues_the_chain() {
+        let (_dir, path) = temp();
+        three_events(&path);
+        let root = Transcript::open(&path).unwrap().seal(&json!({"attempts": 2})).unwrap();
+        let sealed = std::fs::read(&path).unwrap();
+        let forged = Event::new(4, root, "attempt", json!({"gain": 9.0})).unwrap().line().unwrap();
+        let resealed = Event::new(4, root, SEALED, json!({"attempts": 3})).unwrap().line().unwrap();
+        for tail in [forged.as_slice(), &resealed, &forged[..20], b"\n", b"\0"] {
+            std::fs::write(&path, [sealed.as_slice(), tail].concat()).unwrap();
+            let damage = fsck_transcript(&path).unwrap();
+            assert!(damage.len() == 1 && damage[0].to_string().contains("behind the seal"), "{damage:?}");
+            assert!(read_events(&path).is_err());
+            assert!(Transcript::open(&path).is_err() && Transcript::continue_from_start(&path).is_err());
+        }
+        std::fs::write(&path, &sealed).unwrap();
+        assert!(fsck_transcript(&path).unwrap().is_empty());
     }
 
     #[test]

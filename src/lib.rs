@@ -77,6 +77,8 @@
 //! - [`epoch`]: the epochs of a run: the state, the frozen snapshot, the workers and the serial acceptor.
 //! - [`evidence`]: from recorded runs to the report and the tables.
 
+#![warn(missing_docs)]
+
 pub mod kernel;
 pub mod store;
 

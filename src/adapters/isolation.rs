@@ -8,7 +8,9 @@ use crate::objects::FamilyName;
 /// A word that belongs to another family's implementation.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ForeignWord {
+    /// The word.
     pub word: String,
+    /// The family that it belongs to.
     pub family: FamilyName,
 }
 

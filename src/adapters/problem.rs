@@ -13,11 +13,14 @@ const FOUND_MAX: usize = 160;
 pub struct Problem {
     /// JSON Pointer into the program.
     pub place: String,
+    /// What stands there.
     pub found: String,
+    /// What may stand there.
     pub expected: String,
 }
 
 impl Problem {
+    /// A problem at a JSON Pointer; `found` is shortened.
     pub fn new(place: impl Into<String>, found: impl Into<String>, expected: impl Into<String>) -> Problem {
         let found: String = found.into();
         let short = found.chars().take(FOUND_MAX).collect::<String>();

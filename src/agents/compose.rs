@@ -19,13 +19,17 @@ use crate::{
 /// One description.
 #[derive(Clone, Copy, Debug)]
 pub struct Order<'a> {
+    /// Whose parent is composed.
     pub lineage: &'a LineageId,
     /// Place of the kind among the family's: the draw slot of its questions.
     pub slot: u32,
+    /// What may be chosen.
     pub form: &'a TemplateForm,
+    /// The scenario in words.
     pub description: &'a str,
     /// Most questions.
     pub rounds: u32,
+    /// Who is asked.
     pub model: &'a ModelSpec,
 }
 

@@ -22,7 +22,9 @@ use crate::{
 /// One scene's question.
 #[derive(Clone, Copy, Debug)]
 pub struct Case<'a> {
+    /// Whose counsel it is.
     pub lineage: &'a LineageId,
+    /// Id of the scene.
     pub scene: &'a str,
     /// The scene's place in the study: the draw slot of its questions.
     pub slot: u32,
@@ -30,16 +32,20 @@ pub struct Case<'a> {
     pub ego: &'a str,
     /// Who may attack, in the order of the rules' own proposals.
     pub vehicles: &'a [Vehicle],
+    /// Most vehicles of a set.
     pub attackers_max: usize,
     /// Most sets that are tried.
     pub rounds: u32,
+    /// Who is asked.
     pub model: &'a ModelSpec,
 }
 
 /// What the agent came to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Advice {
+    /// Every question and answer, in order.
     pub exchanges: Vec<Exchange>,
+    /// Every set that was tried, in order.
     pub rounds: Vec<CounselRound>,
     /// The set that met the ego, or came nearest to it; the earliest of equals. Nobody where no set could attack.
     pub counsel: Counsel,

@@ -42,7 +42,9 @@ const LANGUAGE: &str = include_str!("prompts/language.md");
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("prompt `{template}` cannot be filled: {reason}; check src/agents/prompts and the values of the task")]
 pub struct PromptError {
+    /// File name of the template.
     pub template: &'static str,
+    /// What is wrong with it.
     pub reason: String,
 }
 
@@ -94,6 +96,7 @@ pub struct Briefing {
 }
 
 impl Briefing {
+    /// Writes the context out.
     pub fn of(context: &Context<'_>) -> Result<Briefing, PromptError> {
         let parent = to_value(context.parent)?;
         let identity = json!({
@@ -135,14 +138,21 @@ pub enum Subject<'a> {
     None,
     /// A patch as `patch_text` writes it: once for all who look at it.
     Review {
+        /// The patch in question, as JSON text.
         patch: &'a str,
     },
+    /// A patch that critics want revised.
     Repair {
+        /// The patch in question, as JSON text.
         patch: &'a str,
+        /// What the critics said about it.
         reviews: &'a [Review],
     },
+    /// An answer that holds no patch.
     Unreadable {
+        /// The answer's bytes.
         reply: &'a [u8],
+        /// Why it holds none.
         refusal: &'a str,
     },
 }
@@ -213,6 +223,7 @@ fn task_text(slot: &DrawSlot, asked: &Value, blocks: &[Value]) -> Result<String,
 /// What a role is told whatever the question: the same in every run of this adapter version.
 #[derive(Clone, Debug)]
 pub struct Instructions {
+    /// The system message.
     pub system: Text,
     /// What its reply must satisfy.
     pub schema: Schema,

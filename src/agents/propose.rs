@@ -21,7 +21,9 @@ use crate::{
 pub enum End {
     /// All critics approved; the gates are next.
     Patch(ProgramPatch),
+    /// There is no patch to go on with.
     Declined {
+        /// Why not.
         reason: String,
     },
 }
@@ -29,19 +31,27 @@ pub enum End {
 /// The record of the loop and its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposed {
+    /// Everything that was asked and answered.
     pub proposal: Proposal,
+    /// How it ended.
     pub end: End,
 }
 
 /// The loop could not be carried through. What a model answers is never an error.
 #[derive(Debug, thiserror::Error)]
 pub enum AgentError {
+    /// There is no answer.
     #[error(transparent)]
     Ask(#[from] AskError),
+    /// A prompt could not be written.
     #[error(transparent)]
     Prompt(#[from] PromptError),
+    /// The experiment names no model for a role.
     #[error("no model for the role `{role}`: name one under [models.{role}] in the experiment file")]
-    NoModel { role: &'static str },
+    NoModel {
+        /// The role.
+        role: &'static str,
+    },
 }
 
 /// Asks actor, critics and repair for one patch. Records every exchange, also the unusable ones.

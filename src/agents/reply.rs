@@ -108,6 +108,7 @@ pub fn review(bytes: &[u8], role: Role) -> Result<Review, Refusal> {
 pub struct Choice {
     /// Ids of vehicles, the leader first.
     pub attackers: Vec<String>,
+    /// Why, in the model's words.
     pub reason: String,
 }
 

@@ -24,6 +24,7 @@ const TABLE_DECIMALS: u32 = 2;
 pub struct SceneText(Text);
 
 impl SceneText {
+    /// Writes the scene out.
     pub fn of(case: &Case<'_>) -> Result<SceneText, PromptError> {
         let facts = json!({"scene": case.scene, "ego": case.ego, "attackers_max": case.attackers_max});
         let rows: Vec<Value> = case.vehicles.iter().map(row).collect();

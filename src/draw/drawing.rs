@@ -16,22 +16,32 @@ pub struct Drawing {
     pub current_step: usize,
     /// Polygons of road surface.
     pub surfaces: Vec<Vec<Vec2>>,
+    /// Lane borders, centre lines and edges.
     pub lines: Vec<RoadLine>,
+    /// Outlines. Points in metres.
     pub crosswalks: Vec<Vec<Vec2>>,
+    /// Traffic lights over time.
     pub lights: Vec<DrawnLight>,
+    /// Where stop signs stand, metres.
     pub stop_signs: Vec<Vec2>,
     /// The path that the ego is to drive; may be empty.
     pub route: Vec<Vec2>,
+    /// Everyone who is drawn, in drawing order.
     pub actors: Vec<Actor>,
+    /// The ego's first contact, if there was one.
     pub contact: Option<Contact>,
 }
 
+/// A line of the road.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RoadLine {
+    /// What kind of line it is.
     pub style: LineStyle,
+    /// Points, metres.
     pub points: Vec<Vec2>,
 }
 
+/// What a line of the road is, which decides how it is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineStyle {
@@ -46,37 +56,51 @@ pub enum LineStyle {
 /// A traffic light at its stop line, one state a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DrawnLight {
+    /// Where it is drawn, metres.
     pub point: Vec2,
+    /// One state a step. [steps]
     pub states: Vec<LightState>,
 }
 
 /// Whoever moves, and in which part.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actor {
+    /// Name that a reader sees.
     pub label: String,
+    /// What it is in this drawing, which decides its colour.
     pub role: Role,
+    /// Length of the box, metres.
     pub length_m: f64,
+    /// Width of the box, metres.
     pub width_m: f64,
     /// `steps` long: `[x, y, heading_rad, speed_mps]`, `None` where absent.
     pub samples: Vec<Option<[f64; 4]>>,
 }
 
+/// What somebody is in a drawing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
+    /// The vehicle under test.
     Ego,
+    /// Moved by the intervention.
     Adversary,
     /// Marked by the data set as interacting with the ego.
     Interacting,
+    /// Any other motor vehicle.
     Traffic,
+    /// Someone on a bicycle.
     Cyclist,
+    /// Someone on foot.
     Pedestrian,
+    /// A barrier, a cone, something parked or unknown.
     Static,
     /// Where somebody was in the log, drawn beside what became of it.
     Ghost,
 }
 
 impl Role {
+    /// All roles, in the order of the legend.
     pub const ALL: [Role; 8] = [
         Role::Ego,
         Role::Adversary,
@@ -106,7 +130,9 @@ impl Role {
 /// Where and when two actors touch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
+    /// Step of the scene.
     pub step: usize,
+    /// Where they touch, metres.
     pub point: Vec2,
     /// Such as `ego hit by v12 at 6.3 m/s`.
     pub label: String,

@@ -8,10 +8,13 @@ use super::player::escaped;
 use crate::kernel::{OrientedBox, Vec2};
 use crate::scene::LightState;
 
+/// Colours of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Theme {
+    /// For white paper.
     Light,
+    /// For dark screens.
     Dark,
 }
 
@@ -29,11 +32,15 @@ pub enum Frame {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SvgOptions {
+    /// Width of the picture, pixels.
     pub width_px: f64,
+    /// Its colours.
     pub theme: Theme,
+    /// Which part of the world it shows.
     pub frame: Frame,
     /// Boxes are drawn at this step; `None` is the drawing's current one.
     pub step: Option<usize>,
+    /// Whether everyone's way is drawn too.
     pub trails: bool,
     /// Labels beside everybody, not only beside the leading parts.
     pub labels: bool,

@@ -36,6 +36,7 @@ pub struct LearnedDriver {
 }
 
 impl LearnedDriver {
+    /// A driver with these frozen weights.
     pub fn new(network: Network) -> LearnedDriver {
         let width = network.width_max();
         LearnedDriver { network, values: vec![0.0; width], spare: vec![0.0; width] }

@@ -17,7 +17,9 @@ const WIDTH_MAX: usize = 1024;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("weights, byte {at}: {rule}; train or export the network again")]
 pub struct NetworkError {
+    /// Byte offset of the first fault.
     pub at: usize,
+    /// What should stand there.
     pub rule: &'static str,
 }
 

@@ -26,8 +26,10 @@ pub enum Policy {
 /// No such policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
+    /// The name is none of those that are known.
     #[error("no ego policy is called {0:?}; there are idm, idm-lights, replay, learned")]
     Unknown(String),
+    /// A learned policy was named without its weights.
     #[error("the ego policy `learned` needs the bytes of its weights; name a weight file")]
     NoWeights,
 }
@@ -52,6 +54,7 @@ impl Policy {
         Network::from_bytes(weights, OBSERVATION, ACTION).map(Policy::Learned)
     }
 
+    /// The name in experiment files and keys.
     pub fn name(&self) -> &str {
         match self {
             Policy::Idm => "idm",

@@ -5,7 +5,9 @@ use crate::kernel::Vec2;
 /// Half widths of lanes, metres: what stands for an unknown one, and the bounds within which given ones are believed
 /// (recorded widths reach 13 m in junctions).
 pub const HALF_WIDTH_UNKNOWN_M: f64 = 1.75;
+/// Narrower half widths are raised to this, metres.
 pub const HALF_WIDTH_MIN_M: f64 = 1.3;
+/// Wider half widths are lowered to this, metres.
 pub const HALF_WIDTH_MAX_M: f64 = 2.5;
 /// Thinning moves a centre line by at most this, metres.
 const TOLERANCE_M: f64 = 0.02;
@@ -17,8 +19,11 @@ const WINDOW: usize = 512;
 /// A point of a centre line with the distances to its left and right border.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Across {
+    /// The point on the centre line.
     pub centre: Vec2,
+    /// From there to the left border, metres.
     pub left_m: f64,
+    /// From there to the right border, metres.
     pub right_m: f64,
 }
 

@@ -15,6 +15,7 @@ pub struct ImportError {
 }
 
 impl ImportError {
+    /// An error at a place of a file.
     pub fn new(
         file: &str,
         place: impl Into<String>,

@@ -13,7 +13,9 @@ const SAME_TIME_S: f64 = 1e-6;
 pub struct State {
     /// After the first step of the scene, seconds; may be negative.
     pub time_s: f64,
+    /// Centre of the box, metres.
     pub position: Vec2,
+    /// Counter-clockwise from +x.
     pub heading_rad: f64,
     /// Along the heading, m/s; derived from the places where it is not given.
     pub speed_mps: Option<f64>,

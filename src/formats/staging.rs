@@ -30,9 +30,13 @@ pub struct Staging {
 /// A road user that a rollout put in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inserted {
+    /// What kind of road user it is.
     pub kind: AgentKind,
+    /// Length of its box, metres.
     pub length_m: f64,
+    /// Width of its box, metres.
     pub width_m: f64,
+    /// One a step of the scene; `None` where it is not there. [steps]
     pub samples: Vec<Option<Sample>>,
 }
 

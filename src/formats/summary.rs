@@ -19,7 +19,9 @@ use crate::scene::{LeftOut, Scene};
 /// What one file gave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Imported {
+    /// In the order of the file.
     pub scenes: Vec<Scene>,
+    /// What was left out, with its reason.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -28,6 +30,7 @@ pub struct Imported {
 pub struct ImportSummary {
     /// In the order of the files; every one passes [`Scene::validate`]; ids are unique.
     pub scenes: Vec<Scene>,
+    /// What was left out, with its reason.
     pub left_out: Vec<LeftOut>,
 }
 

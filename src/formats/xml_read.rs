@@ -204,6 +204,7 @@ impl<'a> Document<'a> {
         if self.steps.get() <= STEPS_MAX { Ok(()) } else { Err(self.root().refuse("what is searched")) }
     }
 
+    /// The outermost element.
     pub fn root(&self) -> Element<'_> {
         Element { document: self, index: 0 }
     }
@@ -214,6 +215,7 @@ impl<'d> Element<'d> {
         &self.document.nodes[self.index]
     }
 
+    /// Its name.
     pub fn name(&self) -> &'d str {
         &self.node().name
     }
@@ -223,10 +225,12 @@ impl<'d> Element<'d> {
         &self.node().text
     }
 
+    /// The value of an attribute.
     pub fn attribute(&self, name: &str) -> Option<&'d str> {
         self.node().attributes.iter().find(|(key, _)| &**key == name).map(|(_, value)| &**value)
     }
 
+    /// The elements right below it, in order.
     pub fn children(&self) -> impl Iterator<Item = Element<'d>> + use<'d> {
         let document = self.document;
         let mut next = self.node().first_child;
@@ -241,18 +245,22 @@ impl<'d> Element<'d> {
         })
     }
 
+    /// Those of them that have this name.
     pub fn named(&self, name: &'d str) -> impl Iterator<Item = Element<'d>> + use<'d> {
         self.children().filter(move |child| child.name() == name)
     }
 
+    /// The first of them that has this name.
     pub fn child(&self, name: &str) -> Option<Element<'d>> {
         self.children().find(|child| child.name() == name)
     }
 
+    /// The first child of this name; an error names the element that lacks it.
     pub fn needed_child(&self, name: &str) -> Result<Element<'d>, ImportError> {
         self.child(name).ok_or_else(|| self.refuse(format!("a <{name}> inside")))
     }
 
+    /// The value of an attribute; an error names the element that lacks it.
     pub fn needed_attribute(&self, name: &str) -> Result<&'d str, ImportError> {
         self.attribute(name).ok_or_else(|| self.refuse(format!("an attribute {name:?}")))
     }

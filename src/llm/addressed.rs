@@ -12,6 +12,7 @@ use crate::kernel::{Digest, canon::CanonError};
 pub struct Text(Arc<(String, Digest)>);
 
 impl Text {
+    /// Digest of the text.
     pub fn digest(&self) -> Digest {
         self.0.1
     }
@@ -73,6 +74,7 @@ impl Schema {
         Ok(Schema(Arc::new((schema, digest))))
     }
 
+    /// Digest of the schema's JSON.
     pub fn digest(&self) -> Digest {
         self.0.1
     }

@@ -34,18 +34,43 @@ const MAX_LINE_BYTES: usize = 16 << 20;
 /// Why a cassette cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CassetteError {
+    /// A line is not what was written.
     #[error("{file} line {line}: expected {expected}, found {found}; {remedy}")]
-    Damaged { file: String, line: usize, expected: String, found: String, remedy: &'static str },
+    Damaged {
+        /// Name of the file.
+        file: String,
+        /// Number of the line, from 1.
+        line: usize,
+        /// What should stand there.
+        expected: String,
+        /// What stands there.
+        found: String,
+        /// What helps.
+        remedy: &'static str,
+    },
+    /// Another version of the format wrote the file.
     #[error(
         "{file} is a cassette of format {found}, this build reads {MAJOR}.x; use the release that wrote it, or record anew"
     )]
-    Version { file: String, found: String },
+    Version {
+        /// Name of the file.
+        file: String,
+        /// The version that it names.
+        found: String,
+    },
+    /// Two different model settings have this name.
     #[error("two model settings are called {0}; give them different names in the experiment file")]
     TwoModels(String),
+    /// One request has two recorded answers.
     #[error("request {key} has two different recorded answers; keep one of them")]
-    TwoAnswers { key: Digest },
+    TwoAnswers {
+        /// The request.
+        key: Digest,
+    },
+    /// An exchange cannot be put into text; it holds the reason.
     #[error("an exchange cannot be written: {0}")]
     Unwritable(String),
+    /// The disk did not do what was asked.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -55,15 +80,21 @@ const REMEDY: &str = "restore the file from version control, or record the missi
 /// One recorded exchange. Texts that several exchanges share are in memory once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
+    /// Key of the request.
     pub key: Digest,
+    /// `ADAPTER_VERSION` when it was recorded.
     pub adapter_version: u32,
+    /// Position of the question in the run.
     pub slot: DrawSlot,
+    /// Who answered.
     pub model: Arc<ModelSpec>,
     /// (role, text) of each message.
     pub messages: Vec<(String, Text)>,
+    /// Schema that the answer was asked to keep.
     pub schema: Schema,
     /// Raw bytes of the answer and their digest.
     pub response: Digest,
+    /// The answer, raw.
     pub bytes: Vec<u8>,
     /// What the provider said about the answer; no key and no result depends on it.
     pub metadata: Option<Metadata>,
@@ -152,6 +183,7 @@ struct MessageRef {
 type Wrong = (String, String);
 
 impl Cassette {
+    /// An empty cassette; the name stands in error messages.
     pub fn new(name: impl Into<String>) -> Cassette {
         Cassette { name: name.into(), ..Cassette::default() }
     }

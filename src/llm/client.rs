@@ -76,6 +76,7 @@ pub struct SpendCap {
 }
 
 impl SpendCap {
+    /// Refuses caps that are no amounts.
     pub fn check(&self) -> Result<(), String> {
         not_negative("spend.usd_max", self.usd_max)
     }

@@ -18,7 +18,10 @@ pub enum RecordMode {
     Missing,
     /// Only what this very recording has asked before it was killed. `recording` names it, e.g. by its run folder; a new name asks
     /// everything anew.
-    Fresh { recording: String },
+    Fresh {
+        /// Name of the recording.
+        recording: String,
+    },
 }
 
 /// Records a run. Answers go to the store before they are used, so that a killed recording does not ask twice.

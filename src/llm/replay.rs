@@ -12,10 +12,12 @@ pub struct Replay {
 }
 
 impl Replay {
+    /// Answers from a cassette; `remedy` is the command that would record what it lacks.
     pub fn new(cassette: Cassette, remedy: impl Into<String>) -> Replay {
         Replay { cassette, remedy: remedy.into() }
     }
 
+    /// The cassette.
     pub fn cassette(&self) -> &Cassette {
         &self.cassette
     }

@@ -16,7 +16,9 @@ pub struct Refusal {
     pub line: usize,
     /// From 1, in bytes.
     pub column: usize,
+    /// What the schema asks for.
     pub expected: String,
+    /// What the answer holds.
     pub found: String,
 }
 

@@ -14,8 +14,11 @@ use crate::kernel::Digest;
 pub struct Request {
     /// Version of prompts and contracts.
     pub adapter_version: u32,
+    /// Position of the question in the run.
     pub slot: DrawSlot,
+    /// Who is asked, with sampling parameters.
     pub model: ModelSpec,
+    /// The prompt, in order.
     pub messages: Vec<Message>,
     /// JSON schema that the reply must satisfy.
     pub schema: Schema,
@@ -26,8 +29,11 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DrawSlot {
+    /// Which lineage.
     pub lineage: String,
+    /// Epoch, from 0.
     pub epoch: u32,
+    /// Place among the proposals of the epoch, from 0.
     pub slot: u32,
     /// `actor`, `structural_critic`, ...
     pub role: String,
@@ -83,11 +89,13 @@ pub enum ResponseFormat {
     None,
 }
 
+/// One message of a prompt.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Message {
     /// `system` or `user`.
     pub role: String,
+    /// What it says.
     pub text: Text,
 }
 

@@ -36,11 +36,13 @@ pub struct CurationOptions {
 /// What the curator needs besides the attempt.
 #[derive(Clone, Copy, Debug)]
 pub struct CurationContext<'a> {
+    /// Family of the lineage.
     pub family: &'a FamilyName,
     /// Words for the scenes of the epoch's window.
     pub scene_tags: &'a [String],
     /// Words that belong to the family's implementation and never cross lineages.
     pub private_vocabulary: &'a [String],
+    /// When cards are written.
     pub options: &'a CurationOptions,
 }
 

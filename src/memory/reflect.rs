@@ -9,6 +9,7 @@ use super::{
 };
 use crate::objects::{Attempt, Card, CardId, CardKind, Exit, Gate, LineageId, Objectives};
 
+/// What a reflection advises.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hint {
@@ -23,6 +24,7 @@ pub enum Hint {
 }
 
 impl Hint {
+    /// The word in cards and prompts.
     pub fn name(self) -> &'static str {
         match self {
             Hint::Repair => "repair",

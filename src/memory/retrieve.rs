@@ -30,11 +30,14 @@ pub struct MemoryOptions {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("memory option {option} is {value}; expected a finite number of at least 0: correct it in the experiment file")]
 pub struct MemoryOptionsError {
+    /// Name of the option.
     pub option: &'static str,
+    /// Its value.
     pub value: f64,
 }
 
 impl MemoryOptions {
+    /// Refuses weights and counts that cannot be used.
     pub fn validate(&self) -> Result<(), MemoryOptionsError> {
         let weights = [
             ("alpha_lineage", self.alpha_lineage),

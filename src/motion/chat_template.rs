@@ -33,6 +33,7 @@ impl Behaviour {
         "matches the speed of the ego beside it and keeps parallel: blocks the lane",
     ];
 
+    /// The behaviour of a contract's word.
     pub fn of_word(word: &str) -> Option<Behaviour> {
         let all = [Self::Steady, Self::Intercept, Self::StopBefore, Self::SpeedUp, Self::MatchEgo];
         Behaviour::WORDS.iter().position(|w| *w == word).map(|i| all[i])
@@ -54,6 +55,7 @@ pub const DRAWN_MEANS: [&str; 5] = [
 /// A behaviour with the bounds of its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
+    /// What the scenario's actor does.
     pub behaviour: Behaviour,
     /// Heading of the ego's road where the scenario is set off, radians: `ahead` and `aside` are seen from there.
     pub heading_rad: f64,

@@ -11,11 +11,17 @@ use crate::scene::DT_S;
 /// Bounds of a perturbed path, SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
+    /// Largest offset from the log, metres.
     pub offset_m_max: f64,
+    /// Largest speed, m/s.
     pub speed_mps_max: f64,
+    /// Largest acceleration along, m/s².
     pub acceleration_mps2_max: f64,
+    /// Largest acceleration across, m/s².
     pub lateral_mps2_max: f64,
+    /// Largest jerk along, m/s³.
     pub jerk_mps3_max: f64,
+    /// Largest jerk across, m/s³.
     pub lateral_jerk_mps3_max: f64,
 }
 
@@ -44,6 +50,7 @@ struct Room {
 }
 
 impl LoggedPath {
+    /// A path whose first `history` points cannot move; bounds that the log exceeds are widened to the log's values.
     pub fn new(points: Vec<Vec2>, history: usize, directions: Vec<Vec2>, bounds: Bounds) -> LoggedPath {
         let mut path = LoggedPath { points, history, directions, bounds, rooms: Vec::new() };
         let own = path.extremes(&[], 0.0);

@@ -7,8 +7,11 @@ use crate::kernel::{Vec2, num};
 /// How a quantity changes with a state: ∂/∂position, ∂/∂heading, ∂/∂speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slope {
+    /// By the position, 1/m.
     pub position: Vec2,
+    /// By the heading, 1/rad.
     pub heading: f64,
+    /// By the speed, s/m.
     pub speed: f64,
 }
 
@@ -146,8 +149,11 @@ fn turned(axis: Vec2, sine: f64, cosine: f64) -> Vec2 {
 /// Acceleration and curvature, clamped; the speed ends at 0. Who stands does not turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curved {
+    /// Largest deceleration, m/s².
     pub brake_mps2_max: f64,
+    /// Largest acceleration, m/s².
     pub acceleration_mps2_max: f64,
+    /// Largest curvature, 1/m.
     pub curvature_1pm_max: f64,
 }
 

@@ -32,6 +32,7 @@ pub struct LanePath {
     lengths: Vec<f64>,
     /// Arc lengths between which a goal on this path is this path's own, metres.
     pub goals_m: (f64, f64),
+    /// Lane changes on the way.
     pub lane_changes: usize,
     /// How far the goal lane lies beside the vehicle's own lane, metres; `None` for arcs.
     pub sideways_m: Option<f64>,

@@ -19,7 +19,9 @@ use crate::scene::{DT_S, Sample};
 pub struct LatentOptions {
     /// Cosine modes of acceleration, and as many of curvature.
     pub modes: usize,
+    /// Standard deviation of an acceleration, m/s².
     pub acceleration_spread_mps2: f64,
+    /// Standard deviation of a curvature, 1/m.
     pub curvature_spread_1pm: f64,
 }
 

@@ -25,12 +25,17 @@ pub struct PriorOptions {
     pub goal_spacing_m: f64,
     /// Speed profiles: ±step, .. ±levels step (1, 3).
     pub profile_step_mps2: f64,
+    /// Acceleration profiles on each side of keeping the speed.
     pub profile_levels: usize,
     /// Scales of the log-prior's terms (2 m/s, 3 m/s², 3 m/s², 1.5 m) and the cost of a lane change (0.5).
     pub speed_change_scale_mps: f64,
+    /// Scale of the acceleration term, m/s².
     pub acceleration_scale_mps2: f64,
+    /// Scale of the lateral acceleration term, m/s².
     pub lateral_scale_mps2: f64,
+    /// Scale of the deviation from the vehicle's own lane, metres.
     pub lane_offset_scale_m: f64,
+    /// Log-prior cost of each lane change.
     pub lane_change_cost: f64,
     /// From this rank on all candidates weigh alike (6).
     pub flatten_rank: usize,

@@ -13,6 +13,7 @@ const HISTORY: usize = 3;
 /// How offsets run between knots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
+    /// Straight lines between the given offsets.
     Linear,
     /// Uniform Catmull-Rom.
     Cubic,
@@ -61,10 +62,12 @@ impl OffsetSpace {
         Some(OffsetSpace { before: history.last().copied(), logged, path, knots, weights })
     }
 
+    /// The logged motion that is moved. [steps]
     pub fn logged(&self) -> &[Sample] {
         &self.logged
     }
 
+    /// The logged path with its bounds.
     pub fn path(&self) -> &LoggedPath {
         &self.path
     }

@@ -35,6 +35,7 @@ pub fn control(token: usize) -> Control {
 pub struct Nucleus {
     /// Only the likeliest tokens that together hold this share are drawn from (top-p).
     pub share: f64,
+    /// Softmax temperature of the draw.
     pub temperature: f64,
 }
 

@@ -9,7 +9,9 @@ use crate::sim::{Action, Phase, Script, Trigger, Until};
 /// A parameter of a family's scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FamilyParameter {
+    /// Name in the benchmark's files.
     pub name: &'static str,
+    /// Unit of its value.
     pub unit: &'static str,
     /// SafeBench's standard value.
     pub standard: f64,
@@ -96,12 +98,36 @@ pub fn adversary(family: TrafficFamily) -> usize {
 /// Why a family's actors cannot be put on a scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
+    /// The number of parameters is not the family's.
     #[error("{family} takes {expected} parameters, found {found}")]
-    Count { family: &'static str, expected: usize, found: usize },
+    Count {
+        /// Name of the traffic family.
+        family: &'static str,
+        /// How many it has.
+        expected: usize,
+        /// How many were given.
+        found: usize,
+    },
+    /// A parameter's value cannot be used.
     #[error("{family}: {name} is {found}, expected a number from 0 to 1000")]
-    Value { family: &'static str, name: &'static str, found: f64 },
+    Value {
+        /// Name of the traffic family.
+        family: &'static str,
+        /// Name of the parameter.
+        name: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The road has no place for the scenario.
     #[error("{scene}: {family} needs {what}, which the scene does not have")]
-    Place { scene: String, family: &'static str, what: &'static str },
+    Place {
+        /// Id of the scene.
+        scene: String,
+        /// Name of the traffic family.
+        family: &'static str,
+        /// What the road lacks.
+        what: &'static str,
+    },
 }
 
 /// Length and width, metres.

@@ -9,9 +9,13 @@ use super::ids::{LineageId, SolutionId};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
+    /// Whether the ego touched anyone.
     pub collision: bool,
+    /// Red lights that the ego ran.
     pub red_lights: f64,
+    /// Stop signs that the ego ran.
     pub stop_signs: f64,
+    /// Metres that the ego drove off the road.
     pub off_road_m: f64,
     /// Mean over time.
     pub route_distance_m: f64,
@@ -23,6 +27,7 @@ pub struct Run {
     pub acceleration_mps2: f64,
     /// Sum of absolute heading changes over the duration.
     pub yaw_rate_radps: f64,
+    /// Lanes that the ego invaded.
     pub lane_invasions: f64,
 }
 
@@ -30,6 +35,7 @@ pub struct Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRealism {
+    /// Whether the scene is valid at all.
     pub valid: bool,
     /// S_kin, S_map, S_int, S_dist, each 0..=1.
     pub sub_scores: [f64; 4],
@@ -39,7 +45,9 @@ pub struct RunRealism {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SafebenchRun {
+    /// What happened.
     pub run: Run,
+    /// How realistic the adversaries were.
     pub realism: RunRealism,
 }
 
@@ -52,6 +60,7 @@ pub struct BenchmarkRow {
     pub overall_score: f64,
     /// ARS.
     pub realism: f64,
+    /// Share of the runs that are valid, 0..=1.
     pub valid_rate: f64,
     /// CR (1 - OS).
     pub attack: f64,
@@ -60,6 +69,7 @@ pub struct BenchmarkRow {
 /// Rows of a set of runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Benchmark {
+    /// Number of runs behind the figures.
     pub runs: usize,
     /// Scenes that could not be run; they count as invalid.
     pub failures: usize,
@@ -72,10 +82,13 @@ pub struct Benchmark {
 /// The archive of a lineage after some rounds: per group the scenes that balanced selection keeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArchiveRound {
+    /// Whose archive.
     pub lineage: LineageId,
     /// 0: the parent's scenes alone.
     pub round: u32,
+    /// The benchmark's figures of the round.
     pub benchmark: Benchmark,
+    /// The scenes that were selected.
     pub selected: Vec<SelectedScene>,
 }
 
@@ -90,6 +103,7 @@ pub struct SelectedScene {
     pub solution: SolutionId,
     /// Contribution of the run alone.
     pub attack: f64,
+    /// Realism of the selected run, 0..=1.
     pub realism: f64,
     /// What it adds to the score of any set of runs.
     pub run: SafebenchRun,

@@ -11,17 +11,22 @@ use super::{attempt::Exchange, ids::LineageId};
 pub struct BehaviourForm {
     /// The contract's word for it.
     pub word: &'static str,
+    /// What the behaviour does, for the prompt.
     pub describes: &'static str,
 }
 
 /// A number that a template draws from a range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RangeForm {
+    /// Name in the answer.
     pub name: &'static str,
+    /// Unit of both ends.
     pub unit: &'static str,
+    /// What the number does, for the prompt.
     pub describes: &'static str,
     /// A range may not leave these.
     pub low_min: f64,
+    /// Largest value of the upper end, in `unit`.
     pub high_max: f64,
     /// The range of the published template.
     pub published: [f64; 2],
@@ -30,10 +35,13 @@ pub struct RangeForm {
 /// What a model may choose from for one kind of scenario: the snippets that a template is put together from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TemplateForm {
+    /// Kind of scenario.
     pub kind: &'static str,
+    /// The behaviours to choose from.
     pub behaviours: Vec<BehaviourForm>,
     /// Behaviour of the published template.
     pub published: &'static str,
+    /// The ranges to fill in.
     pub ranges: Vec<RangeForm>,
 }
 
@@ -41,9 +49,11 @@ pub struct TemplateForm {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Composition {
+    /// Name of the chosen behaviour.
     pub behaviour: String,
     /// Name of a drawn number -> low and high, in its unit; all numbers of the form.
     pub ranges: BTreeMap<String, [f64; 2]>,
+    /// Why, in the model's words.
     pub reason: String,
 }
 
@@ -72,7 +82,9 @@ impl TemplateForm {
 /// How the template of one kind of scenario of one lineage was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Composed {
+    /// Whose parent was composed.
     pub lineage: LineageId,
+    /// Kind of scenario.
     pub kind: String,
     /// What the experiment file asks for.
     pub description: String,

@@ -29,18 +29,23 @@ impl Counsel {
 /// A vehicle that may attack, as a model is shown it: what is known of it at the last step of the history.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vehicle {
+    /// Which track of the scene.
     pub track: TrackIx,
     /// The track's id in its scene, by which the model names it.
     pub id: String,
+    /// Length of its box, metres.
     pub length_m: f64,
     /// Place along the ego's heading, positive ahead, and across it, positive to the left.
     pub ahead_m: f64,
+    /// Place across the ego's heading, metres; positive to the left.
     pub left_m: f64,
     /// Between the two boxes.
     pub gap_m: f64,
+    /// Speed now, m/s.
     pub speed_mps: f64,
     /// Absolute difference to the ego's heading, 0..pi.
     pub heading_difference_rad: f64,
+    /// Its lane as seen from the ego's.
     pub lane: LaneRelation,
     /// Gap over closing speed; `None` where the distance does not shrink.
     pub time_to_collision_s: Option<f64>,
@@ -58,6 +63,7 @@ pub enum LaneRelation {
     Same,
     /// Beside it, in the same direction.
     Adjacent,
+    /// Any other lane, or none.
     Other,
 }
 
@@ -73,6 +79,7 @@ pub enum Failure {
     EgoYielded,
     /// The attacker reaches the place where the paths meet after the ego, or before it.
     Late,
+    /// The attacker reaches that place before the ego.
     Early,
 }
 
@@ -82,13 +89,18 @@ pub enum Failure {
 pub enum Trial {
     /// An attacker met the ego.
     Contact,
+    /// It came near, or tried to, without contact.
     Missed {
+        /// Why there was no contact.
         failure: Failure,
         /// Smallest distance of the ego to an attacker, metres; `None` where none was measured.
         distance_m_min: Option<f64>,
     },
     /// The program cannot attack so in this scene.
-    Refused { reason: String },
+    Refused {
+        /// Why the set could not be tried.
+        reason: String,
+    },
 }
 
 impl Trial {
@@ -121,6 +133,7 @@ impl Trial {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Proposer {
+    /// The model named the set.
     Model,
     /// The family's own order, because the model's answer could not be used.
     Rules,
@@ -131,15 +144,20 @@ pub enum Proposer {
 pub struct CounselRound {
     /// Ids of the tracks, the leader first.
     pub attackers: Vec<String>,
+    /// Why, in the proposer's words.
     pub reason: String,
+    /// Who named the set.
     pub proposed_by: Proposer,
+    /// What the simulator made of it.
     pub trial: Trial,
 }
 
 /// How the counsel for one scene of one lineage was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counselled {
+    /// For which lineage.
     pub lineage: LineageId,
+    /// For which scene.
     pub scene: String,
     /// Hash of the program that carried the proposals out: the lineage's parent without a search of its own.
     pub program: Digest,
@@ -147,6 +165,7 @@ pub struct Counselled {
     pub exchanges: Vec<Exchange>,
     /// None where the scene has no vehicle that could attack.
     pub rounds: Vec<CounselRound>,
+    /// What was advised in the end.
     pub counsel: Counsel,
     /// Of the counsel, as it stands in keys.
     pub digest: Digest,

@@ -22,13 +22,18 @@ const SUMMARY_OPERATIONS_MAX: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Surface {
+    /// θ
     Parameters,
+    /// G
     OperatorGraph,
+    /// ρ
     ScenarioConditionedPolicy,
+    /// H
     MechanismModules,
 }
 
 impl Surface {
+    /// All surfaces, in the order of the paper's tuple.
     pub const ALL: [Surface; 4] =
         [Surface::Parameters, Surface::OperatorGraph, Surface::ScenarioConditionedPolicy, Surface::MechanismModules];
 

@@ -15,10 +15,15 @@ use crate::kernel::{Digest, canon::CanonError};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FeatureGroup {
+    /// One indicator a family.
     Family,
+    /// What the patch edits.
     Edit,
+    /// The child's operator graph.
     Graph,
+    /// The scene.
     Scene,
+    /// The adversaries' interaction with the ego.
     Interaction,
 }
 
@@ -26,7 +31,9 @@ pub enum FeatureGroup {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FeatureColumn {
+    /// Name in snapshots and reports.
     pub name: String,
+    /// What the column is about.
     pub group: FeatureGroup,
 }
 
@@ -36,6 +43,7 @@ pub struct FeatureColumn {
 pub struct FeatureSchema {
     /// One indicator each, in this order.
     pub families: Vec<FamilyName>,
+    /// One entry a column, in the order of the values.
     pub columns: Vec<FeatureColumn>,
 }
 
@@ -43,9 +51,11 @@ pub struct FeatureSchema {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldPair {
+    /// Id of the scene.
     pub scene: String,
     /// One number a column of the schema.
     pub features: Vec<f64>,
+    /// The candidate's family.
     pub family: FamilyName,
     /// The scene's cluster, e.g. its tags joined.
     pub scene_cluster: String,
@@ -57,9 +67,13 @@ pub struct WorldPair {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldLabel {
+    /// The attempt that was evaluated.
     pub attempt: AttemptId,
+    /// Its program.
     pub solution: SolutionId,
+    /// The epoch in which it was evaluated.
     pub epoch: u32,
+    /// ξ: what the prediction rested on.
     pub pair: WorldPair,
     /// A and R of the rollout, each in [0, 1].
     pub labels: Objectives,
@@ -67,6 +81,7 @@ pub struct WorldLabel {
     pub diagnostics: BTreeMap<String, f64>,
     /// What had been decided of the candidate, and predicted of it as a whole.
     pub decision: RouteDecision,
+    /// What had been predicted.
     pub predicted: Objectives,
     /// Whether it would have been turned away, had the monitor not asked for labels.
     pub monitored: bool,
@@ -76,8 +91,11 @@ pub struct WorldLabel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CalibrationGroup {
+    /// One group a family.
     Family,
+    /// One group a scene cluster.
     SceneCluster,
+    /// One group a class of mechanism.
     MechanismClass,
 }
 
@@ -91,7 +109,9 @@ pub struct WorldConfiguration {
     pub ridge_lambda: f64,
     /// β_A and β_R: weight of the raw prediction against the group's mean, in [0, 1] (eq. app-world-calibration).
     pub beta_attack: f64,
+    /// β_R: the same weight for realism.
     pub beta_realism: f64,
+    /// How labels are grouped for calibration.
     pub calibration_group: CalibrationGroup,
     /// A group with fewer labels is sparse: its mean is not used, the global one is.
     pub group_labels_min: u32,
@@ -102,6 +122,7 @@ pub struct WorldConfiguration {
     pub residual_share: f64,
     /// Quantile over scenes that stands for a candidate's uncertainty, in [0.5, 1]; 1 = maximum.
     pub uncertainty_quantile: f64,
+    /// Thresholds and shares of routing.
     pub routing: RoutingOptions,
 }
 
@@ -125,7 +146,9 @@ pub struct RoutingOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroupMean {
+    /// Number of labels behind the mean.
     pub labels: u32,
+    /// Their mean.
     pub mean: Objectives,
 }
 
@@ -145,19 +168,25 @@ pub struct RidgeLine {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldFit {
+    /// Number of labels behind the fit.
     pub labels: u32,
     /// Places of the used columns in the schema.
     pub columns: Vec<usize>,
     /// Mean and standard deviation of each used column; a column that never varied has 0 and counts for nothing.
     pub column_mean: Vec<f64>,
+    /// Standard deviation of each column. [columns]
     pub column_std: Vec<f64>,
     /// Lower Cholesky factor of X'X + λI, row by row; empty where only the means could be fitted.
     pub factor: Vec<f64>,
+    /// The line that predicts attack.
     pub attack: RidgeLine,
+    /// The line that predicts realism.
     pub realism: RidgeLine,
     /// Why only means were fitted, if so.
     pub fallback: Option<String>,
+    /// Mean over all labels.
     pub global: GroupMean,
+    /// Mean of each calibration group.
     pub groups: BTreeMap<String, GroupMean>,
 }
 
@@ -165,7 +194,9 @@ pub struct WorldFit {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldSnapshot {
+    /// What the columns of a pair's features are.
     pub schema: FeatureSchema,
+    /// What may be evolved in the evaluator.
     pub configuration: WorldConfiguration,
     /// `None` before the first label.
     pub fit: Option<WorldFit>,

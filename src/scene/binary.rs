@@ -51,7 +51,7 @@ pub(super) fn scene_bytes(scene: &Scene) -> Vec<u8> {
         w.counts(&sign.lanes);
     });
     out.list(&scene.crosswalks, |w, polygon| w.points(polygon));
-    // Nothing stands here for a scene of no traffic family: such scenes keep the digest that they always had.
+    // A scene of no traffic family writes nothing here, so that its digest does not change.
     if let Some(staging) = &scene.staging {
         out.staging(staging);
     }
@@ -62,7 +62,9 @@ pub(super) fn scene_bytes(scene: &Scene) -> Vec<u8> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("at byte {at} of the scene: expected {expected}")]
 pub struct NotAScene {
+    /// Byte offset of the first fault.
     pub at: usize,
+    /// What should stand there.
     pub expected: &'static str,
 }
 

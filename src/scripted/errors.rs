@@ -25,6 +25,7 @@ pub struct Rates {
 }
 
 impl Rates {
+    /// The error rates among a model's sampling parameters.
     pub fn of(model: &ModelSpec) -> Result<Rates, ModelError> {
         let rate = |name: &str| {
             let found = required(model, name)?;

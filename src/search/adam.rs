@@ -5,6 +5,7 @@ use crate::kernel::num;
 /// Step length and decays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
+    /// Learning rate.
     pub rate: f64,
     /// β₁
     pub first_decay: f64,
@@ -25,6 +26,7 @@ pub struct Adam {
 }
 
 impl Adam {
+    /// A state at rest for a vector of so many numbers.
     pub fn new(rates: Rates, dimensions: usize) -> Adam {
         Adam { rates, first: vec![0.0; dimensions], second: vec![0.0; dimensions], steps: 0 }
     }

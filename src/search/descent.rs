@@ -17,9 +17,11 @@ use crate::stage::situation::{EgoPath, Situation};
 /// One adversary as a loss sees it.
 #[derive(Clone, Debug)]
 pub struct Mover {
+    /// The track that it moves.
     pub actor: TrackIx,
     /// Scene step of the window's first sample.
     pub from_step: usize,
+    /// Its decision vector. [dimensions]
     pub place: Vec<f64>,
     /// `states[k]` lies at scene step `from_step + k - 1`.
     pub states: Vec<State>,
@@ -69,7 +71,9 @@ pub fn covered(movers: &[Mover]) -> std::ops::Range<usize> {
 /// Where a loss writes its slopes: for each mover at its states and, directly, at its decision vector.
 #[derive(Clone, Debug, Default)]
 pub struct Slopes {
+    /// By each state of each mover. [movers][states]
     pub states: Vec<Vec<Slope>>,
+    /// By each number of each decision vector. [movers][dimensions]
     pub places: Vec<Vec<f64>>,
 }
 
@@ -93,7 +97,9 @@ impl Slopes {
 /// What all adversaries did at one iteration.
 #[derive(Clone, Debug)]
 pub struct Iterate {
+    /// The movers at this point.
     pub movers: Vec<Mover>,
+    /// Their loss.
     pub loss: f64,
     /// Whether the ego, simulated against exactly these motions, touched an adversary; `None`: not simulated.
     pub contact: Option<bool>,
@@ -102,7 +108,9 @@ pub struct Iterate {
 /// How a search runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Descent {
+    /// Gradient steps.
     pub iterations: usize,
+    /// Rates of Adam.
     pub rates: Rates,
     /// The ego is simulated anew at every this many iterations, and at the last.
     pub replay_every: usize,

@@ -49,6 +49,7 @@ pub fn score(
 pub struct Met {
     /// u^(k+1) at the first check k where the boxes overlap; 0 if they never do.
     pub likelihood: f64,
+    /// Smallest distance between the two centres, metres.
     pub centre_distance_m_min: f64,
 }
 

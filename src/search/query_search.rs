@@ -16,9 +16,11 @@ pub struct Queries {
 
 /// What a query told.
 pub struct Answer<T> {
+    /// Smaller is better.
     pub loss: f64,
     /// Whether it does what is looked for, so that the search may stop.
     pub success: bool,
+    /// What the simulation left behind.
     pub found: T,
 }
 

@@ -34,6 +34,7 @@ impl FamilyOptions {
         FamilyOptions { families: TrafficFamily::ALL.to_vec(), routes: (ROUTES.0..=ROUTES.1).collect(), draws: 1 }
     }
 
+    /// Refuses options from which no scene can be made.
     pub fn check(&self) -> Result<(), SynthError> {
         let bad = |field, found: String, expected| Err(SynthError::Option { field, found, expected });
         let twice = |n: usize, same: &dyn Fn(usize, usize) -> bool| (0..n).any(|a| (0..a).any(|b| same(a, b)));

@@ -22,8 +22,16 @@ pub struct CalibrationSet {
 /// A label that cannot be learnt from; none of its batch was taken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LabelError {
+    /// A label cannot be learned from.
     #[error("label of {attempt} in scene {scene}: {problem}; failures are not labels and must stay out")]
-    Unusable { attempt: String, scene: String, problem: String },
+    Unusable {
+        /// The attempt that it came from.
+        attempt: String,
+        /// Id of the scene.
+        scene: String,
+        /// What is wrong with it.
+        problem: String,
+    },
 }
 
 impl CalibrationSet {
@@ -39,6 +47,7 @@ impl CalibrationSet {
         Ok(())
     }
 
+    /// All labels, in the order in which they were added.
     pub fn labels(&self) -> &[WorldLabel] {
         &self.labels
     }

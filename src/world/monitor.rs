@@ -14,11 +14,13 @@ pub struct MonitorReport {
     pub candidates: u32,
     /// Mean absolute error of the predictions made before their rollouts.
     pub attack_error_mean: Option<f64>,
+    /// Mean absolute error of predicted realism.
     pub realism_error_mean: Option<f64>,
     /// Would-be rejections that the monitor had simulated.
     pub monitored: u32,
     /// Those of them that were promising after all: A >= λ_A and R >= λ_R by their labels.
     pub false_rejections: u32,
+    /// Share of monitored rejections whose rollouts would have been promising.
     pub false_rejection_rate: Option<f64>,
 }
 

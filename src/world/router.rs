@@ -14,16 +14,26 @@ const UNKNOWN: Objectives = Objectives { attack: 0.5, realism: 0.5 };
 /// Why a candidate could not be routed, or a snapshot not used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RouterError {
+    /// An option cannot be used.
     #[error(transparent)]
     Configuration(#[from] ConfigurationError),
+    /// A value has no canonical bytes.
     #[error("a world snapshot has no digest: {0}")]
     Digest(#[from] CanonError),
+    /// The snapshot contradicts itself; it holds where.
     #[error("a world snapshot's fit does not match its schema ({0}); refit it from its labels")]
     Inconsistent(String),
+    /// There is no scene to route by.
     #[error("nothing to route: the routing subset of scenes is empty")]
     NoScenes,
+    /// A pair cannot be predicted.
     #[error("scene {scene}: {problem}; features and snapshot must come from one schema")]
-    Pair { scene: String, problem: String },
+    Pair {
+        /// Id of the scene.
+        scene: String,
+        /// What is wrong with it.
+        problem: String,
+    },
 }
 
 /// W_φ(c, s), calibrated, for one pair.
@@ -31,6 +41,7 @@ pub enum RouterError {
 pub struct PairPrediction {
     /// In [0, 1].
     pub objectives: Objectives,
+    /// Û_φ(c, s): standard deviation.
     pub uncertainty: f64,
     /// Whether the pair's group has too few labels for a mean of its own.
     pub sparse: bool,
@@ -39,6 +50,7 @@ pub struct PairPrediction {
 /// A decision with what the calibration set keeps of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Routed {
+    /// What was decided, with the candidate's prediction.
     pub route: Route,
     /// Whether it would have been turned away, had the monitor not asked for labels.
     pub monitored: bool,
@@ -57,6 +69,7 @@ pub fn monitor_stream(seed: Seed, attempt: &AttemptId) -> Stream {
 }
 
 impl<'s> Router<'s> {
+    /// A router by this snapshot; an error where the snapshot cannot be used.
     pub fn new(snapshot: &'s WorldSnapshot) -> Result<Router<'s>, RouterError> {
         validate(&snapshot.configuration, &snapshot.schema)?;
         if let Some(problem) = snapshot.fit.as_ref().and_then(|fit| mismatch(fit, snapshot.schema.columns.len())) {

@@ -25,6 +25,7 @@ pub struct OpenScenario {
     pub xosc: Vec<u8>,
     /// The road network.
     pub xodr: Vec<u8>,
+    /// What the file cannot hold of the scene.
     pub notes: Vec<Note>,
 }
 

@@ -35,6 +35,7 @@ const LINKS_MAX: usize = 64;
 const WIDTH_EFFORT_MAX: usize = 100_000_000;
 const MPH_IN_MPS: f64 = 0.44704;
 
+/// `Scenario` of the Waymo Open Motion Dataset.
 #[derive(Clone, PartialEq, Message)]
 pub struct Scenario {
     #[prost(double, repeated, tag = "1")]
@@ -55,6 +56,7 @@ pub struct Scenario {
     current_time_index: i32,
 }
 
+/// `Track`: one road user.
 #[derive(Clone, PartialEq, Message)]
 pub struct Track {
     #[prost(int32, tag = "1")]
@@ -66,6 +68,7 @@ pub struct Track {
     pub(super) states: Vec<ObjectState>,
 }
 
+/// `ObjectState`: one road user at one step.
 #[derive(Clone, PartialEq, Message)]
 pub struct ObjectState {
     #[prost(double, tag = "2")]
@@ -86,12 +89,14 @@ pub struct ObjectState {
     valid: bool,
 }
 
+/// `DynamicMapState`: all signals at one step.
 #[derive(Clone, PartialEq, Message)]
 pub struct DynamicMapState {
     #[prost(message, repeated, tag = "1")]
     pub(super) lane_states: Vec<LaneState>,
 }
 
+/// `TrafficSignalLaneState`: one lane's signal at one step.
 #[derive(Clone, PartialEq, Message)]
 pub struct LaneState {
     #[prost(int64, tag = "1")]
@@ -102,6 +107,7 @@ pub struct LaneState {
     stop_point: Option<MapPoint>,
 }
 
+/// `MapPoint`, metres.
 #[derive(Clone, PartialEq, Message)]
 pub struct MapPoint {
     #[prost(double, tag = "1")]
@@ -127,18 +133,21 @@ pub struct MapFeature {
     crosswalk: Option<Area>,
 }
 
+/// A feature that is a line.
 #[derive(Clone, PartialEq, Message)]
 pub struct Line {
     #[prost(message, repeated, tag = "2")]
     polyline: Vec<MapPoint>,
 }
 
+/// A feature that is an outline.
 #[derive(Clone, PartialEq, Message)]
 pub struct Area {
     #[prost(message, repeated, tag = "1")]
     polygon: Vec<MapPoint>,
 }
 
+/// `StopSign`.
 #[derive(Clone, PartialEq, Message)]
 pub struct StopSign {
     #[prost(int64, repeated, packed = "false", tag = "1")]
@@ -147,6 +156,7 @@ pub struct StopSign {
     position: Option<MapPoint>,
 }
 
+/// `LaneCenter`: a lane by its centre line.
 #[derive(Clone, PartialEq, Message)]
 pub struct LaneCenter {
     #[prost(double, tag = "1")]
@@ -170,6 +180,7 @@ pub struct LaneCenter {
     right_boundaries: Vec<BoundarySegment>,
 }
 
+/// `LaneNeighbor`.
 #[derive(Clone, PartialEq, Message)]
 pub struct LaneNeighbor {
     #[prost(int64, tag = "1")]
@@ -180,6 +191,7 @@ pub struct LaneNeighbor {
     self_end_index: i32,
 }
 
+/// `BoundarySegment`: a stretch of a lane's border.
 #[derive(Clone, PartialEq, Message)]
 pub struct BoundarySegment {
     #[prost(int32, tag = "1")]

@@ -13,6 +13,7 @@ pub struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
+    /// The records of a file's bytes.
     pub fn of(file: &'a str, bytes: &'a [u8]) -> Records<'a> {
         Records { file, bytes, at: 0 }
     }

@@ -42,6 +42,7 @@ impl Expr {
 }
 
 impl Compiled {
+    /// What the expression gives.
     pub fn value_type(&self) -> ValueType {
         self.value
     }

@@ -6,7 +6,9 @@
 pub struct ExprError {
     /// Counted in characters from 1.
     pub column: usize,
+    /// What stands there.
     pub found: String,
+    /// What may stand there.
     pub expected: String,
 }
 

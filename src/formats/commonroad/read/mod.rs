@@ -18,6 +18,7 @@ pub const STEPS_MAX: usize = 200;
 const PARTS_MAX: usize = 8_000_000;
 /// Box of the ego where only a planning problem is given: CommonRoad's vehicle 2, a BMW 320i, metres.
 pub const EGO_LENGTH_M: f64 = 4.508;
+/// Width of the ego where the file gives none, metres.
 pub const EGO_WIDTH_M: f64 = 1.610;
 
 /// What the parts of this importer share about the file.

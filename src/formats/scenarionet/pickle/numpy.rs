@@ -118,6 +118,7 @@ impl Dtype {
 /// A numpy array: its shape, and its elements as bytes or as a list.
 #[derive(Clone, Debug)]
 pub struct Array {
+    /// Length of each dimension.
     pub shape: Vec<usize>,
     dtype: Dtype,
     fortran: bool,
@@ -127,7 +128,9 @@ pub struct Array {
 /// A table of numbers; one-dimensional data is one column.
 #[derive(Clone, Debug)]
 pub struct Numbers<'p> {
+    /// First dimension.
     pub rows: usize,
+    /// Second dimension; 1 for a plain list.
     pub columns: usize,
     cells: Cells<'p>,
 }

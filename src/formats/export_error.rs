@@ -1,15 +1,15 @@
-//! What an export gives beside its bytes, and why there may be none.
+//! The result of an export, and the errors of an export that fails.
 
 use serde::Serialize;
 
 use crate::scene::Scene;
 
-/// A file's bytes and what they do not say.
+/// The bytes of a file, and notes on what they do not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exported {
     /// The file.
     pub bytes: Vec<u8>,
-    /// Everything of the scene that the format's own words could not hold, or hold only in another form.
+    /// Everything in the scene that the format cannot hold, or holds only in another form.
     pub notes: Vec<Note>,
 }
 
@@ -28,7 +28,7 @@ impl Note {
     }
 }
 
-/// No file.
+/// Why a scene cannot be exported.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExportError {
     /// The scene breaks a rule that every scene keeps.
@@ -63,7 +63,7 @@ pub enum ExportError {
     },
 }
 
-/// The scene itself, if it keeps every rule.
+/// Refuses a scene that breaks a rule of a valid scene.
 pub(super) fn sound(scene: &Scene) -> Result<(), ExportError> {
     match scene.validate().first() {
         None => Ok(()),

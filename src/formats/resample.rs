@@ -1,10 +1,10 @@
-//! From states at a file's own times to samples every 0.1 s: linear in place and velocity, along the shorter arc in
-//! heading.
+//! Resamples states at a file's own times to one sample every 0.1 s: linear in place and velocity, along the shorter
+//! arc in heading.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample};
 
-/// A road user is taken as observed between two states at most this far apart, seconds.
+/// Between two states at most this far apart a road user counts as observed, seconds.
 const GAP_MAX_S: f64 = 0.5;
 const SAME_TIME_S: f64 = 1e-6;
 

@@ -12,11 +12,11 @@ const BYTES_MAX: usize = 256 << 20;
 const DEPTH_MAX: usize = 64;
 const ELEMENTS_MAX: usize = 4_000_000;
 const ATTRIBUTES_MAX: usize = 64;
-/// Of all elements.
+/// Most attributes of all elements together.
 const ATTRIBUTES_IN_ALL_MAX: usize = 8_000_000;
 const TEXT_MAX: usize = 4096;
-/// Steps from one element to the next that a reader may take: names are searched for, and a file may put what is searched
-/// behind a million others, a million times.
+/// Most steps from element to element that a reader may take. Readers search by name, and a hostile file could make
+/// each search pass a million other elements.
 const STEPS_MAX: usize = 500_000_000;
 /// Processing instructions that are kept.
 const INSTRUCTIONS_MAX: usize = 16;
@@ -196,10 +196,9 @@ impl<'a> Document<'a> {
         self.instructions.iter().find(|(name, _)| name == target).map(|(_, text)| text.as_str())
     }
 
-    /// To be asked after reading.
+    /// Call this after reading: it fails if the search budget ran out.
     ///
-    /// # Errors
-    /// The file's elements stood so that it was given up to search through them; what was read of it is not all.
+    /// # Errors The search through the file's elements was given up, so the result is incomplete.
     pub fn was_read_whole(&self) -> Result<(), ImportError> {
         if self.steps.get() <= STEPS_MAX { Ok(()) } else { Err(self.root().refuse("what is searched")) }
     }

@@ -1,4 +1,4 @@
-//! The part of a town that a scene needs, and the lights that its family prescribes.
+//! Cuts out the part of a town that a scene needs, and adds the lights of its family.
 
 use crate::kernel::{Polyline, Pose, Vec2};
 use crate::scene::safebench::{STEPS, TrafficFamily};
@@ -20,7 +20,7 @@ pub(super) fn near(road: &Road, route: &Polyline) -> (Road, Vec<Option<LaneIx>>)
     let mut kept = vec![None; road.lanes.len()];
     let mut count = 0;
     for (slot, lane) in kept.iter_mut().zip(&road.lanes) {
-        // Long straight lanes have few points; their middles count too.
+        // Long straight lanes have few points, so the middles of their segments count too.
         let middles = lane.centre.windows(2).map(|w| w[0].lerp(w[1], 0.5));
         if lane.centre.iter().any(close) || middles.into_iter().any(|p| close(&p)) {
             *slot = Some(count);

@@ -19,7 +19,7 @@ use crate::formats::import_error::{ImportError, shown};
 /// A record (a dictionary read by its keys) has no more entries than this.
 const RECORD_KEYS_MAX: usize = 256;
 
-/// Ids are names, and one long text may be named as the id of a million things.
+/// Longest id, bytes: one long text could otherwise be the id of a million things.
 const ID_BYTES_MAX: usize = 256;
 /// Entries of a dictionary whose keys are ids.
 const ENTRIES_MAX: usize = 500_000;
@@ -73,7 +73,7 @@ pub struct Pickle<'a> {
     listed: Cell<usize>,
 }
 
-/// A value with the way to it, for errors.
+/// A value with its path, for error messages.
 #[derive(Clone)]
 pub struct Node<'p> {
     pickle: &'p Pickle<'p>,
@@ -102,7 +102,7 @@ impl<'a> Pickle<'a> {
         }
     }
 
-    /// Whether a value is this text; a longer one costs nothing.
+    /// Whether a value is this text. A text of another length is not compared.
     fn is_text(&self, value: Value, text: &str) -> bool {
         match self.object(value) {
             Some(Object::Text(range)) => {

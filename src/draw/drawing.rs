@@ -1,4 +1,5 @@
-//! What is drawn, whatever it comes from: a scene, a rollout, an adversarial plan. The player reads its JSON.
+//! A drawing: what is drawn, whether it comes from a scene, a rollout or an adversarial plan. The player reads its
+//! JSON.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +13,7 @@ pub struct Drawing {
     pub dt_s: f64,
     /// Samples of every actor.
     pub steps: usize,
-    /// The step of "now"; what lies before is history.
+    /// The current step; samples before it are history.
     pub current_step: usize,
     /// Polygons of road surface.
     pub surfaces: Vec<Vec<Vec2>>,
@@ -62,7 +63,7 @@ pub struct DrawnLight {
     pub states: Vec<LightState>,
 }
 
-/// Whoever moves, and in which part.
+/// A road user, and its role in the drawing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actor {
     /// Name that a reader sees.
@@ -95,7 +96,7 @@ pub enum Role {
     Pedestrian,
     /// A barrier, a cone, something parked or unknown.
     Static,
-    /// Where somebody was in the log, drawn beside what became of it.
+    /// The logged motion of a road user, drawn beside the played one.
     Ghost,
 }
 
@@ -151,7 +152,7 @@ impl Actor {
     }
 }
 
-/// Centimetres and hundredths are finer than any screen, and keep pages small.
+/// Rounded to centimetres and hundredths: finer than any screen, and pages stay small.
 fn drawn(sample: &Sample) -> [f64; 4] {
     let p = sample.position;
     [
@@ -177,7 +178,7 @@ impl Drawing {
         for (ix, lane) in scene.road.lanes.iter().enumerate() {
             match lane.left_neighbour {
                 Some(n) if n.same_direction => add(LineStyle::Divider, &lane.left),
-                // Both sides name each other; one line is enough.
+                // Both lanes name each other as neighbours, but one line is enough.
                 Some(n) if ix < n.lane => add(LineStyle::Opposite, &lane.left),
                 _ => {}
             }
@@ -205,7 +206,7 @@ impl Drawing {
         }
     }
 
-    /// A scene as it was recorded: the ego last, so that it is drawn on top.
+    /// A scene as it was recorded. The ego comes last, so that it is drawn on top.
     pub fn of_scene(scene: &Scene) -> Drawing {
         let mut drawing = Drawing::of_road(scene);
         for (ix, track) in scene.tracks.iter().enumerate() {
@@ -222,7 +223,7 @@ impl Drawing {
     }
 }
 
-/// The part that a recorded road user plays; `marked` as an object of interest.
+/// The role of a recorded road user; `marked` says that it is an object of interest.
 pub fn role_of(track: &Track, marked: bool) -> Role {
     match track.kind {
         _ if marked => Role::Interacting,

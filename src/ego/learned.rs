@@ -59,7 +59,7 @@ impl Driver for LearnedDriver {
     }
 }
 
-/// What the network sees; for training too.
+/// The observation of the network; training uses it too. [`OBSERVATION`] numbers
 pub fn observe(view: &View<'_>, out: &mut [f64; OBSERVATION]) {
     let (ego, route) = (view.ego(), view.route());
     let length_m = route.length_m();
@@ -91,7 +91,7 @@ pub fn observe(view: &View<'_>, out: &mut [f64; OBSERVATION]) {
     }
 }
 
-/// The nearest road users, nearest first; of equals the one seen first.
+/// The nearest road users, nearest first; if two are equally near, the one seen first.
 fn nearest(view: &View<'_>) -> [Option<Seen>; OTHERS] {
     let own = view.ego().sample.position;
     let apart = |seen: &Seen| (seen.position - own).norm_squared();

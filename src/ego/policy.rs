@@ -13,9 +13,9 @@ use super::replay::ReplayDriver;
 /// A fixed ego policy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Policy {
-    /// MetaDrive's `TrajectoryIDMPolicy`; heeds no light.
+    /// MetaDrive's `TrajectoryIDMPolicy`; it ignores traffic lights.
     Idm,
-    /// The same with a red light on the route taken as a standing obstacle.
+    /// The same, but a red light on the route counts as a standing obstacle.
     IdmMindingLights,
     /// The ego's recorded motion.
     Replay,
@@ -23,7 +23,7 @@ pub enum Policy {
     Learned(Network),
 }
 
-/// No such policy.
+/// Why a name gives no policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
     /// The name is none of those that are known.

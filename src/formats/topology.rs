@@ -3,9 +3,9 @@
 use crate::kernel::{Polyline, Vec2, num};
 use crate::scene::{LaneGraph, LaneIx, Neighbour, Road};
 
-/// A lane leads into another that begins within this distance of its end, metres,
+/// A lane leads into another one that begins within this distance of its end, metres, ...
 const MEET_WITHIN_M: f64 = 0.6;
-/// heading within 20 degrees of its own direction.
+/// ... and whose direction differs by at most this, radians (20 degrees).
 const MEET_HEADING_MAX_RAD: f64 = 0.349;
 /// Most exits that are recovered for one lane; no real lane has more.
 const EXITS_MAX: usize = 16;

@@ -1,4 +1,4 @@
-//! What can be asked of the generator, and how it says no.
+//! Options of the generator, and its errors.
 
 use serde::{Deserialize, Serialize};
 
@@ -81,7 +81,7 @@ pub struct SynthOptions {
     pub current_step: usize,
     /// Seconds simulated before the first sample, 0..=120, so that queues and platoons have formed.
     pub warm_up_s: f64,
-    /// Road users wanted in a scene, ego included, 4..=2000; the outcome lies around it.
+    /// Road users wanted in a scene, ego included, 4..=2000; the real number lies near it.
     pub tracks_per_scene: usize,
     /// Share of them on foot in worlds with crosswalks, 0..=0.5.
     pub pedestrian_share: f64,
@@ -100,7 +100,7 @@ pub struct SynthOptions {
     pub attempts_max: u32,
 }
 
-/// No scene.
+/// Why there is no scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SynthError {
     /// An option is out of its range.
@@ -146,7 +146,7 @@ pub enum Reject {
 }
 
 impl SynthOptions {
-    /// Refuses what cannot give a scene or would take unbounded time or memory.
+    /// Refuses options that cannot give a scene, or that would take unbounded time or memory.
     pub fn check(&self) -> Result<(), SynthError> {
         let bad = |field, found: String, expected| Err(SynthError::Option { field, found, expected });
         let share = |x: f64| (0.0..=0.5).contains(&x);

@@ -1,4 +1,5 @@
-//! Texts and schemas with their digests: an epoch's context message is written and hashed once, not once a question.
+//! Texts and schemas with their digests, so that an epoch's context message is written and hashed once and not for
+//! every question.
 
 use std::{fmt, ops::Deref, sync::Arc};
 
@@ -68,7 +69,7 @@ impl<'de> Deserialize<'de> for Text {
 pub struct Schema(Arc<(Value, Digest)>);
 
 impl Schema {
-    /// A schema that holds a number which JSON cannot has no digest.
+    /// Makes the schema. It fails if the schema holds a number that JSON cannot hold.
     pub fn new(schema: Value) -> Result<Schema, CanonError> {
         let digest = Digest::of("evodrive/schema/1", &schema)?;
         Ok(Schema(Arc::new((schema, digest))))

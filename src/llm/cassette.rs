@@ -1,13 +1,14 @@
 //! A cassette: recorded exchanges in a text file that people can review. Knows nothing of models or of the store.
 //!
-//! JSON lines, one thing a line, optionally compressed (a name that ends in `.zst`). Line 1 is the header
-//! `{"format":"evodrive-cassette","version":"1.0","name":..,"models":[ModelSpec..]}`. Message texts and schemas stand once, before
-//! the first exchange that uses them: `{"text":"<BLAKE3 of the text>","body":"..."}` and `{"schema":"<digest>","body":{..}}` (domain
-//! `evodrive/schema/1`). An exchange is `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
-//! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`, with
-//! `reply_hex` in place of `reply` where the bytes are not UTF-8. Version 1.1 adds, to exchanges with a live model,
-//! `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader accepts every minor
-//! version of its major version.
+//! JSON lines, one object a line, optionally compressed (a name that ends in `.zst`). Line 1 is the header
+//! `{"format":"evodrive-cassette","version":"1.0","name":..,"models":[ModelSpec..]}`. Message texts and schemas stand
+//! once, before the first exchange that uses them: `{"text":"<BLAKE3 of the text>","body":"..."}` and
+//! `{"schema":"<digest>","body":{..}}` (domain `evodrive/schema/1`). An exchange is
+//! `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
+//! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`,
+//! with `reply_hex` in place of `reply` where the bytes are not UTF-8. Version 1.1 adds, to exchanges with a live
+//! model, `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader
+//! accepts every minor version of its major version.
 
 use std::{collections::BTreeMap, io::Read, path::Path, sync::Arc};
 
@@ -22,7 +23,7 @@ use crate::{
 
 const FORMAT: &str = "evodrive-cassette";
 const VERSION: &str = "1.0";
-/// With metadata, or with model settings that 1.0 did not have.
+/// The minor version with metadata and the newer model settings.
 const VERSION_LIVE: &str = "1.1";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
@@ -179,7 +180,7 @@ struct MessageRef {
     text: Digest,
 }
 
-/// What is wrong in a line: expected, found.
+/// The fault of a line: what was expected, and what was found.
 type Wrong = (String, String);
 
 impl Cassette {
@@ -192,7 +193,7 @@ impl Cassette {
     pub fn load(path: &Path) -> Result<Cassette, CassetteError> {
         let file = path.display().to_string();
         let bytes = store::read_bounded(path, MAX_BYTES)?;
-        // Told by its content, so that a copy under another name is read too.
+        // Compression is recognised by the content, so that a copy under another name can be read too.
         let bytes =
             if bytes.starts_with(&ZSTD_MAGIC) || is_compressed(path) { decompress(&bytes, &file)? } else { bytes };
         Cassette::parse(&bytes, &file)
@@ -244,7 +245,7 @@ impl Cassette {
     }
 
     fn read_line(&mut self, line: &[u8]) -> Result<(), Wrong> {
-        // The first key tells what a line is; serde names what is wrong inside it.
+        // The first key says what the line holds; serde reports faults inside it.
         if line.starts_with(b"{\"text\"") {
             let TextLine { text, body } = parsed(line, "a text")?;
             let body = Text::from(body);
@@ -306,7 +307,7 @@ impl Cassette {
         Ok(recorded)
     }
 
-    /// Adds an exchange behind the others. One that is there already is not added again.
+    /// Appends an exchange, unless it is there already.
     pub fn push(&mut self, request: &Request, bytes: Vec<u8>) -> Result<(), CassetteError> {
         self.push_with(request, bytes, None)
     }

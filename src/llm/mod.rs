@@ -35,13 +35,13 @@ pub struct Reply {
     pub metadata: Option<Metadata>,
 }
 
-/// Whoever answers requests: a cassette, a recorder in front of a model, a test. Called from many threads.
+/// Something that answers requests: a cassette, a recorder in front of a model, a test. Many threads call it.
 pub trait Ask: Sync {
     /// The answer to a request, or why there is none.
     fn ask(&self, request: &Request) -> Result<Reply, AskError>;
 }
 
-/// Why there is no answer. Never the content of a reply: that is a refusal in the attempt.
+/// Why there is no answer. An unusable reply is not an error but a [`Refusal`] in the attempt.
 #[derive(Debug, thiserror::Error)]
 pub enum AskError {
     /// Replay met a request that was not recorded.

@@ -1,15 +1,15 @@
-//! Who can answer a request. Knows nothing of cassettes or of recording.
+//! What can answer a request. This module does not know cassettes or recording.
 
 use serde::{Deserialize, Serialize};
 
 use super::Request;
 use crate::kernel::{Digest, canon::CanonError};
 
-/// A model: a provider behind the network, or the scripted stand-in. Called from many threads; the answer may depend on the
-/// request only, never on how many were answered before.
+/// A model: a provider behind the network, or the scripted stand-in. Many threads call it. The answer may depend on the
+/// request only, never on earlier requests.
 pub trait Model: Sync {
-    /// The answer's content, whatever it says: judging it is the caller's work. An error means that no answer came, so that
-    /// no proposal is consumed.
+    /// The content of the answer, even if it is useless: the caller judges it. An error means that there was no answer;
+    /// then no proposal is used up.
     fn complete(&self, request: &Request) -> Result<Completion, ModelError>;
 }
 

@@ -127,7 +127,7 @@ impl Exit {
         }
     }
 
-    /// The admitted child, where it came that far.
+    /// The admitted child; `None` if the gates did not admit one.
     pub fn candidate(&self) -> Option<&Candidate> {
         match self {
             Exit::Declined { .. } | Exit::Invalid { .. } => None,
@@ -188,7 +188,7 @@ pub enum Gate {
     Compile,
 }
 
-/// All seven verdicts. A gate that could not run because an earlier one left nothing to look at fails too.
+/// All seven verdicts. A gate also fails if it could not run, because an earlier gate left nothing to check.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GateReport {
     /// One verdict a gate, in the order in which the gates ran.

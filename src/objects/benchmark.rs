@@ -1,11 +1,11 @@
-//! Scores of SafeBench's protocol: over groups of a traffic family and a route, families counting alike.
+//! Scores of SafeBench's protocol over groups (a traffic family and a route). All families have the same weight.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::ids::{LineageId, SolutionId};
 
-/// One run as the overall score's formula reads it.
+/// The quantities of one run that the overall score uses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
@@ -41,7 +41,7 @@ pub struct RunRealism {
     pub sub_scores: [f64; 4],
 }
 
-/// One labelled run of a staged scene: all that SafeBench's scores of a set of runs are made of.
+/// One labelled run of a staged scene. SafeBench's scores of a set of runs are computed from these alone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SafebenchRun {
@@ -56,7 +56,7 @@ pub struct SafebenchRun {
 pub struct BenchmarkRow {
     /// CR.
     pub collision_rate: f64,
-    /// OS; lower is a stronger scenario. Below 0 where rules are broken without measure.
+    /// OS; a lower value means a stronger scenario. It can fall below 0 if rules are broken very often.
     pub overall_score: f64,
     /// ARS.
     pub realism: f64,
@@ -75,7 +75,7 @@ pub struct Benchmark {
     pub failures: usize,
     /// By traffic family, over all its routes.
     pub families: BTreeMap<String, BenchmarkRow>,
-    /// Means over the families; attack is that of the means, as in the paper's tables.
+    /// Means over the families. Attack is computed from the mean CR and OS, as in the paper's tables.
     pub mean: BenchmarkRow,
 }
 
@@ -105,6 +105,6 @@ pub struct SelectedScene {
     pub attack: f64,
     /// Realism of the selected run, 0..=1.
     pub realism: f64,
-    /// What it adds to the score of any set of runs.
+    /// The run itself, to compute the score of any set of runs.
     pub run: SafebenchRun,
 }

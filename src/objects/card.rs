@@ -1,4 +1,4 @@
-//! A memory card: a short, typed summary of one attempt, or of a lineage's way so far.
+//! A memory card: a short, typed summary of one attempt, or of the history of a lineage.
 
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ pub struct Card {
     pub mechanism_tags: Vec<String>,
     /// Words for the scenes it speaks of, e.g. `junction`, `dense`.
     pub scene_tags: Vec<String>,
-    /// True where the text is about a mechanism in general and carries nothing of a family's implementation: only
-    /// such cards may be shown to other lineages.
+    /// True if the text is about a mechanism in general and holds no details of a family's implementation. Only such
+    /// cards may be shown to other lineages.
     pub shareable: bool,
 }

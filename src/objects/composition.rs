@@ -1,4 +1,4 @@
-//! Composition of a template from a description: what may be chosen, what a model chose, and how that was found.
+//! Composition of a template from a description: the choices, what a model chose, and the record of how it did so.
 
 use std::collections::BTreeMap;
 
@@ -24,7 +24,7 @@ pub struct RangeForm {
     pub unit: &'static str,
     /// What the number does, for the prompt.
     pub describes: &'static str,
-    /// A range may not leave these.
+    /// Smallest value of the lower end, in `unit`.
     pub low_min: f64,
     /// Largest value of the upper end, in `unit`.
     pub high_max: f64,
@@ -32,7 +32,7 @@ pub struct RangeForm {
     pub published: [f64; 2],
 }
 
-/// What a model may choose from for one kind of scenario: the snippets that a template is put together from.
+/// The choices of a model for one kind of scenario.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TemplateForm {
     /// Kind of scenario.
@@ -58,7 +58,7 @@ pub struct Composition {
 }
 
 impl TemplateForm {
-    /// What keeps a composition from being used, with what is expected.
+    /// Why a composition cannot be used, and what is expected.
     pub fn fault(&self, template: &Composition) -> Option<String> {
         if !self.behaviours.iter().any(|form| form.word == template.behaviour) {
             let words: Vec<&str> = self.behaviours.iter().map(|form| form.word).collect();
@@ -95,7 +95,7 @@ pub struct Composed {
 }
 
 impl Composed {
-    /// `<lineage>/<kind>`: how it is asked for.
+    /// `<lineage>/<kind>`: its name in commands.
     pub fn name(&self) -> String {
         format!("{}/{}", self.lineage, self.kind)
     }

@@ -1,4 +1,4 @@
-//! What a run cost, by lineage. It stands beside a run, never in it: no event and no digest holds a time.
+//! The cost of a run, by lineage. It is kept beside the run, never in it: no event and no digest contains a time.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use super::ids::{FamilyName, LineageId};
 /// Version of the file that holds a [`RunCost`].
 pub const FORMAT: &str = "evodrive-cost/1";
 
-/// Work done for one lineage. What was read from the store cost nothing and counts nowhere.
+/// Work done for one lineage. Results that were read from the store are not counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Work {
     /// Time from one lineage's end to the next one's, seconds: the lineages of a run take turns.

@@ -1,4 +1,5 @@
-//! Counsel: who is advised to attack in a scene, and how that was found: proposed by a model, tried, reflected upon.
+//! Counsel: which vehicles are advised to attack in a scene, and how that was found: a model proposes, the simulator
+//! tries, the model reflects.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,27 +7,27 @@ use super::{attempt::Exchange, ids::LineageId};
 use crate::kernel::{Digest, canon::CanonError};
 use crate::scene::TrackIx;
 
-/// What a compilation reads of it: an input beside program, scene and ego.
+/// The counsel as the compiler reads it, an input beside program, scene and ego.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counsel {
-    /// Vehicles that are to attack together, the leader first. Empty: nobody is advised.
+    /// Vehicles that should attack together, the leader first. Empty if nobody is advised.
     pub attackers: Vec<TrackIx>,
 }
 
 impl Counsel {
-    /// Part of the keys of rollouts and trials that rest on it.
+    /// It is part of the keys of rollouts and trials that use the counsel.
     pub fn digest(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/counsel/1", self)
     }
 
-    /// Place of a vehicle among the advised attackers, from 1; `None` where it is not advised.
+    /// Rank of a vehicle among the advised attackers, from 1; `None` if it is not one of them.
     pub fn rank(&self, track: TrackIx) -> Option<usize> {
         self.attackers.iter().position(|attacker| *attacker == track).map(|place| place + 1)
     }
 }
 
-/// A vehicle that may attack, as a model is shown it: what is known of it at the last step of the history.
+/// A vehicle that may attack, as a model sees it: its state at the last step of the history.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vehicle {
     /// Which track of the scene.
@@ -96,7 +97,7 @@ pub enum Trial {
         /// Smallest distance of the ego to an attacker, metres; `None` where none was measured.
         distance_m_min: Option<f64>,
     },
-    /// The program cannot attack so in this scene.
+    /// The program cannot attack with this set in this scene.
     Refused {
         /// Why the set could not be tried.
         reason: String,
@@ -113,7 +114,7 @@ impl Trial {
         }
     }
 
-    /// The code by which the next round is chosen, in one word.
+    /// The result in one word; the next round is chosen by it.
     pub fn code(&self) -> &'static str {
         match self {
             Trial::Contact => "contact",
@@ -167,12 +168,12 @@ pub struct Counselled {
     pub rounds: Vec<CounselRound>,
     /// What was advised in the end.
     pub counsel: Counsel,
-    /// Of the counsel, as it stands in keys.
+    /// Digest of the counsel, as it is used in keys.
     pub digest: Digest,
 }
 
 impl Counselled {
-    /// `<lineage>/<scene>`: how it is asked for.
+    /// `<lineage>/<scene>`: its name in commands.
     pub fn name(&self) -> String {
         format!("{}/{}", self.lineage, self.scene)
     }

@@ -1,5 +1,5 @@
-//! What a patch changed, for people: unified diffs of programs, one-line summaries of patches, and the surfaces
-//! that a patch touches (paper fig. patch-surface-distribution).
+//! What a patch changed, for readers: unified diffs of programs, one-line summaries of patches, and the surfaces that a
+//! patch touches (paper fig. patch-surface-distribution).
 
 use serde::Serialize;
 use similar::TextDiff;
@@ -37,7 +37,7 @@ impl Surface {
     pub const ALL: [Surface; 4] =
         [Surface::Parameters, Surface::OperatorGraph, Surface::ScenarioConditionedPolicy, Surface::MechanismModules];
 
-    /// As in paths, without the slash.
+    /// The name as in paths, without the slash.
     pub fn name(self) -> &'static str {
         EDITABLE_SURFACE[self as usize].trim_start_matches('/')
     }

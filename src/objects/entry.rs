@@ -1,4 +1,4 @@
-//! What the archive keeps of one evaluated candidate (paper, appendix Archive, Memory, and Retrieval).
+//! The archive's record of one evaluated candidate (paper, appendix Archive, Memory, and Retrieval).
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use super::{
 };
 use crate::kernel::{Digest, num};
 
-/// One point of the attack-realism plane with everything needed to find what it rests on.
+/// One point of the attack-realism plane, with references to everything that it is based on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
@@ -41,7 +41,7 @@ pub struct Entry {
     pub operators: Vec<String>,
     /// Sorted, without repeats.
     pub mechanism_tags: Vec<String>,
-    /// What let it in; `None` for the parent with which a lineage starts.
+    /// The gates that accepted it; `None` for the parent with which a lineage starts.
     pub gates: Option<AcceptanceGates>,
 }
 

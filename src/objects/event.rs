@@ -1,5 +1,5 @@
-//! The bodies of a transcript's events, in the order in which a run writes them. Whoever reads a run (report,
-//! lineage, audit) reads these.
+//! The bodies of a transcript's events, in the order in which a run writes them. Every reader of a run (report,
+//! lineage, audit) uses these types.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -39,7 +39,7 @@ pub mod kind {
     pub const SEALED: &str = "sealed";
 }
 
-/// First event: what the run is a function of.
+/// First event: the inputs of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Opened {
     /// Name of the experiment.
@@ -56,7 +56,7 @@ pub struct Opened {
     pub versions: Versions,
     /// Contract digests by family.
     pub contracts: BTreeMap<FamilyName, Digest>,
-    /// Label of the model of each role, which opens with the model's kind: what the proposals come from.
+    /// Label of the model of each role. It begins with the model's kind.
     pub models: BTreeMap<String, String>,
 }
 
@@ -236,7 +236,7 @@ pub struct LineageResult {
     pub endpoint: Option<Measured>,
     /// Matched-budget frontier gain, percent (paper eq. app-pf-area, k = 3).
     pub pf_area_at_3_pct: f64,
-    /// In SafeBench's protocol: the same of every group (`family/route`), whose mean it is.
+    /// In SafeBench's protocol: the gain of every group (`family/route`); the field above is their mean.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub pf_area_at_3_pct_by_group: BTreeMap<String, f64>,
     /// The evolution front after the last epoch.

@@ -1,4 +1,4 @@
-//! Typed names of the things that travel, from one macro, so that one cannot be passed for another.
+//! Typed ids from one macro, so that an id of one kind cannot be used in the place of another.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;

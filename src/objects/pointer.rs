@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Reference tokens with their escapes undone. The empty pointer (the whole document) names no editable place.
+/// A pointer as its unescaped tokens. The empty pointer (the whole document) names no editable place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pointer {
     /// The steps from the root, unescaped.

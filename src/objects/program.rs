@@ -69,7 +69,7 @@ pub enum Setting {
     Choice(String),
 }
 
-/// `{"parameter": "name"}`: the value of θ at this name, after the scene's policy has spoken.
+/// `{"parameter": "name"}`: the value of θ under this name, after the rules of ρ were applied for the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterRef {
@@ -193,8 +193,8 @@ pub struct Program {
 }
 
 impl Program {
-    /// Hash of the content that makes it behave as it does: identity, lineage and ancestors do not count, and
-    /// expressions count by meaning of their text, not by its spacing.
+    /// Hash of everything that decides the program's behaviour. Identity, lineage and ancestors do not count, and
+    /// expressions count in canonical text, so spacing does not matter.
     pub fn hash(&self) -> Result<Digest, CanonError> {
         let content = (
             &self.source_family,

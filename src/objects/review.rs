@@ -1,4 +1,4 @@
-//! What critics say of a patch before simulation.
+//! Critics' reviews of a patch before simulation, and the roles of agents.
 
 use serde::{Deserialize, Serialize};
 
@@ -47,7 +47,7 @@ impl Role {
     }
 }
 
-/// The advice of one critic. It never decides: gates, simulator and archive do.
+/// One critic's review. It decides nothing: gates, simulator and archive decide.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Review {

@@ -1,4 +1,4 @@
-//! The labels of a candidate: objectives and what they rest on, scene by scene.
+//! The labels of a candidate: objectives, and the labels of each scene behind them.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ impl Objectives {
         100.0 * (1.0 - self.realism)
     }
 
-    /// Pareto dominance under maximisation: no worse in both, better in one.
+    /// Pareto dominance under maximisation: not worse in either objective, better in at least one.
     pub fn dominates(&self, other: &Objectives) -> bool {
         self.attack >= other.attack
             && self.realism >= other.realism
@@ -38,7 +38,7 @@ pub struct Score {
     pub scenes: Vec<SceneScore>,
     /// Scenes without a label, and why.
     pub failures: Vec<SceneFailure>,
-    /// Rows of SafeBench's protocol, which the objectives are read off; only there.
+    /// Rows of SafeBench's protocol, from which the objectives are taken; `None` in MetaDrive's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<Box<Benchmark>>,
 }

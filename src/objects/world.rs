@@ -63,7 +63,7 @@ pub struct WorldPair {
     pub mechanism_class: String,
 }
 
-/// One element (ξ, y) of the calibration set D^W: a pair and what the simulator said of it.
+/// One element (ξ, y) of the calibration set D^W: a pair and its labels from the simulator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldLabel {
@@ -79,15 +79,15 @@ pub struct WorldLabel {
     pub labels: Objectives,
     /// Q: rollout diagnostics, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
-    /// What had been decided of the candidate, and predicted of it as a whole.
+    /// The routing decision about the candidate.
     pub decision: RouteDecision,
-    /// What had been predicted.
+    /// The prediction for the whole candidate.
     pub predicted: Objectives,
-    /// Whether it would have been turned away, had the monitor not asked for labels.
+    /// Whether the router would have rejected it without the monitor.
     pub monitored: bool,
 }
 
-/// Whose mean calibrates a prediction.
+/// The group whose mean calibrates a prediction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CalibrationGroup {
@@ -99,7 +99,7 @@ pub enum CalibrationGroup {
     MechanismClass,
 }
 
-/// Everything of the evaluator that may be chosen. Comes from the experiment file, later from the world agent.
+/// The configuration φ of the evaluator. It comes from the experiment file, later from the world agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldConfiguration {
@@ -115,7 +115,7 @@ pub struct WorldConfiguration {
     pub calibration_group: CalibrationGroup,
     /// A group with fewer labels is sparse: its mean is not used, the global one is.
     pub group_labels_min: u32,
-    /// Least residual standard deviation that is believed, 1, > 0.
+    /// Lower bound of the residual standard deviation, 1, > 0.
     pub residual_floor: f64,
     /// Share of the residual variance that adds to the variance of the mean: 1 = uncertainty of a single rollout, 0 =
     /// of the expectation.
@@ -138,7 +138,7 @@ pub struct RoutingOptions {
     pub lambda_u: f64,
     /// Share of would-be rejections that are simulated all the same, in [0, 1].
     pub audit_rate: f64,
-    /// Labelled pairs below which nothing is rejected.
+    /// With fewer labelled pairs nothing is rejected.
     pub min_labels: u32,
 }
 
@@ -172,7 +172,7 @@ pub struct WorldFit {
     pub labels: u32,
     /// Places of the used columns in the schema.
     pub columns: Vec<usize>,
-    /// Mean and standard deviation of each used column; a column that never varied has 0 and counts for nothing.
+    /// Mean and standard deviation of each used column; a column that never varied has 0 and has no effect. [columns]
     pub column_mean: Vec<f64>,
     /// Standard deviation of each column. [columns]
     pub column_std: Vec<f64>,

@@ -1,4 +1,4 @@
-//! When to ask again, and how long to wait before: bounded, and by the server's word where it gives one.
+//! When to ask again, and how long to wait: bounded, and as the server says if it says so.
 
 use serde_json::Value;
 use std::time::Duration;
@@ -26,14 +26,14 @@ pub enum Step {
 pub enum Stop {
     /// Given up.
     Transport { attempts: u32, reason: String },
-    /// The other side says no.
+    /// The server refuses.
     Refused { reason: String },
-    /// Nothing that the protocol knows.
+    /// The answer does not follow the protocol.
     Malformed { reason: String },
 }
 
 impl Stop {
-    /// As the model's error; `shown` makes text of the other side presentable.
+    /// The model's error; `shown` makes text of the server fit for messages.
     pub fn error(self, address: &str, shown: impl Fn(&str) -> String) -> ModelError {
         let address = address.to_string();
         match self {
@@ -54,7 +54,7 @@ impl Schedule {
     pub fn after_status(&mut self, answer: &Answer) -> Step {
         let (code, message) = told(&answer.body);
         let reason = format!("HTTP {}: {message}", answer.status);
-        // An account without money answers 429 too, and goes on doing so.
+        // An account without money also gets 429, and asking again does not help.
         let passing = matches!(answer.status, 408 | 429 | 500..=599) && code.as_deref() != Some("insufficient_quota");
         if passing { self.again(reason, answer.retry_after) } else { Step::Stop(Stop::Refused { reason }) }
     }

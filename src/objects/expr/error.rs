@@ -1,6 +1,6 @@
 //! Why a text is not an expression, or not one of the type that its place needs.
 
-/// Place, what stands there and what would be accepted.
+/// The place, what was found there, and what would be accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("column {column}: found {found}, expected {expected}")]
 pub struct ExprError {

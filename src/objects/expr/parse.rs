@@ -1,5 +1,5 @@
-//! Tokens to a tree, by binding strength. Size, depth and nesting are counted while reading, so a hostile text
-//! is given up at the first token too many.
+//! Tokens to a tree, by binding strength. Size, depth and nesting are counted while reading, so a hostile text is
+//! refused at the first token beyond a limit.
 
 use super::{
     error::ExprError,
@@ -72,7 +72,7 @@ impl Parser {
         result
     }
 
-    /// Everything that binds at least as strongly as `least`.
+    /// Parses operators that bind at least as strongly as `least`.
     fn expression(&mut self, least: u8) -> Result<Built, ExprError> {
         let (mut left, mut depth) = self.prefix(least)?;
         let mut compared = false;
@@ -164,7 +164,7 @@ impl Parser {
         self.build(at, Kind::Call(function, arguments), depth)
     }
 
-    /// After the opening parenthesis up to and with the closing one.
+    /// Parses from behind the opening parenthesis up to and including the closing one.
     fn arguments(&mut self) -> Result<(Vec<Node>, usize), ExprError> {
         let (mut arguments, mut depth) = (Vec::new(), 0);
         loop {

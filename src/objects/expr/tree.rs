@@ -72,7 +72,7 @@ pub(super) enum Function {
     If,
 }
 
-/// Binding strengths; a node is put in parentheses where its own is below what its place needs.
+/// Binding strengths. A node gets parentheses if its strength is lower than its place needs.
 pub(super) mod binding {
     pub const OR: u8 = 1;
     pub const AND: u8 = 2;

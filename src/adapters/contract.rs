@@ -27,8 +27,8 @@ pub struct Contract {
     pub mechanism_slots: BTreeMap<String, MechanismSlotSpec>,
     /// What conditions of ρ may read.
     pub scene_features: Vec<Feature>,
-    /// Words (operator kinds, parameters, mechanism slots, features) that belong to this family's implementation:
-    /// another family that uses one fails the isolation gate.
+    /// Words (operator kinds, parameters, mechanism slots, features) that belong to this family's implementation. A
+    /// patch of another family that uses one fails the isolation gate.
     pub private_vocabulary: Vec<String>,
     /// F_b: names for κ.
     pub constraints: Vec<String>,
@@ -170,7 +170,7 @@ pub struct Family {
 #[derive(Clone, Debug, Default)]
 pub struct Registry {
     families: BTreeMap<FamilyName, Family>,
-    /// What each of them may not say, worked out once.
+    /// The words that each of them may not use, computed once.
     foreign: BTreeMap<FamilyName, ForeignVocabulary>,
 }
 
@@ -185,7 +185,7 @@ impl Registry {
         Registry { foreign: families.iter().map(foreign).collect(), families }
     }
 
-    /// What a registered family may not say; `None` for a family that is not registered.
+    /// The words that a registered family may not use; `None` for a family that is not registered.
     pub fn foreign_vocabulary(&self, name: &FamilyName) -> Option<&ForeignVocabulary> {
         self.foreign.get(name)
     }

@@ -1,4 +1,4 @@
-//! What is wrong with a program, where, and what would be right.
+//! A fault of a program: its place, what was found, and what is expected.
 
 use serde::Serialize;
 use std::fmt;
@@ -28,7 +28,7 @@ impl Problem {
         Problem { place: place.into(), found, expected: expected.into() }
     }
 
-    /// A word that is not one of those that may stand here.
+    /// The problem of a word that is not allowed here.
     pub fn unknown<'a>(
         place: impl Into<String>,
         what: &str,

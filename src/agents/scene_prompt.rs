@@ -1,4 +1,4 @@
-//! What the attacker agent is asked: a message for each scene, which all its rounds share, and one for each round.
+//! The questions to the attacker agent: a message for each scene, which all its rounds share, and one for each round.
 
 use serde_json::{Value, json};
 
@@ -19,7 +19,7 @@ use crate::{
 /// Decimals of lengths, times and angles in the table of vehicles.
 const TABLE_DECIMALS: u32 = 2;
 
-/// What the attacker agent is shown of a scene, written out once for all rounds.
+/// The message about a scene, written once for all rounds.
 #[derive(Clone, Debug)]
 pub struct SceneText(Text);
 
@@ -71,7 +71,7 @@ fn row(vehicle: &Vehicle) -> Value {
     ])
 }
 
-/// The question about a scene in a round; `tried` is what became of the sets before.
+/// The question about a scene in a round; `tried` holds the results of the earlier sets.
 pub fn counsel_request(
     case: &Case<'_>,
     scene: &SceneText,

@@ -1,4 +1,4 @@
-//! What a proposal rests on: the context that all slots and roles of an epoch share, and the task of one slot.
+//! The inputs of a proposal: the context that all slots and roles of an epoch share, and the task of one slot.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ pub struct Context<'a> {
     pub parent_hash: Digest,
     /// Interface I_b of its family.
     pub contract: &'a Contract,
-    /// `contract_text` of it.
+    /// The contract as `contract_text` writes it.
     pub contract_text: &'a str,
     /// Private words of the run's other families: using one is an isolation failure.
     pub foreign_vocabulary: &'a [String],
@@ -55,7 +55,7 @@ pub struct Cluster {
     pub features: BTreeMap<String, f64>,
 }
 
-/// What is known of the parent and of the latest attempts of its lineage.
+/// The results of the parent and of the latest attempts of its lineage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Outcomes {
     /// `None` as long as the parent has no label.
@@ -64,7 +64,7 @@ pub struct Outcomes {
     pub recent: Vec<RecentAttempt>,
 }
 
-/// The parent's labels over the scenes, in sums.
+/// The parent's labels, summarised over the scenes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParentOutcome {
     /// F(p) over the evolution scenes.
@@ -112,7 +112,7 @@ pub struct FrontPoint {
     pub objectives: Objectives,
 }
 
-/// What the search is asked for in a slot (paper: search target η).
+/// The search target of a slot (paper: η).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Target {
     /// What is asked for.

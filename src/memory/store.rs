@@ -33,7 +33,7 @@ pub enum MemoryError {
 }
 
 impl Memory {
-    /// Q_{t+1} = Q_t ∪ C(a_t). All or nothing; a card may not be older than its lineage's newest.
+    /// Q_{t+1} = Q_t ∪ C(a_t). Appends all cards or none. A card may not be older than the newest card of its lineage.
     pub fn append(&mut self, cards: Vec<Card>) -> Result<(), MemoryError> {
         let mut known: std::collections::BTreeSet<&CardId> = self.cards.iter().map(|card| &card.id).collect();
         let mut newest: BTreeMap<&LineageId, u32> = BTreeMap::new();

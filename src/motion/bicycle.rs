@@ -11,7 +11,7 @@ pub struct Limits {
     pub acceleration_mps2_max: f64,
     /// Largest yaw rate, rad/s.
     pub yaw_rate_radps_max: f64,
-    /// v times yaw rate.
+    /// Largest lateral acceleration, speed times yaw rate, m/s².
     pub lateral_mps2_max: f64,
     /// Largest speed, m/s.
     pub speed_mps_max: f64,

@@ -1,5 +1,5 @@
-//! Kinematic models as differentiable steps, and motions unrolled through them: forward for the states, backward (the
-//! adjoint) for what a slope at the states means for every control.
+//! Kinematic models as differentiable steps, and motions unrolled through them: forward for the states, backward
+//! (adjoint) for the gradients at the controls.
 
 use super::bicycle::State;
 use crate::kernel::{Vec2, num};
@@ -24,7 +24,7 @@ impl Slope {
     }
 }
 
-/// Two numbers that a vehicle is driven by; their meaning is the model's.
+/// The two controls of a vehicle; the model defines their meaning.
 pub type Controls = [f64; 2];
 
 /// A vehicle model.
@@ -146,7 +146,8 @@ fn turned(axis: Vec2, sine: f64, cosine: f64) -> Vec2 {
     axis * cosine + axis.left() * sine
 }
 
-/// Acceleration and curvature, clamped; the speed ends at 0. Who stands does not turn.
+/// A model controlled by acceleration and curvature, both clamped. The speed never falls below 0, and a standing
+/// vehicle does not turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curved {
     /// Largest deceleration, m/s².

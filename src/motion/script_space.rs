@@ -1,16 +1,16 @@
-//! Spaces of scenarios for black-box searches: a cube [0, 1]^n of numbers, and the scenario that each of its points is.
+//! Spaces of scenarios for black-box searches: a cube [0, 1]^n, each point of which describes a scenario.
 
 use super::chat_template::Template;
 use crate::kernel::{Vec2, num};
 use crate::sim::{Action, Phase, Script, Speed, Until, Way};
 
-/// Numbers of a profile in the SafeBench ports: one a tick of 0.1 s from the trigger on.
+/// Length of a profile in the SafeBench ports: one number for each tick of 0.1 s from the trigger on.
 pub const PROFILE_VALUES: usize = 100;
 
-/// What the numbers change of the base scenario's adversary.
+/// How the numbers change the adversary of the base scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Perturbation {
-    /// AdvSim: the speed asked for at every tick, `u * mps_max`, after a stretch that stays as it is.
+    /// AdvSim: the target speed at every tick, `u * mps_max`, after a first phase that does not change.
     Speeds {
         /// Speed asked for at u = 1, m/s.
         mps_max: f64,

@@ -1,10 +1,10 @@
-//! How near two bodies are, with slopes: the distance of a point from a box (KING's attraction and repulsion) and the
-//! overlap of disc chains (STRIVE's soft contact).
+//! The distance of two bodies with its gradients: the distance of a point from a box (KING's attraction and repulsion)
+//! and the overlap of disc chains (STRIVE's soft contact).
 
 use super::kinematics::Slope;
 use crate::kernel::{OrientedBox, Vec2};
 
-/// What happens to a pose when a point fixed to its body is pulled.
+/// The gradient at a pose, given the gradient at a point that is fixed to its body.
 pub fn on_body(pull: Vec2, arm: Vec2) -> Slope {
     Slope { position: pull, heading: pull.dot(arm.left()), speed: 0.0 }
 }

@@ -1,4 +1,4 @@
-//! SafeBench's eight scenarios as they are scripted: which actors stand where and do what, given the numbers that the
+//! SafeBench's eight scenarios as scripts: where the actors stand and what they do, given the numbers that the
 //! benchmark calls a scenario's parameters. AdvSim, the AT port and the human-designed grid all start from these.
 
 use crate::kernel::{Pose, num};
@@ -95,7 +95,7 @@ pub fn adversary(family: TrafficFamily) -> usize {
     }
 }
 
-/// Why a family's actors cannot be put on a scene.
+/// Why a family's actors cannot be placed in a scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
     /// The number of parameters is not the family's.
@@ -225,7 +225,7 @@ fn walker_behind_a_machine(stage: &Stage<'_>, speed_mps: f64, trigger_m: f64, st
     ]
 }
 
-/// Families 5 to 8: straight on from its frame, until it is out of the way.
+/// Families 5 to 8: the actor drives straight on from its frame until it has left the crossing.
 fn crossing_car(family: TrafficFamily, spawn: Pose, speed_mps: f64, trigger_m: f64) -> Action {
     let waits = family == TrafficFamily::RedLightRunning;
     let far_m = match family {

@@ -13,7 +13,7 @@ pub struct Rates {
     pub second_decay: f64,
 }
 
-/// Keeps a slope of zero from being divided by zero.
+/// Avoids a division by zero for a gradient of zero.
 const EPSILON: f64 = 1e-8;
 
 /// The running means of one decision vector.

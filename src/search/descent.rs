@@ -117,7 +117,7 @@ pub struct Descent {
 }
 
 /// Adam over all parts' decision vectors from the record on; ends at the first contact of the ego with an adversary.
-/// `loss` gives the value of the movers against the ego's latest path and writes its slopes.
+/// `loss` gives the loss of the movers against the ego's latest path and writes its gradients.
 pub fn descend(
     situation: &Situation,
     parts: &[Part],
@@ -177,9 +177,9 @@ pub fn actor_weights(situation: &Situation, parts: &[Part], module: Option<&Modu
 const WEIGHT_MIN: f64 = 0.05;
 const WEIGHT_MAX: f64 = 20.0;
 
-/// Between the scores of the iterates that make contact and of those that do not.
+/// Gap between the scores of iterates with contact and those without.
 const NO_CONTACT: f64 = -1000.0;
-/// Losses are squeezed below this, so that no loss outweighs a contact.
+/// Losses are mapped to values below this, so that no loss outweighs a contact.
 const LOSS_MAX: f64 = 400.0;
 
 /// The score of an iterate: smaller losses first, and contact before everything else.

@@ -44,7 +44,7 @@ pub fn score(
     }
 }
 
-/// What one candidate and one ego rollout do to each other.
+/// How one candidate and one ego rollout meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Met {
     /// u^(k+1) at the first check k where the boxes overlap; 0 if they never do.

@@ -19,7 +19,7 @@ pub struct CalibrationSet {
     labels: Vec<WorldLabel>,
 }
 
-/// A label that cannot be learnt from; none of its batch was taken.
+/// A label that cannot be used. No label of its batch was added.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LabelError {
     /// A label cannot be learned from.
@@ -35,7 +35,7 @@ pub enum LabelError {
 }
 
 impl CalibrationSet {
-    /// D^W_t+1 = D^W_t and the labels of selected and audited candidates. All or nothing.
+    /// D^W_{t+1} = D^W_t ∪ the labels of selected and audited candidates. Adds all of them or none.
     pub fn append(&mut self, labels: Vec<WorldLabel>, schema: &FeatureSchema) -> Result<(), LabelError> {
         for label in &labels {
             if let Some(problem) = problem(label, schema) {
@@ -67,7 +67,7 @@ fn problem(label: &WorldLabel, schema: &FeatureSchema) -> Option<String> {
     None
 }
 
-/// The snapshot that the labels support: the same set gives the same bits. Called once an epoch, after its barrier.
+/// Fits a snapshot to the labels; the same labels give the same bits. Called once an epoch, after its barrier.
 pub fn settle(
     schema: &FeatureSchema,
     configuration: &WorldConfiguration,

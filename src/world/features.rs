@@ -191,7 +191,7 @@ fn graph_values(program: &Program) -> Vec<f64> {
     values
 }
 
-/// Nodes on the longest path; relaxation, bounded by the number of nodes, so that a circle does no harm.
+/// Nodes on the longest path, by relaxation. The number of nodes bounds it, so a circle does no harm.
 fn graph_depth(program: &Program) -> usize {
     let nodes = &program.operator_graph;
     let mut depth: std::collections::BTreeMap<&str, usize> = nodes.keys().map(|name| (name.as_str(), 1)).collect();

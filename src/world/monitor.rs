@@ -1,4 +1,4 @@
-//! How good the evaluator has been: what its audits brought to light.
+//! The quality of the world evaluator, measured by its audits.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use super::calibration::CalibrationSet;
 use crate::kernel::num;
 use crate::objects::{AttemptId, Objectives, RoutingOptions, WorldLabel};
 
-/// Errors of the candidate-level predictions, and false rejections. `None` where there is nothing to measure.
+/// Errors of the candidate-level predictions, and false rejections. A value is `None` if there is nothing to measure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MonitorReport {
     /// Labelled candidates.
@@ -24,7 +24,7 @@ pub struct MonitorReport {
     pub false_rejection_rate: Option<f64>,
 }
 
-/// Compares what was predicted with what the simulator said, one candidate an attempt.
+/// Compares predictions with simulator labels, one candidate for each attempt.
 pub fn monitor(set: &CalibrationSet, options: &RoutingOptions) -> MonitorReport {
     let mut attempts: BTreeMap<&AttemptId, Vec<&WorldLabel>> = BTreeMap::new();
     for label in set.labels() {

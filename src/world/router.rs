@@ -8,7 +8,7 @@ use super::{
 use crate::kernel::{Digest, Seed, Stream, canon::CanonError, num};
 use crate::objects::{AttemptId, Objectives, Route, RouteDecision, WorldFit, WorldPair, WorldSnapshot};
 
-/// Stands for the prediction of an evaluator without a single label: the middle of the scale, nothing known.
+/// The prediction of an evaluator without any label: the middle of the scale.
 const UNKNOWN: Objectives = Objectives { attack: 0.5, realism: 0.5 };
 
 /// Why a candidate could not be routed, or a snapshot not used.
@@ -47,12 +47,12 @@ pub struct PairPrediction {
     pub sparse: bool,
 }
 
-/// A decision with what the calibration set keeps of it.
+/// A decision with the details that the calibration set keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Routed {
     /// What was decided, with the candidate's prediction.
     pub route: Route,
-    /// Whether it would have been turned away, had the monitor not asked for labels.
+    /// Whether the router would have rejected it without the monitor.
     pub monitored: bool,
 }
 
@@ -150,7 +150,7 @@ impl<'s> Router<'s> {
     ) -> (RouteDecision, bool, String) {
         let options = &self.snapshot.configuration.routing;
         let labels = self.snapshot.fit.as_ref().map_or(0, |fit| fit.labels);
-        // Drawn in every case, so that a moved threshold moves no other draw of the stream.
+        // It is drawn in every case, so that another threshold changes no other draw of the stream.
         let draw = monitor.unit();
         let numbers = format!(
             "attack {:.3} (needs {:.3}), realism {:.3} (needs {:.3}), uncertainty {:.3} (at most {:.3})",
@@ -176,7 +176,7 @@ impl<'s> Router<'s> {
     }
 }
 
-/// Why a fit that came from elsewhere cannot belong to a schema.
+/// Why a fit cannot belong to a schema.
 fn mismatch(fit: &WorldFit, columns: usize) -> Option<String> {
     let p = fit.columns.len();
     if fit.columns.iter().any(|place| *place >= columns) {

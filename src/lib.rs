@@ -77,48 +77,48 @@
 //! - [`epoch`]: the epochs of a run: the state, the frozen snapshot, the workers and the serial acceptor.
 //! - [`evidence`]: from recorded runs to the report and the tables.
 
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod kernel;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod store;
 
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod draw;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod ego;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod formats;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod scene;
 pub mod sim;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod synth;
 
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod adapters;
 pub mod compiler;
 pub mod families;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod llm;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod motion;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod objects;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod scripted;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod search;
 pub mod stage;
 
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod agents;
 pub mod archive;
 pub mod candidates;
 pub mod evaluation;
 pub mod lineage;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod memory;
-#[warn(missing_docs)]
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod world;
 
 pub mod cli;

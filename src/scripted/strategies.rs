@@ -77,7 +77,7 @@ fn places(page: &PromptView) -> Vec<Place<'_>> {
     found
 }
 
-/// Draws one of the items that satisfy the condition.
+/// One of the items, all equally likely; `None` if there are none.
 fn drawn<T>(items: Vec<T>, stream: &mut Stream) -> Option<T> {
     if items.is_empty() {
         return None;

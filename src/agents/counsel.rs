@@ -76,8 +76,8 @@ pub fn counsel<E: From<AgentError>>(
         }
     }
     let distance_m = |place: &usize| talk.rounds[*place].trial.distance_m();
-    let told = (0..talk.sets.len()).filter(|place| distance_m(place).is_finite());
-    let best = told.min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+    let measured = (0..talk.sets.len()).filter(|place| distance_m(place).is_finite());
+    let best = measured.min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
     let counsel = best.map(|place| talk.counsel(&talk.sets[place])).unwrap_or_default();
     Ok(Advice { exchanges: talk.exchanges, rounds: talk.rounds, counsel })
 }

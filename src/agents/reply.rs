@@ -216,8 +216,8 @@ fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T, Refusal> {
     serde_json::from_value(value).map_err(|error| Refusal(format!("departs from the reply schema: {error}")))
 }
 
-fn operation(place: usize, value: Value) -> Result<Operation, Refusal> {
-    let refuse = |what: &str| Refusal(format!("operations[{place}]: {what}"));
+fn operation(index: usize, value: Value) -> Result<Operation, Refusal> {
+    let refuse = |what: &str| Refusal(format!("operations[{index}]: {what}"));
     let Value::Object(map) = value else { return Err(refuse("not an object")) };
     let has_null = map.get("value").is_some_and(Value::is_null);
     let operation: Operation =

@@ -79,11 +79,11 @@ pub fn counsel_request(
     tried: &[CounselRound],
 ) -> Result<Request, PromptError> {
     let step = if tried.is_empty() { "initialisation" } else { "reflection" };
-    let told = |round: &CounselRound| {
+    let result = |round: &CounselRound| {
         let distance_m = Some(round.trial.distance_m()).filter(|m| m.is_finite());
         json!({"attackers": round.attackers, "outcome": round.trial.code(), "distance_m": distance_m})
     };
-    let tried: Vec<Value> = tried.iter().map(told).collect();
+    let tried: Vec<Value> = tried.iter().map(result).collect();
     let blocks = if tried.is_empty() { vec![] } else { vec![("Tried", rounded(tried.into()))] };
     let (lineage, slot, model) = (case.lineage, case.slot, case.model);
     let aside = Aside { lineage, slot, role: Role::AttackerAgent, round, model, shown: &scene.0 };

@@ -59,7 +59,7 @@ pub enum LineStyle {
 pub struct DrawnLight {
     /// Where it is drawn, metres.
     pub point: Vec2,
-    /// One state a step. [steps]
+    /// One state a step. `[steps]`
     pub states: Vec<LightState>,
 }
 

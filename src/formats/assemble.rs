@@ -64,7 +64,7 @@ pub struct LogTrack {
     pub length_m: f64,
     /// 0 where the log gives none.
     pub width_m: f64,
-    /// One a time of the log; `None` where it was not observed. [times]
+    /// One a time of the log; `None` where it was not observed. `[times]`
     pub samples: Vec<Option<Sample>>,
 }
 
@@ -94,7 +94,7 @@ pub struct LogLight {
     pub lane: String,
     /// Where traffic stops; `None` where the log does not say.
     pub stop_point: Option<Vec2>,
-    /// One state a time of the log. [times]
+    /// One state a time of the log. `[times]`
     pub states: Vec<LightState>,
 }
 

@@ -36,7 +36,7 @@ pub struct Inserted {
     pub length_m: f64,
     /// Width of its box, metres.
     pub width_m: f64,
-    /// One a step of the scene; `None` where it is not there. [steps]
+    /// One a step of the scene; `None` where it is not there. `[steps]`
     pub samples: Vec<Option<Sample>>,
 }
 

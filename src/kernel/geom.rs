@@ -285,7 +285,7 @@ impl Polyline {
         Ok(Polyline { points: kept, lengths })
     }
 
-    /// Its points, metres. [points]
+    /// Its points, metres. `[points]`
     pub fn points(&self) -> &[Vec2] {
         &self.points
     }

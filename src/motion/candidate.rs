@@ -9,7 +9,7 @@ use crate::scene::Sample;
 /// One possible future of an actor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// The motion from the window's first step on, one sample a step of 0.1 s. [steps]
+    /// The motion from the window's first step on, one sample a step of 0.1 s. `[steps]`
     pub samples: Vec<Sample>,
     /// Log-probability under the family's prior; 0 where a family has none.
     pub prior_log_probability: f64,

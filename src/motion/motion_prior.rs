@@ -98,7 +98,7 @@ pub fn speed_share(speed_mps: f64) -> f64 {
     (0.5 + 0.5 * (speed_mps - 1.4) / (11.0 - 1.4)).clamp(0.5, 1.0)
 }
 
-/// p[rank..] = p[rank], then log-softmax. `logs` are sorted, largest first.
+/// Sets `p[rank..] = p[rank]`, then takes the log-softmax. `logs` are sorted, largest first. `[candidates]`
 pub fn flatten_and_normalise(logs: &mut [f64], rank: usize) {
     if let Some(level) = logs.get(rank).copied() {
         logs[rank..].fill(level);

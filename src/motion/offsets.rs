@@ -27,7 +27,7 @@ pub struct OffsetSpace {
     before: Option<Sample>,
     path: LoggedPath,
     knots: usize,
-    /// Weights of the four knots around a step, by the step's position between two knots. [position][4]
+    /// Weights of the four knots around a step, by the step's position between two knots. `[position][4]`
     weights: Vec<[f64; 4]>,
 }
 
@@ -62,7 +62,7 @@ impl OffsetSpace {
         Some(OffsetSpace { before: history.last().copied(), logged, path, knots, weights })
     }
 
-    /// The logged motion that is moved. [steps]
+    /// The logged motion that is moved. `[steps]`
     pub fn logged(&self) -> &[Sample] {
         &self.logged
     }

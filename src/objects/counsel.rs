@@ -180,7 +180,7 @@ impl Counselled {
 
     /// The round whose set became the counsel: the nearest, the earliest of equals; `None` where no set could attack.
     pub fn chosen(&self) -> Option<&CounselRound> {
-        let told = self.rounds.iter().filter(|round| round.trial.distance_m().is_finite());
-        told.min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))
+        let measured = self.rounds.iter().filter(|round| round.trial.distance_m().is_finite());
+        measured.min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))
     }
 }

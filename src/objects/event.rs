@@ -241,7 +241,7 @@ pub struct LineageResult {
     pub pf_area_at_3_pct_by_group: BTreeMap<String, f64>,
     /// The evolution front after the last epoch.
     pub front: Vec<FrontPoint>,
-    /// Hypervolume of the front after each epoch. [epochs]
+    /// Hypervolume of the front after each epoch. `[epochs]`
     pub hypervolume_by_epoch: Vec<f64>,
     /// How many attempts left by which exit.
     pub exits: ExitCounts,

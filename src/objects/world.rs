@@ -172,9 +172,9 @@ pub struct WorldFit {
     pub labels: u32,
     /// Places of the used columns in the schema.
     pub columns: Vec<usize>,
-    /// Mean and standard deviation of each used column; a column that never varied has 0 and has no effect. [columns]
+    /// Mean and standard deviation of each used column; a column that never varied has 0 and has no effect. `[columns]`
     pub column_mean: Vec<f64>,
-    /// Standard deviation of each column. [columns]
+    /// Standard deviation of each column. `[columns]`
     pub column_std: Vec<f64>,
     /// Lower Cholesky factor of X'X + λI, row by row; empty where only the means could be fitted.
     pub factor: Vec<f64>,

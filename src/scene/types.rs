@@ -159,11 +159,11 @@ pub struct Lane {
     pub id: String,
     /// What the lane is for.
     pub kind: LaneKind,
-    /// Centre line in driving direction, metres. [points]
+    /// Centre line in driving direction, metres. `[points]`
     pub centre: Vec<Vec2>,
-    /// Left border, metres. [points]
+    /// Left border, metres. `[points]`
     pub left: Vec<Vec2>,
-    /// Right border, metres. [points]
+    /// Right border, metres. `[points]`
     pub right: Vec<Vec2>,
     /// Lanes that lead into this one.
     pub entries: Vec<LaneIx>,

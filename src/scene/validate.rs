@@ -80,7 +80,7 @@ pub fn how_many(violations: &[Violation]) -> String {
 
 struct Check {
     violations: Vec<Violation>,
-    /// Beyond those that are told.
+    /// Number of violations beyond the listed ones.
     more: usize,
 }
 

@@ -21,7 +21,7 @@ pub struct Mover {
     pub actor: TrackIx,
     /// Scene step of the window's first sample.
     pub from_step: usize,
-    /// Its decision vector. [dimensions]
+    /// Its decision vector. `[dimensions]`
     pub place: Vec<f64>,
     /// `states[k]` lies at scene step `from_step + k - 1`.
     pub states: Vec<State>,
@@ -71,9 +71,9 @@ pub fn covered(movers: &[Mover]) -> std::ops::Range<usize> {
 /// Where a loss writes its slopes: for each mover at its states and, directly, at its decision vector.
 #[derive(Clone, Debug, Default)]
 pub struct Slopes {
-    /// By each state of each mover. [movers][states]
+    /// By each state of each mover. `[movers][states]`
     pub states: Vec<Vec<Slope>>,
-    /// By each number of each decision vector. [movers][dimensions]
+    /// By each number of each decision vector. `[movers][dimensions]`
     pub places: Vec<Vec<f64>>,
 }
 

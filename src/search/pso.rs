@@ -21,7 +21,7 @@ pub struct Swarm {
 /// The best place that a particle saw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// The place. [dimensions]
+    /// The place. `[dimensions]`
     pub place: Vec<f64>,
     /// Its loss.
     pub loss: f64,

@@ -111,8 +111,8 @@ impl Live {
 
     /// An answer that repeats the key is not recorded, because cassettes are shared.
     fn free_of_secrets(&self, said: &Said) -> Result<(), ModelError> {
-        let told = serde_json::to_string(&said.metadata).unwrap_or_default();
-        let leaks = |key: &Secret| key.is_in(&String::from_utf8_lossy(&said.text)) || key.is_in(&told);
+        let metadata = serde_json::to_string(&said.metadata).unwrap_or_default();
+        let leaks = |key: &Secret| key.is_in(&String::from_utf8_lossy(&said.text)) || key.is_in(&metadata);
         match &self.key {
             Some(key) if leaks(key) => {
                 Err(self.malformed("the answer repeats the api key; it is not recorded".to_string()))

@@ -68,7 +68,7 @@ pub(super) struct Part {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Curve {
     pub parts: Vec<Part>,
-    /// Ends of the parts. [parts + 1]
+    /// Ends of the parts. `[parts + 1]`
     pub stations: Vec<Station>,
 }
 

@@ -124,3 +124,8 @@ pub mod world;
 pub mod cli;
 pub mod epoch;
 pub mod evidence;
+
+// Compiles and runs the programs of the page with `cargo test --doc`.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/EXTENDING.md")]
+pub struct Extending;

@@ -13,9 +13,9 @@ const FOUND_MAX: usize = 160;
 pub struct Problem {
     /// JSON Pointer into the program.
     pub place: String,
-    /// What stands there.
+    /// What was found there.
     pub found: String,
-    /// What may stand there.
+    /// What would be accepted there.
     pub expected: String,
 }
 

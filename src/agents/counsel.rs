@@ -136,7 +136,7 @@ impl Talk<'_> {
         Ok(set)
     }
 
-    /// Whether the same vehicles attacked together before, whoever led.
+    /// Whether the same vehicles attacked together before, with any leader.
     fn is_tried(&self, set: &Set) -> bool {
         let members = |set: &Set| set.iter().copied().collect::<BTreeSet<usize>>();
         self.sets.iter().any(|before| members(before) == members(set))

@@ -48,7 +48,7 @@ impl Pid {
     }
 }
 
-/// Drives along the route behind whatever is on it.
+/// Drives along the route and follows the road user ahead on it.
 #[derive(Clone, Debug)]
 pub struct IdmDriver {
     minds_lights: bool,

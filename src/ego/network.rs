@@ -19,7 +19,7 @@ const WIDTH_MAX: usize = 1024;
 pub struct NetworkError {
     /// Byte offset of the first fault.
     pub at: usize,
-    /// What should stand there.
+    /// What was expected there.
     pub rule: &'static str,
 }
 

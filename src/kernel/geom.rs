@@ -322,7 +322,7 @@ impl Polyline {
         (self.points[segment + 1] - self.points[segment]).heading()
     }
 
-    /// Nearest place on the path; the first of equals. Beyond the ends `s` is clamped.
+    /// Nearest place on the path; if two are equally near, the first. Beyond the ends `s` is clamped.
     pub fn project(&self, point: Vec2) -> Projection {
         self.project_within(point, 0, self.points.len() - 1)
     }

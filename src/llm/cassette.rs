@@ -1,4 +1,4 @@
-//! A cassette: recorded exchanges in a text file that people can review. Knows nothing of models or of the store.
+//! A cassette: recorded exchanges in a text file that people can review. This module does not know models or the store.
 //!
 //! JSON lines, one object a line, optionally compressed (a name that ends in `.zst`). Line 1 is the header
 //! `{"format":"evodrive-cassette","version":"1.0","name":..,"models":[ModelSpec..]}`. Message texts and schemas stand
@@ -42,9 +42,9 @@ pub enum CassetteError {
         file: String,
         /// Number of the line, from 1.
         line: usize,
-        /// What should stand there.
+        /// What was expected there.
         expected: String,
-        /// What stands there.
+        /// What was found there.
         found: String,
         /// What helps.
         remedy: &'static str,
@@ -184,7 +184,7 @@ struct MessageRef {
 type Wrong = (String, String);
 
 impl Cassette {
-    /// An empty cassette; the name stands in error messages.
+    /// An empty cassette. Error messages show the name.
     pub fn new(name: impl Into<String>) -> Cassette {
         Cassette { name: name.into(), ..Cassette::default() }
     }

@@ -37,7 +37,8 @@ const WHOLE_MAX: f64 = 9_007_199_254_740_992.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClientOptions {
-    /// `http://127.0.0.1:8080/v1`, `https://api.anthropic.com`: what stands before `/chat/completions` or `/v1/messages`.
+    /// `http://127.0.0.1:8080/v1`, `https://api.anthropic.com`: the address before `/chat/completions` or
+    /// `/v1/messages`.
     pub base_url: String,
     /// NAME of the environment variable that holds the key; none where the server wants none.
     #[serde(default, skip_serializing_if = "Option::is_none")]

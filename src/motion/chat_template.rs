@@ -24,7 +24,7 @@ impl Behaviour {
     /// Words of a contract, in the order of the variants.
     pub const WORDS: [&str; 5] = ["steady", "intercept", "stop_before", "speed_up", "match_ego"];
 
-    /// What each of them does, as a model is told.
+    /// What each of them does, in words for the model.
     pub const DESCRIBES: [&str; 5] = [
         "crosses or drives on at a steady speed, whatever the ego does",
         "times its speed so that it meets the ego where their ways cross: intercepts it",
@@ -43,7 +43,7 @@ impl Behaviour {
 /// The numbers that a template draws, in the order of its ranges.
 pub const DRAWN: [&str; 5] = ["ahead_m", "aside_m", "speed_mps", "trigger_m", "act_within_m"];
 
-/// What they are, as a model is told.
+/// What they are, in words for the model.
 pub const DRAWN_MEANS: [&str; 5] = [
     "shift of the place along the ego's road",
     "shift of the place to the right of the ego's road",

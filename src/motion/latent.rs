@@ -1,10 +1,10 @@
 //! A linear-Gaussian latent space of motions: acceleration and curvature over time are those that follow the record,
 //! plus cosine modes. The modes' coefficients are `mean + spread · z` with z standard normal.
 //!
-//! It stands in for a learned variational motion prior. Mean and spread come from the candidates of the lane-graph
-//! prior: the mean is what turns the record into the most probable candidate, the spread how far the others lie from
-//! it, weighted by their probability. So z = 0 is the most probable motion, z of the record is known in closed form
-//! (its coefficients are 0), and −log p(z) is a likelihood under the map, not a distance from the record.
+//! It replaces a learned variational motion prior. Mean and spread come from the candidates of the lane-graph prior:
+//! the mean is what turns the record into the most probable candidate, the spread how far the others lie from it,
+//! weighted by their probability. So z = 0 is the most probable motion, z of the record is known in closed form (its
+//! coefficients are 0), and −log p(z) is a likelihood under the map, not a distance from the record.
 
 use super::Candidate;
 use super::Driven;

@@ -75,7 +75,7 @@ pub fn disc_overlap(a: &OrientedBox, b: &OrientedBox, buffer_m: f64) -> Option<(
         return None;
     }
     let distance = squared.sqrt();
-    // Bodies on the very same place are pushed apart along the first one's axis.
+    // Two bodies at exactly the same place are pushed apart along the first one's axis.
     let unit = if distance > 1e-9 { between * (1.0 / distance) } else { a.axis };
     let pull = unit * (-1.0 / reach);
     Some((1.0 - distance / reach, on_body(pull, own), on_body(-pull, theirs)))

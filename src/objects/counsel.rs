@@ -178,7 +178,8 @@ impl Counselled {
         format!("{}/{}", self.lineage, self.scene)
     }
 
-    /// The round whose set became the counsel: the nearest, the earliest of equals; `None` where no set could attack.
+    /// The round whose set became the counsel: the nearest, and among equals the earliest; `None` if no set could
+    /// attack.
     pub fn chosen(&self) -> Option<&CounselRound> {
         let measured = self.rounds.iter().filter(|round| round.trial.distance_m().is_finite());
         measured.min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))

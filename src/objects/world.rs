@@ -120,7 +120,7 @@ pub struct WorldConfiguration {
     /// Share of the residual variance that adds to the variance of the mean: 1 = uncertainty of a single rollout, 0 =
     /// of the expectation.
     pub residual_share: f64,
-    /// Quantile over scenes that stands for a candidate's uncertainty, in [0.5, 1]; 1 = maximum.
+    /// Quantile over scenes that is a candidate's uncertainty, in [0.5, 1]; 1 = maximum.
     pub uncertainty_quantile: f64,
     /// Thresholds and shares of routing.
     pub routing: RoutingOptions,

@@ -1,5 +1,5 @@
-//! A scene as compact bytes and back: what its digest is taken of and what a pool file holds. Little-endian,
-//! every list preceded by its length, floats as bits. It knows nothing of files.
+//! A scene as compact bytes and back: what its digest is taken of and what a pool file holds. Little-endian, every list
+//! preceded by its length, floats as bits. This module does not know files.
 
 use super::safebench::{SpawnFrame, Staging, TrafficFamily};
 use super::{
@@ -17,7 +17,7 @@ impl Scene {
     }
 }
 
-/// The digest of a scene whose bytes are at hand.
+/// The digest of a scene, given its bytes.
 pub(super) fn scene_digest_of(bytes: &[u8]) -> Digest {
     struct Plain<'a>(&'a [u8]);
     impl serde::Serialize for Plain<'_> {
@@ -64,7 +64,7 @@ pub(super) fn scene_bytes(scene: &Scene) -> Vec<u8> {
 pub struct NotAScene {
     /// Byte offset of the first fault.
     pub at: usize,
-    /// What should stand there.
+    /// What was expected there.
     pub expected: &'static str,
 }
 

@@ -203,7 +203,7 @@ impl LaneGraph {
         Some(Pose { position: centre.at(s_m), heading_rad: along.heading() })
     }
 
-    /// Whether a point lies on the surface of some lane, of whatever kind.
+    /// Whether a point lies on the surface of a lane of any kind.
     pub fn is_drivable(&self, point: Vec2) -> bool {
         self.pieces.at(point).any(|(_, piece)| piece.contains(point))
     }

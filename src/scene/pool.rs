@@ -83,7 +83,7 @@ pub enum PoolError {
     NotAPool {
         /// Name of the file.
         file: String,
-        /// What should stand there.
+        /// What was expected there.
         expected: &'static str,
     },
     /// Another version of the format wrote the file.
@@ -101,7 +101,7 @@ pub enum PoolError {
         file: String,
         /// Byte offset.
         at: usize,
-        /// What should stand there.
+        /// What was expected there.
         expected: String,
     },
     /// A scene of the file breaks a rule that every scene keeps.

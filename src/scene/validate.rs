@@ -36,7 +36,7 @@ pub struct Violation {
     pub rule: &'static str,
     /// Such as `tracks[3] "veh7"`.
     pub place: String,
-    /// What stands there.
+    /// What was found there.
     pub found: String,
     /// What was expected.
     pub expected: String,

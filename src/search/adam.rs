@@ -26,7 +26,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// A state at rest for a vector of so many numbers.
+    /// A fresh state for a decision vector of this length.
     pub fn new(rates: Rates, dimensions: usize) -> Adam {
         Adam { rates, first: vec![0.0; dimensions], second: vec![0.0; dimensions], steps: 0 }
     }

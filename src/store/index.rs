@@ -1,5 +1,6 @@
-//! The index of a store: an SQLite file that says what stands where in the pack up to the last flush. Everything in it
-//! can be found in the pack too, so a lost, old or damaged index is rebuilt. Where the two differ, the pack is right.
+//! The index of a store: an SQLite file with the position of every record of the pack, up to the last flush. Everything
+//! in it can be found in the pack too, so a lost, old or damaged index is rebuilt. Where the two differ, the pack is
+//! right.
 
 use std::{collections::BTreeMap, path::Path};
 

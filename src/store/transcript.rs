@@ -1,5 +1,5 @@
-//! The transcript of a run: ordered events in a JSON-lines file, each holding the hash of the one before it. Its last hash
-//! is the root of the run. Knows nothing of what the events mean.
+//! The transcript of a run: ordered events in a JSON-lines file, each holding the hash of the one before it. Its last
+//! hash is the root of the run. This module does not know what the events mean.
 //!
 //! One line an event, `{"body":...,"hash":"<64 hex>","kind":"...","prev":"<64 hex>","seq":N}`, keys of every object
 //! sorted, no spaces, ended by one line feed. `hash` = BLAKE3 of the canonical bytes of `(seq, prev, kind, body)` under

@@ -119,7 +119,8 @@ impl Events {
         Ok(())
     }
 
-    /// The event of a family in a town that lies nearest to a route, at most `within_m` beside it; the first of equals.
+    /// The event of a family in a town that lies nearest to a route, at most `within_m` beside it; if two are equally
+    /// near, the first.
     pub(super) fn nearest(&self, family: TrafficFamily, town: &str, route: &Polyline, within_m: f64) -> Option<&Event> {
         let events = self.0.get(&(family, town.to_string()))?;
         let mut best: Option<(f64, &Event)> = None;

@@ -6,7 +6,7 @@ use crate::scene::{LaneGraph, LaneIx, Light, LightState, Neighbour, Road};
 
 /// Lanes farther from the route than this are left out, metres.
 const NEAR_M: f64 = 80.0;
-/// An actor stands in the lane within this distance, metres.
+/// An actor stands in a lane if it is at most this far from it, metres.
 const ACTOR_LANE_M: f64 = 4.0;
 /// Lanes that are followed to a junction.
 const LANES_TO_JUNCTION_MAX: usize = 50;

@@ -23,7 +23,7 @@ impl ser::Error for CanonError {
     }
 }
 
-/// Canonical bytes. Equal values give equal bytes, whatever the order of fields or map entries.
+/// Canonical bytes. Equal values give equal bytes for any order of fields or map entries.
 pub fn canonical_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
     written(value, false)
 }

@@ -136,7 +136,7 @@ impl Live {
     }
 }
 
-/// A token is at least one byte of the prompt; whatever a chat template adds is far less than JSON's own marks.
+/// A token is at least one byte of the prompt. A chat template adds far less than the punctuation of JSON.
 fn input_bound(body: &[u8]) -> u64 {
     body.len() as u64 + 64
 }

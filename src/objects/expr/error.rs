@@ -6,9 +6,9 @@
 pub struct ExprError {
     /// Counted in characters from 1.
     pub column: usize,
-    /// What stands there.
+    /// What was found there.
     pub found: String,
-    /// What may stand there.
+    /// What would be accepted there.
     pub expected: String,
 }
 

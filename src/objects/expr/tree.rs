@@ -163,8 +163,8 @@ impl Function {
 }
 
 impl Expr {
-    /// Errors name the column, what stands there and what would be accepted; hostile text is refused before it
-    /// can cost memory or stack.
+    /// Parses a text. Errors name the column, what was found there and what would be accepted. Hostile text is refused
+    /// before it can use much memory or stack.
     pub fn parse(text: &str) -> Result<Expr, ExprError> {
         parse::parse(text).map(|root| Expr { root })
     }

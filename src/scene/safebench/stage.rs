@@ -117,7 +117,8 @@ impl<'s> Stage<'s> {
         (neighbour.same_direction && self.graph.is_through(neighbour.lane)).then_some(neighbour.lane)
     }
 
-    /// The lane to the left of the ego's, abreast of a place `ahead_m` after the trigger; `None` where there is none.
+    /// The lane to the left of the ego's, beside the place `ahead_m` after the trigger; `None` if there is no such
+    /// lane.
     pub fn left_lane(&self, ahead_m: f64) -> Option<LeftLane> {
         let pose = self.ahead(ahead_m);
         let own = self.lane_at(pose)?;

@@ -121,7 +121,7 @@ impl Obstacles {
         self.edges.iter().map(Vec::len).sum()
     }
 
-    /// Time of the last state of whatever moves, seconds.
+    /// Time of the last state of all moving obstacles, seconds.
     pub fn last_s(&self) -> f64 {
         let moving = self.obstacles.iter().filter(|o| !o.is_static);
         moving.flat_map(|o| o.states.last()).map(|s| s.time_s).fold(0.0, f64::max)

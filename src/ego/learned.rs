@@ -59,7 +59,7 @@ impl Driver for LearnedDriver {
     }
 }
 
-/// The observation of the network; training uses it too. [`OBSERVATION`] numbers
+/// The observation of the network, [`OBSERVATION`] numbers; training uses it too.
 pub fn observe(view: &View<'_>, out: &mut [f64; OBSERVATION]) {
     let (ego, route) = (view.ego(), view.route());
     let length_m = route.length_m();

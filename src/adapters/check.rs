@@ -1,11 +1,11 @@
-//! V_b without scenes: a program against its family's contract, part by part.
+//! V_b without scenes: checks a program against its family's contract, part by part.
 
 use super::{contract::Contract, problem::Problem};
 use crate::objects::Program;
 
 impl Contract {
-    /// All findings; empty means that the program is admissible for the family. Bounds come first, so that nothing
-    /// below works on something of unbounded size.
+    /// All findings; empty means that the program is admissible for the family. Bounds are checked first, so that the
+    /// other checks only see programs of bounded size.
     pub fn check_program(&self, program: &Program) -> Vec<Problem> {
         let mut problems = self.check_limits(program);
         if problems.is_empty() {
@@ -18,7 +18,7 @@ impl Contract {
         problems
     }
 
-    /// How many nodes, rules and modules there are.
+    /// Checks the number of nodes, rules and modules.
     pub fn check_limits(&self, program: &Program) -> Vec<Problem> {
         [
             ("/operator_graph", program.operator_graph.len(), self.limits.nodes, "nodes"),
@@ -31,7 +31,7 @@ impl Contract {
         .collect()
     }
 
-    /// b and κ are the family's own.
+    /// Checks that b and κ are those of the family.
     pub fn check_inherited(&self, program: &Program) -> Vec<Problem> {
         let mut problems = Vec::new();
         if program.source_family != self.family {

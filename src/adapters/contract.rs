@@ -11,6 +11,7 @@ use crate::objects::{FamilyName, Program, Slot, ValueType};
 /// A family's declared search space. Built by the family's file in `families`; fixed before evolution.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Contract {
+    /// b
     pub family: FamilyName,
     /// The method's name and reference, for reports.
     pub title: String,
@@ -26,16 +27,19 @@ pub struct Contract {
     pub mechanism_slots: BTreeMap<String, MechanismSlotSpec>,
     /// What conditions of ρ may read.
     pub scene_features: Vec<Feature>,
-    /// Words (operator kinds, parameters, mechanism slots, features) that belong to this family's implementation:
-    /// another family that uses one fails the isolation gate.
+    /// Words (operator kinds, parameters, mechanism slots, features) that belong to this family's implementation. A
+    /// patch of another family that uses one fails the isolation gate.
     pub private_vocabulary: Vec<String>,
     /// F_b: names for κ.
     pub constraints: Vec<String>,
+    /// How large a program and a patch may be.
     pub limits: Limits,
 }
 
+/// A bounded parameter of θ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterSpec {
+    /// What it may be.
     #[serde(flatten)]
     pub domain: Domain,
     /// What it does, with its reference where it has one.
@@ -46,22 +50,32 @@ pub struct ParameterSpec {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "type")]
 pub enum Domain {
+    /// A number between two bounds.
     Number {
+        /// Smallest value, in `unit`.
         low: f64,
+        /// Largest value, in `unit`.
         high: f64,
+        /// `m/s`, `s`, ...; `1` where there is none.
         unit: String,
     },
     /// A number without fraction.
     Integer {
+        /// Smallest value, in `unit`.
         low: i64,
+        /// Largest value, in `unit`.
         high: i64,
+        /// `m/s`, `s`, ...; `1` where there is none.
         unit: String,
     },
+    /// One of several words.
     Choice {
+        /// The words.
         options: Vec<String>,
     },
     /// The name of a module in this mechanism slot.
     Mechanism {
+        /// Name of the mechanism slot.
         slot: String,
     },
 }
@@ -70,47 +84,70 @@ pub enum Domain {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Port {
+    /// Whether the program acts in the scene.
     Scene,
+    /// Who becomes an adversary.
     Actors,
+    /// When each adversary's motion is changed.
     Window,
+    /// Motions to choose from, with their scores.
     Candidates,
+    /// One motion for each adversary.
     Choice,
 }
 
+/// An operator kind that a slot may hold.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OperatorSpec {
+    /// The word in programs.
     pub kind: String,
     /// Types of the nodes that feed it, in order. Empty: it starts the graph.
     pub inputs: Vec<Port>,
+    /// What it hands on.
     pub output: Port,
+    /// Its settings by name.
     pub settings: BTreeMap<String, SettingSpec>,
+    /// What it does, for prompts.
     pub describes: String,
 }
 
+/// A setting of an operator kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SettingSpec {
+    /// What it may be.
     #[serde(flatten)]
     pub domain: Domain,
+    /// Whether every node of the kind must give it.
     pub required: bool,
+    /// What it does, for prompts.
     pub describes: String,
 }
 
+/// A place where an expression may be plugged in.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MechanismSlotSpec {
+    /// What the expression must give.
     pub output: ValueType,
     /// What an expression here may read, besides the family's numeric parameters and the scene features.
     pub features: Vec<Feature>,
+    /// What the expression decides, for prompts.
     pub describes: String,
 }
 
 /// Bounds on how large a program and a patch may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Limits {
+    /// Most operations of a patch.
     pub operations_per_patch: usize,
+    /// Most nodes of an operator graph.
     pub nodes: usize,
+    /// Most rules of a policy.
     pub rules: usize,
+    /// Most mechanism modules.
     pub modules: usize,
+    /// Most nodes of an expression's tree.
     pub expression_nodes: usize,
+    /// Largest depth of an expression's tree.
     pub expression_depth: usize,
 }
 
@@ -123,6 +160,7 @@ impl Default for Limits {
 /// A family: its contract and the parent program from which evolution starts.
 #[derive(Clone, Debug)]
 pub struct Family {
+    /// What programs of the family may contain (I_b).
     pub contract: Contract,
     /// Ids and lineage are filled in by the lineage that adopts it.
     pub parent: Program,
@@ -132,11 +170,12 @@ pub struct Family {
 #[derive(Clone, Debug, Default)]
 pub struct Registry {
     families: BTreeMap<FamilyName, Family>,
-    /// What each of them may not say, worked out once.
+    /// The words that each of them may not use, computed once.
     foreign: BTreeMap<FamilyName, ForeignVocabulary>,
 }
 
 impl Registry {
+    /// A registry of these families; of two with one name the later one stays.
     pub fn new(families: impl IntoIterator<Item = Family>) -> Registry {
         let families: BTreeMap<FamilyName, Family> =
             families.into_iter().map(|f| (f.contract.family.clone(), f)).collect();
@@ -146,15 +185,17 @@ impl Registry {
         Registry { foreign: families.iter().map(foreign).collect(), families }
     }
 
-    /// What a registered family may not say; `None` for a family that is not registered.
+    /// The words that a registered family may not use; `None` for a family that is not registered.
     pub fn foreign_vocabulary(&self, name: &FamilyName) -> Option<&ForeignVocabulary> {
         self.foreign.get(name)
     }
 
+    /// The family of this name.
     pub fn get(&self, name: &FamilyName) -> Option<&Family> {
         self.families.get(name)
     }
 
+    /// All families, by name.
     pub fn iter(&self) -> impl Iterator<Item = &Family> {
         self.families.values()
     }

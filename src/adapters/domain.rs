@@ -1,4 +1,4 @@
-//! Values against their domains: parameters, and settings that may refer to parameters and mechanisms.
+//! Checks values against their domains: parameters, and settings that may refer to parameters and mechanisms.
 
 use std::collections::BTreeMap;
 
@@ -58,7 +58,7 @@ impl Contract {
         [missing, self.check_values("/parameters", &program.parameters)].concat()
     }
 
-    /// Values that are given, whether all or some: names known, values in their domains.
+    /// Checks the given values, all or some: names must be known, values in their domains.
     pub(super) fn check_values(&self, place: &str, values: &BTreeMap<String, ParameterValue>) -> Vec<Problem> {
         let check = |(name, value): (&String, &ParameterValue)| {
             let place = within(place, name);
@@ -71,7 +71,7 @@ impl Contract {
         values.iter().filter_map(check).collect()
     }
 
-    /// Settings that are given to a node of this kind: names known, values and references in their domains.
+    /// Checks the given settings of a node of this kind: names must be known, values and references in their domains.
     pub(super) fn check_settings(
         &self,
         program: &Program,

@@ -10,7 +10,7 @@ use crate::objects::{OperatorNode, Program, Slot, pointer::within};
 
 const PLACE: &str = "/operator_graph";
 
-/// Fewest and most nodes of a slot: a scene passes each stage once, filters may be left out or stacked.
+/// Fewest and most nodes of a slot: one for each, but any number of filters.
 pub fn node_count_range(slot: Slot) -> (usize, usize) {
     match slot {
         Slot::Filter => (0, 6),
@@ -24,7 +24,7 @@ impl Contract {
         self.operators.get(&slot)?.iter().find(|spec| spec.kind == kind)
     }
 
-    /// Everything about the graph that can be said without a scene.
+    /// Checks everything about the graph that needs no scene.
     pub fn check_graph(&self, program: &Program) -> Vec<Problem> {
         let graph = &program.operator_graph;
         let mut problems = Vec::new();
@@ -92,7 +92,7 @@ impl Contract {
         declared.filter_map(check).collect()
     }
 
-    /// No circles, one end that makes the choice, and every node on a way to it.
+    /// Checks that there is no circle, that one end makes the choice, and that every node leads to it.
     fn check_shape(&self, graph: &BTreeMap<String, OperatorNode>) -> Vec<Problem> {
         if let Some(names) = circle(graph) {
             return vec![Problem::new(
@@ -128,7 +128,7 @@ fn port_names(ports: &[Port]) -> String {
     if ports.is_empty() { "none".into() } else { ports.iter().map(name).collect::<Vec<_>>().join(", ") }
 }
 
-/// Nodes whose inputs never all come to be known, which is the case exactly when there is a circle.
+/// Nodes whose inputs can never all be computed; there are some exactly if the graph has a circle.
 fn circle(graph: &BTreeMap<String, OperatorNode>) -> Option<Vec<&str>> {
     let mut open: BTreeMap<&str, &OperatorNode> = graph.iter().map(|(name, node)| (name.as_str(), node)).collect();
     loop {

@@ -1,4 +1,4 @@
-//! Words of other families: what the isolation gate looks for.
+//! Words of other families, for which the isolation gate searches.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,7 +8,9 @@ use crate::objects::FamilyName;
 /// A word that belongs to another family's implementation.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ForeignWord {
+    /// The word.
     pub word: String,
+    /// The family that it belongs to.
     pub family: FamilyName,
 }
 
@@ -47,14 +49,14 @@ impl Contract {
     }
 }
 
-/// What a family may not use.
+/// The words that a family may not use.
 #[derive(Clone, Debug)]
 pub struct ForeignVocabulary {
     private: BTreeMap<String, FamilyName>,
 }
 
 impl ForeignVocabulary {
-    /// Those found in the texts (names, kinds, expressions, keys, paths), sorted, once each. Texts are split into
+    /// The foreign words in the texts (names, kinds, expressions, keys, paths), sorted, each once. Texts are split into
     /// identifiers, so a foreign word inside an expression is found too.
     pub fn words_in<'a>(&self, texts: impl IntoIterator<Item = &'a str>) -> BTreeSet<ForeignWord> {
         let words = texts.into_iter().flat_map(identifiers);

@@ -1,4 +1,4 @@
-//! H ⊆ H_b and ρ ∈ R_b: modules, rules, and what their expressions may read.
+//! H ⊆ H_b and ρ ∈ R_b: checks modules, rules, and the names that their expressions read.
 
 use std::collections::BTreeSet;
 
@@ -46,7 +46,7 @@ impl Contract {
         }
     }
 
-    /// Every module: slot, type, expression, inputs, tags.
+    /// Checks every module: slot, type, expression, inputs, tags.
     pub fn check_mechanisms(&self, program: &Program) -> Vec<Problem> {
         let modules = program.mechanism_modules.iter();
         modules
@@ -74,7 +74,7 @@ impl Contract {
         problems
     }
 
-    /// Conditions of all rules; what the rules override is checked by `check_policy`.
+    /// Checks the conditions of all rules; `check_policy` checks what the rules override.
     pub fn check_conditions(&self, program: &Program) -> Vec<Problem> {
         let scope = self.condition_scope();
         let check = |(index, rule): (usize, &PolicyRule)| {
@@ -84,7 +84,7 @@ impl Contract {
         program.scenario_conditioned_policy.iter().enumerate().filter_map(check).collect()
     }
 
-    /// Names of rules, conditions, and what they override.
+    /// Checks names of rules, conditions, and what they override.
     pub fn check_policy(&self, program: &Program) -> Vec<Problem> {
         let mut problems = self.check_conditions(program);
         let mut names = BTreeSet::new();
@@ -125,7 +125,7 @@ impl Contract {
         problems
     }
 
-    /// Parsed, typed and within the contract's size bounds.
+    /// Checks that it can be parsed, has the right type and is within the contract's size bounds.
     fn check_expression(&self, place: &str, text: &str, scope: &Scope, wanted: ValueType) -> Result<Expr, Problem> {
         let refused = |error: crate::objects::expr::ExprError| {
             Problem::new(place, format!("{} in column {}", error.found, error.column), error.expected)
@@ -145,7 +145,7 @@ impl Contract {
     }
 }
 
-/// Inputs are declared exactly: each name once, all that are read and no other.
+/// Checks that inputs are exactly the names that the expression reads, each once.
 fn check_inputs(place: &str, inputs: &[String], read: &BTreeSet<String>) -> Vec<Problem> {
     let listed: BTreeSet<&String> = inputs.iter().collect();
     let mut problems = Vec::new();

@@ -1,4 +1,4 @@
-//! What is wrong with a program, where, and what would be right.
+//! A fault of a program: its place, what was found, and what is expected.
 
 use serde::Serialize;
 use std::fmt;
@@ -13,11 +13,14 @@ const FOUND_MAX: usize = 160;
 pub struct Problem {
     /// JSON Pointer into the program.
     pub place: String,
+    /// What was found there.
     pub found: String,
+    /// What would be accepted there.
     pub expected: String,
 }
 
 impl Problem {
+    /// A problem at a JSON Pointer; `found` is shortened.
     pub fn new(place: impl Into<String>, found: impl Into<String>, expected: impl Into<String>) -> Problem {
         let found: String = found.into();
         let short = found.chars().take(FOUND_MAX).collect::<String>();
@@ -25,7 +28,7 @@ impl Problem {
         Problem { place: place.into(), found, expected: expected.into() }
     }
 
-    /// A word that is not one of those that may stand here.
+    /// The problem of a word that is not allowed here.
     pub fn unknown<'a>(
         place: impl Into<String>,
         what: &str,

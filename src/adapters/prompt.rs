@@ -13,8 +13,8 @@ use crate::{kernel::num, objects::expr::FUNCTIONS};
 const DECIMALS: u32 = 6;
 
 impl Contract {
-    /// Compact and stable: depends on nothing but the contract. Features are described once under `features` and
-    /// named where they may be read.
+    /// Compact and stable: it depends only on the contract. Features are described once under `features` and named
+    /// where they may be read.
     pub fn to_prompt_json(&self) -> Value {
         let parameters =
             self.parameters.iter().map(|(name, spec)| (name.clone(), described(&spec.domain, &spec.describes)));

@@ -7,10 +7,13 @@ use crate::objects::ValueType;
 /// A named quantity of a scene, an actor or a candidate trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Feature {
+    /// The name in expressions; the unit stands last in it.
     pub name: &'static str,
+    /// Number or truth value.
     pub value: ValueType,
     /// SI; `1` for counts, shares and log-probabilities, empty for booleans.
     pub unit: &'static str,
+    /// What it is, for prompts.
     pub describes: &'static str,
 }
 

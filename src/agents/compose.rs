@@ -1,7 +1,7 @@
 //! The template agent: composes a scenario template from a description (ChatScene's step from text to snippets).
 //!
-//! Fail closed. An answer that cannot be used is recorded with its reason and shown to the agent; when the rounds are used
-//! up, the published template stays.
+//! An unusable answer is recorded with its reason and shown to the agent. When the rounds are used up, the published
+//! template stays.
 
 use serde_json::json;
 
@@ -19,20 +19,23 @@ use crate::{
 /// One description.
 #[derive(Clone, Copy, Debug)]
 pub struct Order<'a> {
+    /// Whose parent is composed.
     pub lineage: &'a LineageId,
-    /// Place of the kind among the family's: the draw slot of its questions.
+    /// Index of the kind among the family's kinds: the draw slot of its questions.
     pub slot: u32,
+    /// What may be chosen.
     pub form: &'a TemplateForm,
+    /// The scenario in words.
     pub description: &'a str,
     /// Most questions.
     pub rounds: u32,
+    /// Who is asked.
     pub model: &'a ModelSpec,
 }
 
 /// Asks until an answer can be used or the rounds are used up.
 ///
-/// # Errors
-/// Those of asking. What a model answers is never an error.
+/// # Errors The errors of asking. A useless answer of a model is not an error.
 pub fn compose(order: &Order<'_>, ask: &dyn Ask) -> Result<Composed, AgentError> {
     let shown = shown(order)?;
     let (mut exchanges, mut template, mut refused): (Vec<Exchange>, Option<Composition>, Option<String>) =
@@ -66,7 +69,7 @@ pub fn compose(order: &Order<'_>, ask: &dyn Ask) -> Result<Composed, AgentError>
     })
 }
 
-/// The description with what may be chosen, written out once for all rounds.
+/// The description and the possible choices, written once for all rounds.
 fn shown(order: &Order<'_>) -> Result<Text, PromptError> {
     let form = json!({"behaviours": order.form.behaviours, "published_behaviour": order.form.published});
     let blocks = json!({

@@ -1,8 +1,8 @@
-//! The attacker agent: proposes who attacks in a scene, is told what became of it, and proposes again (LLM-Attacker's
-//! initialisation, reflection and modification).
+//! The attacker agent: it proposes which vehicles attack in a scene, learns the result, and proposes again
+//! (LLM-Attacker's initialisation, reflection and modification).
 //!
-//! Fail closed. An answer that cannot be used is recorded with its reason, and the rules' own proposal is tried in its
-//! place: the next vehicle in the order of the table, or one more beside the last set where the ego had yielded.
+//! An unusable answer is recorded with its reason, and a proposal by rules is tried instead: the next vehicle of the
+//! table, or, if the ego yielded, the last set with one more vehicle.
 
 use std::collections::BTreeSet;
 
@@ -22,37 +22,42 @@ use crate::{
 /// One scene's question.
 #[derive(Clone, Copy, Debug)]
 pub struct Case<'a> {
+    /// Whose counsel it is.
     pub lineage: &'a LineageId,
+    /// Id of the scene.
     pub scene: &'a str,
-    /// The scene's place in the study: the draw slot of its questions.
+    /// Index of the scene in the study: the draw slot of its questions.
     pub slot: u32,
     /// The fixed driver, in a sentence.
     pub ego: &'a str,
-    /// Who may attack, in the order of the rules' own proposals.
+    /// Vehicles that may attack, in the order in which the rules propose them.
     pub vehicles: &'a [Vehicle],
+    /// Most vehicles of a set.
     pub attackers_max: usize,
     /// Most sets that are tried.
     pub rounds: u32,
+    /// Who is asked.
     pub model: &'a ModelSpec,
 }
 
-/// What the agent came to.
+/// The agent's result.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Advice {
+    /// Every question and answer, in order.
     pub exchanges: Vec<Exchange>,
+    /// Every set that was tried, in order.
     pub rounds: Vec<CounselRound>,
-    /// The set that met the ego, or came nearest to it; the earliest of equals. Nobody where no set could attack.
+    /// The set that met the ego, or else came nearest to it; among equals the earliest. Empty if no set could attack.
     pub counsel: Counsel,
 }
 
-/// A set of attackers as places in the table, the leader first.
+/// A set of attackers as rows of the table, the leader first.
 type Set = Vec<usize>;
 
-/// Proposes, tries and reflects until a set meets the ego, no set is left, or the rounds are used up. `tried` carries a
-/// set out in the simulator.
+/// Proposes, tries and reflects until a set meets the ego, no set is left, or the rounds are used up. `tried` runs a
+/// set in the simulator.
 ///
-/// # Errors
-/// Those of asking, and whatever `tried` fails with. What a model answers is never an error.
+/// # Errors The errors of asking and of `tried`. A useless answer of a model is not an error.
 pub fn counsel<E: From<AgentError>>(
     case: &Case<'_>,
     ask: &dyn Ask,
@@ -71,8 +76,8 @@ pub fn counsel<E: From<AgentError>>(
         }
     }
     let distance_m = |place: &usize| talk.rounds[*place].trial.distance_m();
-    let told = (0..talk.sets.len()).filter(|place| distance_m(place).is_finite());
-    let best = told.min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+    let measured = (0..talk.sets.len()).filter(|place| distance_m(place).is_finite());
+    let best = measured.min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
     let counsel = best.map(|place| talk.counsel(&talk.sets[place])).unwrap_or_default();
     Ok(Advice { exchanges: talk.exchanges, rounds: talk.rounds, counsel })
 }
@@ -82,14 +87,14 @@ struct Talk<'a> {
     case: &'a Case<'a>,
     ask: &'a dyn Ask,
     text: SceneText,
-    /// Of the rounds, in their order.
+    /// Exchanges of the rounds, in their order.
     sets: Vec<Set>,
     rounds: Vec<CounselRound>,
     exchanges: Vec<Exchange>,
 }
 
 impl Talk<'_> {
-    /// The next set: the model's, or the rules' where its answer cannot be used. `None` where nothing is left to try.
+    /// The next set: the model's, or the rules' if the model's answer is unusable. `None` if no set is left to try.
     fn proposal(&mut self, round: u32) -> Result<Option<(Set, String, Proposer)>, AgentError> {
         let Some(by_rule) = self.by_rule() else { return Ok(None) };
         let request = counsel_request(self.case, &self.text, round, &self.rounds)?;
@@ -131,13 +136,13 @@ impl Talk<'_> {
         Ok(set)
     }
 
-    /// Whether the same vehicles attacked together before, whoever led.
+    /// Whether the same vehicles attacked together before, with any leader.
     fn is_tried(&self, set: &Set) -> bool {
         let members = |set: &Set| set.iter().copied().collect::<BTreeSet<usize>>();
         self.sets.iter().any(|before| members(before) == members(set))
     }
 
-    /// The rules' next proposal; `None` where all of them were tried.
+    /// The rules' next proposal; `None` if all were tried.
     fn by_rule(&self) -> Option<Set> {
         let vehicles = 0..self.case.vehicles.len();
         let last = self.sets.last().zip(self.rounds.last());

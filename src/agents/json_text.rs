@@ -1,4 +1,4 @@
-//! JSON as prompts show it: keys sorted whatever `serde_json` was built with, short values on one line, long ones broken.
+//! JSON as prompts show it: keys always sorted, short values on one line, long ones on several.
 
 use serde_json::{Map, Value};
 use std::fmt::Write as _;
@@ -52,8 +52,8 @@ fn block<'a>(
     out.push(close);
 }
 
-/// Appends the value on one line while `out` stays within `end` bytes; false as soon as it does not, so that a long value
-/// costs no more than a short one.
+/// Appends the value on one line. Returns false as soon as `out` is longer than `end` bytes, so that a long value costs
+/// no more than a short one.
 fn one_line(value: &Value, end: usize, out: &mut String) -> bool {
     match value {
         Value::Object(map) => {
@@ -85,7 +85,7 @@ fn one_line(value: &Value, end: usize, out: &mut String) -> bool {
     out.len() <= end
 }
 
-/// Members by key: in that order already, unless `serde_json` was built to keep the order of insertion.
+/// Members sorted by key. They already are, unless `serde_json` was built to keep the order of insertion.
 fn sorted(map: &Map<String, Value>) -> Vec<(&String, &Value)> {
     let mut members: Vec<(&String, &Value)> = map.iter().collect();
     if !members.is_sorted_by_key(|(key, _)| *key) {

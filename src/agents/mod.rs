@@ -1,6 +1,6 @@
-//! The role loop of one proposal: actor, four critics, repair; the attacker agent, which is asked about scenes, and the template
-//! agent, which is asked about descriptions. Their
-//! prompts, reply schemas and strict parser. The only room that asks a model.
+//! The LLM agents: the role loop of a proposal (actor, four critics, repair), the attacker agent for scenes and the
+//! template agent for descriptions, with their prompts, reply schemas and strict parser. It is the only room that asks
+//! a model.
 
 pub mod compose;
 pub mod counsel;

@@ -21,7 +21,7 @@ use crate::{
 
 /// Decimals of objectives, shares and diagnostics in prompts. Parameters of a program are shown as they are.
 const SCORE_DECIMALS: u32 = 4;
-/// How much of an unreadable reply a repair is shown.
+/// Most bytes of an unreadable reply that a repair sees.
 const UNREADABLE_MAX_CHARS: usize = 6_000;
 
 const PROTECTED: [&str; 8] = [
@@ -38,11 +38,13 @@ const PROTECTED: [&str; 8] = [
 const IO_CONTRACT: &str = include_str!("prompts/io_contract.md");
 const LANGUAGE: &str = include_str!("prompts/language.md");
 
-/// A prompt could not be written: a bug of a template or a value that JSON cannot hold.
+/// A prompt could not be written, because of a bug in a template or a value that JSON cannot hold.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("prompt `{template}` cannot be filled: {reason}; check src/agents/prompts and the values of the task")]
 pub struct PromptError {
+    /// File name of the template.
     pub template: &'static str,
+    /// What is wrong with it.
     pub reason: String,
 }
 
@@ -85,7 +87,7 @@ pub fn patch_text(patch: &ProgramPatch) -> Result<String, PromptError> {
     Ok(stable_json(&to_value(patch)?))
 }
 
-/// The context message of an epoch with what questions need besides, written out once.
+/// The context message of an epoch and the other parts of its questions, written once.
 #[derive(Clone, Debug)]
 pub struct Briefing {
     lineage: String,
@@ -94,6 +96,7 @@ pub struct Briefing {
 }
 
 impl Briefing {
+    /// Writes the context out.
     pub fn of(context: &Context<'_>) -> Result<Briefing, PromptError> {
         let parent = to_value(context.parent)?;
         let identity = json!({
@@ -131,18 +134,25 @@ impl Briefing {
 
 /// What a critic or a repair is asked about.
 pub enum Subject<'a> {
-    /// The actor starts from nothing.
+    /// No patch yet: the actor writes the first one.
     None,
-    /// A patch as `patch_text` writes it: once for all who look at it.
+    /// A patch as `patch_text` writes it, once for all roles that see it.
     Review {
+        /// The patch in question, as JSON text.
         patch: &'a str,
     },
+    /// A patch that critics want revised.
     Repair {
+        /// The patch in question, as JSON text.
         patch: &'a str,
+        /// What the critics said about it.
         reviews: &'a [Review],
     },
+    /// An answer that holds no patch.
     Unreadable {
+        /// The answer's bytes.
         reply: &'a [u8],
+        /// Why it holds none.
         refusal: &'a str,
     },
 }
@@ -166,25 +176,25 @@ pub fn request(
     Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: model.clone(), messages, schema })
 }
 
-/// What a reply is told by.
+/// The id that a reply must repeat.
 fn response_id(slot: &DrawSlot) -> String {
     format!("{}/e{}s{}/{}/{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round)
 }
 
-/// A question to a role that is no part of the role loop, about something that belongs to no epoch.
+/// A question to an agent outside the role loop, about something that belongs to no epoch.
 pub(super) struct Aside<'a> {
     pub lineage: &'a LineageId,
-    /// Place of what it is about among its like.
+    /// Index of its subject among subjects of the same kind.
     pub slot: u32,
     pub role: Role,
     pub round: u32,
     pub model: &'a ModelSpec,
-    /// What it is about: the same text in all rounds.
+    /// Its subject: the same text in all rounds.
     pub shown: &'a Text,
 }
 
 impl Aside<'_> {
-    /// `asked` goes beside the `response_id`; blocks are titles with their values.
+    /// `asked` is put beside the `response_id`; blocks are titles with their values.
     pub fn request(&self, asked: &[(&str, &str)], blocks: Vec<(&str, Value)>) -> Result<Request, PromptError> {
         let (lineage, role) = (self.lineage.to_string(), self.role.name().to_string());
         let slot = DrawSlot { lineage, epoch: 0, slot: self.slot, role, round: self.round };
@@ -210,9 +220,10 @@ fn task_text(slot: &DrawSlot, asked: &Value, blocks: &[Value]) -> Result<String,
     fill("task.md", &values)
 }
 
-/// What a role is told whatever the question: the same in every run of this adapter version.
+/// The system message of a role: the same in every run of this adapter version.
 #[derive(Clone, Debug)]
 pub struct Instructions {
+    /// The system message.
     pub system: Text,
     /// What its reply must satisfy.
     pub schema: Schema,
@@ -262,7 +273,7 @@ fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<S
     task_text(slot, &asked, &blocks)
 }
 
-/// The parent without its ancestors: they grow with every generation and no edit can touch them.
+/// The parent without its ancestors, which grow with every generation and cannot be edited.
 fn shown_parent(mut parent: Value) -> Value {
     if let Some(map) = parent.as_object_mut() {
         map.remove("ancestor_chain");
@@ -294,7 +305,7 @@ fn shown_outcomes(outcomes: &Outcomes) -> Result<Value, PromptError> {
     Ok(rounded(value))
 }
 
-/// Measured numbers to the declared precision; integers stay.
+/// Rounds measured numbers to the declared precision; integers stay as they are.
 pub(super) fn rounded(value: Value) -> Value {
     match value {
         Value::Number(number) if number.is_f64() => {

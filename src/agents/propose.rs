@@ -1,8 +1,8 @@
 //! Actor-critic program mutation (paper, alg:actor_critic_mutation): actor, then rounds of four critics and a repair.
 //!
-//! Fail closed. A patch comes out only if all four critics approved it. A critic's unusable reply is no approval: it counts as
-//! `repair` with a blocker that says so, never as `reject`, so that one garbled answer does not end a proposal while rounds are left.
-//! An actor's or a repair's unusable reply leaves a round without a patch; the next repair is shown its text.
+//! There is a patch only if all four critics approved it. An unusable reply of a critic counts as `repair` with a
+//! blocker that says so. It never counts as `reject`, so that one garbled answer does not end a proposal while rounds
+//! are left. After an unusable reply of the actor or a repair the round has no patch; the next repair sees the text.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,9 @@ use crate::{
 pub enum End {
     /// All critics approved; the gates are next.
     Patch(ProgramPatch),
+    /// There is no patch to go on with.
     Declined {
+        /// Why not.
         reason: String,
     },
 }
@@ -29,22 +31,30 @@ pub enum End {
 /// The record of the loop and its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposed {
+    /// Everything that was asked and answered.
     pub proposal: Proposal,
+    /// How it ended.
     pub end: End,
 }
 
-/// The loop could not be carried through. What a model answers is never an error.
+/// The loop could not be finished. A useless answer of a model is not an error.
 #[derive(Debug, thiserror::Error)]
 pub enum AgentError {
+    /// There is no answer.
     #[error(transparent)]
     Ask(#[from] AskError),
+    /// A prompt could not be written.
     #[error(transparent)]
     Prompt(#[from] PromptError),
+    /// The experiment names no model for a role.
     #[error("no model for the role `{role}`: name one under [models.{role}] in the experiment file")]
-    NoModel { role: &'static str },
+    NoModel {
+        /// The role.
+        role: &'static str,
+    },
 }
 
-/// Asks actor, critics and repair for one patch. Records every exchange, also the unusable ones.
+/// Asks actor, critics and repair for one patch. It records every exchange, also the unusable ones.
 pub fn propose(task: &Task<'_>, ask: &dyn Ask) -> Result<Proposed, AgentError> {
     let mut talk = Talk { task, ask, exchanges: vec![] };
     let mut rounds = vec![];
@@ -72,13 +82,13 @@ pub fn propose(task: &Task<'_>, ask: &dyn Ask) -> Result<Proposed, AgentError> {
     unreachable!("the last round always has a verdict")
 }
 
-/// What stands at the start of a round.
+/// The result of the last answer, with which a round starts.
 enum Draft {
     Patch(ProgramPatch),
     Unreadable { reply: Vec<u8>, refusal: Refusal },
 }
 
-/// The end, if this round is one. A repair after the last round would never be reviewed, so none is asked for.
+/// The end, if this is the last round. A repair after it would never be reviewed, so none is requested.
 fn verdict(draft: &Draft, reviews: &[Review], last: bool) -> Option<End> {
     let declined = |reason: String| Some(End::Declined { reason });
     match draft {

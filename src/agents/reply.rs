@@ -1,4 +1,5 @@
-//! The strict reading of replies: exactly the schema of the role, or a refusal that says where it departs from it.
+//! The strict reading of replies: a reply has exactly the schema of its role, or it is refused with the place of the
+//! difference.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -20,7 +21,7 @@ const TEXT_MAX_CHARS: usize = 2_000;
 const ITEMS_MAX: usize = 32;
 const ATTACKERS_MAX: usize = 8;
 
-/// Why a reply cannot be used: a finding about the model, kept in the attempt.
+/// Why a reply cannot be used. The attempt keeps it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Refusal(pub String);
@@ -34,7 +35,7 @@ pub fn schema(role: Role) -> Value {
         Role::TemplateAgent => TEMPLATE_SCHEMA,
         _ => CRITIC_SCHEMA,
     };
-    // The files are part of the program; a test reads each of them.
+    // The schema files are compiled in, and a test reads each of them.
     let mut schema: Value = serde_json::from_str(text).unwrap_or(Value::Null);
     if let Some(pinned) = schema.pointer_mut("/properties/critic_review/properties/role") {
         *pinned = json!({"enum": [role.name()]});
@@ -102,12 +103,13 @@ pub fn review(bytes: &[u8], role: Role) -> Result<Review, Refusal> {
     })
 }
 
-/// Who is to attack in a scene, as the attacker agent answers. Whether these vehicles exist is not known here.
+/// The attacker agent's answer: who should attack in a scene. It is checked elsewhere whether these vehicles exist.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Choice {
     /// Ids of vehicles, the leader first.
     pub attackers: Vec<String>,
+    /// Why, in the model's words.
     pub reason: String,
 }
 
@@ -125,7 +127,7 @@ pub fn attackers(bytes: &[u8]) -> Result<Choice, Refusal> {
     Ok(choice)
 }
 
-/// The composition of the template agent. Whether its words and numbers are a template's is not known here.
+/// The template agent's answer. It is checked elsewhere whether its words and numbers fit the template.
 pub fn template(bytes: &[u8]) -> Result<Composition, Refusal> {
     let wire: WireTemplateReply = read(object(bytes)?)?;
     name("response_id", &wire.response_id)?;
@@ -136,7 +138,7 @@ pub fn template(bytes: &[u8]) -> Result<Composition, Refusal> {
     Ok(template)
 }
 
-// Wire forms: like the nouns, but every field has to be there.
+// The replies as types: like the nouns, but every field is required.
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -214,8 +216,8 @@ fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T, Refusal> {
     serde_json::from_value(value).map_err(|error| Refusal(format!("departs from the reply schema: {error}")))
 }
 
-fn operation(place: usize, value: Value) -> Result<Operation, Refusal> {
-    let refuse = |what: &str| Refusal(format!("operations[{place}]: {what}"));
+fn operation(index: usize, value: Value) -> Result<Operation, Refusal> {
+    let refuse = |what: &str| Refusal(format!("operations[{index}]: {what}"));
     let Value::Object(map) = value else { return Err(refuse("not an object")) };
     let has_null = map.get("value").is_some_and(Value::is_null);
     let operation: Operation =

@@ -1,4 +1,4 @@
-//! What the attacker agent is asked: a message for each scene, which all its rounds share, and one for each round.
+//! The questions to the attacker agent: a message for each scene, which all its rounds share, and one for each round.
 
 use serde_json::{Value, json};
 
@@ -19,11 +19,12 @@ use crate::{
 /// Decimals of lengths, times and angles in the table of vehicles.
 const TABLE_DECIMALS: u32 = 2;
 
-/// What the attacker agent is shown of a scene, written out once for all rounds.
+/// The message about a scene, written once for all rounds.
 #[derive(Clone, Debug)]
 pub struct SceneText(Text);
 
 impl SceneText {
+    /// Writes the scene out.
     pub fn of(case: &Case<'_>) -> Result<SceneText, PromptError> {
         let facts = json!({"scene": case.scene, "ego": case.ego, "attackers_max": case.attackers_max});
         let rows: Vec<Value> = case.vehicles.iter().map(row).collect();
@@ -70,7 +71,7 @@ fn row(vehicle: &Vehicle) -> Value {
     ])
 }
 
-/// The question about a scene in a round; `tried` is what became of the sets before.
+/// The question about a scene in a round; `tried` holds the results of the earlier sets.
 pub fn counsel_request(
     case: &Case<'_>,
     scene: &SceneText,
@@ -78,11 +79,11 @@ pub fn counsel_request(
     tried: &[CounselRound],
 ) -> Result<Request, PromptError> {
     let step = if tried.is_empty() { "initialisation" } else { "reflection" };
-    let told = |round: &CounselRound| {
+    let result = |round: &CounselRound| {
         let distance_m = Some(round.trial.distance_m()).filter(|m| m.is_finite());
         json!({"attackers": round.attackers, "outcome": round.trial.code(), "distance_m": distance_m})
     };
-    let tried: Vec<Value> = tried.iter().map(told).collect();
+    let tried: Vec<Value> = tried.iter().map(result).collect();
     let blocks = if tried.is_empty() { vec![] } else { vec![("Tried", rounded(tried.into()))] };
     let (lineage, slot, model) = (case.lineage, case.slot, case.model);
     let aside = Aside { lineage, slot, role: Role::AttackerAgent, round, model, shown: &scene.0 };

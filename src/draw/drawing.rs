@@ -1,4 +1,5 @@
-//! What is drawn, whatever it comes from: a scene, a rollout, an adversarial plan. The player reads its JSON.
+//! A drawing: what is drawn, whether it comes from a scene, a rollout or an adversarial plan. The player reads its
+//! JSON.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,26 +13,36 @@ pub struct Drawing {
     pub dt_s: f64,
     /// Samples of every actor.
     pub steps: usize,
-    /// The step of "now"; what lies before is history.
+    /// The current step; samples before it are history.
     pub current_step: usize,
     /// Polygons of road surface.
     pub surfaces: Vec<Vec<Vec2>>,
+    /// Lane borders, centre lines and edges.
     pub lines: Vec<RoadLine>,
+    /// Outlines. Points in metres.
     pub crosswalks: Vec<Vec<Vec2>>,
+    /// Traffic lights over time.
     pub lights: Vec<DrawnLight>,
+    /// Where stop signs stand, metres.
     pub stop_signs: Vec<Vec2>,
     /// The path that the ego is to drive; may be empty.
     pub route: Vec<Vec2>,
+    /// Everyone who is drawn, in drawing order.
     pub actors: Vec<Actor>,
+    /// The ego's first contact, if there was one.
     pub contact: Option<Contact>,
 }
 
+/// A line of the road.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RoadLine {
+    /// What kind of line it is.
     pub style: LineStyle,
+    /// Points, metres.
     pub points: Vec<Vec2>,
 }
 
+/// What a line of the road is, which decides how it is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineStyle {
@@ -46,37 +57,51 @@ pub enum LineStyle {
 /// A traffic light at its stop line, one state a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DrawnLight {
+    /// Where it is drawn, metres.
     pub point: Vec2,
+    /// One state a step. `[steps]`
     pub states: Vec<LightState>,
 }
 
-/// Whoever moves, and in which part.
+/// A road user, and its role in the drawing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Actor {
+    /// Name that a reader sees.
     pub label: String,
+    /// What it is in this drawing, which decides its colour.
     pub role: Role,
+    /// Length of the box, metres.
     pub length_m: f64,
+    /// Width of the box, metres.
     pub width_m: f64,
     /// `steps` long: `[x, y, heading_rad, speed_mps]`, `None` where absent.
     pub samples: Vec<Option<[f64; 4]>>,
 }
 
+/// What somebody is in a drawing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
+    /// The vehicle under test.
     Ego,
+    /// Moved by the intervention.
     Adversary,
     /// Marked by the data set as interacting with the ego.
     Interacting,
+    /// Any other motor vehicle.
     Traffic,
+    /// Someone on a bicycle.
     Cyclist,
+    /// Someone on foot.
     Pedestrian,
+    /// A barrier, a cone, something parked or unknown.
     Static,
-    /// Where somebody was in the log, drawn beside what became of it.
+    /// The logged motion of a road user, drawn beside the played one.
     Ghost,
 }
 
 impl Role {
+    /// All roles, in the order of the legend.
     pub const ALL: [Role; 8] = [
         Role::Ego,
         Role::Adversary,
@@ -106,7 +131,9 @@ impl Role {
 /// Where and when two actors touch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
+    /// Step of the scene.
     pub step: usize,
+    /// Where they touch, metres.
     pub point: Vec2,
     /// Such as `ego hit by v12 at 6.3 m/s`.
     pub label: String,
@@ -125,7 +152,7 @@ impl Actor {
     }
 }
 
-/// Centimetres and hundredths are finer than any screen, and keep pages small.
+/// Rounded to centimetres and hundredths: finer than any screen, and pages stay small.
 fn drawn(sample: &Sample) -> [f64; 4] {
     let p = sample.position;
     [
@@ -151,7 +178,7 @@ impl Drawing {
         for (ix, lane) in scene.road.lanes.iter().enumerate() {
             match lane.left_neighbour {
                 Some(n) if n.same_direction => add(LineStyle::Divider, &lane.left),
-                // Both sides name each other; one line is enough.
+                // Both lanes name each other as neighbours, but one line is enough.
                 Some(n) if ix < n.lane => add(LineStyle::Opposite, &lane.left),
                 _ => {}
             }
@@ -179,7 +206,7 @@ impl Drawing {
         }
     }
 
-    /// A scene as it was recorded: the ego last, so that it is drawn on top.
+    /// A scene as it was recorded. The ego comes last, so that it is drawn on top.
     pub fn of_scene(scene: &Scene) -> Drawing {
         let mut drawing = Drawing::of_road(scene);
         for (ix, track) in scene.tracks.iter().enumerate() {
@@ -196,7 +223,7 @@ impl Drawing {
     }
 }
 
-/// The part that a recorded road user plays; `marked` as an object of interest.
+/// The role of a recorded road user; `marked` says that it is an object of interest.
 pub fn role_of(track: &Track, marked: bool) -> Role {
     match track.kind {
         _ if marked => Role::Interacting,

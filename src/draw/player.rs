@@ -1,4 +1,4 @@
-//! A page of its own that plays a drawing in a browser, offline: script, style and data are all inside.
+//! An HTML page that plays a drawing in a browser, offline: it contains script, style and data.
 
 use serde::Serialize;
 
@@ -29,7 +29,7 @@ pub fn player_html(drawing: &Drawing, title: &str) -> String {
 
 /// JSON that may stand inside a `<script>` element: no tag can end it early.
 pub fn script_json<T: Serialize + ?Sized>(value: &T) -> String {
-    // Only maps with keys that are no strings, or a failing writer, could make this fail.
+    // This could fail only for maps whose keys are not strings, or if the writer failed.
     let json = serde_json::to_string(value).unwrap_or_else(|_| "null".to_string());
     json.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
 }

@@ -1,4 +1,4 @@
-//! One picture of a drawing at one moment, with the way everybody takes: for papers, reports and terminals.
+//! One picture of a drawing at one moment, with the path of every road user: for papers, reports and terminals.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
@@ -8,10 +8,13 @@ use super::player::escaped;
 use crate::kernel::{OrientedBox, Vec2};
 use crate::scene::LightState;
 
+/// Colours of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Theme {
+    /// For white paper.
     Light,
+    /// For dark screens.
     Dark,
 }
 
@@ -19,9 +22,9 @@ pub enum Theme {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Frame {
-    /// All of the road and of everyone's way.
+    /// The whole road and everyone's path.
     Everything,
-    /// The ways of the ego, its adversary and the vehicles marked as interacting, and so many metres around.
+    /// The paths of the ego, its adversaries and the vehicles marked as interacting, with this many metres around them.
     Around(f64),
 }
 
@@ -29,13 +32,17 @@ pub enum Frame {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SvgOptions {
+    /// Width of the picture, pixels.
     pub width_px: f64,
+    /// Its colours.
     pub theme: Theme,
+    /// Which part of the world it shows.
     pub frame: Frame,
     /// Boxes are drawn at this step; `None` is the drawing's current one.
     pub step: Option<usize>,
+    /// Whether everyone's way is drawn too.
     pub trails: bool,
-    /// Labels beside everybody, not only beside the leading parts.
+    /// Whether all road users have labels, or only the main ones.
     pub labels: bool,
     /// Shown above the picture; may be empty.
     pub title: String,
@@ -134,7 +141,7 @@ pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
     out
 }
 
-/// The leading parts last, on top of the others.
+/// The main road users come last, so that they are on top.
 fn by_importance(drawing: &Drawing) -> Vec<&Actor> {
     let mut actors: Vec<&Actor> = drawing.actors.iter().collect();
     actors.sort_by_key(|actor| std::cmp::Reverse(actor.role));
@@ -188,7 +195,7 @@ impl View {
     fn fitted(low: Vec2, high: Vec2, width_px: f64) -> View {
         let size = high - low;
         let share = (size.y / size.x).clamp(HEIGHT_SHARE.0, HEIGHT_SHARE.1);
-        // The side that is too short grows.
+        // The shorter side is extended.
         let grown = Vec2::new(size.x.max(size.y / share), size.y.max(size.x * share));
         let spare = (grown - size) * 0.5;
         let scale = width_px / grown.x;
@@ -218,7 +225,7 @@ impl View {
         low.x <= self.high.x && high.x >= self.low.x && low.y <= self.high.y && high.y >= self.low.y
     }
 
-    /// Width of a line so many metres wide, but never too thin to see.
+    /// Width in pixels of a line of this width in metres, but never too thin to see.
     fn stroke(&self, metres: f64, least_px: f64) -> f64 {
         (metres * self.scale).max(least_px)
     }
@@ -303,7 +310,7 @@ fn draw_lights(out: &mut String, drawing: &Drawing, view: &View, step: usize) {
     }
 }
 
-/// What was driven is a solid line, what is still to come a dotted one.
+/// The path so far is a solid line, the path to come a dotted one.
 fn draw_trail(out: &mut String, actor: &Actor, view: &View, step: usize, theme: Theme) {
     let (opacity, width) = if leading(actor.role) { (0.9, 0.45) } else { (0.3, 0.25) };
     let stroke = colour(actor.role, theme);

@@ -6,7 +6,7 @@ use crate::sim::bicycle::{Car, DEFAULT_LIMITS};
 use crate::sim::idm::{self, Front, NORMAL_SPEED_KMPH, SIGHT_M};
 use crate::sim::{Control, Driver, EgoState, Plant, View};
 
-/// The heading aimed at is the route's this far ahead, metres.
+/// The driver aims at the heading that the route has this far ahead, metres.
 const LOOK_AHEAD_M: f64 = 1.0;
 
 /// Share of the way to the wanted steering taken in one decision step (a lag of 0.28 s). MetaDrive's wheels, tyres and
@@ -14,11 +14,12 @@ const LOOK_AHEAD_M: f64 = 1.0;
 /// derivative gain of 3.5 per step would oscillate above 10 m/s.
 const STEERING_SHARE: f64 = 0.3;
 
-/// On a route of SafeBench pure pursuit looks as far ahead as the car goes in this time, at least so many metres.
+/// On a SafeBench route pure pursuit looks as far ahead as the car drives in this time, but at least `PURSUIT_M`
+/// metres.
 const PURSUIT_S: f64 = 0.6;
 const PURSUIT_M: f64 = 4.0;
-/// There, too: places ahead that are looked at, metres between them, lateral acceleration in bends and
-/// braking before them, m/s². Ordinary driving in town.
+/// Also on SafeBench routes: number of places ahead that are checked for bends, metres between them, lateral
+/// acceleration in bends and braking before them, m/s². The values are those of ordinary driving in town.
 const BEND_LOOKS: u32 = 12;
 const BEND_SPACING_M: f64 = 2.0;
 const BEND_MPS2: f64 = 2.0;
@@ -47,7 +48,7 @@ impl Pid {
     }
 }
 
-/// Drives along the route behind whatever is on it.
+/// Drives along the route and follows the road user ahead on it.
 #[derive(Clone, Debug)]
 pub struct IdmDriver {
     minds_lights: bool,
@@ -57,7 +58,7 @@ pub struct IdmDriver {
 
 impl IdmDriver {
     /// `minds_lights`: whether a red light on the route is a standing obstacle at its stop point. MetaDrive's policy
-    /// sees lights only as lidar obstacles, and CAT's protocol switches them off (`no_light`), so the default is not.
+    /// sees lights only as lidar obstacles, and CAT's protocol switches them off (`no_light`), so by default it is not.
     pub fn new(minds_lights: bool) -> IdmDriver {
         IdmDriver { minds_lights, heading: Pid::new(1.2, 0.1, 3.5), lateral: Pid::new(0.3, 0.0, 0.0) }
     }
@@ -86,8 +87,8 @@ impl IdmDriver {
     }
 }
 
-/// Steering at a point of the route ahead. MetaDrive's controllers sum up the error of a sharp bend and then drive
-/// beside the route for the rest of it; logs have no such bends, SafeBench's junctions have.
+/// Steering at a point of the route ahead. In a sharp bend MetaDrive's controllers accumulate an error and then drive
+/// beside the route. Logs have no such bends, but SafeBench's junctions do.
 fn pursuit_rad(view: &View<'_>, ego: &EgoState) -> f64 {
     let look_m = PURSUIT_M.max(PURSUIT_S * ego.speed_mps);
     let delta = view.route().at(ego.along.s_m + look_m, ego.along.segment) - ego.sample.position;
@@ -95,8 +96,8 @@ fn pursuit_rad(view: &View<'_>, ego: &EgoState) -> f64 {
     Car::new(&ego.sample, 2.0 * ego.size.half_length_m).steering_for(curvature_1pm)
 }
 
-/// MetaDrive's normal speed, whatever the road: its policy follows logs, which hold their bends' speeds. A route of
-/// SafeBench is no log, so there the ego aims at the scene's speed and slows down before bends.
+/// MetaDrive's normal speed on every road: its policy follows logs, whose paths fit the speed in bends. A SafeBench
+/// route is not a log, so there the ego aims at the scene's speed and slows down before bends.
 fn free_speed_kmph(view: &View<'_>, ego: &EgoState) -> f64 {
     let (true, Some(target_mps)) = (view.plant().is_staged(), view.plant().target_speed_mps()) else {
         return NORMAL_SPEED_KMPH;

@@ -2,10 +2,10 @@
 //!
 //! Observation, [`OBSERVATION`] numbers of size about 1: speed / 20 m/s, acceleration / 10 m/s², steering / 40°,
 //! lateral offset / 4 m, share of the route left; the turn of the route relative to the heading / π at 1, 5, 10, 20 m
-//! ahead; gap to the road user ahead on the route / 20 m (1 if none) and its closing speed / 20 m/s; red light ahead
-//! / 50 m (1 if none); then for each of the [`OTHERS`] nearest road users within 50 m, nearest first, 8 numbers: 1,
-//! place ahead / 50 m and left / 50 m, relative velocity ahead / 20 m/s and left / 20 m/s, cosine and sine of its
-//! heading against the ego's, radius / 5 m; eight zeros where there is none.
+//! ahead; gap to the road user ahead on the route / 20 m (1 if none) and its closing speed / 20 m/s; red light ahead /
+//! 50 m (1 if none); then for each of the [`OTHERS`] nearest road users within 50 m, nearest first, 8 numbers: 1, place
+//! ahead / 50 m and left / 50 m, relative velocity ahead / 20 m/s and left / 20 m/s, cosine and sine of its heading
+//! against the ego's, radius / 5 m; eight zeros if there are fewer.
 //!
 //! Action, 2 numbers in [-1, 1]: throttle (full engine to full brake) and steering (full left positive).
 
@@ -36,6 +36,7 @@ pub struct LearnedDriver {
 }
 
 impl LearnedDriver {
+    /// A driver with these frozen weights.
     pub fn new(network: Network) -> LearnedDriver {
         let width = network.width_max();
         LearnedDriver { network, values: vec![0.0; width], spare: vec![0.0; width] }
@@ -58,7 +59,7 @@ impl Driver for LearnedDriver {
     }
 }
 
-/// What the network sees; for training too.
+/// The observation of the network, [`OBSERVATION`] numbers; training uses it too.
 pub fn observe(view: &View<'_>, out: &mut [f64; OBSERVATION]) {
     let (ego, route) = (view.ego(), view.route());
     let length_m = route.length_m();
@@ -90,7 +91,7 @@ pub fn observe(view: &View<'_>, out: &mut [f64; OBSERVATION]) {
     }
 }
 
-/// The nearest road users, nearest first; of equals the one seen first.
+/// The nearest road users, nearest first; if two are equally near, the one seen first.
 fn nearest(view: &View<'_>) -> [Option<Seen>; OTHERS] {
     let own = view.ego().sample.position;
     let apart = |seen: &Seen| (seen.position - own).norm_squared();

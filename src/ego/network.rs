@@ -13,11 +13,13 @@ const MAGIC: &[u8; 8] = b"EVOMLP\0\x01";
 const LAYERS_MAX: usize = 8;
 const WIDTH_MAX: usize = 1024;
 
-/// Why bytes are no network.
+/// Why bytes cannot be read as a network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("weights, byte {at}: {rule}; train or export the network again")]
 pub struct NetworkError {
+    /// Byte offset of the first fault.
     pub at: usize,
+    /// What was expected there.
     pub rule: &'static str,
 }
 
@@ -50,7 +52,7 @@ impl Reader<'_> {
     }
 
     fn floats(&mut self, count: usize) -> Result<Vec<f64>, NetworkError> {
-        // Counted against what is left before anything is allocated.
+        // The count is compared with the bytes that are left before memory is allocated.
         if count > (self.bytes.len() - self.at) / 8 {
             return Err(NetworkError { at: self.at, rule: "the file ends too early" });
         }

@@ -13,9 +13,9 @@ use super::replay::ReplayDriver;
 /// A fixed ego policy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Policy {
-    /// MetaDrive's `TrajectoryIDMPolicy`; heeds no light.
+    /// MetaDrive's `TrajectoryIDMPolicy`; it ignores traffic lights.
     Idm,
-    /// The same with a red light on the route taken as a standing obstacle.
+    /// The same, but a red light on the route counts as a standing obstacle.
     IdmMindingLights,
     /// The ego's recorded motion.
     Replay,
@@ -23,11 +23,13 @@ pub enum Policy {
     Learned(Network),
 }
 
-/// No such policy.
+/// Why a name gives no policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
+    /// The name is none of those that are known.
     #[error("no ego policy is called {0:?}; there are idm, idm-lights, replay, learned")]
     Unknown(String),
+    /// A learned policy was named without its weights.
     #[error("the ego policy `learned` needs the bytes of its weights; name a weight file")]
     NoWeights,
 }
@@ -52,6 +54,7 @@ impl Policy {
         Network::from_bytes(weights, OBSERVATION, ACTION).map(Policy::Learned)
     }
 
+    /// The name in experiment files and keys.
     pub fn name(&self) -> &str {
         match self {
             Policy::Idm => "idm",

@@ -1,4 +1,4 @@
-//! The recording drives.
+//! A driver that repeats the recording.
 
 use crate::sim::{Control, Driver, Plant, View};
 

@@ -1,5 +1,5 @@
-//! From what logged formats have in common (tracks with validity, centre lines with widths, ids) to a scene in the
-//! local frame of the ego at the current step.
+//! Builds a scene from what all logged formats have in common: tracks with validity, centre lines with widths, ids. The
+//! scene is in the ego's local frame at the current step.
 
 use std::collections::BTreeMap;
 
@@ -13,64 +13,88 @@ use crate::scene::{
     Track,
 };
 
-/// Sample times this near to the 0.1 s grid are taken as lying on it, seconds.
+/// A sample time at most this far from the 0.1 s grid counts as lying on it, seconds.
 const ON_GRID_WITHIN_S: f64 = 0.02;
-/// Samples of all road users, and states of all lights, after resampling.
+/// Most samples of all road users and states of all lights, after resampling.
 const SAMPLES_MAX: usize = 4_000_000;
 const LANES_MAX: usize = 50_000;
-/// Road users that a log marks.
+/// Most road users that a log marks.
 const MARKED_MAX: usize = 1000;
 /// Points of a logged route lie at least this far apart, metres: a standing car's jitter is no path.
 const ROUTE_SPACING_M: f64 = 0.5;
 
-/// A scene as a log tells it, in the log's coordinates.
+/// A scene as the log holds it, in the log's coordinates.
 #[derive(Default)]
 pub struct Log {
+    /// Id of the scene.
     pub id: String,
+    /// Where it came from.
     pub origin: Origin,
     /// Time of each sample, seconds, increasing.
     pub times_s: Vec<f64>,
+    /// Index of the current step in `times_s`.
     pub current: usize,
-    /// Where the local frame has its origin; the ego's place at the current step where nothing is said.
+    /// Where the local frame has its origin; `None` takes the ego's place at the current step.
     pub frame: Option<Vec2>,
+    /// Everyone, the ego included.
     pub tracks: Vec<LogTrack>,
     /// Index of the ego in `tracks`.
     pub ego: usize,
     /// Ids of tracks.
     pub objects_of_interest: Vec<String>,
+    /// The lanes of its map.
     pub lanes: Vec<LogLane>,
+    /// Curbs and other edges, each a line.
     pub edges: Vec<Vec<Vec2>>,
+    /// Crosswalks, each an outline.
     pub crosswalks: Vec<Vec<Vec2>>,
+    /// Place of each stop sign, and ids of the lanes that it holds for.
     pub stop_signs: Vec<(Vec2, Vec<String>)>,
+    /// The traffic lights of its map.
     pub lights: Vec<LogLight>,
 }
 
 /// Samples at the log's times.
 pub struct LogTrack {
+    /// Id in the log.
     pub id: String,
+    /// What kind of road user it is.
     pub kind: AgentKind,
     /// 0 where the log gives none.
     pub length_m: f64,
+    /// 0 where the log gives none.
     pub width_m: f64,
+    /// One a time of the log; `None` where it was not observed. `[times]`
     pub samples: Vec<Option<Sample>>,
 }
 
-/// A lane with links by id; ids of lanes that the log does not hold lead out of the map.
+/// A lane with links by id. A link to a lane that the log does not hold leads out of the map.
 pub struct LogLane {
+    /// Id in the log.
     pub id: String,
+    /// What kind of lane it is.
     pub kind: LaneKind,
+    /// Points of the centre line, in driving direction.
     pub points: Vec<Across>,
+    /// Lanes that lead into it.
     pub entries: Vec<String>,
+    /// Lanes that it leads into.
     pub exits: Vec<String>,
+    /// The lane to its left.
     pub left: Option<String>,
+    /// The lane to its right.
     pub right: Option<String>,
+    /// Speed limit where the log gives one, m/s.
     pub speed_limit_mps: Option<f64>,
 }
 
 /// States at the log's times.
 pub struct LogLight {
+    /// Id of its lane.
     pub lane: String,
+    /// Where traffic stops; `None` where the log does not say.
     pub stop_point: Option<Vec2>,
+    /// One state a time of the log. `[times]`
     pub states: Vec<LightState>,
 }
 
@@ -170,7 +194,7 @@ impl Clock {
     }
 }
 
-/// A believable box: what the log gives, or what its kind usually has.
+/// A plausible box: as in the log, or else the usual size of its kind.
 fn sides(log: &LogTrack) -> (f64, f64) {
     let usual = match log.kind {
         AgentKind::Vehicle => (4.5, 1.9),

@@ -2,28 +2,33 @@
 
 use crate::kernel::Vec2;
 
-/// Half widths of lanes, metres: what stands for an unknown one, and the bounds within which given ones are believed
-/// (recorded widths reach 13 m in junctions).
+/// The half width of a lane whose width is unknown, metres. Given half widths are clamped to the two bounds below,
+/// because recorded widths reach 13 m in junctions.
 pub const HALF_WIDTH_UNKNOWN_M: f64 = 1.75;
+/// Smaller half widths are raised to this, metres.
 pub const HALF_WIDTH_MIN_M: f64 = 1.3;
+/// Larger half widths are lowered to this, metres.
 pub const HALF_WIDTH_MAX_M: f64 = 2.5;
 /// Thinning moves a centre line by at most this, metres.
 const TOLERANCE_M: f64 = 0.02;
 /// And a border by at most this more.
 const WIDTH_TOLERANCE_M: f64 = 0.1;
-/// Thinning looks at so many points at a time, which bounds its cost.
+/// Thinning looks at this many points at a time, which bounds its cost.
 const WINDOW: usize = 512;
 
 /// A point of a centre line with the distances to its left and right border.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Across {
+    /// The point on the centre line.
     pub centre: Vec2,
+    /// From there to the left border, metres.
     pub left_m: f64,
+    /// From there to the right border, metres.
     pub right_m: f64,
 }
 
 impl Across {
-    /// Half widths as given: 0 and what is no number mean unknown, the rest is brought into bounds.
+    /// Half widths as given, clamped to the bounds. 0, NaN and infinity mean unknown.
     pub fn new(centre: Vec2, left_m: f64, right_m: f64) -> Across {
         Across { centre, left_m: believed(left_m), right_m: believed(right_m) }
     }
@@ -114,8 +119,8 @@ pub fn lines(points: &[Across]) -> (Vec<Vec2>, Vec<Vec2>, Vec<Vec2>) {
     (points.iter().map(|p| p.centre).collect(), side(&|p| p.left_m), side(&|p| -p.right_m))
 }
 
-/// Half widths of a lane from the outline of its surface: how far it reaches to either side of each point. An outline
-/// that is none, or is out of all proportion, leaves them unknown.
+/// Half widths of a lane from the outline of its surface: how far it reaches to either side of each point. They stay
+/// unknown if the outline is invalid or far too large.
 pub fn widths_within(centre: &[Vec2], outline: &[Vec2]) -> Vec<Across> {
     const EFFORT_MAX: usize = 200_000;
     let plain: Vec<Across> = centre.iter().map(|&p| Across::new(p, 0.0, 0.0)).collect();

@@ -1,14 +1,15 @@
-//! What an export gives beside its bytes, and why there may be none.
+//! The result of an export, and the errors of an export that fails.
 
 use serde::Serialize;
 
 use crate::scene::Scene;
 
-/// A file's bytes and what they do not say.
+/// The bytes of a file, and notes on what they do not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exported {
+    /// The file.
     pub bytes: Vec<u8>,
-    /// Everything of the scene that the format's own words could not hold, or hold only in another form.
+    /// Everything in the scene that the format cannot hold, or holds only in another form.
     pub notes: Vec<Note>,
 }
 
@@ -27,20 +28,42 @@ impl Note {
     }
 }
 
-/// No file.
+/// Why a scene cannot be exported.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExportError {
+    /// The scene breaks a rule that every scene keeps.
     #[error("scene {scene:?} cannot be exported: {violation}; mend or import it again")]
-    Unsound { scene: String, violation: String },
+    Unsound {
+        /// Id of the scene.
+        scene: String,
+        /// The first rule that it breaks.
+        violation: String,
+    },
+    /// The staging of a SafeBench scene is not what its traffic family asks for.
     #[error(
         "the staging of scene {scene:?} does not fit it: found {found}, expected {expected}; build it from a rollout of this scene"
     )]
-    Staging { scene: String, found: String, expected: String },
+    Staging {
+        /// Id of the scene.
+        scene: String,
+        /// What it holds.
+        found: String,
+        /// What it should hold.
+        expected: String,
+    },
+    /// The scene lacks something that the format cannot do without.
     #[error("scene {scene:?} cannot be a {format} file: it has no {missing}; choose the ScenarioNet JSON export")]
-    Missing { scene: String, format: &'static str, missing: &'static str },
+    Missing {
+        /// Id of the scene.
+        scene: String,
+        /// The format.
+        format: &'static str,
+        /// What it lacks.
+        missing: &'static str,
+    },
 }
 
-/// The scene itself, if it keeps every rule.
+/// Refuses a scene that breaks a rule of a valid scene.
 pub(super) fn sound(scene: &Scene) -> Result<(), ExportError> {
     match scene.validate().first() {
         None => Ok(()),

@@ -1,4 +1,4 @@
-//! What every exporter must keep, on generated worlds of every kind and on hostile scenes.
+//! Properties that every exporter must keep, tested on generated worlds of every kind and on hostile scenes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
@@ -33,7 +33,8 @@ pub(super) fn worlds() -> &'static [Scene] {
     })
 }
 
-/// Everything that a format may stumble over: gaps, late and single samples, ids that are no names, all furniture.
+/// A scene with everything that is difficult for a format: gaps, late and single samples, ids that are not names,
+/// lights, signs and crosswalks.
 pub(super) fn awkward() -> Scene {
     let mut scene = two_lane_scene();
     scene.id = "a \"<scene>\" & ]]> ?> --> \u{0}\u{1f}\u{ffff} \u{1f600}'".into();
@@ -105,7 +106,7 @@ fn late_ego() -> Scene {
     scene
 }
 
-/// A rollout's worth of changes: the ego brakes, its object of interest swerves, somebody new crosses.
+/// The changes of a rollout: the ego brakes, its object of interest swerves, a new road user crosses.
 pub(super) fn staging_of(scene: &Scene) -> Staging {
     let from_step = scene.ego.start_step;
     let start = *scene.ego.track.at(from_step).unwrap();
@@ -213,7 +214,7 @@ fn an_edited_scenarionet_export_is_read_by_its_standard_keys_and_says_so() {
     let back = scenarionet_import::import("f.json", &serde_json::to_vec(&value).unwrap()).unwrap();
     assert_eq!(back.left_out[0].what, "metadata.evodrive");
     let track = back.scenes[0].tracks.iter().find(|t| t.id == scene.tracks[0].id).unwrap();
-    // Like any description, in a frame with the ego's place at its origin.
+    // As in any description, the ego's place is the origin.
     let here = scene.ego.track.at(scene.current_step).unwrap().position;
     assert_eq!(track.samples[30].map(|s| s.position.x), Some(12.5 - here.x));
 }

@@ -1,4 +1,4 @@
-//! Why a file could not be imported: which file, which place in it, what was expected, what to do.
+//! Import errors. Each names the file, the place in it, what was expected and what to do.
 
 /// A file that is refused as a whole.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -8,13 +8,14 @@ pub struct ImportError {
     pub file: String,
     /// Line and element path, key path, or byte offset.
     pub place: String,
-    /// What was expected, and what stood there instead where that helps.
+    /// What was expected, and what was found where that helps.
     pub expected: String,
     /// What to do about it.
     pub remedy: String,
 }
 
 impl ImportError {
+    /// An error at a place of a file.
     pub fn new(
         file: &str,
         place: impl Into<String>,

@@ -1,5 +1,6 @@
-//! The formats people have, each in a folder of its own with both ways side by side: pure functions between bytes and
-//! scenes. One bad file never stops the others; what is left out, or cannot be held, is named with its reason.
+//! The file formats of scenarios, one folder each, with import and export side by side: pure functions between bytes
+//! and scenes. One bad file never stops the others. Whatever is left out, or does not fit into a format, is named with
+//! its reason.
 
 pub mod assemble;
 pub mod centreline;

@@ -1,10 +1,10 @@
-//! From states at a file's own times to samples every 0.1 s: linear in place and velocity, along the shorter arc in
-//! heading.
+//! Resamples states at a file's own times to one sample every 0.1 s: linear in place and velocity, along the shorter
+//! arc in heading.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample};
 
-/// A road user is taken as observed between two states at most this far apart, seconds.
+/// Between two states at most this far apart a road user counts as observed, seconds.
 const GAP_MAX_S: f64 = 0.5;
 const SAME_TIME_S: f64 = 1e-6;
 
@@ -13,7 +13,9 @@ const SAME_TIME_S: f64 = 1e-6;
 pub struct State {
     /// After the first step of the scene, seconds; may be negative.
     pub time_s: f64,
+    /// Centre of the box, metres.
     pub position: Vec2,
+    /// Counter-clockwise from +x.
     pub heading_rad: f64,
     /// Along the heading, m/s; derived from the places where it is not given.
     pub speed_mps: Option<f64>,

@@ -1,5 +1,5 @@
-//! What a rollout made of a scene: motions that replace logged ones, and road users that were put in. It knows
-//! nothing of simulators; whoever ran one fills it in.
+//! A scene as a rollout played it: motions that replace logged ones, and inserted road users. This module knows no
+//! simulator; the caller fills it in.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use super::export_error::{ExportError, Note, sound};
 use crate::scene::validate::STEPS_MAX;
 use crate::scene::{AgentKind, DT_S, LightState, Sample, Scene, Track, TrackIx};
 
-/// Motion from `from_step` on, one sample a step; before it everybody moves as logged.
+/// Motion from `from_step` on, one sample a step; before it every road user moves as logged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Staging {
     /// Id of the scene as played: it is another scene than the logged one.
@@ -18,7 +18,7 @@ pub struct Staging {
     pub from_step: usize,
     /// What the ego drove; the scene as played ends with it. `None` leaves the log.
     pub ego: Option<Vec<Sample>>,
-    /// Tracks that moved otherwise than logged; the others keep their log.
+    /// Tracks whose motion differs from the log; the others keep their log.
     pub tracks: BTreeMap<TrackIx, Vec<Option<Sample>>>,
     /// Road users that the logged scene does not have; they follow its tracks in order.
     pub inserted: Vec<Inserted>,
@@ -27,12 +27,16 @@ pub struct Staging {
     pub last_step_share: Option<f64>,
 }
 
-/// A road user that a rollout put in.
+/// A road user that a rollout inserted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inserted {
+    /// What kind of road user it is.
     pub kind: AgentKind,
+    /// Length of its box, metres.
     pub length_m: f64,
+    /// Width of its box, metres.
     pub width_m: f64,
+    /// One a step of the scene; `None` where it is not there. `[steps]`
     pub samples: Vec<Option<Sample>>,
 }
 
@@ -53,8 +57,7 @@ impl Staging {
     /// The scene as played: it ends with the ego's motion where that is given. Road users first seen later are left
     /// out and named in the notes.
     ///
-    /// # Errors
-    /// The staging names tracks that the scene does not have, is too long, or breaks a rule of a sound scene.
+    /// # Errors The staging names tracks that the scene does not have, is too long, or breaks a rule of a valid scene.
     pub fn applied_to(&self, scene: &Scene, notes: &mut Vec<Note>) -> Result<Scene, ExportError> {
         let steps = self.checked_steps(scene)?;
         let mut played = scene.clone();
@@ -135,7 +138,7 @@ impl Staging {
     }
 }
 
-/// Leaves out who is never seen in what is left of the scene.
+/// Leaves out road users that are never observed in the rest of the scene.
 fn drop_unseen(played: &mut Scene, notes: &mut Vec<Note>) {
     let mut places: Vec<Option<TrackIx>> = Vec::with_capacity(played.tracks.len());
     let mut kept = 0;

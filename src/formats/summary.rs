@@ -1,4 +1,5 @@
-//! Many files at once: the format of each found by its content, what was left out named.
+//! Imports many files at once. The format of each is recognised by its content, and everything that is left out is
+//! named.
 
 use std::collections::BTreeMap;
 
@@ -19,7 +20,9 @@ use crate::scene::{LeftOut, Scene};
 /// What one file gave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Imported {
+    /// In the order of the file.
     pub scenes: Vec<Scene>,
+    /// What was left out, with its reason.
     pub left_out: Vec<LeftOut>,
 }
 
@@ -28,27 +31,28 @@ pub struct Imported {
 pub struct ImportSummary {
     /// In the order of the files; every one passes [`Scene::validate`]; ids are unique.
     pub scenes: Vec<Scene>,
+    /// What was left out, with its reason.
     pub left_out: Vec<LeftOut>,
 }
 
-/// Parts of one file that are named when they are left out.
+/// Most parts of one file that are named when they are left out.
 const NAMED_MAX: usize = 1000;
 
-/// As many bytes of a file as tell what it is.
+/// Bytes at the start of a file that suffice to recognise its format.
 pub const HEAD_BYTES: usize = 4096;
 
-/// What a file is to the others of a list.
+/// The role of a file among the files of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// A scenario or several, read without any other file.
     Alone,
     /// Routes of SafeBench, which need what is [`Part::Beside`] them.
     Routes,
-    /// A town or SafeBench's scenario file: no scene, but what routes lead through.
+    /// A town or SafeBench's scenario file: it holds no scene, but routes need it.
     Beside,
 }
 
-/// What a file is, told by its first [`HEAD_BYTES`].
+/// The role of a file, recognised by its first [`HEAD_BYTES`] bytes.
 pub fn part(head: &[u8]) -> Part {
     let head = &head[..head.len().min(HEAD_BYTES)];
     if has_root(head, b"<routes") {
@@ -60,7 +64,7 @@ pub fn part(head: &[u8]) -> Part {
     }
 }
 
-/// What stands beside route files: towns and scenario files, and those of them that could not be read.
+/// The files that routes need: towns and scenario files, and which of them could not be read.
 #[derive(Debug, Default)]
 pub struct BesideRoutes {
     found: safebench::Library,
@@ -69,7 +73,8 @@ pub struct BesideRoutes {
 }
 
 impl BesideRoutes {
-    /// Reads a file that is [`Part::Beside`]; one that cannot be read is told when it is imported.
+    /// Reads a file that is [`Part::Beside`]. If it cannot be read, the reason is reported when the file itself is
+    /// imported.
     pub fn add(&mut self, name: &str, bytes: &[u8]) {
         let read = if has_root(bytes, b"<OpenDRIVE") {
             opendrive::road(name, bytes).and_then(|road| self.found.add_town(name, road))
@@ -89,11 +94,11 @@ pub struct FileScenes {
     left_out: Vec<LeftOut>,
 }
 
-/// Reads one file of a list; `beside` is what stands beside the list's route files, if it has some. A bad file gives no
-/// scene and its reason.
+/// Reads one file of a list. `beside` holds the files that routes need, if the list has routes. A bad file gives no
+/// scene, and the reason is in `left_out`.
 pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> FileScenes {
     let imported = match (part(bytes), beside) {
-        // It gives no scene of its own, or the reason why it could not be read.
+        // Such a file gives no scene, only the reason if it could not be read.
         (Part::Beside, Some(beside)) => {
             let refused = beside.refused.get(&(name.to_string(), Digest::of_bytes(bytes)));
             refused.map_or(Ok(Imported::default()), |error| Err(error.clone()))
@@ -135,7 +140,7 @@ impl FileScenes {
     }
 }
 
-/// Puts together what files gave, given in the files' order: an id is taken once.
+/// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken.
 pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSummary {
     let mut summary = ImportSummary::default();
     let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
@@ -178,14 +183,14 @@ fn reason(error: &ImportError) -> String {
     format!("{}: expected {}; {}", error.place, error.expected, error.remedy)
 }
 
-/// Whether an XML file's root element begins so, told by its first bytes.
+/// Whether the root element of an XML file begins like this, judged by its first bytes.
 fn has_root(bytes: &[u8], element: &[u8]) -> bool {
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let first = head.iter().find(|b| !b.is_ascii_whitespace() && !matches!(b, 0xef | 0xbb | 0xbf));
     first == Some(&b'<') && head.windows(element.len()).any(|window| window == element)
 }
 
-/// Imports one file of whatever format, told by its content, never by its name.
+/// Imports one file of any format. The format is recognised by the content, never by the name.
 pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     let holds = |needle: &[u8]| head.windows(needle.len()).any(|window| window == needle);
@@ -209,7 +214,7 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     if bytes.first() == Some(&0x80) {
         return scenarionet::import(file, bytes);
     }
-    // Whatever of its keys comes first; GPUDrive's road users have lengths too, but stand in a list called "objects".
+    // Its keys may come in any order. GPUDrive's road users have lengths too, but they are in a list called "objects".
     let described = [b"\"map_features\"".as_slice(), b"\"dynamic_map_states\"", b"\"sdc_id\""].into_iter().any(holds)
         || (holds(b"\"tracks\"") || holds(b"\"version\"") && holds(b"\"length\"")) && !holds(b"\"objects\"");
     if first == Some(&b'{') && described {

@@ -3,14 +3,14 @@
 use crate::kernel::{Polyline, Vec2, num};
 use crate::scene::{LaneGraph, LaneIx, Neighbour, Road};
 
-/// A lane leads into another that begins within this distance of its end, metres,
+/// A lane leads into another one that begins within this distance of its end, metres, ...
 const MEET_WITHIN_M: f64 = 0.6;
-/// heading within 20 degrees of its own direction.
+/// ... and whose direction differs by at most this, radians (20 degrees).
 const MEET_HEADING_MAX_RAD: f64 = 0.349;
-/// Exits recovered of one lane; more is no road.
+/// Most exits that are recovered for one lane; no real lane has more.
 const EXITS_MAX: usize = 16;
 
-/// Lane pieces that a search for neighbours may look at, roughly; a road more crowded than that gets none.
+/// Roughly the most lane pieces that a search for neighbours may look at; a more crowded road gets no neighbours.
 const SEARCH_MAX: usize = 1_000_000_000;
 
 /// Adds exits and entries by matching ends with beginnings.
@@ -70,7 +70,7 @@ fn beside(road: &Road, graph: &LaneGraph, ix: LaneIx, left: bool) -> Option<Neig
     let length = graph.length_m(ix);
     let at = |share: f64| {
         let pose = graph.pose_at(ix, length * share)?;
-        // As far beyond the border as the border is from the centre: the middle of a lane like this one.
+        // As far beyond the border as the border is from the centre: there lies the middle of a lane of equal width.
         let half = border.project(pose.position).offset_m.abs();
         let side = Vec2::from_heading(pose.heading_rad).left() * (2.0 * half * if left { 1.0 } else { -1.0 });
         graph.nearest_lane(pose.position + side, pose.heading_rad, half).map(|place| place.lane)

@@ -12,11 +12,11 @@ const BYTES_MAX: usize = 256 << 20;
 const DEPTH_MAX: usize = 64;
 const ELEMENTS_MAX: usize = 4_000_000;
 const ATTRIBUTES_MAX: usize = 64;
-/// Of all elements.
+/// Most attributes of all elements together.
 const ATTRIBUTES_IN_ALL_MAX: usize = 8_000_000;
 const TEXT_MAX: usize = 4096;
-/// Steps from one element to the next that a reader may take: names are searched for, and a file may put what is searched
-/// behind a million others, a million times.
+/// Most steps from element to element that a reader may take. Readers search by name, and a hostile file could make
+/// each search pass a million other elements.
 const STEPS_MAX: usize = 500_000_000;
 /// Processing instructions that are kept.
 const INSTRUCTIONS_MAX: usize = 16;
@@ -196,14 +196,14 @@ impl<'a> Document<'a> {
         self.instructions.iter().find(|(name, _)| name == target).map(|(_, text)| text.as_str())
     }
 
-    /// To be asked after reading.
+    /// Call this after reading: it fails if the search budget ran out.
     ///
-    /// # Errors
-    /// The file's elements stood so that it was given up to search through them; what was read of it is not all.
+    /// # Errors The search through the file's elements was given up, so the result is incomplete.
     pub fn was_read_whole(&self) -> Result<(), ImportError> {
         if self.steps.get() <= STEPS_MAX { Ok(()) } else { Err(self.root().refuse("what is searched")) }
     }
 
+    /// The outermost element.
     pub fn root(&self) -> Element<'_> {
         Element { document: self, index: 0 }
     }
@@ -214,6 +214,7 @@ impl<'d> Element<'d> {
         &self.document.nodes[self.index]
     }
 
+    /// Its name.
     pub fn name(&self) -> &'d str {
         &self.node().name
     }
@@ -223,10 +224,12 @@ impl<'d> Element<'d> {
         &self.node().text
     }
 
+    /// The value of an attribute.
     pub fn attribute(&self, name: &str) -> Option<&'d str> {
         self.node().attributes.iter().find(|(key, _)| &**key == name).map(|(_, value)| &**value)
     }
 
+    /// The elements right below it, in order.
     pub fn children(&self) -> impl Iterator<Item = Element<'d>> + use<'d> {
         let document = self.document;
         let mut next = self.node().first_child;
@@ -241,18 +244,22 @@ impl<'d> Element<'d> {
         })
     }
 
+    /// Those of them that have this name.
     pub fn named(&self, name: &'d str) -> impl Iterator<Item = Element<'d>> + use<'d> {
         self.children().filter(move |child| child.name() == name)
     }
 
+    /// The first of them that has this name.
     pub fn child(&self, name: &str) -> Option<Element<'d>> {
         self.children().find(|child| child.name() == name)
     }
 
+    /// The first child of this name; an error names the element that lacks it.
     pub fn needed_child(&self, name: &str) -> Result<Element<'d>, ImportError> {
         self.child(name).ok_or_else(|| self.refuse(format!("a <{name}> inside")))
     }
 
+    /// The value of an attribute; an error names the element that lacks it.
     pub fn needed_attribute(&self, name: &str) -> Result<&'d str, ImportError> {
         self.attribute(name).ok_or_else(|| self.refuse(format!("an attribute {name:?}")))
     }

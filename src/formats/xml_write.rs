@@ -1,4 +1,4 @@
-//! XML as text: elements, escaped attributes and texts, numbers that every reader takes. It knows no format.
+//! Writes XML: elements, escaped attributes and texts, and numbers that every reader accepts. It knows no format.
 
 use std::fmt::{Display, Write};
 
@@ -52,7 +52,7 @@ impl Xml {
         self.put(format_args!("<?{target} {text}?>\n"));
     }
 
-    /// The bytes, with whatever is still open closed.
+    /// The bytes. Elements that are still open are closed.
     pub fn finish(mut self) -> Vec<u8> {
         while !self.open.is_empty() {
             self.close();
@@ -81,7 +81,7 @@ impl Xml {
     }
 }
 
-/// Text as it may stand between tags and quotes; a character that XML 1.0 cannot hold becomes U+FFFD.
+/// The text escaped for use between tags or quotes. A character that XML 1.0 cannot hold becomes U+FFFD.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -99,7 +99,7 @@ fn escaped(text: &str) -> String {
     out
 }
 
-/// Digits after the point beyond which no reader is sure to follow: libxml2 takes 24 digits in all.
+/// Most digits after the point: libxml2 accepts 24 digits in all.
 const DECIMALS_MAX: usize = 18;
 
 /// The shortest decimal text that reads back as the same number, without an exponent; below 1e-18 it is rounded.

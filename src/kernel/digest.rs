@@ -31,7 +31,7 @@ impl Digest {
         Ok(Digest::under(domain, &canonical_json_bytes(value)?))
     }
 
-    /// The same for canonical bytes that are at hand already.
+    /// The same for canonical bytes that the caller already has.
     pub fn under(domain: &str, bytes: &[u8]) -> Digest {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(domain.len() as u64).to_le_bytes());
@@ -40,14 +40,17 @@ impl Digest {
         Digest(*hasher.finalize().as_bytes())
     }
 
+    /// The digest with these bytes.
     pub fn from_array(bytes: [u8; 32]) -> Digest {
         Digest(bytes)
     }
 
+    /// Its 32 bytes.
     pub fn as_bytes(&self) -> &[u8; 32] {
         &self.0
     }
 
+    /// 64 lower-case hex digits.
     pub fn to_hex(&self) -> String {
         blake3::Hash::from_bytes(self.0).to_hex().to_string()
     }

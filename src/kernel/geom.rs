@@ -9,7 +9,9 @@ use super::num;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f64; 2]", into = "[f64; 2]")]
 pub struct Vec2 {
+    /// First coordinate, metres; headings count from its axis.
     pub x: f64,
+    /// Second coordinate, metres; to the left of the first axis.
     pub y: f64,
 }
 
@@ -26,8 +28,10 @@ impl From<Vec2> for [f64; 2] {
 }
 
 impl Vec2 {
+    /// The origin.
     pub const ZERO: Vec2 = Vec2 { x: 0.0, y: 0.0 };
 
+    /// The point or displacement (x, y).
     pub const fn new(x: f64, y: f64) -> Vec2 {
         Vec2 { x, y }
     }
@@ -38,6 +42,7 @@ impl Vec2 {
         Vec2 { x: cos, y: sin }
     }
 
+    /// Scalar product, m².
     pub fn dot(self, other: Vec2) -> f64 {
         self.x * other.x + self.y * other.y
     }
@@ -47,14 +52,17 @@ impl Vec2 {
         self.x * other.y - self.y * other.x
     }
 
+    /// Square of the length, m².
     pub fn norm_squared(self) -> f64 {
         self.dot(self)
     }
 
+    /// Length, metres.
     pub fn norm(self) -> f64 {
         self.norm_squared().sqrt()
     }
 
+    /// Distance between two points, metres.
     pub fn distance(self, other: Vec2) -> f64 {
         (self - other).norm()
     }
@@ -75,10 +83,12 @@ impl Vec2 {
         Vec2 { x: self.x * cos - self.y * sin, y: self.x * sin + self.y * cos }
     }
 
+    /// The point at `share` of the way to `other`: 0 here, 1 there.
     pub fn lerp(self, other: Vec2, share: f64) -> Vec2 {
         self + (other - self) * share
     }
 
+    /// Whether neither coordinate is NaN or infinite.
     pub fn is_finite(self) -> bool {
         self.x.is_finite() && self.y.is_finite()
     }
@@ -115,7 +125,9 @@ impl Neg for Vec2 {
 /// A place and a direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
+    /// Place, metres.
     pub position: Vec2,
+    /// Counter-clockwise from +x.
     pub heading_rad: f64,
 }
 
@@ -131,14 +143,18 @@ impl Pose {
 /// The footprint of a road user: a rectangle with its centre, half extents and unit axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedBox {
+    /// Centre, metres.
     pub center: Vec2,
     /// Unit vector along the length.
     pub axis: Vec2,
+    /// Half the length, metres.
     pub half_length_m: f64,
+    /// Half the width, metres.
     pub half_width_m: f64,
 }
 
 impl OrientedBox {
+    /// The box of a road user at a place.
     pub fn new(center: Vec2, heading_rad: f64, length_m: f64, width_m: f64) -> OrientedBox {
         OrientedBox {
             center,
@@ -180,7 +196,7 @@ impl OrientedBox {
         if self.overlaps(other) {
             return 0.0;
         }
-        // Apart, two convex polygons are nearest at a corner of one of them.
+        // Two convex polygons that do not overlap are nearest at a corner of one of them.
         let to_box = |points: [Vec2; 4], target: &OrientedBox| {
             points.iter().map(|p| target.distance_to_point(*p)).fold(f64::INFINITY, f64::min)
         };
@@ -203,6 +219,7 @@ pub struct Projection {
     pub s_m: f64,
     /// Signed lateral offset, positive to the left, metres.
     pub offset_m: f64,
+    /// Direction of the segment there.
     pub heading_rad: f64,
     /// Index of the segment.
     pub segment: usize,
@@ -217,11 +234,13 @@ pub struct Polyline {
     lengths: Vec<f64>,
 }
 
-/// A path that is no path.
+/// Points that cannot be a path.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PolylineError {
+    /// Fewer than two different points; it holds how many.
     #[error("a path needs two points that differ, found {0}")]
     TooShort(usize),
+    /// A point is NaN or infinite; it holds the index.
     #[error("point {0} of the path is not finite")]
     NotFinite(usize),
 }
@@ -266,6 +285,7 @@ impl Polyline {
         Ok(Polyline { points: kept, lengths })
     }
 
+    /// Its points, metres. `[points]`
     pub fn points(&self) -> &[Vec2] {
         &self.points
     }
@@ -275,6 +295,7 @@ impl Polyline {
         &self.lengths
     }
 
+    /// Arc length from the first point to the last, metres.
     pub fn length_m(&self) -> f64 {
         self.lengths[self.lengths.len() - 1]
     }
@@ -296,11 +317,12 @@ impl Polyline {
         self.segment_heading(self.segment_at(s_m))
     }
 
+    /// Direction of a segment, radians.
     pub fn segment_heading(&self, segment: usize) -> f64 {
         (self.points[segment + 1] - self.points[segment]).heading()
     }
 
-    /// Nearest place on the path; the first of equals. Beyond the ends `s` is clamped.
+    /// Nearest place on the path; if two are equally near, the first. Beyond the ends `s` is clamped.
     pub fn project(&self, point: Vec2) -> Projection {
         self.project_within(point, 0, self.points.len() - 1)
     }

@@ -1,5 +1,5 @@
-//! What determinism rests on: float functions, named random streams, geometry, canonical bytes,
-//! digests and the one ordered parallel map. Knows nothing of driving.
+//! What determinism rests on: float functions, named random streams, geometry, canonical bytes, digests and the one
+//! ordered parallel map. This room does not know driving.
 
 pub mod canon;
 pub mod digest;

@@ -7,10 +7,12 @@
 
 pub use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
+/// Sine of an angle in radians.
 pub fn sin(x: f64) -> f64 {
     libm::sin(x)
 }
 
+/// Cosine of an angle in radians.
 pub fn cos(x: f64) -> f64 {
     libm::cos(x)
 }
@@ -20,38 +22,47 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     libm::sincos(x)
 }
 
+/// Tangent of an angle in radians.
 pub fn tan(x: f64) -> f64 {
     libm::tan(x)
 }
 
+/// Arc sine, radians.
 pub fn asin(x: f64) -> f64 {
     libm::asin(x)
 }
 
+/// Arc cosine, radians.
 pub fn acos(x: f64) -> f64 {
     libm::acos(x)
 }
 
+/// Arc tangent, radians.
 pub fn atan(x: f64) -> f64 {
     libm::atan(x)
 }
 
+/// Angle of the point (x, y) from +x, in [-π, π].
 pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)
 }
 
+/// Hyperbolic tangent.
 pub fn tanh(x: f64) -> f64 {
     libm::tanh(x)
 }
 
+/// `e^x`.
 pub fn exp(x: f64) -> f64 {
     libm::exp(x)
 }
 
+/// Natural logarithm.
 pub fn ln(x: f64) -> f64 {
     libm::log(x)
 }
 
+/// `base^exponent`.
 pub fn pow(base: f64, exponent: f64) -> f64 {
     libm::pow(base, exponent)
 }
@@ -117,12 +128,12 @@ pub fn sum(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, |total, value| total + value)
 }
 
-/// Arithmetic mean in index order; `None` of nothing.
+/// Arithmetic mean in index order; `None` for an empty list.
 pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| sum(values.iter().copied()) / values.len() as f64)
 }
 
-/// The `q`-quantile (0..=1) by linear interpolation between order statistics; `None` of nothing.
+/// The `q`-quantile (0..=1) by linear interpolation between order statistics; `None` for an empty list.
 pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
     if values.is_empty() {
         return None;

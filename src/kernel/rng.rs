@@ -29,6 +29,7 @@ impl Seed {
 pub struct Stream(ChaCha8Rng);
 
 impl Stream {
+    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0.next_u64()
     }
@@ -67,7 +68,7 @@ impl Stream {
         mean + std * radius * num::cos(num::TAU * self.unit())
     }
 
-    /// One element; `None` of nothing.
+    /// One element, all equally likely; `None` for an empty list.
     pub fn pick<'a, T>(&mut self, items: &'a [T]) -> Option<&'a T> {
         (!items.is_empty()).then(|| &items[self.below(items.len())])
     }

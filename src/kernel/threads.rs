@@ -23,6 +23,7 @@ impl Threads {
             .map_err(|source| ThreadsError { threads, source })
     }
 
+    /// How many worker threads there are.
     pub fn count(&self) -> usize {
         self.0.current_num_threads()
     }

@@ -1,4 +1,5 @@
-//! Texts and schemas with their digests: an epoch's context message is written and hashed once, not once a question.
+//! Texts and schemas with their digests, so that an epoch's context message is written and hashed once and not for
+//! every question.
 
 use std::{fmt, ops::Deref, sync::Arc};
 
@@ -12,6 +13,7 @@ use crate::kernel::{Digest, canon::CanonError};
 pub struct Text(Arc<(String, Digest)>);
 
 impl Text {
+    /// Digest of the text.
     pub fn digest(&self) -> Digest {
         self.0.1
     }
@@ -67,12 +69,13 @@ impl<'de> Deserialize<'de> for Text {
 pub struct Schema(Arc<(Value, Digest)>);
 
 impl Schema {
-    /// A schema that holds a number which JSON cannot has no digest.
+    /// Makes the schema. It fails if the schema holds a number that JSON cannot hold.
     pub fn new(schema: Value) -> Result<Schema, CanonError> {
         let digest = Digest::of("evodrive/schema/1", &schema)?;
         Ok(Schema(Arc::new((schema, digest))))
     }
 
+    /// Digest of the schema's JSON.
     pub fn digest(&self) -> Digest {
         self.0.1
     }

@@ -1,13 +1,14 @@
-//! A cassette: recorded exchanges in a text file that people can review. Knows nothing of models or of the store.
+//! A cassette: recorded exchanges in a text file that people can review. This module does not know models or the store.
 //!
-//! JSON lines, one thing a line, optionally compressed (a name that ends in `.zst`). Line 1 is the header
-//! `{"format":"evodrive-cassette","version":"1.0","name":..,"models":[ModelSpec..]}`. Message texts and schemas stand once, before
-//! the first exchange that uses them: `{"text":"<BLAKE3 of the text>","body":"..."}` and `{"schema":"<digest>","body":{..}}` (domain
-//! `evodrive/schema/1`). An exchange is `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
-//! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`, with
-//! `reply_hex` in place of `reply` where the bytes are not UTF-8. Version 1.1 adds, to exchanges with a live model,
-//! `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader accepts every minor
-//! version of its major version.
+//! JSON lines, one object a line, optionally compressed (a name that ends in `.zst`). Line 1 is the header
+//! `{"format":"evodrive-cassette","version":"1.0","name":..,"models":[ModelSpec..]}`. Message texts and schemas stand
+//! once, before the first exchange that uses them: `{"text":"<BLAKE3 of the text>","body":"..."}` and
+//! `{"schema":"<digest>","body":{..}}` (domain `evodrive/schema/1`). An exchange is
+//! `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
+//! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`,
+//! with `reply_hex` in place of `reply` where the bytes are not UTF-8. Version 1.1 adds, to exchanges with a live
+//! model, `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader
+//! accepts every minor version of its major version.
 
 use std::{collections::BTreeMap, io::Read, path::Path, sync::Arc};
 
@@ -22,7 +23,7 @@ use crate::{
 
 const FORMAT: &str = "evodrive-cassette";
 const VERSION: &str = "1.0";
-/// With metadata, or with model settings that 1.0 did not have.
+/// The minor version with metadata and the newer model settings.
 const VERSION_LIVE: &str = "1.1";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
@@ -34,18 +35,43 @@ const MAX_LINE_BYTES: usize = 16 << 20;
 /// Why a cassette cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CassetteError {
+    /// A line is not what was written.
     #[error("{file} line {line}: expected {expected}, found {found}; {remedy}")]
-    Damaged { file: String, line: usize, expected: String, found: String, remedy: &'static str },
+    Damaged {
+        /// Name of the file.
+        file: String,
+        /// Number of the line, from 1.
+        line: usize,
+        /// What was expected there.
+        expected: String,
+        /// What was found there.
+        found: String,
+        /// What helps.
+        remedy: &'static str,
+    },
+    /// Another version of the format wrote the file.
     #[error(
         "{file} is a cassette of format {found}, this build reads {MAJOR}.x; use the release that wrote it, or record anew"
     )]
-    Version { file: String, found: String },
+    Version {
+        /// Name of the file.
+        file: String,
+        /// The version that it names.
+        found: String,
+    },
+    /// Two different model settings have this name.
     #[error("two model settings are called {0}; give them different names in the experiment file")]
     TwoModels(String),
+    /// One request has two recorded answers.
     #[error("request {key} has two different recorded answers; keep one of them")]
-    TwoAnswers { key: Digest },
+    TwoAnswers {
+        /// The request.
+        key: Digest,
+    },
+    /// An exchange cannot be put into text; it holds the reason.
     #[error("an exchange cannot be written: {0}")]
     Unwritable(String),
+    /// The disk did not do what was asked.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -55,15 +81,21 @@ const REMEDY: &str = "restore the file from version control, or record the missi
 /// One recorded exchange. Texts that several exchanges share are in memory once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
+    /// Key of the request.
     pub key: Digest,
+    /// `ADAPTER_VERSION` when it was recorded.
     pub adapter_version: u32,
+    /// Position of the question in the run.
     pub slot: DrawSlot,
+    /// Who answered.
     pub model: Arc<ModelSpec>,
     /// (role, text) of each message.
     pub messages: Vec<(String, Text)>,
+    /// Schema that the answer was asked to keep.
     pub schema: Schema,
     /// Raw bytes of the answer and their digest.
     pub response: Digest,
+    /// The answer, raw.
     pub bytes: Vec<u8>,
     /// What the provider said about the answer; no key and no result depends on it.
     pub metadata: Option<Metadata>,
@@ -148,10 +180,11 @@ struct MessageRef {
     text: Digest,
 }
 
-/// What is wrong in a line: expected, found.
+/// The fault of a line: what was expected, and what was found.
 type Wrong = (String, String);
 
 impl Cassette {
+    /// An empty cassette. Error messages show the name.
     pub fn new(name: impl Into<String>) -> Cassette {
         Cassette { name: name.into(), ..Cassette::default() }
     }
@@ -160,7 +193,7 @@ impl Cassette {
     pub fn load(path: &Path) -> Result<Cassette, CassetteError> {
         let file = path.display().to_string();
         let bytes = store::read_bounded(path, MAX_BYTES)?;
-        // Told by its content, so that a copy under another name is read too.
+        // Compression is recognised by the content, so that a copy under another name can be read too.
         let bytes =
             if bytes.starts_with(&ZSTD_MAGIC) || is_compressed(path) { decompress(&bytes, &file)? } else { bytes };
         Cassette::parse(&bytes, &file)
@@ -212,7 +245,7 @@ impl Cassette {
     }
 
     fn read_line(&mut self, line: &[u8]) -> Result<(), Wrong> {
-        // The first key tells what a line is; serde names what is wrong inside it.
+        // The first key says what the line holds; serde reports faults inside it.
         if line.starts_with(b"{\"text\"") {
             let TextLine { text, body } = parsed(line, "a text")?;
             let body = Text::from(body);
@@ -274,7 +307,7 @@ impl Cassette {
         Ok(recorded)
     }
 
-    /// Adds an exchange behind the others. One that is there already is not added again.
+    /// Appends an exchange, unless it is there already.
     pub fn push(&mut self, request: &Request, bytes: Vec<u8>) -> Result<(), CassetteError> {
         self.push_with(request, bytes, None)
     }

@@ -1,5 +1,6 @@
-//! How a live model is reached, and what it may cost. Part of every build, so that each can read each experiment file; only the
-//! feature `live` asks. Nothing here belongs to a request's key: none of it can change what a given answer means.
+//! How a live model is reached, and what it may cost. It is part of every build, so that every build can read every
+//! experiment file; only the feature `live` asks models. Nothing here belongs to a request's key, because it cannot
+//! change what an answer means.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +11,7 @@ pub const OPENAI_COMPATIBLE: &str = "openai_compatible";
 /// `kind` of a model behind Anthropic's Messages API.
 pub const ANTHROPIC: &str = "anthropic";
 
-/// The kind that rules of this program answer; whoever answers lives elsewhere.
+/// The kind of the scripted model, which rules of this program answer; they are in the room `scripted`.
 pub const SCRIPTED: &str = "scripted";
 const KINDS: [&str; 3] = [SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC];
 const OPENAI_SAMPLING: [&str; 9] = [
@@ -25,7 +26,7 @@ const OPENAI_SAMPLING: [&str; 9] = [
     "presence_penalty",
 ];
 const ANTHROPIC_SAMPLING: [&str; 4] = ["temperature", "top_p", "top_k", "max_tokens"];
-/// Parts of a body that the client writes itself.
+/// Fields of a body that the client writes itself.
 const RESERVED: [&str; 9] =
     ["model", "messages", "system", "stream", "response_format", "tools", "tool_choice", "n", "stream_options"];
 const TOKENS_MAX: f64 = 1_000_000.0;
@@ -36,7 +37,8 @@ const WHOLE_MAX: f64 = 9_007_199_254_740_992.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClientOptions {
-    /// `http://127.0.0.1:8080/v1`, `https://api.anthropic.com`: what stands before `/chat/completions` or `/v1/messages`.
+    /// `http://127.0.0.1:8080/v1`, `https://api.anthropic.com`: the address before `/chat/completions` or
+    /// `/v1/messages`.
     pub base_url: String,
     /// NAME of the environment variable that holds the key; none where the server wants none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,7 +63,7 @@ pub struct ClientOptions {
 pub enum IncompleteReplies {
     /// The recording stops with an error that says which it was.
     Stop,
-    /// Whatever text came is recorded and judged like every reply: mostly as unusable.
+    /// The text is recorded and read like every reply. It is mostly unusable.
     Keep,
 }
 
@@ -76,6 +78,7 @@ pub struct SpendCap {
 }
 
 impl SpendCap {
+    /// Refuses caps that are no amounts.
     pub fn check(&self) -> Result<(), String> {
         not_negative("spend.usd_max", self.usd_max)
     }
@@ -86,7 +89,7 @@ pub fn is_live(kind: &str) -> bool {
     kind == OPENAI_COMPATIBLE || kind == ANTHROPIC
 }
 
-/// What is wrong with the settings of a model, if anything: place, what was found, what is expected.
+/// Refuses unusable settings of a model, with the place, what was found and what is expected.
 pub fn check(spec: &ModelSpec, client: Option<&ClientOptions>) -> Result<(), String> {
     let at = format!("models.{}", spec.name);
     if !KINDS.contains(&spec.kind.as_str()) {
@@ -159,7 +162,7 @@ fn check_sampling(spec: &ModelSpec, at: &str) -> Result<(), String> {
 }
 
 fn check_client(client: &ClientOptions, at: &str) -> Result<(), String> {
-    // A key may have been pasted into the wrong place: what was found is not repeated here.
+    // A key may have been pasted into the wrong field, so the message does not repeat the value.
     let url = &client.base_url;
     let rest = url.strip_prefix("https://").or_else(|| url.strip_prefix("http://"));
     let legal = |c: char| c.is_ascii_graphic() && !"@?#\\\"<>".contains(c);

@@ -25,26 +25,37 @@ use crate::kernel::Digest;
 /// A model's answer as it came: raw bytes, kept and re-parsed at every replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reply {
+    /// Key of the request.
     pub request: Digest,
+    /// Digest of `bytes`.
     pub response: Digest,
+    /// The answer, raw.
     pub bytes: Vec<u8>,
     /// What the provider said about the answer; no result depends on it.
     pub metadata: Option<Metadata>,
 }
 
-/// Whoever answers requests: a cassette, a recorder in front of a model, a test. Called from many threads.
+/// Something that answers requests: a cassette, a recorder in front of a model, a test. Many threads call it.
 pub trait Ask: Sync {
+    /// The answer to a request, or why there is none.
     fn ask(&self, request: &Request) -> Result<Reply, AskError>;
 }
 
-/// Why there is no answer. Never the content of a reply: that is a refusal in the attempt.
+/// Why there is no answer. An unusable reply is not an error but a [`Refusal`] in the attempt.
 #[derive(Debug, thiserror::Error)]
 pub enum AskError {
     /// Replay met a request that was not recorded.
     #[error("{0}")]
     Miss(Box<Miss>),
+    /// A model gave no answer.
     #[error("model {model}: {error}")]
-    Model { model: String, error: ModelError },
+    Model {
+        /// Name of the model.
+        model: String,
+        /// Why.
+        error: ModelError,
+    },
+    /// The store could not be read or written; it holds the reason.
     #[error("{0}")]
     Store(String),
 }
@@ -52,8 +63,11 @@ pub enum AskError {
 /// A question without a recorded answer, and what would help.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Miss {
+    /// Name of the cassette.
     pub cassette: String,
+    /// Key of the request.
     pub key: Digest,
+    /// Position of the question in the run.
     pub slot: DrawSlot,
     /// Slot of the nearest recorded exchange, if there is any.
     pub nearest: Option<DrawSlot>,

@@ -1,15 +1,15 @@
-//! Who can answer a request. Knows nothing of cassettes or of recording.
+//! What can answer a request. This module does not know cassettes or recording.
 
 use serde::{Deserialize, Serialize};
 
 use super::Request;
 use crate::kernel::{Digest, canon::CanonError};
 
-/// A model: a provider behind the network, or the scripted stand-in. Called from many threads; the answer may depend on the
-/// request only, never on how many were answered before.
+/// A model: a provider behind the network, or the scripted stand-in. Many threads call it. The answer may depend on the
+/// request only, never on earlier requests.
 pub trait Model: Sync {
-    /// The answer's content, whatever it says: judging it is the caller's work. An error means that no answer came, so that
-    /// no proposal is consumed.
+    /// The content of the answer, even if it is useless: the caller judges it. An error means that there was no answer;
+    /// then no proposal is used up.
     fn complete(&self, request: &Request) -> Result<Completion, ModelError>;
 }
 
@@ -71,32 +71,72 @@ pub enum ModelError {
     #[error(
         "no answer from {address} after {attempts} attempts: {reason}; repeat the command, what was answered is not asked again"
     )]
-    Transport { address: String, attempts: u32, reason: String },
+    Transport {
+        /// Whom it was sent to.
+        address: String,
+        /// How often it was tried.
+        attempts: u32,
+        /// What happened.
+        reason: String,
+    },
     /// The other side understood the request and refuses it; asking again would not help.
     #[error("{address} refuses the request: {reason}")]
-    Refused { address: String, reason: String },
+    Refused {
+        /// Whom it was sent to.
+        address: String,
+        /// What was said.
+        reason: String,
+    },
     /// The model itself declines to answer, or the provider's filter does.
     #[error("the model at {address} declines to answer: {reason}; {INCOMPLETE}")]
-    Declined { address: String, reason: String },
+    Declined {
+        /// Who answered.
+        address: String,
+        /// What was said.
+        reason: String,
+    },
     /// The answer was cut at the limit of tokens.
     #[error(
         "the answer of {address} was cut after {output_tokens} tokens (finish reason {finish_reason}); raise max_tokens, or {INCOMPLETE}"
     )]
-    Truncated { address: String, output_tokens: String, finish_reason: String },
+    Truncated {
+        /// Who answered.
+        address: String,
+        /// Tokens of the answer, `?` where the provider says nothing.
+        output_tokens: String,
+        /// Why the answer ended, in the provider's word.
+        finish_reason: String,
+    },
     /// An answer without content.
     #[error("the answer of {address} is empty (finish reason {finish_reason}); {INCOMPLETE}")]
-    Empty { address: String, finish_reason: String },
+    Empty {
+        /// Who answered.
+        address: String,
+        /// Why the answer ended, in the provider's word.
+        finish_reason: String,
+    },
     /// What came back is not what the protocol says.
     #[error("{address} answered with something else than the protocol says: {reason}; check base_url and kind")]
-    Malformed { address: String, reason: String },
+    Malformed {
+        /// Who answered.
+        address: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The call was not made because a cap of the experiment would be exceeded.
     #[error(
         "spend cap reached: {reason}; raise [spend] in the experiment file and repeat the `evodrive record` command: what was answered is not asked again"
     )]
-    SpendCap { reason: String },
+    SpendCap {
+        /// Which cap, and what it would take.
+        reason: String,
+    },
     /// The request cannot be answered by this model: what is missing or wrong in it, and where.
     #[error("the request cannot be answered: {reason}")]
-    Unanswerable { reason: String },
+    Unanswerable {
+        /// What is missing or wrong, and where.
+        reason: String,
+    },
 }
 
 const INCOMPLETE: &str =

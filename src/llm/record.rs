@@ -1,4 +1,5 @@
-//! Stands between a run and its models: answers what is recorded, asks what is not, and keeps every answer.
+//! The recorder between a run and its models: it answers recorded requests, asks the models the others, and keeps every
+//! answer.
 
 use std::{collections::BTreeMap, sync::Mutex};
 
@@ -11,14 +12,17 @@ use crate::{
     store::{MemoKind, Store, StoreError},
 };
 
-/// What counts as recorded already.
+/// Which answers count as recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RecordMode {
-    /// Whatever the cassette or the store's memo holds.
+    /// All answers in the cassette or in the store's memo.
     Missing,
-    /// Only what this very recording has asked before it was killed. `recording` names it, e.g. by its run folder; a new name asks
-    /// everything anew.
-    Fresh { recording: String },
+    /// Only answers that this same recording got before it was killed. `recording` names it, e.g. by its run folder; a
+    /// new name asks everything anew.
+    Fresh {
+        /// Name of the recording.
+        recording: String,
+    },
 }
 
 /// Records a run. Answers go to the store before they are used, so that a killed recording does not ask twice.
@@ -49,8 +53,8 @@ impl<'a> Record<'a> {
         Record { store, cassette, mode, models, collected: Mutex::new(BTreeMap::new()) }
     }
 
-    /// What was asked and answered, in the given order of draw slots and then, for slots not named there, in slot order:
-    /// however threads interleaved, the cassette is the same.
+    /// What was asked and answered, in the given order of draw slots and then, for slots not named there, in slot
+    /// order: the cassette is the same for any order of threads.
     pub fn into_cassette(self, name: &str, order: &[DrawSlot]) -> Result<Cassette, CassetteError> {
         let mut collected = self.collected.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         let mut ordered = Vec::new();
@@ -80,17 +84,17 @@ impl<'a> Record<'a> {
         }
         let Completion { bytes, metadata } = self.complete(request)?;
         let response = self.store.put(&bytes).map_err(on_disk)?;
-        // Before the answer, so that no answer is found without it.
+        // Written before the answer, so that no answer exists without it.
         if let Some(metadata) = &metadata {
             self.keep_metadata(&memo_key, &response, metadata)?;
         }
         match self.store.memo_put(MemoKind::Llm, &memo_key, &response) {
             Ok(()) => {
-                // A provider's answer was paid for: it survives a power cut too.
+                // A provider's answer costs money, so it must survive a power cut too.
                 metadata.is_some().then(|| self.store.flush()).transpose().map_err(on_disk)?;
                 Ok((response, metadata))
             }
-            // Two threads asked the same at once: the first answer is the answer.
+            // If two threads ask the same request at once, the first answer counts.
             Err(StoreError::Conflict { recorded, .. }) => Ok((recorded, self.kept_metadata(&memo_key, &recorded)?)),
             Err(error) => Err(on_disk(error)),
         }
@@ -100,7 +104,7 @@ impl<'a> Record<'a> {
         let text = serde_json::to_vec(metadata).map_err(|error| AskError::Store(error.to_string()))?;
         let object = self.store.put(&text).map_err(on_disk)?;
         match self.store.memo_put(MemoKind::Llm, &metadata_key(memo_key, response)?, &object) {
-            // The same answer came twice, with other counts: the first ones stay.
+            // If the same answer comes twice with different counts, the first counts stay.
             Ok(()) | Err(StoreError::Conflict { .. }) => Ok(()),
             Err(error) => Err(on_disk(error)),
         }

@@ -1,9 +1,9 @@
-//! Answers from a cassette, and a useful message where there is none. Never reaches a model.
+//! Answers from a cassette, and a useful message for a missing answer. It never asks a model.
 
 use super::{Ask, AskError, Cassette, DrawSlot, Miss, ModelError, Reply, Request, cassette::Recorded};
 use crate::store::{first_difference, shortened};
 
-/// A cassette that answers. What is not recorded is a miss: nothing goes live by accident.
+/// A cassette as the source of answers. A request without a recorded answer is a miss; no model is asked by accident.
 #[derive(Debug)]
 pub struct Replay {
     cassette: Cassette,
@@ -12,10 +12,12 @@ pub struct Replay {
 }
 
 impl Replay {
+    /// Answers from a cassette; `remedy` is the command that would record what it lacks.
     pub fn new(cassette: Cassette, remedy: impl Into<String>) -> Replay {
         Replay { cassette, remedy: remedy.into() }
     }
 
+    /// The cassette.
     pub fn cassette(&self) -> &Cassette {
         &self.cassette
     }
@@ -55,7 +57,7 @@ fn miss(cassette: &Cassette, request: &Request, key: crate::kernel::Digest, reme
     }
 }
 
-/// Same lineage and role first, then near in (epoch, slot, round). Of equals the first recorded is taken.
+/// Same lineage and role first, then near in (epoch, slot, round). If two are equally near, the one recorded first.
 fn distance(a: &DrawSlot, b: &DrawSlot) -> (bool, u32, u32, u32) {
     let elsewhere = a.lineage != b.lineage || a.role != b.role;
     (elsewhere, a.epoch.abs_diff(b.epoch), a.slot.abs_diff(b.slot), a.round.abs_diff(b.round))
@@ -95,7 +97,7 @@ fn text_difference(name: &str, old: &str, new: &str) -> String {
     }
 }
 
-/// A line as it is shown: long common beginnings are left out, so that what differs is seen.
+/// A line for the message. A long common beginning is left out, so that the difference is visible.
 fn around(line: Option<&str>, other: Option<&str>) -> String {
     let Some(line) = line else { return "no such line".to_string() };
     let common = line.char_indices().zip(other.unwrap_or("").chars()).take_while(|((_, a), b)| a == b).count();

@@ -1,4 +1,5 @@
-//! Strict reading of a reply: exactly one JSON object and nothing else. Models err in many ways; each is told by its place.
+//! Strict reading of a reply: exactly one JSON object and nothing else. Models make many kinds of errors; each is
+//! reported with its place.
 
 use serde::de::{DeserializeSeed, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
@@ -8,7 +9,7 @@ pub const MAX_BYTES: usize = 256 << 10;
 /// Objects and lists may be nested this deep.
 pub const MAX_DEPTH: usize = 64;
 
-/// Why a reply cannot be used. Not a failure of the program: it becomes part of the attempt.
+/// Why a reply cannot be used. This is not a failure of the program: it becomes part of the attempt.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line} column {column}: expected {expected}, found {found}")]
 pub struct Refusal {
@@ -16,12 +17,14 @@ pub struct Refusal {
     pub line: usize,
     /// From 1, in bytes.
     pub column: usize,
+    /// What the schema asks for.
     pub expected: String,
+    /// What the answer holds.
     pub found: String,
 }
 
-/// The one JSON object that these bytes are: UTF-8, no prose or code fence around it, no key twice in an object, every number
-/// finite, at most `MAX_BYTES` long and `MAX_DEPTH` deep.
+/// Reads the bytes as exactly one JSON object: UTF-8, no prose or code fence around it, no duplicate key in an object,
+/// every number finite, at most `MAX_BYTES` long and `MAX_DEPTH` deep.
 pub fn json_object(bytes: &[u8]) -> Result<Value, Refusal> {
     let refuse =
         |line, column, expected: &str, found: String| Refusal { line, column, expected: expected.to_string(), found };

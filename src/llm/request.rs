@@ -7,27 +7,33 @@ use super::client::SCRIPTED;
 use super::{Schema, Text};
 use crate::kernel::Digest;
 
-/// Everything that can change an answer. Every field counts into the key: what must not (api key, timeout,
-/// retries, user agent, proxy, address, prices, spend cap) is not a field here but belongs to the live client (`ClientOptions`).
+/// Everything that can change an answer. Every field is part of the key. What must not be part of it (api key, timeout,
+/// retries, user agent, proxy, address, prices, spend cap) belongs to the live client (`ClientOptions`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Version of prompts and contracts.
     pub adapter_version: u32,
+    /// Position of the question in the run.
     pub slot: DrawSlot,
+    /// Who is asked, with sampling parameters.
     pub model: ModelSpec,
+    /// The prompt, in order.
     pub messages: Vec<Message>,
     /// JSON schema that the reply must satisfy.
     pub schema: Schema,
 }
 
-/// The position in the run at which this answer is drawn: K draws of one prompt are K keys, and the order in which
-/// answers arrive can change nothing.
+/// The position in the run at which this answer is drawn. K draws of one prompt have K keys, and the order in which
+/// answers arrive changes nothing.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DrawSlot {
+    /// Which lineage.
     pub lineage: String,
+    /// Epoch, from 0.
     pub epoch: u32,
+    /// Place among the proposals of the epoch, from 0.
     pub slot: u32,
     /// `actor`, `structural_critic`, ...
     pub role: String,
@@ -48,7 +54,8 @@ pub struct ModelSpec {
     /// Sampling parameters (temperature, max_tokens, ...) and, for `scripted`, its seed and error rates. A live model's `seed` is the
     /// root of one seed a draw slot.
     pub sampling: BTreeMap<String, f64>,
-    /// How a live model is held to the schema. (Left out where there is none, so that keys of older recordings stay.)
+    /// How a live model is held to the schema. (It is left out if there is none, so that the keys of older recordings
+    /// do not change.)
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub response_format: Option<ResponseFormat>,
     /// Further fields of a live model's request, sent as they are.
@@ -57,8 +64,8 @@ pub struct ModelSpec {
 }
 
 impl ModelSpec {
-    /// What a result says about where its answers came from. It opens with the kind, so that no name can pass the scripted
-    /// stand-in off as a language model.
+    /// How results name the model. The label begins with the kind, so that no name can make the scripted stand-in look
+    /// like a language model.
     pub fn label(&self) -> String {
         if self.kind == SCRIPTED && self.name == self.kind {
             return self.kind.clone();
@@ -83,18 +90,20 @@ pub enum ResponseFormat {
     None,
 }
 
+/// One message of a prompt.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Message {
     /// `system` or `user`.
     pub role: String,
+    /// What it says.
     pub text: Text,
 }
 
 impl Request {
     /// The key of the memo and of the cassette.
     pub fn key(&self) -> Result<Digest, crate::kernel::canon::CanonError> {
-        // Long parts count by their own digests, which are worked out once for all questions that share them.
+        // Long parts enter by their own digests, which are computed once for all questions that share them.
         #[derive(Serialize)]
         struct Keyed<'a> {
             adapter_version: u32,

@@ -8,8 +8,8 @@
 //! | evaluated, a gate held | success; a motif that may be shared; failure of the world evaluator where it would have turned the candidate away |
 //! | any, where a critic objected | critic |
 //!
-//! Cards with numbers, free text or names of a family's parts stay in their lineage. A motif carries nothing but plain
-//! tags of mechanisms and scenes, so it can cross.
+//! Cards with numbers, free text or names of a family's parts stay in their lineage. A motif holds only plain tags of
+//! mechanisms and scenes, so other lineages may see it.
 
 use serde::{Deserialize, Serialize};
 
@@ -36,11 +36,13 @@ pub struct CurationOptions {
 /// What the curator needs besides the attempt.
 #[derive(Clone, Copy, Debug)]
 pub struct CurationContext<'a> {
+    /// Family of the lineage.
     pub family: &'a FamilyName,
     /// Words for the scenes of the epoch's window.
     pub scene_tags: &'a [String],
-    /// Words that belong to the family's implementation and never cross lineages.
+    /// Words of the family's implementation, which other lineages never see.
     pub private_vocabulary: &'a [String],
+    /// When cards are written.
     pub options: &'a CurationOptions,
 }
 
@@ -92,7 +94,7 @@ impl Writer<'_> {
         self.push(kind, text, tag_set(tags), false);
     }
 
-    /// A card of plain words only; none is written where no tag may cross.
+    /// A card of plain words only; `None` if no tag may be shared.
     fn motif(&mut self, kind: CardKind, outcome: &str, candidate: &Candidate) {
         let private = self.context.private_vocabulary;
         let crosses = |tag: &&String| is_plain_tag(tag) && !private.contains(tag);

@@ -1,4 +1,4 @@
-//! Cards from attempts, causal retrieval.
+//! Memory: cards from attempts, and their causal retrieval.
 
 mod curate;
 mod reflect;

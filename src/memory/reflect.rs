@@ -9,6 +9,7 @@ use super::{
 };
 use crate::objects::{Attempt, Card, CardId, CardKind, Exit, Gate, LineageId, Objectives};
 
+/// What a reflection advises.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hint {
@@ -23,6 +24,7 @@ pub enum Hint {
 }
 
 impl Hint {
+    /// The word in cards and prompts.
     pub fn name(self) -> &'static str {
         match self {
             Hint::Repair => "repair",
@@ -33,8 +35,8 @@ impl Hint {
     }
 }
 
-/// What the exits of one epoch suggest; `None` of no attempt. "Alike": at most half as many sets of mechanism tags as
-/// admitted candidates.
+/// What the exits of one epoch suggest; `None` without any attempt. "Alike": at most half as many sets of mechanism
+/// tags as admitted candidates.
 pub fn hint(attempts: &[Attempt]) -> Option<Hint> {
     let unusable = attempts.iter().filter(|a| matches!(a.exit, Exit::Declined { .. } | Exit::Invalid { .. })).count();
     let sets: BTreeSet<&[String]> = attempts.iter().filter_map(tags).collect();
@@ -53,7 +55,7 @@ pub fn hint(attempts: &[Attempt]) -> Option<Hint> {
 }
 
 /// The lineage card and the reflection card of an epoch, after its barrier. `active` are the objectives of the active
-/// parent after promotion. Both stay in their lineage. Nothing for an epoch without attempts.
+/// parent after promotion. Both cards stay in their lineage. An epoch without attempts gives no card.
 pub fn reflect(
     lineage: &LineageId,
     epoch: u32,
@@ -110,7 +112,7 @@ fn advice(hint: Hint, attempts: &[Attempt], winners: &[String]) -> String {
     format!("{}: {detail}.", hint.name())
 }
 
-/// The first failed gate that occurs most often; of equals the one that runs first.
+/// The gate that was most often the first to fail; among equals the one that runs first.
 fn commonest_gate(attempts: &[Attempt]) -> Option<String> {
     let mut counts: BTreeMap<Gate, usize> = BTreeMap::new();
     for attempt in attempts {

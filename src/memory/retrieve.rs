@@ -20,21 +20,24 @@ pub struct MemoryOptions {
     pub alpha_scene: f64,
     /// α_5: recency, 1.
     pub alpha_recency: f64,
-    /// α_6: penalty of a card from the future, 1. Retrieval never scores one: the filter comes first.
+    /// α_6: penalty of a card from the future, 1. The filter removes such cards before they are scored.
     pub alpha_future: f64,
     /// M: how many cards are shown.
     pub top_m: usize,
 }
 
-/// A weight that is no weight.
+/// An option that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("memory option {option} is {value}; expected a finite number of at least 0: correct it in the experiment file")]
 pub struct MemoryOptionsError {
+    /// Name of the option.
     pub option: &'static str,
+    /// Its value.
     pub value: f64,
 }
 
 impl MemoryOptions {
+    /// Refuses weights and counts that cannot be used.
     pub fn validate(&self) -> Result<(), MemoryOptionsError> {
         let weights = [
             ("alpha_lineage", self.alpha_lineage),
@@ -51,7 +54,7 @@ impl MemoryOptions {
     }
 }
 
-/// Who asks, and when.
+/// A query: for which parent and which epoch.
 #[derive(Clone, Copy, Debug)]
 pub struct Query<'a> {
     /// p_t: its lineage, family and mechanism tags are compared.

@@ -7,33 +7,43 @@ use crate::scene::Sample;
 /// What a vehicle can do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
+    /// Largest acceleration and deceleration, m/s².
     pub acceleration_mps2_max: f64,
+    /// Largest yaw rate, rad/s.
     pub yaw_rate_radps_max: f64,
-    /// v times yaw rate.
+    /// Largest lateral acceleration, speed times yaw rate, m/s².
     pub lateral_mps2_max: f64,
+    /// Largest speed, m/s.
     pub speed_mps_max: f64,
 }
 
 /// One control, held for a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Control {
+    /// Change of speed, m/s².
     pub acceleration_mps2: f64,
+    /// Change of heading, rad/s; positive to the left.
     pub yaw_rate_radps: f64,
 }
 
 /// Place, heading and speed along the heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
+    /// Centre of the box, metres.
     pub position: Vec2,
+    /// Counter-clockwise from +x.
     pub heading_rad: f64,
+    /// Along the heading, m/s.
     pub speed_mps: f64,
 }
 
 impl State {
+    /// The state of a recorded sample.
     pub fn of(sample: &Sample) -> State {
         State { position: sample.position, heading_rad: sample.heading_rad, speed_mps: sample.speed_mps() }
     }
 
+    /// The sample with this state; its velocity lies along the heading.
     pub fn sample(&self) -> Sample {
         let velocity = Vec2::from_heading(self.heading_rad) * self.speed_mps;
         Sample { position: self.position, heading_rad: self.heading_rad, velocity }

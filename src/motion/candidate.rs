@@ -6,13 +6,14 @@ use super::Scripted;
 use crate::kernel::num;
 use crate::scene::Sample;
 
-/// One way on for an actor: a sample every 0.1 s from the window's first step.
+/// One possible future of an actor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
+    /// The motion from the window's first step on, one sample a step of 0.1 s. `[steps]`
     pub samples: Vec<Sample>,
     /// Log-probability under the family's prior; 0 where a family has none.
     pub prior_log_probability: f64,
-    /// What the search gave it; larger is better.
+    /// The score from the search; larger is better.
     pub score: f64,
     /// Scene step from which the actor no longer follows the samples but reacts to the ego; `None`: never.
     pub handover_step: Option<usize>,
@@ -23,6 +24,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// A motion with its log-probability; its score is set by the search.
     pub fn new(samples: Vec<Sample>, prior_log_probability: f64) -> Candidate {
         let score = prior_log_probability;
         Candidate { samples, prior_log_probability, score, handover_step: None, iterate: None, scripted: None }

@@ -24,7 +24,7 @@ impl Behaviour {
     /// Words of a contract, in the order of the variants.
     pub const WORDS: [&str; 5] = ["steady", "intercept", "stop_before", "speed_up", "match_ego"];
 
-    /// What each of them does, as a model is told.
+    /// What each of them does, in words for the model.
     pub const DESCRIBES: [&str; 5] = [
         "crosses or drives on at a steady speed, whatever the ego does",
         "times its speed so that it meets the ego where their ways cross: intercepts it",
@@ -33,6 +33,7 @@ impl Behaviour {
         "matches the speed of the ego beside it and keeps parallel: blocks the lane",
     ];
 
+    /// The behaviour of a contract's word.
     pub fn of_word(word: &str) -> Option<Behaviour> {
         let all = [Self::Steady, Self::Intercept, Self::StopBefore, Self::SpeedUp, Self::MatchEgo];
         Behaviour::WORDS.iter().position(|w| *w == word).map(|i| all[i])
@@ -42,7 +43,7 @@ impl Behaviour {
 /// The numbers that a template draws, in the order of its ranges.
 pub const DRAWN: [&str; 5] = ["ahead_m", "aside_m", "speed_mps", "trigger_m", "act_within_m"];
 
-/// What they are, as a model is told.
+/// What they are, in words for the model.
 pub const DRAWN_MEANS: [&str; 5] = [
     "shift of the place along the ego's road",
     "shift of the place to the right of the ego's road",
@@ -54,6 +55,7 @@ pub const DRAWN_MEANS: [&str; 5] = [
 /// A behaviour with the bounds of its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
+    /// What the scenario's actor does.
     pub behaviour: Behaviour,
     /// Heading of the ego's road where the scenario is set off, radians: `ahead` and `aside` are seen from there.
     pub heading_rad: f64,

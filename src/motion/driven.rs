@@ -13,6 +13,6 @@ pub trait Driven: Debug + Send + Sync {
     /// The state before the window and after each of its steps.
     fn states(&self, place: &[f64]) -> Vec<State>;
 
-    /// Slope at the decision vector for slopes at the states.
+    /// The gradient at the decision vector, given the gradients at the states (chain rule).
     fn pull(&self, place: &[f64], states: &[State], slopes: &[Slope]) -> Vec<f64>;
 }

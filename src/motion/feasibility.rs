@@ -1,9 +1,10 @@
 //! AT's hard constraint: offsets from a logged path are scaled down together, θ = 1.00, 0.99, .. until the path's
 //! speed, acceleration and jerk, along and across, keep their bounds.
 //!
-//! Along and across are taken in the logged direction, so that every bound but the speed's is linear in θ and the
-//! first θ of the grid is found without trying each; what the log itself adds to a bound is worked out once a path. A bound that the log itself exceeds (noise) is widened to the
-//! log's own value: a path is never held to more than what was recorded. If no θ of the grid holds, nothing is changed.
+//! "Along" and "across" refer to the logged direction, so that every bound except the speed's is linear in θ, and the
+//! first feasible θ is found without trying each. The log's own share of a bound is computed once for each path. A
+//! bound that the log itself exceeds (noise) is widened to the log's value. If no θ of the grid is feasible, nothing is
+//! changed.
 
 use crate::kernel::Vec2;
 use crate::scene::DT_S;
@@ -11,11 +12,17 @@ use crate::scene::DT_S;
 /// Bounds of a perturbed path, SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
+    /// Largest offset from the log, metres.
     pub offset_m_max: f64,
+    /// Largest speed, m/s.
     pub speed_mps_max: f64,
+    /// Largest acceleration along, m/s².
     pub acceleration_mps2_max: f64,
+    /// Largest acceleration across, m/s².
     pub lateral_mps2_max: f64,
+    /// Largest jerk along, m/s³.
     pub jerk_mps3_max: f64,
+    /// Largest jerk across, m/s³.
     pub lateral_jerk_mps3_max: f64,
 }
 
@@ -29,7 +36,7 @@ pub struct LoggedPath {
     /// Unit direction at every point.
     directions: Vec<Vec2>,
     bounds: Bounds,
-    /// What the log leaves to offsets, one for every point that can be moved.
+    /// The margin that the log leaves for offsets, one entry for each movable point.
     rooms: Vec<Room>,
 }
 
@@ -44,6 +51,7 @@ struct Room {
 }
 
 impl LoggedPath {
+    /// A path whose first `history` points cannot move; bounds that the log exceeds are widened to the log's values.
     pub fn new(points: Vec<Vec2>, history: usize, directions: Vec<Vec2>, bounds: Bounds) -> LoggedPath {
         let mut path = LoggedPath { points, history, directions, bounds, rooms: Vec::new() };
         let own = path.extremes(&[], 0.0);
@@ -93,7 +101,8 @@ impl LoggedPath {
             let acceleration = (velocity - before[1]) * (1.0 / DT_S);
             let jerk = (acceleration - before[2]) * (1.0 / DT_S);
             before = [*offset, velocity, acceleration];
-            // Tried before it is solved for: most points bind nothing, and what holds at θ holds below it.
+            // It is tried before it is solved for: at most points no bound is active, and a bound that holds at θ holds
+            // for every smaller θ.
             if let Some(own) = room.velocity
                 && (own + velocity * theta).norm_squared() > speed_squared
             {
@@ -109,7 +118,7 @@ impl LoggedPath {
                 }
             }
         }
-        // A hair of rounding must not cost a step of the grid.
+        // A rounding error must not cost a step of the grid.
         ((theta * 100.0 + 1e-9).floor() / 100.0).clamp(0.0, 1.0)
     }
 

@@ -1,15 +1,15 @@
-//! How a vehicle model is made to follow recorded samples: the controls from which gradient searches start.
+//! Controls with which a vehicle model follows recorded samples. Gradient searches start from them.
 
 use super::Window;
 use super::bicycle::State;
 use super::kinematics::{Controls, Curved, Kinematics};
 use crate::scene::{DT_S, Sample, Track};
 
-/// The point that is steered at lies this many samples beyond the control's end.
+/// The target point for steering lies this many samples after the control's end.
 const LEAD_STEPS: usize = 5;
-/// Time in which an error along the way is made up, seconds.
+/// Time in which an error along the way is corrected, seconds.
 const CATCH_UP_S: f64 = 1.0;
-/// A nearer point is not steered at, metres.
+/// A nearer point is no target for steering, metres.
 const NEAR_M: f64 = 0.5;
 /// A shorter record cannot be followed, samples.
 const SAMPLES_MIN: usize = 10;

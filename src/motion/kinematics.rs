@@ -1,5 +1,5 @@
-//! Kinematic models as differentiable steps, and motions unrolled through them: forward for the states, backward (the
-//! adjoint) for what a slope at the states means for every control.
+//! Kinematic models as differentiable steps, and motions unrolled through them: forward for the states, backward
+//! (adjoint) for the gradients at the controls.
 
 use super::bicycle::State;
 use crate::kernel::{Vec2, num};
@@ -7,8 +7,11 @@ use crate::kernel::{Vec2, num};
 /// How a quantity changes with a state: ∂/∂position, ∂/∂heading, ∂/∂speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slope {
+    /// By the position, 1/m.
     pub position: Vec2,
+    /// By the heading, 1/rad.
     pub heading: f64,
+    /// By the speed, s/m.
     pub speed: f64,
 }
 
@@ -21,7 +24,7 @@ impl Slope {
     }
 }
 
-/// Two numbers that a vehicle is driven by; their meaning is the model's.
+/// The two controls of a vehicle; the model defines their meaning.
 pub type Controls = [f64; 2];
 
 /// A vehicle model.
@@ -143,11 +146,15 @@ fn turned(axis: Vec2, sine: f64, cosine: f64) -> Vec2 {
     axis * cosine + axis.left() * sine
 }
 
-/// Acceleration and curvature, clamped; the speed ends at 0. Who stands does not turn.
+/// A model controlled by acceleration and curvature, both clamped. The speed never falls below 0, and a standing
+/// vehicle does not turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curved {
+    /// Largest deceleration, m/s².
     pub brake_mps2_max: f64,
+    /// Largest acceleration, m/s².
     pub acceleration_mps2_max: f64,
+    /// Largest curvature, 1/m.
     pub curvature_1pm_max: f64,
 }
 

@@ -23,15 +23,16 @@ const ARC_TURN_MAX_RAD: f64 = 1.5;
 /// Heading differences beyond this are cut before they enter the quintic, radians.
 const SLOPE_MAX_RAD: f64 = 0.6;
 
-/// A way on, as points at even spacing from the vehicle's place.
+/// A possible path, as evenly spaced points from the vehicle's place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LanePath {
     points: Vec<Vec2>,
     /// Unit direction of each piece.
     directions: Vec<Vec2>,
     lengths: Vec<f64>,
-    /// Arc lengths between which a goal on this path is this path's own, metres.
+    /// Range of arc lengths in which goals belong to this path and to no other, metres.
     pub goals_m: (f64, f64),
+    /// Lane changes on the way.
     pub lane_changes: usize,
     /// How far the goal lane lies beside the vehicle's own lane, metres; `None` for arcs.
     pub sideways_m: Option<f64>,
@@ -91,7 +92,7 @@ impl LanePath {
     pub fn direction(&self, s_m: f64) -> Vec2 {
         let i = self.piece(s_m);
         let share = ((s_m - self.lengths[i]) / (self.lengths[i + 1] - self.lengths[i])).clamp(0.0, 1.0);
-        // Half way along a piece its own direction holds; at its ends the mean with the neighbour's.
+        // In the middle of a piece it is the piece's direction, at its ends the mean with the neighbour's.
         let (other, weight) = if share < 0.5 {
             (self.directions[i.saturating_sub(1)], 0.5 - share)
         } else {
@@ -108,7 +109,7 @@ impl LanePath {
     }
 }
 
-/// All ways on for a vehicle within `reach_m`.
+/// All possible paths of a vehicle within `reach_m`.
 pub fn paths(lanes: &LaneGraph, anchor: &Sample, reach_m: f64) -> Vec<LanePath> {
     let mut found = Vec::new();
     if let Some(own) = lanes.nearest_lane(anchor.position, anchor.heading_rad, LANE_WITHIN_M) {

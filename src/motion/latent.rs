@@ -1,10 +1,10 @@
-//! A linear-Gaussian latent of motion: acceleration and curvature over time are those that follow a record plus cosine
-//! modes, and the modes' coefficients are `mean + spread · z` with z standard normal.
+//! A linear-Gaussian latent space of motions: acceleration and curvature over time are those that follow the record,
+//! plus cosine modes. The modes' coefficients are `mean + spread · z` with z standard normal.
 //!
-//! It stands in for a learned variational motion prior. Mean and spread come from the candidates of the lane-graph
-//! prior: the mean is what turns the record into the most probable candidate, the spread how far the others lie from
-//! it, weighted by their probability. So z = 0 is the most probable way on, z of the record is known in closed form
-//! (its coefficients are 0), and −log p(z) is a likelihood under the map, not a distance from the record.
+//! It replaces a learned variational motion prior. Mean and spread come from the candidates of the lane-graph prior:
+//! the mean is what turns the record into the most probable candidate, the spread how far the others lie from it,
+//! weighted by their probability. So z = 0 is the most probable motion, z of the record is known in closed form (its
+//! coefficients are 0), and −log p(z) is a likelihood under the map, not a distance from the record.
 
 use super::Candidate;
 use super::Driven;
@@ -19,7 +19,9 @@ use crate::scene::{DT_S, Sample};
 pub struct LatentOptions {
     /// Cosine modes of acceleration, and as many of curvature.
     pub modes: usize,
+    /// Standard deviation of an acceleration, m/s².
     pub acceleration_spread_mps2: f64,
+    /// Standard deviation of a curvature, 1/m.
     pub curvature_spread_1pm: f64,
 }
 
@@ -38,8 +40,8 @@ pub struct LatentSpace {
 }
 
 impl LatentSpace {
-    /// Around a record, with mean and spread from candidates (none: the record is the mean). Candidates carry
-    /// normalised log-probabilities, the most probable first.
+    /// The space around a record, with mean and spread from candidates (without candidates the record is the mean).
+    /// Candidates carry normalised log-probabilities, the most probable first.
     pub fn new(start: State, samples: &[Sample], likely: &[Candidate], options: &LatentOptions) -> LatentSpace {
         let base = following::controls(&Curved::CAR, start, samples);
         let n = base.len();

@@ -1,5 +1,5 @@
-//! What moves: vehicle models, priors over motion, offsets, tokens, laws of a traffic family, and the candidate that any
-//! of them gives. Nothing here knows an ego, a program or a search.
+//! What moves: vehicle models, motion priors, offsets, tokens, the scripts of traffic families, and the candidates that
+//! they give. Nothing here knows an ego, a program or a search.
 
 pub mod bicycle;
 pub mod candidate;

@@ -1,5 +1,5 @@
-//! The lane-graph goal prior that stands in for CAT's learned one: goals along every way on, the mildest speed profile
-//! to each, a log-linear probability, and greedy suppression of goals that lie close together.
+//! The lane-graph goal prior, which replaces CAT's learned one: goals along every possible path, the mildest speed
+//! profile to each, a log-linear probability, and greedy suppression of goals that lie close together.
 //!
 //! The prior sees the lane graph and the actor, never the ego: what is likely is decided before what is dangerous.
 
@@ -9,9 +9,9 @@ use super::speed_profile::SpeedProfile;
 use crate::kernel::{Stream, Vec2, num};
 use crate::scene::{DT_S, LaneGraph, LaneIx, Sample};
 
-/// Where an arc's goal is farther than this from every lane, the deviation counts as this much, metres.
+/// Largest deviation from the lanes that counts for the goal of an arc, metres.
 const OFF_LANE_M_MAX: f64 = 6.0;
-/// Added where that lane is not on the actor's own way, metres: a lane's width.
+/// Added if that lane is not on the actor's own way, metres: a lane's width.
 const FOREIGN_LANE_M: f64 = 3.5;
 
 /// Settings of the prior; figures of the stand-in's reference in parentheses.
@@ -25,14 +25,19 @@ pub struct PriorOptions {
     pub goal_spacing_m: f64,
     /// Speed profiles: ±step, .. ±levels step (1, 3).
     pub profile_step_mps2: f64,
+    /// Acceleration profiles on each side of keeping the speed.
     pub profile_levels: usize,
     /// Scales of the log-prior's terms (2 m/s, 3 m/s², 3 m/s², 1.5 m) and the cost of a lane change (0.5).
     pub speed_change_scale_mps: f64,
+    /// Scale of the acceleration term, m/s².
     pub acceleration_scale_mps2: f64,
+    /// Scale of the lateral acceleration term, m/s².
     pub lateral_scale_mps2: f64,
+    /// Scale of the deviation from the vehicle's own lane, metres.
     pub lane_offset_scale_m: f64,
+    /// Log-prior cost of each lane change.
     pub lane_change_cost: f64,
-    /// From this rank on all candidates weigh alike (6).
+    /// From this rank on all candidates have equal probability (6).
     pub flatten_rank: usize,
 }
 
@@ -64,8 +69,8 @@ struct Goal {
 
 /// Candidate trajectories of `steps` samples after `anchor`, most probable first, log-probabilities normalised.
 ///
-/// Where fewer than `count` goals survive suppression, suppressed ones drawn at random fill up; fewer are given where
-/// there are fewer goals.
+/// If fewer than `count` goals survive suppression, suppressed ones are drawn at random to fill the list. There are
+/// fewer candidates only if there are fewer goals.
 pub fn candidates(
     lanes: &LaneGraph,
     anchor: &Sample,
@@ -93,7 +98,7 @@ pub fn speed_share(speed_mps: f64) -> f64 {
     (0.5 + 0.5 * (speed_mps - 1.4) / (11.0 - 1.4)).clamp(0.5, 1.0)
 }
 
-/// p[rank..] = p[rank], then log-softmax. `logs` are sorted, largest first.
+/// Sets `p[rank..] = p[rank]`, then takes the log-softmax. `logs` are sorted, largest first. `[candidates]`
 pub fn flatten_and_normalise(logs: &mut [f64], rank: usize) {
     if let Some(level) = logs.get(rank).copied() {
         logs[rank..].fill(level);
@@ -191,7 +196,7 @@ fn drive(way: &LanePath, goal: &Goal, anchor: &Sample, steps: usize) -> Vec<Samp
         let time_s = (k + 1) as f64 * DT_S;
         let (distance_m, speed) = (goal.profile.distance_at(time_s), goal.profile.speed_at(time_s));
         let direction = way.direction(distance_m);
-        // Someone who stands keeps the heading it stands with.
+        // A standing actor keeps its heading.
         if distance_m > 0.05 {
             last_heading = direction.heading();
         }

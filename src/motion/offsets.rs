@@ -13,6 +13,7 @@ const HISTORY: usize = 3;
 /// How offsets run between knots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
+    /// Straight lines between the given offsets.
     Linear,
     /// Uniform Catmull-Rom.
     Cubic,
@@ -26,7 +27,7 @@ pub struct OffsetSpace {
     before: Option<Sample>,
     path: LoggedPath,
     knots: usize,
-    /// What the knots before, at, after and behind a step's knot weigh, by the step's place between two knots.
+    /// Weights of the four knots around a step, by the step's position between two knots. `[position][4]`
     weights: Vec<[f64; 4]>,
 }
 
@@ -61,10 +62,12 @@ impl OffsetSpace {
         Some(OffsetSpace { before: history.last().copied(), logged, path, knots, weights })
     }
 
+    /// The logged motion that is moved. `[steps]`
     pub fn logged(&self) -> &[Sample] {
         &self.logged
     }
 
+    /// The logged path with its bounds.
     pub fn path(&self) -> &LoggedPath {
         &self.path
     }
@@ -95,7 +98,7 @@ impl OffsetSpace {
         self.path.scale(offsets)
     }
 
-    /// Adds to `slope`, at the coordinates, what a slope at the offset of a sample means for them.
+    /// Adds to `slope` the gradient at the coordinates, given the gradient at the offset of a sample.
     pub fn pull(&self, step: usize, offset_slope: Vec2, slope: &mut [f64]) {
         let pulled = offset_slope * self.path.bounds().offset_m_max;
         let k = step / self.weights.len();

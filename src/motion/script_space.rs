@@ -1,20 +1,38 @@
-//! Spaces of scenarios for black-box searches: a cube [0, 1]^n of numbers, and the scenario that each of its points is.
+//! Spaces of scenarios for black-box searches: a cube [0, 1]^n, each point of which describes a scenario.
 
 use super::chat_template::Template;
 use crate::kernel::{Vec2, num};
 use crate::sim::{Action, Phase, Script, Speed, Until, Way};
 
-/// Numbers of a profile in the SafeBench ports: one a tick of 0.1 s from the trigger on.
+/// Length of a profile in the SafeBench ports: one number for each tick of 0.1 s from the trigger on.
 pub const PROFILE_VALUES: usize = 100;
 
-/// What the numbers change of the base scenario's adversary.
+/// How the numbers change the adversary of the base scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Perturbation {
-    /// AdvSim: the speed asked for at every tick, `u * mps_max`, after a stretch that stays as it is.
-    Speeds { mps_max: f64, lead: Option<Phase>, smoothing: usize },
+    /// AdvSim: the target speed at every tick, `u * mps_max`, after a first phase that does not change.
+    Speeds {
+        /// Speed asked for at u = 1, m/s.
+        mps_max: f64,
+        /// What comes before the profile and stays as it is.
+        lead: Option<Phase>,
+        /// Width of the moving average over the numbers.
+        smoothing: usize,
+    },
     /// AT: one point to steer at for every tick, along a straight path of `length_m` from the spawn, moved by
     /// `(2u - 1) * amplitude_m` to the right.
-    Lateral { amplitude_m: f64, length_m: f64, mps: f64, lead: Option<Phase>, smoothing: usize },
+    Lateral {
+        /// Offset at u = 1, metres to the right.
+        amplitude_m: f64,
+        /// Length of the straight path, metres.
+        length_m: f64,
+        /// Speed along it, m/s.
+        mps: f64,
+        /// What comes before the profile and stays as it is.
+        lead: Option<Phase>,
+        /// Width of the moving average over the numbers.
+        smoothing: usize,
+    },
     /// ChatScene: the values of a template's ranges.
     Template(Template),
 }
@@ -22,13 +40,16 @@ pub enum Perturbation {
 /// A scenario with the numbers that may change it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScriptSpace {
+    /// The scenario that is changed.
     pub base: Vec<Action>,
     /// The action that is perturbed.
     pub adversary: usize,
+    /// How the numbers change it.
     pub perturbation: Perturbation,
 }
 
 impl ScriptSpace {
+    /// How many numbers a point has.
     pub fn dimensions(&self) -> usize {
         match &self.perturbation {
             Perturbation::Template(template) => template.ranges.len(),

@@ -1,10 +1,10 @@
-//! How near two bodies are, with slopes: the distance of a point from a box (KING's attraction and repulsion) and the
-//! overlap of disc chains (STRIVE's soft contact).
+//! The distance of two bodies with its gradients: the distance of a point from a box (KING's attraction and repulsion)
+//! and the overlap of disc chains (STRIVE's soft contact).
 
 use super::kinematics::Slope;
 use crate::kernel::{OrientedBox, Vec2};
 
-/// What happens to a pose when a point fixed to its body is pulled.
+/// The gradient at a pose, given the gradient at a point that is fixed to its body.
 pub fn on_body(pull: Vec2, arm: Vec2) -> Slope {
     Slope { position: pull, heading: pull.dot(arm.left()), speed: 0.0 }
 }
@@ -75,7 +75,7 @@ pub fn disc_overlap(a: &OrientedBox, b: &OrientedBox, buffer_m: f64) -> Option<(
         return None;
     }
     let distance = squared.sqrt();
-    // Bodies on the very same place are pushed apart along the first one's axis.
+    // Two bodies at exactly the same place are pushed apart along the first one's axis.
     let unit = if distance > 1e-9 { between * (1.0 / distance) } else { a.axis };
     let pull = unit * (-1.0 / reach);
     Some((1.0 - distance / reach, on_body(pull, own), on_body(-pull, theirs)))

@@ -3,8 +3,11 @@
 /// Acceleration until `until_s`, then constant speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedProfile {
+    /// Speed at the start, m/s.
     pub speed_mps: f64,
+    /// Constant acceleration, m/s².
     pub acceleration_mps2: f64,
+    /// When the acceleration ends, seconds from the start.
     pub until_s: f64,
 }
 

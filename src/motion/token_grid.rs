@@ -10,7 +10,7 @@ pub const SIDE: usize = 33;
 pub const TOKENS: usize = SIDE * SIDE;
 /// Scene steps of a token.
 pub const TOKEN_STEPS: usize = 5;
-/// Tokens this much less likely than the best are looked at only where everything likelier is refused.
+/// Tokens this much less likely than the best are considered only if all likelier ones are refused.
 const NEGLIGIBLE: f64 = 14.0;
 /// Tokens this much less likely than the best are never taken.
 const IMPOSSIBLE: f64 = 500.0;
@@ -33,14 +33,15 @@ pub fn control(token: usize) -> Control {
 /// How tokens are drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nucleus {
-    /// Only the likeliest tokens that together hold this share are drawn from (top-p).
+    /// Draws only from the likeliest tokens that together have this probability (top-p).
     pub share: f64,
+    /// Softmax temperature of the draw.
     pub temperature: f64,
 }
 
 /// A token by its log-probability, `logs[token]`, none of them infinite or NaN, with the normalised log-probability it
-/// was drawn with. What `refused` says is not taken: the draw is repeated among the rest of the nucleus, then goes on
-/// in order of probability. `None` where everything of any probability is refused.
+/// was drawn with. A token that `refused` rejects is not taken: the draw is repeated among the rest of the nucleus,
+/// then continues in order of probability. `None` if every possible token is refused.
 pub fn draw(
     logs: &[f64],
     nucleus: &Nucleus,

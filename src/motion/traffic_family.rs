@@ -1,4 +1,4 @@
-//! SafeBench's eight scenarios as they are scripted: which actors stand where and do what, given the numbers that the
+//! SafeBench's eight scenarios as scripts: where the actors stand and what they do, given the numbers that the
 //! benchmark calls a scenario's parameters. AdvSim, the AT port and the human-designed grid all start from these.
 
 use crate::kernel::{Pose, num};
@@ -9,7 +9,9 @@ use crate::sim::{Action, Phase, Script, Trigger, Until};
 /// A parameter of a family's scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FamilyParameter {
+    /// Name in the benchmark's files.
     pub name: &'static str,
+    /// Unit of its value.
     pub unit: &'static str,
     /// SafeBench's standard value.
     pub standard: f64,
@@ -93,15 +95,39 @@ pub fn adversary(family: TrafficFamily) -> usize {
     }
 }
 
-/// Why a family's actors cannot be put on a scene.
+/// Why a family's actors cannot be placed in a scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
+    /// The number of parameters is not the family's.
     #[error("{family} takes {expected} parameters, found {found}")]
-    Count { family: &'static str, expected: usize, found: usize },
+    Count {
+        /// Name of the traffic family.
+        family: &'static str,
+        /// How many it has.
+        expected: usize,
+        /// How many were given.
+        found: usize,
+    },
+    /// A parameter's value cannot be used.
     #[error("{family}: {name} is {found}, expected a number from 0 to 1000")]
-    Value { family: &'static str, name: &'static str, found: f64 },
+    Value {
+        /// Name of the traffic family.
+        family: &'static str,
+        /// Name of the parameter.
+        name: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The road has no place for the scenario.
     #[error("{scene}: {family} needs {what}, which the scene does not have")]
-    Place { scene: String, family: &'static str, what: &'static str },
+    Place {
+        /// Id of the scene.
+        scene: String,
+        /// Name of the traffic family.
+        family: &'static str,
+        /// What the road lacks.
+        what: &'static str,
+    },
 }
 
 /// Length and width, metres.
@@ -199,7 +225,7 @@ fn walker_behind_a_machine(stage: &Stage<'_>, speed_mps: f64, trigger_m: f64, st
     ]
 }
 
-/// Families 5 to 8: straight on from its frame, until it is out of the way.
+/// Families 5 to 8: the actor drives straight on from its frame until it has left the crossing.
 fn crossing_car(family: TrafficFamily, spawn: Pose, speed_mps: f64, trigger_m: f64) -> Action {
     let waits = family == TrafficFamily::RedLightRunning;
     let far_m = match family {

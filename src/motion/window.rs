@@ -3,6 +3,8 @@
 /// The steps at which an actor's motion is changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Window {
+    /// Scene step of the first changed sample.
     pub from_step: usize,
+    /// How many samples are changed.
     pub steps: usize,
 }

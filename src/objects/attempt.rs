@@ -14,17 +14,25 @@ use crate::kernel::Digest;
 /// One proposal from the first prompt to the archive's decision.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attempt {
+    /// Lineage, epoch and slot in one name.
     pub id: AttemptId,
+    /// The lineage that it was proposed in.
     pub lineage: LineageId,
+    /// Epoch, from 0.
     pub epoch: u32,
+    /// Place among the proposals of its epoch, from 0.
     pub slot: u32,
+    /// The program that it wanted to change.
     pub parent: SolutionId,
+    /// Hash of that program's content.
     pub parent_hash: Digest,
     /// What the search was asked for in this slot.
     pub target: String,
     /// Cards that the actor was shown.
     pub memory_shown: Vec<CardId>,
+    /// What the agents said and answered.
     pub proposal: Proposal,
+    /// How far it came.
     pub exit: Exit,
 }
 
@@ -40,7 +48,9 @@ pub struct Proposal {
 /// One question to a model and the bytes that came back.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exchange {
+    /// Who was asked.
     pub role: Role,
+    /// Repair round, from 0: the actor's own proposal is round 0.
     pub round: u32,
     /// Key of the request.
     pub request: Digest,
@@ -52,9 +62,12 @@ pub struct Exchange {
     pub refusal: Option<String>,
 }
 
+/// One patch and what the critics said about it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Round {
+    /// The patch as parsed; `None` where the answer held none.
     pub patch: Option<ProgramPatch>,
+    /// One review a critic, in the order in which they were asked.
     pub reviews: Vec<Review>,
 }
 
@@ -70,16 +83,41 @@ impl Proposal {
 #[serde(rename_all = "snake_case", tag = "exit")]
 pub enum Exit {
     /// No usable patch came out of the role loop.
-    Declined { reason: String },
+    Declined {
+        /// Why there is no usable patch.
+        reason: String,
+    },
     /// A gate failed; nothing was simulated.
-    Invalid { gates: GateReport },
+    Invalid {
+        /// What each gate said.
+        gates: GateReport,
+    },
     /// The world evaluator judged it not worth a rollout.
-    Rejected { gates: GateReport, candidate: Box<Candidate>, route: Route },
+    Rejected {
+        /// What each gate said.
+        gates: GateReport,
+        /// The admitted child.
+        candidate: Box<Candidate>,
+        /// Why the world evaluator judged a rollout not worth its cost.
+        route: Route,
+    },
     /// It has labels from the simulator.
-    Evaluated { gates: GateReport, candidate: Box<Candidate>, route: Route, score: Score, decision: Decision },
+    Evaluated {
+        /// What each gate said.
+        gates: GateReport,
+        /// The admitted child.
+        candidate: Box<Candidate>,
+        /// Why it was simulated.
+        route: Route,
+        /// What the rollouts measured.
+        score: Score,
+        /// What the archive made of the score.
+        decision: Decision,
+    },
 }
 
 impl Exit {
+    /// The word for it in events, reports and counts.
     pub fn name(&self) -> &'static str {
         match self {
             Exit::Declined { .. } => "declined",
@@ -89,7 +127,7 @@ impl Exit {
         }
     }
 
-    /// The admitted child, where it came that far.
+    /// The admitted child; `None` if the gates did not admit one.
     pub fn candidate(&self) -> Option<&Candidate> {
         match self {
             Exit::Declined { .. } | Exit::Invalid { .. } => None,
@@ -97,6 +135,7 @@ impl Exit {
         }
     }
 
+    /// What the gates said; `None` where no gate was reached.
     pub fn gates(&self) -> Option<&GateReport> {
         match self {
             Exit::Declined { .. } => None,
@@ -104,6 +143,7 @@ impl Exit {
         }
     }
 
+    /// Where the world evaluator sent it; `None` before that stage.
     pub fn route(&self) -> Option<&Route> {
         match self {
             Exit::Declined { .. } | Exit::Invalid { .. } => None,
@@ -111,6 +151,7 @@ impl Exit {
         }
     }
 
+    /// What the rollouts measured; `None` where there were none.
     pub fn score(&self) -> Option<&Score> {
         match self {
             Exit::Evaluated { score, .. } => Some(score),
@@ -118,6 +159,7 @@ impl Exit {
         }
     }
 
+    /// What the archive decided; `None` without a score.
     pub fn decision(&self) -> Option<&Decision> {
         match self {
             Exit::Evaluated { decision, .. } => Some(decision),
@@ -130,33 +172,45 @@ impl Exit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gate {
+    /// The patch has the required fields, with values of the right type.
     Schema,
+    /// The patch names this parent and its hash.
     Parent,
+    /// The child obeys its family's contract (I_b).
     Interface,
+    /// Nothing in the patch belongs to another family.
     Isolation,
+    /// The patch touches nothing that is protected: ego, scenes, metrics, acceptor.
     Protected,
+    /// Every mechanism of the child can be parsed, typed and bounded.
     Mechanism,
+    /// The child compiles on the probe scenes.
     Compile,
 }
 
-/// All seven verdicts. A gate that could not run because an earlier one left nothing to look at fails too.
+/// All seven verdicts. A gate also fails if it could not run, because an earlier gate left nothing to check.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GateReport {
+    /// One verdict a gate, in the order in which the gates ran.
     pub verdicts: Vec<GateVerdict>,
 }
 
 impl GateReport {
+    /// Whether every gate let it through.
     pub fn passed(&self) -> bool {
         self.verdicts.len() == 7 && self.verdicts.iter().all(|v| v.problems.is_empty())
     }
 
+    /// The gates that did not, in their order.
     pub fn failed(&self) -> impl Iterator<Item = &GateVerdict> {
         self.verdicts.iter().filter(|v| !v.problems.is_empty())
     }
 }
 
+/// What one gate said.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GateVerdict {
+    /// Which gate.
     pub gate: Gate,
     /// Empty = passed. Each says place, what was found, what is expected.
     pub problems: Vec<String>,
@@ -165,8 +219,11 @@ pub struct GateVerdict {
 /// An admitted child program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
+    /// The child.
     pub program: Program,
+    /// Hash of the child's content.
     pub program_hash: Digest,
+    /// Digest of the patch that made it.
     pub patch_hash: Digest,
     /// Tags of its mechanisms, sorted, without repeats.
     pub mechanism_tags: Vec<String>,
@@ -175,19 +232,27 @@ pub struct Candidate {
 /// What the world evaluator predicted and decided (paper eq. method-routing).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Route {
+    /// d_φ: simulate or not.
     pub decision: RouteDecision,
+    /// Why, in words for people.
     pub reason: String,
     /// Digest of the world snapshot that decided.
     pub snapshot: Digest,
+    /// Mean prediction over the routing scenes (paper F̂_φ).
     pub predicted: Objectives,
+    /// Û_φ, the aggregated uncertainty of that prediction.
     pub uncertainty: f64,
 }
 
+/// d_φ: what the world evaluator does with a candidate (paper eq. method-routing).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RouteDecision {
+    /// Promising and certain enough: simulate.
     Select,
+    /// Not worth a rollout: do not simulate.
     Reject,
+    /// Simulate in spite of a weak prediction, to check the evaluator.
     Audit,
 }
 
@@ -198,33 +263,45 @@ pub struct Decision {
     pub promoted: bool,
     /// Whether it is a member of the non-dominated set after the decision.
     pub on_front: bool,
+    /// The three acceptance gates.
     pub gates: AcceptanceGates,
 }
 
 /// The three acceptance gates (paper, section Simulator Evaluation and Pareto Archive) with what they compared.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AcceptanceGates {
+    /// Whether it makes the front denser.
     pub densification: Densification,
+    /// Whether it pushes the front in a region of high realism or high attack.
     pub local_push: LocalPush,
+    /// Whether it improves on its parent at a bounded loss.
     pub parent_tradeoff: ParentTradeoff,
 }
 
 impl AcceptanceGates {
+    /// Whether at least one gate accepts.
     pub fn any(&self) -> bool {
         self.densification.holds || self.local_push.holds || self.parent_tradeoff.holds
     }
 }
 
+/// Frontier densification: non-dominated, with a gain of hypervolume.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Densification {
+    /// Whether the gate accepts.
     pub holds: bool,
+    /// Whether no member of the front dominates it.
     pub non_dominated: bool,
+    /// Hypervolume of the front without it.
     pub hypervolume_before: f64,
+    /// ΔHV(c): hypervolume with it minus hypervolume without it.
     pub hypervolume_gain: f64,
 }
 
+/// Local frontier push: better attack at high realism, or better realism at high attack.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LocalPush {
+    /// Whether the gate accepts.
     pub holds: bool,
     /// Largest attack of the front where R >= r0; `None` where that region is empty.
     pub best_attack_at_r0: Option<f64>,
@@ -232,9 +309,13 @@ pub struct LocalPush {
     pub best_realism_at_a0: Option<f64>,
 }
 
+/// Parent trade-off push: one objective better, the other not worse than a tolerance allows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParentTradeoff {
+    /// Whether the gate accepts.
     pub holds: bool,
+    /// A(c) - A(p).
     pub attack_change: f64,
+    /// R(c) - R(p).
     pub realism_change: f64,
 }

@@ -1,17 +1,21 @@
-//! Scores of SafeBench's protocol: over groups of a traffic family and a route, families counting alike.
+//! Scores of SafeBench's protocol over groups (a traffic family and a route). All families have the same weight.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::ids::{LineageId, SolutionId};
 
-/// One run as the overall score's formula reads it.
+/// The quantities of one run that the overall score uses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
+    /// Whether the ego touched anyone.
     pub collision: bool,
+    /// Red lights that the ego ran.
     pub red_lights: f64,
+    /// Stop signs that the ego ran.
     pub stop_signs: f64,
+    /// Metres that the ego drove off the road.
     pub off_road_m: f64,
     /// Mean over time.
     pub route_distance_m: f64,
@@ -23,6 +27,7 @@ pub struct Run {
     pub acceleration_mps2: f64,
     /// Sum of absolute heading changes over the duration.
     pub yaw_rate_radps: f64,
+    /// Lanes that the ego invaded.
     pub lane_invasions: f64,
 }
 
@@ -30,16 +35,19 @@ pub struct Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRealism {
+    /// Whether the scene is valid at all.
     pub valid: bool,
     /// S_kin, S_map, S_int, S_dist, each 0..=1.
     pub sub_scores: [f64; 4],
 }
 
-/// One labelled run of a staged scene: all that SafeBench's scores of a set of runs are made of.
+/// One labelled run of a staged scene. SafeBench's scores of a set of runs are computed from these alone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SafebenchRun {
+    /// What happened.
     pub run: Run,
+    /// How realistic the adversaries were.
     pub realism: RunRealism,
 }
 
@@ -48,10 +56,11 @@ pub struct SafebenchRun {
 pub struct BenchmarkRow {
     /// CR.
     pub collision_rate: f64,
-    /// OS; lower is a stronger scenario. Below 0 where rules are broken without measure.
+    /// OS; a lower value means a stronger scenario. It can fall below 0 if rules are broken very often.
     pub overall_score: f64,
     /// ARS.
     pub realism: f64,
+    /// Share of the runs that are valid, 0..=1.
     pub valid_rate: f64,
     /// CR (1 - OS).
     pub attack: f64,
@@ -60,22 +69,26 @@ pub struct BenchmarkRow {
 /// Rows of a set of runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Benchmark {
+    /// Number of runs behind the figures.
     pub runs: usize,
     /// Scenes that could not be run; they count as invalid.
     pub failures: usize,
     /// By traffic family, over all its routes.
     pub families: BTreeMap<String, BenchmarkRow>,
-    /// Means over the families; attack is that of the means, as in the paper's tables.
+    /// Means over the families. Attack is computed from the mean CR and OS, as in the paper's tables.
     pub mean: BenchmarkRow,
 }
 
 /// The archive of a lineage after some rounds: per group the scenes that balanced selection keeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArchiveRound {
+    /// Whose archive.
     pub lineage: LineageId,
     /// 0: the parent's scenes alone.
     pub round: u32,
+    /// The benchmark's figures of the round.
     pub benchmark: Benchmark,
+    /// The scenes that were selected.
     pub selected: Vec<SelectedScene>,
 }
 
@@ -90,7 +103,8 @@ pub struct SelectedScene {
     pub solution: SolutionId,
     /// Contribution of the run alone.
     pub attack: f64,
+    /// Realism of the selected run, 0..=1.
     pub realism: f64,
-    /// What it adds to the score of any set of runs.
+    /// The run itself, to compute the score of any set of runs.
     pub run: SafebenchRun,
 }

@@ -1,4 +1,4 @@
-//! Composition of a template from a description: what may be chosen, what a model chose, and how that was found.
+//! Composition of a template from a description: the choices, what a model chose, and the record of how it did so.
 
 use std::collections::BTreeMap;
 
@@ -11,29 +11,37 @@ use super::{attempt::Exchange, ids::LineageId};
 pub struct BehaviourForm {
     /// The contract's word for it.
     pub word: &'static str,
+    /// What the behaviour does, for the prompt.
     pub describes: &'static str,
 }
 
 /// A number that a template draws from a range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RangeForm {
+    /// Name in the answer.
     pub name: &'static str,
+    /// Unit of both ends.
     pub unit: &'static str,
+    /// What the number does, for the prompt.
     pub describes: &'static str,
-    /// A range may not leave these.
+    /// Smallest value of the lower end, in `unit`.
     pub low_min: f64,
+    /// Largest value of the upper end, in `unit`.
     pub high_max: f64,
     /// The range of the published template.
     pub published: [f64; 2],
 }
 
-/// What a model may choose from for one kind of scenario: the snippets that a template is put together from.
+/// The choices of a model for one kind of scenario.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TemplateForm {
+    /// Kind of scenario.
     pub kind: &'static str,
+    /// The behaviours to choose from.
     pub behaviours: Vec<BehaviourForm>,
     /// Behaviour of the published template.
     pub published: &'static str,
+    /// The ranges to fill in.
     pub ranges: Vec<RangeForm>,
 }
 
@@ -41,14 +49,16 @@ pub struct TemplateForm {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Composition {
+    /// Name of the chosen behaviour.
     pub behaviour: String,
     /// Name of a drawn number -> low and high, in its unit; all numbers of the form.
     pub ranges: BTreeMap<String, [f64; 2]>,
+    /// Why, in the model's words.
     pub reason: String,
 }
 
 impl TemplateForm {
-    /// What keeps a composition from being used, with what is expected.
+    /// Why a composition cannot be used, and what is expected.
     pub fn fault(&self, template: &Composition) -> Option<String> {
         if !self.behaviours.iter().any(|form| form.word == template.behaviour) {
             let words: Vec<&str> = self.behaviours.iter().map(|form| form.word).collect();
@@ -72,7 +82,9 @@ impl TemplateForm {
 /// How the template of one kind of scenario of one lineage was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Composed {
+    /// Whose parent was composed.
     pub lineage: LineageId,
+    /// Kind of scenario.
     pub kind: String,
     /// What the experiment file asks for.
     pub description: String,
@@ -83,7 +95,7 @@ pub struct Composed {
 }
 
 impl Composed {
-    /// `<lineage>/<kind>`: how it is asked for.
+    /// `<lineage>/<kind>`: its name in commands.
     pub fn name(&self) -> String {
         format!("{}/{}", self.lineage, self.kind)
     }

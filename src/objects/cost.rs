@@ -1,4 +1,4 @@
-//! What a run cost, by lineage. It stands beside a run, never in it: no event and no digest holds a time.
+//! The cost of a run, by lineage. It is kept beside the run, never in it: no event and no digest contains a time.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,31 +7,39 @@ use super::ids::{FamilyName, LineageId};
 /// Version of the file that holds a [`RunCost`].
 pub const FORMAT: &str = "evodrive-cost/1";
 
-/// Work done for one lineage. What was read from the store cost nothing and counts nowhere.
+/// Work done for one lineage. Results that were read from the store are not counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Work {
     /// Time from one lineage's end to the next one's, seconds: the lineages of a run take turns.
     pub wall_s: f64,
     /// Scenes for which a program was compiled, and the time that it took, summed over threads.
     pub compiled: usize,
+    /// Compiling, seconds.
     pub compile_s: f64,
     /// Rollouts that were simulated, and the time that it took, summed over threads.
     pub rollouts: usize,
+    /// Rollouts, seconds.
     pub rollout_s: f64,
     /// Answers of models, from a cassette too, and the time that they took, summed over threads.
     pub answers: usize,
+    /// Waiting for models, seconds.
     pub model_s: f64,
     /// As the providers counted them; 0 where they said nothing, as the scripted model does.
     pub input_tokens: u64,
+    /// Tokens of the answers, where a provider reported them.
     pub output_tokens: u64,
 }
 
 /// A lineage's work.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LineageCost {
+    /// Whose cost.
     pub lineage: LineageId,
+    /// Its family.
     pub family: FamilyName,
+    /// Its ego.
     pub ego: String,
+    /// What it cost.
     #[serde(flatten)]
     pub work: Work,
 }
@@ -39,11 +47,15 @@ pub struct LineageCost {
 /// The cost of carrying a run out once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunCost {
+    /// Name and version of this format.
     pub format: String,
+    /// Worker threads of the run.
     pub threads: usize,
     /// Distinct rollouts simulated, and read from the store.
     pub simulated: usize,
+    /// Distinct rollouts read from the store.
     pub reused: usize,
+    /// One entry a lineage.
     pub lineages: Vec<LineageCost>,
 }
 

@@ -1,4 +1,5 @@
-//! Counsel: who is advised to attack in a scene, and how that was found: proposed by a model, tried, reflected upon.
+//! Counsel: which vehicles are advised to attack in a scene, and how that was found: a model proposes, the simulator
+//! tries, the model reflects.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,41 +7,46 @@ use super::{attempt::Exchange, ids::LineageId};
 use crate::kernel::{Digest, canon::CanonError};
 use crate::scene::TrackIx;
 
-/// What a compilation reads of it: an input beside program, scene and ego.
+/// The counsel as the compiler reads it, an input beside program, scene and ego.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counsel {
-    /// Vehicles that are to attack together, the leader first. Empty: nobody is advised.
+    /// Vehicles that should attack together, the leader first. Empty if nobody is advised.
     pub attackers: Vec<TrackIx>,
 }
 
 impl Counsel {
-    /// Part of the keys of rollouts and trials that rest on it.
+    /// It is part of the keys of rollouts and trials that use the counsel.
     pub fn digest(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/counsel/1", self)
     }
 
-    /// Place of a vehicle among the advised attackers, from 1; `None` where it is not advised.
+    /// Rank of a vehicle among the advised attackers, from 1; `None` if it is not one of them.
     pub fn rank(&self, track: TrackIx) -> Option<usize> {
         self.attackers.iter().position(|attacker| *attacker == track).map(|place| place + 1)
     }
 }
 
-/// A vehicle that may attack, as a model is shown it: what is known of it at the last step of the history.
+/// A vehicle that may attack, as a model sees it: its state at the last step of the history.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vehicle {
+    /// Which track of the scene.
     pub track: TrackIx,
     /// The track's id in its scene, by which the model names it.
     pub id: String,
+    /// Length of its box, metres.
     pub length_m: f64,
     /// Place along the ego's heading, positive ahead, and across it, positive to the left.
     pub ahead_m: f64,
+    /// Place across the ego's heading, metres; positive to the left.
     pub left_m: f64,
     /// Between the two boxes.
     pub gap_m: f64,
+    /// Speed now, m/s.
     pub speed_mps: f64,
     /// Absolute difference to the ego's heading, 0..pi.
     pub heading_difference_rad: f64,
+    /// Its lane as seen from the ego's.
     pub lane: LaneRelation,
     /// Gap over closing speed; `None` where the distance does not shrink.
     pub time_to_collision_s: Option<f64>,
@@ -58,6 +64,7 @@ pub enum LaneRelation {
     Same,
     /// Beside it, in the same direction.
     Adjacent,
+    /// Any other lane, or none.
     Other,
 }
 
@@ -73,6 +80,7 @@ pub enum Failure {
     EgoYielded,
     /// The attacker reaches the place where the paths meet after the ego, or before it.
     Late,
+    /// The attacker reaches that place before the ego.
     Early,
 }
 
@@ -82,13 +90,18 @@ pub enum Failure {
 pub enum Trial {
     /// An attacker met the ego.
     Contact,
+    /// It came near, or tried to, without contact.
     Missed {
+        /// Why there was no contact.
         failure: Failure,
         /// Smallest distance of the ego to an attacker, metres; `None` where none was measured.
         distance_m_min: Option<f64>,
     },
-    /// The program cannot attack so in this scene.
-    Refused { reason: String },
+    /// The program cannot attack with this set in this scene.
+    Refused {
+        /// Why the set could not be tried.
+        reason: String,
+    },
 }
 
 impl Trial {
@@ -101,7 +114,7 @@ impl Trial {
         }
     }
 
-    /// The code by which the next round is chosen, in one word.
+    /// The result in one word; the next round is chosen by it.
     pub fn code(&self) -> &'static str {
         match self {
             Trial::Contact => "contact",
@@ -121,6 +134,7 @@ impl Trial {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Proposer {
+    /// The model named the set.
     Model,
     /// The family's own order, because the model's answer could not be used.
     Rules,
@@ -131,15 +145,20 @@ pub enum Proposer {
 pub struct CounselRound {
     /// Ids of the tracks, the leader first.
     pub attackers: Vec<String>,
+    /// Why, in the proposer's words.
     pub reason: String,
+    /// Who named the set.
     pub proposed_by: Proposer,
+    /// What the simulator made of it.
     pub trial: Trial,
 }
 
 /// How the counsel for one scene of one lineage was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counselled {
+    /// For which lineage.
     pub lineage: LineageId,
+    /// For which scene.
     pub scene: String,
     /// Hash of the program that carried the proposals out: the lineage's parent without a search of its own.
     pub program: Digest,
@@ -147,20 +166,22 @@ pub struct Counselled {
     pub exchanges: Vec<Exchange>,
     /// None where the scene has no vehicle that could attack.
     pub rounds: Vec<CounselRound>,
+    /// What was advised in the end.
     pub counsel: Counsel,
-    /// Of the counsel, as it stands in keys.
+    /// Digest of the counsel, as it is used in keys.
     pub digest: Digest,
 }
 
 impl Counselled {
-    /// `<lineage>/<scene>`: how it is asked for.
+    /// `<lineage>/<scene>`: its name in commands.
     pub fn name(&self) -> String {
         format!("{}/{}", self.lineage, self.scene)
     }
 
-    /// The round whose set became the counsel: the nearest, the earliest of equals; `None` where no set could attack.
+    /// The round whose set became the counsel: the nearest, and among equals the earliest; `None` if no set could
+    /// attack.
     pub fn chosen(&self) -> Option<&CounselRound> {
-        let told = self.rounds.iter().filter(|round| round.trial.distance_m().is_finite());
-        told.min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))
+        let measured = self.rounds.iter().filter(|round| round.trial.distance_m().is_finite());
+        measured.min_by(|a, b| a.trial.distance_m().total_cmp(&b.trial.distance_m()))
     }
 }

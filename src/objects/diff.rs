@@ -1,5 +1,5 @@
-//! What a patch changed, for people: unified diffs of programs, one-line summaries of patches, and the surfaces
-//! that a patch touches (paper fig. patch-surface-distribution).
+//! What a patch changed, for readers: unified diffs of programs, one-line summaries of patches, and the surfaces that a
+//! patch touches (paper fig. patch-surface-distribution).
 
 use serde::Serialize;
 use similar::TextDiff;
@@ -22,17 +22,22 @@ const SUMMARY_OPERATIONS_MAX: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Surface {
+    /// θ
     Parameters,
+    /// G
     OperatorGraph,
+    /// ρ
     ScenarioConditionedPolicy,
+    /// H
     MechanismModules,
 }
 
 impl Surface {
+    /// All surfaces, in the order of the paper's tuple.
     pub const ALL: [Surface; 4] =
         [Surface::Parameters, Surface::OperatorGraph, Surface::ScenarioConditionedPolicy, Surface::MechanismModules];
 
-    /// As in paths, without the slash.
+    /// The name as in paths, without the slash.
     pub fn name(self) -> &'static str {
         EDITABLE_SURFACE[self as usize].trim_start_matches('/')
     }

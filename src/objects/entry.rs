@@ -1,4 +1,4 @@
-//! What the archive keeps of one evaluated candidate (paper, appendix Archive, Memory, and Retrieval).
+//! The archive's record of one evaluated candidate (paper, appendix Archive, Memory, and Retrieval).
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,32 +10,38 @@ use super::{
 };
 use crate::kernel::{Digest, num};
 
-/// One point of the attack-realism plane with everything needed to find what it rests on.
+/// One point of the attack-realism plane, with references to everything that it is based on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
+    /// Which program.
     pub solution: SolutionId,
     /// `None` for the parent with which a lineage starts: nobody proposed it.
     pub attempt: Option<AttemptId>,
+    /// Hash of its content.
     pub program_hash: Digest,
+    /// Its family.
     pub family: FamilyName,
     /// The fixed driver against which it was evaluated, e.g. `idm`.
     pub ego: String,
+    /// Its lineage.
     pub lineage: LineageId,
     /// Epoch in which it was evaluated.
     pub epoch: u32,
+    /// F(c) as measured.
     pub objectives: Objectives,
     /// Mean of each realism diagnostic over the labelled scenes, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
     /// Digest of the ordered list of scene ids of the evaluation subset. Points of different subsets are samples of
     /// the same quantity, not repetitions of one measurement.
     pub scenes: Digest,
+    /// Version of the simulator that measured it.
     pub sim_version: u32,
     /// Operator kinds of the compiled graph, in slot order.
     pub operators: Vec<String>,
     /// Sorted, without repeats.
     pub mechanism_tags: Vec<String>,
-    /// What let it in; `None` for the parent with which a lineage starts.
+    /// The gates that accepted it; `None` for the parent with which a lineage starts.
     pub gates: Option<AcceptanceGates>,
 }
 

@@ -1,5 +1,5 @@
-//! The bodies of a transcript's events, in the order in which a run writes them. Whoever reads a run (report,
-//! lineage, audit) reads these.
+//! The bodies of a transcript's events, in the order in which a run writes them. Every reader of a run (report,
+//! lineage, audit) uses these types.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -15,22 +15,34 @@ use crate::kernel::Digest;
 
 /// Kinds of events, as they stand in the transcript.
 pub mod kind {
+    /// Kind of the run's first event, with an [`Opened`](super::Opened) body.
     pub const OPENED: &str = "opened";
+    /// Kind of the event of a lineage's parent, with a [`ParentAdopted`](super::ParentAdopted) body.
     pub const PARENT: &str = "parent";
+    /// Kind of the event of a composed parent.
     pub const COMPOSED: &str = "composed";
+    /// Kind of the event of counsel for a scene.
     pub const COUNSEL: &str = "counsel";
+    /// Kind of the event that opens an epoch of a lineage, with a [`Frozen`](super::Frozen) body.
     pub const FROZEN: &str = "frozen";
+    /// Kind of the event that seals an attempt.
     pub const ATTEMPT: &str = "attempt";
+    /// Kind of the event that closes an epoch of a lineage, with a [`Settled`](super::Settled) body.
     pub const SETTLED: &str = "settled";
+    /// Kind of the event of a program that may be selected, with a [`Finalist`](super::Finalist) body.
     pub const FINALIST: &str = "finalist";
+    /// Kind of the event of a round in SafeBench's protocol.
     pub const ROUND: &str = "round";
+    /// Kind of the event of a held-out label, with a [`HeldOut`](super::HeldOut) body.
     pub const HELD_OUT: &str = "held_out";
+    /// Kind of the last event, with a [`RunResult`](super::RunResult) body.
     pub const SEALED: &str = "sealed";
 }
 
-/// First event: what the run is a function of.
+/// First event: the inputs of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Opened {
+    /// Name of the experiment.
     pub name: String,
     /// Digest of the experiment's content; file paths do not count.
     pub experiment: Digest,
@@ -38,11 +50,13 @@ pub struct Opened {
     pub pool: Digest,
     /// Scene ids that evolution may see, in pool order, and those that stay closed until it is over.
     pub evolution_scenes: Vec<String>,
+    /// Ids of the scenes that stay closed until selection is over.
     pub held_out_scenes: Vec<String>,
+    /// Versions of meaning.
     pub versions: Versions,
     /// Contract digests by family.
     pub contracts: BTreeMap<FamilyName, Digest>,
-    /// Label of the model of each role, which opens with the model's kind: what the proposals come from.
+    /// Label of the model of each role. It begins with the model's kind.
     pub models: BTreeMap<String, String>,
 }
 
@@ -57,48 +71,68 @@ impl Opened {
 /// Versions of meaning, which are part of every key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Versions {
+    /// `ADAPTER_VERSION`.
     pub adapter: u32,
+    /// `SIM_VERSION`.
     pub sim: u32,
+    /// `EVAL_VERSION`.
     pub eval: u32,
 }
 
 /// A lineage's initial generator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParentAdopted {
+    /// Whose parent.
     pub lineage: LineageId,
+    /// The ego that the lineage works against.
     pub ego: String,
+    /// The parent.
     pub program: Program,
+    /// Hash of its content.
     pub program_hash: Digest,
 }
 
 /// The immutable snapshot z_t that all slots of an epoch see (paper, appendix Parallel Candidate Epochs).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Frozen {
+    /// Epoch, from 0.
     pub epoch: u32,
+    /// Whose epoch.
     pub lineage: LineageId,
+    /// The active parent p_t.
     pub parent: SolutionId,
+    /// Hash of its content.
     pub parent_hash: Digest,
     /// Ids of the window's scenes.
     pub window: Vec<String>,
     /// The parent's labels on this window.
     pub parent_score: Score,
+    /// Digest of the world evaluator's snapshot φ_t.
     pub world: Digest,
+    /// Ids of the memory cards that the prompts show.
     pub memory_shown: Vec<String>,
+    /// Proposals of the epoch.
     pub slots: u32,
 }
 
 /// The state after the epoch's barrier.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settled {
+    /// Epoch, from 0.
     pub epoch: u32,
+    /// Whose epoch.
     pub lineage: LineageId,
     /// The lineage's active program from here on.
     pub active: SolutionId,
     /// The attempt that was promoted, if any.
     pub promoted: Option<AttemptId>,
+    /// The front after the epoch.
     pub front: Vec<FrontPoint>,
+    /// Its hypervolume.
     pub hypervolume: f64,
+    /// Cards that the epoch added to memory.
     pub cards: Vec<Card>,
+    /// Digest of the world evaluator's next snapshot.
     pub world: Digest,
     /// Labels in the world evaluator's calibration set.
     pub world_labels: usize,
@@ -109,33 +143,44 @@ pub struct Settled {
 /// A member of a non-dominated set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrontPoint {
+    /// Which program.
     pub solution: SolutionId,
+    /// F(c).
     pub objectives: Objectives,
 }
 
 /// Labels of a finalist on the whole evolution pool: what the final choice rests on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finalist {
+    /// Whose finalist.
     pub lineage: LineageId,
+    /// Which program.
     pub solution: SolutionId,
+    /// Its score on the whole evolution pool.
     pub score: Score,
 }
 
 /// Held-out labels of one program, taken after selection was over.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
+    /// Whose program.
     pub lineage: LineageId,
+    /// Which program.
     pub solution: SolutionId,
     /// `parent`, `active`, `endpoint`, `descendant` (several may hold).
     pub roles: Vec<String>,
+    /// Its score on the held-out scenes.
     pub score: Score,
 }
 
 /// Last event: the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
+    /// One result a lineage, in the experiment's order.
     pub lineages: Vec<LineageResult>,
+    /// How many attempts left by which exit.
     pub exits: ExitCounts,
+    /// Epochs that were run.
     pub epochs: u32,
     /// Rollouts that the result rests on: distinct requests, cached or not.
     pub rollouts: usize,
@@ -144,13 +189,18 @@ pub struct RunResult {
 /// How many attempts left by which exit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExitCounts {
+    /// No usable patch.
     pub declined: usize,
+    /// A gate failed.
     pub invalid: usize,
+    /// The router judged a rollout not worth its cost.
     pub rejected: usize,
+    /// Labels exist.
     pub evaluated: usize,
 }
 
 impl ExitCounts {
+    /// Counts one more attempt.
     pub fn count(&mut self, attempt: &Attempt) {
         use super::attempt::Exit;
         match attempt.exit {
@@ -161,6 +211,7 @@ impl ExitCounts {
         }
     }
 
+    /// All attempts.
     pub fn total(&self) -> usize {
         self.declined + self.invalid + self.rejected + self.evaluated
     }
@@ -169,9 +220,13 @@ impl ExitCounts {
 /// One row of the main table: parent against evolved, on held-out scenes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LineageResult {
+    /// Which lineage.
     pub lineage: LineageId,
+    /// Its family.
     pub family: FamilyName,
+    /// Its ego.
     pub ego: String,
+    /// The family's parent on the held-out scenes.
     pub parent: Measured,
     /// The active generator by the realism-constrained rule, chosen on evolution labels.
     pub evolved: Measured,
@@ -181,25 +236,32 @@ pub struct LineageResult {
     pub endpoint: Option<Measured>,
     /// Matched-budget frontier gain, percent (paper eq. app-pf-area, k = 3).
     pub pf_area_at_3_pct: f64,
-    /// In SafeBench's protocol: the same of every group (`family/route`), whose mean it is.
+    /// In SafeBench's protocol: the gain of every group (`family/route`); the field above is their mean.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub pf_area_at_3_pct_by_group: BTreeMap<String, f64>,
     /// The evolution front after the last epoch.
     pub front: Vec<FrontPoint>,
+    /// Hypervolume of the front after each epoch. `[epochs]`
     pub hypervolume_by_epoch: Vec<f64>,
+    /// How many attempts left by which exit.
     pub exits: ExitCounts,
+    /// Number of held-out scenes that were labelled.
     pub held_out_scenes: usize,
 }
 
 /// A program with its held-out objectives.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
+    /// Which program.
     pub solution: SolutionId,
+    /// F(c) on the held-out scenes.
     pub objectives: Objectives,
+    /// RP = 100 (1 - R), per cent.
     pub realism_penalty_pct: f64,
 }
 
 impl Measured {
+    /// Works out the penalty from the objectives.
     pub fn new(solution: SolutionId, objectives: Objectives) -> Measured {
         Measured { solution, objectives, realism_penalty_pct: objectives.realism_penalty_pct() }
     }

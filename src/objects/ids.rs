@@ -1,4 +1,4 @@
-//! Typed names of the things that travel, from one macro, so that one cannot be passed for another.
+//! Typed ids from one macro, so that an id of one kind cannot be used in the place of another.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -11,10 +11,12 @@ macro_rules! ids {
         pub struct $name(pub String);
 
         impl $name {
+            /// Takes the text as it is.
             pub fn new(text: impl Into<String>) -> $name {
                 $name(text.into())
             }
 
+            /// The text.
             pub fn as_str(&self) -> &str {
                 &self.0
             }
@@ -42,6 +44,7 @@ ids! {
 }
 
 impl AttemptId {
+    /// The id of a slot of an epoch of a lineage.
     pub fn at(lineage: &LineageId, epoch: u32, slot: u32) -> AttemptId {
         AttemptId(format!("{lineage}/e{epoch}s{slot}"))
     }

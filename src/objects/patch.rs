@@ -13,15 +13,20 @@ pub const EDITABLE_SURFACE: [&str; 4] =
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramPatch {
+    /// b: the family that the patch is for.
     pub source_baseline: FamilyName,
+    /// The program that it changes.
     pub parent_solution_id: SolutionId,
     /// 64 hex digits; text, because a stale or garbled hash is a finding of the parent gate, not a parse error.
     pub parent_program_hash: String,
+    /// δ: what it changes, in order.
     pub operations: Vec<Operation>,
     /// The behaviour that the edit is expected to change, and why.
     pub hypothesis: String,
+    /// Ids of the memory cards that it rests on.
     #[serde(default)]
     pub memory_refs_used: Vec<String>,
+    /// Names of the scene clusters that it rests on.
     #[serde(default)]
     pub cluster_refs_used: Vec<String>,
     /// Only in repaired patches.
@@ -33,18 +38,24 @@ pub struct ProgramPatch {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Operation {
+    /// What is done.
     pub op: OperationKind,
+    /// Where: a JSON Pointer into the program.
     pub path: String,
     /// Needed by `add` and `replace`, forbidden in `remove`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<serde_json::Value>,
 }
 
+/// What an operation does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OperationKind {
+    /// Puts a value where none stands.
     Add,
+    /// Puts a value in the place of another.
     Replace,
+    /// Takes a value away.
     Remove,
 }
 

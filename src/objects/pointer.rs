@@ -2,22 +2,26 @@
 
 use std::fmt;
 
-/// Reference tokens with their escapes undone. The empty pointer (the whole document) names no editable place.
+/// A pointer as its unescaped tokens. The empty pointer (the whole document) names no editable place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pointer {
+    /// The steps from the root, unescaped.
     pub tokens: Vec<String>,
 }
 
 /// Why a text is not a pointer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PointerError {
+    /// The text does not begin with `/`.
     #[error("expected a path that begins with `/`")]
     NoSlash,
+    /// A `~` is followed by something else than `0` or `1`.
     #[error("expected `~0` (for ~) or `~1` (for /) after `~` in `{0}`")]
     Escape(String),
 }
 
 impl Pointer {
+    /// Reads a pointer.
     pub fn parse(text: &str) -> Result<Pointer, PointerError> {
         let rest = text.strip_prefix('/').ok_or(PointerError::NoSlash)?;
         let tokens = rest.split('/').map(unescaped).collect::<Result<_, _>>()?;

@@ -10,19 +10,28 @@ use crate::kernel::{Digest, canon::CanonError};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Slot {
+    /// O_select: the scenes in which the program acts.
     Select,
+    /// O_actor: who becomes an adversary.
     Actor,
+    /// O_timing: when the motion is changed.
     Timing,
+    /// O_motion: which motions are possible.
     Motion,
+    /// O_search: which of them is best.
     Search,
+    /// O_filter: which of them are removed.
     Filter,
+    /// O_div: which of those left is taken.
     Diversity,
 }
 
 impl Slot {
+    /// All slots, in the order in which they run.
     pub const ALL: [Slot; 7] =
         [Slot::Select, Slot::Actor, Slot::Timing, Slot::Motion, Slot::Search, Slot::Filter, Slot::Diversity];
 
+    /// The word in programs and prompts.
     pub fn name(self) -> &'static str {
         match self {
             Slot::Select => "select",
@@ -40,7 +49,9 @@ impl Slot {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum ParameterValue {
+    /// A number in the parameter's unit.
     Number(f64),
+    /// One of the words that the contract offers.
     Choice(String),
 }
 
@@ -48,16 +59,21 @@ pub enum ParameterValue {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Setting {
+    /// A number in the setting's unit.
     Number(f64),
+    /// The value of a parameter.
     Parameter(ParameterRef),
+    /// A module of H.
     Mechanism(MechanismRef),
+    /// One of the words that the contract offers.
     Choice(String),
 }
 
-/// `{"parameter": "name"}`: the value of θ at this name, after the scene's policy has spoken.
+/// `{"parameter": "name"}`: the value of θ under this name, after the rules of ρ were applied for the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterRef {
+    /// Name of the parameter.
     pub parameter: String,
 }
 
@@ -65,6 +81,7 @@ pub struct ParameterRef {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MechanismRef {
+    /// Name of the module.
     pub mechanism: String,
 }
 
@@ -72,9 +89,11 @@ pub struct MechanismRef {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OperatorNode {
+    /// The slot that it fills.
     pub slot: Slot,
     /// One of the kinds that the family's contract lists for the slot.
     pub kind: String,
+    /// Setting name -> value.
     #[serde(default)]
     pub settings: BTreeMap<String, Setting>,
     /// Names of the nodes that feed this one.
@@ -102,7 +121,9 @@ pub struct PolicyRule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ValueType {
+    /// A number.
     Number,
+    /// True or false.
     Boolean,
 }
 
@@ -114,7 +135,9 @@ pub struct MechanismModule {
     pub slot: String,
     /// Features and parameters that the expression reads; each must be legal in the slot.
     pub inputs: Vec<String>,
+    /// What the expression gives.
     pub output: ValueType,
+    /// The expression's text.
     pub expression: String,
     /// Words by which memory and reports group mechanisms.
     #[serde(default)]
@@ -135,7 +158,9 @@ pub struct CompileContract {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ancestor {
+    /// Which program.
     pub solution_id: SolutionId,
+    /// Hash of its content.
     pub program_hash: Digest,
     /// Digest of the patch that led from it to its child.
     pub patch_hash: Digest,
@@ -145,24 +170,31 @@ pub struct Ancestor {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Program {
+    /// Its name in the lineage.
     pub solution_id: SolutionId,
+    /// The line of descent that it belongs to.
     pub lineage_id: LineageId,
+    /// b
     pub source_family: FamilyName,
     /// Depth from the initial generator, which has 0.
     pub generation: u32,
+    /// θ: parameter name -> value.
     pub parameters: BTreeMap<String, ParameterValue>,
     /// Node name -> node.
     pub operator_graph: BTreeMap<String, OperatorNode>,
+    /// ρ: rules, tried in order; all that hold are applied.
     pub scenario_conditioned_policy: Vec<PolicyRule>,
     /// Module name -> module.
     pub mechanism_modules: BTreeMap<String, MechanismModule>,
+    /// κ
     pub compile_contract: CompileContract,
+    /// α: from the initial generator to the parent.
     pub ancestor_chain: Vec<Ancestor>,
 }
 
 impl Program {
-    /// Hash of the content that makes it behave as it does: identity, lineage and ancestors do not count, and
-    /// expressions count by meaning of their text, not by its spacing.
+    /// Hash of everything that decides the program's behaviour. Identity, lineage and ancestors do not count, and
+    /// expressions count in canonical text, so spacing does not matter.
     pub fn hash(&self) -> Result<Digest, CanonError> {
         let content = (
             &self.source_family,

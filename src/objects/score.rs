@@ -1,4 +1,4 @@
-//! The labels of a candidate: objectives and what they rest on, scene by scene.
+//! The labels of a candidate: objectives, and the labels of each scene behind them.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -9,7 +9,9 @@ use crate::kernel::Digest;
 /// F(c) = (A, R), both in [0, 1], larger is better (paper eq. prelim-objectives).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Objectives {
+    /// A(c), 0..=1; larger is better.
     pub attack: f64,
+    /// R(c), 0..=1; larger is better.
     pub realism: f64,
 }
 
@@ -19,7 +21,7 @@ impl Objectives {
         100.0 * (1.0 - self.realism)
     }
 
-    /// Pareto dominance under maximisation: no worse in both, better in one.
+    /// Pareto dominance under maximisation: not worse in either objective, better in at least one.
     pub fn dominates(&self, other: &Objectives) -> bool {
         self.attack >= other.attack
             && self.realism >= other.realism
@@ -30,10 +32,13 @@ impl Objectives {
 /// Objectives with their evidence. Scenes that failed are listed, never scored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
+    /// F(c): means over `scenes`.
     pub objectives: Objectives,
+    /// Labels, in the order of the scenes.
     pub scenes: Vec<SceneScore>,
+    /// Scenes without a label, and why.
     pub failures: Vec<SceneFailure>,
-    /// Rows of SafeBench's protocol, which the objectives are read off; only there.
+    /// Rows of SafeBench's protocol, from which the objectives are taken; `None` in MetaDrive's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<Box<Benchmark>>,
 }
@@ -41,8 +46,11 @@ pub struct Score {
 /// One labelled rollout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneScore {
+    /// Id of the scene.
     pub scene: String,
+    /// a(τ), 0..=1.
     pub attack: f64,
+    /// r(τ), 0..=1.
     pub realism: f64,
     /// d_j of each realism diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
@@ -50,12 +58,15 @@ pub struct SceneScore {
     pub intervened: bool,
     /// Key of the rollout request, and digest of the stored rollout record.
     pub request: Digest,
+    /// Digest of the stored rollout record.
     pub record: Digest,
 }
 
 /// A scene without a label, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneFailure {
+    /// Id of the scene.
     pub scene: String,
+    /// Why it has no label.
     pub reason: String,
 }

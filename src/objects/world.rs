@@ -15,10 +15,15 @@ use crate::kernel::{Digest, canon::CanonError};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FeatureGroup {
+    /// One indicator a family.
     Family,
+    /// What the patch edits.
     Edit,
+    /// The child's operator graph.
     Graph,
+    /// The scene.
     Scene,
+    /// The adversaries' interaction with the ego.
     Interaction,
 }
 
@@ -26,7 +31,9 @@ pub enum FeatureGroup {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FeatureColumn {
+    /// Name in snapshots and reports.
     pub name: String,
+    /// What the column is about.
     pub group: FeatureGroup,
 }
 
@@ -36,6 +43,7 @@ pub struct FeatureColumn {
 pub struct FeatureSchema {
     /// One indicator each, in this order.
     pub families: Vec<FamilyName>,
+    /// One entry a column, in the order of the values.
     pub columns: Vec<FeatureColumn>,
 }
 
@@ -43,9 +51,11 @@ pub struct FeatureSchema {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldPair {
+    /// Id of the scene.
     pub scene: String,
     /// One number a column of the schema.
     pub features: Vec<f64>,
+    /// The candidate's family.
     pub family: FamilyName,
     /// The scene's cluster, e.g. its tags joined.
     pub scene_cluster: String,
@@ -53,35 +63,43 @@ pub struct WorldPair {
     pub mechanism_class: String,
 }
 
-/// One element (ξ, y) of the calibration set D^W: a pair and what the simulator said of it.
+/// One element (ξ, y) of the calibration set D^W: a pair and its labels from the simulator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldLabel {
+    /// The attempt that was evaluated.
     pub attempt: AttemptId,
+    /// Its program.
     pub solution: SolutionId,
+    /// The epoch in which it was evaluated.
     pub epoch: u32,
+    /// ξ: what the prediction rested on.
     pub pair: WorldPair,
     /// A and R of the rollout, each in [0, 1].
     pub labels: Objectives,
     /// Q: rollout diagnostics, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
-    /// What had been decided of the candidate, and predicted of it as a whole.
+    /// The routing decision about the candidate.
     pub decision: RouteDecision,
+    /// The prediction for the whole candidate.
     pub predicted: Objectives,
-    /// Whether it would have been turned away, had the monitor not asked for labels.
+    /// Whether the router would have rejected it without the monitor.
     pub monitored: bool,
 }
 
-/// Whose mean calibrates a prediction.
+/// The group whose mean calibrates a prediction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CalibrationGroup {
+    /// One group a family.
     Family,
+    /// One group a scene cluster.
     SceneCluster,
+    /// One group a class of mechanism.
     MechanismClass,
 }
 
-/// Everything of the evaluator that may be chosen. Comes from the experiment file, later from the world agent.
+/// The configuration φ of the evaluator. It comes from the experiment file, later from the world agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldConfiguration {
@@ -91,17 +109,20 @@ pub struct WorldConfiguration {
     pub ridge_lambda: f64,
     /// β_A and β_R: weight of the raw prediction against the group's mean, in [0, 1] (eq. app-world-calibration).
     pub beta_attack: f64,
+    /// β_R: the same weight for realism.
     pub beta_realism: f64,
+    /// How labels are grouped for calibration.
     pub calibration_group: CalibrationGroup,
     /// A group with fewer labels is sparse: its mean is not used, the global one is.
     pub group_labels_min: u32,
-    /// Least residual standard deviation that is believed, 1, > 0.
+    /// Lower bound of the residual standard deviation, 1, > 0.
     pub residual_floor: f64,
     /// Share of the residual variance that adds to the variance of the mean: 1 = uncertainty of a single rollout, 0 =
     /// of the expectation.
     pub residual_share: f64,
-    /// Quantile over scenes that stands for a candidate's uncertainty, in [0.5, 1]; 1 = maximum.
+    /// Quantile over scenes that is a candidate's uncertainty, in [0.5, 1]; 1 = maximum.
     pub uncertainty_quantile: f64,
+    /// Thresholds and shares of routing.
     pub routing: RoutingOptions,
 }
 
@@ -117,7 +138,7 @@ pub struct RoutingOptions {
     pub lambda_u: f64,
     /// Share of would-be rejections that are simulated all the same, in [0, 1].
     pub audit_rate: f64,
-    /// Labelled pairs below which nothing is rejected.
+    /// With fewer labelled pairs nothing is rejected.
     pub min_labels: u32,
 }
 
@@ -125,7 +146,9 @@ pub struct RoutingOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroupMean {
+    /// Number of labels behind the mean.
     pub labels: u32,
+    /// Their mean.
     pub mean: Objectives,
 }
 
@@ -145,19 +168,25 @@ pub struct RidgeLine {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldFit {
+    /// Number of labels behind the fit.
     pub labels: u32,
     /// Places of the used columns in the schema.
     pub columns: Vec<usize>,
-    /// Mean and standard deviation of each used column; a column that never varied has 0 and counts for nothing.
+    /// Mean and standard deviation of each used column; a column that never varied has 0 and has no effect. `[columns]`
     pub column_mean: Vec<f64>,
+    /// Standard deviation of each column. `[columns]`
     pub column_std: Vec<f64>,
     /// Lower Cholesky factor of X'X + λI, row by row; empty where only the means could be fitted.
     pub factor: Vec<f64>,
+    /// The line that predicts attack.
     pub attack: RidgeLine,
+    /// The line that predicts realism.
     pub realism: RidgeLine,
     /// Why only means were fitted, if so.
     pub fallback: Option<String>,
+    /// Mean over all labels.
     pub global: GroupMean,
+    /// Mean of each calibration group.
     pub groups: BTreeMap<String, GroupMean>,
 }
 
@@ -165,7 +194,9 @@ pub struct WorldFit {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldSnapshot {
+    /// What the columns of a pair's features are.
     pub schema: FeatureSchema,
+    /// What may be evolved in the evaluator.
     pub configuration: WorldConfiguration,
     /// `None` before the first label.
     pub fit: Option<WorldFit>,

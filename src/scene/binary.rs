@@ -1,5 +1,5 @@
-//! A scene as compact bytes and back: what its digest is taken of and what a pool file holds. Little-endian,
-//! every list preceded by its length, floats as bits. It knows nothing of files.
+//! A scene as compact bytes and back: what its digest is taken of and what a pool file holds. Little-endian, every list
+//! preceded by its length, floats as bits. This module does not know files.
 
 use super::safebench::{SpawnFrame, Staging, TrafficFamily};
 use super::{
@@ -17,7 +17,7 @@ impl Scene {
     }
 }
 
-/// The digest of a scene whose bytes are at hand.
+/// The digest of a scene, given its bytes.
 pub(super) fn scene_digest_of(bytes: &[u8]) -> Digest {
     struct Plain<'a>(&'a [u8]);
     impl serde::Serialize for Plain<'_> {
@@ -51,7 +51,7 @@ pub(super) fn scene_bytes(scene: &Scene) -> Vec<u8> {
         w.counts(&sign.lanes);
     });
     out.list(&scene.crosswalks, |w, polygon| w.points(polygon));
-    // Nothing stands here for a scene of no traffic family: such scenes keep the digest that they always had.
+    // A scene of no traffic family writes nothing here, so that its digest does not change.
     if let Some(staging) = &scene.staging {
         out.staging(staging);
     }
@@ -62,7 +62,9 @@ pub(super) fn scene_bytes(scene: &Scene) -> Vec<u8> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("at byte {at} of the scene: expected {expected}")]
 pub struct NotAScene {
+    /// Byte offset of the first fault.
     pub at: usize,
+    /// What was expected there.
     pub expected: &'static str,
 }
 

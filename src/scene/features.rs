@@ -1,11 +1,11 @@
-//! What expressions, prompts and memory may know of a scene as a whole: numbers with units, and tags.
+//! The features of a whole scene that expressions, prompts and memory may read: numbers with units, and tags.
 
 use super::lanes::{LaneGraph, LanePlace};
 use super::{AgentKind, LaneIx, LaneKind, Sample, Scene, Track};
 use crate::kernel::geom::segments_cross;
 use crate::kernel::{Polyline, Vec2, num};
 
-/// What stands for a distance where there is nothing to measure to, metres.
+/// The distance that is reported where there is nothing to measure to, metres.
 pub const NOTHING_NEAR_M: f64 = 200.0;
 /// Where no speed limit is known: 50 km/h.
 pub const SPEED_LIMIT_UNKNOWN_MPS: f64 = 13.9;
@@ -21,11 +21,15 @@ const LOGS_CROSS_SIN_MIN: f64 = 0.087_155_742_747_658_17;
 /// Features of a scene at its current step; fields have the names under which expressions read them.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SceneFeatures {
+    /// Vehicles observed at the current step.
     pub vehicle_count: f64,
+    /// Pedestrians observed at the current step.
     pub pedestrian_count: f64,
+    /// Cyclists observed at the current step.
     pub cyclist_count: f64,
     /// At the ego's start, m/s.
     pub ego_speed_mps: f64,
+    /// Length of the ego's route, metres.
     pub ego_route_length_m: f64,
     /// 1/m, over pieces of 2 m.
     pub route_curvature_max_1pm: f64,
@@ -41,6 +45,7 @@ pub struct SceneFeatures {
     pub speed_limit_mps: f64,
     /// Side by side at the ego's start, own direction.
     pub lane_count: f64,
+    /// A traffic light stands on the ego's route.
     pub has_light: bool,
     /// The route crosses another lane, or a lane of the route is entered from several.
     pub is_junction: bool,
@@ -50,7 +55,7 @@ pub struct SceneFeatures {
 }
 
 impl SceneFeatures {
-    /// Of a validated scene and the graph of its road.
+    /// The features of a validated scene, given the lane graph of its road.
     pub fn of(scene: &Scene, graph: &LaneGraph) -> SceneFeatures {
         let now = |track: &Track| track.at(scene.current_step).copied();
         let present = |kind: AgentKind| scene.tracks.iter().filter(move |t| t.kind == kind && now(t).is_some());

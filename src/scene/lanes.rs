@@ -11,12 +11,13 @@ use crate::kernel::{Polyline, Pose, Vec2, num};
 
 /// Something drives in a lane when its heading is within 45 degrees of the lane's (CAT's criterion).
 pub const HEADING_DIFFERENCE_MAX_RAD: f64 = num::PI / 4.0;
-/// Distances from the road are told up to here, metres.
+/// Distances from the road are measured up to this value, metres.
 pub const OFF_ROAD_MAX_M: f64 = 100.0;
 
 /// Where a point lies in a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LanePlace {
+    /// Which lane.
     pub lane: LaneIx,
     /// Arc length along the centre line, metres.
     pub s_m: f64,
@@ -31,9 +32,11 @@ pub struct LanePlace {
 /// A lane that can be driven to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reached {
+    /// Which lane.
     pub lane: LaneIx,
     /// Way from the start of the search to this lane's first point, metres; negative for lanes alongside.
     pub start_m: f64,
+    /// Lane changes on the way.
     pub lane_changes: usize,
     /// The lane before it; `None` for the first.
     pub via: Option<LaneIx>,
@@ -51,7 +54,7 @@ pub struct LaneGraph {
 }
 
 impl LaneGraph {
-    /// Of a validated road; links to lanes that are not there are left out.
+    /// Builds the graph of a validated road. Links to lanes that do not exist are left out.
     pub fn of(road: &Road) -> LaneGraph {
         let count = road.lanes.len();
         let known = |links: &[LaneIx]| links.iter().copied().filter(|&ix| ix < count).collect::<Vec<_>>();
@@ -76,6 +79,7 @@ impl LaneGraph {
         &self.pieces
     }
 
+    /// Number of lanes of the road.
     pub fn lane_count(&self) -> usize {
         self.centres.len()
     }
@@ -112,7 +116,7 @@ impl LaneGraph {
     }
 
     /// The street or freeway lane whose centre line is nearest, among those heading the same way (within 45 degrees)
-    /// and at most `within_m` away. Of equals the one with the lower index.
+    /// and at most `within_m` away. If two are equally near, the one with the lower index.
     pub fn nearest_lane(&self, point: Vec2, heading_rad: f64, within_m: f64) -> Option<LanePlace> {
         let heading = Vec2::from_heading(heading_rad);
         let least = num::cos(HEADING_DIFFERENCE_MAX_RAD);
@@ -199,7 +203,7 @@ impl LaneGraph {
         Some(Pose { position: centre.at(s_m), heading_rad: along.heading() })
     }
 
-    /// Whether a point lies on the surface of some lane, of whatever kind.
+    /// Whether a point lies on the surface of a lane of any kind.
     pub fn is_drivable(&self, point: Vec2) -> bool {
         self.pieces.at(point).any(|(_, piece)| piece.contains(point))
     }
@@ -262,7 +266,7 @@ impl LaneGraph {
         let place = start.and_then(|p| self.centre(from.lane).map(|line| line.project(p).s_m));
         let back = self.centre(from.lane).map(|line| line.points()[0]);
         let behind = back.and_then(|p| self.centre(to).map(|line| line.project(p).s_m));
-        // One of the two is 0 where the neighbour starts behind or ahead of this lane.
+        // One of the two is 0 if the neighbour starts behind this lane or ahead of it.
         from.start_m + place.unwrap_or(0.0) - behind.unwrap_or(0.0)
     }
 }

@@ -1,5 +1,5 @@
-//! The pieces of all lanes in a uniform grid: which lie near a point. The one description of the road's surface, shared
-//! by the lane graph and the simulator. Built once; a query allocates nothing and its answer depends on nothing but the
+//! The pieces of all lanes in a uniform grid, to find those near a point. The lane graph and the simulator share this
+//! description of the road's surface. It is built once; a query allocates nothing, and its answer depends only on the
 //! pieces and the point.
 
 use super::{Lane, LaneIx, LaneKind, Road};
@@ -8,17 +8,20 @@ use crate::kernel::Vec2;
 /// Side of a cell where the road is no larger than `CELLS_MAX` of them, metres.
 const CELL_M: f64 = 5.0;
 const CELLS_MAX: f64 = 32_768.0;
-/// Entries of pieces in cells. Roads of pieces so long that they would take more get larger cells.
+/// Most entries of pieces in cells. A road whose long pieces would need more gets larger cells.
 const ENTRIES_MAX: u64 = 32_000_000;
 
 /// One segment of a lane: its centre line and the surface around it.
 #[derive(Clone, Debug)]
 pub struct Piece {
     lane: u32,
+    /// Kind of its lane.
     pub kind: LaneKind,
+    /// First point of the segment, metres.
     pub from: Vec2,
     /// Unit vector in driving direction; zero where two centre points coincide.
     pub direction: Vec2,
+    /// Length of the segment, metres.
     pub length_m: f64,
     /// Arc length of `from`, metres.
     pub start_s_m: f64,
@@ -29,6 +32,7 @@ pub struct Piece {
 }
 
 impl Piece {
+    /// The lane that it belongs to.
     pub fn lane(&self) -> LaneIx {
         self.lane as LaneIx
     }
@@ -44,6 +48,7 @@ impl Piece {
         (along, (point - self.from - self.direction * along).norm_squared())
     }
 
+    /// Whether a point lies on its surface.
     pub fn contains(&self, point: Vec2) -> bool {
         let boxed = point.x >= self.low.x && point.x <= self.high.x && point.y >= self.low.y && point.y <= self.high.y;
         boxed && crate::kernel::geom::polygon_contains(&self.surface, point)
@@ -84,15 +89,15 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// Of every lane of a validated road.
+    /// The pieces of every lane of a validated road.
     pub fn of(road: &Road) -> Pieces {
         Pieces::of_lanes(road, |_| true)
     }
 
-    /// Of the lanes that `takes` chooses.
+    /// The pieces of the lanes that `takes` chooses.
     pub fn of_lanes(road: &Road, takes: impl Fn(&Lane) -> bool) -> Pieces {
         let lanes = || road.lanes.iter().enumerate().filter(|(_, lane)| takes(lane));
-        // Exact, because a pool of prepared scenes is kept in memory.
+        // Exact capacity, because a whole pool of prepared scenes is kept in memory.
         let mut pieces = Vec::with_capacity(lanes().map(|(_, lane)| segments(lane).len()).sum());
         for (ix, lane) in lanes() {
             push_pieces(lane, ix, &mut pieces);
@@ -114,7 +119,7 @@ impl Pieces {
         let cell_m = CELL_M.max((size.x * size.y / CELLS_MAX).sqrt()).max(longest / CELLS_MAX);
         let mut gridded = Pieces { all: pieces, low, cell_m, columns: 1, rows: 1, starts: vec![], items: vec![] };
         gridded.divide(size);
-        // No answer rests on the side of a cell, only the time that it takes.
+        // The size of a cell changes the time of a query, never its answer.
         while gridded.entries() > entries_max && gridded.columns * gridded.rows > 1 {
             gridded.cell_m *= 2.0;
             gridded.divide(size);
@@ -128,7 +133,7 @@ impl Pieces {
         self.rows = (size.y / self.cell_m).floor() as i64 + 1;
     }
 
-    /// How often pieces would be entered in cells.
+    /// Number of entries of pieces in cells.
     fn entries(&self) -> u64 {
         let touched = |piece: &Piece| {
             let (columns, rows) = self.cells_of(piece);
@@ -138,7 +143,7 @@ impl Pieces {
         self.all.iter().map(touched).fold(0, u64::saturating_add)
     }
 
-    /// Pieces in the cell that has most of them.
+    /// Number of pieces in the fullest cell.
     pub fn fullest_cell(&self) -> usize {
         self.starts.windows(2).map(|w| (w[1] - w[0]) as usize).max().unwrap_or(0)
     }
@@ -237,7 +242,7 @@ impl Pieces {
     }
 }
 
-/// The segments of a lane that all three of its lines have, by the index of their end.
+/// Indices of the end points of those segments that all three lines of the lane have.
 fn segments(lane: &Lane) -> std::ops::Range<usize> {
     1..lane.centre.len().min(lane.left.len()).min(lane.right.len()).max(1)
 }

@@ -22,7 +22,7 @@ const VERSION: u32 = 1;
 const HEAD_BYTES: usize = 8 + 4 + 8;
 const CHECKSUM_BYTES: usize = 32;
 
-/// Something of a file that did not become part of a pool, and why.
+/// A file, or a part of it, that is not in the pool, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LeftOut {
@@ -37,19 +37,27 @@ pub struct LeftOut {
 /// Scenes with unique ids, and what was left out when they were imported.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pool {
+    /// The scenes; ids are unique.
     pub scenes: Vec<Scene>,
+    /// What was left out at import, with its reason.
     pub left_out: Vec<LeftOut>,
 }
 
-/// What a pool's manifest says of one scene.
+/// One scene in a pool's manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ManifestEntry {
+    /// Id of the scene.
     pub id: String,
+    /// Digest of its content.
     pub digest: Digest,
+    /// Where it came from.
     pub origin: Origin,
+    /// Its samples.
     pub steps: usize,
+    /// Its tracks, the ego not counted.
     pub tracks: usize,
+    /// Its lanes.
     pub lanes: usize,
     /// Why it is not used for evolution; `None` for a usable scene.
     pub unusable: Option<String>,
@@ -61,39 +69,89 @@ pub struct ManifestEntry {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
+    /// One entry a scene, in the pool's order.
     pub scenes: Vec<ManifestEntry>,
+    /// What was left out at import, with its reason.
     pub left_out: Vec<LeftOut>,
 }
 
-/// A pool file that cannot be read, or a pool that cannot be split as asked.
+/// Why a pool file cannot be read, or a pool cannot be split as asked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PoolError {
+    /// The bytes do not begin as a pool file does.
     #[error("{file} is not a scene pool: expected {expected}; make one with `evodrive scenes import`")]
-    NotAPool { file: String, expected: &'static str },
+    NotAPool {
+        /// Name of the file.
+        file: String,
+        /// What was expected there.
+        expected: &'static str,
+    },
+    /// Another version of the format wrote the file.
     #[error("{file} has pool format {found}, this build reads format {VERSION}; import its scenes again")]
-    Version { file: String, found: u32 },
+    Version {
+        /// Name of the file.
+        file: String,
+        /// The version that it names.
+        found: u32,
+    },
+    /// The bytes are not those that were written.
     #[error("{file} is damaged at byte {at}: expected {expected}; restore it from a copy or import its scenes again")]
-    Damaged { file: String, at: usize, expected: String },
+    Damaged {
+        /// Name of the file.
+        file: String,
+        /// Byte offset.
+        at: usize,
+        /// What was expected there.
+        expected: String,
+    },
+    /// A scene of the file breaks a rule that every scene keeps.
     #[error("{file}: scene {scene:?} breaks a rule: {violation}; import its scenes again")]
-    Unsound { file: String, scene: String, violation: String },
+    Unsound {
+        /// Name of the file.
+        file: String,
+        /// Id of the scene.
+        scene: String,
+        /// The first rule that it breaks.
+        violation: String,
+    },
+    /// Two scenes have this id.
     #[error("two scenes have the id {0:?}; a pool names each scene once")]
     DuplicateId(String),
+    /// There are not enough usable scenes for the split.
     #[error(
         "the split asks for {wanted} scenes and {usable} of the pool's {all} are usable; ask for fewer or import more"
     )]
-    TooFew { wanted: usize, usable: usize, all: usize },
+    TooFew {
+        /// Scenes that the split asks for.
+        wanted: usize,
+        /// Usable scenes of the pool.
+        usable: usize,
+        /// All scenes of the pool.
+        all: usize,
+    },
+    /// The share of evolution scenes is not above 0 and at most 1; it holds what was given.
     #[error("a share of {0} is none; expected more than 0, at most 1")]
     Share(String),
+    /// A part of the split would cut a SafeBench group in two.
     #[error(
         "{part} of {wanted} scenes would take some scenes of group {group} and leave others; the draws of a group stay \
          together: ask for {fits} scenes"
     )]
-    CutGroup { part: &'static str, wanted: usize, group: String, fits: usize },
+    CutGroup {
+        /// The part, evolution or held-out.
+        part: &'static str,
+        /// Scenes that the split asks for.
+        wanted: usize,
+        /// The group that would be cut.
+        group: String,
+        /// Scenes that fit without cutting it.
+        fits: usize,
+    },
 }
 
 /// The bytes of a pool file.
 pub fn encode(pool: &Pool) -> Vec<u8> {
-    // One body at a time: a pool is in memory as scenes and as bytes, not thrice.
+    // One body at a time, so that memory holds the scenes and the final bytes, but no third copy.
     let mut out = Vec::new();
     let mut entries = Vec::with_capacity(pool.scenes.len());
     for scene in &pool.scenes {
@@ -194,30 +252,34 @@ fn checked_manifest(file_name: &str, bytes: &[u8]) -> Result<(Manifest, usize), 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EvolutionSize {
+    /// So many scenes.
     Count(usize),
-    /// Of the usable scenes that are not held out; above 0, at most 1. At least one scene.
+    /// A share of the usable scenes that are not held out, above 0 and at most 1. It gives at least one scene.
     Share(f64),
 }
 
-/// A scene of a split: its name and what it must be.
+/// A scene of a split: its id, and the digest that its content must have.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SplitScene {
+    /// Id of the scene.
     pub id: String,
+    /// Digest of its content.
     pub digest: Digest,
 }
 
-/// Which scenes are evolved on and which are kept closed until selection is over. Nothing changes a split.
+/// Which scenes evolution uses, and which stay closed until selection is over. A split never changes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
     /// In the order in which the window rotates through them.
     pub evolution: Vec<SplitScene>,
+    /// The scenes that stay closed until selection is over.
     pub held_out: Vec<SplitScene>,
 }
 
 impl Split {
-    /// The name of the split: of its scenes, their digests and their order.
+    /// Digest of the split: of its scenes' ids, digests and order.
     pub fn digest(&self) -> Digest {
         match Digest::of("evodrive/split/1", self) {
             Ok(digest) => digest,
@@ -225,8 +287,8 @@ impl Split {
         }
     }
 
-    /// The evolution scenes of an epoch (counted from 0): the next `size` in turn, starting again at the end; all of
-    /// them, once, where there are no more than `size`.
+    /// The evolution scenes of an epoch (counted from 0): the next `size` in turn, going back to the first after the
+    /// last. If there are at most `size`, all of them once.
     pub fn rotating_window(&self, epoch: usize, size: usize) -> Vec<&SplitScene> {
         let count = self.evolution.len();
         if size >= count {
@@ -238,7 +300,7 @@ impl Split {
 }
 
 impl Pool {
-    /// Of scenes whose ids are unique.
+    /// A pool of scenes. Their ids must be unique.
     pub fn new(scenes: Vec<Scene>, left_out: Vec<LeftOut>) -> Result<Pool, PoolError> {
         let pool = Pool { scenes, left_out };
         pool.check_ids()?;
@@ -253,11 +315,12 @@ impl Pool {
         }
     }
 
+    /// The scene with this id.
     pub fn scene(&self, id: &str) -> Option<&Scene> {
         self.scenes.iter().find(|scene| scene.id == id)
     }
 
-    /// The name of the pool: of its scenes' digests, sorted by id, so that the order of import does not matter.
+    /// Digest of the pool: of its scenes' digests sorted by id, so that the order of import does not matter.
     pub fn digest(&self) -> Digest {
         let mut scenes: Vec<(&str, Digest)> = self.scenes.iter().map(|s| (s.id.as_str(), s.digest())).collect();
         scenes.sort();
@@ -267,9 +330,9 @@ impl Pool {
         }
     }
 
-    /// Draws `held_out` scenes, then the evolution scenes, from the usable scenes in an order that rests on the seed
-    /// and the ids alone: a larger evolution set keeps the held-out one. Scenes of one SafeBench group (family and route)
-    /// stay together; every other scene stands alone.
+    /// Draws `held_out` scenes, then the evolution scenes, from the usable scenes. Their order depends only on the seed
+    /// and the ids, so a larger evolution set keeps the same held-out set. Scenes of one SafeBench group (family and
+    /// route) stay together; every other scene stands alone.
     pub fn split(&self, seed: Seed, evolution: EvolutionSize, held_out: usize) -> Result<Split, PoolError> {
         let mut units = self.units();
         seed.stream(&["scene", "split"]).shuffle(&mut units);
@@ -305,7 +368,7 @@ impl Pool {
         Ok(Split { evolution: rest, held_out: scenes })
     }
 
-    /// The usable scenes by what stays together, sorted by the first id.
+    /// The usable scenes in units that stay together, sorted by the first id of each unit.
     fn units(&self) -> Vec<Unit> {
         let mut units: BTreeMap<String, Vec<SplitScene>> = BTreeMap::new();
         let group = |scene: &Scene| scene.staging.as_ref().map_or_else(|| scene.id.clone(), |staging| staging.group());
@@ -327,7 +390,7 @@ struct Unit {
     scenes: Vec<SplitScene>,
 }
 
-/// How many of the first `wanted` scenes are whole units, and the unit that the rest would cut.
+/// How many of the first `wanted` scenes form whole units, and the unit that would be cut.
 fn whole_groups(units: &[Unit], wanted: usize) -> (usize, Option<String>) {
     let mut fits = 0;
     for unit in units {
@@ -339,7 +402,7 @@ fn whole_groups(units: &[Unit], wanted: usize) -> (usize, Option<String>) {
     (fits, None)
 }
 
-/// How many scenes the first whole units after `held_out` scenes have at least.
+/// The smallest number of scenes that whole units after the first `held_out` scenes can have.
 fn first_whole_after(units: &[Unit], held_out: usize) -> Option<usize> {
     let mut count = 0;
     units.iter().find_map(|unit| {
@@ -444,7 +507,7 @@ mod tests {
         assert!(matches!(&cut, PoolError::CutGroup { wanted: 2, fits: 3, .. }), "no set of no scenes: {cut}");
         assert_eq!(pool.split(Seed(4), EvolutionSize::Share(0.001), 30).unwrap().evolution.len(), 3, "a whole group");
         assert_eq!(pool.split(Seed(4), EvolutionSize::Share(0.335), 30).unwrap().evolution.len(), 69, "70 cut a group");
-        // With one draw a group is a scene, and the split is that of scenes.
+        // With one draw a route, each group is one scene, so groups and scenes are split alike.
         let one =
             Pool::new((0..80).map(|i| family_member(&FamilyOptions::all(), Seed(7), i).unwrap()).collect(), vec![]);
         assert_eq!(groups(&one.unwrap().split(Seed(4), EvolutionSize::Count(40), 10).unwrap().held_out), closed);

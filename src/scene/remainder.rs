@@ -1,6 +1,7 @@
-//! What a foreign format could not hold of a scene: the fields that reading the file's own words does not give back
-//! bit for bit. An exported file carries it where its format has a place for private data, so that importing the file
-//! gives the same scene. If the file was changed since, the digest no longer fits and the file's own words count.
+//! The part of a scene that a foreign format cannot hold: the fields that do not come back bit for bit when the
+//! format's own elements are read. An exported file carries them where its format has a place for private data, so that
+//! importing it gives the same scene. If the file was edited later, the digest no longer fits, and only the format's
+//! own elements count.
 
 use std::collections::BTreeMap;
 
@@ -18,9 +19,9 @@ const VERSION: u32 = 1;
 #[serde(deny_unknown_fields)]
 pub struct Remainder {
     version: u32,
-    /// Of the whole scene.
+    /// Digest of the whole scene.
     scene: Digest,
-    /// Of what the file's own words gave.
+    /// Digest of the scene that the format's own elements gave.
     read: Digest,
     lanes: usize,
     tracks: usize,
@@ -28,7 +29,7 @@ pub struct Remainder {
 }
 
 impl Remainder {
-    /// What must be laid over `read`, which the file's own words give, to have `scene`.
+    /// The fields that must be put over `read` to get `scene`. `read` is what the format's own elements give.
     pub fn between(read: &Scene, scene: &Scene) -> Remainder {
         let known = fields_of(read);
         let mut fields = fields_of(scene);
@@ -43,8 +44,8 @@ impl Remainder {
         }
     }
 
-    /// The scene, or `None` where `read` is not what it was when the remainder was taken, or what comes out breaks a
-    /// rule of a sound scene.
+    /// The scene. `None` if `read` changed since the remainder was taken, or if the result breaks a rule of a valid
+    /// scene.
     pub fn laid_over(&self, read: &Scene, origin: &Origin) -> Option<Scene> {
         let most = |known: usize| known.saturating_add(self.fields.len());
         let counts_fit = self.lanes <= most(read.road.lanes.len()) && self.tracks <= most(read.tracks.len());
@@ -80,7 +81,7 @@ impl Remainder {
         text
     }
 
-    /// The inverse of [`Remainder::to_ascii`]; `None` of anything else.
+    /// The inverse of [`Remainder::to_ascii`]; `None` for any other text.
     pub fn from_text(text: &str) -> Option<Remainder> {
         serde_json::from_str(text).ok()
     }

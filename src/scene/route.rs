@@ -1,5 +1,5 @@
-//! A path to drive where no log gives one: the shortest way through the lane graph, lane changes included, as one
-//! smooth line from where the ego stands.
+//! A route for an ego that has no logged path: the shortest way through the lane graph, with lane changes, as one
+//! smooth line from the ego's place.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,20 +9,22 @@ use super::lanes::{LaneGraph, LanePlace};
 use super::validate::WAY_MAX_M;
 use crate::kernel::{Polyline, Vec2, num};
 
-/// What a lane change costs in the search, metres of way: it is made only where it saves more.
+/// Cost of a lane change in the search, metres of way. A lane is changed only where that saves more.
 const LANE_CHANGE_COST_M: f64 = 20.0;
 /// Points of a route, metres apart.
 const SPACING_M: f64 = 1.0;
-/// No line is drawn beyond this, metres: so far beyond what a scene's route may have that it is refused all the same.
+/// No line becomes longer than this, metres. It is far beyond the limit of a scene's route, so a longer line would be
+/// refused anyway.
 const LINE_MAX_M: f64 = 2.0 * WAY_MAX_M;
 /// Lanes a search looks at before it gives up.
 const LANES_MAX: usize = 20_000;
 
-/// Where a route must come by.
+/// A place through which a route must lead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GoalPlace {
+    /// Which lane.
     pub lane: LaneIx,
-    /// Arc length on that lane; 0 asks for the lane alone.
+    /// Arc length on that lane, metres; 0 asks only for the lane.
     pub s_m: f64,
 }
 
@@ -32,13 +34,13 @@ struct Leg {
     lane: LaneIx,
     from_m: f64,
     to_m: f64,
-    /// The next leg is the neighbour, not an exit.
+    /// Whether the next leg is a neighbour lane rather than an exit.
     changes_lane: bool,
 }
 
-/// The line from `position` (which lies at `start` in its lane) to the nearest of `goals`, then straight on until it
-/// is `length_m` long or the lanes end, twice [`WAY_MAX_M`] at most. Without goals it follows the lane. `transition_m` is the length over which a
-/// lateral offset is driven off. `None` where no way leads to a goal.
+/// The line from `position` (which lies at `start` in its lane) to the nearest of `goals`, then straight on until it is
+/// `length_m` long or the lanes end, twice [`WAY_MAX_M`] at most. Without goals it follows the lane. Over the length
+/// `transition_m` it moves from the ego's lateral offset to the centre line. `None` if no way leads to a goal.
 pub fn plan(
     graph: &LaneGraph,
     position: Vec2,
@@ -73,7 +75,7 @@ struct Visit {
 fn search(graph: &LaneGraph, start: LanePlace, goals: &[GoalPlace], transition_m: f64) -> Option<Vec<Leg>> {
     let mut visits = vec![Visit { lane: start.lane, entry_m: start.s_m, cost_m: 0.0, from: None }];
     let mut done = vec![false; graph.lane_count()];
-    // Costs are at least 0, so their bits sort as they do.
+    // Costs are never negative, so their bit patterns sort in the same order.
     let mut open = BinaryHeap::from([Reverse((0u64, 0usize))]);
     let mut best: Option<(f64, usize, f64)> = None;
     while let Some(Reverse((_, index))) = open.pop() {
@@ -126,7 +128,7 @@ fn search(graph: &LaneGraph, start: LanePlace, goals: &[GoalPlace], transition_m
     Some(legs)
 }
 
-/// Ends the legs where they are as long as a line is drawn.
+/// Cuts the legs at the greatest length of a line.
 fn cut(legs: &mut Vec<Leg>) {
     let mut left = LINE_MAX_M;
     let whole = legs.iter().position(|leg| {
@@ -140,7 +142,7 @@ fn cut(legs: &mut Vec<Leg>) {
     }
 }
 
-/// Follows the lanes, where they fork the straightest, until the legs are `length_m` long.
+/// Follows the lanes until the legs are `length_m` long. At a fork it takes the straightest lane.
 fn extend(graph: &LaneGraph, legs: &mut Vec<Leg>, length_m: f64) {
     let mut left = length_m - num::sum(legs.iter().map(|leg| (leg.to_m - leg.from_m).max(0.0)));
     while left > 1e-6 && legs.len() < LANES_MAX {
@@ -197,7 +199,7 @@ fn drawn(graph: &LaneGraph, position: Vec2, legs: &[Leg], transition_m: f64) -> 
     points
 }
 
-/// From 0 at 0 to 1 at 1 with level ends.
+/// Rises smoothly from 0 at 0 to 1 at 1, with slope 0 at both ends.
 fn smooth(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)

@@ -1,5 +1,5 @@
-//! What the traffic of a set of scenes is like, in figures that compare one pool with another: generated
-//! beside recorded, one data set beside the next.
+//! Statistics of the traffic in a set of scenes, to compare one pool with another, for example generated with recorded
+//! traffic.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,15 +9,20 @@ use crate::kernel::{Pose, num};
 /// A distribution in five figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
+    /// Number of values.
     pub count: usize,
+    /// Arithmetic mean.
     pub mean: f64,
+    /// 5 % quantile.
     pub p5: f64,
+    /// Median.
     pub p50: f64,
+    /// 95 % quantile.
     pub p95: f64,
 }
 
 impl Summary {
-    /// Of finite values; `None` of nothing.
+    /// Summary of the finite values; `None` if there are none.
     pub fn of(mut values: Vec<f64>) -> Option<Summary> {
         values.retain(|x| x.is_finite());
         let mean = num::mean(&values)?;
@@ -35,11 +40,15 @@ impl Summary {
 /// Distributions over all scenes of a set. A `None` means that nothing of the kind was observed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoolStats {
+    /// Number of scenes.
     pub scenes: usize,
     /// Road users per scene, the ego included.
     pub tracks: Option<Summary>,
+    /// Motor vehicles per scene, the ego included.
     pub vehicles: Option<Summary>,
+    /// Pedestrians per scene.
     pub pedestrians: Option<Summary>,
+    /// Cyclists per scene.
     pub cyclists: Option<Summary>,
     /// Seconds that a road user is observed.
     pub observed_s: Option<Summary>,
@@ -51,6 +60,7 @@ pub struct PoolStats {
     pub standing: Option<Summary>,
     /// Of moving vehicles, from differences of recorded speeds: noise of a recording counts too.
     pub acceleration_mps2: Option<Summary>,
+    /// Of moving vehicles, from differences of accelerations, m/s³.
     pub jerk_mps3: Option<Summary>,
     /// Absolute value, of moving vehicles.
     pub yaw_rate_radps: Option<Summary>,
@@ -67,11 +77,11 @@ pub struct PoolStats {
 
 /// Vehicles farther ahead are not followed, metres.
 pub const GAP_M_MAX: f64 = 60.0;
-/// Later use of the same place is no conflict, seconds.
+/// Two uses of a place that lie farther apart than this are no conflict, seconds.
 pub const CONFLICT_S_MAX: f64 = 3.0;
-/// Centres this near are at the same place, metres.
+/// Two centres at most this far apart count as the same place, metres.
 const SAME_PLACE_M: f64 = 2.5;
-/// Directions that differ by more than this are different ways, radians (about 20 degrees).
+/// Two vehicles come from different ways if their directions differ by more than this, radians (about 20 degrees).
 const OTHER_WAY_RAD: f64 = 0.35;
 /// Slower than this is standing, m/s.
 const STANDING_MPS: f64 = 0.5;
@@ -100,7 +110,7 @@ struct Gathered {
 }
 
 impl PoolStats {
-    /// Of any set of scenes, in their order.
+    /// Statistics of a set of scenes, taken in their order.
     pub fn of<'a>(scenes: impl IntoIterator<Item = &'a Scene>) -> PoolStats {
         let mut seen = Gathered::default();
         let mut count = 0;
@@ -253,7 +263,7 @@ impl Way {
         (!samples.is_empty()).then_some(Way { samples, low, high })
     }
 
-    /// Seconds between both at the same place, coming from different ways; `None` where there is no conflict.
+    /// Seconds between the two at the same place, if they come from different ways; `None` if there is no conflict.
     fn encroachment_s(&self, other: &Way) -> Option<f64> {
         let apart = |axis: usize| {
             self.low[axis] > other.high[axis] + SAME_PLACE_M || other.low[axis] > self.high[axis] + SAME_PLACE_M
@@ -270,7 +280,7 @@ impl Way {
                     continue;
                 }
                 let turn = num::wrap_angle(a.heading_rad - b.heading_rad).abs();
-                // Opposite directions in neighbouring lanes pass each other.
+                // Vehicles of opposite directions in neighbouring lanes pass each other without conflict.
                 if turn > OTHER_WAY_RAD && turn < num::PI - OTHER_WAY_RAD {
                     best = Some(i.abs_diff(*j));
                 }

@@ -27,14 +27,19 @@ pub struct Scene {
     pub steps: usize,
     /// The last sample of history ("now"): interventions start after it. 10 for Waymo, 0 where nothing precedes.
     pub current_step: usize,
+    /// Lanes and edges.
     pub road: Road,
     /// Everyone but the ego.
     pub tracks: Vec<Track>,
+    /// The vehicle under test.
     pub ego: Ego,
     /// Tracks that the data set marks as interacting with the ego; may be empty.
     pub objects_of_interest: Vec<TrackIx>,
+    /// Traffic lights.
     pub lights: Vec<Light>,
+    /// Stop signs.
     pub stop_signs: Vec<StopSign>,
+    /// Outlines of crosswalks, metres.
     pub crosswalks: Vec<Vec<Vec2>>,
     /// What a scene of SafeBench's traffic families knows beside; `None` for every other scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -50,11 +55,15 @@ pub struct Origin {
     pub name: String,
 }
 
+/// What kind of road user somebody is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AgentKind {
+    /// A motor vehicle.
     Vehicle,
+    /// Someone on foot.
     Pedestrian,
+    /// Someone on a bicycle.
     Cyclist,
     /// Barriers, cones, parked or unknown things.
     Static,
@@ -63,13 +72,16 @@ pub enum AgentKind {
 /// Centre of the bounding box and its motion at one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
+    /// Centre of the box, metres.
     pub position: Vec2,
+    /// Counter-clockwise from +x.
     pub heading_rad: f64,
     /// Global axes, m/s.
     pub velocity: Vec2,
 }
 
 impl Sample {
+    /// Length of the velocity, m/s.
     pub fn speed_mps(&self) -> f64 {
         self.velocity.norm()
     }
@@ -78,15 +90,20 @@ impl Sample {
 /// A road user's recorded motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Track {
+    /// Unique in the scene.
     pub id: String,
+    /// What kind of road user it is.
     pub kind: AgentKind,
+    /// Length of the box, metres.
     pub length_m: f64,
+    /// Width of the box, metres.
     pub width_m: f64,
     /// `steps` long; `None` where the road user was not observed.
     pub samples: Vec<Option<Sample>>,
 }
 
 impl Track {
+    /// The sample at a step; `None` where it was not observed or the scene has ended.
     pub fn at(&self, step: usize) -> Option<&Sample> {
         self.samples.get(step).and_then(Option::as_ref)
     }
@@ -112,18 +129,24 @@ pub struct Ego {
     pub target_speed_mps: Option<f64>,
 }
 
+/// The road: its lanes and its edges.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Road {
+    /// All lanes; a [`LaneIx`] is an index into this list.
     pub lanes: Vec<Lane>,
     /// Curbs and other edges that nobody drives over.
     pub edges: Vec<Vec<Vec2>>,
 }
 
+/// What a lane is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LaneKind {
+    /// An ordinary road.
     Street,
+    /// A motorway.
     Freeway,
+    /// For bicycles.
     Bike,
     /// Shoulders, parking, sidewalks: drivable surface without through traffic.
     Other,
@@ -132,44 +155,67 @@ pub enum LaneKind {
 /// A stretch of lane in driving direction. The three lines have equal counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lane {
+    /// Id in the source; unique in the scene.
     pub id: String,
+    /// What the lane is for.
     pub kind: LaneKind,
+    /// Centre line in driving direction, metres. `[points]`
     pub centre: Vec<Vec2>,
+    /// Left border, metres. `[points]`
     pub left: Vec<Vec2>,
+    /// Right border, metres. `[points]`
     pub right: Vec<Vec2>,
+    /// Lanes that lead into this one.
     pub entries: Vec<LaneIx>,
+    /// Lanes that this one leads into.
     pub exits: Vec<LaneIx>,
+    /// The lane to the left.
     pub left_neighbour: Option<Neighbour>,
+    /// The lane to the right.
     pub right_neighbour: Option<Neighbour>,
+    /// Speed limit where one is known, m/s.
     pub speed_limit_mps: Option<f64>,
 }
 
+/// A lane beside another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Neighbour {
+    /// Which lane.
     pub lane: LaneIx,
+    /// Whether its traffic drives the same way.
     pub same_direction: bool,
 }
 
 /// A traffic light over a lane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
+    /// The lane that it holds for.
     pub lane: LaneIx,
+    /// Where traffic stops, metres.
     pub stop_point: Vec2,
     /// `steps` long.
     pub states: Vec<LightState>,
 }
 
+/// What a traffic light shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LightState {
+    /// Not observed.
     Unknown,
+    /// Red.
     Stop,
+    /// Yellow.
     Caution,
+    /// Green.
     Go,
 }
 
+/// A stop sign.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StopSign {
+    /// Where it stands, metres.
     pub position: Vec2,
+    /// The lanes that it holds for.
     pub lanes: Vec<LaneIx>,
 }

@@ -1,11 +1,11 @@
-//! Which scenes a generator of adversarial traffic can be evolved on, and in plain words why others cannot.
+//! Decides whether adversarial traffic can be evolved on a scene, and says in plain words why not.
 
 use super::{AgentKind, Scene, Track};
 use crate::kernel::Polyline;
 
-/// Waymo's interactive selection asks the ego to move 10 m; so do we, of its route.
+/// Least length of the ego's route, metres. Waymo's interactive selection asks the ego to move 10 m.
 pub const ROUTE_MIN_M: f64 = 10.0;
-/// Two seconds after the current step: what an adversary needs to do something.
+/// Least number of samples after the current step: an adversary needs two seconds to act.
 pub const STEPS_AFTER_MIN: usize = 20;
 /// A vehicle that never comes this near to the ego's route cannot interact, metres.
 pub const ROUTE_WITHIN_M: f64 = 40.0;
@@ -13,18 +13,41 @@ pub const ROUTE_WITHIN_M: f64 = 40.0;
 /// Why a scene is not used for evolution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unusable {
+    /// It breaks rules that every scene keeps.
     #[error("it breaks {count} rules of a sound scene, first {first}")]
-    Unsound { count: usize, first: String },
+    Unsound {
+        /// How many rules it breaks.
+        count: usize,
+        /// The first of them.
+        first: String,
+    },
+    /// The ego's route is too short.
     #[error("the ego's route is {length_m:.1} m long; 10 m are needed")]
-    RouteTooShort { length_m: f64 },
+    RouteTooShort {
+        /// Length of the route, metres.
+        length_m: f64,
+    },
+    /// Too little time is left after the current step.
     #[error("it ends {steps} steps after its current step; 20 are needed")]
-    TooShort { steps: usize },
+    TooShort {
+        /// Samples after the current step.
+        steps: usize,
+    },
+    /// There is no vehicle besides the ego.
     #[error("there is no vehicle besides the ego")]
     NoVehicle,
+    /// No vehicle stays long enough.
     #[error("none of its {vehicles} vehicles is observed for 20 steps after the current one")]
-    NoLastingVehicle { vehicles: usize },
+    NoLastingVehicle {
+        /// Vehicles of the scene.
+        vehicles: usize,
+    },
+    /// No vehicle comes near to the ego's route.
     #[error("none of its {vehicles} lasting vehicles comes within 40 m of the ego's route")]
-    NoVehicleNear { vehicles: usize },
+    NoVehicleNear {
+        /// Vehicles that stay long enough.
+        vehicles: usize,
+    },
 }
 
 /// Whether adversarial traffic can be evolved on a scene.
@@ -42,7 +65,7 @@ pub fn usable(scene: &Scene) -> Result<(), Unusable> {
         return Err(Unusable::TooShort { steps: after });
     }
     if scene.staging.is_some() {
-        // A traffic family brings its actors with it.
+        // A traffic family adds its own actors.
         return Ok(());
     }
     let vehicles: Vec<&Track> = scene.tracks.iter().filter(|t| t.kind == AgentKind::Vehicle).collect();

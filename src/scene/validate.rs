@@ -1,4 +1,4 @@
-//! The rules that every scene keeps, and a check that names each one a scene breaks. It repairs nothing.
+//! The rules of a valid scene, and a check that names every rule that a scene breaks. It repairs nothing.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -13,28 +13,32 @@ pub const STEPS_MAX: usize = 1200;
 pub const COORDINATE_MAX_M: f64 = 100_000.0;
 /// Nothing in traffic is faster, m/s.
 pub const SPEED_MAX_MPS: f64 = 100.0;
-/// Nobody comes farther in two minutes, and no route is longer, metres: whoever looks along a way must be able to.
+/// Longest way of a track and longest route, metres. Nobody drives farther in two minutes, and a search along a way
+/// stays bounded.
 pub const WAY_MAX_M: f64 = 20_000.0;
-/// And all tracks of a scene together, metres.
+/// Longest way of all tracks of a scene together, metres.
 pub const WAYS_MAX_M: f64 = 5_000_000.0;
-/// Longest and shortest side of a bounding box, metres: a road train; a traffic cone seen from above.
+/// Longest side of a bounding box, metres: a road train. The shortest is that of a traffic cone seen from above.
 pub const SIDE_MAX_M: f64 = 60.0;
+/// Shortest side of a bounding box, metres.
 pub const SIDE_MIN_M: f64 = 0.05;
 
 /// Lanes that a lane leads into, or that lead into it.
 pub const LINKS_MAX: usize = 64;
 
-/// Violations of a scene that are told one by one.
+/// Most violations of a scene that are listed one by one.
 pub const VIOLATIONS_MAX: usize = 1000;
 
-/// One broken rule: which, where, what stands there, what was expected.
+/// One broken rule: its name, the place, what was found there, and what was expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// Stable name, such as `samples_match_steps`.
     pub rule: &'static str,
     /// Such as `tracks[3] "veh7"`.
     pub place: String,
+    /// What was found there.
     pub found: String,
+    /// What was expected.
     pub expected: String,
 }
 
@@ -45,8 +49,8 @@ impl fmt::Display for Violation {
 }
 
 impl Scene {
-    /// Every rule the scene breaks, in the order of its fields; empty for a sound scene. Beyond [`VIOLATIONS_MAX`] one
-    /// more says how many there are.
+    /// Every rule the scene breaks, in the order of its fields; empty for a valid scene. If there are more than
+    /// [`VIOLATIONS_MAX`], one last entry says how many.
     pub fn validate(&self) -> Vec<Violation> {
         let mut check = Check { violations: Vec::new(), more: 0 };
         check.header(self);
@@ -66,7 +70,7 @@ impl Scene {
     }
 }
 
-/// How many rules are broken, in words: a number, or that there are more than are told.
+/// How many rules are broken, in words: a number, or that there are more than are listed.
 pub fn how_many(violations: &[Violation]) -> String {
     match violations.len() {
         count @ ..=VIOLATIONS_MAX => count.to_string(),
@@ -76,7 +80,7 @@ pub fn how_many(violations: &[Violation]) -> String {
 
 struct Check {
     violations: Vec<Violation>,
-    /// Beyond those that are told.
+    /// Number of violations beyond the listed ones.
     more: usize,
 }
 
@@ -192,7 +196,7 @@ impl Check {
             self.that(seen, "track_is_observed", place, "no sample".into(), "at least one sample");
         }
         let ways_m = scene.tracks.iter().map(way_m).fold(0.0, |sum, way_m| sum + way_m);
-        // What is not finite broke a rule of its own.
+        // A value that is not finite already broke another rule.
         let sound = !(ways_m > WAYS_MAX_M && ways_m.is_finite());
         self.that(sound, "ways_are_plausible", || "tracks".into(), format!("{ways_m:.0} m in all"), "at most 5000 km");
     }

@@ -1,4 +1,4 @@
-//! The actor: draws an edit strategy that suits the context, looks its draft over, and says what it expects.
+//! The actor: it draws an edit strategy that fits the context, checks its draft, and states what it expects.
 
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{kernel::Stream, llm::ModelError};
 
-/// Drafts that are thrown away before it gives up.
+/// Most rejected drafts before it gives up.
 const TRIES: usize = 48;
 /// Share of patches that join two edits.
 const DOUBLE_SHARE: f64 = 0.25;
@@ -49,7 +49,7 @@ fn chosen(page: &PromptView, except: &str, stream: &mut Stream) -> Option<&'stat
     STRATEGIES.get(forms::weighted(&weights, stream)?)
 }
 
-/// The strategy's weight for the target, shifted by how the latest attempts and the parent stand.
+/// The strategy's weight for the target, changed by the results of the latest attempts and of the parent.
 fn weight(page: &PromptView, strategy: &Strategy) -> f64 {
     let [attack, realism, diversify] = strategy.weights;
     let mut weight = match page.target() {
@@ -67,7 +67,7 @@ fn weight(page: &PromptView, strategy: &Strategy) -> f64 {
     weight
 }
 
-/// Whether the latest labelled attempt fell behind the parent in realism.
+/// Whether the latest labelled attempt had less realism than the parent.
 fn lost_realism(page: &PromptView) -> bool {
     let latest = page.outcomes.recent.iter().rev().find(|attempt| attempt.exit == "evaluated");
     let realism = latest.and_then(|attempt| attempt.objectives.as_ref()).map(|o| o.realism);
@@ -88,7 +88,7 @@ fn patch(page: &PromptView, draft: &Draft, says: &str) -> Value {
     })
 }
 
-/// What was done, and what is expected of it given the target.
+/// The hypothesis: what was changed, and what effect is expected for the target.
 fn hypothesis(page: &PromptView, says: &str, operations: &[Value]) -> String {
     let restricts = operations.iter().all(|o| o["value"]["slot"] == "filter" || edit::path_of(o).contains("/inputs/"));
     let expects = match (page.target(), restricts) {
@@ -102,7 +102,7 @@ fn hypothesis(page: &PromptView, says: &str, operations: &[Value]) -> String {
     format!("{says}: {expects}.")
 }
 
-/// Cards of mechanisms that the draft builds on, and one that warned of what it leaves out.
+/// References to cards with mechanisms that the draft uses, and to one that warns of a mechanism that it avoids.
 fn memory_refs(page: &PromptView, draft: &Draft) -> Vec<String> {
     let uses = |tags: &[String]| tags.iter().any(|tag| draft.tags.contains(tag));
     let helped = page.memory.iter().filter(|card| card.kind == "success" && uses(&card.mechanism_tags)).take(3);

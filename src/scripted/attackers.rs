@@ -1,5 +1,6 @@
-//! The attacker agent: ranks the vehicles of the table by a sum of what speaks for them, and follows the feedback of the
-//! sets that were tried: farther ahead when late, farther behind when early, a second side when the ego yielded.
+//! The attacker agent: it ranks the vehicles of the table by a sum of terms, and follows the feedback on the sets that
+//! were tried: after "late" a vehicle farther ahead, after "early" one farther behind, and if the ego yielded a vehicle
+//! on another side.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -17,7 +18,7 @@ use crate::{
 
 pub const ROLE: &str = "attacker_agent";
 
-/// The question as read.
+/// The parsed question.
 #[derive(Debug)]
 struct Question {
     response_id: String,
@@ -88,7 +89,7 @@ impl Question {
         Ok(Question { response_id, attackers_max, vehicles: take(&rows, "Vehicles")?, tried })
     }
 
-    /// Who attacks next and why. Whoever overlooks the feedback takes the next best vehicle.
+    /// Who attacks next and why. If it overlooks the feedback, it takes the next best vehicle.
     fn choice(&self, overlooks: bool) -> (Vec<String>, String) {
         let last = self.tried.last().filter(|_| !overlooks);
         let leader = last.and_then(|last| self.vehicle(last.attackers.first()?));
@@ -97,11 +98,11 @@ impl Question {
             let vehicle = self.best(|_| true, &[])?;
             Some((vec![vehicle.id.clone()], format!("`{}` promises most of those not tried", vehicle.id)))
         });
-        // All were tried: whatever is named now, the rules go on.
+        // All sets were tried, so any answer will do: the rules continue.
         next.unwrap_or_else(|| (self.vehicles.iter().take(1).map(|v| v.id.clone()).collect(), "nobody is left".into()))
     }
 
-    /// What the last outcome asks for, if some vehicle fits it.
+    /// The set that the last outcome suggests, if a vehicle fits.
     fn answered(&self, last: &Tried, leader: &Vehicle) -> Option<(Vec<String>, String)> {
         let alone = |vehicle: &Vehicle| vec![vehicle.id.clone()];
         match last.outcome.as_str() {
@@ -132,7 +133,7 @@ impl Question {
         self.vehicles.iter().find(|vehicle| vehicle.id == *id)
     }
 
-    /// The most promising vehicle that fits and would make a new set with those beside it; the first of equals.
+    /// The most promising vehicle that fits and makes a new set together with the others; among equals the first.
     fn best(&self, fits: impl Fn(&Vehicle) -> bool, beside: &[String]) -> Option<&Vehicle> {
         let new = |vehicle: &&Vehicle| {
             let set: BTreeSet<&String> = beside.iter().chain([&vehicle.id]).collect();
@@ -148,7 +149,7 @@ impl Question {
 }
 
 impl Vehicle {
-    /// What speaks for it: that it can meet the ego, soon, from near by, on a crossing way.
+    /// Its rank value: high if it can meet the ego, soon, from close by, on a crossing path.
     fn promise(&self) -> f64 {
         let flag = |holds: bool, weight: f64| if holds { weight } else { 0.0 };
         let urgency = self.time_to_collision_s.map_or(0.0, |s| num::exp(-s / 3.0));

@@ -1,5 +1,5 @@
-//! The patch against the prompt, by rule: identity, paths, ranges, names, types of edges. What the structural critic looks for, what the
-//! actor looks over before it answers, and what a repair mends.
+//! Checks a patch against the prompt by rules: identity, paths, ranges, names, types of edges. The structural critic
+//! uses it, the actor before it answers, and the repair to find what it must mend.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -10,10 +10,10 @@ use super::{
     reader::{Domain, Module, Node, Program, PromptView, Rule, names_in},
 };
 
-/// Something that blocks, and what would mend it.
+/// A blocking fault, and what would mend it.
 #[derive(Debug)]
 pub struct Finding {
-    /// The operation that caused it; `None` where the identifiers did.
+    /// The operation that caused it; `None` if the identifiers are wrong.
     pub operation: Option<usize>,
     pub path: String,
     pub problem: String,
@@ -29,7 +29,7 @@ pub enum Fix {
         pointer: String,
         value: Value,
     },
-    /// Use this name in place of that one, wherever the operation says it.
+    /// Replace one name by another, everywhere in the operation.
     Rename {
         from: String,
         to: String,
@@ -54,7 +54,7 @@ impl Finding {
     }
 }
 
-/// All that blocks, in the order of the operations.
+/// All blocking faults, in the order of the operations.
 pub fn findings(page: &PromptView, patch: &Value) -> Vec<Finding> {
     let mut found = identity(page, patch);
     found.extend(surface(page, patch));
@@ -64,7 +64,7 @@ pub fn findings(page: &PromptView, patch: &Value) -> Vec<Finding> {
     found
 }
 
-/// The program that comes out, as far as the operations can be done.
+/// The program after all operations that can be applied.
 pub fn child(page: &PromptView, patch: &Value) -> Option<Program> {
     let mut parts = page.parts.clone();
     edit::operations(patch).iter().try_for_each(|operation| edit::apply(&mut parts, operation)).ok()?;
@@ -89,7 +89,7 @@ pub fn identity(page: &PromptView, patch: &Value) -> Vec<Finding> {
         .collect()
 }
 
-/// Number of operations, paths, repeats, edits without effect, and whether each can be done.
+/// Checks the number of operations, paths, repeats, edits without effect, and whether each can be applied.
 fn surface(page: &PromptView, patch: &Value) -> Vec<Finding> {
     let operations = edit::operations(patch);
     let (mut parts, mut seen, mut found) = (page.parts.clone(), BTreeSet::new(), vec![]);
@@ -129,7 +129,7 @@ fn content(page: &PromptView, patch: &Value) -> Vec<Finding> {
     flaws.map(|flaw| blame(page, patch, flaw)).collect()
 }
 
-/// A flaw at an absolute place of the child.
+/// A fault at an absolute path in the child.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct Flaw {
     place: String,
@@ -142,11 +142,11 @@ enum Mend {
     /// JSON text of the value to put there.
     Put(String),
     Rename(String, String),
-    /// Nothing but dropping the operation helps.
+    /// The operation must be dropped.
     Drop,
 }
 
-/// The last operation whose place holds the flaw; if none does, one that took something away, or the last one.
+/// The last operation whose path contains the fault; otherwise one that removed something, or the last one.
 fn blame(page: &PromptView, patch: &Value, flaw: Flaw) -> Finding {
     let operations = edit::operations(patch);
     let rules = page.program.scenario_conditioned_policy.len();
@@ -209,7 +209,7 @@ impl<'a> Check<'a> {
         self.flaws.push(Flaw { place: place.into(), problem, mend: Mend::Drop });
     }
 
-    /// A word that the contract does not have: the nearest one is the mend.
+    /// A word that the contract does not have; the most similar one mends it.
     fn unknown<'w>(&mut self, place: &str, what: &str, word: &str, known: impl Iterator<Item = &'w str>) {
         let known: Vec<&str> = known.collect();
         let near = similar::get_close_matches(word, &known, 1, 0.6).first().map(|near| (*near).to_string());

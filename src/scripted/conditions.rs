@@ -1,5 +1,5 @@
-//! Conditions on the scene, for rules of ρ and for gates: a feature against a threshold near plausible values, or near the mean of a
-//! scene cluster where the prompt shows one.
+//! Conditions on the scene, for rules of ρ and for gates. A feature is compared with a threshold near plausible values,
+//! or near the mean of a scene cluster if the prompt shows one.
 
 use super::{
     forms::{fill, without_constants},
@@ -11,7 +11,7 @@ use crate::kernel::{Stream, num};
 pub struct Condition {
     pub text: String,
     pub name: &'static str,
-    /// The cluster whose numbers set the threshold.
+    /// The cluster whose mean gives the threshold.
     pub cluster: Option<String>,
 }
 

@@ -15,10 +15,10 @@ use crate::{kernel::Stream, llm::ModelError};
 
 pub const ROLES: [&str; 4] = ["structural_critic", "attack_critic", "realism_critic", "isolation_critic"];
 
-/// A mean of the weakest diagnostic below this calls for a guard in patches that add pressure.
+/// If the weakest diagnostic has a lower mean, patches that add pressure need a guard.
 const WEAK_DIAGNOSTIC: f64 = 0.75;
 
-/// What a critic holds against a patch.
+/// A critic's objection to a patch.
 struct Objection {
     blocker: String,
     hint: String,
@@ -90,7 +90,7 @@ fn attack(page: &PromptView, patch: &Value) -> Vec<Objection> {
     found
 }
 
-/// Filters, guards and gates can only take away.
+/// Filters, guards and gates can only remove candidates, actors and scenes.
 fn restricts(page: &PromptView, operation: &Value) -> bool {
     let value = &operation["value"];
     let guards = |slot: &str| matches!(Purpose::of(page, slot), Some(Purpose::Guard | Purpose::Gate));
@@ -101,7 +101,7 @@ fn restricts(page: &PromptView, operation: &Value) -> bool {
     filter || module || setting || path.contains("/inputs/")
 }
 
-/// Guards that go, bounds that loosen, pressure where plausibility is weak already.
+/// Objects to removed guards, looser bounds, and more pressure where plausibility is already low.
 fn realism(page: &PromptView, patch: &Value) -> Vec<Objection> {
     let operations = edit::operations(patch);
     let Some(child) = check::child(page, patch) else { return vec![] };

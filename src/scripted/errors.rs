@@ -1,4 +1,5 @@
-//! Errors at the rates that the experiment file declares, planted after drafting: some can be repaired, some cannot.
+//! Errors at the rates that the experiment file declares. They are put into finished drafts; some can be repaired, some
+//! cannot.
 
 use serde_json::{Value, json};
 
@@ -8,23 +9,25 @@ use crate::{
     llm::{ModelError, ModelSpec},
 };
 
-/// Shares of replies that err, each in 0..1. All must be declared in `ModelSpec.sampling` under these names.
+/// Shares of replies with an error, each in 0..1. All must be declared in `ModelSpec.sampling` under these names.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// Of all replies: cut off, fenced, or with prose around the object.
+    /// Share of all replies that are cut off, fenced, or have prose around the object.
     pub malformed_json_rate: f64,
-    /// Of patches: a number outside its declared range. Of sets of attackers: a vehicle that the scene does not have. Of
-    /// templates: a range beyond its bounds.
+    /// Share of patches with a number outside its declared range, of sets of attackers with a vehicle that the scene
+    /// does not have, and of templates with a range beyond its bounds.
     pub out_of_range_rate: f64,
-    /// Of patches: a mechanism that reads a word of another family, or of none.
+    /// Share of patches with a mechanism that reads a word of another family, or an unknown word.
     pub foreign_mechanism_rate: f64,
-    /// Of patches: a parent hash that is not the parent's.
+    /// Share of patches with a wrong parent hash.
     pub stale_hash_rate: f64,
-    /// Of a critic's findings: overlooked, as reviewers do. Gates stand behind them. Of an attacker agent's feedback: likewise.
+    /// Share of a critic's findings that it overlooks, as reviewers do; the gates still find them. Also the share of
+    /// feedback that an attacker agent overlooks.
     pub oversight_rate: f64,
 }
 
 impl Rates {
+    /// The error rates among a model's sampling parameters.
     pub fn of(model: &ModelSpec) -> Result<Rates, ModelError> {
         let rate = |name: &str| {
             let found = required(model, name)?;
@@ -50,7 +53,8 @@ pub fn required(model: &ModelSpec, name: &str) -> Result<f64, ModelError> {
     })
 }
 
-/// Plants errors of content. Every kind is drawn in every patch, so that one rate moves nothing of another kind.
+/// Plants errors of content. Every kind is drawn in every patch, so that one rate does not influence errors of another
+/// kind.
 pub fn plant(page: &PromptView, patch: &mut Value, rates: Rates, stream: &mut Stream) {
     let [range, foreign, stale] =
         [rates.out_of_range_rate, rates.foreign_mechanism_rate, rates.stale_hash_rate].map(|rate| stream.chance(rate));

@@ -1,5 +1,5 @@
-//! Expressions: atoms with a meaning, and the forms that join them. Atoms are shares or decays around 0..1, so that sums and products
-//! of them are sane in units whatever features they read.
+//! Expressions: atoms with a meaning, and forms that join them. Atoms are shares or decays around 0..1, so that their
+//! sums and products have sensible units for any features.
 
 use super::{
     conditions,
@@ -14,7 +14,7 @@ pub struct Mechanism {
     pub clusters: Vec<String>,
 }
 
-/// What a mechanism slot asks for, as its contract entry tells.
+/// The purpose of a mechanism slot, according to its contract entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// A number, larger is taken first.
@@ -71,7 +71,7 @@ const PLAUSIBILITY: [(&str, &str); 13] = [
     ("plausible_prior", "exp(prior_log_probability / <2..6>)"),
 ];
 
-/// Conditions that a guard may ask of an actor or a candidate.
+/// Conditions for guards on an actor or a candidate.
 const GUARDS: [(&str, &str); 19] = [
     ("acceleration_guard", "acceleration_mps2_max <= <3.5..7 m/s^2>"),
     ("turning_guard", "lateral_acceleration_mps2_max <= <3..6 m/s^2>"),
@@ -119,7 +119,7 @@ const SCORES: [&str; 10] = [
 ];
 
 impl Purpose {
-    /// By what the slot gives, what it reads and what its entry says.
+    /// Decided by the slot's output, its features and the text of its entry.
     pub fn of(page: &PromptView, slot: &str) -> Option<Purpose> {
         let spec = page.contract.mechanism_slots.get(slot)?;
         let says = spec.meaning.to_lowercase();
@@ -233,7 +233,8 @@ fn closes_at_end(term: &str) -> bool {
     false
 }
 
-/// A drawn atom whose features the slot may read: rather what memory recommends, rather not what it warns of.
+/// Draws an atom whose features the slot may read. Atoms that memory recommends are likelier, atoms that it warns of
+/// less likely.
 fn atom(
     page: &PromptView,
     slot: &str,
@@ -253,7 +254,7 @@ fn atom(
     Some(((*tag).to_string(), fill(page, tag, template, stream)))
 }
 
-/// How much the context speaks for a mechanism.
+/// How strongly the context favours a mechanism.
 fn appeal(page: &PromptView, tag: &str, text: &str) -> f64 {
     let mut weight = 1.0;
     if page.failed_tags().contains(tag) {

@@ -1,8 +1,8 @@
 //! The scripted stand-in: rules that answer the prompts of the roles through the same JSON contract as a language model would.
 //!
-//! It is no language model and is never called one. It exists so that a study can be recorded and replayed without any provider, and so
-//! that the loop is exercised with errors at declared rates. It sees the text of the request and nothing else; every draw comes from a
-//! stream named by the request's draw slot, so that equal requests get equal bytes.
+//! It is not a language model and is never called one. With it a study can be recorded and replayed without any
+//! provider, and the loop can be tested with errors at declared rates. It sees the text of the request and nothing
+//! else. Every draw comes from a stream named by the request's draw slot, so that equal requests get equal bytes.
 
 mod actor;
 mod attackers;
@@ -28,7 +28,8 @@ use crate::llm::{self, Completion, Model, ModelError, Request};
 /// `kind` of a `ModelSpec` that is answered here.
 pub const KIND: &str = llm::client::SCRIPTED;
 
-/// Rules in place of a model. All it needs is in the request: `sampling` must hold `seed` and the four error rates of [`Rates`].
+/// The scripted model. Everything that it needs is in the request: `sampling` must hold `seed` and the four error rates
+/// of [`Rates`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Scripted;
 
@@ -93,7 +94,7 @@ impl Draws {
         self.seed.stream(&["scripted", lineage, epoch, slot, role, round, purpose])
     }
 
-    /// The streams of the actor of this slot: a repair that was shown no readable patch drafts it again.
+    /// The streams of this slot's actor, with which a repair drafts the patch again if it got no readable one.
     fn of_actor(&self) -> Draws {
         let [lineage, epoch, slot, ..] = self.path.clone();
         Draws { seed: self.seed, path: [lineage, epoch, slot, "actor".into(), "0".into()] }

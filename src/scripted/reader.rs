@@ -1,4 +1,4 @@
-//! What the prompt says: the JSON blocks under its headings, as a reader would find them. Only what the rules need is taken up.
+//! Reads a prompt: the JSON blocks under its headings. Only what the rules need is kept.
 
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::{Value, json};
@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::unanswerable;
 use crate::llm::{ModelError, Request};
 
-/// A request as read.
+/// A parsed request.
 #[derive(Debug)]
 pub struct PromptView {
     pub identity: Identity,
@@ -238,7 +238,7 @@ impl PromptView {
         cards.flat_map(|card| card.mechanism_tags.iter().map(String::as_str)).collect()
     }
 
-    /// Names that a module of the slot may read; conditions (no slot) read scene features and parameters only.
+    /// Names that a module of the slot may read. Conditions have no slot and read scene features and parameters only.
     pub fn readable(&self, slot: Option<&str>) -> BTreeSet<&str> {
         let numeric = self.contract.parameters.iter().filter(|(_, domain)| domain.is_numeric());
         let of_slot = slot.and_then(|slot| self.contract.mechanism_slots.get(slot)).map(|slot| &slot.reads);
@@ -255,7 +255,7 @@ impl PromptView {
         self.program.parameters.get(name)?.as_f64()
     }
 
-    /// The realism diagnostic that the outcomes call weakest, if it falls short at all.
+    /// The weakest realism diagnostic of the outcomes, if it is below 1.
     pub fn weakest(&self) -> Option<(&str, f64)> {
         let parent = self.outcomes.parent.as_ref()?;
         let name = parent.weakest_diagnostic.as_deref()?;

@@ -1,4 +1,4 @@
-//! The repair: the smallest change that answers what the reviews hold against the patch.
+//! The repair: the smallest change that answers the objections of the reviews.
 
 use serde_json::Value;
 
@@ -11,7 +11,7 @@ use super::{
 };
 use crate::llm::ModelError;
 
-/// Passes over the findings; each may bring out another.
+/// Most passes over the findings, because mending one may reveal another.
 const PASSES: usize = 4;
 
 /// The repaired patch, with its summary.
@@ -37,7 +37,7 @@ pub fn repair(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     Ok(patch)
 }
 
-/// Whether a review speaks of it: a repair clears what reviewers raised and leaves the rest alone.
+/// Whether a review mentions it. A repair mends only what the reviews mention.
 fn is_raised(page: &PromptView, finding: &Finding) -> bool {
     let said = page
         .reviews
@@ -74,7 +74,7 @@ fn mend(page: &PromptView, patch: &mut Value, finding: &Finding) {
     }
 }
 
-/// Takes an operation away, and whatever refers to a module or node that it would have added.
+/// Removes an operation, and everything that refers to a module or node that it would have added.
 fn drop_operation(patch: &mut Value, index: usize) {
     let Some(operations) = patch["operations"].as_array_mut() else { return };
     let gone = operations.remove(index);
@@ -159,7 +159,7 @@ fn add_guard(page: &PromptView, patch: &mut Value, draws: &Draws) -> Vec<String>
     vec![]
 }
 
-/// No readable patch: what the text holds if it can be read after all, else the actor's draft once more.
+/// Without a readable patch: the patch in the text if it can be read after all, else the actor's draft once more.
 fn redrafted(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     let text = page
         .unreadable

@@ -77,7 +77,7 @@ fn places(page: &PromptView) -> Vec<Place<'_>> {
     found
 }
 
-/// A drawn one of those that hold.
+/// One of the items, all equally likely; `None` if there are none.
 fn drawn<T>(items: Vec<T>, stream: &mut Stream) -> Option<T> {
     if items.is_empty() {
         return None;
@@ -90,7 +90,7 @@ fn tags_text(draft: &Draft) -> String {
     draft.tags.iter().map(|tag| tag.replace('_', " ")).collect::<Vec<_>>().join(" and ")
 }
 
-/// A mechanism where the contract offers a place for one and the parent has none.
+/// Adds a mechanism where the contract allows one and the parent has none.
 fn fill_optional_mechanism(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let free = places(page).into_iter().filter(|p| p.domain.slot.is_some() && p.value.is_none()).collect();
     let place = drawn(free, stream)?;
@@ -127,7 +127,7 @@ fn swap_operator(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> O
     ))
 }
 
-/// A fresh expression in a module that is there.
+/// Gives an existing module a new expression.
 fn replace_expression(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (name, module) = drawn(page.program.mechanism_modules.iter().collect(), stream)?;
     let mechanism = forms::invent(page, &module.slot, stream)?;
@@ -137,7 +137,7 @@ fn replace_expression(page: &PromptView, draft: &mut Draft, stream: &mut Stream)
     Some(format!("`{name}` now follows {}", tags_text(draft)))
 }
 
-/// One more term in a score, one more condition in a guard.
+/// Adds one term to a score, or one condition to a guard.
 fn add_term(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (name, module) = drawn(page.program.mechanism_modules.iter().collect(), stream)?;
     let (tag, term) = forms::extra_term(page, &module.slot, stream)?;
@@ -158,7 +158,7 @@ fn add_term(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option
     Some(format!("`{name}` also takes {} into account", tags_text(draft)))
 }
 
-/// A module that counts less outside a kind of scene.
+/// Lowers the weight of a module outside one kind of scene.
 fn gate_expression(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let numeric = page.program.mechanism_modules.iter().filter(|(_, module)| module.output == "number").collect();
     let (name, module) = drawn(numeric, stream)?;
@@ -240,7 +240,7 @@ fn push_rule(
     draft.clusters.extend(condition.cluster.clone());
 }
 
-/// Another condition for a rule that is there.
+/// Gives an existing rule another condition.
 fn new_condition(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (index, rule) = drawn(page.program.scenario_conditioned_policy.iter().enumerate().collect(), stream)?;
     let condition = conditions::draw(page, stream)?;
@@ -251,7 +251,7 @@ fn new_condition(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> O
     Some(format!("The rule `{}` now holds where `{}`", rule.name, condition.text))
 }
 
-/// A rule that holds in one more, or in fewer, kinds of scenes.
+/// Makes a rule apply in more, or in fewer, kinds of scenes.
 fn widen_rule(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (index, rule) = drawn(page.program.scenario_conditioned_policy.iter().enumerate().collect(), stream)?;
     let condition = conditions::draw(page, stream)?;
@@ -267,7 +267,7 @@ fn widen_rule(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Opti
     ))
 }
 
-/// Takes out a node that passes on what it takes.
+/// Removes a node whose output has the type of its input.
 fn remove_filter(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let graph = &page.program.operator_graph;
     let removable = |node: &Node| {
@@ -300,7 +300,7 @@ fn remove_rule(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Opt
     Some(format!("Without the rule `{}` all scenes are treated alike", rule.name))
 }
 
-/// Takes an optional mechanism out of a setting, and its module if nothing else refers to it.
+/// Removes an optional mechanism from a setting, and its module if nothing else refers to it.
 fn remove_optional(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let set = places(page).into_iter().filter(|p| p.domain.slot.is_some() && !p.domain.required && p.value.is_some());
     let place = drawn(set.collect(), stream)?;
@@ -313,7 +313,7 @@ fn remove_optional(page: &PromptView, draft: &mut Draft, stream: &mut Stream) ->
     Some(format!("Without `{name}` the {} step falls back to its own rule", place.operator.slot))
 }
 
-/// Another word for a setting or a parameter that offers several.
+/// Chooses another word for a setting or a parameter with several options.
 fn flip_choice(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let settings =
         places(page).into_iter().filter(|p| p.domain.kind == "choice" && p.value.is_some_and(Value::is_string));
@@ -331,7 +331,7 @@ fn flip_choice(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Opt
     Some(format!("`{word}` at {path} changes how the step decides"))
 }
 
-/// A setting that follows a parameter, or stops doing so.
+/// Makes a setting follow a parameter, or stop following it.
 fn retarget_setting(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let place =
         drawn(places(page).into_iter().filter(|p| p.domain.is_numeric() && p.value.is_some()).collect(), stream)?;
@@ -345,7 +345,7 @@ fn retarget_setting(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -
     Some(format!("`{}` of `{}` becomes {value}", place.setting, place.node))
 }
 
-/// One to three parameters moved inside their ranges.
+/// Moves one to three parameters inside their ranges.
 fn move_parameters(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let mut names: Vec<&String> = page.contract.parameters.keys().filter(|name| is_used(page, name)).collect();
     stream.shuffle(&mut names);
@@ -359,7 +359,7 @@ fn move_parameters(page: &PromptView, draft: &mut Draft, stream: &mut Stream) ->
     (!said.is_empty()).then(|| format!("Moving {} shifts the balance of pressure and plausibility", said.join(" and ")))
 }
 
-/// One number of an expression, scaled.
+/// Scales one number of an expression.
 fn retune_constant(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let (name, module) = drawn(page.program.mechanism_modules.iter().collect(), stream)?;
     let spans = numbers_in(&module.expression);

@@ -1,5 +1,5 @@
-//! The template agent: takes the behaviour whose words the description uses most, and the published ranges, narrowed by
-//! what the description says of speed and distance.
+//! The template agent: it takes the behaviour that shares most words with the description, and the published ranges,
+//! narrowed by the description's words about speed and distance.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -55,7 +55,7 @@ const SAID: [(&str, &[&str], [f64; 2]); 5] = [
     ("act_within_m", &["abrupt", "abruptly", "sudden", "suddenly"], [0.0, 0.5]),
 ];
 
-/// Words that say nothing of a behaviour.
+/// Words without meaning for a behaviour.
 const COMMON: [&str; 22] = [
     "a", "an", "and", "as", "at", "by", "in", "is", "it", "its", "of", "on", "out", "so", "that", "the", "their",
     "then", "to", "when", "where", "with",
@@ -84,14 +84,14 @@ pub fn answer(request: &Request, rates: Rates, draws: &Draws) -> Result<Value, M
     Ok(json!({"response_id": task.response_id, "scenario_template": template}))
 }
 
-/// The words of a text that say something, in small letters.
+/// The meaningful words of a text, in lower case.
 fn telling(text: &str) -> BTreeSet<String> {
     let text = text.to_ascii_lowercase();
     words(&text).filter(|word| !COMMON.contains(word)).map(String::from).collect()
 }
 
-/// The behaviour that shares the most words with the description, the published one where none shares any; the first of
-/// equals.
+/// The behaviour that shares the most words with the description, the published one if none shares any; among equals
+/// the first.
 fn fitting<'a>(known: &'a Behaviours, said: &BTreeSet<String>) -> (&'a str, Vec<String>) {
     let mut best: (&str, Vec<String>) = (&known.published_behaviour, vec![]);
     for behaviour in &known.behaviours {
@@ -103,7 +103,7 @@ fn fitting<'a>(known: &'a Behaviours, said: &BTreeSet<String>) -> (&'a str, Vec<
     best
 }
 
-/// The published range, or the part of it that the description means.
+/// The published range, or the part of it that the description asks for.
 fn narrowed(range: &Range, said: &BTreeSet<String>) -> [f64; 2] {
     let meant =
         SAID.iter().find(|(name, words, _)| *name == range.name && words.iter().any(|word| said.contains(*word)));

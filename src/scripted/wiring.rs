@@ -21,7 +21,7 @@ pub struct Draft {
 }
 
 impl Draft {
-    /// A name that neither the program nor this draft has.
+    /// A name that neither the program nor this draft uses.
     pub fn fresh<'a>(&mut self, base: &str, taken: impl Iterator<Item = &'a String>) -> String {
         let taken: BTreeSet<&String> = taken.collect();
         let base: String = base.chars().take(40).collect();
@@ -86,7 +86,7 @@ pub fn mechanism(
     Some(json!({"mechanism": new_module(page, program, slot, draft, stream)?}))
 }
 
-/// Settings for a node of this kind: what the old node has where it fits, otherwise drawn.
+/// Settings for a node of this kind: those of the old node where they fit, otherwise drawn.
 pub fn settings(
     page: &PromptView,
     program: &Program,
@@ -165,7 +165,8 @@ pub fn number(kind: &str, x: f64, low: f64, high: f64) -> Value {
     }
 }
 
-/// Puts one more filter into the graph: a kind that passes on what it takes, between two nodes that are joined. Says which kind it was.
+/// Inserts one more filter between two connected nodes: a kind whose output has the type of its input. Returns the
+/// kind.
 pub fn insert_filter(page: &PromptView, program: &Program, draft: &mut Draft, stream: &mut Stream) -> Option<String> {
     let mut places = vec![];
     for (slot, spec) in &page.contract.operators {

@@ -5,6 +5,7 @@ use crate::kernel::num;
 /// Step length and decays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
+    /// Learning rate.
     pub rate: f64,
     /// β₁
     pub first_decay: f64,
@@ -12,7 +13,7 @@ pub struct Rates {
     pub second_decay: f64,
 }
 
-/// Keeps a slope of zero from being divided by zero.
+/// Avoids a division by zero for a gradient of zero.
 const EPSILON: f64 = 1e-8;
 
 /// The running means of one decision vector.
@@ -25,6 +26,7 @@ pub struct Adam {
 }
 
 impl Adam {
+    /// A fresh state for a decision vector of this length.
     pub fn new(rates: Rates, dimensions: usize) -> Adam {
         Adam { rates, first: vec![0.0; dimensions], second: vec![0.0; dimensions], steps: 0 }
     }

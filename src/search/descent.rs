@@ -17,9 +17,11 @@ use crate::stage::situation::{EgoPath, Situation};
 /// One adversary as a loss sees it.
 #[derive(Clone, Debug)]
 pub struct Mover {
+    /// The track that it moves.
     pub actor: TrackIx,
     /// Scene step of the window's first sample.
     pub from_step: usize,
+    /// Its decision vector. `[dimensions]`
     pub place: Vec<f64>,
     /// `states[k]` lies at scene step `from_step + k - 1`.
     pub states: Vec<State>,
@@ -69,7 +71,9 @@ pub fn covered(movers: &[Mover]) -> std::ops::Range<usize> {
 /// Where a loss writes its slopes: for each mover at its states and, directly, at its decision vector.
 #[derive(Clone, Debug, Default)]
 pub struct Slopes {
+    /// By each state of each mover. `[movers][states]`
     pub states: Vec<Vec<Slope>>,
+    /// By each number of each decision vector. `[movers][dimensions]`
     pub places: Vec<Vec<f64>>,
 }
 
@@ -93,7 +97,9 @@ impl Slopes {
 /// What all adversaries did at one iteration.
 #[derive(Clone, Debug)]
 pub struct Iterate {
+    /// The movers at this point.
     pub movers: Vec<Mover>,
+    /// Their loss.
     pub loss: f64,
     /// Whether the ego, simulated against exactly these motions, touched an adversary; `None`: not simulated.
     pub contact: Option<bool>,
@@ -102,14 +108,16 @@ pub struct Iterate {
 /// How a search runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Descent {
+    /// Gradient steps.
     pub iterations: usize,
+    /// Rates of Adam.
     pub rates: Rates,
     /// The ego is simulated anew at every this many iterations, and at the last.
     pub replay_every: usize,
 }
 
 /// Adam over all parts' decision vectors from the record on; ends at the first contact of the ego with an adversary.
-/// `loss` gives the value of the movers against the ego's latest path and writes its slopes.
+/// `loss` gives the loss of the movers against the ego's latest path and writes its gradients.
 pub fn descend(
     situation: &Situation,
     parts: &[Part],
@@ -169,9 +177,9 @@ pub fn actor_weights(situation: &Situation, parts: &[Part], module: Option<&Modu
 const WEIGHT_MIN: f64 = 0.05;
 const WEIGHT_MAX: f64 = 20.0;
 
-/// Between the scores of the iterates that make contact and of those that do not.
+/// Gap between the scores of iterates with contact and those without.
 const NO_CONTACT: f64 = -1000.0;
-/// Losses are squeezed below this, so that no loss outweighs a contact.
+/// Losses are mapped to values below this, so that no loss outweighs a contact.
 const LOSS_MAX: f64 = 400.0;
 
 /// The score of an iterate: smaller losses first, and contact before everything else.

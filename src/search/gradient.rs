@@ -7,7 +7,9 @@ use crate::kernel::Stream;
 /// How the descent runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlainDescent {
+    /// How often it starts anew.
     pub restarts: usize,
+    /// Gradient steps of each start.
     pub iterations: usize,
     /// Step per unit of slope.
     pub step: f64,

@@ -44,11 +44,12 @@ pub fn score(
     }
 }
 
-/// What one candidate and one ego rollout do to each other.
+/// How one candidate and one ego rollout meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Met {
     /// u^(k+1) at the first check k where the boxes overlap; 0 if they never do.
     pub likelihood: f64,
+    /// Smallest distance between the two centres, metres.
     pub centre_distance_m_min: f64,
 }
 

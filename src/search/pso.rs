@@ -6,7 +6,9 @@ use crate::kernel::Stream;
 /// Swarm settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swarm {
+    /// Number of particles.
     pub particles: usize,
+    /// Steps of the swarm.
     pub iterations: usize,
     /// c1, pull toward a particle's own best.
     pub cognitive: f64,
@@ -19,7 +21,9 @@ pub struct Swarm {
 /// The best place that a particle saw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
+    /// The place. `[dimensions]`
     pub place: Vec<f64>,
+    /// Its loss.
     pub loss: f64,
 }
 

@@ -14,11 +14,13 @@ pub struct Queries {
     pub changed_share: f64,
 }
 
-/// What a query told.
+/// The result of a query.
 pub struct Answer<T> {
+    /// Smaller is better.
     pub loss: f64,
-    /// Whether it does what is looked for, so that the search may stop.
+    /// Whether the goal is reached, so that the search may stop.
     pub success: bool,
+    /// What the simulation left behind.
     pub found: T,
 }
 

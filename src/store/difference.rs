@@ -1,4 +1,4 @@
-//! Where two JSON values first differ, said shortly.
+//! Finds where two JSON values first differ, for short messages.
 
 use serde_json::Value;
 

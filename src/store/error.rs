@@ -10,43 +10,87 @@ use crate::kernel::{Digest, canon::CanonError};
 pub enum StoreError {
     /// The operating system refused.
     #[error("cannot {action} {}: {source}; {remedy}", path.display())]
-    Io { action: &'static str, path: PathBuf, source: std::io::Error, remedy: &'static str },
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+        /// What helps.
+        remedy: &'static str,
+    },
     /// Stored bytes are not what was stored.
     #[error("{0}")]
     Corrupt(Box<Damage>),
     /// Another process has it open.
     #[error("{} is in use by {holder}; wait until it ends, or give this run a folder of its own", path.display())]
-    Locked { path: PathBuf, holder: String },
+    Locked {
+        /// The file that is locked.
+        path: PathBuf,
+        /// Who holds the lock.
+        holder: String,
+    },
     /// A reader asked for at most `max_bytes`.
     #[error("{} is larger than {max_bytes} bytes; is it the file you meant?", path.display())]
-    TooLarge { path: PathBuf, max_bytes: u64 },
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The reader's limit.
+        max_bytes: u64,
+    },
     /// There is no object of that name.
     #[error("{} holds no object {digest}; it was never stored here", path.display())]
-    Absent { path: PathBuf, digest: Digest },
+    Absent {
+        /// The store's file.
+        path: PathBuf,
+        /// The name that was asked for.
+        digest: Digest,
+    },
     /// A memo entry exists and names another object: the same request gave two results.
     #[error(
         "{kind} request {key} is recorded with result {recorded}, now it gave {offered}: one request, two results; \
          run `evodrive verify` to see which of them this build computes"
     )]
-    Conflict { kind: MemoKind, key: Digest, recorded: Digest, offered: Digest },
+    Conflict {
+        /// What kind of request.
+        kind: MemoKind,
+        /// The request.
+        key: Digest,
+        /// The object that is recorded.
+        recorded: Digest,
+        /// The object that came out now.
+        offered: Digest,
+    },
     /// A value has no canonical bytes (NaN, infinity).
     #[error("event {kind} cannot be stored: {source}")]
-    Unstorable { kind: String, source: CanonError },
+    Unstorable {
+        /// Kind of the event.
+        kind: String,
+        /// Why it has no canonical bytes.
+        source: CanonError,
+    },
     /// A continued run did something else than the recorded one.
     #[error("{0}")]
     Divergence(Box<Divergence>),
     /// A sealed transcript takes no more events.
     #[error("{} is sealed at event {seq}: the run is over; start a new run to record more", path.display())]
-    Sealed { path: PathBuf, seq: u64 },
+    Sealed {
+        /// The transcript.
+        path: PathBuf,
+        /// Number of its last event.
+        seq: u64,
+    },
 }
 
 /// One damaged place of one file.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Damage {
+    /// The damaged file.
     pub file: PathBuf,
     /// Byte offset, `line 7`, `table memo`: where in the file.
     pub place: String,
-    /// The object that is lost by it, where it can be told.
+    /// The object that is lost, where it is known.
     pub digest: Option<Digest>,
     /// What was expected there and what was found.
     pub what: String,
@@ -73,6 +117,7 @@ impl std::fmt::Display for Damage {
 /// The first place where a continued run differs from what was recorded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Divergence {
+    /// The transcript.
     pub file: PathBuf,
     /// Place of the event in the transcript, from 0.
     pub seq: u64,
@@ -80,7 +125,9 @@ pub struct Divergence {
     pub kind: String,
     /// JSON Pointer of the first differing field: `/kind`, or inside the body `/body/...`.
     pub field: String,
+    /// What is recorded.
     pub recorded: String,
+    /// What came out now.
     pub computed: String,
 }
 

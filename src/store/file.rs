@@ -1,4 +1,5 @@
-//! Plain files: whole ones are written at once or not at all, and read up to a limit. Knows nothing of what is in them.
+//! Plain files. A file is written completely or not at all, and read up to a size limit. This module does not know what
+//! files contain.
 
 use std::{
     fs::{self, File},
@@ -71,7 +72,7 @@ pub fn read_head(path: &Path, count: usize) -> Result<Vec<u8>, StoreError> {
     Ok(bytes)
 }
 
-/// Removes a file; one that is not there is as good as removed.
+/// Removes a file. It is no error if the file does not exist.
 pub fn remove_file(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {
         Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path, source)),
@@ -79,7 +80,7 @@ pub fn remove_file(path: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// Makes a folder and its parents; one that is there already is fine.
+/// Makes a folder and its parents. It is no error if the folder exists.
 pub fn create_dir(path: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(path).map_err(|source| StoreError::io("make the folder", path, source))
 }

@@ -1,4 +1,4 @@
-//! Is a store what it was? Looks at everything, changes nothing, names each damaged place.
+//! Checks a store for damage. It looks at everything, changes nothing, and names each damaged place.
 
 use std::{collections::BTreeMap, fs::File, path::Path};
 
@@ -25,7 +25,7 @@ pub struct FsckReport {
     pub pack_bytes: u64,
     /// Whether every byte was read and hashed, or only headers.
     pub read_all: bool,
-    /// Nothing to worry about: what the next opening will mend by itself.
+    /// Harmless findings, which the next opening mends by itself.
     pub notes: Vec<String>,
     /// Empty = whole.
     pub damage: Vec<Damage>,
@@ -113,7 +113,7 @@ fn check_memo(path: &Path, found: &Places, report: &mut FsckReport) {
     }
 }
 
-/// Rows of the index without their record, and records below `indexed_to` without their row.
+/// Index rows that have no record, and records below `indexed_to` that have no index row.
 fn compare(dir: &Path, indexed: &Places, found: &Places, report: &mut FsckReport) {
     for (digest, place) in &indexed.objects {
         if found.objects.get(digest) != Some(place) {

@@ -1,5 +1,6 @@
-//! The index of a store: an SQLite file that says what stands where in the pack up to the last flush. It holds nothing that
-//! the pack does not hold, so a lost, old or damaged index is rebuilt and never believed against the pack.
+//! The index of a store: an SQLite file with the position of every record of the pack, up to the last flush. Everything
+//! in it can be found in the pack too, so a lost, old or damaged index is rebuilt. Where the two differ, the pack is
+//! right.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -13,7 +14,7 @@ use crate::kernel::Digest;
 
 /// File name of the index inside a store's folder.
 pub(super) const INDEX: &str = "index.sqlite";
-/// Another number makes the index be rebuilt.
+/// An index with another version number is rebuilt.
 const VERSION: i64 = 1;
 const TABLES: &str = "
     CREATE TABLE object (digest BLOB PRIMARY KEY, place INTEGER NOT NULL, length INTEGER NOT NULL) WITHOUT ROWID;
@@ -31,12 +32,12 @@ pub(super) struct Places {
     pub memo: BTreeMap<(MemoKind, Digest), (Digest, u64)>,
     /// The pack is described up to here.
     pub indexed_to: u64,
-    /// Exclusive or of a hash of each entry: tells a changed row from a whole one, and costs one hash an entry.
+    /// Exclusive or of the hashes of all entries. It shows whether a row was changed, and costs one hash an entry.
     pub fingerprint: u64,
 }
 
 impl Places {
-    /// Takes a piece in. The first record of an object and the last entry of a request hold.
+    /// Adds a piece. Of several records of one object the first counts; of several entries of one request the last.
     pub fn add(&mut self, piece: &Piece) {
         match piece {
             Piece::Object { at, length, digest } => {
@@ -109,7 +110,7 @@ impl Index {
         Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map(Index)
     }
 
-    /// Everything it says. A row that cannot be one, or that is not as it was written, is an error.
+    /// Reads the whole index. A row that is malformed or was changed is an error.
     pub fn load(&self) -> Result<Places, String> {
         let (places, fingerprint) = self.read().map_err(|error| error.to_string())?;
         let same = places.fingerprint == fingerprint;

@@ -1,6 +1,7 @@
 //! Objects by digest and the memo of requests, in one folder: the pack (the truth), the index (rebuilt when lost) and a lock.
 //!
-//! What `put` and `memo_put` returned survives a kill of the process; what was there at the last `flush` survives a power cut.
+//! Once `put` or `memo_put` has returned, the data survive a kill of the process. Data written before the last `flush`
+//! survive a power cut.
 
 use std::{
     fs::{self, File, OpenOptions, TryLockError},
@@ -69,7 +70,7 @@ impl std::fmt::Display for MemoKind {
     }
 }
 
-/// What opening a store had to mend.
+/// What was repaired when a store was opened.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Opening {
     /// Bytes of a write that was cut off, removed from the end of the pack.
@@ -140,7 +141,7 @@ impl Store {
         Ok(store)
     }
 
-    /// What had to be mended when it was opened.
+    /// What was repaired when it was opened.
     pub fn opening(&self) -> &Opening {
         &self.opening
     }
@@ -156,7 +157,8 @@ impl Store {
         Ok(digest)
     }
 
-    /// The bytes of that name, hashed again: what comes back is what was stored, or it is an error naming digest, file, offset.
+    /// The bytes of that name. They are hashed again, so the caller gets what was stored, or an error with digest, file
+    /// and offset.
     pub fn get(&self, digest: &Digest) -> Result<Vec<u8>, StoreError> {
         let path = self.dir.join(PACK);
         let state = self.state();
@@ -231,7 +233,7 @@ impl Store {
         Ok(())
     }
 
-    /// One write a record. One that fails half-way is taken back.
+    /// Each record is one write. A write that fails half-way is undone.
     fn append(&self, state: &mut State, record: &[u8]) -> Result<u64, StoreError> {
         let at = state.end;
         let written = state.pack.seek(SeekFrom::Start(at)).and_then(|_| state.pack.write_all(record));
@@ -257,7 +259,7 @@ impl State {
 }
 
 impl Drop for Store {
-    /// A courtesy that spares the next opening a scan; nothing rests on it.
+    /// This only saves the next opening a scan; nothing depends on it.
     fn drop(&mut self) {
         if !self.state().pending.is_empty() {
             let _ = self.flush();

@@ -1,9 +1,10 @@
 //! The pack: one append-only file of records, from which everything else in a store can be rebuilt.
 //!
-//! A record is `magic (8) | length of the body (u64, little endian) | BLAKE3 of the body (32) | check (8) | body`. The magic is
-//! `EVOBJCT1` for an object and `EVOMEMO1` for a memo entry (its last byte is the format's version); the check is the first 8
-//! bytes of BLAKE3 of the 48 bytes before it, so that a damaged header is told from a damaged body. Records follow each other
-//! from byte 0 without gaps. The body of a memo entry is `kind (1: llm, 2: rollout) | request key (32) | object (32)`.
+//! A record is `magic (8) | length of the body (u64, little endian) | BLAKE3 of the body (32) | check (8) | body`. The
+//! magic is `EVOBJCT1` for an object and `EVOMEMO1` for a memo entry (its last byte is the format's version); the check
+//! is the first 8 bytes of BLAKE3 of the 48 bytes before it, so that a damaged header can be distinguished from a
+//! damaged body. Records follow each other from byte 0 without gaps. The body of a memo entry is `kind (1: llm, 2:
+//! rollout) | request key (32) | object (32)`.
 
 use std::{
     fs::File,
@@ -49,14 +50,14 @@ pub(super) enum Piece {
         at: u64,
         entry: MemoEntry,
     },
-    /// Bytes that are no whole record although more follow, or although their number is right.
+    /// Bytes that are not a whole record, although more bytes follow or their number is right.
     Damaged {
         at: u64,
         end: u64,
         digest: Option<Digest>,
         what: String,
     },
-    /// The end of the file breaks off inside a record: a write that was cut.
+    /// The file ends inside a record, because a write was cut off.
     Torn {
         at: u64,
     },
@@ -177,7 +178,7 @@ fn damaged(at: u64, end: u64, digest: Option<Digest>, expected: &str) -> Piece {
     Piece::Damaged { at, end, digest, what: format!("expected {expected}, found other bytes up to offset {end}") }
 }
 
-/// Whether the file ends inside a header: fewer bytes than one has, beginning as one begins, or only zeros (a power cut).
+/// Whether the file ends inside a header: the last bytes are the beginning of one, or only zeros (after a power cut).
 fn is_cut_header(file: &File, at: u64, left: u64) -> std::io::Result<bool> {
     if left >= HEADER {
         return all_zero(file, at, left);
@@ -213,7 +214,7 @@ fn next_record(file: &File, from: u64, size: u64) -> std::io::Result<Option<u64>
     Ok(None)
 }
 
-/// `read_header`, but without hashing where not even the magic is right.
+/// As `read_header`, but without hashing where the magic is wrong.
 fn read_header_here(bytes: &[u8; HEADER as usize]) -> Option<Header> {
     if bytes.starts_with(OBJECT) || bytes.starts_with(MEMO) { read_header(bytes) } else { None }
 }

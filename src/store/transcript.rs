@@ -1,10 +1,11 @@
-//! The transcript of a run: ordered events in a JSON-lines file, each holding the hash of the one before it. Its last hash
-//! is the root of the run. Knows nothing of what the events mean.
+//! The transcript of a run: ordered events in a JSON-lines file, each holding the hash of the one before it. Its last
+//! hash is the root of the run. This module does not know what the events mean.
 //!
-//! One line an event, `{"body":...,"hash":"<64 hex>","kind":"...","prev":"<64 hex>","seq":N}`, keys of every object sorted,
-//! no spaces, ended by one line feed. `hash` = BLAKE3 of the canonical bytes of `(seq, prev, kind, body)` under the domain
-//! `evodrive/transcript-event/1`; `prev` of event 0 is BLAKE3 of the text `evodrive/transcript/1`, so that the format's
-//! version is part of every hash. A line that is not byte for byte what its event prints as is damage.
+//! One line an event, `{"body":...,"hash":"<64 hex>","kind":"...","prev":"<64 hex>","seq":N}`, keys of every object
+//! sorted, no spaces, ended by one line feed. `hash` = BLAKE3 of the canonical bytes of `(seq, prev, kind, body)` under
+//! the domain `evodrive/transcript-event/1`; `prev` of event 0 is BLAKE3 of the text `evodrive/transcript/1`, so that
+//! the format's version is part of every hash. A line is damaged if it differs in any byte from the text that its event
+//! prints.
 
 use std::{
     fs::{File, OpenOptions, TryLockError},
@@ -33,6 +34,7 @@ const MAX_BODY_DEPTH: usize = 100;
 #[serde(deny_unknown_fields)]
 pub struct Event {
     // In the order of their names: this is the order in which they are printed.
+    /// What happened, as JSON.
     pub body: Value,
     /// Hash of the other four fields.
     pub hash: Digest,
@@ -51,11 +53,11 @@ pub struct Transcript {
     file: File,
     /// The events that the file held when it was opened. Those written since are on disk only.
     recorded: Vec<Event>,
-    /// How many events this run has itself produced or accepted as given.
+    /// How many events this run has produced, or has accepted as recorded.
     confirmed: usize,
     /// Hash of the last of them.
     head: Digest,
-    /// Place of the seal among them.
+    /// Index of the sealing event among them.
     sealed: Option<u64>,
 }
 
@@ -180,7 +182,7 @@ impl Transcript {
         Ok(hash)
     }
 
-    /// A line goes to the system in one write. One that fails half-way is taken back, so that the next one is not glued to it.
+    /// Each line is one write. A write that fails half-way is undone, so that the next line does not continue it.
     fn write(&mut self, line: &[u8]) -> Result<(), StoreError> {
         let io = |source| StoreError::io("append to", &self.path, source);
         let end = self.file.seek(SeekFrom::End(0)).map_err(io)?;
@@ -208,19 +210,20 @@ impl Transcript {
         self.head
     }
 
-    /// How many recorded events a continued run has still to reproduce.
+    /// How many recorded events a continued run still has to reproduce.
     pub fn remaining(&self) -> usize {
         self.recorded.len().saturating_sub(self.confirmed)
     }
 }
 
-/// The events of a transcript that is only looked at: nothing is locked or cut. Damage is an error.
+/// Reads the events of a transcript without locking or repairing it. Damage is an error.
 pub fn read_events(path: &Path) -> Result<Vec<Event>, StoreError> {
     let mut parsed = parse(path, &file::read_bounded(path, MAX_BYTES)?);
     if parsed.damage.is_empty() { Ok(parsed.events) } else { Err(StoreError::corrupt(parsed.damage.swap_remove(0))) }
 }
 
-/// What is damaged in a transcript: the first damaged line, since the chain vouches for nothing behind it. Empty = whole.
+/// Damage of a transcript: only the first damaged line, because the hash chain proves nothing about the lines after it.
+/// Empty if there is none.
 pub fn fsck_transcript(path: &Path) -> Result<Vec<Damage>, StoreError> {
     Ok(parse(path, &file::read_bounded(path, MAX_BYTES)?).damage)
 }

@@ -1,4 +1,4 @@
-//! Smooth plane curves by arc length: what lanes are laid along and drivers follow. Knows nothing of roads.
+//! Smooth plane curves by arc length. Lanes lie along them and drivers follow them. This module does not know roads.
 
 use crate::kernel::{Vec2, num};
 
@@ -148,7 +148,7 @@ impl Curve {
         }
     }
 
-    /// Stretches of at most `spacing` metres that bend: `(start, end, largest curvature)`.
+    /// The bent stretches of the curve, each at most `spacing` metres long: `(start, end, largest curvature)`.
     pub fn bends(&self, spacing_m: f64) -> Vec<(f64, f64, f64)> {
         let mut found: Vec<(f64, f64, f64)> = Vec::new();
         for i in 0..self.points.len() - 1 {

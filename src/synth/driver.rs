@@ -1,5 +1,5 @@
-//! One simulated person at the wheel: what they want, and how they follow (the Intelligent Driver Model of
-//! Treiber, Hennecke and Helbing 2000). Knows nothing of roads.
+//! One simulated driver: wishes, limits, and car following (the Intelligent Driver Model of Treiber, Hennecke and
+//! Helbing 2000). This module does not know roads.
 
 use crate::kernel::{Stream, num};
 
@@ -18,15 +18,15 @@ pub(super) struct Driver {
     pub body: Body,
     pub length_m: f64,
     pub width_m: f64,
-    /// Share of the speed limit aimed at.
+    /// Wanted speed as a share of the speed limit.
     pub haste: f64,
-    /// Speed of which the vehicle or rider is capable, m/s.
+    /// Largest speed of the vehicle or rider, m/s.
     pub speed_mps_max: f64,
     pub headway_s: f64,
     pub gap_m: f64,
     pub acceleration_mps2: f64,
     pub braking_mps2: f64,
-    /// Sideways acceleration accepted in bends.
+    /// Lateral acceleration that the driver accepts in bends.
     pub sideways_mps2: f64,
     /// Weight of others' disadvantage when changing lanes (MOBIL's politeness).
     pub politeness: f64,
@@ -93,7 +93,8 @@ impl Driver {
         let wanted = standing + (speed * headway + speed * (speed - ahead) / scale).max(0.0);
         let ratio = wanted / gap.max(0.1);
         let idm = self.acceleration_mps2 * (1.0 - ratio * ratio);
-        // IDM brakes twice over when it falls behind; what kinematics asks for, and half as much again, is enough.
+        // IDM brakes far too hard when the gap is smaller than wanted. One and a half times the kinematically needed
+        // braking is enough.
         let closing = (speed - ahead).max(0.0);
         let needed = closing * closing / (2.0 * (gap - 0.6 * standing).max(0.3));
         idm.max(-(1.5 * needed).max(self.braking_mps2)).max(-BRAKING_MPS2_MAX)

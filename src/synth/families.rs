@@ -1,6 +1,6 @@
 //! Scenes of SafeBench's eight traffic families on generated roads: ten routes a family, whose measures are drawn
-//! within the ranges measured on the benchmark's own routes (number 4 to 13, Town01 to Town05). For the routes whose
-//! towns are not at hand; nothing is copied from them but the ranges.
+//! within the ranges measured on the benchmark's own routes (number 4 to 13, Town01 to Town05). They replace the
+//! benchmark's routes if CARLA's towns are not available; only the ranges are taken from them.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,8 +23,8 @@ pub struct FamilyOptions {
     pub families: Vec<TrafficFamily>,
     /// Route numbers, 4 to 13 for the ten that SafeBench evaluates.
     pub routes: Vec<u32>,
-    /// Scenes of each family and route, 1 to 100. They differ in their names alone, and a generator draws its random
-    /// numbers by the scene's name: several samples of its parameters on one route, as SafeBench and ChatScene take them.
+    /// Scenes of each family and route, 1 to 100. They differ only in their names. A generator draws its random numbers
+    /// by the scene's name, so they give several samples of its parameters on one route, as in SafeBench and ChatScene.
     pub draws: u32,
 }
 
@@ -34,6 +34,7 @@ impl FamilyOptions {
         FamilyOptions { families: TrafficFamily::ALL.to_vec(), routes: (ROUTES.0..=ROUTES.1).collect(), draws: 1 }
     }
 
+    /// Refuses options from which no scene can be made.
     pub fn check(&self) -> Result<(), SynthError> {
         let bad = |field, found: String, expected| Err(SynthError::Option { field, found, expected });
         let twice = |n: usize, same: &dyn Fn(usize, usize) -> bool| (0..n).any(|a| (0..a).any(|b| same(a, b)));
@@ -63,7 +64,7 @@ pub fn family_member(options: &FamilyOptions, seed: Seed, i: usize) -> Result<Sc
     let (family, route) = (group / options.routes.len(), group % options.routes.len());
     let family = options.families[family % options.families.len()];
     let mut scene = family_scene(family, options.routes[route], seed);
-    // The first draw keeps the plain name, so that a pool of more draws contains that of fewer.
+    // The first draw keeps the plain name, so that a pool with more draws contains the pool with fewer.
     if draw > 0 {
         scene.id = format!("{}/draw{draw:02}", scene.id);
     }
@@ -181,7 +182,7 @@ fn crossed(kind: Straight, heading: f64, draw: &mut Stream) -> Plan {
     let reach_m = draw.uniform(10.0, 12.5);
     let trigger_m = draw.uniform(15.0, 20.0);
     let left_rad = if kind == Straight::Skew { num::PI - 72.0 * num::PI / 180.0 } else { num::FRAC_PI_2 };
-    // On the near side of the crossing road's middle drives what comes from the left.
+    // Traffic from the left drives on the near side of the crossing road's middle.
     let trigger_to_centre_m = fwd_m + (lane as f64 + 0.5) * lane_width_m;
     let crossing = Crossing {
         own_lanes: lanes,

@@ -1,5 +1,5 @@
 //! The roads of SafeBench's traffic families: straight roads, bends and crossings whose measures are those of the
-//! routes on CARLA's towns. A site knows the ego's way over it.
+//! routes on CARLA's towns. A site also holds the ego's way over it.
 
 use super::curve::Curve;
 use super::junction::{Arm, Control, lay_junction};
@@ -11,7 +11,7 @@ use crate::scene::{LaneIx, LaneKind};
 const MARGIN_M: f64 = 40.0;
 /// Stop lines lie this far before the end of the inbound lanes (where `lay_junction` puts them), metres.
 const STOP_SETBACK_M: f64 = 1.5;
-/// Of CARLA's towns: 25 mph.
+/// Speed limit in CARLA's towns: 25 mph.
 const LIMIT_MPS: f64 = 11.1;
 /// Points of a route, metres apart.
 const ROUTE_SPACING_M: f64 = 1.0;
@@ -119,7 +119,7 @@ impl Site {
         let own = if crossing.exit == 3 { inbound[0][0] } else { inbound[0][crossing.own_lanes - 1] };
         let outbound = &arms[crossing.exit].outbound;
         let through = net.lanes[own].exits.iter().copied().find(|&c| outbound.contains(&net.lanes[c].exits[0]));
-        // Every arm is reached from every other; the own lane alone would do if it were not.
+        // Every arm can be reached from every other. If not, the ego's own lane alone would be the route.
         let lanes = through.map_or(vec![own], |c| vec![own, c, net.lanes[c].exits[0]]);
         let start_s_m = net.lanes[own].curve.length_m() - (crossing.start_to_centre_m - crossing.reach_m);
         Site { net, lanes, start_s_m, inbound }
@@ -131,7 +131,7 @@ impl Site {
         (0..=count).map(|k| self.on_way(length_m * k as f64 / count as f64).0).collect()
     }
 
-    /// Position and heading on the ego's way, so far from its start.
+    /// Position and heading on the ego's way at a distance from its start.
     pub fn on_way(&self, way_m: f64) -> (Vec2, f64) {
         let mut left_m = self.start_s_m + way_m;
         for (k, &lane) in self.lanes.iter().enumerate() {

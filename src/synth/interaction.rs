@@ -1,4 +1,4 @@
-//! Who becomes the ego, and who interacts with it: the filter of CAT's scenes.
+//! Chooses the ego and the vehicle that interacts with it, as CAT selects its scenes.
 
 use super::options::{Reject, SynthOptions};
 use crate::kernel::{OrientedBox, num};
@@ -8,7 +8,7 @@ use crate::scene::{AgentKind, DT_S, Sample, Track};
 const CANDIDATES: usize = 48;
 /// Samples are compared every this many.
 const STRIDE: usize = 3;
-/// Two paths use the same place when centres come this near, metres.
+/// Two paths use the same place if their centres come this close, metres.
 const SAME_PLACE_M: f64 = 2.5;
 /// Crossing or merging at the same time gap is worth this much more than following, seconds.
 const CROSSING_BONUS_S: f64 = 2.5;
@@ -18,17 +18,17 @@ const CROSSING_BONUS_S: f64 = 2.5;
 pub(super) struct Pair {
     pub ego: usize,
     pub other: usize,
-    /// Seconds between the two at the same place, less what a crossing is worth.
+    /// Seconds between the two at the same place, minus the bonus for a crossing.
     score_s: f64,
 }
 
-/// The pair with the closest interaction, with or without those that only follow each other.
+/// The pair with the closest interaction, with or without pairs that only follow each other.
 pub(super) fn choose(tracks: &[Track], options: &SynthOptions, following: bool) -> Result<Pair, Reject> {
     let candidates: Vec<usize> = (0..tracks.len()).filter(|&i| may_be_ego(&tracks[i], options)).collect();
     if candidates.is_empty() {
         return Err(Reject::NoEgo);
     }
-    // Spread over the population, so that early and late arrivals have the same chance.
+    // The candidates are spread over all road users, so that early and late arrivals have the same chance.
     let skip = candidates.len().div_ceil(CANDIDATES);
     let mut best: Option<Pair> = None;
     for &ego in candidates.iter().step_by(skip) {

@@ -1,4 +1,4 @@
-//! Lays junctions of straight arms: connectors, right of way, stop lines, crosswalks, corner curbs.
+//! Builds junctions of straight arms: connectors, right of way, stop lines, crosswalks, corner curbs.
 
 use super::curve::{Curve, Place};
 use super::network::{Crossing, Crosswalk, Gate, Network, Profile, RoadLanes};

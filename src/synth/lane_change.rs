@@ -1,4 +1,5 @@
-//! Lane changes by MOBIL (Kesting, Treiber and Helbing 2007): safe for the follower, worth it for the driver.
+//! Lane changes by MOBIL (Kesting, Treiber and Helbing 2007): they must be safe for the follower and useful for the
+//! driver.
 
 use super::network::LaneEnd;
 use super::traffic::{Shift, Traffic};
@@ -7,7 +8,7 @@ use crate::scene::LaneIx;
 /// Braking that a change may force on oneself or on the new follower, m/s².
 const SAFE_MPS2: f64 = 2.0;
 const SAFE_WHEN_FORCED_MPS2: f64 = 2.8;
-/// Advantage that is worth a change, m/s².
+/// Least advantage for which a driver changes lanes, m/s².
 const THRESHOLD_MPS2: f64 = 0.25;
 
 impl Traffic<'_> {
@@ -125,7 +126,7 @@ impl Traffic<'_> {
         self.register(target, s, i);
     }
 
-    /// Drivers beside a lane that ends lift their foot for the one who must come over.
+    /// Drivers beside a lane that ends slow down for a driver who must leave that lane.
     pub(super) fn courtesy(&self, i: usize) -> f64 {
         let car = &self.cars[i];
         let lane = &self.net.lanes[car.lane()];

@@ -1,8 +1,8 @@
-//! Generated worlds: a road is laid, individual drivers are simulated on it, and what they did is the log.
+//! Generated worlds: a road is built, individual drivers are simulated on it, and their motion is the log.
 //!
-//! Drivers follow by the Intelligent Driver Model, change lanes by MOBIL and enter junctions by lights, stop
-//! signs and gap acceptance, so a log is dynamically consistent: nobody overlaps anybody, and every motion
-//! is one that a driver could make. Equal options, seed and index give equal bits.
+//! Drivers follow by the Intelligent Driver Model, change lanes by MOBIL and enter junctions by lights, stop signs and
+//! gap acceptance, so a log is dynamically consistent: no two road users overlap, and a driver could make every motion.
+//! Equal options, seed and index give equal bits.
 
 mod curve;
 mod driver;
@@ -35,9 +35,9 @@ use traffic::{Traffic, stream};
 
 /// The scene `synth/<kind>/<seed>/<index>`.
 ///
-/// Sub-seeds are tried until one passes the filter of [`SynthOptions`]: the ego travels far enough and another
-/// vehicle interacts with it, which then stands in `objects_of_interest`. Lights hang over the lane that ends
-/// at them. Errors: an option out of range, or no scene within `attempts_max`.
+/// Sub-seeds are tried until one passes the filter of [`SynthOptions`]: the ego travels far enough and another vehicle
+/// interacts with it; that vehicle becomes the scene's object of interest. A light belongs to the lane that ends at it.
+/// Errors: an option out of range, or no scene within `attempts_max`.
 pub fn generate(kind: WorldKind, seed: Seed, index: u32, options: &SynthOptions) -> Result<Scene, SynthError> {
     options.check()?;
     let id = format!("synth/{}/{}/{index}", kind.name(), seed.0);

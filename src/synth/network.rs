@@ -1,4 +1,4 @@
-//! The road that drivers of a generated world use: lanes along curves, topology, who must stop where.
+//! The road of a generated world: lanes along curves, topology, and who must stop where.
 
 use super::curve::Curve;
 use super::node::{Node, Signal};
@@ -8,13 +8,13 @@ use crate::scene::{LaneIx, LaneKind};
 /// What happens at the end of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LaneEnd {
-    /// On into one of its exits, or out of the world where it has none.
+    /// Traffic goes on into an exit, or leaves the world if there is none.
     Open,
-    /// Nowhere: drivers must change lanes before.
+    /// The lane ends: drivers must change lanes before.
     Closed,
 }
 
-/// A line that may be passed only with the node's leave.
+/// A line that drivers pass only with the node's permission.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gate {
     pub node: usize,

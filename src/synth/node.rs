@@ -1,23 +1,23 @@
-//! A place where paths cross, join or part: its connectors, where two of them are in conflict, its signal.
+//! A node: a place where paths cross, merge or split, with its connectors, their conflicts, and its signal.
 
 use super::curve::Curve;
 use super::network::Network;
 use crate::scene::{LaneIx, LightState};
 
-/// Centre lines nearer than this are in conflict: two half widths, the swing of a van's corner, some air.
+/// Centre lines closer than this are in conflict, metres: two half widths, the swing of a van's corner, and a margin.
 const CLEARANCE_M: f64 = 3.0;
 
 /// How two connectors meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Meeting {
     Cross,
-    /// They leave the same lane: whoever is behind follows.
+    /// They leave the same lane: the driver behind follows.
     Part,
     /// They end in the same lane.
     Join,
 }
 
-/// The stretch of one connector on which another one is in the way.
+/// The stretch of one connector where another one is in conflict with it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Zone {
     pub meeting: Meeting,

@@ -1,4 +1,4 @@
-//! What can be asked of the generator, and how it says no.
+//! Options of the generator, and its errors.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,10 +10,13 @@ pub enum WorldKind {
     Straight,
     /// A two-way road with two bends.
     Curve,
+    /// Four arms with traffic lights.
     SignalledCrossing,
     /// Four arms; the minor road has stop signs, or all four arms have.
     UnsignalledCrossing,
+    /// Three arms with traffic lights.
     SignalledTee,
+    /// Three arms; the minor road has stop signs.
     UnsignalledTee,
     /// An on-ramp whose acceleration lane ends.
     Merge,
@@ -28,6 +31,7 @@ pub enum WorldKind {
 }
 
 impl WorldKind {
+    /// All kinds, in the order in which a pool takes them.
     pub const ALL: [WorldKind; 11] = [
         WorldKind::Straight,
         WorldKind::Curve,
@@ -77,7 +81,7 @@ pub struct SynthOptions {
     pub current_step: usize,
     /// Seconds simulated before the first sample, 0..=120, so that queues and platoons have formed.
     pub warm_up_s: f64,
-    /// Road users wanted in a scene, ego included, 4..=2000; the outcome lies around it.
+    /// Road users wanted in a scene, ego included, 4..=2000; the real number lies near it.
     pub tracks_per_scene: usize,
     /// Share of them on foot in worlds with crosswalks, 0..=0.5.
     pub pedestrian_share: f64,
@@ -96,33 +100,53 @@ pub struct SynthOptions {
     pub attempts_max: u32,
 }
 
-/// No scene.
+/// Why there is no scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SynthError {
+    /// An option is out of its range.
     #[error("synth option `{field}` is {found}, expected {expected}; change it in the experiment file")]
-    Option { field: &'static str, found: String, expected: &'static str },
+    Option {
+        /// Name of the option.
+        field: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// No simulated scene passed the filter.
     #[error(
         "{id}: no scene passed the filter in {attempts} attempts (the last: {last}); \
          raise `attempts_max` or relax the interaction limits"
     )]
-    Filtered { id: String, attempts: u32, last: Reject },
+    Filtered {
+        /// Id of the scene that was wanted.
+        id: String,
+        /// How often it was tried.
+        attempts: u32,
+        /// Why the last one was not taken.
+        last: Reject,
+    },
 }
 
 /// Why a simulated scene was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Reject {
+    /// Two road users overlap.
     #[error("the log is not consistent: two road users overlap")]
     Overlap,
+    /// An acceleration or a yaw rate is out of bounds.
     #[error("the log is not consistent: an acceleration or yaw rate is out of bounds")]
     Motion,
+    /// Nobody could be the ego.
     #[error("no vehicle stayed in the scene and moved far enough to be the ego")]
     NoEgo,
+    /// Nobody interacted with the ego.
     #[error("nobody interacted with the ego")]
     NoInteraction,
 }
 
 impl SynthOptions {
-    /// Refuses what cannot give a scene or would take unbounded time or memory.
+    /// Refuses options that cannot give a scene, or that would take unbounded time or memory.
     pub fn check(&self) -> Result<(), SynthError> {
         let bad = |field, found: String, expected| Err(SynthError::Option { field, found, expected });
         let share = |x: f64| (0.0..=0.5).contains(&x);

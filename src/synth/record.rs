@@ -1,4 +1,4 @@
-//! From a running simulation to recorded tracks, and the checks that a log must pass.
+//! Records tracks from a running simulation, and checks the log.
 
 use super::driver::Body;
 use super::options::{Reject, SynthOptions};
@@ -8,7 +8,7 @@ use crate::kernel::{OrientedBox, num};
 use crate::scene::{AgentKind, DT_S, LaneIx, LightState, Sample, Track};
 use std::collections::BTreeMap;
 
-/// What was seen over the recorded window.
+/// The recorded states.
 pub(super) struct Log {
     pub tracks: Vec<Track>,
     /// States of each lane that has a light.
@@ -71,7 +71,7 @@ fn stored(sample: Sample) -> Sample {
 
 /// Accelerations beyond these do not come from a driver, m/s².
 pub(super) const ACCELERATION_MPS2: (f64, f64) = (-7.5, 3.5);
-/// Turning faster than this is not driving, rad/s.
+/// Nobody turns faster than this while driving, rad/s.
 pub(super) const YAW_RATE_RADPS_MAX: f64 = 1.0;
 
 /// Whether the log could have happened: no two boxes overlap, no motion is out of bounds.

@@ -1,7 +1,7 @@
-//! Who may enter a node: lights, stop signs, gap acceptance; and who waits inside it for whom.
+//! Right of way: who may enter a node (lights, stop signs, gap acceptance), and who waits inside it for whom.
 //!
-//! Leave is given in an order, and wherever two paths are in conflict the later one waits before the
-//! stretch in question until the earlier one has left it. So no two drivers with leave can ever collide.
+//! A node permits drivers to enter one after another. Where two paths are in conflict, the later driver waits before
+//! the conflict zone until the earlier one has left it. So no two drivers with permission can collide.
 
 use super::node::{Connector, Meeting};
 use super::traffic::{Car, Pass, Traffic};
@@ -17,7 +17,7 @@ struct Ahead {
 }
 
 impl Traffic<'_> {
-    /// The next gate that the car has no leave for yet.
+    /// The next gate that the car has no permission for yet.
     fn gate_ahead(&self, car: &Car) -> Option<Ahead> {
         let mut base = -car.s;
         for pair in car.path.windows(2) {
@@ -35,7 +35,7 @@ impl Traffic<'_> {
         None
     }
 
-    /// Gives and takes leave, the nearest first.
+    /// Gives and withdraws permissions, the nearest car first.
     pub(super) fn grant_passes(&mut self) {
         self.withdraw_at_red();
         let mut asking: Vec<(f64, usize)> = Vec::new();
@@ -87,7 +87,7 @@ impl Traffic<'_> {
         }
     }
 
-    /// Leave is lost when the light changes and the car can still stop.
+    /// A permission ends when the light changes and the car can still stop.
     fn withdraw_at_red(&mut self) {
         for i in 0..self.cars.len() {
             let car = &self.cars[i];
@@ -105,7 +105,7 @@ impl Traffic<'_> {
         }
     }
 
-    /// Nobody without leave stands between the car and the line.
+    /// Whether no car without permission stands between the car and the line.
     fn first_in_lane(&self, i: usize, ahead: &Ahead) -> bool {
         let car = &self.cars[i];
         let s = if car.lane() == ahead.lane { car.s } else { f64::NEG_INFINITY };
@@ -193,7 +193,7 @@ impl Traffic<'_> {
         self.conflicts(i, |zone, start_m, other, other_s, their_to| {
             let front = zone.from_s - start_m;
             let left = their_to + other.half() - other_s;
-            // No need to brake for somebody who will be gone by then, as long as braking later would still do.
+            // A car does not brake for a driver who will be gone by then, as long as it could still brake later.
             let early = front > car.speed * car.speed / 5.0 + 2.0
                 && other.speed > 2.0
                 && front / car.speed.max(1.0) > left / other.speed + 0.5;
@@ -204,7 +204,7 @@ impl Traffic<'_> {
         nearest
     }
 
-    /// Acceleration behind somebody who left the same lane for another exit.
+    /// Acceleration behind a car that left the same lane for another exit.
     pub(super) fn node_follow(&self, i: usize) -> Option<f64> {
         let car = &self.cars[i];
         let mut least: Option<f64> = None;
@@ -232,7 +232,7 @@ impl Traffic<'_> {
                     else {
                         continue;
                     };
-                    // Past the stretch with the rear: nothing to wait for.
+                    // Its rear has left the stretch, so nobody waits for it.
                     if front - car.driver.length_m < zone.to_s {
                         see(zone, front, other, other.odo - theirs.start_odo, back.to_s);
                     }

@@ -246,7 +246,7 @@ fn the_bits_of_a_generated_scene_are_pinned() {
     assert_eq!(Digest::of("evodrive/test/synth", &scene).unwrap().to_hex(), PINNED);
 }
 
-// Whatever moves this moves every generated pool, and every result on one.
+// If this value changes, every generated pool changes, and every result on one.
 const PINNED: &str = "0e3e3d4cc80d32e0e1f770a57fa39c5e84087c2121070543216eb2eaeaf07097";
 
 #[test]

@@ -1,4 +1,4 @@
-//! The simulation of a generated world: everyone's state and one step of 0.1 s.
+//! The simulation of a generated world: the state of all road users, and one step of 0.1 s.
 
 use super::driver::{Body, Driver};
 use super::network::{LaneEnd, Network};
@@ -7,7 +7,7 @@ use super::walkers::Walkers;
 use crate::kernel::{Seed, Stream, num};
 use crate::scene::{DT_S, LaneIx, Sample};
 
-/// Leave to use a connector.
+/// Permission to use a connector.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pass {
     pub node: usize,
@@ -85,7 +85,7 @@ impl Car {
         }
     }
 
-    /// Gives up leave for connectors that lie wholly behind.
+    /// Returns the permission for connectors that lie completely behind.
     fn release(&mut self, net: &Network) {
         let rear = self.odo - self.half() - 0.5;
         self.passes.retain(|pass| {
@@ -122,7 +122,7 @@ impl Car {
 /// How far ahead drivers look, metres of lane.
 const SIGHT_M: f64 = 140.0;
 
-/// Vehicles per metre from which on a lane counts as jammed and nobody new comes.
+/// Above this density, vehicles per metre, a lane counts as jammed and no new vehicle enters it.
 const QUEUE_PER_M: f64 = 1.0 / 14.0;
 
 pub(super) struct Traffic<'a> {
@@ -155,7 +155,7 @@ impl<'a> Traffic<'a> {
         let on_foot = if net.crosswalks.is_empty() { 0.0 } else { options.pedestrian_share };
         let users = options.tracks_per_scene as f64;
         let walkers = (users * on_foot).round() as usize;
-        // Some leave and as many arrive within the recording; they count too.
+        // Some vehicles leave during the recording and as many arrive; they count too.
         let target = ((users - walkers as f64) * 0.88).round().max(2.0) as usize;
         let named = |purpose: &str| stream(seed, path, purpose);
         let mut traffic = Traffic {
@@ -361,7 +361,7 @@ impl<'a> Traffic<'a> {
 
     fn advance(&mut self, i: usize, wanted: f64) {
         let car = &mut self.cars[i];
-        // Pedals move at a finite rate; in need, faster.
+        // Pedals move at a limited rate, faster in an emergency.
         let down = if wanted < -2.0 { 1.3 } else { 0.6 };
         let mut a = wanted.clamp(car.acceleration - down, car.acceleration + 0.4);
         if car.speed + a * DT_S < 0.0 {
@@ -396,7 +396,7 @@ impl<'a> Traffic<'a> {
         }
         let fill = |lane: LaneIx| self.lanes[lane].len() as f64 / self.net.lanes[lane].curve.length_m();
         let (a, b) = (self.arrivals.below(self.sources.len()), self.arrivals.below(self.sources.len()));
-        // Of two roads the emptier one: drivers avoid a queue that they know of.
+        // Drivers avoid known queues, so the emptier of two roads is taken.
         let (a, b) = (self.sources[a], self.sources[b]);
         let lane = if fill(b) < fill(a) { b } else { a };
         if fill(lane) > QUEUE_PER_M {

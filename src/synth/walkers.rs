@@ -1,5 +1,5 @@
-//! People on foot: they walk up to a crosswalk, wait for a safe moment or a red light, and cross; drivers
-//! stop for whoever is on the crosswalk and has not passed their lane yet.
+//! People on foot: they walk up to a crosswalk, wait for a safe moment or a red light, and cross; drivers stop for
+//! people on the crosswalk who have not passed their lane yet.
 
 use super::network::{Crossing, Crosswalk, Network};
 use super::traffic::Car;
@@ -61,7 +61,7 @@ pub(super) struct Walkers {
 }
 
 impl Walkers {
-    /// `wanted` people somewhere on their way.
+    /// Places `wanted` people somewhere on their way.
     pub fn new(net: &Network, wanted: usize, draw: &mut Stream) -> Walkers {
         let mut walkers = Walkers { list: Vec::new(), wanted, born: 0, draw: draw.clone() };
         for _ in 0..wanted {
@@ -141,7 +141,7 @@ impl Walkers {
     }
 }
 
-/// A red light for the road with time enough, and no car that is on the crosswalk or cannot stop before it.
+/// Whether the road has a red light for long enough, and no car is on the crosswalk or unable to stop before it.
 fn may_cross(net: &Network, cars: &[Car], walker: &Walker, time_s: f64) -> bool {
     let crosswalk = &net.crosswalks[walker.crosswalk];
     let seconds = (crosswalk.start.distance(crosswalk.end) + 2.0 * WAIT_M) / walker.pace_mps;

@@ -1,4 +1,4 @@
-//! One function a kind of world: draws its dimensions and lays its road.
+//! One function for each kind of world: it draws the dimensions and builds the road.
 
 use super::curve::{Curve, Place};
 use super::junction::{Arm, Control, lay_junction};
@@ -84,7 +84,7 @@ fn swing(length_m: f64, curvature: f64) -> [(f64, f64, f64); 3] {
 }
 
 impl Site {
-    /// Length that gives everybody room when `lanes` lanes run over it.
+    /// Length at which all road users have room on `lanes` lanes.
     fn length_m(&self, lanes: usize, room_m: f64, least_m: f64) -> f64 {
         (self.users * room_m / lanes as f64).max(least_m)
     }

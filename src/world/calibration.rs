@@ -19,15 +19,23 @@ pub struct CalibrationSet {
     labels: Vec<WorldLabel>,
 }
 
-/// A label that cannot be learnt from; none of its batch was taken.
+/// A label that cannot be used. No label of its batch was added.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LabelError {
+    /// A label cannot be learned from.
     #[error("label of {attempt} in scene {scene}: {problem}; failures are not labels and must stay out")]
-    Unusable { attempt: String, scene: String, problem: String },
+    Unusable {
+        /// The attempt that it came from.
+        attempt: String,
+        /// Id of the scene.
+        scene: String,
+        /// What is wrong with it.
+        problem: String,
+    },
 }
 
 impl CalibrationSet {
-    /// D^W_t+1 = D^W_t and the labels of selected and audited candidates. All or nothing.
+    /// D^W_{t+1} = D^W_t ∪ the labels of selected and audited candidates. Adds all of them or none.
     pub fn append(&mut self, labels: Vec<WorldLabel>, schema: &FeatureSchema) -> Result<(), LabelError> {
         for label in &labels {
             if let Some(problem) = problem(label, schema) {
@@ -39,6 +47,7 @@ impl CalibrationSet {
         Ok(())
     }
 
+    /// All labels, in the order in which they were added.
     pub fn labels(&self) -> &[WorldLabel] {
         &self.labels
     }
@@ -58,7 +67,7 @@ fn problem(label: &WorldLabel, schema: &FeatureSchema) -> Option<String> {
     None
 }
 
-/// The snapshot that the labels support: the same set gives the same bits. Called once an epoch, after its barrier.
+/// Fits a snapshot to the labels; the same labels give the same bits. Called once an epoch, after its barrier.
 pub fn settle(
     schema: &FeatureSchema,
     configuration: &WorldConfiguration,

@@ -5,8 +5,17 @@ use crate::objects::{FeatureSchema, WorldConfiguration};
 /// A configuration that cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConfigurationError {
+    /// An option is out of its range.
     #[error("world option {option} is {value}; expected {expected}: correct it in the experiment file")]
-    Range { option: &'static str, value: f64, expected: &'static str },
+    Range {
+        /// Name of the option.
+        option: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// No column of the schema has this name.
     #[error("world option excluded_columns names {0:?}, which is no column of the feature schema")]
     UnknownColumn(String),
 }

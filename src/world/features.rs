@@ -51,10 +51,17 @@ const INTERACTION: [&str; 4] =
 /// Why there are no features.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FeatureError {
+    /// The schema has no indicator for this family.
     #[error("family {0} has no column in the feature schema; build the schema from all families of the run")]
     UnknownFamily(FamilyName),
+    /// A feature is NaN or infinite.
     #[error("feature {column} of scene {scene} is not a finite number; the scene should have been refused on import")]
-    NotFinite { column: String, scene: String },
+    NotFinite {
+        /// Name of the column.
+        column: String,
+        /// Id of the scene.
+        scene: String,
+    },
 }
 
 /// Columns for a run with these families, in the five groups' order.
@@ -75,6 +82,7 @@ pub fn schema(families: &[FamilyName]) -> FeatureSchema {
 /// The part of x(c, s) that does not depend on the scene: family, edit, graph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CandidateFeatures {
+    /// Its family.
     pub family: FamilyName,
     /// Mechanism tags joined by `+`, sorted; `none` without any.
     pub mechanism_class: String,
@@ -183,7 +191,7 @@ fn graph_values(program: &Program) -> Vec<f64> {
     values
 }
 
-/// Nodes on the longest path; relaxation, bounded by the number of nodes, so that a circle does no harm.
+/// Nodes on the longest path, by relaxation. The number of nodes bounds it, so a circle does no harm.
 fn graph_depth(program: &Program) -> usize {
     let nodes = &program.operator_graph;
     let mut depth: std::collections::BTreeMap<&str, usize> = nodes.keys().map(|name| (name.as_str(), 1)).collect();

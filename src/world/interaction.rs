@@ -1,11 +1,11 @@
-//! Lightweight interaction estimates from a scene's logs alone: nobody is simulated.
+//! Interaction estimates from a scene's logs alone, without a simulation.
 
 use crate::kernel::{Polyline, Vec2};
 use crate::scene::{AgentKind, DT_S, Scene};
 
-/// What stands for a distance where no vehicle is seen with the ego, metres.
+/// The distance that is reported if no vehicle is observed with the ego, metres.
 const NOBODY_M: f64 = 200.0;
-/// What stands for a time to conflict where no vehicle closes in, seconds.
+/// The time to conflict that is reported if no vehicle approaches, seconds.
 const NEVER_S: f64 = 20.0;
 
 /// How close the recorded traffic comes to the ego, after the current step. All finite.
@@ -22,7 +22,8 @@ pub struct Interaction {
 }
 
 impl Interaction {
-    /// Of a validated scene. The ego follows its log, and where that is missing its route at its first speed.
+    /// Estimates for a validated scene. The ego follows its log, or, where the log is missing, its route at its first
+    /// speed.
     pub fn of(scene: &Scene) -> Interaction {
         let mut found = Interaction {
             relative_distance_m_min: NOBODY_M,

@@ -1,4 +1,4 @@
-//! How good the evaluator has been: what its audits brought to light.
+//! The quality of the world evaluator, measured by its audits.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -7,22 +7,24 @@ use super::calibration::CalibrationSet;
 use crate::kernel::num;
 use crate::objects::{AttemptId, Objectives, RoutingOptions, WorldLabel};
 
-/// Errors of the candidate-level predictions, and false rejections. `None` where there is nothing to measure.
+/// Errors of the candidate-level predictions, and false rejections. A value is `None` if there is nothing to measure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MonitorReport {
     /// Labelled candidates.
     pub candidates: u32,
     /// Mean absolute error of the predictions made before their rollouts.
     pub attack_error_mean: Option<f64>,
+    /// Mean absolute error of predicted realism.
     pub realism_error_mean: Option<f64>,
     /// Would-be rejections that the monitor had simulated.
     pub monitored: u32,
     /// Those of them that were promising after all: A >= λ_A and R >= λ_R by their labels.
     pub false_rejections: u32,
+    /// Share of monitored rejections whose rollouts would have been promising.
     pub false_rejection_rate: Option<f64>,
 }
 
-/// Compares what was predicted with what the simulator said, one candidate an attempt.
+/// Compares predictions with simulator labels, one candidate for each attempt.
 pub fn monitor(set: &CalibrationSet, options: &RoutingOptions) -> MonitorReport {
     let mut attempts: BTreeMap<&AttemptId, Vec<&WorldLabel>> = BTreeMap::new();
     for label in set.labels() {

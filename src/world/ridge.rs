@@ -1,21 +1,22 @@
 //! Ridge regression on standardised columns, by Cholesky factorisation of X'X + λI, with the leverage of a point.
 //!
-//! Columns and targets are centred, so that the intercept is the target's mean and is not shrunk. A column that
-//! never varied counts for nothing. Sums run in index order.
+//! Columns and targets are centred, so that the intercept is the target's mean and is not shrunk. A column that never
+//! varied has no effect. Sums run in index order.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::kernel::num;
 use crate::objects::{GroupMean, Objectives, RidgeLine, WorldConfiguration, WorldFit};
 
-/// Smallest ratio of squared diagonal entries of the factor that is believed: below it, X'X + λI has lost about all
-/// digits of a double.
+/// Smallest accepted ratio of squared diagonal entries of the factor. Below it, X'X + λI has lost almost all digits of
+/// a double.
 const CONDITION_MIN: f64 = 1e-12;
 /// A standard deviation below this share of the column's size is rounding, not variation.
 const VARIATION_MIN: f64 = 1e-12;
 
-/// Fits attack and realism to rows of features. `None` of no rows; means only, with the reason, where the system is
-/// ill-conditioned. `rows` are as long as the schema and finite; `columns` are places in them.
+/// Fits attack and realism to rows of features. `None` if there are no rows. If the system is ill-conditioned, only the
+/// means are fitted and the reason is kept. `rows` are as long as the schema and finite; `columns` are indices into a
+/// row.
 pub fn fit_ridge(
     rows: &[&[f64]],
     labels: &[Objectives],
@@ -75,8 +76,8 @@ pub(super) fn leverage(fit: &WorldFit, row: &[f64]) -> f64 {
     spread + 1.0 / n
 }
 
-/// Degrees of freedom that the columns take: tr X(X'X + λI)^-1 X' = p - λ tr (X'X + λI)^-1, which needs no pass over
-/// the rows.
+/// Degrees of freedom that the columns use: tr X(X'X + λI)^-1 X' = p - λ tr (X'X + λI)^-1, which needs no pass over the
+/// rows.
 fn freedom(factor: &[f64], p: usize, lambda: f64) -> f64 {
     let mut unit = vec![0.0; p];
     let inverse_diagonal = (0..p).map(|i| {
@@ -175,7 +176,8 @@ fn mean_only(y: &[f64], mean: f64, configuration: &WorldConfiguration) -> RidgeL
     }
 }
 
-/// With less than one degree of freedom left the residuals say nothing: rates then spread by at most 1/2.
+/// With less than one degree of freedom left the residuals carry no information. The standard deviation of a rate is at
+/// most 1/2.
 fn residual_std(squares: f64, freedom: f64, configuration: &WorldConfiguration) -> f64 {
     let std = if freedom < 1.0 { 0.5 } else { (squares / freedom).sqrt() };
     std.max(configuration.residual_floor)

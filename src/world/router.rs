@@ -8,22 +8,32 @@ use super::{
 use crate::kernel::{Digest, Seed, Stream, canon::CanonError, num};
 use crate::objects::{AttemptId, Objectives, Route, RouteDecision, WorldFit, WorldPair, WorldSnapshot};
 
-/// Stands for the prediction of an evaluator without a single label: the middle of the scale, nothing known.
+/// The prediction of an evaluator without any label: the middle of the scale.
 const UNKNOWN: Objectives = Objectives { attack: 0.5, realism: 0.5 };
 
 /// Why a candidate could not be routed, or a snapshot not used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RouterError {
+    /// An option cannot be used.
     #[error(transparent)]
     Configuration(#[from] ConfigurationError),
+    /// A value has no canonical bytes.
     #[error("a world snapshot has no digest: {0}")]
     Digest(#[from] CanonError),
+    /// The snapshot contradicts itself; it holds where.
     #[error("a world snapshot's fit does not match its schema ({0}); refit it from its labels")]
     Inconsistent(String),
+    /// There is no scene to route by.
     #[error("nothing to route: the routing subset of scenes is empty")]
     NoScenes,
+    /// A pair cannot be predicted.
     #[error("scene {scene}: {problem}; features and snapshot must come from one schema")]
-    Pair { scene: String, problem: String },
+    Pair {
+        /// Id of the scene.
+        scene: String,
+        /// What is wrong with it.
+        problem: String,
+    },
 }
 
 /// W_φ(c, s), calibrated, for one pair.
@@ -31,16 +41,18 @@ pub enum RouterError {
 pub struct PairPrediction {
     /// In [0, 1].
     pub objectives: Objectives,
+    /// Û_φ(c, s): standard deviation.
     pub uncertainty: f64,
     /// Whether the pair's group has too few labels for a mean of its own.
     pub sparse: bool,
 }
 
-/// A decision with what the calibration set keeps of it.
+/// A decision with the details that the calibration set keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Routed {
+    /// What was decided, with the candidate's prediction.
     pub route: Route,
-    /// Whether it would have been turned away, had the monitor not asked for labels.
+    /// Whether the router would have rejected it without the monitor.
     pub monitored: bool,
 }
 
@@ -57,6 +69,7 @@ pub fn monitor_stream(seed: Seed, attempt: &AttemptId) -> Stream {
 }
 
 impl<'s> Router<'s> {
+    /// A router by this snapshot; an error where the snapshot cannot be used.
     pub fn new(snapshot: &'s WorldSnapshot) -> Result<Router<'s>, RouterError> {
         validate(&snapshot.configuration, &snapshot.schema)?;
         if let Some(problem) = snapshot.fit.as_ref().and_then(|fit| mismatch(fit, snapshot.schema.columns.len())) {
@@ -137,7 +150,7 @@ impl<'s> Router<'s> {
     ) -> (RouteDecision, bool, String) {
         let options = &self.snapshot.configuration.routing;
         let labels = self.snapshot.fit.as_ref().map_or(0, |fit| fit.labels);
-        // Drawn in every case, so that a moved threshold moves no other draw of the stream.
+        // It is drawn in every case, so that another threshold changes no other draw of the stream.
         let draw = monitor.unit();
         let numbers = format!(
             "attack {:.3} (needs {:.3}), realism {:.3} (needs {:.3}), uncertainty {:.3} (at most {:.3})",
@@ -163,7 +176,7 @@ impl<'s> Router<'s> {
     }
 }
 
-/// Why a fit that came from elsewhere cannot belong to a schema.
+/// Why a fit cannot belong to a schema.
 fn mismatch(fit: &WorldFit, columns: usize) -> Option<String> {
     let p = fit.columns.len();
     if fit.columns.iter().any(|place| *place >= columns) {

@@ -14,16 +14,16 @@ use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
 use crate::scene::{AgentKind, DT_S, LaneKind, LightState, Origin, Sample};
 
-/// What stands in the place of a value that was not observed.
+/// The number that stands for a value that was not observed.
 const NOT_OBSERVED: f64 = -10_000.0;
 /// "Now", as in Waymo's data, from which all these files come.
 const CURRENT: usize = 10;
-/// A light belongs to the lane with a point within this distance of it where no id says so, metres.
+/// A light without a lane id belongs to the lane that has a point within this distance, metres.
 const LIGHT_WITHIN_M: f64 = 3.0;
 const BYTES_MAX: usize = 128 << 20;
-/// Lights times steps.
+/// Most lights times steps.
 const LIGHT_STATES_MAX: usize = 4_000_000;
-/// Lights times lane points that a search by place may look at.
+/// Most lights times lane points for a search by place.
 const SEARCH_MAX: usize = 100_000_000;
 
 #[derive(Deserialize)]
@@ -116,8 +116,7 @@ enum State {
 
 /// The scene in a JSON file.
 ///
-/// # Errors
-/// No JSON of this schema; samples of unequal counts; no vehicle that could be the ego.
+/// # Errors The text is not JSON of this schema, the samples have unequal counts, or no vehicle can be the ego.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     if bytes.len() > BYTES_MAX {
         return Err(ImportError::new(file_name, "byte 0", "at most 128 MiB of JSON", "split the file"));
@@ -212,8 +211,8 @@ fn track(ix: usize, object: &Object, is_new: bool) -> LogTrack {
     }
 }
 
-/// Where nobody is marked: of the vehicles observed at "now" the one observed for most steps, of equals the one that
-/// drives farthest, then the first.
+/// If no ego is marked: the vehicle observed at "now" that is observed for most steps; among equals the one that drives
+/// farthest, then the first.
 fn likely_ego(tracks: &[LogTrack]) -> Option<usize> {
     let mut best: Option<(usize, f64, usize)> = None;
     for (ix, track) in tracks.iter().enumerate() {
@@ -252,7 +251,7 @@ fn roads(roads: &[Road], log: &mut Log) {
             "road_edge" => log.edges.push(points),
             "crosswalk" => log.crosswalks.push(points),
             "stop_sign" => log.stop_signs.extend(points.first().map(|p| (*p, vec![]))),
-            // Painted lines, bumps and driveways: nothing that a rollout sees.
+            // Painted lines, bumps and driveways are left out, because a rollout does not see them.
             _ => {}
         }
     }
@@ -261,7 +260,7 @@ fn roads(roads: &[Road], log: &mut Log) {
 fn signals(given: &BTreeMap<String, Light>, log: &Log, steps: usize) -> Vec<LogLight> {
     let ids: BTreeSet<&str> = log.lanes.iter().map(|lane| lane.id.as_str()).collect();
     let points: usize = log.lanes.iter().map(|lane| lane.points.len()).sum();
-    // A file out of all proportion gets no search by place.
+    // A far too large file gets no search by place.
     let searched = given.len().saturating_mul(points) <= SEARCH_MAX;
     let mut lights = Vec::with_capacity(given.len().min(10_000));
     for (id, light) in given {

@@ -1,5 +1,5 @@
-//! Hostile files against every importer: a table of importer and hostility, what each says, and changes drawn by chance.
-//! What is refused names file, place, rule and remedy; nothing panics, and no scene comes out that breaks a rule.
+//! Hostile files against every importer: a table of importers, attacks and messages, and randomly drawn changes. A
+//! refusal names file, place, rule and remedy. Nothing panics, and no imported scene breaks a rule.
 
 mod pickles;
 mod wholes;
@@ -9,7 +9,7 @@ use prost::Message;
 use serde_json::json;
 use wholes::{Whole, described, edited, field, nested, of, pickled, sealed, wholes};
 
-/// What an importer says about a file: its error, or what it left out. Either has all that a person needs.
+/// An importer's message about a file: its error, or what it left out. Both must be complete.
 fn told(whole: &Whole, bytes: &[u8]) -> String {
     match (whole.read)(whole.file, bytes) {
         Err(error) => {
@@ -141,7 +141,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         ),
         (cr, "road edges of all problems", wholes::edges_of_problems(3_000, 600), "at most 8000000 samples"),
         (cr, "a ring to follow", wholes::ring_to_follow(1_000_000), "route_is_plausible"),
-        // Numbers that are none.
+        // Malformed numbers.
         (net, "NaN", pickled(&states(&|s| s["position"][5][0] = json!("<nan>"))), "finite numbers at valid step 5"),
         (net, "infinity", pickled(&states(&|s| s["heading"][5] = json!("<inf>"))), "finite numbers at valid step 5"),
         (
@@ -280,7 +280,7 @@ fn a_scenario_description_is_known_whichever_key_comes_first() {
 
 #[test]
 fn one_text_as_the_id_of_everything_is_no_id() {
-    // A long text costs its bytes once, however many things name it.
+    // A long text costs its bytes only once, however often it is referenced.
     let found = told(&of("ScenarioNet pickle"), &pickles::shared_ids(100_000, 2_000));
     assert!(found.contains("a dictionary of tracks"), "{found}");
 }
@@ -368,7 +368,7 @@ mod by_chance {
     use super::*;
     use proptest::prelude::*;
 
-    /// Some bytes changed, the end cut off or not.
+    /// Changes some bytes, and may cut off the end.
     fn changed(bytes: &[u8], flips: &[(f64, u8)], cut: Option<f64>) -> Vec<u8> {
         let mut bytes = bytes.to_vec();
         let place = |share: f64, of: usize| ((of as f64 * share) as usize).min(of.saturating_sub(1));
@@ -384,7 +384,7 @@ mod by_chance {
 
     fn survives(format: &str, flips: &[(f64, u8)], cut: Option<f64>) {
         let whole = of(format);
-        // A record's checksum would stop every change at the door.
+        // A record's checksum would reject every change at once, so it is computed again.
         let bytes = match format {
             "Waymo TFRecord" => {
                 wholes::record_of(&changed(&super::super::waymo::tests::message().encode_to_vec(), flips, cut))

@@ -1,4 +1,4 @@
-//! Pickles that only a hostile hand writes: names and opcodes that run code, and one thing that stands for a million.
+//! Hostile pickles: names and opcodes that run code, and one object that is used a million times.
 
 use crate::formats::scenarionet::pickle;
 use crate::kernel::Seed;

@@ -1,4 +1,4 @@
-//! One whole file of every format, and how to make hostile ones of them.
+//! One complete file of every format, and functions that make hostile files from them.
 
 use prost::Message;
 use serde_json::{Value, json};
@@ -93,12 +93,13 @@ pub fn described(change: impl FnOnce(&mut Value)) -> Value {
     scene
 }
 
-/// Lists in lists, made from the inside out; dropped without recursion by whoever holds it last.
+/// Nested lists, built from the inside out. The last owner drops them without recursion.
 pub fn nested(depth: usize) -> Vec<u8> {
     [b"\x80\x04".to_vec(), b"](".repeat(depth), b"e".repeat(depth), b".".to_vec()].concat()
 }
 
-/// A value as a pickle of protocol 4. The texts `<nan>` and `<inf>` stand for those numbers, which JSON has not.
+/// A value as a pickle of protocol 4. The texts `<nan>` and `<inf>` stand for NaN and infinity, which JSON does not
+/// have.
 pub fn pickled(value: &Value) -> Vec<u8> {
     let mut bytes = b"\x80\x04".to_vec();
     enum Part<'v> {
@@ -161,7 +162,7 @@ pub fn record_of(data: &[u8]) -> Vec<u8> {
     tfrecord::written(&[data.to_vec()])
 }
 
-/// The head of a record that says it is so long, and no more.
+/// The head of a record that states a length, without the data.
 pub fn record_of_length(length: u64) -> Vec<u8> {
     tfrecord::head(length)
 }
@@ -170,14 +171,14 @@ pub fn lane_of(message: &mut waymo::Scenario) -> &mut waymo::LaneCenter {
     message.map_features[0].lane.as_mut().unwrap()
 }
 
-/// A length as the wire has it.
+/// A length in the wire format.
 pub fn field(length: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
     prost::encoding::encode_varint(length, &mut bytes);
     bytes
 }
 
-/// So many lights in the first step of Waymo's message.
+/// A Waymo message with this many lights in its first step.
 pub fn lights_of(count: i64) -> Vec<u8> {
     let state = waymo::tests::light_at;
     sealed(|m| m.dynamic_map_states[0] = waymo::DynamicMapState { lane_states: (0..count).map(state).collect() })
@@ -197,7 +198,7 @@ fn lanelet(id: usize, from: i32, to: i32, successor: &str) -> String {
     )
 }
 
-/// A problem that starts 5 m into lanelet 1 at 10 m/s and may take as many steps.
+/// A problem that starts 5 m into lanelet 1 at 10 m/s and may take this many steps.
 fn problem(id: usize, steps: usize) -> String {
     format!(
         "<planningProblem id=\"{id}\"><initialState><position><point><x>5</x><y>0</y></point></position><orientation>\
@@ -207,14 +208,14 @@ fn problem(id: usize, steps: usize) -> String {
     )
 }
 
-/// Two lanelets that follow each other in a ring, to be driven for so many steps.
+/// Two lanelets that form a ring, and a problem of this many steps.
 pub fn ring_to_follow(steps: usize) -> Vec<u8> {
     let next = |id: usize| format!("<successor ref=\"{id}\"/>");
     let road = lanelet(1, 0, 100, &next(2)) + &lanelet(2, 100, 0, &next(1));
     format!("{ROAD_HEAD}{road}{}</commonRoad>", problem(9, steps)).into_bytes()
 }
 
-/// A lanelet with so many pieces of road boundary, and so many planning problems.
+/// A lanelet with this many pieces of road boundary, and this many planning problems.
 pub fn edges_of_problems(edges: usize, problems: usize) -> Vec<u8> {
     let edge = |k: usize| {
         format!(

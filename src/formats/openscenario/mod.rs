@@ -1,8 +1,8 @@
-//! OpenSCENARIO XML 1.2 with OpenDRIVE: everybody, the ego too, follows its own trajectory by absolute time, so that
-//! esmini and CARLA's ScenarioRunner play what was recorded or what a rollout made of it.
+//! OpenSCENARIO XML 1.2 with OpenDRIVE: every road user, also the ego, follows its own trajectory by absolute time, so
+//! that esmini and CARLA's ScenarioRunner play the recording or the rollout.
 //!
-//! Simulation time 0 is step 0 of the scene. Positions are centres of bounding boxes: the box's centre in an entity's
-//! own axes is therefore 0. A road user that comes later, leaves earlier, or has gaps is added and deleted by events.
+//! Simulation time 0 is step 0 of the scene. Positions are centres of bounding boxes, so the box's centre in an
+//! entity's own axes is 0. A road user that comes later, leaves earlier, or has gaps is added and deleted by events.
 //! Names are the scene's ids in letters, figures and underscores.
 //!
 //! To check: `pip install asam-qc-openscenarioxml asam-qc-opendrive`, then `qc_openscenario -c config.xml` and
@@ -25,6 +25,7 @@ pub struct OpenScenario {
     pub xosc: Vec<u8>,
     /// The road network.
     pub xodr: Vec<u8>,
+    /// What the file cannot hold of the scene.
     pub notes: Vec<Note>,
 }
 
@@ -90,7 +91,7 @@ fn road_network(xml: &mut Xml, scene: &Scene, road_file: &str) {
     });
 }
 
-/// One controller a light: its phases are what was recorded of it.
+/// One controller for each light; its phases are the light's recorded states.
 fn controller(xml: &mut Xml, scene: &Scene, ix: usize) {
     let mut phases: Vec<(usize, LightState)> = Vec::new();
     for &state in &scene.lights[ix].states {

@@ -1,4 +1,4 @@
-//! Where everybody is at the start, what each follows, when the play ends.
+//! Where every road user starts, which trajectory it follows, and when the scenario ends.
 
 use std::ops::Range;
 
@@ -45,7 +45,7 @@ fn init(xml: &mut Xml, member: &Member<'_>) {
     });
 }
 
-/// Everybody has a group; who has no event only stands where Init put it.
+/// Every road user has a group. One without an event stays where Init put it.
 fn part(xml: &mut Xml, member: &Member<'_>) {
     let name = &member.name;
     let parts = stretches(member.track, 0);
@@ -62,7 +62,7 @@ fn part(xml: &mut Xml, member: &Member<'_>) {
     });
 }
 
-/// The ego stays: where its motion is not known any more, somebody else drives it.
+/// The ego stays in the scenario: after its known motion another controller drives it.
 fn leaves(member: &Member<'_>, range: &Range<usize>) -> bool {
     range.end < member.track.samples.len() && !member.is_ego
 }

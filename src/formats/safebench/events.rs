@@ -1,4 +1,4 @@
-//! Scenario files: where the scenarios of a family are set off in each town, and where their actors stand.
+//! Reads scenario files: where the scenarios of a family start in each town, and where their actors stand.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ const EVENTS_MAX: usize = 100_000;
 /// Coordinates of a town lie within this, metres.
 const COORDINATE_MAX_M: f64 = 100_000.0;
 
-/// One place at which a scenario may be set off.
+/// One place where a scenario may start.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Event {
     pub trigger: Pose,
@@ -63,7 +63,7 @@ struct Transform {
     yaw: Number,
 }
 
-/// The files write numbers as texts, not always.
+/// The files often write numbers as texts.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Number {
@@ -102,7 +102,7 @@ impl Events {
             for scenario in scenarios {
                 let name = &scenario.scenario_name;
                 let family = TrafficFamily::ALL.into_iter().find(|family| family.scenario_name() == name);
-                // Ordinary driving (scenario_00) and what else there may be is of no traffic family.
+                // Ordinary driving (scenario_00) and all unknown scenarios belong to no traffic family.
                 let Some(family) = family else { continue };
                 for (k, configuration) in scenario.available_event_configurations.iter().enumerate() {
                     count += 1;
@@ -119,13 +119,14 @@ impl Events {
         Ok(())
     }
 
-    /// The event of a family in a town that lies nearest to a route, at most `within_m` beside it; the first of equals.
+    /// The event of a family in a town that lies nearest to a route, at most `within_m` beside it; if two are equally
+    /// near, the first.
     pub(super) fn nearest(&self, family: TrafficFamily, town: &str, route: &Polyline, within_m: f64) -> Option<&Event> {
         let events = self.0.get(&(family, town.to_string()))?;
         let mut best: Option<(f64, &Event)> = None;
         for event in events {
             let at = route.project(event.trigger.position);
-            // A place abreast of the route's end is no place on it; clamped ends lie farther than they seem.
+            // The distance to the clamped point: a trigger beyond the route's end is then far from the route.
             let beside_m = route.at(at.s_m).distance(event.trigger.position);
             if beside_m <= within_m && best.is_none_or(|(least_m, _)| beside_m < least_m - 1e-6) {
                 best = Some((beside_m, event));

@@ -1,7 +1,7 @@
 //! SafeBench's traffic families on CARLA's towns: route files (XML), scenario files (JSON) and the towns' OpenDRIVE
-//! together give scenes. A route file says where the ego drives, the scenario file of its family where the scenario is
-//! set off and where the actors of families 5 to 8 stand. CARLA's frame is left-handed with yaw clockwise in degrees:
-//! (x, y, yaw) becomes (x, -y, -yaw).
+//! together give scenes. A route file says where the ego drives. The scenario file of its family says where the
+//! scenario starts and where the actors of families 5 to 8 stand. CARLA's frame is left-handed with yaw clockwise in
+//! degrees: (x, y, yaw) becomes (x, -y, -yaw).
 
 mod events;
 mod road;
@@ -24,7 +24,7 @@ const ROUTES_MAX: usize = 16;
 /// A trigger belongs to a route that passes it within this distance, metres.
 const TRIGGER_WITHIN_M: f64 = 5.0;
 
-/// What stands beside the route files: roads of towns by name, events of all scenario files.
+/// The files that routes need: roads of towns by name, and events of all scenario files.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     towns: BTreeMap<String, (Road, LaneGraph)>,
@@ -63,8 +63,7 @@ pub fn looks_like_scenarios(head: &[u8]) -> bool {
 /// The scenes of a route file `scenario_<family>_route_<number>.xml`. Routes whose town is not in the library, or that
 /// cannot be followed on its road, are left out with the reason.
 ///
-/// # Errors
-/// A file of another name, or no route file.
+/// # Errors The file has another name, or is not a route file.
 pub fn import(file: &str, bytes: &[u8], library: &Library) -> Result<Imported, ImportError> {
     let document = Document::parse(file, bytes)?;
     let root = document.root();
@@ -111,7 +110,7 @@ fn pose(x: f64, y: f64, yaw_degrees: f64) -> Pose {
     Pose { position: Vec2::new(x, -y), heading_rad: num::wrap_angle(-yaw_degrees * num::PI / 180.0) }
 }
 
-/// A route on its way into a scene.
+/// A route that is being turned into a scene.
 struct Place<'f> {
     file: &'f str,
     id: &'f str,

@@ -1,4 +1,4 @@
-//! The part of a town that a scene needs, and the lights that its family prescribes.
+//! Cuts out the part of a town that a scene needs, and adds the lights of its family.
 
 use crate::kernel::{Polyline, Pose, Vec2};
 use crate::scene::safebench::{STEPS, TrafficFamily};
@@ -6,7 +6,7 @@ use crate::scene::{LaneGraph, LaneIx, Light, LightState, Neighbour, Road};
 
 /// Lanes farther from the route than this are left out, metres.
 const NEAR_M: f64 = 80.0;
-/// An actor stands in the lane within this distance, metres.
+/// An actor stands in a lane if it is at most this far from it, metres.
 const ACTOR_LANE_M: f64 = 4.0;
 /// Lanes that are followed to a junction.
 const LANES_TO_JUNCTION_MAX: usize = 50;
@@ -20,7 +20,7 @@ pub(super) fn near(road: &Road, route: &Polyline) -> (Road, Vec<Option<LaneIx>>)
     let mut kept = vec![None; road.lanes.len()];
     let mut count = 0;
     for (slot, lane) in kept.iter_mut().zip(&road.lanes) {
-        // Long straight lanes have few points; their middles count too.
+        // Long straight lanes have few points, so the middles of their segments count too.
         let middles = lane.centre.windows(2).map(|w| w[0].lerp(w[1], 0.5));
         if lane.centre.iter().any(close) || middles.into_iter().any(|p| close(&p)) {
             *slot = Some(count);

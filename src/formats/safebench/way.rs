@@ -1,12 +1,12 @@
-//! From two to four sparse waypoints to the ego's way over lanes: of all lanes near each waypoint those are taken whose
-//! connection is shortest, so that a waypoint in a junction does not pick a lane that leads elsewhere.
+//! Finds the ego's way over lanes from two to four sparse waypoints. Among all lanes near each waypoint it takes those
+//! with the shortest connection, so that a waypoint in a junction does not select a lane that leads elsewhere.
 
 use crate::kernel::{Pose, Vec2};
 use crate::scene::{LaneGraph, LaneIx, LanePlace, Reached};
 
 /// A waypoint lies on a lane whose centre line is at most this far, metres.
 const LANE_WITHIN_M: f64 = 2.5;
-/// Waypoints nearer to each other are one, metres.
+/// Waypoints closer together than this are merged, metres.
 const SAME_M: f64 = 0.5;
 /// A way between two waypoints is at most this much longer than twice the distance, metres.
 const DETOUR_M: f64 = 60.0;
@@ -15,7 +15,7 @@ const ASIDE_COST: f64 = 10.0;
 /// A lane change costs as much as this many metres of way, and takes this many, metres.
 const CHANGE_COST_M: f64 = 50.0;
 const CHANGE_M: f64 = 12.0;
-/// Points of a way nearer to each other are one, metres.
+/// Points of a way closer together than this are merged, metres.
 const SPACING_M: f64 = 0.2;
 
 /// A lane at a waypoint with the cheapest way to it: its cost, the lane before it, the lanes in between.

@@ -9,27 +9,26 @@ use crate::kernel::{Vec2, num};
 use crate::scene::validate::{STEPS_MAX, how_many};
 use crate::scene::{AgentKind, DT_S, LaneKind, LeftOut, LightState, Origin, Sample};
 
-/// Of all tracks, observed or not.
+/// Most samples of all tracks, observed or not.
 const SAMPLES_MAX: usize = 4_000_000;
 const FEATURES_MAX: usize = 50_000;
-/// Links, neighbours or lanes that one thing names.
+/// Most links, neighbours or lanes of one element.
 const LINKS_MAX: usize = 64;
 /// Points of all map features together: arrays may be shared, so the file's size does not bound them.
 const POINTS_MAX: usize = 8_000_000;
-/// "Now" where the file does not say: one second of history, as in Waymo's.
+/// The current step if the file does not name one: after one second of history, as in Waymo's data.
 const CURRENT_UNSAID: usize = 10;
 const MPH_IN_MPS: f64 = 0.44704;
 
 /// The scene in a pickle.
 ///
-/// # Errors
-/// No pickle of plain data, or one that lacks what a scene needs, or holds numbers that are none.
+/// # Errors The file is not a pickle of plain data, lacks something that a scene needs, or holds NaN or infinity.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let pickle = pickle::read(file_name, bytes)?;
     Ok(finished(file_name, log_of(file_name, &pickle.root(), "scenarionet")?))
 }
 
-/// What a scene description says, whatever it was written in.
+/// The scenes of a description, whether it was a pickle or JSON.
 pub(super) fn log_of(file_name: &str, root: &Node<'_>, format: &str) -> Result<Log, ImportError> {
     let metadata = root.needed("metadata")?;
     let times_s = times(root, &metadata)?;
@@ -191,7 +190,7 @@ fn features(node: &Node<'_>, log: &mut Log) -> Result<(), ImportError> {
             "STOP_SIGN" => {
                 let position = feature.needed("position")?;
                 let table = position.needed_numbers()?;
-                // A place is one row of coordinates, which reads as a column.
+                // A single place is one row of coordinates, which is read as a column.
                 let place =
                     if table.columns > 1 { (table.at(0, 0), table.at(0, 1)) } else { (table.at(0, 0), table.at(1, 0)) };
                 let place = Vec2::new(place.0, place.1);
@@ -200,7 +199,7 @@ fn features(node: &Node<'_>, log: &mut Log) -> Result<(), ImportError> {
                 }
                 log.stop_signs.push((place, feature.get("lane").map(|lanes| ids(&lanes)).unwrap_or_default()));
             }
-            // Painted lines, bumps and driveways: nothing that a rollout sees.
+            // Painted lines, bumps and driveways are left out, because a rollout does not see them.
             _ => {}
         }
     }
@@ -252,7 +251,7 @@ fn lane(id: &str, kind: &str, feature: &Node<'_>, left: &mut usize) -> Result<Lo
     })
 }
 
-/// Of several neighbours along a lane the one beside it for longest; plain ids as they come.
+/// If a lane has several neighbours on a side, the one that is beside it for the longest way; plain ids in their order.
 fn neighbour(node: &Node<'_>) -> Option<String> {
     let mut best: Option<(usize, String)> = None;
     for item in node.items()?.take(LINKS_MAX) {

@@ -1,5 +1,5 @@
 //! ScenarioNet's ScenarioDescription as JSON: what this project exports, and what `json.dump` makes of the pickles'
-//! dictionaries (arrays as lists). An export of this project gives back the very scene it was made of.
+//! dictionaries (arrays as lists). An export of this project gives back exactly the exported scene.
 
 use super::pickle::{self, Node};
 use super::read::{finished, log_of};
@@ -12,11 +12,10 @@ use crate::scene::{LeftOut, Origin, Scene};
 
 const FORMAT: &str = "scenarionet-json";
 
-/// The scene in a JSON file. If an export of this project was edited since, what its standard keys say is read, and
-/// that is said in `left_out`.
+/// The scene in a JSON file. If an export of this project was edited, only its standard keys count, and `left_out` says
+/// so.
 ///
-/// # Errors
-/// No JSON, or no ScenarioDescription with a self-driving car; see [`super::read::import`].
+/// # Errors The file is not JSON, or not a ScenarioDescription with a self-driving car; see [`super::read::import`].
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let tree = pickle::read_json(file_name, bytes)?;
     let root = tree.root();
@@ -38,7 +37,7 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     Ok(imported)
 }
 
-/// What the standard keys of an export of this project say, without what stands beside them.
+/// The scene that the standard keys of one of our exports give, without our private key.
 pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, ImportError> {
     in_its_own_frame(file_name, &pickle::read_json(file_name, bytes)?.root())
 }

@@ -1,5 +1,5 @@
-//! Waymo Open Motion: `Scenario` messages in TFRecord files. The messages below name what a scene needs of the
-//! published schema; lidar, camera tokens and painted lines are passed over.
+//! Waymo Open Motion: `Scenario` messages in TFRecord files. The messages below hold the part of the published schema
+//! that a scene needs; lidar, camera tokens and painted lines are ignored.
 
 pub mod tfrecord;
 
@@ -20,21 +20,23 @@ use crate::scene::{AgentKind, LaneKind, LeftOut, LightState, Origin, Sample, Sce
 
 /// Published records have up to 4 MiB without their lidar.
 const RECORD_BYTES_MAX: usize = 16 << 20;
-/// Parts of a record by field: tracks, light states over time, map features. Two bytes of the wire make one of 200.
+/// Most parts of a record by field: tracks, light states over time, map features. Two bytes in the file can become 200
+/// bytes in memory.
 const PARTS_MAX: [(u64, usize, &str); 3] =
     [(2, 20_000, "tracks"), (7, STEPS_MAX, "dynamic_map_states"), (8, 50_000, "map_features")];
-/// States of lights of a record.
+/// Most light states of a record.
 const LIGHT_STATES_MAX: usize = 4_000_000;
 /// Samples, light states and map points of all records of a file together; a published file has a tenth.
 const FILE_PARTS_MAX: usize = 32_000_000;
-/// What the least that a record, track or light costs to name counts as.
+/// Smallest amount that a record, track or light counts against that limit, however little it holds.
 const PART_MIN: usize = 16;
-/// Lanes that one thing names.
+/// Most lanes that one element names.
 const LINKS_MAX: usize = 64;
-/// Distances from lane points to border points that one scenario may cost; beyond it widths stay unknown.
+/// Most distances from lane points to border points that are computed for one scenario; beyond it widths stay unknown.
 const WIDTH_EFFORT_MAX: usize = 100_000_000;
 const MPH_IN_MPS: f64 = 0.44704;
 
+/// `Scenario` of the Waymo Open Motion Dataset.
 #[derive(Clone, PartialEq, Message)]
 pub struct Scenario {
     #[prost(double, repeated, tag = "1")]
@@ -55,6 +57,7 @@ pub struct Scenario {
     current_time_index: i32,
 }
 
+/// `Track`: one road user.
 #[derive(Clone, PartialEq, Message)]
 pub struct Track {
     #[prost(int32, tag = "1")]
@@ -66,6 +69,7 @@ pub struct Track {
     pub(super) states: Vec<ObjectState>,
 }
 
+/// `ObjectState`: one road user at one step.
 #[derive(Clone, PartialEq, Message)]
 pub struct ObjectState {
     #[prost(double, tag = "2")]
@@ -86,12 +90,14 @@ pub struct ObjectState {
     valid: bool,
 }
 
+/// `DynamicMapState`: all signals at one step.
 #[derive(Clone, PartialEq, Message)]
 pub struct DynamicMapState {
     #[prost(message, repeated, tag = "1")]
     pub(super) lane_states: Vec<LaneState>,
 }
 
+/// `TrafficSignalLaneState`: one lane's signal at one step.
 #[derive(Clone, PartialEq, Message)]
 pub struct LaneState {
     #[prost(int64, tag = "1")]
@@ -102,6 +108,7 @@ pub struct LaneState {
     stop_point: Option<MapPoint>,
 }
 
+/// `MapPoint`, metres.
 #[derive(Clone, PartialEq, Message)]
 pub struct MapPoint {
     #[prost(double, tag = "1")]
@@ -127,18 +134,21 @@ pub struct MapFeature {
     crosswalk: Option<Area>,
 }
 
+/// A feature that is a line.
 #[derive(Clone, PartialEq, Message)]
 pub struct Line {
     #[prost(message, repeated, tag = "2")]
     polyline: Vec<MapPoint>,
 }
 
+/// A feature that is an outline.
 #[derive(Clone, PartialEq, Message)]
 pub struct Area {
     #[prost(message, repeated, tag = "1")]
     polygon: Vec<MapPoint>,
 }
 
+/// `StopSign`.
 #[derive(Clone, PartialEq, Message)]
 pub struct StopSign {
     #[prost(int64, repeated, packed = "false", tag = "1")]
@@ -147,6 +157,7 @@ pub struct StopSign {
     position: Option<MapPoint>,
 }
 
+/// `LaneCenter`: a lane by its centre line.
 #[derive(Clone, PartialEq, Message)]
 pub struct LaneCenter {
     #[prost(double, tag = "1")]
@@ -170,6 +181,7 @@ pub struct LaneCenter {
     right_boundaries: Vec<BoundarySegment>,
 }
 
+/// `LaneNeighbor`.
 #[derive(Clone, PartialEq, Message)]
 pub struct LaneNeighbor {
     #[prost(int64, tag = "1")]
@@ -180,6 +192,7 @@ pub struct LaneNeighbor {
     self_end_index: i32,
 }
 
+/// `BoundarySegment`: a stretch of a lane's border.
 #[derive(Clone, PartialEq, Message)]
 pub struct BoundarySegment {
     #[prost(int32, tag = "1")]
@@ -190,8 +203,8 @@ pub struct BoundarySegment {
     boundary_feature_id: i64,
 }
 
-/// All scenarios of a record file. A record that is no sound scenario is left out; damage to the file's structure
-/// ends it, and what stood before is kept.
+/// All scenarios of a record file. A record that is not a valid scenario is left out. Where the file's structure is
+/// damaged, reading ends, and the records before are kept.
 ///
 /// # Errors
 /// The first record is already damaged, or there is none.
@@ -288,7 +301,7 @@ fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
     Ok(log)
 }
 
-/// How often a field of length-delimited content occurs in a message; `None` where something in it is no field, or a
+/// How often a field of length-delimited content occurs in a message. `None` if the message is malformed or has a
 /// group, which no published message has.
 fn count_of(message: &[u8], wanted: u64) -> Option<usize> {
     let mut rest = message;
@@ -335,7 +348,7 @@ fn track(track: &Track) -> LogTrack {
     }
 }
 
-/// Or what was expected.
+/// The error is what was expected.
 fn lights(given: &[DynamicMapState], steps: usize) -> Result<Vec<LogLight>, String> {
     let mut lights: BTreeMap<i64, LogLight> = BTreeMap::new();
     for (step, state) in given.iter().take(steps).enumerate() {
@@ -401,7 +414,7 @@ fn lane(id: i64, lane: &LaneCenter, borders: &BTreeMap<i64, &[MapPoint]>, effort
     }
 }
 
-/// Of several neighbours along a lane the one beside it for longest.
+/// If a lane has several neighbours on a side, the one that is beside it for the longest way.
 fn longest(neighbours: &[LaneNeighbor]) -> Option<String> {
     let mut best: Option<(i64, i64)> = None;
     for n in neighbours {
@@ -556,7 +569,7 @@ pub(super) mod tests {
         assert_eq!((imported.scenes.len(), imported.left_out.len()), (2, 1), "{:?}", imported.left_out);
         assert!(imported.left_out[0].what == "record 2" && imported.left_out[0].reason.contains("at most 500"));
         assert_eq!(read("f.tfrecord", &bytes, FILE_PARTS_MAX).unwrap().scenes.len(), 5);
-        // Records of nothing count too, and so do tracks that nobody ever sees.
+        // Empty records count too, and so do tracks that are never observed.
         let nothing = read("f.tfrecord", &written(&[&[named(0)][..], &vec![vec![]; 100]].concat()), 500).unwrap();
         assert!(nothing.left_out.len() < 20, "{}", nothing.left_out.len());
         let mut unseen = message();

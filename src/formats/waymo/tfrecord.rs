@@ -13,11 +13,12 @@ pub struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
+    /// The records of a file's bytes.
     pub fn of(file: &'a str, bytes: &'a [u8]) -> Records<'a> {
         Records { file, bytes, at: 0 }
     }
 
-    /// Whether bytes begin like a record file: the first length fits its checksum.
+    /// Whether bytes begin like a record file, that is, the first length matches its checksum.
     pub fn looks_like(bytes: &[u8]) -> bool {
         let check = bytes.get(8..HEAD_BYTES).and_then(|b| b.first_chunk()).map(|b| u32::from_le_bytes(*b));
         bytes.get(..8).is_some_and(|length| check == Some(masked_crc(length)))

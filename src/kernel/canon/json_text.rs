@@ -1,6 +1,6 @@
-//! JSON text of canonical bytes: one spelling for one value. Keys of every object in order of their text, no spaces,
-//! numbers and texts as `serde_json` prints them. So a value that was serialised once for its digest is also printed,
-//! without a tree of it in between.
+//! JSON text of canonical bytes: one spelling for one value. Objects are sorted by key, there are no spaces, and
+//! numbers and texts look as `serde_json` prints them. A value that was serialised once for its digest can so be
+//! printed from the same bytes, without building a tree of it.
 
 use super::{CanonError, FALSE, FLOAT, LIST, MAP, NEGATIVE, TEXT, TRUE, UNIT, UNSIGNED};
 
@@ -33,7 +33,7 @@ struct Entry<'a> {
     end: usize,
 }
 
-/// What is read so far, with the room in which objects sort their entries.
+/// The state of the reader, and the buffer in which objects sort their entries.
 struct Page<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -94,8 +94,8 @@ impl<'a> Page<'a> {
         Ok(())
     }
 
-    /// Canonical bytes sort keys by their length first, JSON text by their letters: printed as they come, then brought
-    /// into order.
+    /// Canonical bytes sort keys by length first, JSON text sorts them by their letters. So entries are printed as they
+    /// come and sorted afterwards.
     fn object(&mut self, out: &mut Vec<u8>, depth: usize) -> Result<(), CanonError> {
         let count = self.number()?;
         let first = self.entries.len();

@@ -9,8 +9,10 @@ use serde::ser::{self, Serialize};
 /// Why a value has no canonical form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CanonError {
+    /// A float is NaN or infinite.
     #[error("a NaN or an infinity cannot be stored; the producer must refuse it first")]
     NotFinite,
+    /// What serde said.
     #[error("{0}")]
     Other(String),
 }
@@ -21,13 +23,14 @@ impl ser::Error for CanonError {
     }
 }
 
-/// Canonical bytes. Equal values give equal bytes, whatever the order of fields or map entries.
+/// Canonical bytes. Equal values give equal bytes for any order of fields or map entries.
 pub fn canonical_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
     written(value, false)
 }
 
 /// Canonical bytes of the JSON that a value serialises to: those of `serde_json::to_value(value)`, without building it.
-/// What JSON does not keep apart (an absent value and null, a variant and a one-entry object) is one here.
+/// Two values that look the same in JSON (an absent value and null, a variant and a one-entry object) give the same
+/// bytes.
 pub fn canonical_json_bytes<T: Serialize + ?Sized>(value: &T) -> Result<Vec<u8>, CanonError> {
     written(value, true)
 }
@@ -38,7 +41,8 @@ fn written<T: Serialize + ?Sized>(value: &T, as_json: bool) -> Result<Vec<u8>, C
     Ok(sheet.out)
 }
 
-/// What is written so far, with the room that maps need to sort their entries: shared, so that a map allocates nothing.
+/// The bytes written so far, and a buffer in which maps sort their entries. All maps share it, so a map allocates
+/// nothing.
 struct Sheet {
     out: Vec<u8>,
     /// (begin of key, begin of value, end) of the entries of every open map, innermost last.
@@ -89,7 +93,7 @@ impl Writer<'_> {
     }
 }
 
-/// Elements in order, counted when they end because serde does not always know how many come.
+/// Elements in order. They are counted at the end, because serde does not always know the count in advance.
 struct List<'a> {
     sheet: &'a mut Sheet,
     count_at: usize,
@@ -142,7 +146,7 @@ impl Sheet {
     }
 }
 
-/// Entries written in place, then brought into the order of their keys where they are not in it.
+/// Entries are written as they come, and sorted by key afterwards where they were not in order.
 struct Map<'a> {
     sheet: &'a mut Sheet,
     /// Where the count stands; entries begin behind it.
@@ -180,7 +184,8 @@ impl<'a> Map<'a> {
         self.sheet.count(self.count_at, (self.sheet.entries.len() - self.first) as u64);
         let Sheet { out, entries, sorted, .. } = self.sheet;
         let own = &mut entries[self.first..];
-        // Keys of a map differ, but equal ones would still have one order: that of their values.
+        // The keys of a map differ. Should two be equal, the order of their values decides, so there is still only one
+        // order.
         let place = |entry: &(usize, usize, usize)| (&out[entry.0..entry.1], &out[entry.1..entry.2]);
         if !own.is_sorted_by(|a, b| place(a) <= place(b)) {
             own.sort_unstable_by(|a, b| place(a).cmp(&place(b)));

@@ -11,7 +11,7 @@ pub const VERSION: &str = "2023-06-01";
 pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
     let (system, others): (Vec<_>, Vec<_>) = request.messages.iter().partition(|message| message.role == "system");
     let system: Vec<&str> = system.into_iter().map(|message| &*message.text).collect();
-    // One message of several blocks: the protocol's turns alternate.
+    // One message with several blocks, because user and assistant must alternate in this protocol.
     let blocks: Vec<Value> = others.into_iter().map(|m| json!({"type": "text", "text": m.text})).collect();
     let mut body = Map::new();
     body.insert("model".into(), request.model.model.clone().into());

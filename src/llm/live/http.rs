@@ -1,4 +1,4 @@
-//! One POST: bytes out, status and bounded bytes back. Knows nothing of models.
+//! One POST request: bytes out, status and bounded bytes back. This module does not know models.
 
 use std::time::Duration;
 
@@ -15,21 +15,21 @@ pub struct Http {
     headers: Vec<Header>,
 }
 
-/// What came back, whatever its status.
+/// An answer with any status.
 pub struct Answer {
     pub status: u16,
-    /// `Retry-After` in seconds. A date there is not read: backing off serves as well.
+    /// `Retry-After` in seconds. A date is ignored; the usual waiting time applies then.
     pub retry_after: Option<Duration>,
     pub body: Vec<u8>,
 }
 
-/// Why nothing came back.
+/// Why there is no answer.
 pub enum Lost {
     /// No connection: the request was not sent.
     Unsent(String),
     /// The connection broke, or the time was up.
     Midway(String),
-    /// The answer is not one that asking again would change.
+    /// The fault is one that asking again would not change.
     Unusable(String),
 }
 
@@ -47,7 +47,7 @@ impl Http {
         let config = ureq::Agent::config_builder()
             .timeout_global(Some(Duration::from_secs(timeout_s)))
             .http_status_as_error(false)
-            // A redirect would carry the key, and the prompt, to an address that nobody named.
+            // No redirects: they would send the key and the prompt to an address that nobody configured.
             .max_redirects(0)
             .max_redirects_will_error(false)
             .user_agent("evodrive")

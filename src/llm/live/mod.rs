@@ -1,5 +1,5 @@
-//! A client for real models: one blocking HTTP request an answer, retried within bounds and paid for under a cap. The only place
-//! that touches the network, and only under the cargo feature `live`.
+//! A client for real models: one blocking HTTP request for each answer, with bounded retries and a spend cap. It is the
+//! only code that uses the network, and only under the cargo feature `live`.
 
 mod anthropic;
 mod http;
@@ -88,7 +88,7 @@ impl Live {
         }
     }
 
-    /// What of an answer may be recorded.
+    /// The part of an answer that may be recorded.
     fn accepted(&self, said: Said) -> Result<Completion, ModelError> {
         let address = self.options.base_url.clone();
         let finish_reason = self.shown(said.metadata.finish_reason.as_deref().unwrap_or("none"));
@@ -109,10 +109,10 @@ impl Live {
         }
     }
 
-    /// Nothing that repeats the key is recorded: a cassette is made to be shared.
+    /// An answer that repeats the key is not recorded, because cassettes are shared.
     fn free_of_secrets(&self, said: &Said) -> Result<(), ModelError> {
-        let told = serde_json::to_string(&said.metadata).unwrap_or_default();
-        let leaks = |key: &Secret| key.is_in(&String::from_utf8_lossy(&said.text)) || key.is_in(&told);
+        let metadata = serde_json::to_string(&said.metadata).unwrap_or_default();
+        let leaks = |key: &Secret| key.is_in(&String::from_utf8_lossy(&said.text)) || key.is_in(&metadata);
         match &self.key {
             Some(key) if leaks(key) => {
                 Err(self.malformed("the answer repeats the api key; it is not recorded".to_string()))
@@ -125,7 +125,7 @@ impl Live {
         ModelError::Malformed { address: self.options.base_url.clone(), reason: self.shown(&reason) }
     }
 
-    /// Text of the other side as it may be shown: short, in one line, without the key.
+    /// Text of the server made fit for messages: short, on one line, without the key.
     fn shown(&self, text: &str) -> String {
         let text = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.redacted(text));
         let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
@@ -136,7 +136,7 @@ impl Live {
     }
 }
 
-/// A token is at least one byte of the prompt; whatever a chat template adds is far less than JSON's own marks.
+/// A token is at least one byte of the prompt. A chat template adds far less than the punctuation of JSON.
 fn input_bound(body: &[u8]) -> u64 {
     body.len() as u64 + 64
 }

@@ -15,7 +15,8 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
     put_sampling(&mut body, request)?;
     let format = match request.model.response_format {
         Some(ResponseFormat::JsonSchema) => {
-            // Not strict: providers know strict forms of narrower schemas only; every reply is checked again anyway.
+            // Not strict, because providers support strict mode only for simpler schemas. Every reply is checked again
+            // anyway.
             let schema = json!({"name": reply_name(request), "strict": false, "schema": request.schema});
             Some(json!({"type": "json_schema", "json_schema": schema}))
         }

@@ -1,4 +1,4 @@
-//! What the two protocols share: a body from a request, and what an answer says.
+//! The common part of both protocols: from a request to a body, and from an answer to its content.
 
 use serde_json::{Map, Value};
 
@@ -28,13 +28,13 @@ pub enum End {
     Whole,
     /// Cut at the limit of tokens.
     Truncated,
-    /// Refused by the model or filtered by the provider; the text says what it says.
+    /// Refused by the model or filtered by the provider; it holds the text.
     Declined,
     Empty,
 }
 
 impl Said {
-    /// What the provider counted, if it counted.
+    /// Token counts, if the provider reports them.
     pub fn tokens(&self) -> Option<Tokens> {
         Some(Tokens { input: self.metadata.input_tokens?, output: self.metadata.output_tokens? })
     }
@@ -79,7 +79,8 @@ impl Protocol {
         }
     }
 
-    /// Most tokens that an answer can have. The experiment file was checked for it; a request without a limit is bounded by nothing.
+    /// Most tokens that an answer can have. The check of the experiment file makes sure that there is a limit; a
+    /// request without one has no bound.
     pub fn output_bound(self, model: &ModelSpec) -> u64 {
         let limit = model.sampling.get("max_tokens").or(model.sampling.get("max_completion_tokens"));
         limit.map_or(u64::MAX, |limit| *limit as u64)

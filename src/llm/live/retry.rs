@@ -1,4 +1,4 @@
-//! When to ask again, and how long to wait before: bounded, and by the server's word where it gives one.
+//! When to ask again, and how long to wait: bounded, and as the server says if it says so.
 
 use serde_json::Value;
 use std::time::Duration;
@@ -26,14 +26,14 @@ pub enum Step {
 pub enum Stop {
     /// Given up.
     Transport { attempts: u32, reason: String },
-    /// The other side says no.
+    /// The server refuses.
     Refused { reason: String },
-    /// Nothing that the protocol knows.
+    /// The answer does not follow the protocol.
     Malformed { reason: String },
 }
 
 impl Stop {
-    /// As the model's error; `shown` makes text of the other side presentable.
+    /// The model's error; `shown` makes text of the server fit for messages.
     pub fn error(self, address: &str, shown: impl Fn(&str) -> String) -> ModelError {
         let address = address.to_string();
         match self {
@@ -52,9 +52,9 @@ impl Schedule {
 
     /// After an answer that is not 200.
     pub fn after_status(&mut self, answer: &Answer) -> Step {
-        let (code, message) = told(&answer.body);
+        let (code, message) = code_and_message(&answer.body);
         let reason = format!("HTTP {}: {message}", answer.status);
-        // An account without money answers 429 too, and goes on doing so.
+        // An account without money also gets 429, and asking again does not help.
         let passing = matches!(answer.status, 408 | 429 | 500..=599) && code.as_deref() != Some("insufficient_quota");
         if passing { self.again(reason, answer.retry_after) } else { Step::Stop(Stop::Refused { reason }) }
     }
@@ -87,7 +87,7 @@ impl Schedule {
 }
 
 /// Code and message of an error's body: OpenAI, Anthropic and llama.cpp say `{"error": {..}}`, others something else.
-fn told(body: &[u8]) -> (Option<String>, String) {
+fn code_and_message(body: &[u8]) -> (Option<String>, String) {
     let value: Value = serde_json::from_slice(body).unwrap_or(Value::Null);
     let error = value.get("error").unwrap_or(&value);
     let text = |field: &str| error.get(field).and_then(Value::as_str).map(str::to_string);
@@ -159,12 +159,15 @@ mod tests {
 
     #[test]
     fn error_messages_are_found_in_each_shape() {
-        assert_eq!(told(b"{\"error\":{\"code\":400,\"message\":\"too long\"}}").1, "too long");
+        assert_eq!(code_and_message(b"{\"error\":{\"code\":400,\"message\":\"too long\"}}").1, "too long");
         assert_eq!(
-            told(b"{\"type\":\"error\",\"error\":{\"type\":\"overloaded_error\",\"message\":\"Overloaded\"}}").1,
+            code_and_message(
+                b"{\"type\":\"error\",\"error\":{\"type\":\"overloaded_error\",\"message\":\"Overloaded\"}}"
+            )
+            .1,
             "Overloaded"
         );
-        assert_eq!(told(b"{\"error\":\"model not found\"}").1, "model not found");
-        assert_eq!(told(b"Bad Gateway").1, "Bad Gateway");
+        assert_eq!(code_and_message(b"{\"error\":\"model not found\"}").1, "model not found");
+        assert_eq!(code_and_message(b"Bad Gateway").1, "Bad Gateway");
     }
 }

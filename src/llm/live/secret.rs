@@ -4,11 +4,13 @@
 #[derive(Clone)]
 pub struct Secret(String);
 
-/// Shorter keys are place-holders of servers that want none (`EMPTY`, `none`); looking for them in answers would find words.
+/// Shorter keys are place-holders for servers without keys (`EMPTY`, `none`). Answers may contain them as ordinary
+/// words.
 const SECRET_CHARS_MIN: usize = 8;
 
 impl Secret {
-    /// White space around the text is dropped: keys are often read from files. What a header cannot carry is refused, unnamed.
+    /// White space around the text is dropped: keys are often read from files. A text that a header cannot hold is
+    /// refused, and the message does not repeat it.
     pub fn new(text: &str) -> Result<Secret, String> {
         let text = text.trim();
         if text.is_empty() {

@@ -62,7 +62,7 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// Goes on with the file at `path`, if there is one. `models` gives the prices.
+    /// Continues the file at `path`, if there is one. `models` gives the prices.
     pub fn open<'m>(
         path: PathBuf,
         cap: SpendCap,
@@ -88,7 +88,7 @@ impl Ledger {
         Ok(Ledger { path, cap, prices, state, settled: Condvar::new() })
     }
 
-    /// Sets the upper bound of a call aside. If only calls that are under way stand in its way, waits for their settlement.
+    /// Reserves the upper bound of a call. If only running calls prevent that, it waits until they are settled.
     pub fn reserve(&self, model: &str, bound: Tokens) -> Result<Reservation<'_>, ModelError> {
         let mut state = self.lock();
         loop {
@@ -97,7 +97,7 @@ impl Ledger {
             *entry = entry.plus(bound);
             match self.over(&after, &state.used) {
                 None => {
-                    // On disk before the call is made: a killed process cannot forget what it may have spent.
+                    // It is on disk before the call is made, so a killed process cannot lose what it may have spent.
                     self.write(&after)?;
                     *state = State { used: after, open: state.open + 1 };
                     return Ok(Reservation { ledger: self, model: model.to_string(), bound, settled: false });
@@ -122,7 +122,7 @@ impl Ledger {
         used.iter().map(of_model).sum()
     }
 
-    /// What stands against the cap, if `after` exceeds it.
+    /// Why `after` exceeds the cap, if it does.
     fn over(&self, after: &BTreeMap<String, Tokens>, before: &BTreeMap<String, Tokens>) -> Option<String> {
         let tokens = |used: &BTreeMap<String, Tokens>| {
             used.values().fold(0_u64, |sum, t| sum.saturating_add(t.input).saturating_add(t.output))
@@ -147,7 +147,7 @@ impl Ledger {
         let entry = state.used.entry(model.to_string()).or_default();
         *entry = entry.minus(bound).plus(actual);
         state.open = state.open.saturating_sub(1);
-        // If this cannot be written, the file holds the upper bound: never too little.
+        // If this cannot be written, the file still holds the upper bound, so it never holds too little.
         let _ = self.write(&state.used);
         self.settled.notify_all();
     }
@@ -163,7 +163,8 @@ impl Ledger {
     }
 }
 
-/// The upper bound of a call, set aside. Dropped without a settlement it counts in full: what became of the call is unknown.
+/// The reserved upper bound of a call. If it is dropped without settlement it counts in full, because the fate of the
+/// call is unknown.
 pub struct Reservation<'a> {
     ledger: &'a Ledger,
     model: String,

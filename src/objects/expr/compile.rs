@@ -33,7 +33,7 @@ enum Step {
 }
 
 impl Expr {
-    /// Checks names and types and lays out the code. The type of the whole is in `Compiled::value_type`.
+    /// Checks names and types and makes the code. [`Compiled::value_type`] gives the type of the whole expression.
     pub fn compile(&self, scope: &Scope) -> Result<Compiled, ExprError> {
         let mut code = Vec::with_capacity(self.node_count());
         let value = emit(&self.root, scope, &mut code)?;
@@ -42,12 +42,13 @@ impl Expr {
 }
 
 impl Compiled {
+    /// What the expression gives.
     pub fn value_type(&self) -> ValueType {
         self.value
     }
 
-    /// The value of a numeric expression; of a boolean one 1 or 0. `values` are those of the scope, in its order;
-    /// NaN among them reads as 0 and anything too large as the bound. Fewer values than names is a bug of the caller.
+    /// The value of a numeric expression; of a boolean one 1 or 0. `values` are those of the scope, in its order; NaN
+    /// is read as 0, and too large values as the bound. If there are fewer values than names, the caller has a bug.
     pub fn number(&self, values: &[f64]) -> f64 {
         assert!(values.len() >= self.width, "{} values for a scope of {} names", values.len(), self.width);
         let mut stack = Stack { values: [0.0; STACK], height: 0 };
@@ -57,7 +58,7 @@ impl Compiled {
         stack.pop()
     }
 
-    /// The value of a condition; of a numeric expression whether it is not 0.
+    /// The value of a condition; for a numeric expression, whether it differs from 0.
     pub fn boolean(&self, values: &[f64]) -> bool {
         self.number(values) != 0.0
     }

@@ -1,12 +1,14 @@
 //! Why a text is not an expression, or not one of the type that its place needs.
 
-/// Place, what stands there and what would be accepted.
+/// The place, what was found there, and what would be accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("column {column}: found {found}, expected {expected}")]
 pub struct ExprError {
     /// Counted in characters from 1.
     pub column: usize,
+    /// What was found there.
     pub found: String,
+    /// What would be accepted there.
     pub expected: String,
 }
 

@@ -33,7 +33,7 @@ impl Token {
 
 const SIGNS: [&str; 13] = ["<=", ">=", "==", "!=", "+", "-", "*", "/", "(", ")", ",", "<", ">"];
 
-/// What people write from other languages, and what this one has instead.
+/// Spellings of other languages, and the spelling of this one.
 const FOREIGN: [(&str, &str); 9] = [
     ("&&", "`and`"),
     ("||", "`or`"),

@@ -4,12 +4,12 @@ use crate::kernel::num;
 
 /// Results are clamped to ±this.
 pub const MAGNITUDE_MAX: f64 = 1e12;
-/// A denominator nearer to zero is replaced by this with its sign (zero counts as positive).
+/// A denominator with a smaller absolute value is replaced by this, with its sign; zero counts as positive.
 pub const DENOMINATOR_MIN: f64 = 1e-9;
-/// `log` of anything smaller, negative or zero is the log of this.
+/// For any smaller argument, also negative or zero, `log` gives the log of this.
 pub const LOG_ARGUMENT_MIN: f64 = 1e-12;
 
-/// NaN becomes 0, the rest is clamped to the magnitude bound.
+/// NaN becomes 0; any other value is clamped to the bound.
 pub fn bounded(x: f64) -> f64 {
     if x.is_nan() || x == 0.0 { 0.0 } else { x.clamp(-MAGNITUDE_MAX, MAGNITUDE_MAX) }
 }
@@ -25,7 +25,7 @@ pub fn divide(a: f64, b: f64) -> f64 {
     bounded(a / guarded)
 }
 
-/// Square root; 0 of anything negative.
+/// Square root; 0 for a negative argument.
 pub fn sqrt(x: f64) -> f64 {
     x.max(0.0).sqrt()
 }
@@ -38,7 +38,7 @@ pub fn log(x: f64) -> f64 {
     bounded(num::ln(x.max(LOG_ARGUMENT_MIN)))
 }
 
-/// `x` brought into [low, high]; `high` where the bounds are crossed.
+/// `x` clamped to [low, high]; `high` if low is larger than high.
 pub fn clamp(x: f64, low: f64, high: f64) -> f64 {
     x.max(low).min(high)
 }

@@ -1,5 +1,5 @@
-//! Tokens to a tree, by binding strength. Size, depth and nesting are counted while reading, so a hostile text
-//! is given up at the first token too many.
+//! Tokens to a tree, by binding strength. Size, depth and nesting are counted while reading, so a hostile text is
+//! refused at the first token beyond a limit.
 
 use super::{
     error::ExprError,
@@ -18,7 +18,7 @@ pub const DEPTH_MAX: usize = 32;
 const NESTING_MAX: usize = 2 * DEPTH_MAX;
 
 pub(super) fn parse(text: &str) -> Result<Node, ExprError> {
-    let mut parser = Parser { tokens: tokens(text)?, place: 0, nodes: 0, nesting: 0 };
+    let mut parser = Parser { tokens: tokens(text)?, next: 0, nodes: 0, nesting: 0 };
     let (node, _) = parser.expression(binding::OR)?;
     match parser.peek() {
         Token::End => Ok(node),
@@ -29,7 +29,8 @@ pub(super) fn parse(text: &str) -> Result<Node, ExprError> {
 
 struct Parser {
     tokens: Vec<(Token, usize)>,
-    place: usize,
+    /// Index of the next token.
+    next: usize,
     nodes: usize,
     nesting: usize,
 }
@@ -39,11 +40,11 @@ type Built = (Node, usize);
 
 impl Parser {
     fn peek(&self) -> &Token {
-        self.tokens.get(self.place).map_or(&Token::End, |(token, _)| token)
+        self.tokens.get(self.next).map_or(&Token::End, |(token, _)| token)
     }
 
     fn column(&self) -> usize {
-        self.tokens.get(self.place).or(self.tokens.last()).map_or(1, |(_, column)| *column)
+        self.tokens.get(self.next).or(self.tokens.last()).map_or(1, |(_, column)| *column)
     }
 
     fn error(&self, expected: impl Into<String>) -> ExprError {
@@ -72,7 +73,7 @@ impl Parser {
         result
     }
 
-    /// Everything that binds at least as strongly as `least`.
+    /// Parses operators that bind at least as strongly as `least`.
     fn expression(&mut self, least: u8) -> Result<Built, ExprError> {
         let (mut left, mut depth) = self.prefix(least)?;
         let mut compared = false;
@@ -82,7 +83,7 @@ impl Parser {
             }
             compared |= infix.binding() == binding::COMPARE;
             let at = self.column();
-            self.place += 1;
+            self.next += 1;
             let (right, right_depth) = self.expression(infix.binding() + 1)?;
             let kind = Kind::Infix(infix, Box::new(left), Box::new(right));
             (left, depth) = self.build(at, kind, depth.max(right_depth))?;
@@ -106,7 +107,7 @@ impl Parser {
             Token::Word(word) if word == "not" && least <= binding::NOT => (Prefix::Not, binding::NOT),
             _ => return self.atom(),
         };
-        self.place += 1;
+        self.next += 1;
         let (inner, depth) = self.nested(|parser| parser.expression(strength))?;
         self.build(at, Kind::Prefix(prefix, Box::new(inner)), depth)
     }
@@ -115,11 +116,11 @@ impl Parser {
         let at = self.column();
         match self.peek().clone() {
             Token::Number(value) => {
-                self.place += 1;
+                self.next += 1;
                 self.build(at, Kind::Number(value), 0)
             }
             Token::Sign("(") => {
-                self.place += 1;
+                self.next += 1;
                 let inner = self.nested(|parser| parser.expression(binding::OR))?;
                 self.expect(")", "an operator or `)`")?;
                 Ok(inner)
@@ -135,7 +136,7 @@ impl Parser {
             "not" => return Err(self.error("`(not ...)`: a negation inside an operation needs parentheses")),
             _ => {}
         }
-        self.place += 1;
+        self.next += 1;
         if *self.peek() == Token::Sign("(") {
             return self.call(at, &word);
         }
@@ -154,7 +155,7 @@ impl Parser {
             let expected = format!("one of the functions {}{hint}", FUNCTIONS.join(" "));
             return Err(ExprError::new(at, format!("unknown function `{word}`"), expected));
         };
-        self.place += 1;
+        self.next += 1;
         let (arguments, depth) = self.nested(Parser::arguments)?;
         let (fewest, most) = function.arity();
         if !(fewest..=most).contains(&arguments.len()) {
@@ -164,7 +165,7 @@ impl Parser {
         self.build(at, Kind::Call(function, arguments), depth)
     }
 
-    /// After the opening parenthesis up to and with the closing one.
+    /// Parses from behind the opening parenthesis up to and including the closing one.
     fn arguments(&mut self) -> Result<(Vec<Node>, usize), ExprError> {
         let (mut arguments, mut depth) = (Vec::new(), 0);
         loop {
@@ -172,7 +173,7 @@ impl Parser {
             arguments.push(argument);
             depth = depth.max(argument_depth);
             if *self.peek() == Token::Sign(",") {
-                self.place += 1;
+                self.next += 1;
                 continue;
             }
             self.expect(")", "an operator, `,` or `)`")?;
@@ -182,7 +183,7 @@ impl Parser {
 
     fn expect(&mut self, sign: &str, expected: &str) -> Result<(), ExprError> {
         if matches!(self.peek(), Token::Sign(found) if *found == sign) {
-            self.place += 1;
+            self.next += 1;
             return Ok(());
         }
         Err(self.error(expected))

@@ -11,6 +11,7 @@ pub struct Scope {
 }
 
 impl Scope {
+    /// A scope of these names; the values are given in this order.
     pub fn new<S: Into<String>>(names: impl IntoIterator<Item = (S, ValueType)>) -> Scope {
         let mut scope = Scope::default();
         for (name, value) in names {
@@ -25,6 +26,7 @@ impl Scope {
         self.names.entry(name.into()).or_insert((value, next)).1
     }
 
+    /// Type and position of a name; `None` for a name that is not in scope.
     pub fn get(&self, name: &str) -> Option<(ValueType, usize)> {
         self.names.get(name).copied()
     }
@@ -39,6 +41,7 @@ impl Scope {
         self.names.len()
     }
 
+    /// Whether no name is in scope.
     pub fn is_empty(&self) -> bool {
         self.names.is_empty()
     }

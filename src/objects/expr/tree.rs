@@ -72,7 +72,7 @@ pub(super) enum Function {
     If,
 }
 
-/// Binding strengths; a node is put in parentheses where its own is below what its place needs.
+/// Binding strengths. A node gets parentheses if its strength is lower than its place needs.
 pub(super) mod binding {
     pub const OR: u8 = 1;
     pub const AND: u8 = 2;
@@ -163,8 +163,8 @@ impl Function {
 }
 
 impl Expr {
-    /// Errors name the column, what stands there and what would be accepted; hostile text is refused before it
-    /// can cost memory or stack.
+    /// Parses a text. Errors name the column, what was found there and what would be accepted. Hostile text is refused
+    /// before it can use much memory or stack.
     pub fn parse(text: &str) -> Result<Expr, ExprError> {
         parse::parse(text).map(|root| Expr { root })
     }

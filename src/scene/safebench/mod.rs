@@ -1,5 +1,5 @@
-//! What a scene of SafeBench's eight traffic families knows beside its road: the family, the trigger, and the frames in
-//! which its actors are put.
+//! What a scene of SafeBench's eight traffic families has besides its road: the family, the trigger, and the frames in
+//! which its actors are placed.
 
 mod family;
 mod stage;

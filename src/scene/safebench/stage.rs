@@ -7,7 +7,7 @@ use crate::scene::{LaneGraph, LaneIx, LanePlace, Road, Scene};
 
 /// The ego's lane is the one within this distance of its route, metres.
 const LANE_WITHIN_M: f64 = 3.0;
-/// A route turns where its direction differs this much from its direction at the end, radians.
+/// A route counts as turning where its direction differs by this much from its direction at the end, radians.
 const TURNED_RAD: f64 = 0.09;
 /// A route that turns less than this after its trigger runs straight on, radians.
 const TURN_RAD_MIN: f64 = 0.5;
@@ -34,6 +34,7 @@ pub struct Roadside {
     pub pose: Pose,
     /// Lanes between the ego's lane and the right-most one (SafeBench's `num_lane_changes`).
     pub lanes_between: usize,
+    /// Width of the lane beside it, metres.
     pub lane_width_m: f64,
 }
 
@@ -42,6 +43,7 @@ pub struct Roadside {
 pub struct LeftLane {
     /// On that lane's centre line, heading as its traffic does.
     pub pose: Pose,
+    /// Whether its traffic drives in the ego's direction.
     pub same_direction: bool,
 }
 
@@ -54,10 +56,12 @@ impl<'s> Stage<'s> {
         Some(Stage { scene, staging, graph: LaneGraph::of(&scene.road), route, trigger_s_m })
     }
 
+    /// The scene.
     pub fn scene(&self) -> &'s Scene {
         self.scene
     }
 
+    /// What SafeBench's scenario file says of it.
     pub fn staging(&self) -> &'s Staging {
         self.staging
     }
@@ -77,7 +81,7 @@ impl<'s> Stage<'s> {
         Pose { position: self.route.at(s_m), heading_rad: self.direction(s_m) }
     }
 
-    /// Direction over a metre about a place: vertices of a route may lie closer than their noise.
+    /// Direction over one metre around a place, because the points of a route may be closer together than their noise.
     fn direction(&self, s_m: f64) -> f64 {
         (self.route.at(s_m + 0.5 * DIRECTION_M) - self.route.at(s_m - 0.5 * DIRECTION_M)).heading()
     }
@@ -113,7 +117,8 @@ impl<'s> Stage<'s> {
         (neighbour.same_direction && self.graph.is_through(neighbour.lane)).then_some(neighbour.lane)
     }
 
-    /// The lane to the left of the ego's, abreast of a place `ahead_m` after the trigger; `None` where there is none.
+    /// The lane to the left of the ego's, beside the place `ahead_m` after the trigger; `None` if there is no such
+    /// lane.
     pub fn left_lane(&self, ahead_m: f64) -> Option<LeftLane> {
         let pose = self.ahead(ahead_m);
         let own = self.lane_at(pose)?;

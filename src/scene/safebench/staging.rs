@@ -1,4 +1,4 @@
-//! Where a family's scenario is set off on a route, and where its actors stand: frames seen from the trigger.
+//! Where a family's scenario starts on a route, and where its actors stand, as frames relative to the trigger.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::kernel::{Pose, Vec2, num};
 /// Actors that one scenario may place.
 pub const SPAWNS_MAX: usize = 16;
 
-/// A pose seen from the trigger.
+/// A pose relative to the trigger.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpawnFrame {
@@ -16,14 +16,15 @@ pub struct SpawnFrame {
     pub fwd_m: f64,
     /// To the right of it, metres; negative on the left.
     pub right_m: f64,
-    /// Turned against the trigger's heading, counter-clockwise, radians: -pi/2 drives from the left to the right.
+    /// Heading relative to the trigger's, counter-clockwise, radians; -pi/2 drives from the left to the right.
     pub yaw_rad: f64,
 }
 
-/// The part of a scene that SafeBench's scenario file says.
+/// The part of a scene that comes from SafeBench's scenario file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Staging {
+    /// Its traffic family.
     pub family: TrafficFamily,
     /// SafeBench's route number; 4 to 13 are the ten that are evaluated.
     pub route: u32,

@@ -14,10 +14,12 @@ use crate::scene::{DT_S, Ego, LeftOut, Origin, Scene};
 
 /// Steps of the longest scene made of a planning problem: 20 s.
 pub const STEPS_MAX: usize = 200;
-/// Samples, points of the map and light states of all scenes of a file together: each planning problem gives a scene of its own.
+/// Most samples, map points and light states of all scenes of a file together: each planning problem gives a scene of
+/// its own.
 const PARTS_MAX: usize = 8_000_000;
 /// Box of the ego where only a planning problem is given: CommonRoad's vehicle 2, a BMW 320i, metres.
 pub const EGO_LENGTH_M: f64 = 4.508;
+/// Width of the ego where the file gives none, metres.
 pub const EGO_WIDTH_M: f64 = 1.610;
 
 /// What the parts of this importer share about the file.
@@ -32,9 +34,8 @@ struct File<'d> {
 
 /// The scenes of a CommonRoad file, one per planning problem.
 ///
-/// # Errors
-/// The file is not CommonRoad XML of a known version, or is inconsistent: truncated, numbers that are none, ids that
-/// occur twice, references to nothing.
+/// # Errors The file is not CommonRoad XML of a known version, or is inconsistent: truncated text, malformed numbers,
+/// duplicate ids, or references to missing elements.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let document = Document::parse(file_name, bytes)?;
     let file = opened(file_name, document.root())?;
@@ -89,7 +90,8 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     Ok(Imported { scenes, left_out })
 }
 
-/// What the CommonRoad elements of an export of this project say, without what stands in its instruction.
+/// The scene that the CommonRoad elements of one of our exports give, without the private data in its processing
+/// instruction.
 pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, ImportError> {
     let document = Document::parse(file_name, bytes)?;
     let file = opened(file_name, document.root())?;
@@ -98,7 +100,7 @@ pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, Impor
     unplanned(&file, &network, &obstacles)
 }
 
-/// The very scene that was exported; `None` where the file does not say what it said then.
+/// The exact scene that was exported; `None` if the file was changed since.
 fn exported(file: &File<'_>, text: &str, network: &road::Network, obstacles: &obstacles::Obstacles) -> Option<Scene> {
     let remainder = Remainder::from_text(text)?;
     let read = unplanned(file, network, obstacles).ok()?;

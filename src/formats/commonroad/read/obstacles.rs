@@ -1,5 +1,5 @@
-//! Obstacles: shape to bounding box, states to samples. What has no states (occupancies, buildings) is left out by
-//! name.
+//! Reads obstacles: a shape becomes a bounding box, states become samples. Obstacles without states (occupancies,
+//! buildings) are left out and named.
 
 use super::{File, angle, exact_or_middle, point, step};
 use crate::formats::import_error::{ImportError, shown};
@@ -121,13 +121,14 @@ impl Obstacles {
         self.edges.iter().map(Vec::len).sum()
     }
 
-    /// Time of the last state of whatever moves, seconds.
+    /// Time of the last state of all moving obstacles, seconds.
     pub fn last_s(&self) -> f64 {
         let moving = self.obstacles.iter().filter(|o| !o.is_static);
         moving.flat_map(|o| o.states.last()).map(|s| s.time_s).fold(0.0, f64::max)
     }
 
-    /// Tracks of a scene that starts at `start_s` with its origin at `origin`; what is never seen in it is left out.
+    /// Tracks of a scene that starts at `start_s` with its origin at `origin`. Obstacles that are never observed in it
+    /// are left out.
     pub fn tracks(&self, start_s: f64, origin: Vec2, steps: usize) -> Vec<Track> {
         let track = |obstacle: &Obstacle| {
             let here = |s: &State| State { time_s: s.time_s - start_s, position: s.position - origin, ..*s };
@@ -160,7 +161,7 @@ fn kind(name: &str, is_static: bool) -> AgentKind {
     }
 }
 
-/// Bounding box of all parts of a shape, in the axes of whoever carries it.
+/// Bounding box of all parts of a shape, in the axes of its obstacle.
 fn extent(shape: &Element<'_>) -> Result<Option<Extent>, ImportError> {
     let mut points: Vec<Vec2> = Vec::new();
     for part in shape.children() {
@@ -195,8 +196,8 @@ fn positive(part: &Element<'_>, name: &str) -> Result<f64, ImportError> {
     if value <= 0.0 { Err(given.refuse(format!("a length above 0, found {value}"))) } else { Ok(value) }
 }
 
-/// Place, heading, time and speed of a state; an uncertain place (a region) stands for its middle. `None` where it
-/// gives no place at an exact time.
+/// Place, heading, time and speed of a state; of an uncertain place (a region) the middle. `None` if the state has no
+/// place at an exact time.
 fn state(element: &Element<'_>, dt_s: f64) -> Result<Option<State>, ImportError> {
     let Some(position) = place(&element.needed_child("position")?)? else { return Ok(None) };
     let Some(time) = element.needed_child("time")?.child("exact") else { return Ok(None) };

@@ -1,4 +1,4 @@
-//! The planning problem: where the ego starts, where it shall go, and the route that follows from both.
+//! The planning problem: where the ego starts, where it must go, and the route between them.
 
 use super::obstacles::place;
 use super::road::Network;
@@ -9,13 +9,13 @@ use crate::kernel::{Polyline, Vec2};
 use crate::scene::route::{GoalPlace, plan};
 use crate::scene::{AgentKind, Ego, Sample, Track};
 
-/// The ego starts in a lane when its centre line is this near, metres.
+/// The ego starts in a lane if the lane's centre line is at most this far away, metres.
 const START_WITHIN_M: f64 = 5.0;
 /// Comfortable acceleration in the estimate of how far and how long the ego drives, m/s^2.
 const ACCELERATION_MPS2: f64 = 1.0;
-/// Speed aimed at in that estimate where no limit is given, m/s.
+/// Target speed in that estimate if no limit is given, m/s.
 const SPEED_UNKNOWN_MPS: f64 = 13.9;
-/// A route shorter than this is driven on along the lanes, metres.
+/// A route shorter than this is extended along the lanes, metres.
 const ROUTE_MIN_M: f64 = 30.0;
 
 /// One planning problem in the file's coordinates and steps.
@@ -47,7 +47,7 @@ pub(super) fn read(file: &File<'_>, element: &Element<'_>, network: &Network) ->
         has_goal_place: false,
         dt_s: file.dt_s,
     };
-    // Any one of several goal states will do; the nearest that can be reached becomes the route's.
+    // Several goal states are alternatives. The route leads to the nearest that can be reached.
     for goal in element.named("goalState") {
         problem.read_goal(&goal, network)?;
     }
@@ -86,7 +86,7 @@ impl Problem {
 /// The ego with its one sample and its route, in local coordinates; or the reason why there is none.
 pub(super) fn ego(problem: &Problem, network: &Network) -> Result<Ego, String> {
     let graph = &network.graph;
-    // Where lanes overlap, as in a junction, the nearest from which the goal can be reached is the ego's.
+    // Where lanes overlap, as in a junction, the ego takes the nearest lane from which the goal can be reached.
     let starts = graph.lanes_near(problem.position, problem.heading_rad, START_WITHIN_M);
     let Some(nearest) = starts.first() else {
         return Err("the ego does not start in a lane: none of its direction lies within 5 m".into());
@@ -118,8 +118,7 @@ pub(super) fn ego(problem: &Problem, network: &Network) -> Result<Ego, String> {
     })
 }
 
-/// The ego with its one sample and a straight way ahead: what the problem itself says, without a search through the
-/// lanes.
+/// The ego with its one sample and a straight way ahead, as the problem gives it, without a search through the lanes.
 pub(super) fn unplanned_ego(problem: &Problem) -> Ego {
     let ahead = Vec2::from_heading(problem.heading_rad);
     Ego {

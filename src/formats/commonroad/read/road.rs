@@ -56,7 +56,7 @@ impl Cycle {
         let mut left = step - self.offset_steps;
         left -= (left / total).floor() * total;
         for (duration, state) in &self.phases {
-            // A step that resampling puts a rounding error before a change belongs after it.
+            // Resampling may put a step just before a change by a rounding error; it then belongs after the change.
             if left < duration - 1e-6 {
                 return *state;
             }
@@ -97,7 +97,7 @@ pub(super) fn read(file: &File<'_>) -> Result<Network, ImportError> {
     Ok(network)
 }
 
-/// Ids are unique over all elements of a file that carry one.
+/// Ids are unique among all elements of a file.
 fn unique_ids(file: &File<'_>) -> Result<(), ImportError> {
     let mut seen = BTreeSet::new();
     for element in file.root.children() {
@@ -154,7 +154,7 @@ fn kind(element: &Element<'_>) -> LaneKind {
     }
 }
 
-/// What all `<name ref="..."/>` of an element refer to.
+/// The targets of all `<name ref="..."/>` of an element.
 fn refs<'m, T>(element: &Element<'_>, name: &str, known: &'m BTreeMap<&str, T>) -> Result<Vec<&'m T>, ImportError> {
     let mut found = Vec::new();
     for reference in element.children().filter(|child| child.name() == name) {
@@ -182,7 +182,7 @@ fn link(
         if other == ix {
             return Err(child.refuse("another lanelet than itself"));
         }
-        // One side naming the other is enough: the graph is made mutual.
+        // It is enough that one of the two names the other; the missing half of a link is added.
         let (from, to) = if name == "predecessor" { (other, ix) } else { (ix, other) };
         match name {
             "predecessor" | "successor" => {
@@ -284,7 +284,7 @@ impl Network {
         for p in line.iter().flat_map(|line| line.named("point")) {
             ends.push(point(&p)?);
         }
-        // Without points of its own a stop line lies at the end of its lanelet.
+        // A stop line without points lies at the end of its lanelet.
         let stop_point = if ends.len() == 2 { ends[0].lerp(ends[1], 0.5) } else { end };
         let both = || std::iter::once(*element).chain(line);
         let mut lights: BTreeMap<&str, Cycle> = BTreeMap::new();

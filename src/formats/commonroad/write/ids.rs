@@ -1,5 +1,5 @@
-//! The whole numbers that CommonRoad names things by, unique over the file: a scene's own where they are such
-//! numbers, else free ones.
+//! CommonRoad's ids: whole numbers, unique in the file. A scene's own ids are kept if they are such numbers; the others
+//! get free numbers.
 
 use std::collections::BTreeSet;
 
@@ -60,7 +60,7 @@ struct Picker {
 }
 
 impl Picker {
-    /// The number that a text is, if it is one in its plain form, above 0 and not taken.
+    /// The number in a text, if it is written plainly, above 0 and not taken.
     fn own(&mut self, text: &str) -> Option<u32> {
         let number: u32 = text.parse().ok().filter(|n| *n > 0 && *n < 1_000_000_000)?;
         (number.to_string() == text && self.taken.insert(number)).then_some(number)

@@ -2,10 +2,10 @@
 //! problem. Step 0 of the file is the step at which the ego starts; coordinates are the scene's.
 //!
 //! The schema knows neither history before the planning problem, nor road users that come later than its first step,
-//! nor gaps in a trajectory. Road users that are not there at step 0 wait beside the map until they come (the schema
-//! asks for a state at step 0); a track with gaps becomes one obstacle per stretch. All that the format cannot hold is
-//! named in the notes and carried, exactly, in a processing instruction `<?evodrive ...?>`, which other readers
-//! ignore: [`super::read`] gives the same scene back, for as long as nobody edits the file.
+//! nor gaps in a trajectory. The schema asks for a state at step 0, so road users that come later wait beside the map
+//! until then. A track with gaps becomes one obstacle per stretch. Whatever the format cannot hold is named in the
+//! notes and kept exactly in a processing instruction `<?evodrive ...?>`, which other readers ignore. So
+//! [`super::read`] gives the same scene back, unless the file was edited.
 //!
 //! To check a file: `xmllint --noout --schema XML_commonRoad_XSD.xsd scene.xml` (Debian: `libxml2-utils`).
 
@@ -22,9 +22,9 @@ use crate::scene::remainder::Remainder;
 use crate::scene::{DT_S, Scene};
 use ids::Ids;
 
-/// A file says when it was made; an export depends on its scene alone, so it always says the same.
+/// The schema asks for a date. An export depends on its scene alone, so the date is always the same.
 const DATE: &str = "2020-01-01";
-/// What CommonRoad writes where a place on the globe is not known.
+/// The values that CommonRoad uses if the place on the globe is unknown.
 const NOWHERE: [(&str, &str); 3] = [("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")];
 /// Sides of the goal region around the end of the route, metres.
 const GOAL_LENGTH_M: f64 = 8.0;
@@ -34,8 +34,7 @@ const GOAL_HEADING_RAD: f64 = 0.6;
 
 /// The scene, as logged or as played, as a CommonRoad file with one planning problem.
 ///
-/// # Errors
-/// The scene breaks a rule of a sound scene or has no lane, or the staging does not fit it.
+/// # Errors The scene breaks a rule of a valid scene or has no lane, or the staging does not fit it.
 pub fn export(scene: &Scene, staging: Option<&Staging>) -> Result<Exported, ExportError> {
     let mut notes = Vec::new();
     let played = staged(scene, staging, &mut notes)?;
@@ -79,8 +78,8 @@ fn document(scene: &Scene, is_staged: bool, remainder: Option<&Remainder>, notes
     xml.finish()
 }
 
-/// The id where it already has CommonRoad's form (`DEU_Muc-1_1_T-1`), else one of that form in the country of
-/// invented places.
+/// The scene's id if it has CommonRoad's form (`DEU_Muc-1_1_T-1`). Otherwise an id of that form in Zamunda,
+/// CommonRoad's invented country.
 fn benchmark_id(id: &str) -> String {
     let mut parts = id.splitn(2, '_');
     let country = parts.next().is_some_and(|c| c.len() == 3 && c.bytes().all(|b| b.is_ascii_uppercase()));
@@ -131,7 +130,7 @@ fn planning_problem(xml: &mut Xml, scene: &Scene, ids: &Ids) {
     });
 }
 
-/// Speed, negative in reverse, and the angle from the heading to the motion; none at a crawl.
+/// Speed, negative in reverse, and the angle from the heading to the motion; the angle is 0 at very low speed.
 fn speed_and_slip(velocity: Vec2, heading_rad: f64) -> (f64, f64) {
     let along = velocity.dot(Vec2::from_heading(heading_rad));
     if velocity.norm() < 0.5 {
@@ -141,7 +140,7 @@ fn speed_and_slip(velocity: Vec2, heading_rad: f64) -> (f64, f64) {
     (speed, num::wrap_angle(motion.heading() - heading_rad))
 }
 
-/// What the file's own words lost, told once a kind: where its fields are, what it is about, what became of it.
+/// The losses of the format, one entry a kind: where the fields are, what they are about, what became of them.
 const LOST: [(&str, &str, &str, &str); 7] = [
     (
         "/road/lanes/",

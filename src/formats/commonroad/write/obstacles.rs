@@ -1,4 +1,4 @@
-//! Tracks as obstacles: what stands is static, what moves has a trajectory from the file's step 0 on.
+//! Tracks as obstacles: a track that never moves is static, any other has a trajectory from the file's step 0 on.
 
 use std::ops::Range;
 
@@ -13,9 +13,9 @@ use crate::scene::{AgentKind, Sample, Scene, Track};
 
 /// A vehicle longer than this is called a truck, metres.
 const CAR_LENGTH_M_MAX: f64 = 6.5;
-/// Who has not come yet, or has gone, waits this far from the road, metres.
+/// A road user that has not come yet, or has gone, waits this far from the road, metres.
 const WAITING_AWAY_M: f64 = 500.0;
-/// Motion across the heading below this is rounding, m/s.
+/// Slower motion across the heading is a rounding error, m/s.
 const LATERAL_MPS_MIN: f64 = 1e-9;
 
 pub(super) fn write(xml: &mut Xml, scene: &Scene, ids: &Ids, notes: &mut Vec<Note>) {
@@ -43,7 +43,7 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, ids: &Ids, notes: &mut Vec<Not
     }
 }
 
-/// Obstacles that a track becomes: one for what stands, else one for each stretch from `start` on.
+/// The obstacles of a track: one if it never moves, else one for each stretch from `start` on.
 pub(super) fn count(track: &Track, start: usize) -> usize {
     if stands(track) { 1 } else { stretches(track, start).len() }
 }
@@ -85,7 +85,7 @@ fn dynamic(xml: &mut Xml, track: &Track, part: Range<usize>, id: u32, start: usi
     if let [(only, _)] = states[..] {
         states.push((only + 1, waiting.place(track)));
     }
-    // All states of a trajectory must give the same values.
+    // All states of a trajectory must have the same fields.
     let slides = states.iter().any(|(_, sample)| lateral_mps(sample).abs() > LATERAL_MPS_MIN);
     xml.within("dynamicObstacle", &[("id", &id)], |xml| {
         xml.leaf("type", kind);

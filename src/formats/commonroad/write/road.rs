@@ -110,7 +110,7 @@ fn stop_line(xml: &mut Xml, lane: &Lane, place: Vec2) {
 fn crosswalk(xml: &mut Xml, polygon: &[Vec2], id: u32) {
     let half = polygon.len().div_ceil(2);
     let (left, right) = polygon.split_at(half);
-    // Both bounds need as many points; of an odd outline the last counts twice.
+    // Both bounds need the same number of points; the last point of an odd outline counts twice.
     let right = right.iter().rev().chain(left.last()).take(half);
     xml.within("lanelet", &[("id", &id)], |xml| {
         xml.within("leftBound", &[], |xml| left.iter().for_each(|p| point(xml, "point", *p)));
@@ -120,7 +120,7 @@ fn crosswalk(xml: &mut Xml, polygon: &[Vec2], id: u32) {
     });
 }
 
-/// One cycle as long as what is known of the light; after it the format repeats it.
+/// One cycle, as long as the light's known states. The format repeats it afterwards.
 fn traffic_light(xml: &mut Xml, light: &Light, id: u32, start: usize) {
     let mut phases: Vec<(usize, LightState)> = Vec::new();
     for &state in light.states.iter().skip(start) {

@@ -1,4 +1,4 @@
-//! Lane sections: offsets and widths to lanes in driving direction, with their neighbours across the section.
+//! Reads lane sections: offsets and widths become lanes in driving direction, with their neighbours across the section.
 
 use super::plan_view::{self, Geometry};
 use super::{Network, ROAD_LENGTH_MAX_M, cubic, cubics};
@@ -12,13 +12,13 @@ use crate::scene::{Lane, LaneIx, LaneKind, Neighbour};
 const SPACING_M: f64 = 1.0;
 const SECTIONS_MAX: usize = 10_000;
 const LANES_MAX: usize = 200;
-/// Stations of all lanes of a file, those of lanes that are not kept included.
+/// Most stations of all lanes of a file, also of lanes that are not kept.
 const POINTS_MAX: usize = 8_000_000;
 /// Lanes of a file.
 const LANES_IN_ALL_MAX: usize = 200_000;
 /// Type records of a road.
 const TYPES_MAX: usize = 1000;
-/// A lane that is nowhere wider than this is none, metres.
+/// A lane that is nowhere wider than this is left out, metres.
 const WIDTH_MIN_M: f64 = 0.1;
 
 /// Adds all lanes of a road.
@@ -99,7 +99,7 @@ impl Stretch<'_> {
         Ok(())
     }
 
-    /// Takes the stations of the section's reference line and lanes into account before they are made.
+    /// Counts the stations of the section's reference line and lanes before they are made.
     fn count(&self, network: &mut Network, section: &Element<'_>) -> Result<(), ImportError> {
         let groups = ["left", "right"].into_iter().filter_map(|side| section.child(side));
         let lanes: usize = groups.map(|group| group.named("lane").count()).sum();
@@ -117,12 +117,12 @@ impl Stretch<'_> {
     fn stations(&self) -> Vec<f64> {
         let length = (self.to_m - self.from_m).max(0.0);
         let pieces = self.pieces();
-        // Just inside both ends: there the next section's or stretch's records would hold.
+        // Just inside both ends, because at the very end the records of the next section or stretch apply.
         let inside = |s: f64| s.clamp(self.from_m, (self.to_m - 1e-7).max(self.from_m));
         (0..=pieces).map(|k| inside(self.from_m + length * k as f64 / pieces as f64)).collect()
     }
 
-    /// `None` where the lane is nowhere wide or long enough to be one.
+    /// `None` if the lane is nowhere wide enough or too short.
     fn push(
         &self,
         network: &mut Network,
@@ -164,7 +164,7 @@ impl Stretch<'_> {
         Ok(Some(ix))
     }
 
-    /// Of the last road type that starts at or before the section.
+    /// Speed limit of the last road type that starts at or before the section.
     fn road_speed(&self) -> Result<Option<f64>, ImportError> {
         let mut found = None;
         for kind in self.road.children().filter(|child| child.name() == "type") {
@@ -182,7 +182,7 @@ fn lane_id(lane: &Element<'_>, side: f64) -> Result<i64, ImportError> {
     id.ok_or_else(|| lane.refuse("a lane id: above 0 on the left, below 0 on the right"))
 }
 
-/// `None` for what is no surface to be on.
+/// `None` for lane types that nobody drives or walks on.
 fn kind(lane: &Element<'_>, road: &Element<'_>) -> Option<LaneKind> {
     let motorway = || {
         let mut types = road.children().filter(|child| child.name() == "type");
@@ -221,7 +221,7 @@ fn neighbours(network: &mut Network, across: &[(i64, LaneIx)]) {
         }
         let find = |wanted: i64| across.iter().find(|(other, _)| *other == wanted).map(|(_, ix)| *ix);
         let step = |id: i64, by: i64| if id + by == 0 { id + 2 * by } else { id + by };
-        // Of a lane that runs with the line the lane with the next higher id lies to the left.
+        // If a lane runs with the reference line, the lane with the next higher id lies to its left.
         let by = if network.forward[ix] { 1 } else { -1 };
         let beside = |wanted: i64| {
             let lane = find(wanted).filter(|&lane| through(lane))?;

@@ -96,7 +96,7 @@ pub(super) fn through_junction(
         let (Some(incoming), Some(connecting)) =
             (connection.attribute("incomingRoad"), connection.attribute("connectingRoad"))
         else {
-            // Direct and virtual junctions link roads without one that connects them.
+            // Direct and virtual junctions link roads without a connecting road.
             continue;
         };
         for id in [incoming, connecting] {
@@ -139,8 +139,8 @@ impl Network {
         }
     }
 
-    /// Joins two lane ends that touch: an exit of whichever lane leaves there into the one that begins there. Lanes
-    /// that are not read, and ends where both leave or both begin, give no link.
+    /// Links two lane ends that touch: the lane that ends there leads into the lane that begins there. There is no link
+    /// if both end or both begin there, or if one of them is not read.
     fn join(&mut self, one: &LaneName, one_end: End, other: &LaneName, other_end: End) {
         let (Some(&a), Some(&b)) = (self.index.get(one), self.index.get(other)) else { return };
         let leaves = |lane: usize, end: End| self.forward[lane] == (end == End::End);

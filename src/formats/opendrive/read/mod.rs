@@ -1,6 +1,6 @@
-//! OpenDRIVE 1.4 to 1.8: reference lines, lane sections, links and junctions to a road. The plane only; heights,
-//! objects and signals are passed over. Right lanes run with the reference line, left lanes against it (the other way
-//! round where a road says `rule="LHT"`).
+//! Reads OpenDRIVE 1.4 to 1.8: reference lines, lane sections, links and junctions become a road. Heights, objects and
+//! signals are ignored. Right lanes run with the reference line, left lanes against it (the other way round where a
+//! road says `rule="LHT"`).
 
 mod lanes;
 mod links;
@@ -27,14 +27,14 @@ struct Network {
     forward: Vec<bool>,
     /// Number of lane sections of each road.
     sections: BTreeMap<String, usize>,
-    /// Stations looked at so far.
+    /// Stations counted so far.
     stations: usize,
 }
 
 /// The road of an OpenDRIVE file, in its own coordinates (right-handed, x east). Lane ids are `road/section/lane`.
 ///
-/// # Errors
-/// No OpenDRIVE, or one that is inconsistent or uses a geometry that is not read (the deprecated `poly3`).
+/// # Errors The file is not OpenDRIVE, is inconsistent, or uses a geometry that is not supported (the deprecated
+/// `poly3`).
 pub fn road(file_name: &str, bytes: &[u8]) -> Result<Road, ImportError> {
     let document = Document::parse(file_name, bytes)?;
     let root = document.root();
@@ -74,7 +74,7 @@ pub fn road(file_name: &str, bytes: &[u8]) -> Result<Road, ImportError> {
     Ok(network.road)
 }
 
-/// Value of the cubic record that holds at `s_m`: the last that starts at or before it. 0 before the first.
+/// Value at `s_m` of the last cubic record that starts at or before it; 0 before the first record.
 fn cubic(records: &[(f64, [f64; 4])], s_m: f64) -> f64 {
     let after = records.partition_point(|record| record.0 <= s_m + 1e-9);
     let Some((start, [a, b, c, d])) = after.checked_sub(1).and_then(|ix| records.get(ix)) else { return 0.0 };

@@ -27,7 +27,7 @@ enum Shape {
         from: f64,
         to: f64,
     },
-    /// u and v of p; p runs to 1 or to the length.
+    /// u and v as cubics of p; p runs from 0 to 1, or to the length.
     Cubic {
         u: [f64; 4],
         v: [f64; 4],
@@ -119,7 +119,7 @@ fn parametric(u: &[f64; 4], v: &[f64; 4], p: f64) -> (Vec2, f64) {
     (Vec2::new(value(u), value(v)), num::atan2(slope(v), slope(u)))
 }
 
-/// Integration of one clothoid, carried on from station to station.
+/// Integration of one clothoid, continued from station to station.
 struct Clothoid {
     stretch: usize,
     along_m: f64,

@@ -1,16 +1,16 @@
-//! A lane's centre as a reference line that turns smoothly: straight where it is straight, else parametric cubics
-//! through the points that matter, with the lane's half widths along it.
+//! A lane's centre as a smooth reference line: straight lines where the lane is straight, else parametric cubics
+//! through its important points, with the lane's half widths along it.
 
 use crate::kernel::{Vec2, num};
 use crate::scene::Lane;
 
-/// Points nearer than this are one, metres.
+/// Points closer than this are merged, metres.
 const SAME_PLACE_M: f64 = 1e-3;
 /// How far a dropped point or width may lie from what is written, metres.
 const TOLERANCE_M: f64 = 0.01;
-/// A cubic this straight is a line, metres of control offset.
+/// A cubic with a smaller control offset is written as a line, metres.
 const STRAIGHT_M: f64 = 1e-6;
-/// No boundary lies nearer to the centre, metres: a lane has a width.
+/// Least distance from the centre to a boundary, metres, so that every lane has a width.
 pub(super) const HALF_WIDTH_M_MIN: f64 = 0.05;
 
 /// A point of the reference line.
@@ -68,7 +68,7 @@ pub(super) struct Part {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Curve {
     pub parts: Vec<Part>,
-    /// Ends of the parts: one more than parts.
+    /// Ends of the parts. `[parts + 1]`
     pub stations: Vec<Station>,
 }
 
@@ -92,7 +92,7 @@ impl Curve {
         (best.1, best.2)
     }
 
-    /// Through stations at different places; at least two.
+    /// A curve through at least two stations at different places.
     pub fn through(stations: &[Station]) -> Curve {
         let kept = thinned(stations);
         let mut curve = Curve { parts: Vec::new(), stations: Vec::new() };
@@ -108,7 +108,7 @@ impl Curve {
     }
 }
 
-/// The stations of a lane; `None` where all its points are in one place.
+/// The stations of a lane; `None` if all its points coincide.
 pub(super) fn stations_of(lane: &Lane) -> Option<Vec<Station>> {
     let mut picked: Vec<usize> = Vec::new();
     for (k, p) in lane.centre.iter().enumerate() {
@@ -147,18 +147,19 @@ pub(super) fn stations_of(lane: &Lane) -> Option<Vec<Station>> {
     Some((0..picked.len()).map(station).collect())
 }
 
-/// Direction of the circle through three points at the middle one; of the chord at an end.
+/// Direction at the middle of three points of the circle through them; at an end the direction of the chord.
 fn bisector(here: Vec2, before: Vec2, after: Vec2) -> f64 {
     let (back, ahead) = (here - before, after - here);
     if back.norm() <= SAME_PLACE_M || ahead.norm() <= SAME_PLACE_M {
         return (after - before).heading();
     }
-    // The shorter chord lies nearer to the tangent, so it weighs more.
+    // The shorter chord is closer to the tangent, so it has more weight.
     let turn = num::wrap_angle(ahead.heading() - back.heading());
     num::wrap_angle(back.heading() + turn * back.norm() / (back.norm() + ahead.norm()))
 }
 
-/// The first `length_m` metres and the rest, sharing the station between; none of either where the cut is at an end.
+/// The first `length_m` metres, and the rest. Both contain the station at the cut. A cut at an end leaves one of them
+/// empty.
 pub(super) fn cut(stations: &[Station], length_m: f64) -> (Vec<Station>, Vec<Station>) {
     let mut run = 0.0;
     for k in 1..stations.len() {
@@ -183,7 +184,7 @@ pub(super) fn cut(stations: &[Station], length_m: f64) -> (Vec<Station>, Vec<Sta
     (stations.to_vec(), Vec::new())
 }
 
-/// The stations that matter: Douglas and Peucker's choice, on the line and on both widths.
+/// The stations that are kept: Douglas and Peucker's method on the line and on both widths.
 fn thinned(stations: &[Station]) -> Vec<Station> {
     let mut keep = vec![false; stations.len()];
     let last = stations.len() - 1;

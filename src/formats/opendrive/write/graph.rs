@@ -1,4 +1,4 @@
-//! From the lane graph to roads and junctions with links that OpenDRIVE allows.
+//! Turns the lane graph into roads and junctions with links that OpenDRIVE allows.
 
 use std::collections::BTreeMap;
 
@@ -6,8 +6,8 @@ use super::curve::{Curve, Station, cut, stations_of};
 use super::meeting::{Groups, meet};
 use crate::scene::{LaneIx, Road};
 
-/// Where lanes part or meet without connecting lanes of their own, this much of each following lane connects, metres;
-/// at most a quarter of it.
+/// Where lanes split or merge without connecting lanes of their own, this much of each following lane becomes the
+/// connection, metres; at most a quarter of it.
 const HEAD_M: f64 = 2.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -160,8 +160,8 @@ fn links(road: &Road, stations: &[Option<Vec<Station>>]) -> Vec<(LaneIx, LaneIx)
     links
 }
 
-/// Lanes that lead from one lane to one other over a place where lanes part or meet, and where nothing but such lanes
-/// leaves the one or reaches the other: they can be a junction's connecting roads as they are.
+/// Lanes that lead from one lane to one other across a split or merge, if only such lanes leave the first or reach the
+/// second. They can be the connecting roads of a junction as they are.
 fn connecting_lanes(road: &Road, links: &[(LaneIx, LaneIx)]) -> Vec<bool> {
     let lanes = &road.lanes;
     let simple = |lane: LaneIx| {
@@ -187,7 +187,7 @@ fn connecting_lanes(road: &Road, links: &[(LaneIx, LaneIx)]) -> Vec<bool> {
     }
 }
 
-/// All other links, those that share a lane's end or start together.
+/// All other links, grouped by the lane end or start that they share.
 fn nodes(lanes: usize, links: &[(LaneIx, LaneIx)], connecting: &[bool]) -> Vec<Node> {
     let open: Vec<(LaneIx, LaneIx)> =
         links.iter().copied().filter(|(from, to)| !connecting[*from] && !connecting[*to]).collect();

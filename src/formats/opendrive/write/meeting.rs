@@ -1,4 +1,5 @@
-//! One cross section for lanes that follow each other: without it roads would part by centimetres where they turn.
+//! Gives lanes that follow each other one cross section, because roads would otherwise have gaps of centimetres where
+//! they turn.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,7 +7,7 @@ use super::curve::{HALF_WIDTH_M_MIN, Station};
 use crate::kernel::{Vec2, num};
 use crate::scene::{Lane, LaneIx, Road};
 
-/// Ends of lanes this near to each other meet in one point, metres.
+/// Lane ends at most this far apart are joined in one point, metres.
 const MEET_M: f64 = 0.5;
 /// A gap between following lanes that is worth a note, metres.
 const GAP_M: f64 = 0.01;
@@ -65,7 +66,7 @@ pub(super) fn meet(
     links.iter().copied().filter(gap).collect()
 }
 
-/// Drops points that an end would pass, or nearly reach, when it moves.
+/// Drops points that a lane end would pass or almost reach when it moves.
 fn make_room(stations: &mut Vec<Station>, end: bool, point: Vec2) {
     while stations.len() > 2 {
         let (at, beside) = if end { (stations.len() - 1, stations.len() - 2) } else { (0, 1) };
@@ -81,7 +82,7 @@ fn end_of(stations: &[Station], end: bool) -> Option<Station> {
     if end { stations.last().copied() } else { stations.first().copied() }
 }
 
-/// Their mean, where they are nearly the same.
+/// Their mean, if they are nearly the same.
 fn agreed(values: &[f64]) -> Vec<f64> {
     let mean = num::mean(values).unwrap_or(0.0);
     let same = values.iter().all(|value| (value - mean).abs() <= MEET_M);

@@ -1,10 +1,10 @@
 //! A road as OpenDRIVE 1.7: one road with one lane, -1, for every lane of the scene, its reference line along the
 //! lane's centre, links and junctions as in the lane graph. Right-handed metres, as in the scene.
 //!
-//! Where one lane follows one other, their roads are linked. Lanes that each lead from one lane to one other across a
-//! place where lanes part or meet are the connecting roads of a junction. Wherever else lanes part or meet, the first
-//! metres of each following lane become the connecting roads, so that every link is a legal one.
-//! Lanes beside each other are roads beside each other: OpenDRIVE has no link for that, which the notes say.
+//! If one lane follows exactly one other, their roads are linked. Lanes that lead from one lane to one other across a
+//! split or merge become the connecting roads of a junction. At any other split or merge the first metres of each
+//! following lane become the connecting roads, so that every link is legal. Lanes beside each other become separate
+//! roads beside each other: OpenDRIVE has no link for that, and the notes say so.
 
 mod curve;
 mod graph;
@@ -21,7 +21,7 @@ use graph::{Link, Network, Piece};
 pub(in crate::formats) use signals::light_signal_id;
 
 const NOT_A_JUNCTION: &str = "-1";
-/// Widths this near are one, metres.
+/// Widths that differ by less than this count as equal, metres.
 const SAME_WIDTH_M: f64 = 1e-4;
 
 /// The bytes of an .xodr file.

@@ -1,4 +1,4 @@
-//! JSON as the same tree of values as a pickle's, so that one reader serves both. Nesting is bounded by the parser.
+//! Reads JSON into the same tree of values as a pickle, so that one reader serves both. The parser bounds the nesting.
 
 use std::fmt;
 
@@ -11,8 +11,8 @@ const BYTES_MAX: usize = 256 << 20;
 
 /// A whole JSON document.
 ///
-/// # Errors
-/// No JSON (which has no NaN), nesting beyond 128, more than 256 MiB or 16 million values.
+/// # Errors The text is not JSON (which has no NaN), is nested deeper than 128, or has more than 256 MiB or 16 million
+/// values.
 pub fn read_json<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
     let remedy = "write the file again; numbers that are none must not stand in JSON";
     if bytes.len() > BYTES_MAX {

@@ -1,4 +1,4 @@
-//! The stack machine of the pickle format: opcodes to values, nothing executed.
+//! The stack machine of the pickle format. It turns opcodes into values and executes nothing.
 
 use std::ops::Range;
 
@@ -176,7 +176,7 @@ impl Machine<'_> {
             wide[..bytes.len()].copy_from_slice(bytes);
             Value::Int(i64::from_le_bytes(wide))
         } else {
-            // Such numbers are names, never quantities: their nearest float will do.
+            // Numbers this large are ids, never quantities, so the nearest float is good enough.
             let size = bytes.iter().rev().fold(0.0, |sum, b| sum * 256.0 + f64::from(*b));
             Value::Float(size)
         };

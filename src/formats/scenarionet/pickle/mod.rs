@@ -19,7 +19,7 @@ use crate::formats::import_error::{ImportError, shown};
 /// A record (a dictionary read by its keys) has no more entries than this.
 const RECORD_KEYS_MAX: usize = 256;
 
-/// Ids are names, and one long text may be named as the id of a million things.
+/// Longest id, bytes: one long text could otherwise be the id of a million things.
 const ID_BYTES_MAX: usize = 256;
 /// Entries of a dictionary whose keys are ids.
 const ENTRIES_MAX: usize = 500_000;
@@ -33,10 +33,15 @@ const LISTED_MAX: usize = 64_000_000;
 /// A value of a pickle. Compound ones live in its [`Pickle`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
+    /// Python's `None`.
     None,
+    /// `True` or `False`.
     Bool(bool),
+    /// A whole number.
     Int(i64),
+    /// A float.
     Float(f64),
+    /// Index of a compound value in its [`Pickle`].
     Object(u32),
 }
 
@@ -68,7 +73,7 @@ pub struct Pickle<'a> {
     listed: Cell<usize>,
 }
 
-/// A value with the way to it, for errors.
+/// A value with its path, for error messages.
 #[derive(Clone)]
 pub struct Node<'p> {
     pickle: &'p Pickle<'p>,
@@ -77,6 +82,7 @@ pub struct Node<'p> {
 }
 
 impl<'a> Pickle<'a> {
+    /// The value that the pickle holds.
     pub fn root(&self) -> Node<'_> {
         Node { pickle: self, value: self.root, path: String::new() }
     }
@@ -96,7 +102,7 @@ impl<'a> Pickle<'a> {
         }
     }
 
-    /// Whether a value is this text; a longer one costs nothing.
+    /// Whether a value is this text. A text of another length is not compared.
     fn is_text(&self, value: Value, text: &str) -> bool {
         match self.object(value) {
             Some(Object::Text(range)) => {
@@ -130,6 +136,7 @@ impl<'p> Node<'p> {
         Node { pickle: self.pickle, value, path: format!("{}[{step}]", self.path) }
     }
 
+    /// Whether it is Python's `None`.
     pub fn is_none(&self) -> bool {
         self.value == Value::None
     }
@@ -162,10 +169,12 @@ impl<'p> Node<'p> {
         }
     }
 
+    /// Its text, if it is one.
     pub fn text(&self) -> Option<&'p str> {
         self.pickle.text(self.value)
     }
 
+    /// Its text; an error names the place where one is missing.
     pub fn needed_text(&self) -> Result<&'p str, ImportError> {
         self.text().ok_or_else(|| self.refuse("a text"))
     }
@@ -191,6 +200,7 @@ impl<'p> Node<'p> {
         }
     }
 
+    /// A whole number of at most 10^9 that is not negative, if it is one.
     pub fn index(&self) -> Option<usize> {
         let number = self.number()?;
         ((0.0..=1e9).contains(&number) && number.fract() == 0.0).then_some(number as usize)
@@ -203,6 +213,7 @@ impl<'p> Node<'p> {
         found.map(|(_, value)| self.of(*value, format_args!("{key:?}")))
     }
 
+    /// The value under a key; an error names the key that is missing.
     pub fn needed(&self, key: &str) -> Result<Node<'p>, ImportError> {
         self.get(key).ok_or_else(|| self.refuse(format!("a dictionary with {key:?}")))
     }
@@ -238,6 +249,7 @@ impl<'p> Node<'p> {
         self.pickle.numbers(self.value)
     }
 
+    /// Its numbers; an error names the place where they are missing.
     pub fn needed_numbers(&self) -> Result<Numbers<'p>, ImportError> {
         self.numbers().ok_or_else(|| self.refuse("numbers in an array or a list"))
     }

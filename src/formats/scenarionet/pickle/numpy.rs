@@ -65,7 +65,7 @@ enum Kind {
     Bool,
     /// Python objects in a list.
     Object,
-    /// Fixed-size texts, which nothing here reads.
+    /// Fixed-size texts; no reader uses them.
     Text,
 }
 
@@ -118,6 +118,7 @@ impl Dtype {
 /// A numpy array: its shape, and its elements as bytes or as a list.
 #[derive(Clone, Debug)]
 pub struct Array {
+    /// Length of each dimension.
     pub shape: Vec<usize>,
     dtype: Dtype,
     fortran: bool,
@@ -127,7 +128,9 @@ pub struct Array {
 /// A table of numbers; one-dimensional data is one column.
 #[derive(Clone, Debug)]
 pub struct Numbers<'p> {
+    /// First dimension.
     pub rows: usize,
+    /// Second dimension; 1 for a plain list.
     pub columns: usize,
     cells: Cells<'p>,
 }
@@ -224,7 +227,7 @@ fn table(shape: &[usize]) -> Option<(usize, usize)> {
     }
 }
 
-/// What a call of a known name stands for.
+/// The value that a call of a known name gives.
 pub(super) fn applied(machine: &mut Machine<'_>, callee: Value, arguments: Value) -> Result<Value, ImportError> {
     let Some(Object::Global(global)) = machine.pickle.object(callee) else {
         return Err(machine.refuse("a known name to apply"));
@@ -299,7 +302,8 @@ fn few_items<'m>(machine: &'m Machine<'_>, value: Value) -> Option<&'m [Value]> 
     }
 }
 
-/// A copy of a list or tuple; nothing of anything else. Copies are counted: a shared list could be copied at will.
+/// A copy of a list or tuple; an empty list for any other value. Copies are counted, because a hostile file could have
+/// a shared list copied very often.
 fn all_items(machine: &mut Machine<'_>, value: Value) -> Result<Vec<Value>, ImportError> {
     let items = match machine.pickle.object(value) {
         Some(Object::List(items) | Object::Tuple(items) | Object::Set(items)) => items.len(),
@@ -336,7 +340,7 @@ fn utf32(bytes: &[u8]) -> Option<char> {
     char::from_u32(code).filter(|c| *c != '\0')
 }
 
-/// What the state given to a value adds to it.
+/// The value after a state was added to it.
 pub(super) fn built(machine: &mut Machine<'_>, target: Value, state: Value) -> Result<(), ImportError> {
     match machine.pickle.object(target) {
         Some(Object::Array(_)) => {

@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 
 #[derive(Serialize)]
 pub(super) struct Description<'s> {
-    // An importer tells the format by the first keys of a file, and an id may be long.
+    // An importer recognises the format by the first keys of a file, and a long id could push them away.
     pub version: &'static str,
     pub length: usize,
     pub id: &'s str,

@@ -8,7 +8,7 @@
 //! for track in sd["tracks"].values(): track["state"] = {key: np.array(value) for key, value in track["state"].items()}
 //! pickle.dump(sd, open("sd_evodrive_v1_scene.pkl", "wb"))
 //! ```
-//! Samples that were not observed are zeros with `valid` false. What the description has no key for stands in
+//! Samples that were not observed are zeros with `valid` false. Values that have no key in the description are in
 //! `metadata.evodrive`, which MetaDrive ignores.
 
 mod keys;
@@ -32,8 +32,7 @@ const MPS_TO_MPH: f64 = 2.236_936_292_054_402;
 /// The scene, as logged or as played, as a ScenarioDescription in JSON. Reading it with
 /// [`super::read_json`] gives the same scene.
 ///
-/// # Errors
-/// The scene breaks a rule of a sound scene, or the staging does not fit it.
+/// # Errors The scene breaks a rule of a valid scene, or the staging does not fit it.
 pub fn export(scene: &Scene, staging: Option<&Staging>) -> Result<Exported, ExportError> {
     let mut notes = Vec::new();
     let scene = staged(scene, staging, &mut notes)?;
@@ -75,7 +74,7 @@ fn describe(scene: &Scene) -> Description<'_> {
             coordinate: "right-handed",
             sample_rate: DT_S,
             ts: (0..scene.steps).map(|step| step as f64 / 10.0).collect(),
-            // The description wants its ego to be there "now".
+            // The description needs the ego at the current step.
             current_time_index: if ego.at(scene.current_step).is_some() {
                 scene.current_step
             } else {
@@ -116,7 +115,7 @@ fn track_out(track: &Track) -> TrackOut<'_> {
     }
 }
 
-/// Keyed by lane, as in the Waymo data; a further light over one lane has a key of its own.
+/// Keyed by lane, as in Waymo's data; a second light over one lane gets a key of its own.
 fn lights(scene: &Scene) -> Entries<LightOut<'_>> {
     let mut entries: Vec<(String, LightOut<'_>)> = Vec::new();
     for light in &scene.lights {
@@ -153,7 +152,7 @@ fn features(scene: &Scene) -> Entries<Feature<'_>> {
     let mut entries: Vec<(String, Feature<'_>)> =
         lanes.iter().map(|lane| (lane.id.clone(), Feature::Lane(Box::new(lane_out(lane, lanes))))).collect();
     let longest = lanes.iter().map(|lane| lane.id.bytes().take_while(|b| *b == b'_').count()).max().unwrap_or(0);
-    // More underscores than any lane's id begins with, so that the key is free.
+    // It begins with more underscores than any lane's id, so that the key is free.
     let free = "_".repeat(longest + 1);
     let key = |name: &str, ix: usize| format!("{free}{name}_{ix}");
     for (ix, edge) in scene.road.edges.iter().enumerate() {

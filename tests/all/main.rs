@@ -24,4 +24,5 @@ mod scene_safebench;
 mod scene_scenarionet;
 mod scenes;
 mod simulator;
+mod snapshots;
 mod store_damage;

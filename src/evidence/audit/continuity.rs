@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::Finding;
+use super::finding::Finding;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::lineage::LineageStore;

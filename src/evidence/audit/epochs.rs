@@ -1,7 +1,7 @@
 //! Epochs and exits: every slot left one attempt, every attempt edited what its epoch froze, and each went out by the
 //! exit that its own evidence names.
 
-use super::Finding;
+use super::finding::Finding;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::event::{ExitCounts, Frozen, Settled};
 use crate::objects::{Attempt, AttemptId, Exit, RouteDecision};

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::Finding;
+use super::finding::Finding;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::event::{LineageResult, Measured};

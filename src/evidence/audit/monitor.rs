@@ -1,7 +1,7 @@
 //! The false-rejection monitor (paper, appendix on the world evaluator): of the candidates that the evaluator would have
 //! turned away, a declared share is simulated all the same. What the archive then accepted was falsely rejected.
 
-use super::{Finding, Gravity};
+use super::finding::{Finding, Gravity};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::{Attempt, AttemptId};

@@ -5,7 +5,7 @@ use divan::{Bencher, counter::ItemsCount};
 use evodrive::{ego, kernel, scene, sim};
 
 #[allow(dead_code)]
-#[path = "../tests/sim/scenes.rs"]
+#[path = "../tests/all/scenes.rs"]
 mod scenes;
 
 fn main() {

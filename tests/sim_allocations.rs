@@ -7,7 +7,7 @@ use std::cell::Cell;
 use evodrive::{ego, kernel, scene, sim};
 
 #[allow(dead_code)]
-#[path = "sim/scenes.rs"]
+#[path = "all/scenes.rs"]
 mod scenes;
 
 struct Counting;

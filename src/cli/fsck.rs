@@ -1,4 +1,4 @@
-//! `fsck`: whether the stored bytes of a run are what they were.
+//! `fsck`: whether the stored bytes of a run are what they were, and whether what they record agrees with itself.
 
 use clap::Args;
 use serde_json::json;
@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
+use crate::evidence::{Gravity, audit};
 use crate::llm::Cassette;
 use crate::store;
 
@@ -48,13 +49,20 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     for other in &others {
         let _ = writeln!(text, "damaged: {other}");
     }
-    let clean = damages.is_empty() && others.is_empty();
+    let mut clean = damages.is_empty() && others.is_empty();
+    // A record that is damaged is not read: its meaning is nobody's any more.
+    let findings = if clean { audit(&folder.story()?) } else { Vec::new() };
     if clean {
         text.push_str("no damage found\n");
+        text.push_str(if findings.is_empty() { "audit: no finding\n" } else { "audit:\n" });
     }
+    for finding in &findings {
+        let _ = writeln!(text, "  {finding}");
+    }
+    clean &= findings.iter().all(|finding| finding.gravity != Gravity::Breach);
     let object = json!({
         "folder": folder.dir, "clean": clean, "objects": report.objects, "memo_entries": report.memo_entries,
-        "pack_bytes": report.pack_bytes, "read": options.read, "damage": damages, "other_damage": others,
+        "pack_bytes": report.pack_bytes, "read": options.read, "damage": damages, "other_damage": others, "findings": findings,
     });
     let exit = if clean { Exit::Success } else { Exit::Corruption };
     Ok(Answer { exit, ..Answer::new(text, object) })

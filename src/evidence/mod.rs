@@ -1,6 +1,7 @@
 //! From recorded attempts to reports: it reads what was recorded and computes no label.
 
 pub mod attempt_text;
+pub mod audit;
 pub mod composition_text;
 pub mod counsel_text;
 pub mod lineage_text;
@@ -8,4 +9,5 @@ pub mod recorded_run;
 pub mod report;
 pub mod tables;
 
+pub use audit::{Finding, Gravity, audit};
 pub use recorded_run::{RecordedRun, RecordedRunError};

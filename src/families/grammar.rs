@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::adapters::{Domain, Feature, MechanismSlotSpec, OperatorSpec, ParameterSpec, Port, SettingSpec, vocabulary};
-use crate::objects::{MechanismRef, OperatorNode, ParameterRef, ParameterValue, Setting, Slot, ValueType};
+use crate::objects::{OperatorNode, ParameterRef, ParameterValue, Setting, Slot, ValueType};
 
 /// A number between two bounds.
 pub fn number(low: f64, high: f64, unit: &str) -> Domain {
@@ -325,7 +325,7 @@ pub fn from_parameter(name: &str) -> Setting {
 
 /// A setting that names a module.
 pub fn from_mechanism(name: &str) -> Setting {
-    Setting::Mechanism(MechanismRef { mechanism: name.into() })
+    Setting::Mechanism(crate::objects::MechanismRef { mechanism: name.into() })
 }
 
 /// A setting that is a word.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 use std::{fmt, str::FromStr};
 
-use super::canon::{CanonError, canonical_bytes, canonical_json_bytes};
+use super::canon::{CanonError, canonical_bytes};
 
 /// The name of immutable bytes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -24,11 +24,6 @@ impl Digest {
     /// domains never share a digest even when their bytes agree.
     pub fn of<T: Serialize + ?Sized>(domain: &str, value: &T) -> Result<Digest, CanonError> {
         Ok(Digest::under(domain, &canonical_bytes(value)?))
-    }
-
-    /// The same for the JSON that a value serialises to: equals `Digest::of(domain, &serde_json::to_value(value))`.
-    pub fn of_json<T: Serialize + ?Sized>(domain: &str, value: &T) -> Result<Digest, CanonError> {
-        Ok(Digest::under(domain, &canonical_json_bytes(value)?))
     }
 
     /// The same for canonical bytes that the caller already has.

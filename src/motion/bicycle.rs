@@ -1,7 +1,7 @@
 //! The kinematic bicycle on (acceleration, yaw rate), forward and backward in time, with limits. The backward step is
 //! the exact inverse of the forward one, so a motion may be grown from its end.
 
-use crate::kernel::{Vec2, num};
+use crate::kernel::Vec2;
 use crate::scene::Sample;
 
 /// What a vehicle can do.
@@ -82,18 +82,19 @@ impl Limits {
     }
 }
 
-/// The control that leads from one state to the next one's speed and heading.
-pub fn control_between(from: &State, to: &State, dt_s: f64) -> Control {
-    Control {
-        acceleration_mps2: (to.speed_mps - from.speed_mps) / dt_s,
-        yaw_rate_radps: num::wrap_angle(to.heading_rad - from.heading_rad) / dt_s,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::num;
     use proptest::prelude::*;
+
+    /// The control that leads from one state to the next one's speed and heading.
+    fn control_between(from: &State, to: &State, dt_s: f64) -> Control {
+        Control {
+            acceleration_mps2: (to.speed_mps - from.speed_mps) / dt_s,
+            yaw_rate_radps: num::wrap_angle(to.heading_rad - from.heading_rad) / dt_s,
+        }
+    }
 
     proptest! {
         #[test]

@@ -1,5 +1,5 @@
-//! What a patch changed, for readers: unified diffs of programs, one-line summaries of patches, and the surfaces that a
-//! patch touches (paper fig. patch-surface-distribution).
+//! What a patch changed, for readers: unified diffs of programs, and the surfaces that a patch touches (paper fig.
+//! patch-surface-distribution).
 
 use serde::Serialize;
 use similar::TextDiff;
@@ -7,16 +7,12 @@ use std::collections::BTreeSet;
 
 use super::{
     expr,
-    patch::{EDITABLE_SURFACE, OperationKind, ProgramPatch},
+    patch::{EDITABLE_SURFACE, ProgramPatch},
     program::Program,
 };
 
 /// Lines around a change that are shown with it.
 const CONTEXT_LINES: usize = 3;
-/// Longest value in a summary, in characters.
-const SUMMARY_VALUE_MAX: usize = 48;
-/// Operations that a summary spells out.
-const SUMMARY_OPERATIONS_MAX: usize = 3;
 
 /// The four parts of a program that can be edited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -93,38 +89,6 @@ pub fn program_diff(parent: &Program, child: &Program) -> String {
         .to_string()
 }
 
-/// One line, e.g. `replace parameters/duration_s = 4.0; add mechanism_modules/pressure = {...}; 2 more`.
-pub fn patch_summary(patch: &ProgramPatch) -> String {
-    let mut parts: Vec<String> = patch.operations.iter().take(SUMMARY_OPERATIONS_MAX).map(operation_summary).collect();
-    let more = patch.operations.len().saturating_sub(SUMMARY_OPERATIONS_MAX);
-    if more > 0 {
-        parts.push(format!("{more} more"));
-    }
-    if parts.is_empty() { "no operations".into() } else { parts.join("; ") }
-}
-
-fn operation_summary(operation: &super::Operation) -> String {
-    let verb = match operation.op {
-        OperationKind::Add => "add",
-        OperationKind::Replace => "replace",
-        OperationKind::Remove => "remove",
-    };
-    let path = shortened(operation.path.trim_start_matches('/'));
-    match &operation.value {
-        Some(value) => format!("{verb} {path} = {}", shortened(&value.to_string())),
-        None => format!("{verb} {path}"),
-    }
-}
-
-fn shortened(text: &str) -> String {
-    let one_line = text.chars().map(|c| if c.is_control() { ' ' } else { c });
-    let mut short: String = one_line.take(SUMMARY_VALUE_MAX).collect();
-    if short.len() < text.len() {
-        short.push('…');
-    }
-    short
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,7 +150,8 @@ mod tests {
     }
 
     #[test]
-    fn summaries_and_categories_name_the_surfaces() {
+    fn categories_name_the_surfaces() {
+        use crate::objects::OperationKind;
         let operation = |op, path: &str, value: Option<serde_json::Value>| Operation { op, path: path.into(), value };
         let patch = ProgramPatch {
             source_baseline: FamilyName::new("toy"),
@@ -203,12 +168,6 @@ mod tests {
             cluster_refs_used: vec![],
             repair_summary: None,
         };
-        let summary = patch_summary(&patch);
-        assert!(
-            summary.starts_with("replace parameters/duration_s = 3.5; add mechanism_modules/p = \"xxx"),
-            "{summary}"
-        );
-        assert!(summary.ends_with("x…; remove parameters/other; 1 more"), "{summary}");
         let touched: Vec<&str> = edit_categories(&patch).into_iter().map(Surface::name).collect();
         assert_eq!(touched, ["parameters", "mechanism_modules"]);
     }

@@ -46,5 +46,5 @@ pub const SIM_VERSION: u32 = 1;
 mod plain;
 #[cfg(test)]
 #[allow(dead_code)]
-#[path = "../../tests/sim/scenes.rs"]
+#[path = "../../tests/all/scenes.rs"]
 mod scenes;

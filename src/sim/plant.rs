@@ -159,11 +159,6 @@ impl Plant {
         self.course.is_some()
     }
 
-    /// Whether the ego's recorded motion goes on after its start.
-    pub fn has_ego_log(&self) -> bool {
-        self.ego_log(1).is_some()
-    }
-
     /// The ego as recorded at the k-th simulated step.
     pub(super) fn ego_log(&self, k: usize) -> Option<&Sample> {
         self.scene.ego.track.at(self.first_step() + k)

@@ -4,7 +4,6 @@ mod calibration;
 mod configuration;
 mod features;
 mod interaction;
-mod monitor;
 mod ridge;
 mod router;
 
@@ -12,9 +11,8 @@ pub use calibration::{CalibrationSet, LabelError, group_key, settle};
 pub use configuration::{ConfigurationError, validate};
 pub use features::{CandidateFeatures, FeatureError, candidate_features, features, schema};
 pub use interaction::Interaction;
-pub use monitor::{MonitorReport, monitor};
 pub use ridge::fit_ridge;
-pub use router::{PairPrediction, Routed, Router, RouterError, monitor_stream};
+pub use router::{PairPrediction, Routed, Router, RouterError, drawn_by_monitor, monitor_stream};
 
 #[cfg(test)]
 mod tests;

@@ -11,6 +11,14 @@ use crate::objects::{AttemptId, Objectives, Route, RouteDecision, WorldFit, Worl
 /// The prediction of an evaluator without any label: the middle of the scale.
 const UNKNOWN: Objectives = Objectives { attack: 0.5, realism: 0.5 };
 
+/// How the reason of a candidate opens that the false-rejection monitor drew.
+const MONITORED: &str = "audit: weak, drawn by the false-rejection monitor";
+
+/// Whether a recorded route would have turned its candidate away, had the monitor not drawn it.
+pub fn drawn_by_monitor(route: &Route) -> bool {
+    route.decision == RouteDecision::Audit && route.reason.starts_with(MONITORED)
+}
+
 /// Why a candidate could not be routed, or a snapshot not used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RouterError {
@@ -169,7 +177,7 @@ impl<'s> Router<'s> {
                 (RouteDecision::Audit, false, format!("audit: weak, but its group has too few labels; {numbers}"))
             }
             (false, true) if draw < options.audit_rate => {
-                (RouteDecision::Audit, true, format!("audit: weak, drawn by the false-rejection monitor; {numbers}"))
+                (RouteDecision::Audit, true, format!("{MONITORED}; {numbers}"))
             }
             (false, true) => (RouteDecision::Reject, false, format!("reject: weak and certain; {numbers}")),
         }

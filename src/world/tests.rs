@@ -146,6 +146,7 @@ fn the_monitor_asks_for_labels_of_the_declared_share_of_rejections() {
             let mut stream = monitor_stream(Seed(9), &AttemptId::new(format!("a{k}")));
             let routed = router.route(&[pair(&[0.1, 7.0], "cat")], &mut stream).unwrap();
             assert_eq!(routed.monitored, routed.route.decision == RouteDecision::Audit);
+            assert_eq!(routed.monitored, drawn_by_monitor(&routed.route), "the record says so too");
             routed.monitored
         })
         .count();
@@ -263,21 +264,6 @@ fn options_out_of_range_are_named() {
     let bad = WorldConfiguration { ridge_lambda: 0.0, ..configuration() };
     let refused = validate(&bad, &columns(2));
     assert!(matches!(refused, Err(ConfigurationError::Range { option: "ridge_lambda", .. })), "{refused:?}");
-}
-
-#[test]
-fn the_report_counts_monitored_candidates_that_were_good_after_all() {
-    let monitored = |name: &str, attack: f64| WorldLabel {
-        attempt: AttemptId::new(name),
-        monitored: true,
-        ..label(&[0.1, 7.0], attack, 0.9)
-    };
-    let labels = vec![monitored("a", 1.0), monitored("a", 0.4), monitored("b", 0.1), label(&[0.1, 7.0], 0.5, 0.5)];
-    let report = monitor(&set_of(labels, 2), &configuration().routing);
-    assert_eq!((report.candidates, report.monitored, report.false_rejections), (3, 2, 1));
-    assert_eq!(report.false_rejection_rate, Some(0.5));
-    assert!((report.attack_error_mean.unwrap() - (0.2 + 0.4 + 0.0) / 3.0).abs() < 1e-12);
-    assert_eq!(monitor(&CalibrationSet::default(), &configuration().routing).false_rejection_rate, None);
 }
 
 fn program() -> Program {

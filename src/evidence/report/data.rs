@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 use super::super::recorded_run::RecordedRun;
+use crate::evidence::audit;
 use crate::kernel::num;
 use crate::objects::{
     Attempt, Counselled, Exchange, Exit, LineageId, Role, Round, SceneScore, cost::RunCost, edit_categories,
@@ -41,6 +42,7 @@ pub fn of(story: &RecordedRun, cost: Option<&RunCost>) -> Value {
         "lineages": lineages,
         "counsels": story.counsels.iter().map(counsel).collect::<Vec<_>>(),
         "cost": cost,
+        "findings": audit(story),
         "scenes": names.scenes,
         "diagnostics": names.diagnostics,
         "model_names": names.models,

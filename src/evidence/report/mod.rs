@@ -2,38 +2,18 @@
 
 mod data;
 mod packed;
+mod stage;
 
-use std::collections::BTreeMap;
+pub use stage::{Playable, Stage};
 
 use super::recorded_run::RecordedRun;
-use crate::draw::{Actor, Contact, Drawing, PLAYER_CSS, PLAYER_JS, script_json};
+use crate::draw::{PLAYER_CSS, PLAYER_JS, script_json};
 use crate::objects::cost::RunCost;
 
 const PAGE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
 const UNPACK: &str = include_str!("assets/unpack.js");
 const SCRIPT: &str = include_str!("assets/report.js");
-
-/// Rollouts to play, and the scenes in which they happened.
-#[derive(Clone, Debug, Default)]
-pub struct Stage {
-    /// Scene id -> the scene as it was recorded.
-    pub scenes: BTreeMap<String, Drawing>,
-    pub rollouts: Vec<Playable>,
-}
-
-/// A rollout as what it changed: actors not named here move as recorded.
-#[derive(Clone, Debug)]
-pub struct Playable {
-    pub solution: String,
-    /// `parent`, `active`, `front`, ...
-    pub role: String,
-    pub scene: String,
-    pub changed: Vec<Actor>,
-    pub contact: Option<Contact>,
-    /// One line on how it ended.
-    pub caption: String,
-}
 
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
 /// `cost` is what the run cost, where that is known.

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::Stage;
+use super::stage::{Playable, Stage};
 use crate::draw::{Actor, Drawing};
 use crate::kernel::{Vec2, num};
 
@@ -14,7 +14,7 @@ const SCALES: [f64; 4] = [100.0, 100.0, 1000.0, 100.0];
 pub fn stage(stage: &Stage) -> Value {
     let scenes: serde_json::Map<String, Value> =
         stage.scenes.iter().map(|(id, scene)| (id.clone(), drawing(scene))).collect();
-    let rollout = |playable: &super::Playable| {
+    let rollout = |playable: &Playable| {
         json!({
             "solution": playable.solution,
             "role": playable.role,

@@ -1,6 +1,6 @@
 //! The cells of a table's lines, the same in every format that a person reads: a line of ours, under it the paper's.
 
-use super::layout::{Head, PROPOSALS, Part, Row, Table};
+use super::layout::{Cell, Head, PROPOSALS, Part, Row, Table};
 
 /// How a format spells what is the same in all.
 pub struct Spelling {
@@ -33,8 +33,8 @@ pub fn lines(table: &Table, part: &Part, spelling: &Spelling) -> Vec<Vec<String>
 
 fn ours(table: &Table, row: &Row, spelling: &Spelling) -> Vec<String> {
     let mut cells: Vec<String> = row.labels.iter().map(|label| (spelling.text)(label)).collect();
-    for (column, value) in table.columns.iter().zip(&row.values) {
-        cells.push(match value.ours {
+    for Cell { column, ours, .. } in &row.cells {
+        cells.push(match ours {
             None if row.missing() => "missing".into(),
             None => spelling.none.into(),
             Some(estimate) => {
@@ -54,8 +54,8 @@ fn ours(table: &Table, row: &Row, spelling: &Spelling) -> Vec<String> {
 
 fn paper(table: &Table, row: &Row, spelling: &Spelling) -> Vec<String> {
     let figure = |number: String| (spelling.figure)((spelling.text)(&number));
-    let numbers = table.columns.iter().zip(&row.values);
-    let numbers = numbers.map(|(c, value)| value.paper.map_or(spelling.none.into(), |f| figure(c.form.number(f))));
+    let number = |cell: &Cell| cell.paper.map(|number| figure(cell.column.form.number(number)));
+    let numbers = row.cells.iter().map(|cell| number(cell).unwrap_or(spelling.none.into()));
     let mut cells = vec![String::new(); table.labels.len()];
     cells[0] = spelling.paper.into();
     cells.extend(numbers);

@@ -16,9 +16,9 @@ pub fn csv(table: &Table) -> String {
         let status = if row.missing() { "missing" } else { "measured" };
         let mut fields = row.labels.clone();
         fields.extend([status.to_string(), row.lineages.join(" ")]);
-        for value in &row.values {
-            let interval = value.ours.and_then(|estimate| estimate.interval);
-            let numbers = [value.ours.map(|e| e.value), interval.map(|i| i[0]), interval.map(|i| i[1]), value.paper];
+        for cell in &row.cells {
+            let interval = cell.ours.and_then(|estimate| estimate.interval);
+            let numbers = [cell.ours.map(|e| e.value), interval.map(|i| i[0]), interval.map(|i| i[1]), cell.paper];
             fields.extend(numbers.map(|number| number.map_or(String::new(), |x| x.to_string())));
         }
         fields.extend(row.counts.iter().map(|n| if row.missing() { String::new() } else { n.to_string() }));

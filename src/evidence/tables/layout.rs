@@ -2,8 +2,10 @@
 
 use serde::Serialize;
 use serde_json::{Map, Value as Json, json};
+use std::collections::BTreeMap;
 
 use super::bootstrap::Estimate;
+use super::paper::Figures;
 use crate::kernel::num;
 
 /// How a column's numbers are written, as the paper writes them.
@@ -53,7 +55,7 @@ impl Form {
 }
 
 /// A column of numbers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Column {
     /// Name in CSV and JSON.
     pub key: &'static str,
@@ -65,11 +67,28 @@ pub struct Column {
     pub form: Form,
 }
 
-/// A number of ours and the paper's.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Value {
+/// A number of ours and the paper's, in the column that they belong to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cell {
+    #[serde(skip)]
+    pub column: Column,
     pub ours: Option<Estimate>,
     pub paper: Option<f64>,
+}
+
+/// Numbers of ours by the key of their column; a number that cannot be given is absent.
+pub type Numbers = BTreeMap<&'static str, Estimate>;
+
+impl Cell {
+    /// A cell for each column: what these numbers and figures have under its key.
+    pub fn row(columns: &[Column], ours: &Numbers, paper: Option<&Figures>) -> Vec<Cell> {
+        let cell = |column: &Column| Cell {
+            column: *column,
+            ours: ours.get(column.key).copied(),
+            paper: paper.and_then(|figures| figures.under(column.key)),
+        };
+        columns.iter().map(cell).collect()
+    }
 }
 
 /// A column of text or of counts, beside the numbers.
@@ -96,8 +115,8 @@ pub struct Row {
     pub labels: Vec<String>,
     /// Lineages that it rests on; none = missing.
     pub lineages: Vec<String>,
-    /// One a column.
-    pub values: Vec<Value>,
+    /// One a column of the table, in their order.
+    pub cells: Vec<Cell>,
     /// One a count of the table.
     pub counts: Vec<usize>,
     pub proposals: String,
@@ -110,9 +129,15 @@ impl Row {
         self.lineages.is_empty()
     }
 
+    /// The cell of the column with this key.
+    #[cfg(test)]
+    pub fn cell(&self, key: &str) -> &Cell {
+        self.cells.iter().find(|cell| cell.column.key == key).unwrap()
+    }
+
     /// Whether the paper has this row.
     pub fn in_paper(&self) -> bool {
-        self.values.iter().any(|value| value.paper.is_some())
+        self.cells.iter().any(|cell| cell.paper.is_some())
     }
 }
 
@@ -122,7 +147,7 @@ pub struct RunSource {
     pub name: String,
     pub root: String,
     /// Role -> label of its model.
-    pub models: std::collections::BTreeMap<String, String>,
+    pub models: BTreeMap<String, String>,
     pub scripted_roles: Vec<String>,
     pub evolution_scenes: usize,
     pub held_out_scenes: usize,
@@ -166,7 +191,7 @@ impl Table {
     pub fn json(&self) -> Json {
         let row = |part: &Part, row: &Row| {
             let values: Map<String, Json> =
-                self.columns.iter().zip(&row.values).map(|(c, v)| (c.key.to_string(), json!(v))).collect();
+                row.cells.iter().map(|cell| (cell.column.key.to_string(), json!(cell))).collect();
             let mut object = Map::new();
             object.extend(self.labels.iter().zip(&row.labels).map(|(head, text)| (head.key.to_string(), json!(text))));
             object.extend(self.counts.iter().zip(&row.counts).map(|(head, n)| (head.key.to_string(), json!(n))));

@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity};
 use super::labels::{self, LineageLabels, TableError};
-use super::layout::{Column, Form, Head, METHOD, POLICY, Part, ROLLOUTS, Row, Table, Value};
+use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, ROLLOUTS, Row, Table};
 use super::notes;
-use super::paper::{self, metadrive as printed};
+use super::paper::{self, Figures, metadrive as printed};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 
@@ -31,6 +31,23 @@ const ATTACK_CHANGE_PCT: Column = column("attack_change_pct", "Change", "Attack 
 const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Form::Points);
 const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
 
+/// Columns of the main table.
+const MAIN: [Column; 8] =
+    [PARENT_ATTACK, PARENT_RP, EVOLVED_ATTACK, EVOLVED_RP, ATTACK_CHANGE, ATTACK_CHANGE_PCT, RP_CHANGE, PF_AREA];
+
+/// Columns of the table by policy.
+const BY_POLICY: [Column; 9] = [
+    PARENT_ATTACK,
+    PARENT_RP,
+    EVOLVED_ATTACK,
+    EVOLVED_RP,
+    ENDPOINT_ATTACK,
+    ENDPOINT_RP,
+    ATTACK_CHANGE,
+    RP_CHANGE,
+    PF_AREA,
+];
+
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
 pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
@@ -48,18 +65,8 @@ pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
          SAGE averages over its preference weights too, as in the paper ({}).",
         printed::POLICY_LABEL
     );
-    let columns = vec![
-        PARENT_ATTACK,
-        PARENT_RP,
-        EVOLVED_ATTACK,
-        EVOLVED_RP,
-        ATTACK_CHANGE,
-        ATTACK_CHANGE_PCT,
-        RP_CHANGE,
-        PF_AREA,
-    ];
     let title = "Generator evolution in MetaDrive";
-    table("metadrive-main", title, printed::MAIN_LABEL, columns, rows, told(stories, &all, Some(average)), stories)
+    table("metadrive-main", title, printed::MAIN_LABEL, &MAIN, rows, told(stories, &all, Some(average)), stories)
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
@@ -75,19 +82,8 @@ pub fn metadrive_policy(stories: &[RecordedRun]) -> Result<Table, TableError> {
     }
     let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
     rows.extend(others.map(|l| policy_row(&l.name, &l.policy(), Some(l), None)));
-    let columns = vec![
-        PARENT_ATTACK,
-        PARENT_RP,
-        EVOLVED_ATTACK,
-        EVOLVED_RP,
-        ENDPOINT_ATTACK,
-        ENDPOINT_RP,
-        ATTACK_CHANGE,
-        RP_CHANGE,
-        PF_AREA,
-    ];
     let title = "Policy-specific results in MetaDrive";
-    table("metadrive-policy", title, printed::POLICY_LABEL, columns, rows, told(stories, &all, None), stories)
+    table("metadrive-policy", title, printed::POLICY_LABEL, &BY_POLICY, rows, told(stories, &all, None), stories)
 }
 
 const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
@@ -96,14 +92,14 @@ fn table(
     name: &'static str,
     title: &str,
     source: &'static str,
-    columns: Vec<Column>,
+    columns: &[Column],
     rows: Vec<Row>,
     notes: Vec<String>,
     stories: &[RecordedRun],
 ) -> Result<Table, TableError> {
     let parts = vec![Part { name: name.into(), title: title.into(), source: Some(source), rows }];
     let (labels, counts) = (vec![METHOD, POLICY], vec![SCENES, ROLLOUTS]);
-    Ok(Table { name, labels, columns, counts, parts, runs: notes::runs(stories)?, notes })
+    Ok(Table { name, labels, columns: columns.to_vec(), counts, parts, runs: notes::runs(stories)?, notes })
 }
 
 /// The paper's policies whose rows are listed also where a lineage is missing: IDM, and the learned one once it was run.
@@ -112,79 +108,65 @@ fn expected_policies(all: &[LineageLabels]) -> Vec<(&'static str, &'static str)>
     paper::POLICIES.iter().filter(wanted).copied().collect()
 }
 
-fn main_row(method: &str, of: &[&LineageLabels], figures: Option<&[f64; 7]>) -> Row {
-    let [parent_attack, parent_rp, evolved_attack, evolved_rp, attack_change, rp_change] = measured(of);
-    let relative = match (parent_attack, evolved_attack) {
-        (Some(before), Some(after)) if before.value > 0.0 => {
-            Some(Estimate::plain(100.0 * (after.value - before.value) / before.value))
-        }
-        _ => None,
-    };
-    let ours = [parent_attack, parent_rp, evolved_attack, evolved_rp, attack_change, relative, rp_change, pf_area(of)];
-    let theirs = figures.map_or([None; 8], |f| {
-        [Some(f[0]), Some(f[1]), Some(f[2]), Some(f[3]), None, Some(f[4]), Some(f[5]), Some(f[6])]
-    });
+fn main_row(method: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Row {
+    let mut ours = measured(of);
+    if let (Some(before), Some(after)) = (ours.get(PARENT_ATTACK.key), ours.get(EVOLVED_ATTACK.key)) {
+        let relative = (before.value > 0.0).then(|| 100.0 * (after.value - before.value) / before.value);
+        ours.extend(relative.map(|relative| (ATTACK_CHANGE_PCT.key, Estimate::plain(relative))));
+    }
     let policies: BTreeSet<String> = of.iter().map(|l| l.policy()).collect();
-    row(method, policies.into_iter().collect::<Vec<_>>().join(" + "), of, &ours, &theirs)
+    let cells = Cell::row(&MAIN, &ours, figures.as_ref());
+    row(method, policies.into_iter().collect::<Vec<_>>().join(" + "), of, cells)
 }
 
-fn policy_row(method: &str, policy: &str, of: Option<&LineageLabels>, figures: Option<&[f64; 7]>) -> Row {
+fn policy_row(method: &str, policy: &str, of: Option<&LineageLabels>, figures: Option<Figures>) -> Row {
     let of: Vec<&LineageLabels> = of.into_iter().collect();
-    let [parent_attack, parent_rp, evolved_attack, evolved_rp, attack_change, rp_change] = measured(&of);
-    let [endpoint_attack, endpoint_rp] = endpoint(&of);
-    let ours = [
-        parent_attack,
-        parent_rp,
-        evolved_attack,
-        evolved_rp,
-        endpoint_attack,
-        endpoint_rp,
-        attack_change,
-        rp_change,
-        pf_area(&of),
-    ];
-    let theirs = figures.map_or([None; 9], |f| {
-        [Some(f[0]), Some(f[1]), Some(f[2]), Some(f[3]), Some(f[4]), Some(f[5]), None, None, Some(f[6])]
-    });
-    row(method, policy.to_string(), &of, &ours, &theirs)
+    let mut ours = measured(&of);
+    ours.extend(endpoint(&of));
+    row(method, policy.to_string(), &of, Cell::row(&BY_POLICY, &ours, figures.as_ref()))
 }
 
-/// Parent attack and RP, evolved attack and RP, and the differences evolved - parent paired by scene: means over lineages.
-fn measured(of: &[&LineageLabels]) -> [Option<Estimate>; 6] {
-    let each = |part: &dyn Fn(&LineageLabels) -> PerScene| -> Quantity { of.iter().map(|l| part(l)).collect() };
-    let found = bootstrap::estimates(&[
-        each(&|l| l.per_scene(&l.parent.attack)),
-        each(&|l| l.per_scene(&l.parent.penalty_pct)),
-        each(&|l| l.per_scene(&l.evolved.attack)),
-        each(&|l| l.per_scene(&l.evolved.penalty_pct)),
-        each(&|l| l.paired(&l.parent.attack, &l.evolved.attack)),
-        each(&|l| l.paired(&l.parent.penalty_pct, &l.evolved.penalty_pct)),
+/// Attack and RP of parent and evolved, the differences evolved - parent paired by scene, and PF-Area@3: means over lineages.
+fn measured(of: &[&LineageLabels]) -> Numbers {
+    let each = |part: fn(&LineageLabels) -> PerScene| -> Quantity { of.iter().map(|l| part(l)).collect() };
+    let mut numbers = estimated(&[
+        (PARENT_ATTACK, each(|l| l.per_scene(&l.parent.attack))),
+        (PARENT_RP, each(|l| l.per_scene(&l.parent.penalty_pct))),
+        (EVOLVED_ATTACK, each(|l| l.per_scene(&l.evolved.attack))),
+        (EVOLVED_RP, each(|l| l.per_scene(&l.evolved.penalty_pct))),
+        (ATTACK_CHANGE, each(|l| l.paired(&l.parent.attack, &l.evolved.attack))),
+        (RP_CHANGE, each(|l| l.paired(&l.parent.penalty_pct, &l.evolved.penalty_pct))),
     ]);
-    std::array::from_fn(|i| found.get(i).copied().flatten())
+    let pf_area = num::mean(&of.iter().map(|l| l.pf_area_at_3_pct).collect::<Vec<_>>());
+    numbers.extend(pf_area.map(|area| (PF_AREA.key, Estimate::plain(area))));
+    numbers
 }
 
-fn endpoint(of: &[&LineageLabels]) -> [Option<Estimate>; 2] {
+/// Attack and RP of the best descendants; nothing where a lineage has none.
+fn endpoint(of: &[&LineageLabels]) -> Numbers {
     let Some(ends) = of.iter().map(|l| l.endpoint.as_ref().map(|e| (l, e))).collect::<Option<Vec<_>>>() else {
-        return [None, None];
+        return Numbers::new();
     };
-    let found = bootstrap::estimates(&[
-        ends.iter().map(|(l, end)| l.per_scene(&end.attack)).collect(),
-        ends.iter().map(|(l, end)| l.per_scene(&end.penalty_pct)).collect(),
-    ]);
-    std::array::from_fn(|i| found.get(i).copied().flatten())
+    estimated(&[
+        (ENDPOINT_ATTACK, ends.iter().map(|(l, end)| l.per_scene(&end.attack)).collect()),
+        (ENDPOINT_RP, ends.iter().map(|(l, end)| l.per_scene(&end.penalty_pct)).collect()),
+    ])
 }
 
-fn pf_area(of: &[&LineageLabels]) -> Option<Estimate> {
-    num::mean(&of.iter().map(|l| l.pf_area_at_3_pct).collect::<Vec<_>>()).map(Estimate::plain)
+/// The quantities of these columns with their intervals, all from the same draws.
+fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
+    let (columns, quantities): (Vec<Column>, Vec<Quantity>) = quantities.iter().cloned().unzip();
+    let found = columns.iter().zip(bootstrap::estimates(&quantities));
+    found.filter_map(|(column, estimate)| Some((column.key, estimate?))).collect()
 }
 
-fn row(method: &str, policy: String, of: &[&LineageLabels], ours: &[Option<Estimate>], theirs: &[Option<f64>]) -> Row {
+fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) -> Row {
     let suites: BTreeMap<_, usize> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().flat_map(|l| l.proposals.split(" + ")).collect();
     Row {
         labels: vec![method.to_string(), policy],
         lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
-        values: ours.iter().zip(theirs).map(|(ours, paper)| Value { ours: *ours, paper: *paper }).collect(),
+        cells,
         counts: vec![suites.values().sum(), of.iter().map(|l| l.rollouts).sum()],
         proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
         notes: of

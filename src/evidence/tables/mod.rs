@@ -23,7 +23,7 @@ pub use bootstrap::Estimate;
 pub use csv::csv;
 pub use labels::TableError;
 pub use latex::latex;
-pub use layout::{Column, Form, Head, Part, Row, RunSource, Table, Value};
+pub use layout::{Cell, Column, Form, Head, Part, Row, RunSource, Table};
 pub use markdown::markdown;
 pub use metadrive::{metadrive_main, metadrive_policy};
 pub use safebench::{safebench_main, safebench_rounds};

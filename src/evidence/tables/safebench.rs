@@ -6,11 +6,11 @@ use std::collections::BTreeSet;
 use super::archives::{self, LineageArchive};
 use super::bootstrap::{self, Estimate};
 use super::labels::TableError;
-use super::layout::{Column, Form, Head, METHOD, POLICY, Part, ROLLOUTS, Row, Table, Value};
+use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{
     self,
-    safebench::{EGO, MAIN_LABEL, METHODS, Method, ROUNDS},
+    safebench::{AVERAGE, EGO, MAIN_LABEL, METHODS, Method, ROUNDS},
 };
 use super::resampled::Resampled;
 use crate::evidence::recorded_run::RecordedRun;
@@ -35,18 +35,18 @@ const OS: Metric = Metric { name: "OS", of: |row| row.overall_score };
 /// The paper's main table: a row a generator and ego.
 pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::lineages(stories)?;
+    let columns = main_columns();
     let row = |of: &Subject<'_>| {
-        let ours = of.archive.map_or([None; 13], main_values);
-        let theirs = of.method.map(|method| method.main);
-        let values = ours.into_iter().enumerate().map(|(k, ours)| Value { ours, paper: theirs.map(|t| t[k]) });
-        of.row(&[], values.collect())
+        let ours = of.archive.map(main_numbers).unwrap_or_default();
+        let figures = of.method.map(Method::main_figures);
+        of.row(&[], Cell::row(&columns, &ours, figures.as_ref()))
     };
     let rows = in_order(&all).iter().map(row).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
         name: "safebench-main",
         labels: vec![METHOD, POLICY],
-        columns: main_columns(),
+        columns,
         counts: COUNTS.to_vec(),
         parts: vec![Part { name: "safebench-main".into(), title, source: Some(MAIN_LABEL), rows }],
         runs: notes::runs(stories)?,
@@ -73,21 +73,31 @@ fn main_columns() -> Vec<Column> {
     ]
 }
 
-fn main_values(archive: &LineageArchive) -> [Option<Estimate>; 13] {
+/// Ours under the keys of the main columns.
+fn main_numbers(archive: &LineageArchive) -> Numbers {
     let resampled = Resampled::new(archive);
-    let rates = [ATTACK, ARS, CR, OS].map(|metric| metric.of);
-    let parent = rates.map(|of| resampled.estimate(|rounds| mean(rounds.first(), of)));
-    let evolved = rates.map(|of| resampled.estimate(|rounds| mean(rounds.last(), of)));
-    let points = |of: fn(&BenchmarkRow) -> f64| {
-        resampled.estimate(|rounds| Some(100.0 * (mean(rounds.last(), of)? - mean(rounds.first(), of)?)))
-    };
+    let mut numbers = Numbers::new();
+    let mut add = |key: &'static str, found: Option<Estimate>| numbers.extend(found.map(|estimate| (key, estimate)));
+    for (parent, evolved, metric) in [
+        ("parent_attack", "evolved_attack", ATTACK),
+        ("parent_ars", "evolved_ars", ARS),
+        ("parent_cr", "evolved_cr", CR),
+        ("parent_os", "evolved_os", OS),
+    ] {
+        add(parent, resampled.estimate(|rounds| mean(rounds.first(), metric.of)));
+        add(evolved, resampled.estimate(|rounds| mean(rounds.last(), metric.of)));
+    }
+    for (change, Metric { of, .. }) in [("ars_change_pp", ARS), ("cr_change_pp", CR), ("os_change_pp", OS)] {
+        let points = |before: f64, after: f64| 100.0 * (after - before);
+        add(change, resampled.estimate(|rounds| Some(points(mean(rounds.first(), of)?, mean(rounds.last(), of)?))));
+    }
     let relative = resampled.estimate(|rounds| {
         let (before, after) = (mean(rounds.first(), ATTACK.of)?, mean(rounds.last(), ATTACK.of)?);
         (before > 0.0).then(|| 100.0 * (after - before) / before)
     });
-    let change = [relative, points(ARS.of), points(CR.of), points(OS.of), resampled.gain()];
-    let mut values = parent.into_iter().chain(evolved).chain(change);
-    std::array::from_fn(|_| values.next().flatten())
+    add("attack_change_pct", relative);
+    add("pf_area_at_3_pct", resampled.gain());
+    numbers
 }
 
 /// A rate over all families after a round.
@@ -136,31 +146,28 @@ fn round_columns() -> Vec<Column> {
     ];
     let families = TrafficFamily::ALL.into_iter().map(TrafficFamily::name).zip(heads);
     let column = |(key, head)| Column { key, group: "", head, upward: None, form: Form::Rate };
-    families.chain([("average", "Avg.")]).map(column).collect()
+    families.chain([(AVERAGE, "Avg.")]).map(column).collect()
 }
 
 fn round_rows(of: &Subject<'_>) -> Vec<Row> {
     let resampled = of.archive.map(Resampled::new);
     let printed = if of.method.is_some() { ROUNDS } else { 0 };
     let rounds = of.archive.map_or(0, |archive| archive.rounds.len()).max(printed);
-    let line = |place: usize, metric: &Metric, round: usize| {
-        let theirs = of.method.and_then(|method| method.round(place, round));
-        let ours = |column: usize| {
-            let family = TrafficFamily::ALL.get(column).map(|family| family.name());
-            resampled.as_ref()?.estimate(|rounds| {
+    let columns = round_columns();
+    let line = |metric: &Metric, round: usize| {
+        let figures = of.method.and_then(|method| method.round_figures(metric.name, round));
+        let ours = |column: &Column| {
+            let found = resampled.as_ref()?.estimate(|rounds| {
                 let scores = rounds.get(round)?.as_ref()?;
-                let row = family.map_or(Some(&scores.mean), |family| scores.families.get(family))?;
+                let row = if column.key == AVERAGE { &scores.mean } else { scores.families.get(column.key)? };
                 Some((metric.of)(row))
-            })
+            });
+            Some((column.key, found?))
         };
-        let value = |column: usize| Value { ours: ours(column), paper: theirs.map(|figures| figures[column]) };
-        of.row(&[metric.name, &round.to_string()], (0..=TrafficFamily::ALL.len()).map(value).collect())
+        let ours: Numbers = columns.iter().filter_map(ours).collect();
+        of.row(&[metric.name, &round.to_string()], Cell::row(&columns, &ours, figures.as_ref()))
     };
-    let mut rows = Vec::new();
-    for (place, metric) in [CR, OS, ARS].iter().enumerate() {
-        rows.extend((0..rounds).map(|round| line(place, metric, round)));
-    }
-    rows
+    [CR, OS, ARS].iter().flat_map(|metric| (0..rounds).map(|round| line(metric, round)).collect::<Vec<_>>()).collect()
 }
 
 /// Who has a row or a part: a method of the paper with a lineage that fills it, or without, or a lineage alone.
@@ -186,13 +193,13 @@ fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
 
 impl Subject<'_> {
     /// A row of numbers, with labels after the method and the ego.
-    fn row(&self, labels: &[&str], values: Vec<Value>) -> Row {
+    fn row(&self, labels: &[&str], cells: Vec<Cell>) -> Row {
         let policy = self.archive.map_or(String::new(), |archive| paper::policy(&archive.ego));
         let counts = |archive: &LineageArchive| vec![archive.groups().len(), archive.scenes(), archive.rollouts];
         Row {
             labels: [self.name.clone(), policy].into_iter().chain(labels.iter().map(|l| l.to_string())).collect(),
             lineages: self.archive.iter().map(|archive| archive.lineage.to_string()).collect(),
-            values,
+            cells,
             counts: self.archive.map_or(vec![0; COUNTS.len()], counts),
             proposals: self.archive.map_or(String::new(), |archive| archive.proposals.clone()),
             notes: self.archive.iter().filter_map(|archive| stopped(archive)).collect(),

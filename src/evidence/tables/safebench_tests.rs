@@ -115,14 +115,13 @@ fn story(lineages: &[&Lineage<'_>]) -> RecordedRun {
     story
 }
 
-fn value(table: &Table, labels: &[&str], key: &str) -> Value {
-    let column = table.columns.iter().position(|c| c.key == key).unwrap();
+fn cell(table: &Table, labels: &[&str], key: &str) -> Cell {
     let row = table.rows().find(|row| row.labels == labels).unwrap_or_else(|| panic!("no row {labels:?}"));
-    row.values[column]
+    *row.cell(key)
 }
 
 fn ours(table: &Table, labels: &[&str], key: &str) -> Estimate {
-    value(table, labels, key).ours.unwrap()
+    cell(table, labels, key).ours.unwrap()
 }
 
 #[test]
@@ -148,8 +147,8 @@ fn the_main_table_is_worked_by_hand() {
     ] {
         near(ours(&table, &row, key).value, expected);
     }
-    assert_eq!(value(&table, &row, "parent_attack").paper, Some(0.260));
-    assert_eq!(value(&table, &row, "pf_area_at_3_pct").paper, Some(142.5));
+    assert_eq!(cell(&table, &row, "parent_attack").paper, Some(0.260));
+    assert_eq!(cell(&table, &row, "pf_area_at_3_pct").paper, Some(142.5));
     let advsim = table.rows().next().unwrap();
     assert_eq!((advsim.counts.as_slice(), advsim.proposals.as_str()), ([4, 4, 0].as_slice(), "scripted"));
     assert!(advsim.notes.is_empty(), "{:?}", advsim.notes);
@@ -182,10 +181,10 @@ fn the_rounds_stand_by_family_with_the_papers_beside_them() {
     near(ours(&table, &row("OS", "1"), "lane_changing").value, overall(0.5));
     near(ours(&table, &row("ARS", "0"), "average").value, 0.8);
     assert_eq!(ours(&table, &row("CR", "0"), "right_turn").interval, Some([0.0, 1.0]));
-    assert_eq!(value(&table, &row("CR", "0"), "straight_obstacle").ours, None, "not in this run");
-    assert_eq!(value(&table, &row("CR", "4"), "average").ours, None, "the run has one round");
-    assert_eq!(value(&table, &row("CR", "4"), "average").paper, Some(0.791));
-    assert_eq!(value(&table, &row("ARS", "2"), "straight_obstacle").paper, Some(0.980));
+    assert_eq!(cell(&table, &row("CR", "0"), "straight_obstacle").ours, None, "not in this run");
+    assert_eq!(cell(&table, &row("CR", "4"), "average").ours, None, "the run has one round");
+    assert_eq!(cell(&table, &row("CR", "4"), "average").paper, Some(0.791));
+    assert_eq!(cell(&table, &row("ARS", "2"), "straight_obstacle").paper, Some(0.980));
 }
 
 #[test]

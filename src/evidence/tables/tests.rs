@@ -148,8 +148,7 @@ fn row<'t>(table: &'t Table, method: &str) -> &'t Row {
 }
 
 fn ours(table: &Table, method: &str, key: &str) -> Estimate {
-    let column = table.columns.iter().position(|column| column.key == key).unwrap();
-    row(table, method).values[column].ours.unwrap()
+    row(table, method).cell(key).ours.unwrap()
 }
 
 pub(super) fn near(found: f64, expected: f64) {
@@ -176,7 +175,7 @@ fn rates_penalties_and_differences_are_the_hand_computed_ones() {
     }
     let cat = row(&table, "CAT");
     assert_eq!((cat.counts.as_slice(), cat.proposals.as_str()), ([4, 8].as_slice(), "scripted"));
-    assert_eq!(cat.values[0].paper, Some(0.390));
+    assert_eq!(cat.cell("parent_attack").paper, Some(0.390));
     assert!(cat.notes.is_empty());
 }
 
@@ -236,7 +235,7 @@ fn what_was_not_run_is_missing_and_the_learned_ego_is_absent() {
     assert!(policy.rows().all(|row| row.labels[1] == "IDM"));
     let missing: Vec<&str> = policy.rows().filter(|row| row.missing()).map(|row| row.labels[0].as_str()).collect();
     assert_eq!(missing, ["ADV-BMT", "AT", "SAGE (w=0.00)", "SAGE (w=1.00)", "LLM-Attacker", "KING", "SEAL", "STRIVE"]);
-    assert!(policy.rows().filter(|row| row.missing()).all(|row| row.values.iter().all(|v| v.ours.is_none())));
+    assert!(policy.rows().filter(|row| row.missing()).all(|row| row.cells.iter().all(|cell| cell.ours.is_none())));
     let text = markdown(&policy);
     assert!(text.contains("learned ego (RL) is absent") && text.contains("| KING | IDM | missing |"), "{text}");
     let main = metadrive_main(&[story]).unwrap();

@@ -56,6 +56,13 @@
         : ` The scripted stand-in, which is no language model, answered as ${data.scripted_roles.join(", ")}.`);
   }
 
+  // What the audit of the record found: `fsck` prints the same.
+  function auditList() {
+    const breaches = data.findings.filter((f) => f.gravity === "breach").length;
+    byId("audit-note").textContent = !data.findings.length ? "No finding: the record agrees with itself and with what every run promises."
+      : breaches ? `${breaches} breaches: the result cannot be trusted.` : "The record is sound. What whoever uses the result should know:";
+    byId("audit-list").append(...data.findings.map((f) => el("li", {}, `${f.gravity} (${f.check}) ${f.place}: ${f.what}`)));
+  }
   function costTable() {
     const cost = data.cost;
     if (!cost) return byId("cost").remove();
@@ -269,6 +276,6 @@
   byId("filter-exit").append(option("", "all"), ...["declined", "invalid", "rejected", "evaluated"].map((e) => option(e, e)));
   byId("front-lineage").addEventListener("change", drawFront);
   for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", drawAttempts);
-  resultTable(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); drawPlayer();
+  resultTable(); auditList(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); drawPlayer();
   document.body.dataset.ready = "yes";
 })();

@@ -1,5 +1,7 @@
 //! The MetaDrive tables.
 
+use super::Figures;
+
 /// Label of the table that averages over the ego policies.
 pub const MAIN_LABEL: &str = "tab:metadrive-main-generator-evolution";
 /// Label of the table with a row for every generator and ego policy.
@@ -40,8 +42,29 @@ pub const METHODS: [Method; 10] = [
     method("STRIVE", "strive"),
 ];
 
-/// tab:metadrive-main-generator-evolution: parent attack, parent RP %, evolved attack, evolved RP %, relative change of
-/// attack %, change of RP in points, PF-Area@3 %.
+/// Columns of tab:metadrive-main-generator-evolution, in its order.
+const MAIN_COLUMNS: [&str; 7] = [
+    "parent_attack",
+    "parent_rp_pct",
+    "evolved_attack",
+    "evolved_rp_pct",
+    "attack_change_pct",
+    "rp_change_pp",
+    "pf_area_at_3_pct",
+];
+
+/// Columns of tab:metadrive-paper-baseline-profile-detail, in its order.
+const POLICY_COLUMNS: [&str; 7] = [
+    "parent_attack",
+    "parent_rp_pct",
+    "evolved_attack",
+    "evolved_rp_pct",
+    "endpoint_attack",
+    "endpoint_rp_pct",
+    "pf_area_at_3_pct",
+];
+
+/// tab:metadrive-main-generator-evolution.
 const MAIN: [(&str, [f64; 7]); 8] = [
     ("CAT", [0.345, 10.66, 0.330, 3.85, -4.3, -6.81, 7.4]),
     ("ADV-BMT", [0.260, 2.27, 0.295, 1.77, 13.5, -0.51, 18.7]),
@@ -53,8 +76,7 @@ const MAIN: [(&str, [f64; 7]); 8] = [
     ("STRIVE", [0.226, 0.04, 0.245, 0.74, 8.3, 0.70, 8.0]),
 ];
 
-/// tab:metadrive-paper-baseline-profile-detail: parent attack, parent RP %, evolved attack, evolved RP %, endpoint attack,
-/// endpoint RP %, PF-Area@3 %.
+/// tab:metadrive-paper-baseline-profile-detail.
 const POLICY: [(&str, &str, [f64; 7]); 20] = [
     ("CAT", "IDM", [0.390, 10.65, 0.370, 3.84, 0.370, 3.84, 7.2]),
     ("CAT", "RL", [0.300, 10.67, 0.290, 3.87, 0.290, 3.87, 7.6]),
@@ -79,13 +101,14 @@ const POLICY: [(&str, &str, [f64; 7]); 20] = [
 ];
 
 /// Figures of a row of the main table.
-pub fn main_figures(group: &str) -> Option<&'static [f64; 7]> {
-    MAIN.iter().find(|(name, _)| *name == group).map(|(_, figures)| figures)
+pub fn main_figures(group: &str) -> Option<Figures> {
+    MAIN.iter().find(|(name, _)| *name == group).map(|(_, figures)| Figures::new(MAIN_COLUMNS, figures))
 }
 
 /// Figures of a row of the policy table.
-pub fn policy_figures(name: &str, policy: &str) -> Option<&'static [f64; 7]> {
-    POLICY.iter().find(|(n, p, _)| *n == name && *p == policy).map(|(_, _, figures)| figures)
+pub fn policy_figures(name: &str, policy: &str) -> Option<Figures> {
+    let row = POLICY.iter().find(|(n, p, _)| *n == name && *p == policy);
+    row.map(|(_, _, figures)| Figures::new(POLICY_COLUMNS, figures))
 }
 
 #[cfg(test)]

@@ -1,5 +1,8 @@
 //! The SafeBench tables.
 
+use super::Figures;
+use crate::scene::safebench::TrafficFamily;
+
 /// Label of the table that compares parents and evolved generators.
 pub const MAIN_LABEL: &str = "tab:carla-main-generator-evolution";
 /// The one ego of these tables, a learned policy.
@@ -16,19 +19,48 @@ pub struct Method {
     pub family: &'static str,
     /// Label of its table by round.
     pub rounds_label: &'static str,
-    /// Parent and evolved attack, ARS, CR and OS; then the changes: attack relative %, ARS, CR and OS in points; then
-    /// PF-Area@3 %.
-    pub main: [f64; 13],
+    /// In the order of `MAIN_COLUMNS`.
+    main: [f64; 13],
     rounds: &'static Rounds,
 }
+
+/// Metrics of the tables by round, in their order.
+const ROUND_METRICS: [&str; 3] = ["CR", "OS", "ARS"];
+/// Key of the column that averages over the traffic families.
+pub const AVERAGE: &str = "average";
+
+/// Columns of the main table, in its order.
+const MAIN_COLUMNS: [&str; 13] = [
+    "parent_attack",
+    "parent_ars",
+    "parent_cr",
+    "parent_os",
+    "evolved_attack",
+    "evolved_ars",
+    "evolved_cr",
+    "evolved_os",
+    "attack_change_pct",
+    "ars_change_pp",
+    "cr_change_pp",
+    "os_change_pp",
+    "pf_area_at_3_pct",
+];
 
 /// CR, OS, ARS; rounds 0 to 4; the eight traffic families in the paper's order and their average.
 type Rounds = [[[f64; 9]; 5]; 3];
 
 impl Method {
-    /// A row of the method's table by round: of CR, OS or ARS (0 to 2); `None` for a round that the paper does not have.
-    pub fn round(&self, metric: usize, round: usize) -> Option<&'static [f64; 9]> {
-        self.rounds.get(metric)?.get(round)
+    /// The method's row of the main table.
+    pub fn main_figures(&self) -> Figures {
+        Figures::new(MAIN_COLUMNS, &self.main)
+    }
+
+    /// A row of the method's table by round: of `CR`, `OS` or `ARS`; `None` for a round that the paper does not have.
+    pub fn round_figures(&self, metric: &str, round: usize) -> Option<Figures> {
+        let place = ROUND_METRICS.iter().position(|name| *name == metric)?;
+        let mut columns = [AVERAGE; 9];
+        columns.iter_mut().zip(TrafficFamily::ALL).for_each(|(column, family)| *column = family.name());
+        Some(Figures::new(columns, self.rounds.get(place)?.get(round)?))
     }
 }
 
@@ -184,7 +216,7 @@ mod tests {
     #[test]
     fn the_main_table_holds_the_first_and_the_last_round_and_their_differences() {
         for method in &METHODS {
-            let average = |metric: usize, round: usize| method.round(metric, round).unwrap()[8];
+            let average = |metric: usize, round: usize| method.rounds[metric][round][8];
             let m = &method.main;
             // Columns of the main table: attack, ARS, CR, OS; metrics by round: CR, OS, ARS.
             for (first, round) in [(0, 0), (4, ROUNDS - 1)] {
@@ -199,7 +231,8 @@ mod tests {
                 assert!((m[8 + column] - difference).abs() < 0.11, "{}: {difference}", method.name);
             }
             assert!((m[8] - 100.0 * (m[4] - m[0]) / m[0]).abs() < 0.6, "{}", method.name);
-            assert_eq!(method.round(0, ROUNDS), None);
+            assert_eq!(method.round_figures("CR", ROUNDS), None);
+            assert_eq!(method.round_figures("OS", 0).unwrap().under(AVERAGE), Some(average(1, 0)));
         }
     }
 }

@@ -3,45 +3,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
-use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
+use crate::harness::{files, home, named_folder, shared, skip};
 use evodrive::formats::xml_read::{Document, Element};
 use evodrive::formats::{Staging, commonroad, import_files, openscenario, scenarionet};
 use evodrive::kernel::Seed;
 use evodrive::scene::{Sample, Scene};
 use evodrive::synth::{FamilyOptions, SynthOptions, WorldKind, family_member, pool_member};
 
-#[allow(clippy::disallowed_methods)]
-fn named_folder(variable: &str) -> Option<PathBuf> {
-    std::env::var(variable).ok().map(PathBuf::from)
-}
-
-fn home() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-}
-
-/// CommonRoad's files and schema beside the repository, where they are.
-fn shared() -> PathBuf {
-    named_folder("EVODRIVE_SHARED").unwrap_or(home().join("../shared")).join("data/commonroad")
-}
-
 /// Scenes of the committed fixtures and of the CommonRoad files beside the repository, where there are any.
 fn recorded() -> Vec<Scene> {
     let fixtures = home().join("tests/fixtures");
-    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
-    for folder in [fixtures.join("commonroad"), fixtures.join("scenarionet"), shared()] {
-        let Ok(entries) = std::fs::read_dir(&folder) else {
-            eprintln!("skipped: no CommonRoad files in {}", folder.display());
-            continue;
-        };
-        let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-        paths.retain(|path| path.extension().is_some_and(|e| e == "xml" || e == "pkl"));
-        paths.sort();
-        let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
-        files.extend(paths.iter().map(|path| (name(path), std::fs::read(path).unwrap())));
-    }
+    let folders =
+        [fixtures.join("commonroad"), fixtures.join("scenarionet")].into_iter().chain(shared("data/commonroad"));
+    let mut files: Vec<(String, Vec<u8>)> = folders.flat_map(|folder| files(&folder, "")).collect();
+    files.retain(|(name, _)| name.ends_with(".xml") || name.ends_with(".pkl"));
     let scenes = import_files(&files).scenes;
     for format in ["commonroad-2018b", "commonroad-2020a", "scenarionet"] {
         assert!(scenes.iter().any(|scene| scene.origin.format == format), "no scene of {format}");
@@ -190,11 +168,7 @@ fn every_scene_has_an_openscenario_form() {
 
 #[test]
 fn commonroad_files_are_valid_by_the_schema() {
-    let schema = shared().join("XML_commonRoad_XSD.xsd");
-    if !schema.exists() {
-        eprintln!("skipped: no schema at {}", schema.display());
-        return;
-    }
+    let Some(schema) = shared("data/commonroad/XML_commonRoad_XSD.xsd") else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut files = Vec::new();
     for (number, (scene, staging)) in cases().iter().enumerate() {
@@ -203,7 +177,7 @@ fn commonroad_files_are_valid_by_the_schema() {
     }
     match Command::new("xmllint").arg("--noout").arg("--schema").arg(&schema).args(&files).output() {
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            eprintln!("skipped: xmllint is not installed (Debian: libxml2-utils)");
+            skip("xmllint is not installed (Debian: libxml2-utils)");
         }
         ran => {
             let ran = ran.unwrap();

@@ -1,37 +1,12 @@
 //! The quickstart as a user runs it: one root, twice; what a missing answer, a flipped byte and a kill do.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::OnceLock;
 
-fn evodrive() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_evodrive"));
-    command.current_dir(env!("CARGO_MANIFEST_DIR"));
-    command
-}
-
-struct Ran {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
-
-fn run(args: &[&str]) -> Ran {
-    let output = evodrive().args(args).output().expect("the binary runs");
-    Ran {
-        code: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
-        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
-    }
-}
-
-fn root_of(stdout: &str) -> String {
-    let last = stdout.lines().last().unwrap_or_default();
-    last.strip_prefix("root: ").unwrap_or_else(|| panic!("the last line is {last:?}")).to_string()
-}
+use crate::harness::{evodrive, folder_below, home, run, text};
 
 fn golden_root() -> String {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/quickstart.toml")).unwrap();
+    let text = text("golden/quickstart.toml");
     let golden: toml::Table = text.parse().unwrap();
     golden["root"].as_str().unwrap().to_string()
 }
@@ -39,19 +14,19 @@ fn golden_root() -> String {
 const QUICKSTART: &str = "experiments/quickstart.toml";
 
 /// One finished run, shared: tests that change something copy its folder.
-fn finished() -> &'static (tempfile::TempDir, PathBuf) {
+pub fn finished() -> &'static (tempfile::TempDir, PathBuf) {
     static RUN: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     RUN.get_or_init(|| {
         let out = tempfile::tempdir().unwrap();
         let ran = run(&["run", QUICKSTART, "--out", out.path().to_str().unwrap()]);
         assert_eq!(ran.code, 0, "{}", ran.stderr);
-        assert_eq!(root_of(&ran.stdout), golden_root(), "if this is meant, run .ci/bless and say why");
-        let folder = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+        assert_eq!(ran.root(), golden_root(), "if this is meant, run .ci/bless and say why");
+        let folder = folder_below(out.path());
         (out, folder)
     })
 }
 
-fn copied(to: &Path) -> PathBuf {
+pub fn copied(to: &Path) -> PathBuf {
     let from = &finished().1;
     let folder = to.join(from.file_name().unwrap());
     copy_dir(from, &folder);
@@ -76,7 +51,7 @@ fn the_debug_build_reaches_the_golden_root_and_reaches_it_again_from_its_folder(
     let dir = tempfile::tempdir().unwrap();
     let folder = copied(dir.path());
     let again = run(&["replay", folder.to_str().unwrap(), "--jobs", "1"]);
-    assert_eq!((again.code, root_of(&again.stdout)), (0, golden_root()), "{}", again.stderr);
+    assert_eq!((again.code, again.root()), (0, golden_root()), "{}", again.stderr);
     assert!(again.stderr.contains("rollouts: 0 simulated"), "{}", again.stderr);
 }
 
@@ -93,8 +68,7 @@ fn json_gives_one_object_with_root_and_result() {
 #[test]
 fn a_missing_answer_ends_with_its_own_exit_code_and_names_slot_role_and_nearest_exchange() {
     let dir = tempfile::tempdir().unwrap();
-    let cassette =
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("cassettes/quickstart.jsonl")).unwrap();
+    let cassette = text("cassettes/quickstart.jsonl");
     let lines: Vec<&str> = cassette.lines().collect();
     let gone = lines
         .iter()
@@ -153,7 +127,7 @@ fn a_run_cut_off_anywhere_is_resumed_to_the_same_root() {
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..(bytes.len() as f64 * share) as usize]).unwrap();
         let resumed = run(&["resume", folder.to_str().unwrap()]);
-        assert_eq!((resumed.code, root_of(&resumed.stdout)), (0, golden_root()), "{share}: {}", resumed.stderr);
+        assert_eq!((resumed.code, resumed.root()), (0, golden_root()), "{share}: {}", resumed.stderr);
     }
 }
 
@@ -172,9 +146,9 @@ fn a_run_that_is_killed_is_resumed_to_the_same_root() {
     while std::io::BufRead::read_line(&mut stderr, &mut line).unwrap() > 0 && !line.contains("epoch 0 of") {}
     child.kill().unwrap();
     child.wait().unwrap();
-    let folder = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+    let folder = folder_below(out.path());
     let resumed = run(&["resume", folder.to_str().unwrap()]);
-    assert_eq!((resumed.code, root_of(&resumed.stdout)), (0, golden_root()), "{}", resumed.stderr);
+    assert_eq!((resumed.code, resumed.root()), (0, golden_root()), "{}", resumed.stderr);
 }
 
 #[test]
@@ -207,7 +181,7 @@ fn the_result_matches_its_golden_text() {
         .lines()
         .filter(|l| !["root: ", "run folder: ", "report: "].iter().any(|p| l.starts_with(p)))
         .collect();
-    let golden = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/quickstart.txt")).unwrap();
+    let golden = text("golden/quickstart.txt");
     assert_eq!(kept.join("\n") + "\n", golden, "if this is meant, run .ci/bless and say why");
 }
 
@@ -268,7 +242,7 @@ fn the_tables_of_the_run_hold_its_result_with_intervals_and_what_is_missing() {
 
 #[test]
 fn help_texts_are_goldens() {
-    let golden = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/help.txt")).unwrap();
+    let golden = text("golden/help.txt");
     let mut text = run(&["--help"]).stdout;
     for command in
         ["run", "resume", "replay", "verify", "record", "lineage", "show", "fsck", "report", "table", "bench"]
@@ -362,7 +336,7 @@ fn scenes_that_cannot_be_exported_are_bad_input_and_leave_nothing() {
 #[test]
 fn unusable_experiments_are_bad_input_with_file_place_and_remedy() {
     let dir = tempfile::tempdir().unwrap();
-    let good = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(QUICKSTART)).unwrap();
+    let good = text(QUICKSTART);
     let cases = [
         ("missing field", good.replace("seed = 20261121", ""), "seed"),
         ("unknown field", good.replace("[split]", "[split]\nwidth = 3"), "width"),
@@ -382,7 +356,7 @@ fn unusable_experiments_are_bad_input_with_file_place_and_remedy() {
     for (name, text, word) in cases {
         let path = dir.path().join("broken.toml");
         std::fs::write(&path, text).unwrap();
-        let cassette = Path::new(env!("CARGO_MANIFEST_DIR")).join("cassettes/quickstart.jsonl");
+        let cassette = home().join("cassettes/quickstart.jsonl");
         let out = dir.path().join("runs");
         let ran = run(&[
             "run",

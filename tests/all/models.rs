@@ -3,39 +3,26 @@
 use evodrive::llm::{Cassette, ModelSpec, Request, ResponseFormat};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+
+use crate::harness::{Ran, evodrive, text};
 
 fn example() -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/live_example.toml")).unwrap()
+    text("experiments/live_example.toml")
 }
 
-struct Ran {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
-
-fn evodrive(dir: &Path, command: &str, experiment: &str, cassette: &str) -> Ran {
+/// A command with this text as its experiment; run folders and cassette below `dir`.
+fn with(dir: &Path, command: &str, experiment: &str, cassette: &str) -> Ran {
     let path = dir.join(format!("{command}.toml"));
     std::fs::write(&path, experiment).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_evodrive"))
-        .arg(command)
-        .arg(&path)
-        .args(["--no-report", "--out", dir.join("runs").to_str().unwrap()])
-        .args(["--cassette", dir.join(cassette).to_str().unwrap()])
-        .output()
-        .unwrap();
-    Ran {
-        code: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
-        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
-    }
+    let mut evodrive = evodrive();
+    evodrive.arg(command).arg(&path).args(["--no-report", "--out", dir.join("runs").to_str().unwrap()]);
+    Ran::of(evodrive.args(["--cassette", dir.join(cassette).to_str().unwrap()]))
 }
 
 #[test]
 fn the_example_is_read_and_without_a_recording_says_how_to_make_one() {
     let dir = tempfile::tempdir().unwrap();
-    let ran = evodrive(dir.path(), "run", &example(), "none.jsonl");
+    let ran = with(dir.path(), "run", &example(), "none.jsonl");
     assert_eq!(ran.code, 2, "{}", ran.stderr);
     assert!(
         ran.stderr.contains("none.jsonl") && ran.stderr.contains("to record it: evodrive record"),
@@ -48,7 +35,7 @@ fn the_example_is_read_and_without_a_recording_says_how_to_make_one() {
 #[test]
 fn recording_a_real_model_without_the_feature_names_it_and_the_command_that_builds_it() {
     let dir = tempfile::tempdir().unwrap();
-    let ran = evodrive(dir.path(), "record", &example(), "none.jsonl");
+    let ran = with(dir.path(), "record", &example(), "none.jsonl");
     assert_eq!(ran.code, 2, "{}", ran.stderr);
     for word in ["models.local.kind is \"openai_compatible\"", "cargo build --release --features live"] {
         assert!(ran.stderr.contains(word), "{word:?} is not in {}", ran.stderr);
@@ -68,7 +55,7 @@ fn settings_that_cannot_work_are_bad_input_with_their_place() {
     ];
     for (from, to, word) in cases {
         assert!(example().contains(from), "{from}");
-        let ran = evodrive(dir.path(), "run", &example().replacen(from, to, 1), "none.jsonl");
+        let ran = with(dir.path(), "run", &example().replacen(from, to, 1), "none.jsonl");
         assert_eq!(ran.code, 2, "{to}: {}", ran.stderr);
         assert!(ran.stderr.contains(word), "{word:?} is not in {}", ran.stderr);
         assert!(!ran.stderr.contains("sk-ant"), "{}", ran.stderr);
@@ -84,7 +71,7 @@ fn scripted_twin() -> String {
 #[test]
 fn every_build_replays_what_a_real_model_answered_and_its_result_says_so() {
     let dir = tempfile::tempdir().unwrap();
-    let recorded = evodrive(dir.path(), "record", &scripted_twin(), "twin.jsonl");
+    let recorded = with(dir.path(), "record", &scripted_twin(), "twin.jsonl");
     assert_eq!(recorded.code, 0, "{}", recorded.stderr);
     assert!(recorded.stdout.contains("proposals from: scripted; "), "{}", recorded.stdout);
     // The same answers, as if the real model had given them: prompts do not depend on who is asked.
@@ -98,7 +85,7 @@ fn every_build_replays_what_a_real_model_answered_and_its_result_says_so() {
         live.push(&request, exchange.bytes.clone()).unwrap();
     }
     live.save(&dir.path().join("live.jsonl"), "live").unwrap();
-    let replayed = evodrive(dir.path(), "run", &example(), "live.jsonl");
+    let replayed = with(dir.path(), "run", &example(), "live.jsonl");
     assert_eq!(replayed.code, 0, "{}", replayed.stderr);
     let said = "proposals from: openai_compatible (local, qwen2.5-coder-1.5b) as actor, repair; scripted as ";
     assert!(replayed.stdout.contains(said), "{}", replayed.stdout);

@@ -1,7 +1,8 @@
 //! Hypervolume, masks, ranks and gains against fronts whose answers were computed by other programs.
 
 use evodrive::archive::{hypervolume, non_dominated, non_dominated_with_copies, ranks};
-use std::path::PathBuf;
+
+use crate::harness::shared;
 
 /// One front with its known answers.
 #[derive(Default)]
@@ -34,7 +35,7 @@ fn check(case: &Case) {
 /// Reads the format described at the head of `fixtures/hypervolume/fronts.txt`.
 fn own_cases() -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    for line in include_str!("fixtures/hypervolume/fronts.txt").lines().filter(|line| !line.starts_with('#')) {
+    for line in include_str!("../fixtures/hypervolume/fronts.txt").lines().filter(|line| !line.starts_with('#')) {
         let words: Vec<&str> = line.split(' ').collect();
         let pair = || [words[1].parse().unwrap(), words[2].parse().unwrap()];
         if words[0] == "case" {
@@ -64,14 +65,6 @@ fn every_front_of_the_fixture_has_its_known_answers() {
     cases.iter().for_each(check);
 }
 
-#[allow(clippy::disallowed_methods)] // where the shared data lies is the developer's to say
-fn shared() -> PathBuf {
-    match std::env::var("EVODRIVE_SHARED") {
-        Ok(folder) => PathBuf::from(folder),
-        Err(_) => PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-    }
-}
-
 fn shared_case(value: &serde_json::Value) -> Case {
     let pair = |v: &serde_json::Value| [v[0].as_f64().unwrap(), v[1].as_f64().unwrap()];
     let flags = |v: &serde_json::Value| v.as_array().unwrap().iter().map(|b| b.as_bool().unwrap()).collect();
@@ -93,11 +86,8 @@ fn shared_case(value: &serde_json::Value) -> Case {
 
 #[test]
 fn every_shared_front_has_its_known_answers() {
-    let path = shared().join("cases/hypervolume.json");
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        println!("skipped: {} is not there", path.display());
-        return;
-    };
+    let Some(path) = shared("cases/hypervolume.json") else { return };
+    let text = std::fs::read_to_string(path).unwrap();
     let file: serde_json::Value = serde_json::from_str(&text).unwrap();
     let mut count = 0;
     for value in ["known", "cases"].iter().flat_map(|part| file[*part].as_array().unwrap()) {

@@ -1,8 +1,7 @@
 //! The car's law of motion and the replay of logs against traffic that was really recorded. The recordings are not part
 //! of the project; the tests say so when they are absent.
 
-use std::path::PathBuf;
-
+use crate::harness::{files, shared};
 use crate::kernel::num;
 use crate::scene::{AgentKind, DT_S, Sample, Scene, Track};
 use crate::sim::bicycle::{Car, DEFAULT_LIMITS};
@@ -15,21 +14,9 @@ const STEPS: usize = 20;
 const LEAD_STEPS: usize = 5;
 const CATCH_UP_S: f64 = 0.5;
 
-#[allow(clippy::disallowed_methods)]
 fn recorded(folder: &str, part_of_name: &str) -> Vec<Scene> {
-    let root = std::env::var("EVODRIVE_SHARED").map(PathBuf::from);
-    let root = root.unwrap_or_else(|_| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"));
-    let Ok(entries) = std::fs::read_dir(root.join("data").join(folder)) else {
-        println!("skipped: no folder data/{folder} in ../shared or EVODRIVE_SHARED");
-        return vec![];
-    };
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    paths.sort();
-    paths.retain(|path| path.to_string_lossy().contains(part_of_name));
-    let files: Vec<(String, Vec<u8>)> = paths
-        .iter()
-        .map(|p| (p.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(p).unwrap()))
-        .collect();
+    let Some(path) = shared(&format!("data/{folder}")) else { return vec![] };
+    let files = files(&path, part_of_name);
     let scenes = import_files(&files).scenes;
     assert!(!scenes.is_empty(), "no scene in the files *{part_of_name}* of data/{folder}");
     scenes

@@ -1,7 +1,6 @@
 //! CommonRoad import on written fixtures, on damaged ones, and on the recorded files where they are at hand.
 
-use std::path::PathBuf;
-
+use crate::harness::{files, shared, text};
 use evodrive::kernel::{Polyline, Vec2};
 use evodrive::scene::{AgentKind, LaneGraph, LightState, Scene, SceneFeatures, usable};
 use evodrive::{
@@ -10,36 +9,11 @@ use evodrive::{
 };
 
 fn fixture(name: &str) -> String {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/commonroad").join(name);
-    std::fs::read_to_string(path).unwrap()
+    text(&format!("tests/fixtures/commonroad/{name}"))
 }
 
 fn imported(name: &str) -> Imported {
     commonroad::import(name, fixture(name).as_bytes()).unwrap()
-}
-
-/// The shared data folder, if it is there.
-#[allow(clippy::disallowed_methods)]
-fn shared(folder: &str) -> Option<PathBuf> {
-    let root = std::env::var("EVODRIVE_SHARED").map(PathBuf::from);
-    let root = root.unwrap_or_else(|_| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"));
-    let path = root.join("data").join(folder);
-    if !path.is_dir() {
-        println!("skipped: no folder data/{folder} in ../shared or EVODRIVE_SHARED");
-        return None;
-    }
-    Some(path)
-}
-
-fn files(folder: &PathBuf, ending: &str) -> Vec<(String, Vec<u8>)> {
-    let mut files: Vec<(String, Vec<u8>)> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.to_string_lossy().ends_with(ending))
-        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
-        .collect();
-    files.sort();
-    files
 }
 
 #[test]
@@ -191,7 +165,7 @@ fn one_bad_file_stops_no_other_and_an_id_is_taken_once() {
 
 #[test]
 fn the_recorded_files_import_and_the_usable_ones_are_known() {
-    let Some(folder) = shared("commonroad") else { return };
+    let Some(folder) = shared("data/commonroad") else { return };
     let summary = import_files(&files(&folder, ".xml"));
     let mut usable_ids = vec![];
     for scene in &summary.scenes {

@@ -1,8 +1,8 @@
 //! The live client against servers that these tests write: both protocols, failures, the cap, and a whole recording.
-//! `cargo test --features live --test live`. Nothing leaves this machine.
-#![cfg(feature = "live")]
+//! `cargo test --features live --test all live::`. Nothing leaves this machine.
 #![allow(clippy::disallowed_methods)]
 
+use crate::harness::{self, Ran};
 use evodrive::llm::live::{Ledger, Live, RESPONSE_BYTES_MAX, Secret, Tokens, draw_seed};
 use evodrive::llm::{
     Cassette, ClientOptions, Completion, DrawSlot, IncompleteReplies, Message, Model, ModelError, ModelSpec, Request,
@@ -14,7 +14,6 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -423,8 +422,7 @@ fn the_request_that_could_exceed_the_cap_is_not_sent() {
 
 /// The example experiment, asking this server, made small.
 fn experiment(server: &Server, tokens_max: u64) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/live_example.toml");
-    let mut text = std::fs::read_to_string(path).unwrap();
+    let mut text = harness::text("experiments/live_example.toml");
     for (from, to) in [
         (
             "base_url = \"http://127.0.0.1:8080/v1\"",
@@ -471,13 +469,6 @@ struct Place {
     dir: tempfile::TempDir,
 }
 
-struct Ran {
-    code: i32,
-    root: String,
-    stdout: String,
-    stderr: String,
-}
-
 impl Place {
     fn new() -> Place {
         Place { dir: tempfile::tempdir().unwrap() }
@@ -488,17 +479,14 @@ impl Place {
     }
 
     fn evodrive(&self, args: &[&str], key: Option<&str>) -> Ran {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_evodrive"));
+        let mut command = harness::evodrive();
         command.args(args).env_remove("EVODRIVE_TEST_KEY");
         if let Some(key) = key {
             command.env("EVODRIVE_TEST_KEY", key);
         }
-        let output = command.output().unwrap();
-        let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
-        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!stdout.contains(KEY) && !stderr.contains(KEY), "{stderr}");
-        let root = stdout.lines().last().unwrap_or_default().to_string();
-        Ran { code: output.status.code().unwrap_or(-1), root, stdout, stderr }
+        let ran = Ran::of(&mut command);
+        assert!(!ran.stdout.contains(KEY) && !ran.stderr.contains(KEY), "{}", ran.stderr);
+        ran
     }
 
     /// `run` or `record` with this experiment.
@@ -511,7 +499,7 @@ impl Place {
     }
 
     fn run_folder(&self) -> PathBuf {
-        std::fs::read_dir(self.path("runs")).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap()
+        harness::folder_below(&self.path("runs"))
     }
 }
 
@@ -547,9 +535,9 @@ fn a_recorded_run_is_replayed_without_server_and_key_and_nothing_holds_the_key()
     let elsewhere = Place::new();
     bare.save(&elsewhere.path("cassette.jsonl"), "bare").unwrap();
     let replayed = elsewhere.carry_out("run", &experiment(&server, 1), None);
-    assert_eq!((replayed.code, &replayed.root), (0, &recorded.root), "{}", replayed.stderr);
+    assert_eq!((replayed.code, replayed.root()), (0, recorded.root()), "{}", replayed.stderr);
     let again = place.evodrive(&["verify", place.run_folder().to_str().unwrap()], None);
-    assert_eq!((again.code, &again.root), (0, &recorded.root), "{}", again.stderr);
+    assert_eq!((again.code, again.root()), (0, recorded.root()), "{}", again.stderr);
     assert_eq!(server.received().len(), asked, "a replay asks nobody");
 }
 
@@ -583,7 +571,7 @@ fn a_recording_that_met_its_cap_goes_on_where_it_stopped() {
     )
     .unwrap();
     let resumed = place.evodrive(&["resume", folder.to_str().unwrap()], Some(KEY));
-    assert_eq!((resumed.code, &resumed.root), (0, &expected.root), "{}", resumed.stderr);
+    assert_eq!((resumed.code, resumed.root()), (0, expected.root()), "{}", resumed.stderr);
     assert_eq!(server.received().len(), 2 * in_one_go, "nothing was asked twice");
     let cassettes = [&whole, &place].map(|p| std::fs::read(p.path("cassette.jsonl")).unwrap());
     assert!(cassettes[0] == cassettes[1], "the cassette is where it was asked for, and the same");
@@ -606,7 +594,7 @@ fn a_model_that_answers_prose_leaves_declined_attempts_and_a_run_that_replays() 
         recorded.stdout
     );
     let replayed = place.carry_out("run", &experiment(&server, 3_000_000), None);
-    assert_eq!((replayed.code, &replayed.root), (0, &recorded.root), "{}", replayed.stderr);
+    assert_eq!((replayed.code, replayed.root()), (0, recorded.root()), "{}", replayed.stderr);
 }
 
 #[test]

@@ -1,8 +1,7 @@
 //! ScenarioNet import: a hand-made scene in several pickle protocols, damaged ones, and nuScenes samples where they
 //! are at hand.
 
-use std::path::PathBuf;
-
+use crate::harness::{files, home, shared};
 use evodrive::kernel::{Polyline, Vec2};
 use evodrive::scene::{AgentKind, LaneGraph, LaneKind, LightState, SceneFeatures, usable};
 use evodrive::{
@@ -11,24 +10,11 @@ use evodrive::{
 };
 
 fn fixture(name: &str) -> Vec<u8> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/scenarionet").join(name);
-    std::fs::read(path).unwrap()
+    std::fs::read(home().join("tests/fixtures/scenarionet").join(name)).unwrap()
 }
 
 fn imported(name: &str) -> Imported {
     scenarionet::import(name, &fixture(name)).unwrap()
-}
-
-#[allow(clippy::disallowed_methods)]
-fn shared(folder: &str) -> Option<PathBuf> {
-    let root = std::env::var("EVODRIVE_SHARED").map(PathBuf::from);
-    let root = root.unwrap_or_else(|_| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"));
-    let path = root.join("data").join(folder);
-    if !path.is_dir() {
-        println!("skipped: no folder data/{folder} in ../shared or EVODRIVE_SHARED");
-        return None;
-    }
-    Some(path)
 }
 
 #[test]
@@ -130,13 +116,8 @@ fn what_a_scene_needs_and_does_not_find_is_named() {
 
 #[test]
 fn recorded_nuscenes_scenes_import_with_recovered_topology() {
-    let Some(folder) = shared("scenarionet_nuscenes") else { return };
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    paths.sort();
-    let files: Vec<(String, Vec<u8>)> = paths
-        .iter()
-        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(path).unwrap()))
-        .collect();
+    let Some(folder) = shared("data/scenarionet_nuscenes") else { return };
+    let files = files(&folder, "");
     let summary = import_files(&files);
     for left in &summary.left_out {
         println!("{} {}: {}", left.file, left.what, left.reason);

@@ -1,38 +1,16 @@
 //! SafeBench's own route and scenario files on the towns at hand.
 
-use std::path::PathBuf;
-
+use crate::harness::{files, shared};
 use evodrive::ego::Policy;
 use evodrive::formats::import_files;
 use evodrive::scene::safebench::{Stage, TrafficFamily};
 use evodrive::sim::{End, Intervention, Plant, rollout};
 
-/// All files of some folders below the shared data.
-#[allow(clippy::disallowed_methods)]
-fn files(folders: &[&str]) -> Option<Vec<(String, Vec<u8>)>> {
-    let root = std::env::var("EVODRIVE_SHARED").map(PathBuf::from);
-    let root = root.unwrap_or_else(|_| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"));
-    let mut found = Vec::new();
-    for folder in folders {
-        let folder = root.join("data").join(folder);
-        let Ok(entries) = std::fs::read_dir(&folder) else {
-            println!("skipped: no folder {} in ../shared or EVODRIVE_SHARED", folder.display());
-            return None;
-        };
-        let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).filter(|p| p.is_file()).collect();
-        paths.sort();
-        for path in paths {
-            let name = path.file_name().unwrap().to_string_lossy().into_owned();
-            found.push((name, std::fs::read(&path).unwrap()));
-        }
-    }
-    Some(found)
-}
-
 fn benchmark() -> Option<Vec<(String, Vec<u8>)>> {
     let mut folders = vec!["opendrive_carla".to_string(), "safebench/route/scenarios".to_string()];
     folders.extend((1..=8).map(|family| format!("safebench/route/scenario_0{family}_routes")));
-    files(&folders.iter().map(String::as_str).collect::<Vec<_>>())
+    let folders: Option<Vec<_>> = folders.iter().map(|folder| shared(&format!("data/{folder}"))).collect();
+    Some(folders?.iter().flat_map(|folder| files(folder, "")).collect())
 }
 
 #[test]

@@ -1,21 +1,13 @@
 //! OpenDRIVE import on the town and example networks where they are at hand.
 
-use std::path::PathBuf;
-
+use crate::harness::shared;
 use evodrive::formats::opendrive::read as opendrive;
 use evodrive::kernel::num;
 use evodrive::scene::{LaneGraph, Road};
 
-#[allow(clippy::disallowed_methods)]
-fn shared(path: &str) -> Option<Vec<u8>> {
-    let root = std::env::var("EVODRIVE_SHARED").map(PathBuf::from);
-    let root = root.unwrap_or_else(|_| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"));
-    let path = root.join("data").join(path);
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        println!("skipped: no file data/{} in ../shared or EVODRIVE_SHARED", path.display());
-    }
-    bytes
+/// A network beside the repository, if it is there.
+fn network(path: &str) -> Option<Vec<u8>> {
+    Some(std::fs::read(shared(&format!("data/{path}"))?).unwrap())
 }
 
 /// Share of the through lanes that lead on; largest gap and turn where one lane leads into the next.
@@ -38,7 +30,7 @@ fn joints(road: &Road) -> (f64, f64, f64) {
 #[test]
 fn the_towns_lanes_lead_into_each_other_without_gaps() {
     for town in ["Town01", "Town02", "Town_Safebench_Light"] {
-        let Some(bytes) = shared(&format!("opendrive_carla/{town}.xodr")) else { return };
+        let Some(bytes) = network(&format!("opendrive_carla/{town}.xodr")) else { return };
         let road = opendrive::road(town, &bytes).unwrap();
         let (leading, gap, turn) = joints(&road);
         println!("{town}: {} lanes, {leading:.3} lead on, gap {gap:.3} m, turn {turn:.3} rad", road.lanes.len());
@@ -50,7 +42,7 @@ fn the_towns_lanes_lead_into_each_other_without_gaps() {
 #[test]
 fn spirals_and_cubics_of_the_examples_join_up() {
     for name in ["e6mini", "fabriksgatan", "jolengatan"] {
-        let Some(bytes) = shared(&format!("openscenario/esmini/xodr/{name}.xodr")) else { return };
+        let Some(bytes) = network(&format!("openscenario/esmini/xodr/{name}.xodr")) else { return };
         let road = opendrive::road(name, &bytes).unwrap();
         let (leading, gap, turn) = joints(&road);
         println!("{name}: {} lanes, {leading:.3} lead on, gap {gap:.3} m, turn {turn:.3} rad", road.lanes.len());

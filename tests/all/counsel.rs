@@ -2,36 +2,14 @@
 //! them says.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::OnceLock;
 
+use crate::harness::{folder_below, run as evodrive, text};
 use serde_json::Value;
-
-struct Ran {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
-
-fn evodrive(args: &[&str]) -> Ran {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_evodrive"));
-    let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).args(args).output().expect("the binary runs");
-    Ran {
-        code: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
-        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
-    }
-}
-
-fn root_of(ran: &Ran) -> String {
-    assert_eq!(ran.code, 0, "{}", ran.stderr);
-    ran.stdout.lines().last().and_then(|line| line.strip_prefix("root: ")).expect("a root").to_string()
-}
 
 /// An experiment of this repository.
 fn own(name: &str) -> toml::Table {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments").join(name);
-    std::fs::read_to_string(path).unwrap().parse().unwrap()
+    text(&format!("experiments/{name}")).parse().unwrap()
 }
 
 /// LLM-Attacker's experiment with a few scenes, as `change` leaves it.
@@ -63,8 +41,8 @@ fn recorded() -> &'static (tempfile::TempDir, PathBuf, PathBuf, String) {
         let folder = tempfile::tempdir().unwrap();
         let file = experiment(folder.path(), |_| {});
         let out = folder.path().join("runs");
-        let root = root_of(&evodrive(&["record", file.to_str().unwrap(), "--out", out.to_str().unwrap()]));
-        let run = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+        let root = evodrive(&["record", file.to_str().unwrap(), "--out", out.to_str().unwrap()]).root();
+        let run = folder_below(&out);
         (folder, file, run, root)
     })
 }
@@ -144,10 +122,10 @@ fn a_counselled_run_has_one_root_for_any_number_of_threads_and_verifies() {
             jobs,
             "--no-report",
         ]);
-        assert_eq!(&root_of(&again), root, "{jobs} threads, nothing cached");
+        assert_eq!(&again.root(), root, "{jobs} threads, nothing cached");
     }
     for command in ["replay", "verify", "resume"] {
-        assert_eq!(&root_of(&evodrive(&[command, run.to_str().unwrap()])), root, "{command}");
+        assert_eq!(evodrive(&[command, run.to_str().unwrap()]).root(), *root, "{command}");
     }
 }
 
@@ -248,9 +226,9 @@ fn a_described_parent_is_composed_before_it_is_adopted_and_replays_to_the_same_r
     let file = described(folder.path(), |_| {});
     let out = folder.path().join("runs");
     let (file, out) = (file.to_str().unwrap(), out.to_str().unwrap());
-    let root = root_of(&evodrive(&["record", file, "--out", out]));
-    assert_eq!(root_of(&evodrive(&["run", file, "--out", out, "--jobs", "2"])), root);
-    let run = std::fs::read_dir(out).unwrap().map(|e| e.unwrap().path()).find(|p| p.is_dir()).unwrap();
+    let root = evodrive(&["record", file, "--out", out]).root();
+    assert_eq!(evodrive(&["run", file, "--out", out, "--jobs", "2"]).root(), root);
+    let run = folder_below(Path::new(out));
     let events = events(&run);
     let kinds: Vec<&str> = events.iter().map(|event| event["kind"].as_str().unwrap()).collect();
     assert_eq!(kinds[..5], ["opened", "composed", "composed", "composed", "parent"]);

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 fn files(folder: &str) -> Vec<PathBuf> {
-    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let dir = crate::harness::home().join(folder);
     let mut found: Vec<PathBuf> = std::fs::read_dir(dir)
         .unwrap()
         .map(|entry| entry.unwrap().path())
@@ -125,7 +125,7 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
 
 /// The message with which a changed copy of a file is refused.
 fn refused(file: &str, change: impl Fn(String) -> String) -> String {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    let text = crate::harness::text(file);
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("changed.toml");
     std::fs::write(&path, change(text)).unwrap();

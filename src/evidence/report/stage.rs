@@ -1,0 +1,26 @@
+//! What the report plays: rollouts, and the scenes in which they happened.
+
+use std::collections::BTreeMap;
+
+use crate::draw::{Actor, Contact, Drawing};
+
+/// Rollouts to play, and the scenes in which they happened.
+#[derive(Clone, Debug, Default)]
+pub struct Stage {
+    /// Scene id -> the scene as it was recorded.
+    pub scenes: BTreeMap<String, Drawing>,
+    pub rollouts: Vec<Playable>,
+}
+
+/// A rollout as what it changed: actors not named here move as recorded.
+#[derive(Clone, Debug)]
+pub struct Playable {
+    pub solution: String,
+    /// `parent`, `active`, `front`, ...
+    pub role: String,
+    pub scene: String,
+    pub changed: Vec<Actor>,
+    pub contact: Option<Contact>,
+    /// One line on how it ended.
+    pub caption: String,
+}

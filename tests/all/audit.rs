@@ -1,0 +1,159 @@
+//! The audit on the quickstart's record: sound as it is, and whatever is changed in it is found.
+
+use evodrive::evidence::{Gravity, RecordedRun, audit};
+use evodrive::kernel::Digest;
+use evodrive::objects::event::FrontPoint;
+use evodrive::objects::{Exit, Objectives, RouteDecision, SolutionId};
+use evodrive::store::{Transcript, read_events};
+use evodrive::world::drawn_by_monitor;
+
+use crate::harness::run;
+use crate::quickstart::{copied, finished};
+
+fn recorded() -> RecordedRun {
+    RecordedRun::read(&read_events(&finished().1.join("transcript.jsonl")).unwrap()).unwrap()
+}
+
+/// Place of the first attempt whose exit is the wanted one.
+fn first(run: &RecordedRun, wanted: impl Fn(&Exit) -> bool) -> usize {
+    run.attempts.iter().position(|attempt| wanted(&attempt.exit)).expect("an attempt with this exit")
+}
+
+fn evaluated(exit: &Exit) -> bool {
+    matches!(exit, Exit::Evaluated { .. })
+}
+
+fn accepted(exit: &Exit) -> bool {
+    exit.decision().is_some_and(|decision| decision.gates.any())
+}
+
+#[test]
+fn a_run_as_it_was_recorded_has_no_breach() {
+    let breaches: Vec<_> = audit(&recorded()).into_iter().filter(|f| f.gravity == Gravity::Breach).collect();
+    assert_eq!(breaches, []);
+    let told = run(&["fsck", finished().1.to_str().unwrap()]);
+    assert!(told.code == 0 && told.stdout.contains("audit:"), "{}", told.stdout);
+}
+
+#[test]
+fn a_run_that_stopped_after_any_event_has_no_breach() {
+    let events = read_events(&finished().1.join("transcript.jsonl")).unwrap();
+    for end in 1..events.len() {
+        let breaches: Vec<_> = audit(&RecordedRun::read(&events[..end]).unwrap());
+        assert!(breaches.iter().all(|f| f.gravity == Gravity::Remark), "{end} events: {breaches:?}");
+    }
+}
+
+type Change = fn(&mut RecordedRun);
+
+#[test]
+fn each_change_of_the_record_is_found_by_its_check() {
+    let cases: [(&str, &str, Change); 16] = [
+        ("continuity", "its hash is", |run| {
+            let place = first(run, evaluated);
+            if let Exit::Evaluated { candidate, .. } = &mut run.attempts[place].exit {
+                candidate.program.parameters.pop_first();
+            }
+        }),
+        ("continuity", "the parent is no first program", |run| run.parents[0].program.generation = 1),
+        ("continuity", "the active program after it", |run| run.settled[0].active = SolutionId::new("cat-idm/e99s0")),
+        ("continuity", "the program that was edited", |run| run.frozen[1].parent = SolutionId::new("cat-idm/e99s0")),
+        ("continuity", "admitted no program", |run| {
+            let place = first(run, |exit| exit.candidate().is_none());
+            let (lineage, epoch) = (run.attempts[place].lineage.clone(), run.attempts[place].epoch);
+            let settled = run.settled.iter_mut().find(|s| s.lineage == lineage && s.epoch == epoch).unwrap();
+            settled.promoted = Some(run.attempts[place].id.clone());
+        }),
+        ("epochs", "slots were frozen", |run| drop(run.attempts.remove(1))),
+        ("epochs", "frozen was", |run| run.attempts[0].parent_hash = Digest::of_bytes(b"another program")),
+        ("epochs", "its id is not that", |run| run.attempts[0].id = run.attempts[1].id.clone()),
+        ("epochs", "all gates passed", |run| {
+            let place = first(run, |exit| matches!(exit, Exit::Invalid { .. }));
+            if let Exit::Invalid { gates } = &mut run.attempts[place].exit {
+                gates.verdicts.iter_mut().for_each(|verdict| verdict.problems.clear());
+            }
+        }),
+        ("epochs", "the router decided otherwise", |run| {
+            let place = first(run, evaluated);
+            if let Exit::Evaluated { route, .. } = &mut run.attempts[place].exit {
+                route.decision = RouteDecision::Reject;
+            }
+        }),
+        ("result", "counts the exits", |run| run.result.as_mut().unwrap().exits.declined += 1),
+        ("labels", "are not the means", |run| {
+            let place = first(run, evaluated);
+            if let Exit::Evaluated { score, .. } = &mut run.attempts[place].exit {
+                score.objectives.realism -= 0.01;
+            }
+        }),
+        ("closed suite", "was not open to it", |run| {
+            let (place, closed) = (first(run, evaluated), run.opened.held_out_scenes[0].clone());
+            if let Exit::Evaluated { score, .. } = &mut run.attempts[place].exit {
+                score.scenes[0].scene = closed;
+            }
+        }),
+        ("front", "labels that no rollout gave it", |run| run.settled[0].front[0].objectives.attack += 0.01),
+        ("front", "dominates it", |run| {
+            let solution = run.settled[0].front[0].solution.clone();
+            run.settled[0].front.push(FrontPoint { solution, objectives: Objectives { attack: -1.0, realism: -1.0 } });
+        }),
+        ("result", "not its held-out labels", |run| {
+            run.result.as_mut().unwrap().lineages[0].evolved.objectives.attack += 0.05;
+        }),
+    ];
+    for (check, word, change) in cases {
+        let mut run = recorded();
+        change(&mut run);
+        let findings = audit(&run);
+        let found = findings.iter().find(|finding| finding.check == check && finding.what.contains(word));
+        assert!(found.is_some_and(|f| f.gravity == Gravity::Breach), "{check}, {word:?}: {findings:?}");
+    }
+}
+
+#[test]
+fn what_the_evaluator_would_have_turned_away_and_the_archive_accepted_is_a_remark() {
+    let mut run = recorded();
+    let before = audit(&run).len();
+    let monitored =
+        run.attempts.iter().filter(|a| a.exit.score().is_some() && a.exit.route().is_some_and(drawn_by_monitor));
+    let monitored = monitored.count() + 2;
+    let place = first(&run, accepted);
+    let drawn = |run: &mut RecordedRun, place: usize| {
+        let Exit::Evaluated { route, .. } = &mut run.attempts[place].exit else { panic!("evaluated") };
+        route.decision = RouteDecision::Audit;
+        route.reason = "audit: weak, drawn by the false-rejection monitor; attack 0.1 (needs 0.2)".into();
+    };
+    // A candidate that the archive refused was turned away rightly.
+    let refused = first(&run, |exit| evaluated(exit) && !accepted(exit) && !exit.route().is_some_and(drawn_by_monitor));
+    drawn(&mut run, refused);
+    assert_eq!(audit(&run).len(), before);
+    drawn(&mut run, place);
+    let findings = audit(&run);
+    let remark = findings.iter().find(|finding| finding.check == "monitor").expect("a remark");
+    assert_eq!(remark.gravity, Gravity::Remark);
+    assert!(remark.what.contains(run.attempts[place].id.as_str()), "{remark}");
+    assert!(remark.what.contains(&format!("1 of {monitored} candidates")), "{remark}");
+}
+
+#[test]
+fn fsck_finds_a_record_that_was_changed_and_chained_anew() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let path = folder.join("transcript.jsonl");
+    let events = read_events(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let mut transcript = Transcript::create(&path).unwrap();
+    let (last, before) = events.split_last().unwrap();
+    for event in before {
+        transcript.append(&event.kind, &event.body).unwrap();
+    }
+    let mut body = last.body.clone();
+    body["lineages"][0]["evolved"]["objectives"]["attack"] = 0.999.into();
+    transcript.seal(&body).unwrap();
+    transcript.flush().unwrap();
+    drop(transcript);
+    let told = run(&["fsck", folder.to_str().unwrap()]);
+    assert_eq!(told.code, 5, "{}", told.stdout);
+    assert!(told.stdout.contains("no damage found"), "the chain itself holds: {}", told.stdout);
+    assert!(told.stdout.contains("breach (result) cat-idm: "), "{}", told.stdout);
+}

@@ -1,0 +1,28 @@
+//! The tests of the library and its binary, in one program: linking one takes seconds and 60 MB. Alone are
+//! `architecture`, which reads sources only, `sim_allocations`, which replaces the allocator, and `skipped`.
+
+use evodrive::{ego, kernel, scene, sim};
+
+mod archive_hypervolume;
+mod audit;
+mod cassette;
+mod counsel;
+mod evaluation;
+mod experiments;
+mod families_gradient;
+mod families_isolation;
+mod harness;
+#[cfg(feature = "live")]
+mod live;
+mod models;
+mod quickstart;
+mod recorded_traffic;
+mod scene_commonroad;
+mod scene_export;
+mod scene_opendrive;
+mod scene_safebench;
+mod scene_scenarionet;
+mod scenes;
+mod simulator;
+mod snapshots;
+mod store_damage;

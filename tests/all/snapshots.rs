@@ -44,7 +44,12 @@ fn messages_of_typical_mistakes() {
     let mistakes: [(&str, Vec<String>); 7] = [
         ("a command that does not exist", vec!["frobnicate".into()]),
         ("an experiment file that does not exist", vec!["run".into(), "no/such/file.toml".into()]),
-        ("a family that does not exist", vec!["run".into(), at("family.toml"), "--out".into(), at("runs")]),
+        (
+            "a family that does not exist",
+            ["run", &at("family.toml"), "--out", &at("runs"), "--cassette", "cassettes/quickstart.jsonl"]
+                .map(String::from)
+                .to_vec(),
+        ),
         (
             "a cassette that is cut off",
             ["run", "experiments/quickstart.toml", "--out", &at("runs"), "--cassette", &at("cut.jsonl")]

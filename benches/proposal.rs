@@ -5,8 +5,8 @@
 use std::path::Path;
 
 use divan::counter::ItemsCount;
-use evodrive::experiment::Experiment;
 use evodrive::epoch::{Desk, Mode, Rollouts, Study, run};
+use evodrive::experiment::Experiment;
 use evodrive::kernel::Threads;
 use evodrive::llm::{Cassette, Replay};
 use evodrive::store::{Store, Transcript};

@@ -32,5 +32,5 @@ pub mod world;
 
 pub mod cli;
 pub mod epoch;
-pub mod experiment;
 pub mod evidence;
+pub mod experiment;

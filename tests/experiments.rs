@@ -189,7 +189,8 @@ const OWN: &str = "name = \"own\"\ndescribes = \"d\"\ncassette = \"own.jsonl\"\n
 #[test]
 fn a_file_stands_above_its_base_and_that_above_its_own() {
     let own = format!("base = \"mid/middle.toml\"\nbudget.slots = 3\n{OWN}");
-    let middle = "base = \"low.toml\"\nbudget = { slots = 5, epochs = 7 }\n[scenes]\nsource = \"files\"\npaths = [\"here\"]\n";
+    let middle =
+        "base = \"low.toml\"\nbudget = { slots = 5, epochs = 7 }\n[scenes]\nsource = \"files\"\npaths = [\"here\"]\n";
     let low = "base = \"evodrive:metadrive\"\n[split]\nevolution = { share = 0.5 }\n";
     let (dir, read) = based(&[("own.toml", &own), ("mid/middle.toml", middle), ("mid/low.toml", low)]);
     let experiment = read.unwrap();
@@ -207,7 +208,10 @@ fn circles_and_unknown_bases_are_refused_by_name() {
     let circle = based(&[("a.toml", "base = \"x/../b.toml\""), ("b.toml", "base = \"a.toml\"")]).1.unwrap_err();
     assert!(circle.contains("circle") && circle.contains("a.toml -> ") && circle.contains("b.toml -> "), "{circle}");
     let shipped = based(&[("a.toml", "base = \"evodrive:metadriv\"")]).1.unwrap_err();
-    assert!(shipped.contains("base is \"evodrive:metadriv\"") && shipped.contains("`evodrive:metadrive`?"), "{shipped}");
+    assert!(
+        shipped.contains("base is \"evodrive:metadriv\"") && shipped.contains("`evodrive:metadrive`?"),
+        "{shipped}"
+    );
     let absent = based(&[("a.toml", "base = \"nowhere.toml\"")]).1.unwrap_err();
     assert!(absent.contains("nowhere.toml"), "{absent}");
     let number = based(&[("a.toml", "base = 3")]).1.unwrap_err();
@@ -224,7 +228,8 @@ fn a_wrong_value_is_shown_with_the_file_that_holds_it() {
 
 /// The output of a command in a folder, and its exit code.
 fn evodrive(dir: &Path, args: &[&str]) -> (i32, String) {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_evodrive")).current_dir(dir).args(args).output().unwrap();
+    let output =
+        std::process::Command::new(env!("CARGO_BIN_EXE_evodrive")).current_dir(dir).args(args).output().unwrap();
     let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
     (output.status.code().unwrap_or(-1), text)
 }
@@ -275,17 +280,15 @@ fn init_fits_the_split_to_ones_own_scenes_and_the_experiment_runs() {
         assert_eq!(code, 0, "{args:?}: {text}");
         text
     };
-    std::fs::write(
-        dir.path().join("worlds.toml"),
-        format!("base = \"evodrive:metadrive\"\nscenes.count = 6\n{OWN}"),
-    )
-    .unwrap();
+    std::fs::write(dir.path().join("worlds.toml"), format!("base = \"evodrive:metadrive\"\nscenes.count = 6\n{OWN}"))
+        .unwrap();
     done(&["scenes", "generate", "worlds.toml", "--out", "mine.pool"]);
     done(&["init", "mine", "--scenes", "mine.pool"]);
     let experiment = read(&dir.path().join("mine.toml"));
     assert_eq!((experiment.split.held_out, experiment.split.window), (1, 5));
     let path = dir.path().join("mine.toml");
-    let text = std::fs::read_to_string(&path).unwrap().replace("epochs = 4", "epochs = 1").replace("slots = 6", "slots = 1");
+    let text =
+        std::fs::read_to_string(&path).unwrap().replace("epochs = 4", "epochs = 1").replace("slots = 6", "slots = 1");
     std::fs::write(&path, text).unwrap();
     let recorded = done(&["record", "mine.toml", "--no-report"]);
     let replayed = done(&["run", "mine.toml", "--no-report", "--jobs", "1"]);

@@ -270,11 +270,10 @@ fn the_tables_of_the_run_hold_its_result_with_intervals_and_what_is_missing() {
 fn help_texts_are_goldens() {
     let golden = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/help.txt")).unwrap();
     let mut text = run(&["--help"]).stdout;
-    for command in
-        [
-            "init", "run", "resume", "check", "verify", "record", "lineage", "show", "fsck", "report", "table", "options", "bench",
-        ]
-    {
+    for command in [
+        "init", "run", "resume", "check", "verify", "record", "lineage", "show", "fsck", "report", "table", "options",
+        "bench",
+    ] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }
     for command in ["import", "generate", "list", "show", "export", "stats"] {

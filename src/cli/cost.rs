@@ -118,8 +118,8 @@ fn sum(cost: &RunCost) -> Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::Experiment;
     use crate::epoch::{Clock, Desk, Meter, Mode, Rollouts};
+    use crate::experiment::Experiment;
     use crate::kernel::{Digest, Threads};
     use crate::llm::{Cassette, Replay};
     use crate::objects::FamilyName;

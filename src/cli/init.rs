@@ -35,6 +35,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let text = starter(&begun)?;
     store::write_atomic(&path, text.as_bytes())?;
     let shown = path.display();
-    let next = format!("evodrive record {shown}   # asks the models that it names and writes {}.jsonl\nevodrive run {shown}      # replays it: same root", options.name);
+    let next = format!(
+        "evodrive record {shown}   # asks the models that it names and writes {}.jsonl\nevodrive run {shown}      # replays it: same root",
+        options.name
+    );
     Ok(Answer::new(format!("{text}\nwritten to {shown}; next:\n{next}\n"), json!({"experiment": path, "text": text})))
 }

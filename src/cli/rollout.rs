@@ -41,7 +41,12 @@ pub struct Played {
 /// # Errors
 /// No such attempt, program or scene; a scene of the held-out suite while the run is unfinished; a rollout that comes
 /// out differently from its record.
-pub fn of_attempt(run: Option<&PathBuf>, attempt: &str, scenes: &[String], jobs: usize) -> Result<Vec<Played>, Failure> {
+pub fn of_attempt(
+    run: Option<&PathBuf>,
+    attempt: &str,
+    scenes: &[String],
+    jobs: usize,
+) -> Result<Vec<Played>, Failure> {
     let folder = RunFolder::find(run.map(PathBuf::as_path))?;
     let story = folder.story()?;
     let attempt = show::find(&story, attempt)?;

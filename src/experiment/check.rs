@@ -91,7 +91,9 @@ fn expanded(root: &Value, parts: &[Part]) -> Vec<Vec<Step>> {
 pub fn check(table: &Table) -> Result<(), OptionError> {
     let root = Value::Table(table.clone());
     let checker = Checker { root: &root, keys: keys().into_iter().map(|key| (parts(key.key), key)).collect() };
-    checker.visit(&mut Vec::new(), &root)?;
+    let in_range = |key: &Key, path: &[Step], value: &Value| key.range.check(&text(path), value);
+    checker.visit(&mut Vec::new(), &root, &in_range)?;
+    checker.visit(&mut Vec::new(), &root, &|key, path, value| checker.wanted(key, path, value))?;
     checker.missing()
 }
 
@@ -113,36 +115,39 @@ pub fn holds(table: &Table, path: &str) -> bool {
     at(&root, &steps).is_some()
 }
 
+/// What is asked of a key, its path and its value.
+type Judge<'j> = dyn Fn(&Key, &[Step], &Value) -> Result<(), OptionError> + 'j;
+
 struct Checker<'t> {
     root: &'t Value,
     keys: Vec<(Vec<Part>, Key)>,
 }
 
 impl Checker<'_> {
-    fn visit(&self, path: &mut Vec<Step>, value: &Value) -> Result<(), OptionError> {
+    /// Judges the value of every key below a path.
+    fn visit(&self, path: &mut Vec<Step>, value: &Value, judge: &Judge<'_>) -> Result<(), OptionError> {
         let begins = |parts: &[Part]| parts.len() >= path.len() && parts.iter().zip(&*path).all(|(p, s)| p.takes(s));
         let below: Vec<&(Vec<Part>, Key)> = self.keys.iter().filter(|(parts, _)| begins(parts)).collect();
         if let Some((_, key)) = below.iter().find(|(parts, _)| parts.len() == path.len()) {
-            key.range.check(&text(path), value)?;
-            return self.wanted(key, path, value);
+            return judge(key, path, value);
         }
         let next = below.first().and_then(|(parts, _)| parts.get(path.len()));
         match (value, next) {
             (_, None) => Err(self.unknown(path)),
             (Value::Array(items), Some(Part::EachIndex)) => {
-                items.iter().enumerate().try_for_each(|(i, item)| self.step(path, Step::Index(i), item))
+                items.iter().enumerate().try_for_each(|(i, item)| self.step(path, Step::Index(i), item, judge))
             }
             (_, Some(Part::EachIndex)) => Err(OptionError::new(text(path), shown(value), "a list of tables")),
             (Value::Table(table), _) => {
-                table.iter().try_for_each(|(name, item)| self.step(path, Step::Key(name.clone()), item))
+                table.iter().try_for_each(|(name, item)| self.step(path, Step::Key(name.clone()), item, judge))
             }
             (_, Some(_)) => Err(OptionError::new(text(path), shown(value), "a table")),
         }
     }
 
-    fn step(&self, path: &mut Vec<Step>, step: Step, value: &Value) -> Result<(), OptionError> {
+    fn step(&self, path: &mut Vec<Step>, step: Step, value: &Value, judge: &Judge<'_>) -> Result<(), OptionError> {
         path.push(step);
-        self.visit(path, value)?;
+        self.visit(path, value, judge)?;
         path.pop();
         Ok(())
     }

@@ -49,7 +49,12 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
         let name = place.name();
         if seen.contains(&name) || layers.len() == CHAIN_MAX {
             let chain = seen.join(" -> ");
-            return Err(problem(path, format!("its bases form a circle or a chain of more than {CHAIN_MAX} files: {chain} -> {name}; take one `base` out")));
+            return Err(problem(
+                path,
+                format!(
+                    "its bases form a circle or a chain of more than {CHAIN_MAX} files: {chain} -> {name}; take one `base` out"
+                ),
+            ));
         }
         let text = place.read()?;
         let mut table: Table = text.parse().map_err(|error: toml::de::Error| ExperimentError::File {
@@ -60,7 +65,8 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
         rebase(&mut table, &folder);
         if let Some(base) = base {
             let Value::String(base) = base else {
-                let error = OptionError::new("base", super::key::shown(&base), "the name of a file or of a shipped protocol");
+                let error =
+                    OptionError::new("base", super::key::shown(&base), "the name of a file or of a shipped protocol");
                 return Err(ExperimentError::Option { file: name, error });
             };
             next = Some((place.beside(&base, &name)?, folder.join(Path::new(&base).parent().unwrap_or(Path::new("")))));

@@ -1,10 +1,10 @@
 //! Every key of an experiment file, in the order in which a file is written: the one list behind the check and the page.
 
 use super::key::{Key, Need, Range};
+use crate::families;
 use crate::llm::client::{ANTHROPIC, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::scene::safebench::TrafficFamily;
 use crate::synth::WorldKind;
-use crate::families;
 use Need::{Always, Of, Optional, With, Without};
 use Range::{Above, Any, Name, Number, Pair, Text, Texts, Unshown, Whole, Wholes, Word, Words};
 
@@ -44,30 +44,28 @@ fn ego_names() -> Vec<String> {
 }
 
 fn study() -> Vec<Key> {
-    let mut keys = required(
-        vec![
-            ("name", "", "", Name, "Names the run folder."),
-            ("describes", "", "", Text(500), "One sentence for reports."),
-            ("seed", "", "", Whole(0, i64::MAX), "Root of every random stream."),
-            ("cassette", "", "", Text(1000), "File of the recorded answers, relative to the file that names it."),
-            ("split.held_out", "", "scenes", Whole(1, 100_000), "Scenes that stay closed until evolution is over."),
-            ("split.window", "", "scenes", Whole(1, 100_000), "Scenes of the rotating development window of an epoch."),
-            ("budget.epochs", "T", "epochs", Whole(1, 1000), "Epochs of each lineage."),
-            ("budget.slots", "K", "proposals", Whole(1, 1000), "Parallel proposals of an epoch."),
-            ("budget.max_repair_rounds", "K_r", "rounds", Whole(0, 8), "Times that a proposal may be repaired."),
-            ("budget.probe_scenes", "", "scenes", Whole(1, 1000), "Scenes on which the compile gate tries a program."),
-            (
-                "budget.finalists",
-                "",
-                "programs",
-                Whole(1, 1000),
-                "Accepted descendants that are measured on all evolution scenes before one is chosen.",
-            ),
-            ("lineage[].id", "", "", Name, "Names the lineage."),
-            ("lineage[].family", "b", "", Word(family_names), "The source family that is evolved."),
-            ("lineage[].ego", "", "", Word(ego_names), "The driver under test."),
-        ],
-    );
+    let mut keys = required(vec![
+        ("name", "", "", Name, "Names the run folder."),
+        ("describes", "", "", Text(500), "One sentence for reports."),
+        ("seed", "", "", Whole(0, i64::MAX), "Root of every random stream."),
+        ("cassette", "", "", Text(1000), "File of the recorded answers, relative to the file that names it."),
+        ("split.held_out", "", "scenes", Whole(1, 100_000), "Scenes that stay closed until evolution is over."),
+        ("split.window", "", "scenes", Whole(1, 100_000), "Scenes of the rotating development window of an epoch."),
+        ("budget.epochs", "T", "epochs", Whole(1, 1000), "Epochs of each lineage."),
+        ("budget.slots", "K", "proposals", Whole(1, 1000), "Parallel proposals of an epoch."),
+        ("budget.max_repair_rounds", "K_r", "rounds", Whole(0, 8), "Times that a proposal may be repaired."),
+        ("budget.probe_scenes", "", "scenes", Whole(1, 1000), "Scenes on which the compile gate tries a program."),
+        (
+            "budget.finalists",
+            "",
+            "programs",
+            Whole(1, 1000),
+            "Accepted descendants that are measured on all evolution scenes before one is chosen.",
+        ),
+        ("lineage[].id", "", "", Name, "Names the lineage."),
+        ("lineage[].family", "b", "", Word(family_names), "The source family that is evolved."),
+        ("lineage[].ego", "", "", Word(ego_names), "The driver under test."),
+    ]);
     keys.extend(table(
         || Optional,
         vec![
@@ -107,7 +105,13 @@ fn study() -> Vec<Key> {
     ));
     keys.extend(table(
         || Optional,
-        vec![("composition.descriptions.*", "", "", Text(2000), "What is to happen in this kind of scenario, in prose.")],
+        vec![(
+            "composition.descriptions.*",
+            "",
+            "",
+            Text(2000),
+            "What is to happen in this kind of scenario, in prose.",
+        )],
     ));
     keys
 }
@@ -196,13 +200,7 @@ fn worlds() -> Vec<Row> {
             Above(0.0, 120.0),
             "Time between the ego and the interacting vehicle at the same place, at most.",
         ),
-        (
-            "scenes.options.interaction_gap_m_max",
-            "",
-            "m",
-            Above(0.0, 1000.0),
-            "Smallest gap between the two, at most.",
-        ),
+        ("scenes.options.interaction_gap_m_max", "", "m", Above(0.0, 1000.0), "Smallest gap between the two, at most."),
         ("scenes.options.attempts_max", "", "attempts", Whole(1, 1000), "Sub-seeds that are tried for a scene."),
     ]
 }
@@ -313,13 +311,7 @@ fn client() -> Vec<Row> {
             Word(|| words(["keep", "stop"])),
             "Refused, empty or cut answers: kept as unusable replies, or the end of the recording.",
         ),
-        (
-            "models.*.client.input_usd_per_million",
-            "",
-            "USD per million tokens",
-            Number(0.0, 1e6),
-            "Price of a prompt.",
-        ),
+        ("models.*.client.input_usd_per_million", "", "USD per million tokens", Number(0.0, 1e6), "Price of a prompt."),
         (
             "models.*.client.output_usd_per_million",
             "",

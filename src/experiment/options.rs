@@ -157,7 +157,6 @@ impl Experiment {
             SceneSource::Files { paths } => paths.clear(),
             SceneSource::Pool { path } => *path = PathBuf::new(),
         }
-        Digest::of("evodrive/experiment/1", &content)
-            .map_err(|error| self.problem(error))
+        Digest::of("evodrive/experiment/1", &content).map_err(|error| self.problem(error))
     }
 }

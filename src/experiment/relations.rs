@@ -26,8 +26,7 @@ impl From<OptionError> for Problem {
 /// Checks what the list of keys cannot say.
 pub fn check(experiment: &Experiment) -> Result<(), Problem> {
     lineages(experiment)?;
-    let asides =
-        [(Role::AttackerAgent, counselled(experiment)?), (Role::TemplateAgent, composes(experiment)?)];
+    let asides = [(Role::AttackerAgent, counselled(experiment)?), (Role::TemplateAgent, composes(experiment)?)];
     let always = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
     for role in always.chain(asides.into_iter().filter_map(|(role, asked)| asked.then_some(role))) {
         named_model(experiment, role)?;
@@ -52,7 +51,12 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
     for (i, lineage) in experiment.lineages.iter().enumerate() {
         let id = lineage.id.as_str();
         if !seen.insert(id) {
-            return Err(OptionError::new(format!("lineage[{i}].id"), format!("{id:?}"), "an id that no other lineage has").into());
+            return Err(OptionError::new(
+                format!("lineage[{i}].id"),
+                format!("{id:?}"),
+                "an id that no other lineage has",
+            )
+            .into());
         }
         let place = format!("lineage[{i}].ego");
         let unfit = |error| OptionError::new(place, format!("{:?}", lineage.ego), format!("a driver ({error})"));
@@ -89,9 +93,15 @@ fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
         (Some(lineage), None) => Err(OptionError::new(
             "counsel",
             "missing",
-            format!("a table with rounds and vehicles, because {} takes counsel, and a model for roles.{}", lineage.id, role.name()),
+            format!(
+                "a table with rounds and vehicles, because {} takes counsel, and a model for roles.{}",
+                lineage.id,
+                role.name()
+            ),
         )),
-        (None, Some(_)) => Err(OptionError::new("counsel", "given", "nothing: no lineage's family takes counsel; take [counsel] out")),
+        (None, Some(_)) => {
+            Err(OptionError::new("counsel", "given", "nothing: no lineage's family takes counsel; take [counsel] out"))
+        }
         (None, None) if experiment.roles.contains_key(&role) => Err(OptionError::new(
             format!("roles.{}", role.name()),
             "given",

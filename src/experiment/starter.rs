@@ -43,7 +43,9 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
         name = starter.name
     );
     if takes_counsel(&family) {
-        text.push_str("counsel = { rounds = 3, vehicles = 8 }   # sets of attackers tried in a scene, vehicles shown\n");
+        text.push_str(
+            "counsel = { rounds = 3, vehicles = 8 }   # sets of attackers tried in a scene, vehicles shown\n",
+        );
         text.push_str("roles.attacker_agent = \"scripted\"\n");
     }
     if takes_templates(&family) {

@@ -6,13 +6,23 @@ use std::path::Path;
 
 /// Whole experiments that together hold every kind of table.
 fn whole() -> Vec<Table> {
-    let shipped = ["metadrive/llm_attacker-idm", "metadrive/sage-idm", "safebench/chatscene-idm", "live_example", "recorded_traffic"];
+    let shipped = [
+        "metadrive/llm_attacker-idm",
+        "metadrive/sage-idm",
+        "safebench/chatscene-idm",
+        "live_example",
+        "recorded_traffic",
+    ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
     let mut all: Vec<Table> =
         shipped.iter().map(|name| crate::experiment::composed(&path(name)).unwrap().table).collect();
     let mut pool = all[4].clone();
-    pool.insert("scenes".into(), toml::toml! { source = "pool"
-        path = "my.pool" }.into());
+    pool.insert(
+        "scenes".into(),
+        toml::toml! { source = "pool"
+        path = "my.pool" }
+        .into(),
+    );
     all.push(pool);
     all
 }
@@ -43,7 +53,13 @@ fn wrong(range: &Range) -> Vec<Value> {
             values.extend(most.checked_add(1).map(Value::Integer));
         }
         Range::Number(least, most) => {
-            values.extend([(least - 1e-6).into(), (most * 1.1 + 1e-6).into(), f64::NAN.into(), f64::INFINITY.into(), "1".into()]);
+            values.extend([
+                (least - 1e-6).into(),
+                (most * 1.1 + 1e-6).into(),
+                f64::NAN.into(),
+                f64::INFINITY.into(),
+                "1".into(),
+            ]);
         }
         Range::Above(least, most) => values.extend([(*least).into(), (most * 1.1).into(), f64::NAN.into(), "1".into()]),
         Range::Text(most) => values.extend(["".into(), "x".repeat(most + 1).into(), 1.into()]),
@@ -55,7 +71,9 @@ fn wrong(range: &Range) -> Vec<Value> {
             values.extend([vec![1].into(), vec![""].into()]);
             values.extend((!empty).then(|| Value::Array(vec![])));
         }
-        Range::Wholes(least, most) => values.extend([Value::Array(vec![]), vec![least - 1].into(), vec![most + 1].into()]),
+        Range::Wholes(least, most) => {
+            values.extend([Value::Array(vec![]), vec![least - 1].into(), vec![most + 1].into()])
+        }
         Range::Pair(least, below) => values.extend([vec![*least].into(), vec![*least, *below].into()]),
         Range::Any => values.clear(),
     }
@@ -140,7 +158,10 @@ fn words_are_refused_with_the_nearest_one() {
 #[test]
 fn what_another_option_leaves_unread_is_refused() {
     let count = refused(|table| drop(table["scenes"].as_table_mut().unwrap().insert("count".into(), 3.into())));
-    assert_eq!(count, "scenes.count is 3, expected nothing: it belongs to scenes.source = synth, and that is \"files\"");
+    assert_eq!(
+        count,
+        "scenes.count is 3, expected nothing: it belongs to scenes.source = synth, and that is \"files\""
+    );
     let table = refused(|table| drop(table.insert("budget".into(), 3.into())));
     assert_eq!(table, "budget is 3, expected a table");
     let list = refused(|table| drop(table.insert("lineage".into(), "cat".into())));

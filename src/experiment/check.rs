@@ -94,7 +94,19 @@ pub fn check(table: &Table) -> Result<(), OptionError> {
     let in_range = |key: &Key, path: &[Step], value: &Value| key.range.check(&text(path), value);
     checker.visit(&mut Vec::new(), &root, &in_range)?;
     checker.visit(&mut Vec::new(), &root, &|key, path, value| checker.wanted(key, path, value))?;
-    checker.missing()
+    checker.missing()?;
+    one_form(&root)
+}
+
+/// `split.evolution` is written in one of its two forms.
+fn one_form(root: &Value) -> Result<(), OptionError> {
+    let evolution = root.get("split").and_then(|split| split.get("evolution"));
+    let found = match evolution {
+        Some(Value::Table(forms)) if forms.len() == 1 => return Ok(()),
+        Some(value) => shown(value),
+        None => "missing".to_string(),
+    };
+    Err(OptionError::new("split.evolution", found, "`{ count = 240 }` or `{ share = 1.0 }`, one of the two"))
 }
 
 /// The values of one key in a table, in the order of the file.

@@ -169,6 +169,15 @@ fn what_another_option_leaves_unread_is_refused() {
 }
 
 #[test]
+fn the_size_of_evolution_has_one_form() {
+    let both =
+        refused(|table| drop(table["split"]["evolution"].as_table_mut().unwrap().insert("count".into(), 3.into())));
+    assert!(both.starts_with("split.evolution is {") && both.ends_with("one of the two"), "{both}");
+    let none = refused(|table| drop(table["split"].as_table_mut().unwrap().remove("evolution")));
+    assert!(none.starts_with("split.evolution is missing, expected `{ count"), "{none}");
+}
+
+#[test]
 fn a_key_in_the_wrong_place_is_not_repeated() {
     let mut table = whole().remove(3);
     table["models"]["claude"]["client"]["api_key_env"] = vec!["sk-secret"].into();

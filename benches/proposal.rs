@@ -5,8 +5,8 @@
 use std::path::Path;
 
 use divan::counter::ItemsCount;
-use evodrive::cli::{experiment::Experiment, inputs};
 use evodrive::epoch::{Desk, Mode, Rollouts, Study, run};
+use evodrive::experiment::Experiment;
 use evodrive::kernel::Threads;
 use evodrive::llm::{Cassette, Replay};
 use evodrive::store::{Store, Transcript};
@@ -28,10 +28,10 @@ fn proposals_with_everything_recorded(bencher: divan::Bencher<'_, '_>) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
     let threads = Threads::new(1).expect("a thread");
     let experiment = Experiment::read(&file).expect("the experiment");
-    let scenes = inputs::scenes(&experiment, &file, &[], &threads).expect("scenes");
+    let scenes = experiment.scenes(&[], &threads).expect("scenes");
     let cassette = Cassette::load(&file.with_file_name("../cassettes/quickstart.jsonl")).expect("the cassette");
     let replay = Replay::new(cassette, "");
-    let study = inputs::study(&experiment, scenes, &replay, &threads).expect("the study");
+    let study = experiment.study(scenes, &replay, &threads).expect("the study");
     let folder = tempfile::tempdir().expect("a scratch folder");
     let store = Store::open(folder.path()).expect("a store");
     let rollouts = Rollouts::new(&store, Mode::Reuse);

@@ -73,9 +73,10 @@
 //! - [`world`]: the world evaluator: predicts scores before a rollout and routes candidates. It never labels.
 //!
 //! Conduct: what runs the stages, and what people see of it.
-//! - [`cli`]: arguments, experiment files, and one file a command.
+//! - [`cli`]: arguments, and one file a command.
 //! - [`epoch`]: the epochs of a run: the state, the frozen snapshot, the workers and the serial acceptor.
 //! - [`evidence`]: from recorded runs to the report and the tables.
+//! - [`experiment`]: reads, checks and resolves experiment files, their scenes and their models.
 
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod kernel;
@@ -124,6 +125,7 @@ pub mod world;
 pub mod cli;
 pub mod epoch;
 pub mod evidence;
+pub mod experiment;
 
 // Compiles and runs the programs of the page with `cargo test --doc`.
 #[cfg(doctest)]

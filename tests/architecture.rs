@@ -33,6 +33,10 @@ const TABLE: &[(&str, &str)] = &[
         "epoch",
         "kernel store scene sim ego objects llm adapters families stage compiler agents candidates world evaluation archive lineage memory",
     ),
+    (
+        "experiment",
+        "kernel store scene formats synth ego objects llm adapters families agents world evaluation archive memory epoch",
+    ),
     ("evidence", "kernel store scene draw sim objects evaluation archive lineage memory world"),
     ("cli", "*"),
 ];

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{bench, fsck, lineage, report, run, scenes, show, table};
+use super::{bench, fsck, init, lineage, options, report, run, scenes, show, table};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
@@ -17,18 +17,24 @@ pub struct Arguments {
     /// Print one JSON object on stdout instead of text.
     #[arg(long, global = true)]
     pub json: bool,
+    /// Worker threads; 0 = one a core. Never changes a result.
+    #[arg(long, global = true, default_value_t = 0)]
+    pub jobs: usize,
     #[command(subcommand)]
     pub command: Command,
 }
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Write a short experiment file for scenes of your own.
+    Init(init::Options),
     /// Carry an experiment out from its cassette; the same command again gives the same root.
     Run(RunArgs),
     /// Go on with a run that was interrupted.
     Resume(FolderArgs),
     /// Derive a finished run again from its recorded answers and rollouts, and compare every event.
-    Replay(FolderArgs),
+    #[command(alias = "replay")]
+    Check(FolderArgs),
     /// Derive a finished run again and simulate every rollout again.
     Verify(FolderArgs),
     /// Ask the experiment's models and write its cassette.
@@ -47,6 +53,8 @@ pub enum Command {
     Report(report::Options),
     /// Print one of the paper's tables from recorded runs, with intervals and the paper's numbers beside ours.
     Table(table::Options),
+    /// Print every key of an experiment file: symbol, unit, range, values in the shipped protocols, meaning.
+    Options,
     /// Measure speed.
     #[command(subcommand)]
     Bench(bench::Command),
@@ -56,9 +64,6 @@ pub enum Command {
 pub struct RunArgs {
     /// Experiment file, e.g. experiments/quickstart.toml.
     pub experiment: PathBuf,
-    /// Worker threads; 0 = one a core. Never changes a result.
-    #[arg(long, default_value_t = 0)]
-    pub jobs: usize,
     /// Folder for run folders.
     #[arg(long, default_value = "runs")]
     pub out: PathBuf,
@@ -86,26 +91,25 @@ pub struct RecordArgs {
 pub struct FolderArgs {
     /// Run folder; without it the latest one below runs/.
     pub run: Option<PathBuf>,
-    /// Worker threads; 0 = one a core. Never changes a result.
-    #[arg(long, default_value_t = 0)]
-    pub jobs: usize,
 }
 
 impl Command {
-    pub fn run(self) -> Result<Answer, Failure> {
+    pub fn run(self, jobs: usize) -> Result<Answer, Failure> {
         match self {
-            Command::Run(args) => run::run(&args),
-            Command::Resume(args) => run::resume(&args),
-            Command::Replay(args) => run::replay(&args),
-            Command::Verify(args) => run::verify(&args),
-            Command::Record(args) => run::record(&args),
-            Command::Scenes(command) => scenes::run(command),
+            Command::Init(options) => init::run(&options, jobs),
+            Command::Options => Ok(options::run()),
+            Command::Run(args) => run::run(&args, jobs),
+            Command::Resume(args) => run::resume(&args, jobs),
+            Command::Check(args) => run::check(&args, jobs),
+            Command::Verify(args) => run::verify(&args, jobs),
+            Command::Record(args) => run::record(&args, jobs),
+            Command::Scenes(command) => scenes::run(command, jobs),
             Command::Lineage(options) => lineage::run(&options),
             Command::Show(options) => show::run(&options),
             Command::Fsck(options) => fsck::run(&options),
-            Command::Report(options) => report::run(&options),
+            Command::Report(options) => report::run(&options, jobs),
             Command::Table(options) => table::run(&options),
-            Command::Bench(command) => bench::run(command),
+            Command::Bench(command) => bench::run(command, jobs),
         }
     }
 }

@@ -7,11 +7,11 @@ use std::time::Duration;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::inputs;
 use std::sync::Arc;
 
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
+use crate::experiment::read_scenes;
 use crate::families;
 use crate::kernel::{Seed, Threads, num};
 use crate::objects::FamilyName;
@@ -29,17 +29,14 @@ pub struct SimOptions {
     /// A pool or scenario files.
     #[arg(long, num_args = 1.., required = true)]
     pub pool: Vec<PathBuf>,
-    /// Worker threads.
-    #[arg(long, default_value_t = 1)]
-    pub threads: usize,
     /// How often the whole pool is rolled out; the figures are medians.
     #[arg(long, default_value_t = 5)]
     pub repeats: usize,
 }
 
-pub fn run(command: Command) -> Result<Answer, Failure> {
+pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
     match command {
-        Command::Sim(options) => sim(&options),
+        Command::Sim(options) => sim(&options, jobs),
     }
 }
 
@@ -51,12 +48,9 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
     (result, start.elapsed())
 }
 
-fn sim(options: &SimOptions) -> Result<Answer, Failure> {
-    let threads = Threads::new(options.threads).map_err(Failure::internal)?;
-    let (pool, reading) = timed(|| match options.pool.as_slice() {
-        [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one),
-        paths => inputs::import(paths, &threads),
-    });
+fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
+    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let (pool, reading) = timed(|| read_scenes(&options.pool, &threads));
     // Shared, not copied: a pool is in memory once.
     let scenes: Vec<Arc<Scene>> = pool?.scenes.into_iter().map(Arc::new).collect();
     let ego = Policy::Idm;

@@ -118,8 +118,8 @@ fn sum(cost: &RunCost) -> Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::{experiment::Experiment, inputs};
     use crate::epoch::{Clock, Desk, Meter, Mode, Rollouts};
+    use crate::experiment::Experiment;
     use crate::kernel::{Digest, Threads};
     use crate::llm::{Cassette, Replay};
     use crate::objects::FamilyName;
@@ -166,10 +166,10 @@ mod tests {
         experiment.budget.epochs = 1;
         experiment.budget.finalists = 1;
         let threads = Threads::new(2).unwrap();
-        let scenes = inputs::scenes(&experiment, &file, &[], &threads).unwrap();
+        let scenes = experiment.scenes(&[], &threads).unwrap();
         let cassette = Cassette::load(&file.parent().unwrap().join(&experiment.cassette)).unwrap();
         let replay = Replay::new(cassette, "");
-        let mut study = inputs::study(&experiment, scenes, &replay, &threads).unwrap();
+        let mut study = experiment.study(scenes, &replay, &threads).unwrap();
         study.meter = clock.map(Meter::new).unwrap_or_default();
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(&dir.path().join("store")).unwrap();

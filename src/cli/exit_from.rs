@@ -4,6 +4,7 @@ use super::exit::Failure;
 use crate::agents::AgentError;
 use crate::epoch::RunError;
 use crate::evaluation::{CacheError, EvaluationError};
+use crate::experiment::ExperimentError;
 use crate::llm::{AskError, CassetteError};
 use crate::store::StoreError;
 
@@ -31,6 +32,15 @@ impl From<CassetteError> for Failure {
     fn from(error: CassetteError) -> Failure {
         match &error {
             CassetteError::Damaged { .. } => Failure::corruption(error),
+            _ => Failure::bad_input(error),
+        }
+    }
+}
+
+impl From<ExperimentError> for Failure {
+    fn from(error: ExperimentError) -> Failure {
+        match &error {
+            ExperimentError::Store(store) => of_store(store),
             _ => Failure::bad_input(error),
         }
     }

@@ -9,6 +9,7 @@ use super::answer::Answer;
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
 use crate::evidence::{Gravity, audit};
+use crate::experiment;
 use crate::llm::Cassette;
 use crate::store;
 
@@ -39,8 +40,8 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         if let Err(error) = Cassette::load(&folder.cassette()) {
             others.push(error.to_string());
         }
-        if let Err(failure) = super::inputs::read_pool(&folder.pool()) {
-            others.push(failure.message);
+        if let Err(error) = experiment::read_pool(&folder.pool()) {
+            others.push(error.to_string());
         }
     }
     for damage in &damages {

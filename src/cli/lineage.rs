@@ -8,6 +8,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::evidence::lineage_text;
+use crate::experiment::did_you_mean;
 use crate::objects::{LineageId, program_diff};
 
 #[derive(Debug, Args)]
@@ -27,10 +28,11 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         Some(name) => match all.iter().find(|id| id.as_str() == name) {
             Some(id) => vec![id.clone()],
             None => {
-                let known: Vec<&str> = all.iter().map(LineageId::as_str).collect();
+                let known: Vec<String> = all.iter().map(LineageId::to_string).collect();
                 return Err(Failure::bad_input(format!(
-                    "no lineage `{name}` in this run; there are {}",
-                    known.join(", ")
+                    "no lineage `{name}` in this run; there are {}{}",
+                    known.join(", "),
+                    did_you_mean(name, &known)
                 )));
             }
         },

@@ -1,4 +1,4 @@
-//! The command line: arguments and experiment files to each room's options, one file a command.
+//! The command line: arguments to each room's options, one file a command.
 
 mod answer;
 mod args;
@@ -6,12 +6,13 @@ mod bench;
 mod cost;
 mod exit;
 mod exit_from;
-pub mod experiment;
 mod folder;
 mod fsck;
-pub mod inputs;
+mod init;
 mod lineage;
 mod models;
+mod moving_line;
+mod options;
 mod playables;
 mod report;
 mod result_text;
@@ -40,7 +41,7 @@ pub fn main() -> ExitCode {
         }
     };
     let json = arguments.json;
-    match arguments.command.run() {
+    match arguments.command.run(arguments.jobs) {
         Ok(answer) => answer.print(json).into(),
         Err(failure) => {
             answer::complain(&failure, json);

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::experiment::Experiment;
 use super::folder::RunFolder;
-use super::{inputs, run};
+use super::run;
+use crate::experiment::{Experiment, read_pool};
 use crate::kernel::Threads;
 use crate::llm::{Cassette, Replay};
 
@@ -19,12 +19,12 @@ pub struct Options {
 }
 
 /// Simulates the played rollouts again (they are deterministic), so a report needs no stored motion.
-pub fn run(options: &Options) -> Result<Answer, Failure> {
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = RunFolder::find(options.run.as_deref())?;
-    let threads = Threads::new(0).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = Experiment::read(&folder.experiment())?;
     let nobody = Replay::new(Cassette::new("a report asks nothing"), "");
-    let study = inputs::study(&experiment, inputs::read_pool(&folder.pool())?, &nobody, &threads)?;
+    let study = experiment.study(read_pool(&folder.pool())?, &nobody, &threads)?;
     run::write_report(&study, &folder)?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))

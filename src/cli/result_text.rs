@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::experiment::Experiment;
 use super::folder::RunFolder;
-use super::models;
 use crate::epoch::Progress;
+use crate::experiment::{Experiment, provenance};
 use crate::kernel::Digest;
 use crate::objects::event::{LineageResult, RunResult};
 
@@ -39,7 +38,7 @@ pub fn progress(news: &Progress) -> String {
 pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, root: Digest) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
-    let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", models::provenance(experiment));
+    let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", provenance(experiment));
     let _ = writeln!(
         out,
         "{:<14} {:>15} {:>15} {:>15} {:>15} {:>14}",

@@ -4,12 +4,12 @@ use clap::Args;
 use std::path::PathBuf;
 
 use super::exit::Failure;
-use super::experiment::Experiment;
 use super::folder::RunFolder;
-use super::{inputs, playables, show};
+use super::{playables, show};
 use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Study, Traced, record_digest, trace};
 use crate::evidence::RecordedRun;
+use crate::experiment::{Experiment, read_pool};
 use crate::formats::{Inserted, Staging};
 use crate::kernel::Threads;
 use crate::llm::{Cassette, Replay};
@@ -41,14 +41,19 @@ pub struct Played {
 /// # Errors
 /// No such attempt, program or scene; a scene of the held-out suite while the run is unfinished; a rollout that comes
 /// out differently from its record.
-pub fn of_attempt(run: Option<&PathBuf>, attempt: &str, scenes: &[String]) -> Result<Vec<Played>, Failure> {
+pub fn of_attempt(
+    run: Option<&PathBuf>,
+    attempt: &str,
+    scenes: &[String],
+    jobs: usize,
+) -> Result<Vec<Played>, Failure> {
     let folder = RunFolder::find(run.map(PathBuf::as_path))?;
     let story = folder.story()?;
     let attempt = show::find(&story, attempt)?;
-    let threads = Threads::new(0).map_err(Failure::internal)?;
+    let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = Experiment::read(&folder.experiment())?;
     let nobody = Replay::new(Cassette::new("playing asks nothing"), "");
-    let study = inputs::study(&experiment, inputs::read_pool(&folder.pool())?, &nobody, &threads)?;
+    let study = experiment.study(read_pool(&folder.pool())?, &nobody, &threads)?;
     study.recall(&story.counsels);
     let places = places(&study, &story, attempt, scenes)?;
     threads.map(&places, |_, &place| play(&study, attempt, place)).into_iter().collect()

@@ -1,4 +1,4 @@
-//! `run`, `resume`, `replay`, `verify`, `record`: one way through a study, with different sources of answers and labels.
+//! `run`, `resume`, `check`, `verify`, `record`: one way through a study, with different sources of answers and labels.
 
 use serde_json::json;
 use std::path::Path;
@@ -6,24 +6,25 @@ use std::path::Path;
 use super::answer::{Answer, progress};
 use super::args::{FolderArgs, RecordArgs, RunArgs};
 use super::exit::Failure;
-use super::experiment::Experiment;
 use super::folder::{Recording, RunFolder};
-use super::{cost, inputs, models, playables, result_text};
+use super::moving_line::MovingLine;
+use super::{cost, models, playables, result_text};
 use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study};
 use crate::evidence::report;
+use crate::experiment::{Experiment, read_pool};
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, DrawSlot, Record, RecordMode, Replay};
 use crate::objects::event::RunResult;
-use crate::scene::{Pool, pool};
+use crate::scene::{Pool, pool, usable};
 use crate::store::{self, Store, Transcript};
 
 /// Bytes that a cassette file may have.
 const CASSETTE_BYTES_MAX: u64 = 1 << 30;
 
 /// Replays an experiment from its cassette into its run folder.
-pub fn run(args: &RunArgs) -> Result<Answer, Failure> {
-    let job = Job::new(args)?;
-    let path = args.cassette.clone().unwrap_or_else(|| job.beside(&job.experiment.cassette));
+pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
+    let job = Job::new(args, jobs)?;
+    let path = args.cassette.clone().unwrap_or_else(|| job.experiment.beside(&job.experiment.cassette));
     let cassette = Cassette::load(&path).map_err(|error| {
         let record = format!("evodrive record {}", args.experiment.display());
         Failure { message: format!("{error}\n  to record it: {record}"), ..Failure::from(error) }
@@ -36,10 +37,10 @@ pub fn run(args: &RunArgs) -> Result<Answer, Failure> {
 }
 
 /// Asks the models for what the cassette lacks, and writes it.
-pub fn record(args: &RecordArgs) -> Result<Answer, Failure> {
+pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     models::check_build(&Experiment::read(&args.run.experiment)?)?;
-    let job = Job::new(&args.run)?;
-    let path = args.run.cassette.clone().unwrap_or_else(|| job.beside(&job.experiment.cassette));
+    let job = Job::new(&args.run, jobs)?;
+    let path = args.run.cassette.clone().unwrap_or_else(|| job.experiment.beside(&job.experiment.cassette));
     // The working directory may be another one when an interrupted recording goes on.
     let cassette = std::path::absolute(&path).map_err(Failure::internal)?;
     let recording = Recording { cassette, fresh: args.fresh };
@@ -82,28 +83,28 @@ fn before_fresh(cassette: &Path) -> Result<String, Failure> {
 }
 
 /// Goes on with an interrupted run or recording, or confirms a finished run.
-pub fn resume(args: &FolderArgs) -> Result<Answer, Failure> {
+pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
     let folder = RunFolder::find(args.run.as_deref())?;
     let card = folder.card()?;
     match card.cassette {
         Some(cassette) if card.recording => {
-            let job = Job::of_folder(&folder, args.jobs)?;
+            let job = Job::of_folder(&folder, jobs)?;
             carry_out_recording(job, &folder, &Recording { cassette, fresh: card.fresh }, true)
         }
-        _ => again(args, Mode::Reuse, true),
+        _ => again(args, jobs, Mode::Reuse, true),
     }
 }
 
-pub fn replay(args: &FolderArgs) -> Result<Answer, Failure> {
-    again(args, Mode::Reuse, false)
+pub fn check(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
+    again(args, jobs, Mode::Reuse, false)
 }
 
-pub fn verify(args: &FolderArgs) -> Result<Answer, Failure> {
-    again(args, Mode::Verify, false)
+pub fn verify(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
+    again(args, jobs, Mode::Verify, false)
 }
 
 /// Derives a run folder's run again from its own copies of experiment, scenes and cassette.
-fn again(args: &FolderArgs, mode: Mode, report: bool) -> Result<Answer, Failure> {
+fn again(args: &FolderArgs, jobs: usize, mode: Mode, report: bool) -> Result<Answer, Failure> {
     let folder = RunFolder::find(args.run.as_deref())?;
     if folder.card()?.recording {
         return Err(Failure::bad_input(format!(
@@ -111,7 +112,7 @@ fn again(args: &FolderArgs, mode: Mode, report: bool) -> Result<Answer, Failure>
             folder.dir.display()
         )));
     }
-    let job = Job::of_folder(&folder, args.jobs)?;
+    let job = Job::of_folder(&folder, jobs)?;
     let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
     let replay = Replay::new(Cassette::load(&folder.cassette())?, remedy);
     carry_out(job, &folder, &replay, mode, report)
@@ -120,38 +121,35 @@ fn again(args: &FolderArgs, mode: Mode, report: bool) -> Result<Answer, Failure>
 /// What a run starts from.
 struct Job {
     experiment: Experiment,
-    file: std::path::PathBuf,
     scenes: Pool,
     threads: Threads,
     out: std::path::PathBuf,
 }
 
 impl Job {
-    fn new(args: &RunArgs) -> Result<Job, Failure> {
-        let threads = Threads::new(args.jobs).map_err(Failure::internal)?;
+    /// Everything that can be refused is refused here, before a file is created.
+    fn new(args: &RunArgs, jobs: usize) -> Result<Job, Failure> {
+        let threads = Threads::new(jobs).map_err(Failure::internal)?;
         let experiment = Experiment::read(&args.experiment)?;
-        let scenes = inputs::scenes(&experiment, &args.experiment, &args.scenes, &threads)?;
-        inputs::tell_left_out(&scenes);
-        Ok(Job { experiment, file: args.experiment.clone(), scenes, threads, out: args.out.clone() })
+        let scenes = experiment.scenes(&args.scenes, &threads)?;
+        tell_left_out(&scenes);
+        experiment.split_of(&scenes)?;
+        Ok(Job { experiment, scenes, threads, out: args.out.clone() })
     }
 
     /// From a run folder's own copies.
     fn of_folder(folder: &RunFolder, jobs: usize) -> Result<Job, Failure> {
         let threads = Threads::new(jobs).map_err(Failure::internal)?;
         let experiment = Experiment::read(&folder.experiment())?;
-        let scenes = inputs::read_pool(&folder.pool())?;
-        Ok(Job { experiment, file: folder.experiment(), scenes, threads, out: folder.dir.clone() })
-    }
-
-    fn beside(&self, path: &Path) -> std::path::PathBuf {
-        self.file.parent().unwrap_or(Path::new(".")).join(path)
+        let scenes = read_pool(&folder.pool())?;
+        Ok(Job { experiment, scenes, threads, out: folder.dir.clone() })
     }
 
     /// Makes the run folder self-contained before anything is computed.
     fn open_folder(&self, recording: Option<&Recording>) -> Result<RunFolder, Failure> {
         let folder = RunFolder::of(&self.out, &self.experiment.name, self.experiment.digest()?, self.scenes.digest())?;
         store::create_dir(&folder.dir)?;
-        store::copy(&self.file, &folder.experiment())?;
+        store::write_atomic(&folder.experiment(), self.experiment.whole_text.as_bytes())?;
         if !folder.pool().exists() {
             store::write_atomic(&folder.pool(), &pool::encode(&self.scenes))?;
         }
@@ -161,9 +159,23 @@ impl Job {
     }
 }
 
+/// Says which scenes are left out of evolution and why.
+fn tell_left_out(pool: &Pool) {
+    for left in &pool.left_out {
+        let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
+        progress(format!("left out: {}{what}: {}", left.file, left.reason));
+    }
+    for scene in &pool.scenes {
+        if let Err(reason) = usable(scene) {
+            progress(format!("not used: {}: {reason}", scene.id));
+        }
+    }
+}
+
 /// The run itself, its result files and its report.
 fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bool) -> Result<Answer, Failure> {
-    let mut study = inputs::study(&job.experiment, job.scenes, ask, &job.threads)?;
+    progress(format!("run folder: {}", folder.dir.display()));
+    let mut study = job.experiment.study(job.scenes, ask, &job.threads)?;
     let clock = cost::clock();
     study.meter = Meter::new(&clock);
     let objects = Store::open(&folder.store())?;
@@ -173,13 +185,15 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
     if confirmed > 0 {
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
     }
-    let mut watch = |news: Progress| progress(result_text::progress(&news));
     let rollouts = Rollouts::new(&objects, mode);
+    let line = MovingLine::new(&study);
+    let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
     let mut desk = Desk { log, rollouts: &rollouts, watch: &mut watch };
     let result = epoch::run(&study, &mut desk)?;
     let root = desk.log.head();
     let (reused, simulated) = desk.rollouts.counts();
     drop(desk);
+    line.finish();
     let cost = cost::of(&study, (reused, simulated));
     if mode == Mode::Reuse {
         // Deriving a run again to verify it is not what the run cost.

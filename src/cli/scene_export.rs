@@ -70,9 +70,9 @@ struct Row {
 
 /// A scene that the format cannot hold is left out and named; none at all is an error. A file is written whole or not
 /// at all.
-pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let jobs = jobs(options)?;
-    let threads = Threads::new(0).map_err(Failure::internal)?;
+pub fn run(options: &Options, threads: usize) -> Result<Answer, Failure> {
+    let jobs = jobs(options, threads)?;
+    let threads = Threads::new(threads).map_err(Failure::internal)?;
     let mut rows: Vec<Row> = Vec::new();
     let mut left_out: Vec<(String, ExportError)> = Vec::new();
     for some in jobs.chunks(AT_ONCE) {
@@ -97,13 +97,13 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     Ok(answer(&options.out, &rows, &left_out))
 }
 
-fn jobs(options: &Options) -> Result<Vec<Job>, Failure> {
+fn jobs(options: &Options, threads: usize) -> Result<Vec<Job>, Failure> {
     let chosen: Vec<(Scene, Option<Staging>)> = match &options.of.attempt {
         Some(attempt) => {
-            let played = rollout::of_attempt(options.of.run.as_ref(), attempt, &options.scene)?;
+            let played = rollout::of_attempt(options.of.run.as_ref(), attempt, &options.scene, threads)?;
             played.into_iter().map(|played| (played.scene.clone(), Some(played.staging()))).collect()
         }
-        None => of_pool(options)?.into_iter().map(|scene| (scene, None)).collect(),
+        None => of_pool(options, threads)?.into_iter().map(|scene| (scene, None)).collect(),
     };
     let mut taken = BTreeSet::new();
     let job = |(scene, staging): (Scene, Option<Staging>)| {
@@ -113,8 +113,8 @@ fn jobs(options: &Options) -> Result<Vec<Job>, Failure> {
     Ok(chosen.into_iter().map(job).collect())
 }
 
-fn of_pool(options: &Options) -> Result<Vec<Scene>, Failure> {
-    let pool = scenes::read(&options.paths)?;
+fn of_pool(options: &Options, threads: usize) -> Result<Vec<Scene>, Failure> {
+    let pool = scenes::read(&options.paths, threads)?;
     if options.scene.is_empty() {
         return Ok(pool.scenes);
     }

@@ -33,15 +33,15 @@ pub struct Options {
     pub html: Option<PathBuf>,
 }
 
-pub fn run(options: &Options) -> Result<Answer, Failure> {
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let id = options.scene.as_ref().or(options.of_scene.as_ref());
     match (&options.of.attempt, &options.path) {
         (Some(attempt), _) => {
             let named: Vec<String> = id.cloned().into_iter().collect();
-            played(options, &rollout::of_attempt(options.of.run.as_ref(), attempt, &named)?)
+            played(options, &rollout::of_attempt(options.of.run.as_ref(), attempt, &named, jobs)?)
         }
         (None, Some(path)) => {
-            let pool = scenes::read(std::slice::from_ref(path))?;
+            let pool = scenes::read(std::slice::from_ref(path), jobs)?;
             let scene = match (id, pool.scenes.as_slice()) {
                 (Some(id), _) => scenes::named(&pool, path, id)?,
                 (None, [scene]) => scene,

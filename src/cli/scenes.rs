@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::experiment::Experiment;
-use super::{inputs, scene_export, scene_show};
+use super::{scene_export, scene_show};
+use crate::experiment::{self, Experiment};
 use crate::kernel::Threads;
 use crate::scene::stats::PoolStats;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
@@ -50,9 +50,9 @@ pub struct GenerateOptions {
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
-    /// Worker threads; 0 = one a core. Never changes a result.
-    #[arg(long, default_value_t = 0)]
-    pub jobs: usize,
+    /// Scenario files, folders or a pool, instead of the experiment's scenes.
+    #[arg(long, num_args = 1..)]
+    pub scenes: Vec<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -75,39 +75,36 @@ pub struct StatsOptions {
     pub paths: Vec<PathBuf>,
 }
 
-pub fn run(command: Command) -> Result<Answer, Failure> {
+pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
     match command {
-        Command::Import(options) => import(&options),
-        Command::Generate(options) => generate(&options),
-        Command::List(options) => list(&options),
-        Command::Show(options) => scene_show::run(&options),
-        Command::Export(options) => scene_export::run(&options),
-        Command::Stats(options) => stats(&options),
+        Command::Import(options) => import(&options, jobs),
+        Command::Generate(options) => generate(&options, jobs),
+        Command::List(options) => list(&options, jobs),
+        Command::Show(options) => scene_show::run(&options, jobs),
+        Command::Export(options) => scene_export::run(&options, jobs),
+        Command::Stats(options) => stats(&options, jobs),
     }
 }
 
 /// A pool, or what can be imported from files and folders.
-pub fn read(paths: &[PathBuf]) -> Result<Pool, Failure> {
-    match paths {
-        [one] if one.extension().is_some_and(|e| e == "pool") => inputs::read_pool(one),
-        _ => inputs::import(paths, &all_cores()?),
-    }
+pub fn read(paths: &[PathBuf], jobs: usize) -> Result<Pool, Failure> {
+    Ok(experiment::read_scenes(paths, &threads(jobs)?)?)
 }
 
-fn all_cores() -> Result<Threads, Failure> {
-    Threads::new(0).map_err(Failure::internal)
+pub fn threads(jobs: usize) -> Result<Threads, Failure> {
+    Threads::new(jobs).map_err(Failure::internal)
 }
 
-fn import(options: &ImportOptions) -> Result<Answer, Failure> {
+fn import(options: &ImportOptions, jobs: usize) -> Result<Answer, Failure> {
     let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
-    let threads = all_cores()?;
-    written(inputs::import(&paths, &threads)?, &options.out, &threads)
+    let threads = threads(jobs)?;
+    written(experiment::import(&paths, &threads)?, &options.out, &threads)
 }
 
-fn generate(options: &GenerateOptions) -> Result<Answer, Failure> {
+fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {
     let experiment = Experiment::read(&options.experiment)?;
-    let threads = Threads::new(options.jobs).map_err(Failure::internal)?;
-    written(inputs::scenes(&experiment, &options.experiment, &[], &threads)?, &options.out, &threads)
+    let threads = threads(jobs)?;
+    written(experiment.scenes(&options.scenes, &threads)?, &options.out, &threads)
 }
 
 /// Writes a pool and says what is in it.
@@ -126,9 +123,9 @@ fn written(pool: Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure>
     Ok(Answer::new(text, object))
 }
 
-fn list(options: &ListOptions) -> Result<Answer, Failure> {
-    let pool = read(&options.paths)?;
-    let rows = rows(&pool, &all_cores()?);
+fn list(options: &ListOptions, jobs: usize) -> Result<Answer, Failure> {
+    let pool = read(&options.paths, jobs)?;
+    let rows = rows(&pool, &threads(jobs)?);
     let kept: Vec<Row> = rows.into_iter().filter(|row| keeps(row, &options.tag, options.usable)).collect();
     Ok(Answer::new(listing(&kept), json!({"digest": pool.digest(), "scenes": kept, "left_out": pool.left_out})))
 }
@@ -201,10 +198,10 @@ fn listing(rows: &[Row]) -> String {
     out
 }
 
-fn stats(options: &StatsOptions) -> Result<Answer, Failure> {
+fn stats(options: &StatsOptions, jobs: usize) -> Result<Answer, Failure> {
     let mut columns = Vec::new();
     for path in &options.paths {
-        let pool = read(std::slice::from_ref(path))?;
+        let pool = read(std::slice::from_ref(path), jobs)?;
         columns.push((path.display().to_string(), PoolStats::of(&pool.scenes)));
     }
     let mut text = String::new();

@@ -20,7 +20,7 @@ pub struct Options {
     /// Run folder; without it the latest one below runs/.
     #[arg(long)]
     pub run: Option<PathBuf>,
-    /// Print prompts uncut.
+    /// Print whole prompts and replies.
     #[arg(long)]
     pub full: bool,
 }

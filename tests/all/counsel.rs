@@ -4,12 +4,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use crate::harness::{folder_below, run as evodrive, text};
+use crate::harness::{folder_below, run as evodrive};
 use serde_json::Value;
 
 /// An experiment of this repository.
 fn own(name: &str) -> toml::Table {
-    text(&format!("experiments/{name}")).parse().unwrap()
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments").join(name);
+    evodrive::experiment::composed(&path).unwrap().table
 }
 
 /// LLM-Attacker's experiment with a few scenes, as `change` leaves it.
@@ -124,7 +125,7 @@ fn a_counselled_run_has_one_root_for_any_number_of_threads_and_verifies() {
         ]);
         assert_eq!(&again.root(), root, "{jobs} threads, nothing cached");
     }
-    for command in ["replay", "verify", "resume"] {
+    for command in ["check", "verify", "resume"] {
         assert_eq!(evodrive(&[command, run.to_str().unwrap()]).root(), *root, "{command}");
     }
 }
@@ -182,11 +183,11 @@ fn counsel_is_declared_exactly_where_a_family_takes_it() {
         ran.stderr
     };
     let without_role = refused(|table| drop(table["roles"].as_table_mut().unwrap().remove("attacker_agent")));
-    assert!(without_role.contains("[roles] names no model for `attacker_agent`"), "{without_role}");
+    assert!(without_role.contains("roles.attacker_agent is missing"), "{without_role}");
     let without_table = refused(|table| drop(table.remove("counsel")));
     assert!(without_table.contains("llm_attacker-idm takes counsel"), "{without_table}");
     let endless = refused(|table| table["counsel"]["rounds"] = 0.into());
-    assert!(endless.contains("counsel.rounds: expected 1 to 8"), "{endless}");
+    assert!(endless.contains("counsel.rounds is 0, expected a whole number from 1 to 8"), "{endless}");
     let idle = refused(|table| table["lineage"][0]["family"] = "cat".into());
     assert!(idle.contains("take [counsel] out"), "{idle}");
     let idle_role = refused(|table| {
@@ -256,11 +257,11 @@ fn an_experiment_that_describes_what_no_family_takes_is_refused_by_name() {
         table["composition"]["descriptions"].as_table_mut().unwrap().insert("bridge".into(), "It falls.".into());
     });
     assert!(
-        kind.contains("composition.descriptions.bridge: expected a kind of scenario: roadside, lane, crossing"),
+        kind.contains("composition.descriptions.bridge is unknown, expected one of roadside, lane, crossing"),
         "{kind}"
     );
     let family = refused(&|table| table["lineage"][0]["family"] = "human".into());
     assert!(family.contains("no lineage's family takes templates; take [composition] out"), "{family}");
     let role = refused(&|table| drop(table["roles"].as_table_mut().unwrap().remove("template_agent")));
-    assert!(role.contains("[roles] names no model for `template_agent`"), "{role}");
+    assert!(role.contains("roles.template_agent is missing"), "{role}");
 }

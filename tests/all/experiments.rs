@@ -1,6 +1,6 @@
 //! The experiment files that come with the project can be used as they are.
 
-use evodrive::cli::experiment::{Experiment, SceneSource};
+use evodrive::experiment::{Experiment, SceneSource, composed};
 use evodrive::families::{registry, takes_counsel, takes_templates};
 use evodrive::objects::LineageId;
 use std::collections::BTreeSet;
@@ -18,7 +18,7 @@ fn files(folder: &str) -> Vec<PathBuf> {
 }
 
 fn read(path: &Path) -> Experiment {
-    Experiment::read(path).unwrap_or_else(|failure| panic!("{}", failure.message))
+    Experiment::read(path).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
             all.extend(ids)
         }
         // Whatever decides what is measured is the same in all files, so that their rows can be compared.
-        let mut table: toml::Table = std::fs::read_to_string(&path).unwrap().parse().unwrap();
+        let mut table = composed(&path).unwrap().table;
         assert_eq!(table["split"]["evolution"]["count"].as_integer(), Some(240), "{stem}");
         for own in ["name", "describes", "cassette", "lineage"] {
             table.remove(own).unwrap();
@@ -106,7 +106,7 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
         } else {
             alone.extend(ids)
         }
-        let mut table: toml::Table = std::fs::read_to_string(&path).unwrap().parse().unwrap();
+        let mut table = composed(&path).unwrap().table;
         for own in ["name", "describes", "cassette", "lineage"] {
             table.remove(own).unwrap();
         }
@@ -125,22 +125,176 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
 
 /// The message with which a changed copy of a file is refused.
 fn refused(file: &str, change: impl Fn(String) -> String) -> String {
-    let text = crate::harness::text(file);
+    let text = composed(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap().whole_text().unwrap();
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("changed.toml");
     std::fs::write(&path, change(text)).unwrap();
-    Experiment::read(&path).expect_err("a file that must be refused").message
+    Experiment::read(&path).expect_err("a file that must be refused").to_string()
 }
 
 #[test]
 fn labels_that_a_protocol_does_not_read_are_refused_and_those_that_it_reads_are_required() {
     let attack = "\n[evaluation.attack]\ntarget = \"any_contact\"\n";
     let unread = refused("experiments/safebench/human-idm.toml", |text| text + attack);
-    assert!(unread.contains("[evaluation.attack]") && unread.contains("remove one of the two"), "{unread}");
+    assert!(unread.contains("evaluation.attack.target") && unread.contains("remove one of the two"), "{unread}");
     let missing = refused("experiments/metadrive/cat-idm.toml", |text| text.replace(attack, "\n"));
-    assert!(missing.contains("[evaluation.attack] is missing"), "{missing}");
+    assert!(missing.contains("evaluation.attack.target is missing"), "{missing}");
     let unknown = refused("experiments/safebench/human-idm.toml", |text| text + "\n[evaluation.nothing]\n");
-    assert!(unknown.contains("nothing"), "{unknown}");
+    assert!(unknown.contains("evaluation.nothing is unknown"), "{unknown}");
     let without = refused("experiments/safebench/human-idm.toml", |text| text.replace("draws = 4\n", ""));
-    assert!(without.contains("draws"), "{without}");
+    assert!(without.contains("scenes.options.draws is missing, expected a whole number from 1 to 100"), "{without}");
+}
+
+#[test]
+fn every_shipped_experiment_keeps_its_digest() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
+    let mut paths = ["experiments", "experiments/metadrive", "experiments/safebench"].map(files).concat();
+    paths.sort();
+    let line = |path: &PathBuf| {
+        let name = path.strip_prefix(&root).unwrap().display().to_string();
+        format!("{name} {}", read(path).digest().unwrap().to_hex())
+    };
+    insta::assert_snapshot!(paths.iter().map(line).collect::<Vec<_>>().join("\n"));
+}
+
+#[test]
+fn an_experiment_of_a_set_is_short_and_its_merged_text_means_the_same() {
+    for path in ["experiments/metadrive", "experiments/safebench"].map(files).concat() {
+        let lines = std::fs::read_to_string(&path).unwrap().lines().count();
+        assert!(lines <= 25, "{}: {lines} lines", path.display());
+        let experiment = read(&path);
+        let dir = tempfile::tempdir().unwrap();
+        let copy = dir.path().join("experiment.toml");
+        std::fs::write(&copy, &experiment.whole_text).unwrap();
+        assert!(!experiment.whole_text.contains("\nbase = "), "{}", path.display());
+        assert_eq!(read(&copy).digest().unwrap(), experiment.digest().unwrap(), "{}", path.display());
+    }
+}
+
+/// A folder with these files, and what reading the first gives.
+fn based(texts: &[(&str, &str)]) -> (tempfile::TempDir, Result<Experiment, String>) {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, text) in texts {
+        let path = dir.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+    let read = Experiment::read(&dir.path().join(texts[0].0)).map_err(|error| error.to_string());
+    (dir, read)
+}
+
+const OWN: &str = "name = \"own\"\ndescribes = \"d\"\ncassette = \"own.jsonl\"\n\
+                   lineage = [{ id = \"cat-idm\", family = \"cat\", ego = \"idm\" }]\n";
+
+#[test]
+fn a_file_stands_above_its_base_and_that_above_its_own() {
+    let own = format!("base = \"mid/middle.toml\"\nbudget.slots = 3\n{OWN}");
+    let middle =
+        "base = \"low.toml\"\nbudget = { slots = 5, epochs = 7 }\n[scenes]\nsource = \"files\"\npaths = [\"here\"]\n";
+    let low = "base = \"evodrive:metadrive\"\n[split]\nevolution = { share = 0.5 }\n";
+    let (dir, read) = based(&[("own.toml", &own), ("mid/middle.toml", middle), ("mid/low.toml", low)]);
+    let experiment = read.unwrap();
+    let budget = experiment.budget;
+    assert_eq!((budget.slots, budget.epochs, budget.max_repair_rounds), (3, 7, 2));
+    assert!(matches!(experiment.split.evolution, evodrive::scene::EvolutionSize::Share(share) if share == 0.5));
+    // Another source replaces the base's table, and a base's paths lie beside the base.
+    let SceneSource::Files { paths } = &experiment.scenes else { panic!("{:?}", experiment.scenes) };
+    assert_eq!(experiment.beside(&paths[0]), dir.path().join("mid/here"));
+    assert_eq!(experiment.beside(&experiment.cassette), dir.path().join("own.jsonl"));
+}
+
+#[test]
+fn circles_and_unknown_bases_are_refused_by_name() {
+    let circle = based(&[("a.toml", "base = \"x/../b.toml\""), ("b.toml", "base = \"a.toml\"")]).1.unwrap_err();
+    assert!(circle.contains("circle") && circle.contains("a.toml -> ") && circle.contains("b.toml -> "), "{circle}");
+    let shipped = based(&[("a.toml", "base = \"evodrive:metadriv\"")]).1.unwrap_err();
+    assert!(
+        shipped.contains("base is \"evodrive:metadriv\"") && shipped.contains("`evodrive:metadrive`?"),
+        "{shipped}"
+    );
+    let absent = based(&[("a.toml", "base = \"nowhere.toml\"")]).1.unwrap_err();
+    assert!(absent.contains("nowhere.toml"), "{absent}");
+    let number = based(&[("a.toml", "base = 3")]).1.unwrap_err();
+    assert!(number.contains("base is 3, expected the name of a file"), "{number}");
+}
+
+#[test]
+fn a_wrong_value_is_shown_with_the_file_that_holds_it() {
+    let own = format!("base = \"base.toml\"\n{OWN}");
+    let base = "base = \"evodrive:metadrive\"\n[selector]\ntolerance = 2.0\n";
+    let refused = based(&[("own.toml", &own), ("base.toml", base)]).1.unwrap_err();
+    assert!(refused.contains("base.toml: selector.tolerance is 2.0, expected a number from 0 to 1"), "{refused}");
+}
+
+/// The output of a command in a folder, and its exit code.
+fn evodrive(dir: &Path, args: &[&str]) -> (i32, String) {
+    let output =
+        std::process::Command::new(env!("CARGO_BIN_EXE_evodrive")).current_dir(dir).args(args).output().unwrap();
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    (output.status.code().unwrap_or(-1), text)
+}
+
+#[test]
+fn a_refused_experiment_leaves_no_file() {
+    let cassette = Path::new(env!("CARGO_MANIFEST_DIR")).join("cassettes/quickstart.jsonl");
+    for (table, told) in [
+        ("[selector]\ntolerance = -1.0", "selector.tolerance is -1.0, expected a number from 0 to 1"),
+        ("[curation]\ndigits = 99", "curation.digits is 99, expected a whole number from 0 to 9"),
+        ("[world]\nbeta_attack = 7.0", "world.beta_attack is 7.0, expected a number from 0 to 1"),
+        ("[world]\nexcluded_columns = [\"nonsense\"]", "nonsense"),
+        ("[scenes]\ncount = 3", "[split]"),
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("own.toml"), format!("base = \"evodrive:metadrive\"\n{OWN}{table}\n")).unwrap();
+        for command in ["run", "record"] {
+            let (code, text) = evodrive(dir.path(), &[command, "own.toml", "--cassette", cassette.to_str().unwrap()]);
+            assert_eq!(code, 2, "{table}: {text}");
+            assert!(text.contains(told), "{table}: {text}");
+            let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+            assert_eq!(left, ["own.toml"], "{table}");
+        }
+    }
+}
+
+#[test]
+fn init_writes_a_short_file_for_every_family_that_is_read_outside_the_repository() {
+    for family in registry().iter().map(|family| family.contract.family.to_string()) {
+        let dir = tempfile::tempdir().unwrap();
+        let (code, text) = evodrive(dir.path(), &["init", "mine", "--family", &family]);
+        assert_eq!(code, 0, "{text}");
+        let path = dir.path().join("mine.toml");
+        assert!(std::fs::read_to_string(&path).unwrap().lines().count() <= 25, "{text}");
+        assert_eq!(read(&path).lineages[0].family.as_str(), family);
+        assert_eq!(evodrive(dir.path(), &["init", "mine"]).0, 2, "a file that exists is not written over");
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let (code, text) = evodrive(dir.path(), &["init", "--family", "catt"]);
+    assert!(code == 2 && text.contains("did you mean `cat`?"), "{text}");
+}
+
+#[test]
+fn init_fits_the_split_to_ones_own_scenes_and_the_experiment_runs() {
+    let dir = tempfile::tempdir().unwrap();
+    let done = |args: &[&str]| {
+        let (code, text) = evodrive(dir.path(), args);
+        assert_eq!(code, 0, "{args:?}: {text}");
+        text
+    };
+    std::fs::write(dir.path().join("worlds.toml"), format!("base = \"evodrive:metadrive\"\nscenes.count = 6\n{OWN}"))
+        .unwrap();
+    done(&["scenes", "generate", "worlds.toml", "--out", "mine.pool"]);
+    done(&["init", "mine", "--scenes", "mine.pool"]);
+    let experiment = read(&dir.path().join("mine.toml"));
+    assert_eq!((experiment.split.held_out, experiment.split.window), (1, 5));
+    let path = dir.path().join("mine.toml");
+    let text =
+        std::fs::read_to_string(&path).unwrap().replace("epochs = 4", "epochs = 1").replace("slots = 6", "slots = 1");
+    std::fs::write(&path, text).unwrap();
+    let recorded = done(&["record", "mine.toml", "--no-report"]);
+    let replayed = done(&["run", "mine.toml", "--no-report", "--jobs", "1"]);
+    let root = |text: &str| text.lines().find(|line| line.starts_with("root: ")).map(str::to_string);
+    assert!(root(&recorded).is_some());
+    assert_eq!(root(&recorded), root(&replayed));
+    assert_eq!(root(&done(&["check"])), root(&recorded));
+    assert_eq!(root(&done(&["replay", "--jobs", "1"])), root(&recorded), "the old name still works");
 }

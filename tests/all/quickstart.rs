@@ -50,7 +50,7 @@ fn copy_dir(from: &Path, to: &Path) {
 fn the_debug_build_reaches_the_golden_root_and_reaches_it_again_from_its_folder() {
     let dir = tempfile::tempdir().unwrap();
     let folder = copied(dir.path());
-    let again = run(&["replay", folder.to_str().unwrap(), "--jobs", "1"]);
+    let again = run(&["check", folder.to_str().unwrap(), "--jobs", "1"]);
     assert_eq!((again.code, again.root()), (0, golden_root()), "{}", again.stderr);
     assert!(again.stderr.contains("rollouts: 0 simulated"), "{}", again.stderr);
 }
@@ -59,7 +59,7 @@ fn the_debug_build_reaches_the_golden_root_and_reaches_it_again_from_its_folder(
 fn json_gives_one_object_with_root_and_result() {
     let dir = tempfile::tempdir().unwrap();
     let folder = copied(dir.path());
-    let ran = run(&["--json", "replay", folder.to_str().unwrap()]);
+    let ran = run(&["--json", "check", folder.to_str().unwrap()]);
     let object: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     assert_eq!(object["root"], golden_root());
     assert!(object["result"]["lineages"].as_array().unwrap().len() >= 2);
@@ -115,7 +115,7 @@ fn a_changed_event_of_the_transcript_is_found() {
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replacen("\"attack\":0.0", "\"attack\":1.0", 1)).unwrap();
     assert_eq!(run(&["fsck", folder.to_str().unwrap()]).code, 5);
-    assert_eq!(run(&["replay", folder.to_str().unwrap()]).code, 5);
+    assert_eq!(run(&["check", folder.to_str().unwrap()]).code, 5);
 }
 
 #[test]
@@ -175,7 +175,7 @@ fn an_evaluated_attempt() -> String {
 #[test]
 fn the_result_matches_its_golden_text() {
     let folder = &finished().1;
-    let ran = run(&["replay", folder.to_str().unwrap()]);
+    let ran = run(&["check", folder.to_str().unwrap()]);
     let kept: Vec<&str> = ran
         .stdout
         .lines()
@@ -244,9 +244,10 @@ fn the_tables_of_the_run_hold_its_result_with_intervals_and_what_is_missing() {
 fn help_texts_are_goldens() {
     let golden = text("golden/help.txt");
     let mut text = run(&["--help"]).stdout;
-    for command in
-        ["run", "resume", "replay", "verify", "record", "lineage", "show", "fsck", "report", "table", "bench"]
-    {
+    for command in [
+        "init", "run", "resume", "check", "verify", "record", "lineage", "show", "fsck", "report", "table", "options",
+        "bench",
+    ] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }
     for command in ["import", "generate", "list", "show", "export", "stats"] {

@@ -1,0 +1,43 @@
+//! `init`: a short experiment file to begin with.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::scenes;
+use crate::experiment::{Starter, starter};
+use crate::store;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Name of the experiment; its file is NAME.toml in the working directory.
+    #[arg(default_value = "experiment")]
+    pub name: String,
+    /// Your scenes: a pool, a scenario file or a folder of them. Without it scenes are generated.
+    #[arg(long)]
+    pub scenes: Option<PathBuf>,
+    /// Generator family to evolve.
+    #[arg(long, default_value = "cat")]
+    pub family: String,
+}
+
+/// Reads the scenes, so that what cannot be used is told now and the split fits them.
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let path = PathBuf::from(format!("{}.toml", options.name));
+    if path.exists() {
+        return Err(Failure::bad_input(format!("{} exists already; name another experiment", path.display())));
+    }
+    let read = |path: &PathBuf| Ok::<_, Failure>((path.clone(), scenes::read(std::slice::from_ref(path), jobs)?));
+    let scenes = options.scenes.as_ref().map(read).transpose()?;
+    let begun = Starter { name: options.name.clone(), family: options.family.clone(), scenes };
+    let text = starter(&begun)?;
+    store::write_atomic(&path, text.as_bytes())?;
+    let shown = path.display();
+    let next = format!(
+        "evodrive record {shown}   # asks the models that it names and writes {}.jsonl\nevodrive run {shown}      # replays it: same root",
+        options.name
+    );
+    Ok(Answer::new(format!("{text}\nwritten to {shown}; next:\n{next}\n"), json!({"experiment": path, "text": text})))
+}

@@ -1,0 +1,198 @@
+//! An experiment file and the files that it is based on, merged into one table before anything is read from it.
+//!
+//! `base = "protocol.toml"` names a file whose keys hold wherever this one does not say otherwise; a base may have a base.
+//! `base = "evodrive:metadrive"` names a protocol that the program carries. Tables merge key by key, lists are replaced.
+
+use std::path::{Component, Path, PathBuf};
+use toml::{Table, Value};
+
+use super::check;
+use super::{ExperimentError, OptionError};
+use crate::store;
+
+/// Bytes that an experiment file may have.
+const FILE_BYTES_MAX: u64 = 1 << 20;
+/// Files of one chain of bases.
+const CHAIN_MAX: usize = 8;
+/// What stands before the name of a protocol that the program carries.
+const SHIPPED: &str = "evodrive:";
+
+/// The protocols that the program carries: name and file.
+pub const PROTOCOLS: [(&str, &str); 2] = [
+    ("metadrive", include_str!("../../experiments/protocols/metadrive.toml")),
+    ("safebench", include_str!("../../experiments/protocols/safebench.toml")),
+];
+
+/// A file's whole table, and where its parts come from.
+#[derive(Clone, Debug)]
+pub struct Composed {
+    pub table: Table,
+    /// The file as it was named.
+    pub file: PathBuf,
+    /// The file's own text.
+    text: String,
+    /// The file and its bases by name, each with its own table; the file first.
+    layers: Vec<(String, Table)>,
+}
+
+/// Reads a file and its bases.
+///
+/// # Errors
+/// A file that cannot be read or is no TOML; a base that is unknown; a circle.
+pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
+    let mut seen: Vec<String> = Vec::new();
+    let mut layers: Vec<(String, Table)> = Vec::new();
+    let mut own_text = None;
+    // Where the next file is, and how one comes from the first file's folder to that file's folder.
+    let mut next = Some((Place::of(path), PathBuf::new()));
+    while let Some((place, folder)) = next.take() {
+        let name = place.name();
+        if seen.contains(&name) || layers.len() == CHAIN_MAX {
+            let chain = seen.join(" -> ");
+            return Err(problem(
+                path,
+                format!(
+                    "its bases form a circle or a chain of more than {CHAIN_MAX} files: {chain} -> {name}; take one `base` out"
+                ),
+            ));
+        }
+        let text = place.read()?;
+        let mut table: Table = text.parse().map_err(|error: toml::de::Error| ExperimentError::File {
+            file: name.clone(),
+            problem: error.to_string().trim_end().to_string(),
+        })?;
+        let base = table.remove("base");
+        rebase(&mut table, &folder);
+        if let Some(base) = base {
+            let Value::String(base) = base else {
+                let error =
+                    OptionError::new("base", super::key::shown(&base), "the name of a file or of a shipped protocol");
+                return Err(ExperimentError::Option { file: name, error });
+            };
+            next = Some((place.beside(&base, &name)?, folder.join(Path::new(&base).parent().unwrap_or(Path::new("")))));
+        }
+        own_text.get_or_insert(text);
+        seen.push(name.clone());
+        layers.push((name, table));
+    }
+    let mut table = Table::new();
+    for (_, layer) in layers.iter().rev() {
+        merge(&mut table, layer);
+    }
+    Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), layers })
+}
+
+impl Composed {
+    /// The error with the file that holds the value.
+    pub fn error(&self, error: OptionError) -> ExperimentError {
+        let holder = self.layers.iter().find(|(_, table)| check::holds(table, &error.path));
+        let file = holder.map_or_else(|| self.file.display().to_string(), |(name, _)| name.clone());
+        ExperimentError::Option { file, error }
+    }
+
+    /// One file that means the same and needs no other: the file itself, or what it was merged to.
+    pub fn whole_text(&self) -> Result<String, ExperimentError> {
+        if self.layers.len() < 2 {
+            return Ok(self.text.clone());
+        }
+        let names: Vec<&str> = self.layers.iter().map(|(name, _)| name.as_str()).collect();
+        let bases = names[1..].join(", ").replace(['\n', '\r'], " ");
+        let merged = toml::to_string(&self.table).map_err(|error| problem(&self.file, error.to_string()))?;
+        Ok(format!("# Merged from an experiment file and its base: {bases}\n{merged}"))
+    }
+}
+
+fn problem(path: &Path, problem: String) -> ExperimentError {
+    ExperimentError::File { file: path.display().to_string(), problem }
+}
+
+/// Where a file is.
+enum Place {
+    Disk(PathBuf),
+    Shipped(&'static str, &'static str),
+}
+
+impl Place {
+    fn of(path: &Path) -> Place {
+        // `a/../b.toml` and `b.toml` are one file, so that a circle is seen.
+        let mut plain = PathBuf::new();
+        for component in path.components() {
+            match component {
+                Component::CurDir => {}
+                Component::ParentDir if matches!(plain.components().next_back(), Some(Component::Normal(_))) => {
+                    plain.pop();
+                }
+                other => plain.push(other),
+            }
+        }
+        Place::Disk(plain)
+    }
+
+    fn name(&self) -> String {
+        match self {
+            Place::Disk(path) => path.display().to_string(),
+            Place::Shipped(name, _) => format!("{SHIPPED}{name}"),
+        }
+    }
+
+    fn read(&self) -> Result<String, ExperimentError> {
+        let path = match self {
+            Place::Shipped(_, text) => return Ok(text.to_string()),
+            Place::Disk(path) => path,
+        };
+        String::from_utf8(store::read_bounded(path, FILE_BYTES_MAX)?).map_err(|error| {
+            let byte = error.utf8_error().valid_up_to();
+            problem(path, format!("byte {byte} is not UTF-8; an experiment is a text file"))
+        })
+    }
+
+    /// The base that a file here names.
+    fn beside(&self, base: &str, name: &str) -> Result<Place, ExperimentError> {
+        if let Some(wanted) = base.strip_prefix(SHIPPED) {
+            let known = PROTOCOLS.map(|(name, _)| format!("{SHIPPED}{name}"));
+            let found = PROTOCOLS.iter().find(|(name, _)| *name == wanted);
+            return found.map(|(name, text)| Place::Shipped(name, text)).ok_or_else(|| ExperimentError::Option {
+                file: name.to_string(),
+                error: OptionError::word("base", base, &known),
+            });
+        }
+        match self {
+            Place::Disk(path) => Ok(Place::of(&path.parent().unwrap_or(Path::new("")).join(base))),
+            Place::Shipped(..) => Ok(Place::of(Path::new(base))),
+        }
+    }
+}
+
+/// Files that a base names lie relative to the base; the merged table names them relative to the first file.
+fn rebase(table: &mut Table, folder: &Path) {
+    let moved = |value: &mut Value| {
+        if let Value::String(path) = value {
+            *path = folder.join(&*path).to_string_lossy().into_owned();
+        }
+    };
+    if folder.as_os_str().is_empty() {
+        return;
+    }
+    table.get_mut("cassette").into_iter().for_each(moved);
+    let Some(Value::Table(scenes)) = table.get_mut("scenes") else { return };
+    scenes.get_mut("path").into_iter().for_each(moved);
+    if let Some(Value::Array(paths)) = scenes.get_mut("paths") {
+        paths.iter_mut().for_each(moved);
+    }
+}
+
+/// Puts `over` above `base`: tables key by key, everything else as a whole. A table that names another `source` or `kind`
+/// than its base means something else, so it replaces it; so does `evolution`, which is one of two forms.
+fn merge(base: &mut Table, over: &Table) {
+    for (key, value) in over {
+        match (base.get_mut(key), value) {
+            (Some(Value::Table(below)), Value::Table(above)) if merges(key, below, above) => merge(below, above),
+            _ => drop(base.insert(key.clone(), value.clone())),
+        }
+    }
+}
+
+fn merges(key: &str, below: &Table, above: &Table) -> bool {
+    let other = |tag: &str| above.get(tag).is_some_and(|value| below.get(tag).is_some_and(|known| known != value));
+    key != "evolution" && !other("source") && !other("kind")
+}

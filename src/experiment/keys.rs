@@ -1,0 +1,445 @@
+//! Every key of an experiment file, in the order in which a file is written: the one list behind the check and the page.
+
+use super::key::{Key, Need, Range};
+use crate::families;
+use crate::llm::client::{ANTHROPIC, OPENAI_COMPATIBLE, SCRIPTED};
+use crate::scene::safebench::TrafficFamily;
+use crate::synth::WorldKind;
+use Need::{Always, Of, Optional, With, Without};
+use Range::{Above, Any, Name, Number, Pair, Text, Texts, Unshown, Whole, Wholes, Word, Words};
+
+const LIVE: &[&str] = &[OPENAI_COMPATIBLE, ANTHROPIC];
+/// The largest whole number that is an f64 and all those below it are too.
+const WHOLE_MAX: f64 = 9_007_199_254_740_992.0;
+/// A length or tolerance, in the unit of its key.
+const TOLERANCE: Range = Above(0.0, 1000.0);
+const BOUND: Range = Number(0.0, 1000.0);
+const SHARE: Range = Number(0.0, 1.0);
+const WEIGHT: Range = Number(0.0, 1000.0);
+
+/// The list.
+pub fn keys() -> Vec<Key> {
+    [study(), scenes(), models(), metadrive(), safebench(), acceptance(), world()].into_iter().flatten().collect()
+}
+
+type Row = (&'static str, &'static str, &'static str, Range, &'static str);
+
+/// Keys with one need.
+fn table(need: fn() -> Need, rows: Vec<Row>) -> Vec<Key> {
+    let key = |(key, symbol, unit, range, meaning)| Key { key, symbol, unit, range, need: need(), meaning };
+    rows.into_iter().map(key).collect()
+}
+
+fn words<const N: usize>(words: [&str; N]) -> Vec<String> {
+    words.map(String::from).to_vec()
+}
+
+fn family_names() -> Vec<String> {
+    families::registry().iter().map(|family| family.contract.family.to_string()).collect()
+}
+
+/// The drivers that a file can name.
+fn ego_names() -> Vec<String> {
+    words(["idm", "idm-lights", "replay"])
+}
+
+fn study() -> Vec<Key> {
+    let mut keys = required(vec![
+        ("name", "", "", Name, "Names the run folder."),
+        ("describes", "", "", Text(500), "One sentence for reports."),
+        ("seed", "", "", Whole(0, i64::MAX), "Root of every random stream."),
+        ("cassette", "", "", Text(1000), "File of the recorded answers, relative to the file that names it."),
+        ("split.held_out", "", "scenes", Whole(1, 100_000), "Scenes that stay closed until evolution is over."),
+        ("split.window", "", "scenes", Whole(1, 100_000), "Scenes of the rotating development window of an epoch."),
+        ("budget.epochs", "T", "epochs", Whole(1, 1000), "Epochs of each lineage."),
+        ("budget.slots", "K", "proposals", Whole(1, 1000), "Parallel proposals of an epoch."),
+        ("budget.max_repair_rounds", "K_r", "rounds", Whole(0, 8), "Times that a proposal may be repaired."),
+        ("budget.probe_scenes", "", "scenes", Whole(1, 1000), "Scenes on which the compile gate tries a program."),
+        (
+            "budget.finalists",
+            "",
+            "programs",
+            Whole(1, 1000),
+            "Accepted descendants that are measured on all evolution scenes before one is chosen.",
+        ),
+        ("lineage[].id", "", "", Name, "Names the lineage."),
+        ("lineage[].family", "b", "", Word(family_names), "The source family that is evolved."),
+        ("lineage[].ego", "", "", Word(ego_names), "The driver under test."),
+    ]);
+    keys.extend(table(
+        || Optional,
+        vec![
+            (
+                "split.evolution.count",
+                "",
+                "scenes",
+                Whole(1, 100_000),
+                "Scenes that evolution may see; this or `share`.",
+            ),
+            (
+                "split.evolution.share",
+                "",
+                "",
+                Above(0.0, 1.0),
+                "Share of the usable scenes that are not held out; this or `count`.",
+            ),
+            ("lineage[].parent.*", "", "", Any, "A parameter in which the lineage's parent differs from its family's."),
+        ],
+    ));
+    keys.extend(table(
+        || With("counsel"),
+        vec![
+            ("counsel.rounds", "", "rounds", Whole(1, 8), "Sets of attackers that are tried in a scene, at most."),
+            ("counsel.vehicles", "", "vehicles", Whole(1, 32), "Vehicles that the attacker agent is shown."),
+        ],
+    ));
+    keys.extend(table(
+        || With("composition"),
+        vec![(
+            "composition.rounds",
+            "",
+            "rounds",
+            Whole(1, 8),
+            "Questions for a template: one more after each answer that cannot be used.",
+        )],
+    ));
+    keys.extend(table(
+        || Optional,
+        vec![(
+            "composition.descriptions.*",
+            "",
+            "",
+            Text(2000),
+            "What is to happen in this kind of scenario, in prose.",
+        )],
+    ));
+    keys
+}
+
+fn scenes() -> Vec<Key> {
+    let mut keys = table(
+        || Always,
+        vec![(
+            "scenes.source",
+            "",
+            "",
+            Word(|| words(["synth", "safebench", "files", "pool"])),
+            "Where scenes come from: generated worlds, generated SafeBench families, scenario files, a pool.",
+        )],
+    );
+    keys.extend(table(
+        || Of("scenes.source", &["synth", "safebench"]),
+        vec![("scenes.seed", "", "", Whole(0, i64::MAX), "Root of the random streams of the generated scenes.")],
+    ));
+    keys.extend(table(
+        || Of("scenes.source", &["files"]),
+        vec![(
+            "scenes.paths",
+            "",
+            "",
+            Texts { empty: false },
+            "Scenario files or folders, relative to the file that names them.",
+        )],
+    ));
+    keys.extend(table(
+        || Of("scenes.source", &["pool"]),
+        vec![("scenes.path", "", "", Text(1000), "Pool file, relative to the file that names it.")],
+    ));
+    keys.extend(table(
+        || Of("scenes.source", &["safebench"]),
+        vec![
+            (
+                "scenes.options.families",
+                "",
+                "",
+                Words(|| words(TrafficFamily::ALL.map(TrafficFamily::name))),
+                "Traffic families, in the order of the pool, each once.",
+            ),
+            ("scenes.options.routes", "", "", Wholes(4, 13), "Route numbers, each once."),
+            ("scenes.options.draws", "", "scenes", Whole(1, 100), "Scenes of each family and route."),
+        ],
+    ));
+    keys.extend(table(|| Of("scenes.source", &["synth"]), worlds()));
+    keys
+}
+
+fn worlds() -> Vec<Row> {
+    vec![
+        ("scenes.count", "", "scenes", Whole(1, 100_000), "Scenes that are generated."),
+        (
+            "scenes.options.kinds",
+            "",
+            "",
+            Words(|| words(WorldKind::ALL.map(WorldKind::name))),
+            "Kinds of world that a pool takes in turn.",
+        ),
+        ("scenes.options.steps", "", "steps of 0.1 s", Whole(2, 1200), "Samples of a scene."),
+        (
+            "scenes.options.current_step",
+            "",
+            "steps of 0.1 s",
+            Whole(0, 1198),
+            "Last sample of history; it lies before the last sample.",
+        ),
+        ("scenes.options.warm_up_s", "", "s", Number(0.0, 120.0), "Time simulated before the first sample."),
+        ("scenes.options.tracks_per_scene", "", "road users", Whole(4, 2000), "Road users wanted in a scene."),
+        ("scenes.options.pedestrian_share", "", "", Number(0.0, 0.5), "Share of them on foot where crosswalks are."),
+        ("scenes.options.cyclist_share", "", "", Number(0.0, 0.5), "Share of them on bicycles off motorways."),
+        (
+            "scenes.options.following_share",
+            "",
+            "",
+            SHARE,
+            "Share of scenes in which the interacting vehicle may lead or follow in the ego's lane.",
+        ),
+        ("scenes.options.ego_travel_m_min", "", "m", Number(0.0, 1000.0), "Distance that the ego travels, at least."),
+        (
+            "scenes.options.interaction_time_s_max",
+            "",
+            "s",
+            Above(0.0, 120.0),
+            "Time between the ego and the interacting vehicle at the same place, at most.",
+        ),
+        ("scenes.options.interaction_gap_m_max", "", "m", Above(0.0, 1000.0), "Smallest gap between the two, at most."),
+        ("scenes.options.attempts_max", "", "attempts", Whole(1, 1000), "Sub-seeds that are tried for a scene."),
+    ]
+}
+
+fn models() -> Vec<Key> {
+    let mut keys = table(
+        || Always,
+        vec![
+            (
+                "models.*.kind",
+                "",
+                "",
+                Word(|| words([SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC])),
+                "How the model is asked; `scripted` is the rule-based stand-in.",
+            ),
+            ("models.*.model", "", "", Text(200), "The provider's name of the model."),
+        ],
+    );
+    keys.extend(table(
+        || Of("models.*.kind", &[SCRIPTED]),
+        vec![
+            ("models.*.sampling.malformed_json_rate", "", "", SHARE, "Share of answers that are no JSON."),
+            ("models.*.sampling.out_of_range_rate", "", "", SHARE, "Share of patches with a value out of its range."),
+            ("models.*.sampling.foreign_mechanism_rate", "", "", SHARE, "Share with another family's mechanism."),
+            ("models.*.sampling.stale_hash_rate", "", "", SHARE, "Share that name another parent."),
+            ("models.*.sampling.oversight_rate", "", "", SHARE, "Share of a critic's findings that it overlooks."),
+        ],
+    ));
+    keys.extend(table(
+        || Of("models.*.kind", LIVE),
+        vec![(
+            "models.*.response_format",
+            "",
+            "",
+            Word(|| words(["json_schema", "json_object_schema", "json_object", "tool", "none"])),
+            "How the model is held to the schema of a reply; `anthropic` takes tool or none, the other kind the rest.",
+        )],
+    ));
+    keys.extend(table(
+        || Optional,
+        vec![
+            ("models.*.sampling.seed", "", "", Number(0.0, WHOLE_MAX), "Root of one seed a draw slot; whole."),
+            ("models.*.sampling.temperature", "", "", Number(0.0, 2.0), "Sampling temperature."),
+            ("models.*.sampling.top_p", "", "", SHARE, "Nucleus sampling."),
+            ("models.*.sampling.top_k", "", "tokens", Number(0.0, WHOLE_MAX), "Most likely tokens kept; whole."),
+            ("models.*.sampling.min_p", "", "", SHARE, "Least probability against the most likely token."),
+            ("models.*.sampling.max_tokens", "", "tokens", Number(1.0, 1e6), "Length of an answer, at most; whole."),
+            (
+                "models.*.sampling.max_completion_tokens",
+                "",
+                "tokens",
+                Number(1.0, 1e6),
+                "The same, for servers that call it so.",
+            ),
+            ("models.*.sampling.frequency_penalty", "", "", Number(-2.0, 2.0), "Penalty of frequent tokens."),
+            ("models.*.sampling.presence_penalty", "", "", Number(-2.0, 2.0), "Penalty of tokens that were used."),
+            ("models.*.body.*", "", "", Any, "A further field of a live model's request, sent as it is."),
+            (
+                "models.*.client.api_key_env",
+                "",
+                "",
+                Unshown,
+                "NAME of the environment variable that holds the key, never the key itself.",
+            ),
+        ],
+    ));
+    keys.extend(table(|| With("models.*.client"), client()));
+    keys.extend(table(
+        || With("spend"),
+        vec![
+            ("spend.usd_max", "", "USD", Number(0.0, 1e9), "What all live models may cost together."),
+            ("spend.tokens_max", "", "tokens", Whole(0, i64::MAX), "Tokens of all their prompts and answers."),
+        ],
+    ));
+    keys.extend(roles());
+    keys
+}
+
+fn roles() -> Vec<Key> {
+    let mut keys = required(vec![
+        ("roles.actor", "", "", Text(200), "Name of the model that proposes patches."),
+        ("roles.structural_critic", "", "", Text(200), "Name of the model that reviews structure."),
+        ("roles.attack_critic", "", "", Text(200), "Name of the model that reviews attack."),
+        ("roles.realism_critic", "", "", Text(200), "Name of the model that reviews realism."),
+        ("roles.isolation_critic", "", "", Text(200), "Name of the model that reviews isolation."),
+        ("roles.repair", "", "", Text(200), "Name of the model that repairs patches."),
+    ]);
+    keys.extend(table(
+        || Optional,
+        vec![
+            ("roles.attacker_agent", "", "", Text(200), "Names attackers, where a family takes counsel."),
+            ("roles.template_agent", "", "", Text(200), "Composes templates, where [composition] asks for some."),
+        ],
+    ));
+    keys
+}
+
+fn client() -> Vec<Row> {
+    vec![
+        ("models.*.client.base_url", "", "", Unshown, "Address of the server, without user, password or query."),
+        ("models.*.client.timeout_s", "", "s", Whole(1, 3600), "Limit of one attempt, connecting included."),
+        ("models.*.client.attempts_max", "", "attempts", Whole(1, 20), "Attempts for one request."),
+        ("models.*.client.wait_s_max", "", "s", Whole(0, 3600), "Longest wait between two attempts."),
+        (
+            "models.*.client.incomplete_replies",
+            "",
+            "",
+            Word(|| words(["keep", "stop"])),
+            "Refused, empty or cut answers: kept as unusable replies, or the end of the recording.",
+        ),
+        ("models.*.client.input_usd_per_million", "", "USD per million tokens", Number(0.0, 1e6), "Price of a prompt."),
+        (
+            "models.*.client.output_usd_per_million",
+            "",
+            "USD per million tokens",
+            Number(0.0, 1e6),
+            "Price of an answer.",
+        ),
+    ]
+}
+
+fn metadrive() -> Vec<Key> {
+    let weight = "Weight of the diagnostic; all seven sum to 1.";
+    table(
+        || Without("evaluation.safebench"),
+        vec![
+            (
+                "evaluation.attack.target",
+                "",
+                "",
+                Word(|| words(["any_contact", "adversary_contact"])),
+                "Contact that counts as a failure of the ego: with anyone, or with an adversary only.",
+            ),
+            ("evaluation.realism.map_validity.weight", "w_j", "", SHARE, weight),
+            ("evaluation.realism.map_validity.tolerance", "ρ_j", "m", TOLERANCE, "Metres beyond the drivable area."),
+            ("evaluation.realism.initial_non_overlap.weight", "w_j", "", SHARE, weight),
+            ("evaluation.realism.collision_validity.weight", "w_j", "", SHARE, weight),
+            ("evaluation.realism.route_progress.weight", "w_j", "", SHARE, weight),
+            ("evaluation.realism.route_progress.tolerance", "ρ_j", "m", TOLERANCE, "Metres driven against a lane."),
+            ("evaluation.realism.trajectory_continuity.weight", "w_j", "", SHARE, weight),
+            ("evaluation.realism.trajectory_continuity.tolerance", "ρ_j", "m", TOLERANCE, "Metres jumped."),
+            ("evaluation.realism.bounded_acceleration.weight", "w_j", "", SHARE, weight),
+            ("evaluation.realism.bounded_acceleration.bound", "", "m/s²", BOUND, "What is still normal driving."),
+            ("evaluation.realism.bounded_acceleration.tolerance", "ρ_j", "m/s²", TOLERANCE, "What lies beyond it."),
+            ("evaluation.realism.bounded_jerk.weight", "w_j", "", SHARE, weight),
+            ("evaluation.realism.bounded_jerk.bound", "", "m/s³", BOUND, "What is still normal driving."),
+            ("evaluation.realism.bounded_jerk.tolerance", "ρ_j", "m/s³", TOLERANCE, "What lies beyond it."),
+        ],
+    )
+}
+
+macro_rules! ars {
+    ($place:literal) => {
+        concat!("evaluation.safebench.ars.", $place)
+    };
+}
+
+fn safebench() -> Vec<Key> {
+    let (bound, beyond) = ("What is still plausible.", "What lies beyond the bound.");
+    table(
+        || With("evaluation.safebench"),
+        vec![
+            (
+                "evaluation.safebench.selected_per_group",
+                "",
+                "scenes",
+                Whole(1, 100),
+                "Scenes that balanced selection keeps of each family and route.",
+            ),
+            (ars!("kinematics.acceleration.bound"), "", "m/s²", BOUND, bound),
+            (ars!("kinematics.acceleration.tolerance"), "", "m/s²", TOLERANCE, beyond),
+            (ars!("kinematics.lateral_acceleration.bound"), "", "m/s²", BOUND, bound),
+            (ars!("kinematics.lateral_acceleration.tolerance"), "", "m/s²", TOLERANCE, beyond),
+            (ars!("kinematics.jerk.bound"), "", "m/s³", BOUND, bound),
+            (ars!("kinematics.jerk.tolerance"), "", "m/s³", TOLERANCE, beyond),
+            (ars!("map.off_road_tolerance_m"), "", "m", TOLERANCE, "Beyond the drivable area: the diagnostic is 0."),
+            (ars!("map.wrong_way_tolerance_m"), "", "m", TOLERANCE, "Against a lane: the diagnostic is 0."),
+            (ars!("interaction.impact_speed.bound"), "", "m/s", BOUND, bound),
+            (ars!("interaction.impact_speed.tolerance"), "", "m/s", TOLERANCE, beyond),
+            (ars!("interaction.approach.bound"), "", "m", BOUND, bound),
+            (ars!("interaction.approach.tolerance"), "", "m", TOLERANCE, beyond),
+            (ars!("distance.start_gap_m"), "", "m", TOLERANCE, "Gap to the ego at the start that is enough."),
+            (ars!("distance.apart_gap_m"), "", "m", TOLERANCE, "Gap between adversaries that is enough."),
+            (ars!("distance.jump_tolerance_m"), "", "m", TOLERANCE, "Jump at which the diagnostic is 0."),
+            (ars!("validity.jump_m_max"), "", "m", BOUND, "Largest jump of an adversary in a valid scene."),
+            (ars!("validity.off_road_m_max"), "", "m", BOUND, "Farthest off the drivable area in a valid scene."),
+        ],
+    )
+}
+
+fn acceptance() -> Vec<Key> {
+    required(vec![
+        ("archive.reference", "", "", Pair(0.0, 1.0), "Reference point of the hypervolume: attack, realism."),
+        ("archive.r0", "r_0", "", SHARE, "Where the high-realism region begins."),
+        ("archive.a0", "a_0", "", SHARE, "Where the high-attack region begins."),
+        ("archive.epsilon_r", "ε_R", "", SHARE, "Realism that a child may lose for more attack."),
+        ("archive.epsilon_a", "ε_A", "", SHARE, "Attack that a child may lose for more realism."),
+        ("archive.epsilon_pf", "ε", "", Above(0.0, 1.0), "Least parent hypervolume that PF-Area divides by."),
+        ("selector.realism_min", "", "", SHARE, "Least realism of the active generator."),
+        ("selector.tolerance", "ε", "", SHARE, "Share of the best attack that may be given up for realism."),
+        ("memory.alpha_lineage", "α_1", "", WEIGHT, "Weight of a card of the same lineage."),
+        ("memory.alpha_family", "α_2", "", WEIGHT, "Weight of a card of the same family."),
+        ("memory.alpha_mechanism", "α_3", "", WEIGHT, "Weight of mechanism tags in common."),
+        ("memory.alpha_scene", "α_4", "", WEIGHT, "Weight of scene tags in common."),
+        ("memory.alpha_recency", "α_5", "", WEIGHT, "Weight of recency."),
+        ("memory.alpha_future", "α_6", "", WEIGHT, "Penalty of a card from the future."),
+        ("memory.top_m", "M", "cards", Whole(0, 1000), "Cards that an actor is shown."),
+        ("curation.attack_low", "", "", SHARE, "Attack below which a candidate counts as weak."),
+        ("curation.realism_low", "", "", SHARE, "Realism below which a candidate counts as implausible."),
+        ("curation.digits", "", "decimals", Whole(0, 9), "Decimals of every number on a card."),
+        ("curation.text_chars", "", "characters", Whole(1, 10_000), "Longest text of a card."),
+    ])
+}
+
+fn world() -> Vec<Key> {
+    required(vec![
+        ("world.excluded_columns", "", "", Texts { empty: true }, "Feature columns left out of the regression."),
+        ("world.ridge_lambda", "λ", "", Above(0.0, 1e9), "Ridge penalty on standardised columns."),
+        ("world.beta_attack", "β_A", "", SHARE, "Weight of the raw prediction of attack against its group's mean."),
+        ("world.beta_realism", "β_R", "", SHARE, "The same of realism."),
+        (
+            "world.calibration_group",
+            "",
+            "",
+            Word(|| words(["family", "scene_cluster", "mechanism_class"])),
+            "Whose mean calibrates a prediction.",
+        ),
+        ("world.group_labels_min", "", "labels", Whole(0, 1_000_000), "Labels below which a group's mean is not used."),
+        ("world.residual_floor", "", "", Above(0.0, 1.0), "Least residual standard deviation that is believed."),
+        ("world.residual_share", "", "", SHARE, "Share of the residual variance in the uncertainty: 1 = one rollout."),
+        ("world.uncertainty_quantile", "", "", Number(0.5, 1.0), "Quantile over scenes of a candidate's uncertainty."),
+        ("world.routing.lambda_a", "λ_A", "", SHARE, "Least predicted attack to be promising."),
+        ("world.routing.lambda_r", "λ_R", "", SHARE, "Least predicted realism to be promising."),
+        ("world.routing.lambda_u", "λ_U", "", Above(0.0, 1e9), "Largest uncertainty to be certain."),
+        ("world.routing.audit_rate", "", "", SHARE, "Share of would-be rejections that are simulated all the same."),
+        ("world.routing.min_labels", "", "labels", Whole(0, 1_000_000), "Labels below which nothing is rejected."),
+    ])
+}
+
+fn required(rows: Vec<Row>) -> Vec<Key> {
+    table(|| Always, rows)
+}

@@ -1,0 +1,22 @@
+//! Experiment files: read, composed from their bases, checked, and resolved to the scenes and the study that they describe.
+
+mod check;
+mod error;
+mod file;
+mod key;
+mod keys;
+mod models;
+mod options;
+mod page;
+mod relations;
+mod scenes;
+mod starter;
+mod study;
+
+pub use error::{ExperimentError, OptionError, did_you_mean};
+pub use file::{Composed, PROTOCOLS, composed};
+pub use models::{ModelOptions, by_role, provenance};
+pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
+pub use page::page;
+pub use scenes::{import, read_pool, read_scenes};
+pub use starter::{Starter, starter};

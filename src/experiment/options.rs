@@ -1,0 +1,162 @@
+//! The experiment: everything that reaches a result, without defaults in code.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::file::{self, Composed};
+use super::{ExperimentError, ModelOptions, check, relations};
+use crate::archive::{ArchiveOptions, SelectorOptions};
+use crate::epoch::{CompositionOptions, CounselOptions};
+use crate::evaluation::EvaluationOptions;
+use crate::kernel::Digest;
+use crate::llm::SpendCap;
+use crate::memory::{CurationOptions, MemoryOptions};
+use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
+use crate::scene::EvolutionSize;
+use crate::synth::{FamilyOptions, SynthOptions};
+
+/// A whole experiment.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// Lower-case letters, digits, `-` and `_`: it names the run folder.
+    pub name: String,
+    /// One sentence for reports.
+    pub describes: String,
+    /// Root of every random stream.
+    pub seed: u64,
+    /// Recorded answers, relative to the file.
+    pub cassette: PathBuf,
+    pub scenes: SceneSource,
+    pub split: SplitOptions,
+    pub budget: BudgetOptions,
+    #[serde(rename = "lineage")]
+    pub lineages: Vec<LineageOptions>,
+    /// Models by name.
+    pub models: BTreeMap<String, ModelOptions>,
+    /// What live models may use; needed where there is one. No part of the digest, so that it can be raised on the way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spend: Option<SpendCap>,
+    /// What the template agent is asked for, where a lineage's family takes templates; without it the published ones stay.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub composition: Option<CompositionOptions>,
+    /// How the attacker agent is asked; needed where a lineage's family takes counsel, and refused elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counsel: Option<CounselOptions>,
+    /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted;
+    /// `attacker_agent` only where a lineage's family takes counsel.
+    pub roles: BTreeMap<Role, String>,
+    pub evaluation: EvaluationOptions,
+    pub archive: ArchiveOptions,
+    pub selector: SelectorOptions,
+    pub memory: MemoryOptions,
+    pub curation: CurationOptions,
+    pub world: WorldConfiguration,
+    /// The file that it was read from.
+    #[serde(skip)]
+    pub file: PathBuf,
+    /// A file that means the same and has no base.
+    #[serde(skip)]
+    pub whole_text: String,
+}
+
+/// Where scenes come from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "source", rename_all = "snake_case", deny_unknown_fields)]
+pub enum SceneSource {
+    /// Generated worlds.
+    Synth { count: usize, seed: u64, options: SynthOptions },
+    /// SafeBench's traffic families on generated roads.
+    Safebench { seed: u64, options: FamilyOptions },
+    /// Scenario files or folders of them, relative to this file.
+    Files { paths: Vec<PathBuf> },
+    /// A pool written by `evodrive scenes import`, relative to this file.
+    Pool { path: PathBuf },
+}
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SplitOptions {
+    /// `{ count = N }` or `{ share = 0.7 }` of the usable scenes that are not held out.
+    pub evolution: EvolutionSize,
+    /// Scenes that stay closed until evolution is over.
+    pub held_out: usize,
+    /// Scenes of the rotating development window.
+    pub window: usize,
+}
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BudgetOptions {
+    pub epochs: u32,
+    /// K, parallel proposals an epoch.
+    pub slots: u32,
+    pub max_repair_rounds: u32,
+    /// Scenes on which the compile gate tries a program.
+    pub probe_scenes: usize,
+    /// Accepted descendants that are measured on the whole evolution pool before one is chosen.
+    pub finalists: usize,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LineageOptions {
+    pub id: LineageId,
+    pub family: FamilyName,
+    /// `idm`, `idm-lights` or `replay`.
+    pub ego: String,
+    /// Parameters in which this lineage's parent differs from its family's, such as SAGE's `preference_weight`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parent: BTreeMap<String, ParameterValue>,
+}
+
+impl Experiment {
+    /// Reads an experiment file with its bases, and checks every option.
+    ///
+    /// # Errors
+    /// What cannot be read; the first option that is unknown, missing, out of its range or at odds with another one.
+    pub fn read(path: &Path) -> Result<Experiment, ExperimentError> {
+        Experiment::of(file::composed(path)?)
+    }
+
+    fn of(composed: Composed) -> Result<Experiment, ExperimentError> {
+        check::check(&composed.table).map_err(|error| composed.error(error))?;
+        let file = composed.file.display().to_string();
+        let problem = |problem: String| ExperimentError::File { file: file.clone(), problem };
+        let read: Result<Experiment, toml::de::Error> = toml::Value::Table(composed.table.clone()).try_into();
+        let mut experiment = read.map_err(|error| problem(error.to_string().trim_end().to_string()))?;
+        experiment.file = composed.file.clone();
+        experiment.whole_text = composed.whole_text()?;
+        relations::check(&experiment).map_err(|error| match error {
+            relations::Problem::Option(error) => composed.error(error),
+            relations::Problem::Several(text) => problem(text),
+        })?;
+        Ok(experiment)
+    }
+
+    /// A path that the file names, which lies relative to the file.
+    pub fn beside(&self, path: &Path) -> PathBuf {
+        self.file.parent().unwrap_or(Path::new(".")).join(path)
+    }
+
+    /// An error of this file.
+    pub(super) fn problem(&self, problem: impl std::fmt::Display) -> ExperimentError {
+        ExperimentError::File { file: self.file.display().to_string(), problem: problem.to_string() }
+    }
+
+    /// Digest of the content. Where files lie does not count; scenes and answers have digests of their own. Nor does how a live
+    /// model is reached and what it may cost.
+    pub fn digest(&self) -> Result<Digest, ExperimentError> {
+        let mut content = self.clone();
+        content.cassette = PathBuf::new();
+        content.spend = None;
+        content.models.values_mut().for_each(|model| model.client = None);
+        match &mut content.scenes {
+            SceneSource::Synth { .. } | SceneSource::Safebench { .. } => {}
+            SceneSource::Files { paths } => paths.clear(),
+            SceneSource::Pool { path } => *path = PathBuf::new(),
+        }
+        Digest::of("evodrive/experiment/1", &content).map_err(|error| self.problem(error))
+    }
+}

@@ -1,0 +1,180 @@
+//! What one option means for another: who is asked where a family needs it, weights that sum to one, models that are named.
+
+use std::collections::BTreeSet;
+
+use super::{Experiment, OptionError, SceneSource};
+use crate::evaluation::EvaluationOptions;
+use crate::families;
+use crate::llm::client;
+use crate::objects::{FamilyName, Role};
+use crate::world;
+
+/// An experiment that fits the list of keys and still cannot be carried out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Problem {
+    Option(OptionError),
+    /// Several options that do not fit together, in words.
+    Several(String),
+}
+
+impl From<OptionError> for Problem {
+    fn from(error: OptionError) -> Problem {
+        Problem::Option(error)
+    }
+}
+
+/// Checks what the list of keys cannot say.
+pub fn check(experiment: &Experiment) -> Result<(), Problem> {
+    lineages(experiment)?;
+    let asides = [(Role::AttackerAgent, counselled(experiment)?), (Role::TemplateAgent, composes(experiment)?)];
+    let always = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
+    for role in always.chain(asides.into_iter().filter_map(|(role, asked)| asked.then_some(role))) {
+        named_model(experiment, role)?;
+    }
+    models(experiment)?;
+    scenes(experiment)?;
+    labels(experiment)?;
+    let several = |error: &dyn std::fmt::Display| Problem::Several(error.to_string());
+    experiment.archive.validate().map_err(|error| several(&error))?;
+    experiment.memory.validate().map_err(|error| several(&error))?;
+    let families: Vec<FamilyName> = experiment.lineages.iter().map(|lineage| lineage.family.clone()).collect();
+    world::validate(&experiment.world, &world::schema(&families)).map_err(|error| several(&error))
+}
+
+/// Lineages have names of their own, and parents that their families' contracts allow.
+fn lineages(experiment: &Experiment) -> Result<(), Problem> {
+    if experiment.lineages.is_empty() {
+        return Err(OptionError::new("lineage", "empty", "one [[lineage]] at least: a family and its ego").into());
+    }
+    let registry = families::registry();
+    let mut seen = BTreeSet::new();
+    for (i, lineage) in experiment.lineages.iter().enumerate() {
+        let id = lineage.id.as_str();
+        if !seen.insert(id) {
+            return Err(OptionError::new(
+                format!("lineage[{i}].id"),
+                format!("{id:?}"),
+                "an id that no other lineage has",
+            )
+            .into());
+        }
+        let place = format!("lineage[{i}].ego");
+        let unfit = |error| OptionError::new(place, format!("{:?}", lineage.ego), format!("a driver ({error})"));
+        lineage.ego.parse::<crate::ego::Policy>().map_err(unfit)?;
+        let Some(family) = registry.get(&lineage.family) else { continue };
+        let mut parent = family.parent.adopted(&lineage.id);
+        if let Some(unknown) = lineage.parent.keys().find(|name| !parent.parameters.contains_key(*name)) {
+            let known: Vec<String> = parent.parameters.keys().cloned().collect();
+            return Err(OptionError::unknown(format!("lineage[{i}].parent.{unknown}"), unknown, &known).into());
+        }
+        parent.parameters.extend(lineage.parent.clone());
+        if let Some(problem) = family.contract.check_program(&parent).first() {
+            return Err(Problem::Several(format!("lineage[{i}].parent: {problem}")));
+        }
+    }
+    Ok(())
+}
+
+fn named_model(experiment: &Experiment, role: Role) -> Result<(), OptionError> {
+    let place = format!("roles.{}", role.name());
+    let known: Vec<String> = experiment.models.keys().cloned().collect();
+    match experiment.roles.get(&role) {
+        None => Err(OptionError::new(place, "missing", format!("the name of a model: {}", known.join(", ")))),
+        Some(name) if !experiment.models.contains_key(name) => Err(OptionError::word(place, name, &known)),
+        Some(_) => Ok(()),
+    }
+}
+
+/// Whether a lineage's family takes counsel: then, and only then, the file says how and of whom.
+fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
+    let takes = experiment.lineages.iter().find(|lineage| families::takes_counsel(&lineage.family));
+    let role = Role::AttackerAgent;
+    match (takes, &experiment.counsel) {
+        (Some(lineage), None) => Err(OptionError::new(
+            "counsel",
+            "missing",
+            format!(
+                "a table with rounds and vehicles, because {} takes counsel, and a model for roles.{}",
+                lineage.id,
+                role.name()
+            ),
+        )),
+        (None, Some(_)) => {
+            Err(OptionError::new("counsel", "given", "nothing: no lineage's family takes counsel; take [counsel] out"))
+        }
+        (None, None) if experiment.roles.contains_key(&role) => Err(OptionError::new(
+            format!("roles.{}", role.name()),
+            "given",
+            format!("nothing: no lineage's family takes counsel; take {} out of [roles]", role.name()),
+        )),
+        (takes, _) => Ok(takes.is_some()),
+    }
+}
+
+/// Whether templates are composed: where the file describes some and a lineage's family takes them.
+fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
+    let takes = experiment.lineages.iter().any(|lineage| families::takes_templates(&lineage.family));
+    let role = Role::TemplateAgent;
+    let Some(options) = &experiment.composition else {
+        return match experiment.roles.contains_key(&role) {
+            true => Err(OptionError::new(
+                format!("roles.{}", role.name()),
+                "given",
+                format!("nothing: nothing is composed without [composition]; take {} out of [roles]", role.name()),
+            )),
+            false => Ok(false),
+        };
+    };
+    if !takes {
+        let why = "nothing: no lineage's family takes templates; take [composition] out";
+        return Err(OptionError::new("composition", "given", why));
+    }
+    let kinds: Vec<String> = families::template_forms().iter().map(|form| form.kind.to_string()).collect();
+    if let Some(kind) = options.descriptions.keys().find(|kind| !kinds.contains(kind)) {
+        return Err(OptionError::unknown(format!("composition.descriptions.{kind}"), kind, &kinds));
+    }
+    match options.fault() {
+        Some((field, expected)) => Err(OptionError::new(format!("composition.{field}"), "unfit", expected)),
+        None => Ok(true),
+    }
+}
+
+/// Settings of models that rest on their kind, and the cap that live ones need.
+fn models(experiment: &Experiment) -> Result<(), Problem> {
+    for (name, options) in &experiment.models {
+        client::check(&options.spec(name), options.client.as_ref()).map_err(Problem::Several)?;
+        let scripted = options.kind == client::SCRIPTED;
+        if scripted && !options.sampling.contains_key("seed") {
+            let place = format!("models.{name}.sampling.seed");
+            return Err(OptionError::new(place, "missing", "the root of its random streams, a whole number").into());
+        }
+    }
+    let live = experiment.models.values().any(|options| client::is_live(&options.kind));
+    match &experiment.spend {
+        None if live => Err(Problem::Several("a live model needs a table [spend] with usd_max and tokens_max".into())),
+        _ => Ok(()),
+    }
+}
+
+fn scenes(experiment: &Experiment) -> Result<(), Problem> {
+    let checked = match &experiment.scenes {
+        SceneSource::Synth { options, .. } => options.check(),
+        SceneSource::Safebench { options, .. } => options.check(),
+        SceneSource::Files { .. } | SceneSource::Pool { .. } => Ok(()),
+    };
+    checked.map_err(|error| Problem::Several(format!("scenes.options: {error}")))
+}
+
+fn labels(experiment: &Experiment) -> Result<(), Problem> {
+    match &experiment.evaluation {
+        EvaluationOptions::Metadrive(options) => {
+            options.realism.check().map_err(|error| Problem::Several(error.to_string()))
+        }
+        EvaluationOptions::Safebench { safebench } => match safebench.fault() {
+            Some((field, expected)) => {
+                Err(OptionError::new(format!("evaluation.safebench.{field}"), "unfit", expected).into())
+            }
+            None => Ok(()),
+        },
+    }
+}

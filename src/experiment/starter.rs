@@ -1,0 +1,99 @@
+//! The first experiment file of a user: short, commented, on one of the shipped protocols.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use super::{ExperimentError, OptionError};
+use crate::families::{self, takes_counsel, takes_templates};
+use crate::objects::FamilyName;
+use crate::scene::{Pool, usable};
+
+/// What a file is written for.
+#[derive(Clone, Debug)]
+pub struct Starter {
+    /// Names the experiment and its cassette.
+    pub name: String,
+    pub family: String,
+    /// The scenes as the file names them, with what they hold; generated ones without.
+    pub scenes: Option<(PathBuf, Pool)>,
+}
+
+/// Scenes of a small generated study.
+const GENERATED: usize = 24;
+
+/// The text of the file.
+///
+/// # Errors
+/// An unknown family, a name that no run folder can have, too few usable scenes.
+pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
+    let option = |error| ExperimentError::Option { file: "init".into(), error };
+    let registry = families::registry();
+    let known: Vec<String> = registry.iter().map(|family| family.contract.family.to_string()).collect();
+    let family = FamilyName::new(starter.family.as_str());
+    let found = registry.get(&family).ok_or_else(|| option(OptionError::word("--family", family.as_str(), &known)))?;
+    let name = toml::Value::String(starter.name.clone());
+    super::key::Range::Name.check("NAME", &name).map_err(option)?;
+    let staged = found.contract.backend == "safebench";
+    let protocol = if staged { "safebench" } else { "metadrive" };
+    let mut text = format!(
+        "# An experiment of your own. What does not stand here stands in its base; docs/EXPERIMENT.md lists every key.\n\
+         base = \"evodrive:{protocol}\"\nname = \"{name}\"\n\
+         describes = \"{family} evolved against the IDM ego\"\n\
+         cassette = \"{name}.jsonl\"   # recorded answers: `evodrive record {name}.toml` writes them\n",
+        name = starter.name
+    );
+    if takes_counsel(&family) {
+        text.push_str(
+            "counsel = { rounds = 3, vehicles = 8 }   # sets of attackers tried in a scene, vehicles shown\n",
+        );
+        text.push_str("roles.attacker_agent = \"scripted\"\n");
+    }
+    if takes_templates(&family) {
+        text.push_str("# [composition] can describe scenarios in words; without it the published templates stay.\n");
+    }
+    text.push_str(&scenes(starter, staged)?);
+    let _ = write!(
+        text,
+        "\n[budget]\nepochs = 4\nslots = 6   # parallel proposals of an epoch\n\n\
+         [[lineage]]\nid = \"{0}-idm\"\nfamily = \"{0}\"\nego = \"idm\"\n",
+        starter.family
+    );
+    Ok(text)
+}
+
+/// `[scenes]` and `[split]`: a fifth of the scenes is held out, and a window sees at most 20 of the others.
+fn scenes(starter: &Starter, staged: bool) -> Result<String, ExperimentError> {
+    let (source, held_out, window) = match &starter.scenes {
+        None if staged => return Ok(generated_groups()),
+        None => (format!("count = {GENERATED}   # generated; `evodrive init --scenes` takes yours"), 4, 14),
+        Some((path, pool)) => {
+            let count = pool.scenes.iter().filter(|scene| usable(scene).is_ok()).count();
+            if count < 2 {
+                return Err(ExperimentError::Scenes(format!(
+                    "{} of the {} scenes of {} can be used; evolution needs 2 at least, one of them held out",
+                    count,
+                    pool.scenes.len(),
+                    path.display()
+                )));
+            }
+            let path = toml::Value::String(path.to_string_lossy().into_owned());
+            let source = match path.as_str().is_some_and(|path| path.ends_with(".pool")) {
+                true => format!("source = \"pool\"\npath = {path}"),
+                false => format!("source = \"files\"\npaths = [{path}]"),
+            };
+            let held_out = (count / 5).max(1);
+            (source, held_out, (count - held_out).min(20))
+        }
+    };
+    Ok(format!(
+        "\n[scenes]\n{source}\n\n[split]\nevolution = {{ share = 1.0 }}   # of the usable scenes that are not held out\n\
+         held_out = {held_out}\nwindow = {window}   # scenes of an epoch\n"
+    ))
+}
+
+/// Two routes of each traffic family: whole groups on both sides of the split.
+fn generated_groups() -> String {
+    "\n[scenes.options]\nroutes = [4, 5]   # of 4 to 13, in each of eight traffic families\n\n[split]\n\
+     evolution = { count = 48 }   # whole groups of a family and a route, 4 scenes each\nheld_out = 16\nwindow = 48\n"
+        .to_string()
+}

@@ -1,0 +1,98 @@
+//! From an experiment and its scenes to the study that a run carries out.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::{Experiment, ExperimentError, models};
+use crate::adapters::Family;
+use crate::agents::contract_text;
+use crate::ego::Policy;
+use crate::epoch::{Budget, Counsels, LineageSpec, Meter, SceneEntry, Study};
+use crate::families;
+use crate::kernel::{Seed, Threads};
+use crate::llm::Ask;
+use crate::scene::{Pool, Scene, Split};
+
+impl Experiment {
+    /// Which scenes of a pool evolution sees and which stay closed.
+    ///
+    /// # Errors
+    /// Too few usable scenes; a group that the split would cut; scenes that the protocol cannot label.
+    pub fn split_of(&self, pool: &Pool) -> Result<Split, ExperimentError> {
+        let split = pool
+            .split(Seed(self.seed), self.split.evolution, self.split.held_out)
+            .map_err(|error| self.problem(format!("[split]: {error}")))?;
+        let chosen = split.evolution.iter().chain(&split.held_out).filter_map(|entry| pool.scene(&entry.id));
+        let unstaged = chosen.into_iter().find(|scene| scene.staging.is_none());
+        match unstaged {
+            Some(scene) if self.evaluation.safebench().is_some() => Err(self.problem(format!(
+                "scene {} is staged for no traffic family; [evaluation.safebench] takes [scenes] source = \"safebench\"",
+                scene.id
+            ))),
+            _ => Ok(split),
+        }
+    }
+
+    /// Puts the study together. Its pool digest names all scenes; the study holds those of the split.
+    ///
+    /// # Errors
+    /// Those of [`Experiment::split_of`], and a parent that its family's contract does not allow.
+    pub fn study<'a>(&self, pool: Pool, ask: &'a dyn Ask, threads: &'a Threads) -> Result<Study<'a>, ExperimentError> {
+        let split = self.split_of(&pool)?;
+        let pool_digest = pool.digest();
+        let mut lineages = Vec::new();
+        for lineage in &self.lineages {
+            let ego: Policy =
+                lineage.ego.parse().map_err(|error| self.problem(format!("lineage {}: {error}", lineage.id)))?;
+            let (id, family, parent) = (lineage.id.clone(), lineage.family.clone(), lineage.parent.clone());
+            lineages.push(LineageSpec { id, family, ego, parent });
+        }
+        let egos: Vec<Policy> = lineages.iter().map(|spec| spec.ego.clone()).collect();
+        let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
+        let mut by_id: BTreeMap<String, Arc<Scene>> =
+            pool.scenes.into_iter().map(|s| (s.id.clone(), Arc::new(s))).collect();
+        let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
+        let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone(), &egos));
+        let registry = families::registry();
+        let text = |f: &Family| (f.contract.family.clone(), contract_text(&f.contract));
+        let used = |f: &&Family| lineages.iter().any(|spec| spec.family == f.contract.family);
+        let contract_texts = registry.iter().filter(used).map(text).collect();
+        let study = Study {
+            name: self.name.clone(),
+            experiment: self.digest()?,
+            seed: Seed(self.seed),
+            evolution: (0..split.evolution.len()).collect(),
+            held_out: (split.evolution.len()..entries.len()).collect(),
+            scenes: entries,
+            pool_digest,
+            lineages,
+            contract_texts,
+            registry,
+            budget: Budget {
+                epochs: self.budget.epochs,
+                slots: self.budget.slots,
+                window: self.split.window,
+                max_repair_rounds: self.budget.max_repair_rounds,
+                probe_scenes: self.budget.probe_scenes,
+                finalists: self.budget.finalists,
+            },
+            models: models::by_role(self),
+            evaluation: self.evaluation.clone(),
+            archive: self.archive.clone(),
+            selector: self.selector.clone(),
+            memory: self.memory.clone(),
+            curation: self.curation.clone(),
+            world: self.world.clone(),
+            composition: self.composition.clone(),
+            counsel: self.counsel,
+            counsels: Counsels::default(),
+            ask,
+            pool: threads,
+            meter: Meter::default(),
+        };
+        for lineage in &study.lineages {
+            study.parent(lineage).map_err(|error| self.problem(error))?;
+        }
+        Ok(study)
+    }
+}

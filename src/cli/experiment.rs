@@ -199,14 +199,17 @@ impl Experiment {
 
     /// Whether templates are composed: where the file describes some and a lineage's family takes them.
     fn check_composition(&self) -> Result<bool, String> {
-        let takes = self.lineages.iter().any(|lineage| families::takes_templates(&lineage.family));
+        let sources = families::sources();
+        let used = sources.iter().filter(|of| self.lineages.iter().any(|lineage| lineage.family == of.contract.family));
+        let forms = used.filter_map(|of| of.asks.templates).flat_map(|asks| (asks.forms)());
+        let kinds: Vec<&str> = forms.map(|form| form.kind).collect();
         let role = Role::TemplateAgent.name();
         match &self.composition {
-            Some(_) if !takes => Err("no lineage's family takes templates; take [composition] out".into()),
+            Some(_) if kinds.is_empty() => Err("no lineage's family takes templates; take [composition] out".into()),
             None if self.roles.contains_key(&Role::TemplateAgent) => {
                 Err(format!("nothing is composed without [composition]; take {role} out of [roles]"))
             }
-            Some(options) => match options.fault() {
+            Some(options) => match options.fault(&kinds) {
                 Some((field, expected)) => Err(format!("composition.{field}: expected {expected}")),
                 None => Ok(true),
             },
@@ -216,7 +219,9 @@ impl Experiment {
 
     /// Whether a lineage's family takes counsel: then, and only then, the file says how and of whom.
     fn check_counsel(&self) -> Result<bool, String> {
-        let takes = self.lineages.iter().find(|lineage| families::takes_counsel(&lineage.family));
+        let sources = families::sources();
+        let asks = |family| sources.get(family).and_then(|source| source.asks.counsel);
+        let takes = self.lineages.iter().find(|lineage| asks(&lineage.family).is_some());
         let role = Role::AttackerAgent.name();
         match (takes, &self.counsel) {
             (Some(lineage), None) => {

@@ -8,16 +8,15 @@ use super::answer::progress;
 use super::exit::Failure;
 use super::experiment::{Experiment, SceneSource};
 use super::models;
-use crate::adapters::Family;
 use crate::agents::contract_text;
 use crate::ego::Policy;
-use crate::epoch::{Budget, Counsels, LineageSpec, Meter, SceneEntry, Study};
+use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
 use crate::kernel::{Digest, Seed, Threads};
-use crate::llm::Ask;
 use crate::scene::{Pool, Scene, pool, usable};
+use crate::stage::Source;
 use crate::store;
 use crate::synth;
 
@@ -115,12 +114,7 @@ pub fn tell_left_out(pool: &Pool) {
 }
 
 /// Puts a study together. `pool_digest` names all scenes; the study holds those of the split.
-pub fn study<'a>(
-    experiment: &Experiment,
-    pool: Pool,
-    ask: &'a dyn Ask,
-    threads: &'a Threads,
-) -> Result<Study<'a>, Failure> {
+pub fn study(experiment: &Experiment, pool: Pool, threads: &Threads) -> Result<Study, Failure> {
     let bad = |error: String| Failure::bad_input(format!("experiment {}: {error}", experiment.name));
     let seed = Seed(experiment.seed);
     let split = pool
@@ -133,23 +127,22 @@ pub fn study<'a>(
         let (id, family, parent) = (lineage.id.clone(), lineage.family.clone(), lineage.parent.clone());
         lineages.push(LineageSpec { id, family, ego, parent });
     }
-    let egos: Vec<Policy> = lineages.iter().map(|spec| spec.ego.clone()).collect();
     let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
     let mut by_id: BTreeMap<String, Arc<Scene>> =
         pool.scenes.into_iter().map(|s| (s.id.clone(), Arc::new(s))).collect();
     let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
-    let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone(), &egos));
+    let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone()));
     let families: Vec<&str> = experiment.lineages.iter().map(|l| l.family.as_str()).collect();
-    let registry = families::registry();
+    let sources = families::sources();
     for family in families {
-        if registry.get(&crate::objects::FamilyName::new(family)).is_none() {
-            let known: Vec<&str> = registry.iter().map(|f| f.contract.family.as_str()).collect();
+        if sources.get(&crate::objects::FamilyName::new(family)).is_none() {
+            let known: Vec<&str> = sources.iter().map(|f| f.contract.family.as_str()).collect();
             return Err(bad(format!("no family is called `{family}`; there are {}", known.join(", "))));
         }
     }
-    let text = |f: &Family| (f.contract.family.clone(), contract_text(&f.contract));
-    let used = |f: &&Family| lineages.iter().any(|spec| spec.family == f.contract.family);
-    let contract_texts = registry.iter().filter(used).map(text).collect();
+    let text = |f: &Source| (f.contract.family.clone(), contract_text(&f.contract));
+    let used = |f: &&Source| lineages.iter().any(|spec| spec.family == f.contract.family);
+    let contract_texts = sources.iter().filter(used).map(text).collect();
     match &experiment.evaluation {
         EvaluationOptions::Metadrive(options) => options.realism.check().map_err(|error| bad(error.to_string()))?,
         EvaluationOptions::Safebench { safebench } => {
@@ -159,7 +152,7 @@ pub fn study<'a>(
             if let Some(entry) = entries.iter().find(|entry| entry.group().is_none()) {
                 return Err(bad(format!(
                     "scene {} is staged for no traffic family; [evaluation.safebench] takes [scenes] source = \"safebench\"",
-                    entry.scene.id
+                    entry.scene().id
                 )));
             }
         }
@@ -175,7 +168,8 @@ pub fn study<'a>(
         pool_digest,
         lineages,
         contract_texts,
-        registry,
+        registry: sources.registry(),
+        sources,
         budget: Budget {
             epochs: experiment.budget.epochs,
             slots: experiment.budget.slots,
@@ -193,10 +187,6 @@ pub fn study<'a>(
         world: experiment.world.clone(),
         composition: experiment.composition.clone(),
         counsel: experiment.counsel,
-        counsels: Counsels::default(),
-        ask,
-        pool: threads,
-        meter: Meter::default(),
     };
     for lineage in &study.lineages {
         study.parent(lineage).map_err(|error| bad(error.to_string()))?;

@@ -224,17 +224,6 @@ impl Split {
             Err(error) => unreachable!("a split holds texts only: {error}"),
         }
     }
-
-    /// The evolution scenes of an epoch (counted from 0): the next `size` in turn, starting again at the end; all of
-    /// them, once, where there are no more than `size`.
-    pub fn rotating_window(&self, epoch: usize, size: usize) -> Vec<&SplitScene> {
-        let count = self.evolution.len();
-        if size >= count {
-            return self.evolution.iter().collect();
-        }
-        let start = (epoch % count) * size % count;
-        (0..size).map(|k| &self.evolution[(start + k) % count]).collect()
-    }
 }
 
 impl Pool {
@@ -456,15 +445,5 @@ mod tests {
         assert_eq!(refused, Err(PoolError::TooFew { wanted: 5, usable: 4, all: 4 }));
         assert!(pool(4).split(Seed(1), EvolutionSize::Share(0.0), 2).is_err());
         assert!(pool(4).split(Seed(1), EvolutionSize::Count(1), 5).is_err());
-    }
-
-    #[test]
-    fn the_window_passes_over_every_scene_in_turn() {
-        let split = pool(5).split(Seed(2), EvolutionSize::Count(5), 0).unwrap();
-        let seen: Vec<&str> = (0..5).flat_map(|e| split.rotating_window(e, 2)).map(|s| s.id.as_str()).collect();
-        for scene in &split.evolution {
-            assert_eq!(seen.iter().filter(|id| **id == scene.id).count(), 2);
-        }
-        assert_eq!(split.rotating_window(3, 9).len(), 5);
     }
 }

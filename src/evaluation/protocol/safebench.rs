@@ -22,11 +22,6 @@ impl SafebenchRun {
     pub fn point(&self) -> (f64, f64) {
         group_score(&[*self], 0).map(|score| score.point()).map_or((0.0, 0.0), |point| (point.attack, point.realism))
     }
-
-    /// How severe a single run is: collisions first, then a low OS (as ChatScene keeps its samples).
-    pub fn severity(&self) -> (bool, f64) {
-        (self.run.collision, criteria(&[self.run]).map_or(0.0, |c| 1.0 - c.overall_score()))
-    }
 }
 
 /// Scores of a set of runs.
@@ -219,12 +214,5 @@ mod tests {
         assert!((table.valid_rate - (1.0 + 1.0 / 3.0) / 2.0).abs() < 1e-12);
         assert!((table.attack - table.collision_rate * (1.0 - table.overall_score)).abs() < 1e-12);
         assert_eq!(Runs::default().table(), None);
-    }
-
-    #[test]
-    fn a_collision_is_more_severe_than_any_bad_drive() {
-        let mut bad = run(false, true);
-        bad.run.off_road_m = 400.0;
-        assert!(run(true, true).severity() > bad.severity() && bad.severity() > run(false, true).severity());
     }
 }

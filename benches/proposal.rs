@@ -5,21 +5,22 @@
 use std::path::Path;
 
 use divan::counter::ItemsCount;
-use evodrive::epoch::{Desk, Mode, Rollouts, Study, run};
+use evodrive::epoch::{Desk, Meter, Mode, Rollouts, Study, Tools, run};
 use evodrive::experiment::Experiment;
 use evodrive::kernel::Threads;
-use evodrive::llm::{Cassette, Replay};
+use evodrive::llm::{Ask, Cassette, Replay};
 use evodrive::store::{Store, Transcript};
 
 fn main() {
     divan::main();
 }
 
-fn carry_out(study: &Study<'_>, rollouts: &Rollouts<'_>) -> usize {
+fn carry_out(study: &Study, ask: &dyn Ask, threads: &Threads, rollouts: &Rollouts<'_>) -> usize {
     let folder = tempfile::tempdir().expect("a scratch folder");
     let log = Transcript::create(&folder.path().join("transcript.jsonl")).expect("a transcript");
     let mut watch = |_| {};
-    let mut desk = Desk { log, rollouts, watch: &mut watch };
+    let tools = Tools::new(study, ask, threads, rollouts, Meter::default());
+    let mut desk = Desk { log, watch: &mut watch, tools };
     run(study, &mut desk).expect("the quickstart replays").exits.total()
 }
 
@@ -31,10 +32,11 @@ fn proposals_with_everything_recorded(bencher: divan::Bencher<'_, '_>) {
     let scenes = experiment.scenes(&[], &threads).expect("scenes");
     let cassette = Cassette::load(&file.with_file_name("../cassettes/quickstart.jsonl")).expect("the cassette");
     let replay = Replay::new(cassette, "");
-    let study = experiment.study(scenes, &replay, &threads).expect("the study");
+    let study = experiment.study(scenes, &threads).expect("the study");
     let folder = tempfile::tempdir().expect("a scratch folder");
     let store = Store::open(folder.path()).expect("a store");
     let rollouts = Rollouts::new(&store, Mode::Reuse);
-    let proposals = carry_out(&study, &rollouts);
-    bencher.counter(ItemsCount::new(proposals)).bench_local(|| carry_out(&study, &rollouts));
+    let work = || carry_out(&study, &replay, &threads, &rollouts);
+    let proposals = work();
+    bencher.counter(ItemsCount::new(proposals)).bench_local(work);
 }

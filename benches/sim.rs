@@ -2,6 +2,7 @@
 //! its five contact substeps and all metrics on. IDM ego, one trajectory adversary, one thread.
 
 use divan::{Bencher, counter::ItemsCount};
+use evodrive::scene::PreparedScene;
 use evodrive::{ego, kernel, scene, sim};
 
 #[allow(dead_code)]
@@ -18,7 +19,7 @@ fn bench(bencher: Bencher<'_, '_>, tracks: usize, pool: u64) {
             let scene = scenes::crossing(seed, tracks, 91);
             {
                 let act = scenes::intercept(&scene, 10);
-                (sim::Plant::shared(scene.into()).unwrap(), act)
+                (sim::Plant::new(&scene).unwrap(), act)
             }
         })
         .collect();
@@ -44,5 +45,5 @@ fn pool_of_500_scenes_of_40_tracks(bencher: Bencher<'_, '_>) {
 fn prepare_a_scene_of_40_tracks(bencher: Bencher<'_, '_>) {
     let scene = scenes::crossing(1, 40, 91);
     let scene = std::sync::Arc::new(scene);
-    bencher.bench_local(|| sim::Plant::shared(scene.clone()).unwrap());
+    bencher.bench_local(|| sim::Plant::shared(PreparedScene::new(scene.clone())).unwrap());
 }

@@ -1,8 +1,8 @@
 //! A family of one's own: CAT's candidates for one marked vehicle, ranked by an expression that prefers smooth contact.
 //! Its contract is printed as checked, its parent is compiled for generated scenes and attacks the IDM driver there.
 //!
-//! The family composes operators that exist. An operator kind with code of its own must stand in the crate; see
-//! `docs/EXTENDING.md`.
+//! The family composes operators that exist. An operator kind with code of its own is one more `.operator(kind, function)`;
+//! see `docs/EXTENDING.md`.
 //!
 //! `cargo run --example own_family`
 
@@ -18,6 +18,7 @@ use evodrive::kernel::Seed;
 use evodrive::objects::{FamilyName, MechanismModule, Slot, ValueType};
 use evodrive::scene::Scene;
 use evodrive::sim::rollout;
+use evodrive::stage::Source;
 use evodrive::synth::{SynthError, SynthOptions, WorldKind, pool_member};
 
 /// A candidate is the better the likelier it meets the ego and the less it jerks; `jerk_weight` is a parameter.
@@ -111,7 +112,10 @@ fn scenes() -> Result<Vec<Scene>, SynthError> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let family = family()?;
+    // The code behind the two kinds; a function of your own would stand here just the same.
+    let family = Source::new(family()?)
+        .operator(cat::LANE_GRAPH_PRIOR, cat::motion)
+        .operator(cat::COLLISION_POSTERIOR, cat::search);
     let problems = family.contract.check_program(&family.parent);
     println!("{}: {} problems in the parent", family.contract.family, problems.len());
     if let Some(first) = problems.first() {
@@ -119,7 +123,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     for scene in scenes()? {
         let situation = Situation::new(Arc::new(scene), &Policy::Idm)?;
-        let compiled = compile(&family.parent, &family.contract, &situation, Seed(1))?;
+        let compiled = compile(&family.parent, &family, &situation, Seed(1))?;
         let outcome = rollout(&situation.plant, &compiled.intervention, &mut *Policy::Idm.driver())?;
         let chosen = compiled.decision.actors.first().map(|actor| (actor.track, actor.score));
         println!("{:32} track and score {chosen:?}, {:?}", situation.scene_id(), outcome.end);

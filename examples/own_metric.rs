@@ -10,7 +10,7 @@ use evodrive::compiler::{Situation, compile};
 use evodrive::ego::Policy;
 use evodrive::evaluation::metrics::attack::attack;
 use evodrive::evaluation::{AttackOptions, AttackTarget};
-use evodrive::families::registry;
+use evodrive::families::sources;
 use evodrive::kernel::{Seed, num};
 use evodrive::objects::FamilyName;
 use evodrive::sim::{Outcome, rollout};
@@ -46,14 +46,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         following_share: 0.2,
         attempts_max: 40,
     };
-    let families = registry();
+    let families = sources();
     let cat = families.get(&FamilyName::new("cat")).ok_or("no family is called cat")?;
     let attack_options = AttackOptions { target: AttackTarget::AdversaryContact };
     let options = NearMissOptions { gap_m_harmless: 5.0 };
     let mut severities = Vec::new();
     for index in 0..6 {
         let situation = Situation::new(Arc::new(pool_member(&worlds, Seed(11), index)?), &Policy::Idm)?;
-        let compiled = compile(&cat.parent, &cat.contract, &situation, Seed(1))?;
+        let compiled = compile(&cat.parent, cat, &situation, Seed(1))?;
         let outcome = rollout(&situation.plant, &compiled.intervention, &mut *Policy::Idm.driver())?;
         let (failed, severity) = (attack(&outcome, &attack_options), near_miss(&outcome, &options));
         println!("{:32} attack {failed:.0}, near miss {severity:?}", situation.scene_id());

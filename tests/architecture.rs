@@ -1,7 +1,10 @@
-//! Keeps docs/ARCHITECTURE.md true: which room may import which, and where effects live.
+//! Keeps docs/ARCHITECTURE.md true: which room may import which, which files need each other, and where effects live.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+
+#[path = "architecture/circles.rs"]
+mod circles;
 
 /// Room -> rooms it may import. A row names only rooms that stand above it, so there can be no circles.
 const TABLE: &[(&str, &str)] = &[
@@ -21,7 +24,7 @@ const TABLE: &[(&str, &str)] = &[
     ("stage", "kernel scene sim ego objects adapters motion"),
     ("search", "kernel scene sim stage motion"),
     ("families", "kernel scene sim ego objects adapters motion stage search synth"),
-    ("compiler", "kernel scene sim objects adapters motion stage families"),
+    ("compiler", "kernel scene sim objects adapters motion stage"),
     ("agents", "kernel objects adapters llm"),
     ("candidates", "kernel objects adapters compiler"),
     ("world", "kernel scene objects"),
@@ -31,7 +34,7 @@ const TABLE: &[(&str, &str)] = &[
     ("memory", "kernel objects"),
     (
         "epoch",
-        "kernel store scene sim ego objects llm adapters families stage compiler agents candidates world evaluation archive lineage memory",
+        "kernel store scene sim ego objects llm adapters stage compiler agents candidates world evaluation archive lineage memory",
     ),
     (
         "experiment",
@@ -162,6 +165,27 @@ fn rooms_import_only_what_stands_in_their_row() {
         }
     }
     assert!(broken.is_empty(), "forbidden imports:\n{}", broken.join("\n"));
+}
+
+#[test]
+fn no_room_may_import_what_it_does_not_use() {
+    let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (file, text) in source_files() {
+        let Some((room, _)) = file.split_once('/') else { continue };
+        used.entry(room.to_string()).or_default().extend(imports(&text));
+    }
+    let idle = |(room, may): &(&str, &str)| -> Vec<String> {
+        let used = used.get(*room).unwrap_or_else(|| panic!("there is no room {room}"));
+        let words = may.split_whitespace().filter(|word| *word != "*" && !used.contains(*word));
+        words.map(|word| format!("{room} may import {word} and does not")).collect()
+    };
+    let idle: Vec<String> = TABLE.iter().flat_map(idle).collect();
+    assert!(idle.is_empty(), "allowances that nobody uses:\n{}", idle.join("\n"));
+}
+
+#[test]
+fn no_two_files_of_a_room_need_each_other_but_those_on_the_list() {
+    circles::check(&source_files());
 }
 
 #[test]

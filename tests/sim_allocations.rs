@@ -4,6 +4,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use evodrive::scene::PreparedScene;
 use evodrive::{ego, kernel, scene, sim};
 
 #[allow(dead_code)]
@@ -38,7 +39,7 @@ fn a_prepared_scene_holds_about_as_much_per_sample_as_its_rows_need() {
     let scene = std::sync::Arc::new(scenes::crossing(8, 40, 91));
     let samples = scene.tracks.iter().flat_map(|t| t.samples.iter().flatten()).count();
     let before = HELD_BYTES.with(Cell::get);
-    let plant = sim::Plant::shared(scene.clone()).unwrap();
+    let plant = sim::Plant::shared(PreparedScene::new(scene.clone())).unwrap();
     let held = HELD_BYTES.with(Cell::get) - before;
     // Place, reach, axis and track of a row are 40 bytes, its entry by track 4; the rest is the paths of
     // those who may turn reactive, road and route.

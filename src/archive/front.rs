@@ -1,10 +1,9 @@
 //! The archive: every evaluated candidate in the order of acceptance, and which of them nobody dominates.
 
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 use super::{
-    gates::{ObjectivesError, admissible},
+    objectives::{ObjectivesError, admissible},
     plane::{self, point},
 };
 use crate::objects::{Entry, SolutionId};
@@ -45,16 +44,6 @@ pub enum ArchiveError {
     Objectives { solution: SolutionId, source: ObjectivesError },
     #[error("solution {0} is in the archive already; a solution is evaluated once")]
     Twice(SolutionId),
-}
-
-/// The analyzer's view of a part of the archive.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Group {
-    /// Members in order of insertion.
-    pub members: Vec<SolutionId>,
-    /// The members that no other member dominates; first of equals.
-    pub front: Vec<SolutionId>,
-    pub hypervolume: f64,
 }
 
 impl Archive {
@@ -113,39 +102,10 @@ impl Archive {
         &self.duplicates
     }
 
-    /// Pareto rank of each entry, 0 = front; duplicates share the rank of their first.
-    pub fn ranks(&self) -> Vec<usize> {
-        let points: Vec<[f64; 2]> = self.entries.iter().map(|entry| point(&entry.objectives)).collect();
-        plane::ranks(&points)
-    }
-
     /// HV(P_t) above a reference point.
     pub fn hypervolume(&self, reference: [f64; 2]) -> f64 {
         let points: Vec<[f64; 2]> = self.front().map(|entry| point(&entry.objectives)).collect();
         plane::hypervolume(&points, reference)
-    }
-
-    /// Parts of the archive by family, lineage, scene subset, mechanism tag...: `keys` says to which groups an entry
-    /// belongs.
-    pub fn groups<K: Ord>(&self, reference: [f64; 2], keys: impl Fn(&Entry) -> Vec<K>) -> BTreeMap<K, Group> {
-        let mut members: BTreeMap<K, Vec<&Entry>> = BTreeMap::new();
-        for entry in &self.entries {
-            for key in keys(entry) {
-                members.entry(key).or_default().push(entry);
-            }
-        }
-        members.into_iter().map(|(key, entries)| (key, group(&entries, reference))).collect()
-    }
-}
-
-fn group(entries: &[&Entry], reference: [f64; 2]) -> Group {
-    let points: Vec<[f64; 2]> = entries.iter().map(|entry| point(&entry.objectives)).collect();
-    let mask = plane::non_dominated(&points);
-    let front = entries.iter().zip(mask).filter(|(_, on)| *on).map(|(entry, _)| entry.solution.clone()).collect();
-    Group {
-        members: entries.iter().map(|entry| entry.solution.clone()).collect(),
-        front,
-        hypervolume: plane::hypervolume(&points, reference),
     }
 }
 
@@ -155,6 +115,7 @@ pub(super) mod samples {
     use super::*;
     use crate::kernel::Digest;
     use crate::objects::{FamilyName, LineageId, Objectives};
+    use std::collections::BTreeMap;
 
     pub fn objectives([attack, realism]: [f64; 2]) -> Objectives {
         Objectives { attack, realism }
@@ -203,7 +164,6 @@ mod tests {
             let mask = plane::plain_definitions::non_dominated(&points);
             let expected: Vec<&Entry> = archive.entries().iter().zip(mask).filter(|(_, on)| *on).map(|(e, _)| e).collect();
             prop_assert_eq!(archive.front().collect::<Vec<_>>(), expected);
-            prop_assert_eq!(archive.ranks(), plane::plain_definitions::ranks(&points));
             prop_assert_eq!(archive.hypervolume([0.0; 2]), plane::hypervolume(&points, [0.0; 2]));
         }
     }
@@ -231,16 +191,5 @@ mod tests {
         assert!(archive.insert(entry("nan", [f64::NAN, 0.5])).is_err());
         assert_eq!(archive.insert(entry("s0", [0.9, 0.9])), Err(ArchiveError::Twice(SolutionId::new("s0"))));
         assert_eq!(archive, before);
-    }
-
-    #[test]
-    fn groups_have_fronts_of_their_own() {
-        let mut archive = archive_of(&[[0.9, 0.9]]);
-        let other = Entry { family: crate::objects::FamilyName::new("at"), ..entry("other", [0.1, 0.1]) };
-        archive.insert(other).unwrap();
-        let groups = archive.groups([0.0; 2], |entry| vec![entry.family.clone()]);
-        let at = &groups[&crate::objects::FamilyName::new("at")];
-        assert_eq!(at.front, [SolutionId::new("other")]);
-        assert!((at.hypervolume - 0.01).abs() < 1e-12);
     }
 }

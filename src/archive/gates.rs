@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     front::Archive,
+    objectives::{ObjectivesError, admissible},
     plane::{hypervolume, point},
 };
-use crate::kernel::num;
 use crate::objects::{AcceptanceGates, Densification, LocalPush, Objectives, ParentTradeoff};
 
 /// What the gates and the frontier statistics compare with. Comes from the experiment file.
@@ -55,25 +55,6 @@ impl ArchiveOptions {
         let positive = self.epsilon_pf > 0.0 && self.epsilon_pf <= 1.0;
         check("epsilon_pf", self.epsilon_pf, positive, "a number in (0, 1]")
     }
-}
-
-/// Objectives that are no rates. Hypervolume of a NaN is not 0 but wrong, so it must not get as far.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "{objective} is {value}; the archive takes finite rates in [0, 1]: the evaluation must report a failure instead"
-)]
-pub struct ObjectivesError {
-    pub objective: &'static str,
-    pub value: f64,
-}
-
-/// The same objectives with `-0.0` made `0.0`; refuses what is not finite or outside [0, 1].
-pub fn admissible(objectives: Objectives) -> Result<Objectives, ObjectivesError> {
-    let rate = |objective, value: f64| match num::stored(value) {
-        Some(rate) if (0.0..=1.0).contains(&rate) => Ok(rate),
-        _ => Err(ObjectivesError { objective, value }),
-    };
-    Ok(Objectives { attack: rate("attack", objectives.attack)?, realism: rate("realism", objectives.realism)? })
 }
 
 /// What the three gates say of a candidate against the archive as it stands and its parent. Changes nothing.

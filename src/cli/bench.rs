@@ -152,11 +152,11 @@ impl Split {
 
 /// Scenes made ready with CAT's intervention; those that the ego cannot drive are left out.
 fn stages(scenes: &[Arc<Scene>], ego: &Policy, threads: &Threads) -> Vec<Option<(Situation, Intervention)>> {
-    let registry = families::registry();
+    let sources = families::sources();
     threads.map(scenes, |_, scene| {
         let situation = Situation::new(scene.clone(), ego).ok()?;
-        let family = registry.get(&FamilyName::new("cat"))?;
-        let prepared = Prepared::new(&family.parent, &family.contract).ok()?;
+        let family = sources.get(&FamilyName::new("cat"))?;
+        let prepared = Prepared::new(&family.parent, family).ok()?;
         let compiled = prepared.compile(&situation, Seed(0)).ok()?;
         Some((situation, compiled.intervention))
     })

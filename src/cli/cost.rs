@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::exit::Failure;
 use super::folder::RunFolder;
-use crate::epoch::Study;
+use crate::epoch::{Study, Tools};
 use crate::objects::{
     LineageId,
     cost::{FORMAT, LineageCost, RunCost, Work},
@@ -23,9 +23,10 @@ pub fn clock() -> impl Fn() -> Duration + Sync {
     move || start.elapsed()
 }
 
-/// What a study's meter found, its lineages in order.
-pub fn of(study: &Study<'_>, (reused, simulated): (usize, usize)) -> RunCost {
-    let spent: BTreeMap<LineageId, Work> = study.meter.lineages();
+/// What the meter found, the study's lineages in order.
+pub fn of(study: &Study, tools: &Tools<'_>) -> RunCost {
+    let spent: BTreeMap<LineageId, Work> = tools.meter.lineages();
+    let (reused, simulated) = tools.rollouts.counts();
     let cost = |spec: &crate::epoch::LineageSpec| LineageCost {
         lineage: spec.id.clone(),
         family: spec.family.clone(),
@@ -33,7 +34,7 @@ pub fn of(study: &Study<'_>, (reused, simulated): (usize, usize)) -> RunCost {
         work: spent.get(&spec.id).copied().unwrap_or_default(),
     };
     let lineages = study.lineages.iter().map(cost).collect();
-    RunCost { format: FORMAT.into(), threads: study.pool.count(), simulated, reused, lineages }
+    RunCost { format: FORMAT.into(), threads: tools.threads.count(), simulated, reused, lineages }
 }
 
 /// Keeps the cost in the folder. A run that found every rollout in the store leaves the file of the run that made them.
@@ -118,7 +119,7 @@ fn sum(cost: &RunCost) -> Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::epoch::{Clock, Desk, Meter, Mode, Rollouts};
+    use crate::epoch::{Clock, Desk, Meter, Mode, Rollouts, Tools};
     use crate::experiment::Experiment;
     use crate::kernel::{Digest, Threads};
     use crate::llm::{Cassette, Replay};
@@ -169,15 +170,16 @@ mod tests {
         let scenes = experiment.scenes(&[], &threads).unwrap();
         let cassette = Cassette::load(&file.parent().unwrap().join(&experiment.cassette)).unwrap();
         let replay = Replay::new(cassette, "");
-        let mut study = experiment.study(scenes, &replay, &threads).unwrap();
-        study.meter = clock.map(Meter::new).unwrap_or_default();
+        let study = experiment.study(scenes, &threads).unwrap();
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(&dir.path().join("store")).unwrap();
         let rollouts = Rollouts::new(&store, Mode::Reuse);
         let log = Transcript::create(&dir.path().join("transcript.jsonl")).unwrap();
-        let mut desk = Desk { log, rollouts: &rollouts, watch: &mut |_| {} };
+        let meter = clock.map(Meter::new).unwrap_or_default();
+        let tools = Tools::new(&study, &replay, &threads, &rollouts, meter);
+        let mut desk = Desk { log, watch: &mut |_| {}, tools };
         crate::epoch::run(&study, &mut desk).unwrap();
-        (desk.log.head(), of(&study, rollouts.counts()))
+        (desk.log.head(), of(&study, &desk.tools))
     }
 
     #[test]

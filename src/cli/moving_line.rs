@@ -18,7 +18,7 @@ pub struct MovingLine {
 }
 
 impl MovingLine {
-    pub fn new(study: &Study<'_>) -> MovingLine {
+    pub fn new(study: &Study) -> MovingLine {
         if !std::io::stderr().is_terminal() {
             return MovingLine { bar: None };
         }

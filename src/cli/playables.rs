@@ -2,7 +2,7 @@
 
 use super::exit::Failure;
 use crate::draw::{Actor, Contact, Drawing, Role, role_of};
-use crate::epoch::{LineageSpec, Study, Traced, trace};
+use crate::epoch::{LineageSpec, Player, Study, Traced};
 use crate::evidence::RecordedRun;
 use crate::evidence::report::{Playable, Stage};
 use crate::objects::{Program, SceneScore, SolutionId};
@@ -14,16 +14,17 @@ const SCENES_MAX: usize = 3;
 
 /// The parent, the chosen and the active program, and the finalists, in the scenes where they differ most. Any other
 /// rollout is drawn by `evodrive scenes show`.
-pub fn choose(study: &Study<'_>, story: &RecordedRun) -> Result<Stage, Failure> {
+pub fn choose(player: &Player<'_>, story: &RecordedRun) -> Result<Stage, Failure> {
+    let study = player.study;
     let mut stage = Stage::default();
     for spec in &study.lineages {
         let programs = programs(story, spec);
         for place in scenes(study, story, spec) {
             for (solution, role) in &programs {
                 let Some(program) = story.program(solution) else { continue };
-                stage.rollouts.push(play(study, spec, program, role, place).map_err(Failure::internal)?);
+                stage.rollouts.push(play(player, spec, program, role, place).map_err(Failure::internal)?);
             }
-            let scene = &study.scenes[place].scene;
+            let scene = study.scenes[place].scene();
             stage.scenes.entry(scene.id.clone()).or_insert_with(|| Drawing::of_scene(scene));
         }
     }
@@ -58,13 +59,13 @@ fn programs(story: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)
 }
 
 /// Evolution scenes in which the finalists' labels differ most from the parent's, then those with an attack.
-fn scenes(study: &Study<'_>, story: &RecordedRun, spec: &LineageSpec) -> Vec<usize> {
+fn scenes(study: &Study, story: &RecordedRun, spec: &LineageSpec) -> Vec<usize> {
     let finalists: Vec<_> = story.finalists.iter().filter(|f| f.lineage == spec.id).collect();
     let label = |scores: &[SceneScore], id: &str| {
         scores.iter().find(|s| s.scene == id).map_or((0.0, 1.0), |s| (s.attack, s.realism))
     };
     let interest = |place: &usize| {
-        let id = study.scenes[*place].scene.id.as_str();
+        let id = study.scenes[*place].scene().id.as_str();
         let labels: Vec<(f64, f64)> = finalists.iter().map(|f| label(&f.score.scenes, id)).collect();
         let attacks = labels.iter().map(|l| l.0);
         let spread = attacks.clone().fold(0.0, f64::max) - attacks.clone().fold(1.0, f64::min);
@@ -77,14 +78,14 @@ fn scenes(study: &Study<'_>, story: &RecordedRun, spec: &LineageSpec) -> Vec<usi
 }
 
 fn play(
-    study: &Study<'_>,
+    player: &Player<'_>,
     spec: &LineageSpec,
     program: &Program,
     role: &str,
     place: usize,
 ) -> Result<Playable, String> {
-    let scene = &study.scenes[place].scene;
-    let Traced { record, decision, motion, .. } = trace(study, spec, program, place)?;
+    let scene = player.study.scenes[place].scene();
+    let Traced { record, decision, motion, .. } = player.trace(spec, program, place)?;
     let outcome = &record.outcome;
     let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
     Ok(Playable {

@@ -10,7 +10,6 @@ use super::folder::RunFolder;
 use super::run;
 use crate::experiment::{Experiment, read_pool};
 use crate::kernel::Threads;
-use crate::llm::{Cassette, Replay};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -23,8 +22,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = RunFolder::find(options.run.as_deref())?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = Experiment::read(&folder.experiment())?;
-    let nobody = Replay::new(Cassette::new("a report asks nothing"), "");
-    let study = experiment.study(read_pool(&folder.pool())?, &nobody, &threads)?;
+    let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
     run::write_report(&study, &folder)?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))

@@ -7,12 +7,11 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use super::{playables, show};
 use crate::draw::{Actor, Drawing, Role};
-use crate::epoch::{Study, Traced, record_digest, trace};
+use crate::epoch::{Player, Study, Traced, record_digest};
 use crate::evidence::RecordedRun;
 use crate::experiment::{Experiment, read_pool};
 use crate::formats::{Inserted, Staging};
 use crate::kernel::Threads;
-use crate::llm::{Cassette, Replay};
 use crate::objects::{Attempt, SolutionId};
 use crate::scene::{DT_S, Scene};
 use crate::sim::{Action, ActorRef, ActorTrace};
@@ -52,15 +51,14 @@ pub fn of_attempt(
     let attempt = show::find(&story, attempt)?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = Experiment::read(&folder.experiment())?;
-    let nobody = Replay::new(Cassette::new("playing asks nothing"), "");
-    let study = experiment.study(read_pool(&folder.pool())?, &nobody, &threads)?;
-    study.recall(&story.counsels);
+    let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
+    let player = Player::of(&study, &story.counsels);
     let places = places(&study, &story, attempt, scenes)?;
-    threads.map(&places, |_, &place| play(&study, attempt, place)).into_iter().collect()
+    threads.map(&places, |_, &place| play(&player, attempt, place)).into_iter().collect()
 }
 
 /// Places of the scenes in the study.
-fn places(study: &Study<'_>, story: &RecordedRun, attempt: &Attempt, scenes: &[String]) -> Result<Vec<usize>, Failure> {
+fn places(study: &Study, story: &RecordedRun, attempt: &Attempt, scenes: &[String]) -> Result<Vec<usize>, Failure> {
     let labelled: Vec<String> = attempt.exit.score().iter().flat_map(|s| &s.scenes).map(|s| s.scene.clone()).collect();
     let wanted = if scenes.is_empty() { &labelled } else { scenes };
     if wanted.is_empty() {
@@ -72,7 +70,7 @@ fn places(study: &Study<'_>, story: &RecordedRun, attempt: &Attempt, scenes: &[S
     }
     let closed = story.result.is_none();
     let find = |id: &String| {
-        let place = study.scenes.iter().position(|entry| entry.scene.id == *id).ok_or_else(|| {
+        let place = study.scenes.iter().position(|entry| entry.scene().id == *id).ok_or_else(|| {
             let reason = format!("no scene `{id}` in this run; attempt {} was labelled on", attempt.id);
             Failure::bad_input(format!("{reason} {}", labelled.join(", ")))
         })?;
@@ -85,7 +83,8 @@ fn places(study: &Study<'_>, story: &RecordedRun, attempt: &Attempt, scenes: &[S
     wanted.iter().map(find).collect()
 }
 
-fn play(study: &Study<'_>, attempt: &Attempt, place: usize) -> Result<Played, Failure> {
+fn play(player: &Player<'_>, attempt: &Attempt, place: usize) -> Result<Played, Failure> {
+    let study = player.study;
     let Some(candidate) = attempt.exit.candidate() else {
         let reason = format!("attempt {} was {}: it left no program to play", attempt.id, attempt.exit.name());
         return Err(Failure::bad_input(reason));
@@ -94,8 +93,9 @@ fn play(study: &Study<'_>, attempt: &Attempt, place: usize) -> Result<Played, Fa
     let spec = lineage.ok_or_else(|| {
         Failure::corruption(format!("the run's experiment has no lineage {}; run `evodrive fsck`", attempt.lineage))
     })?;
-    let scene = &study.scenes[place].scene;
-    let traced = trace(study, spec, &candidate.program, place)
+    let scene = study.scenes[place].scene();
+    let traced = player
+        .trace(spec, &candidate.program, place)
         .map_err(|reason| Failure::bad_input(format!("attempt {} in scene {}: {reason}", attempt.id, scene.id)))?;
     let recorded = attempt.exit.score().and_then(|score| score.scenes.iter().find(|s| s.scene == scene.id));
     let simulated = record_digest(&traced.record).map_err(Failure::internal)?;

@@ -9,7 +9,7 @@ use super::exit::Failure;
 use super::folder::{Recording, RunFolder};
 use super::moving_line::MovingLine;
 use super::{cost, models, playables, result_text};
-use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study};
+use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, Tools};
 use crate::evidence::report;
 use crate::experiment::{Experiment, read_pool};
 use crate::kernel::{Digest, Threads};
@@ -175,9 +175,8 @@ fn tell_left_out(pool: &Pool) {
 /// The run itself, its result files and its report.
 fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bool) -> Result<Answer, Failure> {
     progress(format!("run folder: {}", folder.dir.display()));
-    let mut study = job.experiment.study(job.scenes, ask, &job.threads)?;
+    let study = job.experiment.study(job.scenes, &job.threads)?;
     let clock = cost::clock();
-    study.meter = Meter::new(&clock);
     let objects = Store::open(&folder.store())?;
     let path = folder.transcript();
     let log = if path.exists() { Transcript::continue_from_start(&path)? } else { Transcript::create(&path)? };
@@ -188,13 +187,14 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
     let rollouts = Rollouts::new(&objects, mode);
     let line = MovingLine::new(&study);
     let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
-    let mut desk = Desk { log, rollouts: &rollouts, watch: &mut watch };
+    let tools = Tools::new(&study, ask, &job.threads, &rollouts, Meter::new(&clock));
+    let mut desk = Desk { log, watch: &mut watch, tools };
     let result = epoch::run(&study, &mut desk)?;
     let root = desk.log.head();
-    let (reused, simulated) = desk.rollouts.counts();
+    let cost = cost::of(&study, &desk.tools);
+    let (reused, simulated) = rollouts.counts();
     drop(desk);
     line.finish();
-    let cost = cost::of(&study, (reused, simulated));
     if mode == Mode::Reuse {
         // Deriving a run again to verify it is not what the run cost.
         cost::keep(folder, &cost)?;
@@ -210,10 +210,9 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
 }
 
 /// Writes report.html of a finished run.
-pub fn write_report(study: &Study<'_>, folder: &RunFolder) -> Result<(), Failure> {
+pub fn write_report(study: &Study, folder: &RunFolder) -> Result<(), Failure> {
     let story = folder.story()?;
-    study.recall(&story.counsels);
-    let playables = playables::choose(study, &story)?;
+    let playables = playables::choose(&Player::of(study, &story.counsels), &story)?;
     Ok(store::write_atomic(
         &folder.report(),
         report::html(&story, &playables, cost::kept(folder)?.as_ref()).as_bytes(),

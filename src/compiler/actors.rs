@@ -1,15 +1,14 @@
 //! The actor slot: which vehicles become adversaries.
 
-use crate::families::actor_operator;
 use crate::scene::TrackIx;
 use crate::stage::actors::ActorFacts;
-use crate::stage::{Settings, Situation, Stage, StageError};
+use crate::stage::{Settings, Situation, Source, Stage, StageError};
 
 /// A vehicle whose log moves less than this stands in for nobody, metres (MetaDrive's rule for static objects).
 const MOVED_M_MIN: f64 = 3.0;
 
 /// Adversaries in order of rank; empty where nobody is eligible.
-pub fn select(stage: &Stage<'_>, kind: &str, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
+pub fn select(source: &Source, stage: &Stage<'_>, kind: &str, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {
     let situation = stage.situation;
     match kind {
         "marked_actor" => {
@@ -18,7 +17,7 @@ pub fn select(stage: &Stage<'_>, kind: &str, settings: &Settings) -> Result<Vec<
         }
         "ranked_actors" => ranked(situation, settings),
         "actor_group" => Ok(group(situation, settings.count("group_size")?)),
-        other => match actor_operator(other) {
+        other => match source.actors.get(other) {
             Some(own) => own(stage, settings),
             None => Err(StageError::Missing(format!("operator {other}"))),
         },

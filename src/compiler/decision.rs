@@ -5,6 +5,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::motion::Window;
 use crate::scene::{AgentKind, TrackIx};
+use crate::sim::Intervention;
+
+/// A program made concrete for one scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compiled {
+    pub decision: Decision,
+    /// Empty where the program does not apply: plain replay.
+    pub intervention: Intervention,
+}
 
 /// What a program decided in one scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

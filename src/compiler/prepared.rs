@@ -5,12 +5,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::{CompileFailure, Compiled, Situation, walk};
-use crate::adapters::Contract;
 use crate::kernel::{Digest, Seed};
 use crate::objects::expr::{self, Expr};
 use crate::objects::{Counsel, OperatorNode, ParameterValue, Program, Setting};
 use crate::stage::judged::Needs;
-use crate::stage::{Module, Settings, Stage};
+use crate::stage::{Module, Settings, Source, Stage};
 
 /// A module's code and the groups of candidate features that it reads.
 #[derive(Clone, Debug)]
@@ -23,7 +22,7 @@ struct Code {
 #[derive(Clone, Debug)]
 pub struct Prepared<'p> {
     program: &'p Program,
-    contract: &'p Contract,
+    source: &'p Source,
     hash: Digest,
     /// Node names from the graph's start to its choice.
     order: Vec<&'p str>,
@@ -32,8 +31,9 @@ pub struct Prepared<'p> {
 }
 
 impl<'p> Prepared<'p> {
-    /// Checks the program against its contract and parses every expression.
-    pub fn new(program: &'p Program, contract: &'p Contract) -> Result<Prepared<'p>, CompileFailure> {
+    /// Checks the program against its family's contract and parses every expression.
+    pub fn new(program: &'p Program, source: &'p Source) -> Result<Prepared<'p>, CompileFailure> {
+        let contract = &source.contract;
         let problems = contract.check_program(program);
         if !problems.is_empty() {
             return Err(CompileFailure::Contract(problems.iter().map(ToString::to_string).collect()));
@@ -51,12 +51,17 @@ impl<'p> Prepared<'p> {
             let compiled = Arc::new(code_of(&module.expression, &scope)?);
             modules.insert(name.as_str(), Code { compiled, needs });
         }
-        Ok(Prepared { program, contract, hash, order, conditions, modules })
+        Ok(Prepared { program, source, hash, order, conditions, modules })
     }
 
     /// Hash of the program.
     pub fn hash(&self) -> Digest {
         self.hash
+    }
+
+    /// The program's family.
+    pub(super) fn source(&self) -> &'p Source {
+        self.source
     }
 
     /// The constraints of κ.
@@ -144,7 +149,7 @@ impl<'p> Prepared<'p> {
 
     /// Values of the contract's numeric parameters in its order, which is the scope's.
     fn numeric(&self, parameters: &BTreeMap<String, ParameterValue>) -> Vec<f64> {
-        let numeric = self.contract.parameters.iter().filter(|(_, spec)| spec.domain.is_numeric());
+        let numeric = self.source.contract.parameters.iter().filter(|(_, spec)| spec.domain.is_numeric());
         let value = |name: &String| match parameters.get(name) {
             Some(ParameterValue::Number(number)) => *number,
             _ => 0.0,

@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::*;
-use crate::adapters::{Domain, Family};
+use crate::adapters::Domain;
 use crate::ego;
-use crate::families::{grammar, registry};
+use crate::families::{grammar, sources};
 use crate::kernel::Vec2;
 use crate::objects::{FamilyName, MechanismModule, ParameterValue, PolicyRule, Setting, Slot, ValueType};
 use crate::scene::fixture::two_lane_scene;
 use crate::sim::{self, Action};
 use proptest::prelude::*;
 
-fn family(name: &str) -> Family {
-    registry().get(&FamilyName::new(name)).unwrap().clone()
+fn family(name: &str) -> Source {
+    sources().get(&FamilyName::new(name)).unwrap().clone()
 }
 
 fn situation() -> Situation {
@@ -44,15 +44,15 @@ fn with_node(
     program.operator_graph.insert(name.into(), node);
 }
 
-fn built(program: &crate::objects::Program, contract: &Contract, seed: u64) -> Compiled {
-    compile(program, contract, &situation(), Seed(seed)).unwrap_or_else(|e| panic!("{e}"))
+fn built(program: &crate::objects::Program, family: &Source, seed: u64) -> Compiled {
+    compile(program, family, &situation(), Seed(seed)).unwrap_or_else(|e| panic!("{e}"))
 }
 
 #[test]
 fn both_parents_move_the_marked_vehicle_after_the_history() {
     for name in ["cat", "at"] {
         let family = family(name);
-        let compiled = built(&family.parent, &family.contract, 1);
+        let compiled = built(&family.parent, &family, 1);
         assert!(compiled.decision.applies, "{name}: {}", compiled.decision.reason);
         let [Action::Follow { track: 0, from_step: 1, samples }] = compiled.intervention.actions.as_slice() else {
             panic!("{name}: {:?}", compiled.intervention)
@@ -64,7 +64,7 @@ fn both_parents_move_the_marked_vehicle_after_the_history() {
 #[test]
 fn cats_parent_keeps_candidates_of_the_prior_and_takes_the_largest_posterior() {
     let family = family("cat");
-    let decision = built(&family.parent, &family.contract, 1).decision;
+    let decision = built(&family.parent, &family, 1).decision;
     assert_eq!(decision.actors[0].candidates, 32);
     // A car 20 m ahead can brake into the ego's way: some candidate meets it.
     assert!(decision.actors[0].score > -100.0, "{decision:?}");
@@ -74,7 +74,7 @@ fn cats_parent_keeps_candidates_of_the_prior_and_takes_the_largest_posterior() {
 fn compiling_is_pure() {
     for name in ["cat", "at"] {
         let family = family(name);
-        assert_eq!(built(&family.parent, &family.contract, 5), built(&family.parent, &family.contract, 5));
+        assert_eq!(built(&family.parent, &family, 5), built(&family.parent, &family, 5));
     }
 }
 
@@ -82,7 +82,7 @@ fn compiling_is_pure() {
 fn at_stays_within_a_metre_of_the_log() {
     let family = family("at");
     for seed in 0..4 {
-        let compiled = built(&family.parent, &family.contract, seed);
+        let compiled = built(&family.parent, &family, seed);
         let scene = two_lane_scene();
         for action in &compiled.intervention.actions {
             let Action::Follow { track, from_step, samples } = action else { panic!() };
@@ -104,7 +104,7 @@ fn an_expression_ranks_actors_and_several_may_attack() {
         .insert("pressure".into(), module("actor_score", ValueType::Number, &["actor_speed_mps"], "actor_speed_mps"));
     let settings = vec![("score", grammar::from_mechanism("pressure")), ("count", Setting::Number(2.0))];
     with_node(&mut program, "actor", Slot::Actor, "ranked_actors", &["select"], settings);
-    let compiled = built(&program, &family.contract, 1);
+    let compiled = built(&program, &family, 1);
     let tracks: Vec<_> = compiled.decision.actors.iter().map(|a| a.track).collect();
     // The car beside drives 12 m/s, the one ahead 8 m/s.
     assert_eq!(tracks, [1, 0]);
@@ -127,7 +127,7 @@ fn a_guard_removes_candidates_and_says_how_many() {
         vec![("guard", grammar::from_mechanism("gentle"))],
     );
     with_node(&mut program, "choice", Slot::Diversity, "best_choice", &["gentle"], vec![]);
-    let decision = built(&program, &family.contract, 1).decision;
+    let decision = built(&program, &family, 1).decision;
     let report = &decision.filters[0];
     assert!(report.after < report.before && report.after > 0, "{report:?}");
 }
@@ -147,7 +147,7 @@ fn a_gate_that_does_not_hold_leaves_the_scene_as_it_was() {
         &[],
         vec![("gate", grammar::from_mechanism("crowd"))],
     );
-    let compiled = built(&program, &family.contract, 1);
+    let compiled = built(&program, &family, 1);
     assert!(!compiled.decision.applies && compiled.intervention.actions.is_empty());
     assert_eq!(compiled.decision.reason, "select: the gate does not hold");
 }
@@ -162,7 +162,7 @@ fn a_rule_changes_parameters_where_its_condition_holds() {
         parameters: BTreeMap::from([("duration_s".into(), ParameterValue::Number(3.0))]),
         operators: BTreeMap::new(),
     });
-    let decision = built(&program, &family.contract, 1).decision;
+    let decision = built(&program, &family, 1).decision;
     assert_eq!((decision.mode, decision.actors[0].window.steps), (vec!["short".to_string()], 30));
 }
 
@@ -170,15 +170,15 @@ fn a_rule_changes_parameters_where_its_condition_holds() {
 fn a_foreign_operator_does_not_compile() {
     let (cat, at) = (family("cat"), family("at"));
     assert!(matches!(
-        compile(&at.parent, &cat.contract, &situation(), Seed(1)),
+        compile(&at.parent, &cat, &situation(), Seed(1)),
         Err(CompileFailure::Contract(problems)) if !problems.is_empty()
     ));
-    assert!(compile(&at.parent, &cat.contract, &situation(), Seed(1)).is_err());
-    assert!(compile(&cat.parent, &cat.contract, &situation(), Seed(1)).is_ok());
+    assert!(compile(&at.parent, &cat, &situation(), Seed(1)).is_err());
+    assert!(compile(&cat.parent, &cat, &situation(), Seed(1)).is_ok());
 }
 
 /// A program with every numeric parameter drawn from its range.
-fn drawn(family: &Family, shares: &[f64]) -> crate::objects::Program {
+fn drawn(family: &Source, shares: &[f64]) -> crate::objects::Program {
     let mut program = family.parent.clone();
     for ((name, spec), share) in family.contract.parameters.iter().zip(shares.iter().cycle()) {
         let value = match &spec.domain {
@@ -208,7 +208,7 @@ proptest! {
         for name in ["cat", "at"] {
             let family = family(name);
             let program = drawn(&family, &shares);
-            match compile(&program, &family.contract, &situation, Seed(seed)) {
+            match compile(&program, &family, &situation, Seed(seed)) {
                 Ok(compiled) => {
                     let mut driver = ego::Policy::Idm.driver();
                     let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut());
@@ -231,7 +231,7 @@ fn on_generated_worlds_both_parents_compile_and_cat_makes_the_ego_crash_more_oft
         let scene = crate::synth::pool_member(&options, Seed(5), index).unwrap();
         let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
         for (which, family) in [&cat, &at].into_iter().enumerate() {
-            let compiled = compile(&family.parent, &family.contract, &situation, Seed(1)).unwrap();
+            let compiled = compile(&family.parent, family, &situation, Seed(1)).unwrap();
             assert!(compiled.decision.applies, "{}: {}", situation.scene_id(), compiled.decision.reason);
             near += usize::from(which == 0 && compiled.decision.actors[0].score > -100.0);
             let mut driver = ego::Policy::Idm.driver();

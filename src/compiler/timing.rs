@@ -1,8 +1,8 @@
 //! The timing slot: when an actor's motion is changed.
 
-use crate::families::staged::EGO_TRIGGER;
 use crate::motion::Window;
 use crate::scene::{DT_S, TrackIx};
+use crate::stage::scripted::EGO_TRIGGER;
 use crate::stage::{Settings, Situation, StageError};
 
 /// A shorter window is none, steps.

@@ -1,12 +1,11 @@
 //! A scene's way through the operator graph: select, actor, timing, motion, search and filters, choice.
 
 use super::{CompileFailure, Compiled, Decision, FilterReport, Prepared, actors, choice, constraints, filters, timing};
-use crate::families::operator;
 use crate::motion::Candidate;
 use crate::objects::Slot;
 use crate::scene::TrackIx;
 use crate::sim::{Action, Intervention};
-use crate::stage::{Part, Settings, Situation, Stage, StageError};
+use crate::stage::{Part, Settings, Situation, Source, Stage, StageError};
 
 /// What has been decided so far.
 #[derive(Default)]
@@ -28,7 +27,8 @@ pub(super) fn walk(prepared: &Prepared<'_>, stage: &Stage<'_>) -> Result<Compile
     for (name, node) in prepared.nodes() {
         let settings = prepared.settings(name, node, &rules, &parameters, stage.situation);
         let failed = |source| CompileFailure::Node { node: name.to_string(), source };
-        let stop = step(stage, name, node.slot, &node.kind, &settings, &mut state).map_err(failed)?;
+        let stop =
+            step(prepared.source(), stage, name, node.slot, &node.kind, &settings, &mut state).map_err(failed)?;
         if let Some(reason) = stop {
             state.decision.reason = reason;
             return Ok(Compiled { decision: state.decision, intervention: Intervention::default() });
@@ -38,6 +38,7 @@ pub(super) fn walk(prepared: &Prepared<'_>, stage: &Stage<'_>) -> Result<Compile
 }
 
 fn step(
+    source: &Source,
     stage: &Stage<'_>,
     name: &str,
     slot: Slot,
@@ -52,7 +53,7 @@ fn step(
             nothing(shut, "the gate does not hold")
         }
         Slot::Actor => {
-            state.actors = actors::select(stage, kind, settings)?;
+            state.actors = actors::select(source, stage, kind, settings)?;
             nothing(state.actors.is_empty(), "no vehicle is eligible")
         }
         Slot::Timing => {
@@ -64,7 +65,7 @@ fn step(
             nothing(state.parts.is_empty(), "no window of a second fits into the scene and the actor's log")
         }
         Slot::Motion | Slot::Search => {
-            let run = operator(kind).ok_or_else(|| StageError::Missing(format!("operator {kind}")))?;
+            let run = source.operators.get(kind).ok_or_else(|| StageError::Missing(format!("operator {kind}")))?;
             run(stage, settings, &mut state.parts)?;
             state.parts.retain(|part| !part.candidates.is_empty());
             nothing(state.parts.is_empty(), "no candidate")

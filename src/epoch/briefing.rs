@@ -25,20 +25,23 @@ pub fn cluster_of(features: &SceneFeatures) -> &'static str {
 }
 
 /// Clusters of the evolution scenes with the parent's success in those of the window.
-pub fn clusters(study: &Study<'_>, window_score: &Score) -> Vec<Cluster> {
+pub fn clusters(study: &Study, window_score: &Score) -> Vec<Cluster> {
     let mut groups: BTreeMap<&str, Vec<&SceneEntry>> = BTreeMap::new();
     for &place in &study.evolution {
         let entry = &study.scenes[place];
-        groups.entry(cluster_of(&entry.features)).or_default().push(entry);
+        groups.entry(cluster_of(&entry.features())).or_default().push(entry);
     }
     groups.into_iter().map(|(name, entries)| cluster(name, &entries, window_score)).collect()
 }
 
 fn cluster(name: &str, entries: &[&SceneEntry], score: &Score) -> Cluster {
-    let labels: Vec<f64> =
-        entries.iter().filter_map(|e| score.scenes.iter().find(|s| s.scene == e.scene.id)).map(|s| s.attack).collect();
+    let labels: Vec<f64> = entries
+        .iter()
+        .filter_map(|e| score.scenes.iter().find(|s| s.scene == e.scene().id))
+        .map(|s| s.attack)
+        .collect();
     let mean_of = |feature: &&str| {
-        let values: Vec<f64> = entries.iter().filter_map(|e| e.features.value(feature)).collect();
+        let values: Vec<f64> = entries.iter().filter_map(|e| e.features().value(feature)).collect();
         num::mean(&values).map(|mean| ((*feature).to_string(), num::rounded(mean, 4)))
     };
     let describes = match name {
@@ -108,7 +111,7 @@ pub fn front(archive: &Archive) -> Vec<FrontPoint> {
 }
 
 /// The search target of a slot: the three kinds take turns, so that every epoch asks for each.
-pub fn target(study: &Study<'_>, slot: u32, parent: &Score) -> Target {
+pub fn target(study: &Study, slot: u32, parent: &Score) -> Target {
     match slot % 3 {
         0 => Target::raise_attack(study.selector.realism_min),
         1 => Target::raise_realism(parent.objectives.attack),

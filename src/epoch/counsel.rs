@@ -1,112 +1,59 @@
 //! Counsel for the scenes of a lineage whose family takes it: the attacker agent is asked before the first program meets a
 //! scene, held-out scenes included only when the suite is opened.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::collections::BTreeSet;
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::{
-    RunError, briefing, labels,
+    RunError, briefing,
+    counsels::Counsels,
+    desk::{Desk, Tools},
+    labels::Labelling,
+    options::CounselOptions,
     progress::Progress,
-    rollouts::Rollouts,
-    run::Desk,
     study::{LineageSpec, Study},
 };
 use crate::agents::{self, AgentError, counsel::Case};
 use crate::compiler::{Decision, Prepared, Situation};
 use crate::evaluation::{RolloutCache, request_key};
-use crate::families::{llm_attacker, takes_counsel};
 use crate::llm::ModelSpec;
 use crate::objects::{
-    Counsel, Counselled, LineageId, Program, Role,
+    Counsel, Counselled, Program, Role,
     counsel::{Trial, Vehicle},
     event::kind,
 };
 use crate::scene::{Sample, TrackIx};
 use crate::sim::Action;
-use crate::stage::Stage;
+use crate::stage::{AskCounsel, Stage};
 
-/// `[counsel]`: how the attacker agent is asked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CounselOptions {
-    /// Most sets of attackers that are tried in a scene: a proposal and what reflection makes of it.
-    pub rounds: u32,
-    /// Vehicles that the agent is shown, the most promising ones.
-    pub vehicles: usize,
-}
-
-impl CounselOptions {
-    /// The first field that is out of bounds, with what is expected.
-    pub fn fault(&self) -> Option<(&'static str, String)> {
-        let fields = [("rounds", self.rounds as usize, 8), ("vehicles", self.vehicles, 32)];
-        let bad = fields.into_iter().find(|(_, value, most)| *value == 0 || value > most);
-        bad.map(|(name, _, most)| (name, format!("1 to {most}")))
-    }
-}
-
-/// The counsel that was taken so far. Written once a lineage and scene, before anything reads it there.
-#[derive(Debug, Default)]
-pub struct Counsels(Mutex<BTreeMap<(LineageId, String), Counsel>>);
-
-impl Counsels {
-    fn taken(&self) -> MutexGuard<'_, BTreeMap<(LineageId, String), Counsel>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn keep(&self, event: &Counselled) {
-        self.taken().insert((event.lineage.clone(), event.scene.clone()), event.counsel.clone());
-    }
-}
-
-impl Study<'_> {
-    /// The counsel for the scene at a place; `None` for families that take none.
-    ///
-    /// # Errors
-    /// None was taken there yet: the scene is not open to the lineage.
-    pub fn counsel(&self, spec: &LineageSpec, place: usize) -> Result<Option<Counsel>, RunError> {
-        if !takes_counsel(&spec.family) {
-            return Ok(None);
-        }
-        let scene = &self.scenes[place].scene.id;
-        let found = self.counsels.taken().get(&(spec.id.clone(), scene.clone())).cloned();
-        found.map(Some).ok_or_else(|| {
-            RunError::Study(format!(
-                "lineage {}: no counsel was taken for scene {scene}, so it is not open yet",
-                spec.id
-            ))
-        })
-    }
-
-    /// Takes over what a recorded run was counselled, for whoever plays its rollouts again.
-    pub fn recall(&self, events: &[Counselled]) {
-        events.iter().for_each(|event| self.counsels.keep(event));
-    }
-}
-
-/// Asks about the scenes at these places, in parallel; events follow in their order. Does nothing for families that take
-/// no counsel.
-pub fn take(study: &Study<'_>, spec: &LineageSpec, places: &[usize], desk: &mut Desk<'_>) -> Result<(), RunError> {
-    if !takes_counsel(&spec.family) {
-        return Ok(());
-    }
+/// Asks about the scenes at these places, in parallel; events and `counsels` follow in their order. Does nothing for
+/// families that take no counsel.
+pub fn take(
+    study: &Study,
+    spec: &LineageSpec,
+    places: &[usize],
+    counsels: &mut Counsels,
+    desk: &mut Desk<'_>,
+) -> Result<(), RunError> {
+    let source = study.source(spec)?;
+    let Some(asks) = source.asks.counsel else { return Ok(()) };
     let parent = study.parent(spec)?;
-    let blind = llm_attacker::counsel::blind(&parent);
-    let prepared = Prepared::new(&blind, &study.family(spec)?.contract).map_err(|error| unfit(spec, &error))?;
+    let blind = (asks.blind)(&parent);
+    let prepared = Prepared::new(&blind, source).map_err(|error| unfit(spec, &error))?;
     let options = study.counsel.ok_or_else(|| RunError::Study("the experiment has no table [counsel]".into()))?;
     let model = study.models.get(&Role::AttackerAgent);
     let model = model.ok_or(AgentError::NoModel { role: Role::AttackerAgent.name() })?;
     let rehearsal =
-        Rehearsal { study, spec, parent: &parent, prepared: &prepared, options, model, rollouts: desk.rollouts };
+        Rehearsal { study, spec, asks, parent: &parent, prepared: &prepared, options, model, tools: &desk.tools };
     let mut met = 0;
-    for event in study.pool.map(places, |_, &place| rehearsal.about(place)) {
+    for event in desk.tools.threads.map(places, |_, &place| rehearsal.about(place)) {
         let event = event?;
         met += usize::from(event.chosen().is_some_and(|round| round.trial == Trial::Contact));
         desk.log.append(kind::COUNSEL, &event)?;
-        study.counsels.keep(&event);
+        counsels.keep(&event);
     }
-    desk.rollouts.flush()?;
+    desk.tools.rollouts.flush()?;
     (desk.watch)(Progress::Counselled { lineage: spec.id.to_string(), scenes: places.len(), met });
     Ok(())
 }
@@ -117,25 +64,26 @@ fn unfit(spec: &LineageSpec, error: &dyn std::fmt::Display) -> RunError {
 
 /// Where proposals are carried out: the parent without a search of its own, against the lineage's ego.
 struct Rehearsal<'a> {
-    study: &'a Study<'a>,
+    study: &'a Study,
     spec: &'a LineageSpec,
+    asks: AskCounsel,
     parent: &'a Program,
     prepared: &'a Prepared<'a>,
     options: CounselOptions,
     model: &'a ModelSpec,
-    rollouts: &'a Rollouts<'a>,
+    tools: &'a Tools<'a>,
 }
 
 impl Rehearsal<'_> {
     /// Asks about one scene. Where the ego cannot drive it, nobody can be shown; its labels fail and say why.
     fn about(&self, place: usize) -> Result<Counselled, RunError> {
         let entry = &self.study.scenes[place];
-        let situation = entry.situation(&self.spec.ego).ok();
+        let situation = self.tools.situations.at(place, &self.spec.ego).ok();
         let vehicles = situation.as_deref().map(|situation| self.vehicles(situation)).transpose()?;
-        let attackers_max = llm_attacker::counsel::attackers_max(self.parent);
+        let attackers_max = (self.asks.attackers_max)(self.parent);
         let case = Case {
             lineage: &self.spec.id,
-            scene: &entry.scene.id,
+            scene: &entry.scene().id,
             slot: u32::try_from(place).unwrap_or(u32::MAX),
             ego: briefing::ego_sentence(&self.spec.ego),
             vehicles: &vehicles.unwrap_or_default(),
@@ -147,10 +95,10 @@ impl Rehearsal<'_> {
             Some(situation) => self.tried(place, situation, counsel),
             None => Ok(Trial::Refused { reason: "the ego cannot drive this scene".into() }),
         };
-        let advice = agents::counsel::counsel(&case, &self.study.meter.asking(self.study.ask, &self.spec.id), &tried)?;
+        let advice = agents::counsel::counsel(&case, &self.tools.meter.asking(self.tools.ask, &self.spec.id), &tried)?;
         Ok(Counselled {
             lineage: self.spec.id.clone(),
-            scene: entry.scene.id.clone(),
+            scene: entry.scene().id.clone(),
             program: self.prepared.hash(),
             digest: advice.counsel.digest()?,
             exchanges: advice.exchanges,
@@ -162,21 +110,24 @@ impl Rehearsal<'_> {
     fn vehicles(&self, situation: &Situation) -> Result<Vec<Vehicle>, RunError> {
         let program = self.prepared.hash().short(16);
         let stage = Stage { situation, seed: self.study.seed, program: &program, counsel: None };
-        let shown = llm_attacker::counsel::vehicles(&stage, self.parent, self.options.vehicles);
+        let shown = (self.asks.vehicles)(&stage, self.parent, self.options.vehicles);
         shown.map_err(|error| unfit(self.spec, &error))
     }
 
     /// Carries a proposal out. Its rollout is a record like every other.
     fn tried(&self, place: usize, situation: &Situation, counsel: &Counsel) -> Result<Trial, RunError> {
         let (study, spec) = (self.study, self.spec);
+        // Nothing else was counselled yet that this rollout could depend on.
+        let nobody = Counsels::default();
+        let labelling = Labelling { study, spec, counsels: &nobody, tools: self.tools };
         let entry = &study.scenes[place];
         let advised = Some(counsel.digest()?);
         let key = request_key(self.prepared.hash(), entry.digest, spec.ego.digest(), study.seed, advised)?;
-        let record = match self.rollouts.recorded(&key)? {
+        let record = match self.tools.rollouts.recorded(&key)? {
             Some((record, _)) => record,
-            None => match labels::labelled_rollout(study, spec, self.prepared, place, Some(counsel)) {
+            None => match labelling.rollout(self.prepared, place, Some(counsel)) {
                 Ok(record) => {
-                    self.rollouts.keep(&key, &record)?;
+                    self.tools.rollouts.keep(&key, &record)?;
                     record.into()
                 }
                 Err(reason) => return Ok(Trial::Refused { reason }),
@@ -189,15 +140,15 @@ impl Rehearsal<'_> {
         if let Some(reason) = others_than(counsel, &record.decision)? {
             return Ok(Trial::Refused { reason });
         }
-        let way = || self.way(situation, counsel).unwrap_or_default();
-        Ok(llm_attacker::counsel::trial(situation, &record.outcome, way))
+        let mut way = || self.way(situation, counsel).unwrap_or_default();
+        Ok((self.asks.trial)(situation, &record.outcome, &mut way))
     }
 
     /// What the leader was to drive: the scene step of the first sample, and the samples.
     fn way(&self, situation: &Situation, counsel: &Counsel) -> Option<(usize, Vec<Sample>)> {
         let leader = counsel.attackers.first()?;
         let compile = || self.prepared.compile_counselled(situation, self.study.seed, Some(counsel));
-        let compiled = self.study.meter.compile(&self.spec.id, compile).ok()?;
+        let compiled = self.tools.meter.compile(&self.spec.id, compile).ok()?;
         // Actions come in the order of the pool, which is not the set's.
         compiled.intervention.actions.into_iter().find_map(|action| match action {
             Action::Follow { track, from_step, samples } if track == *leader => Some((from_step, samples)),

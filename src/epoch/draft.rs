@@ -1,27 +1,30 @@
-//! A worker: one proposal from the frozen snapshot, as far as it goes without touching any shared state.
+//! A proposal on its way: how far it came. Each step of the epoch takes a draft and hands it on.
 
-use std::sync::{Mutex, PoisonError};
+use super::RunError;
+use crate::objects::{Candidate, Exit, GateReport, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldPair};
 
-use super::{RunError, briefing, labels, rollouts::Rollouts, state::Snapshot, study::Study};
-use crate::agents::{self, End, Task};
-use crate::candidates;
-use crate::kernel::Digest;
-use crate::objects::{AttemptId, Candidate, GateReport, Program, ProgramPatch, Proposal, Route, SolutionId, WorldPair};
-use crate::world::{Router, candidate_features, features, monitor_stream};
-
-/// What a worker hands to the acceptor.
-pub struct Draft {
+/// What is known of a proposal from its first step on.
+pub struct Head {
     pub slot: u32,
+    /// What its slot was asked for.
     pub target: String,
     pub proposal: Proposal,
+}
+
+/// A proposal and how far it came.
+pub struct Draft {
+    pub head: Head,
     pub reached: Reached,
 }
 
-/// How far a proposal came before any rollout.
+/// How far a proposal came. The first three of the four exits can be reached before any rollout.
 pub enum Reached {
     Declined { reason: String },
+    Proposed { patch: ProgramPatch },
     Invalid { gates: GateReport },
+    Admitted { gates: GateReport, candidate: Candidate, patch: ProgramPatch },
     Routed { gates: GateReport, routed: Box<RoutedCandidate> },
+    Evaluated { gates: GateReport, routed: Box<RoutedCandidate>, score: Score },
 }
 
 /// An admitted candidate with what the world evaluator said of it.
@@ -34,77 +37,22 @@ pub struct RoutedCandidate {
     pub monitored: bool,
 }
 
-/// Proposes, admits and routes. Reads the snapshot only.
-pub fn draft(
-    study: &Study<'_>,
-    snapshot: &Snapshot<'_>,
-    router: &Router<'_>,
-    slot: u32,
-    rollouts: &Rollouts<'_>,
-) -> Result<Draft, RunError> {
-    let target = briefing::target(study, slot, &snapshot.event.parent_score);
-    let task = Task {
-        briefing: &snapshot.briefing,
-        slot,
-        target: &target,
-        models: &study.models,
-        max_repair_rounds: study.budget.max_repair_rounds,
-    };
-    let proposed = agents::propose(&task, &study.meter.asking(study.ask, &snapshot.spec.id))?;
-    let reached = match proposed.end {
-        End::Declined { reason } => Reached::Declined { reason },
-        End::Patch(patch) => admit(study, snapshot, router, slot, &patch, rollouts)?,
-    };
-    Ok(Draft { slot, target: target.text, proposal: proposed.proposal, reached })
+impl RoutedCandidate {
+    pub fn is_rejected(&self) -> bool {
+        self.route.decision == RouteDecision::Reject
+    }
 }
 
-fn admit(
-    study: &Study<'_>,
-    snapshot: &Snapshot<'_>,
-    router: &Router<'_>,
-    slot: u32,
-    patch: &ProgramPatch,
-    rollouts: &Rollouts<'_>,
-) -> Result<Reached, RunError> {
-    let contract = &study.family(snapshot.spec)?.contract;
-    let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
-    let trouble: Mutex<Option<RunError>> = Mutex::new(None);
-    let compiles = |program: &Program, hash: Digest| {
-        labels::trials(study, snapshot, program, hash, rollouts).unwrap_or_else(|error| {
-            *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-            Vec::new()
-        })
-    };
-    let admission = candidates::admit(&snapshot.parent, patch, child, contract, &study.registry, &compiles);
-    if let Some(error) = trouble.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        return Err(error);
-    }
-    Ok(match admission.candidate {
-        None => Reached::Invalid { gates: admission.gates },
-        Some(candidate) => {
-            let routed = Box::new(route(study, snapshot, router, slot, candidate, patch)?);
-            Reached::Routed { gates: admission.gates, routed }
-        }
-    })
+/// A proposal that was judged: which of the four exits it took.
+pub struct Considered {
+    pub head: Head,
+    pub exit: Exit,
 }
 
-fn route(
-    study: &Study<'_>,
-    snapshot: &Snapshot<'_>,
-    router: &Router<'_>,
-    slot: u32,
-    candidate: Candidate,
-    patch: &ProgramPatch,
-) -> Result<RoutedCandidate, RunError> {
-    let schema = &snapshot.world.schema;
-    let of_candidate =
-        candidate_features(schema, &candidate.program, &snapshot.parent, patch, &candidate.mechanism_tags)?;
-    let mut pairs = Vec::with_capacity(snapshot.window.len());
-    for &place in &snapshot.window {
-        let entry = &study.scenes[place];
-        pairs.push(features(schema, &of_candidate, &entry.scene.id, &entry.features, &entry.interaction)?);
+impl Draft {
+    /// Takes the next step, which leaves alone what ended before it.
+    pub fn next(self, step: impl FnOnce(u32, Reached) -> Result<Reached, RunError>) -> Result<Draft, RunError> {
+        let reached = step(self.head.slot, self.reached)?;
+        Ok(Draft { head: self.head, reached })
     }
-    let attempt = AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot);
-    let routed = router.route(&pairs, &mut monitor_stream(study.seed, &attempt))?;
-    Ok(RoutedCandidate { candidate, route: routed.route, pairs, monitored: routed.monitored })
 }

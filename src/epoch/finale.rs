@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 
 use super::{
-    RunError, counsel, labels,
+    RunError, counsel,
+    desk::Desk,
+    labels::Labelling,
     progress::Progress,
     rounds,
-    run::Desk,
     state::State,
     study::{LineageSpec, Study},
 };
@@ -22,17 +23,17 @@ use crate::objects::{
 const FRONTIER_BUDGET: usize = 3;
 
 /// Chooses and reports, lineage by lineage.
-pub fn report(study: &Study<'_>, state: &State, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
+pub fn report(study: &Study, state: &mut State, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
     let mut lineages = Vec::new();
     for spec in &study.lineages {
         lineages.push(one_lineage(study, state, spec, desk)?);
-        study.meter.turn(&spec.id);
+        desk.tools.meter.turn(&spec.id);
     }
     Ok(RunResult {
         lineages,
         exits: count(&state.attempts.iter().collect::<Vec<_>>()),
         epochs: study.budget.epochs,
-        rollouts: desk.rollouts.distinct(),
+        rollouts: desk.tools.rollouts.distinct(),
     })
 }
 
@@ -48,15 +49,15 @@ struct Choice {
 }
 
 fn one_lineage(
-    study: &Study<'_>,
-    state: &State,
+    study: &Study,
+    state: &mut State,
     spec: &LineageSpec,
     desk: &mut Desk<'_>,
 ) -> Result<LineageResult, RunError> {
-    let lineage = state.lineages.get(&spec.id)?;
-    let parent = lineage.parent.clone();
+    let parent = state.lineages.get(&spec.id)?.parent.clone();
     let choice = choose(study, state, spec, &parent, desk)?;
-    counsel::take(study, spec, &study.held_out, desk)?;
+    counsel::take(study, spec, &study.held_out, &mut state.counsels, desk)?;
+    let state = &*state;
     let mut measured: BTreeMap<SolutionId, Objectives> = BTreeMap::new();
     let wanted = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
     for solution in wanted.into_iter().flatten().chain(&choice.top) {
@@ -94,7 +95,7 @@ fn one_lineage(
 /// PF-Area@3: on held-out objectives; in SafeBench's protocol the mean over its groups, which follow, and whose archive
 /// is recorded here too.
 fn frontier_gain(
-    study: &Study<'_>,
+    study: &Study,
     state: &State,
     spec: &LineageSpec,
     parent: &SolutionId,
@@ -115,7 +116,7 @@ fn frontier_gain(
 /// Labels the finalists on every evolution scene, so that one window's luck does not choose, and applies the
 /// realism-constrained rule: with the parent for the active generator, without it for endpoint and budget.
 fn choose(
-    study: &Study<'_>,
+    study: &Study,
     state: &State,
     spec: &LineageSpec,
     parent: &SolutionId,
@@ -124,7 +125,7 @@ fn choose(
     let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
     for solution in std::iter::once(parent.clone()).chain(finalists(study, state, spec, parent)) {
         let program = state.lineages.program(&spec.id, &solution)?;
-        let score = labels::score(study, spec, (program, program.hash()?), &study.evolution, desk.rollouts)?;
+        let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.evolution)?;
         desk.log.append(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
@@ -144,8 +145,12 @@ fn choose(
     Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top, scores })
 }
 
+fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, desk: &'a Desk<'_>) -> Labelling<'a> {
+    Labelling { study, spec, counsels: &state.counsels, tools: &desk.tools }
+}
+
 /// Accepted descendants: the front's first, each group in order of insertion, as many as the budget allows.
-fn finalists(study: &Study<'_>, state: &State, spec: &LineageSpec, parent: &SolutionId) -> Vec<SolutionId> {
+fn finalists(study: &Study, state: &State, spec: &LineageSpec, parent: &SolutionId) -> Vec<SolutionId> {
     let archive = &state.archives[&spec.id];
     let accepted = |e: &&crate::objects::Entry| e.gates.as_ref().is_some_and(|gates| gates.any());
     let on_front = archive.front().filter(accepted).map(|e| e.solution.clone());
@@ -160,7 +165,7 @@ fn finalists(study: &Study<'_>, state: &State, spec: &LineageSpec, parent: &Solu
 }
 
 fn held_out(
-    study: &Study<'_>,
+    study: &Study,
     state: &State,
     spec: &LineageSpec,
     solution: &SolutionId,
@@ -169,7 +174,7 @@ fn held_out(
     desk: &mut Desk<'_>,
 ) -> Result<Score, RunError> {
     let program = state.lineages.program(&spec.id, solution)?;
-    let score = labels::score(study, spec, (program, program.hash()?), &study.held_out, desk.rollouts)?;
+    let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.held_out)?;
     let roles = [
         ("parent", solution == parent),
         ("active", *solution == choice.active),

@@ -1,28 +1,40 @@
 //! State, frozen snapshot, workers, serial acceptor: the paper's parallel epoch. `run.rs` is the page to read first.
 
-mod acceptor;
+mod admit;
 mod briefing;
 mod composition;
+mod consider;
 mod cost;
 mod counsel;
+mod counsels;
+mod desk;
 mod draft;
 mod error;
+mod evaluate;
 mod finale;
+mod freeze;
 mod labels;
 mod open;
+mod options;
+mod play;
 mod progress;
+mod propose;
 mod rollouts;
 mod rounds;
+mod route;
 mod run;
+mod seal;
+mod settle;
+mod situations;
 mod state;
 mod study;
 
-pub use composition::CompositionOptions;
 pub use cost::{Clock, Meter};
-pub use counsel::{CounselOptions, Counsels};
+pub use desk::{Desk, Tools};
 pub use error::RunError;
-pub use labels::{Traced, labelled_rollout, trace};
+pub use options::{CompositionOptions, CounselOptions};
+pub use play::{Player, Traced};
 pub use progress::Progress;
 pub use rollouts::{Mode, Rollouts, record_digest};
-pub use run::{Desk, run};
+pub use run::run;
 pub use study::{Budget, LineageSpec, SceneEntry, Study};

@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::{
-    RunError, acceptor, composition, counsel,
-    run::Desk,
-    state::{Snapshot, State},
-    study::Study,
+    RunError, composition, consider::parent_entry, counsel, counsels::Counsels, desk::Desk, freeze::freeze,
+    state::State, study::Study,
 };
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
@@ -21,13 +19,13 @@ use crate::sim::SIM_VERSION;
 use crate::world::{self, CalibrationSet};
 
 /// What the run is a function of.
-pub fn opened(study: &Study<'_>) -> Result<Opened, RunError> {
+pub fn opened(study: &Study) -> Result<Opened, RunError> {
     let mut contracts = BTreeMap::new();
     for spec in &study.lineages {
-        let contract = &study.family(spec)?.contract;
+        let contract = &study.source(spec)?.contract;
         contracts.insert(contract.family.clone(), Digest::of("evodrive/contract/1", contract)?);
     }
-    let id = |&place: &usize| study.scenes[place].scene.id.clone();
+    let id = |&place: &usize| study.scenes[place].scene().id.clone();
     Ok(Opened {
         name: study.name.clone(),
         experiment: study.experiment,
@@ -41,7 +39,7 @@ pub fn opened(study: &Study<'_>) -> Result<Opened, RunError> {
 }
 
 /// The state before the first epoch: every lineage with its family's parent, labelled on the first window.
-pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, RunError> {
+pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunError> {
     let families: Vec<FamilyName> = study.lineages.iter().map(|spec| spec.family.clone()).collect();
     let calibration = CalibrationSet::default();
     let snapshot = world::settle(&world::schema(&families), &study.world, &calibration)?;
@@ -51,6 +49,7 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         memory: Memory::default(),
         calibration,
         world: snapshot,
+        counsels: Counsels::default(),
         attempts: Vec::new(),
         settled: Vec::new(),
         digest: Digest::of_bytes(&[]),
@@ -62,10 +61,10 @@ pub fn adopt_parents(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<State, Ru
         let ego = spec.ego.name().to_string();
         desk.log
             .append(kind::PARENT, &ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash })?;
-        counsel::take(study, spec, &study.evolution, desk)?;
-        let first = Snapshot::freeze(study, &state, 0, spec, desk.rollouts)?;
-        state.archives.entry(spec.id.clone()).or_default().insert(acceptor::parent_entry(&first)?)?;
-        study.meter.turn(&spec.id);
+        counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
+        let first = freeze(study, &state, 0, spec, &desk.tools)?;
+        state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(&first)?)?;
+        desk.tools.meter.turn(&spec.id);
     }
     state.digest = state.first_digest()?;
     Ok(state)

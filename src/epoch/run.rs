@@ -1,63 +1,87 @@
 //! The whole loop on one page (paper, algorithms evodrive_loop and parallel_epoch): freeze, propose in parallel,
-//! judge serially, settle once, and open the held-out scenes when it is over.
+//! judge serially, settle once, and open the held-out scenes when it is over. Comments quote the algorithms' lines.
 
 use super::{
-    RunError, acceptor,
-    draft::draft,
-    finale, open,
+    RunError,
+    admit::admit,
+    consider::{Judged, consider},
+    desk::Desk,
+    evaluate::evaluate,
+    finale,
+    freeze::freeze,
+    open,
     progress::Progress,
-    rollouts::Rollouts,
-    state::{Snapshot, State},
+    propose::propose,
+    route::route,
+    seal::seal,
+    settle::settle,
+    state::State,
     study::{LineageSpec, Study},
 };
 use crate::objects::event::{RunResult, kind};
-use crate::store::Transcript;
 use crate::world::Router;
 
-/// What a run works with besides the study: where events go, where rollouts come from, who watches.
-pub struct Desk<'a> {
-    /// Compares every event with what an earlier run of the same inputs wrote, and appends where that ends.
-    pub log: Transcript,
-    pub rollouts: &'a Rollouts<'a>,
-    pub watch: &'a mut dyn FnMut(Progress),
-}
-
 /// Carries a study out.
-pub fn run(study: &Study<'_>, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
+pub fn run(study: &Study, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
     desk.log.append(kind::OPENED, &open::opened(study)?)?;
+    // "Initialize attempts E_0 and memory Q_0": every lineage begins with its family's parent.
     let mut state = open::adopt_parents(study, desk)?;
+    // "for t = 0 to T - 1: select lineage l_t".
     for epoch in 0..study.budget.epochs {
         for spec in &study.lineages {
             one_epoch(study, &mut state, epoch, spec, desk)?;
         }
     }
-    let result = finale::report(study, &state, desk)?;
-    desk.rollouts.flush()?;
+    // "return P_T, L_T, Q_T and the evidence bundle".
+    let result = finale::report(study, &mut state, desk)?;
+    desk.tools.rollouts.flush()?;
     desk.log.seal(&result)?;
     Ok(result)
 }
 
 /// K proposals from one frozen snapshot, judged in slot order, and one update of the state behind the barrier.
 fn one_epoch(
-    study: &Study<'_>,
+    study: &Study,
     state: &mut State,
     epoch: u32,
     spec: &LineageSpec,
     desk: &mut Desk<'_>,
 ) -> Result<(), RunError> {
-    let snapshot = Snapshot::freeze(study, state, epoch, spec, desk.rollouts)?;
+    // "immutable epoch snapshot z_t = (p_t, h_t, l_t, S_t, W_t, K_t, v_t)", with K_t from RetrieveMemory.
+    let snapshot = freeze(study, state, epoch, spec, &desk.tools)?;
     desk.log.append(kind::FROZEN, &snapshot.event)?;
-    let slots: Vec<u32> = (0..study.budget.slots).collect();
-    let router = Router::new(&snapshot.world)?;
-    let drafts = study.pool.map(&slots, |_, slot| draft(study, &snapshot, &router, *slot, desk.rollouts));
-    let judged = acceptor::judge(study, state, &snapshot, drafts, desk)?;
-    desk.rollouts.flush()?;
+    let (tools, router) = (&desk.tools, Router::new(&snapshot.world)?);
+    // "for k = 1 to K in parallel": a worker reads the snapshot and writes to nothing that is shared.
+    let drafts = tools.threads.map(&study.slots(), |_, &slot| {
+        // "delta_t <- ActorCriticMutation(p_t, K_t, I)".
+        let proposed = propose(study, &snapshot, slot, tools)?;
+        // "p'_t <- ApplyPatch(p_t, delta_t)", ValidateProgram, "c_t <- CompileCandidate(p'_t)".
+        let admitted = admit(study, &snapshot, proposed, tools)?;
+        // "d_t <- WorldRoute(W_t, c_t, S_t)".
+        route(study, &snapshot, &router, admitted)
+    });
+    // "Wait until all workers reach the epoch barrier. Sort candidate records by deterministic key": the slot.
+    let mut judged = Judged::before(state, spec);
+    for draft in drafts {
+        // "Y_t <- RealSimulatorEvaluate(...)".
+        let evaluated = evaluate(study, &snapshot, draft?, &desk.tools)?;
+        // "(accept, P_{t+1}) <- ParetoAccept(P_t, a_t)".
+        let considered = consider(study, &snapshot, evaluated, &mut judged)?;
+        // "a_t <- BuildAttemptRecord(...)".
+        let attempt = seal(&snapshot, considered);
+        (desk.watch)(Progress::attempt(&attempt));
+        judged.attempts.push(attempt);
+    }
+    judged.decide(study);
+    desk.tools.rollouts.flush()?;
     for attempt in &judged.attempts {
         desk.log.append(kind::ATTEMPT, attempt)?;
     }
-    let settled = acceptor::settle(study, state, &snapshot, judged)?;
+    // "Update archive, lineage, and memory exactly once through the serial acceptor": UpdateLineage, CurateMemory,
+    // WorldAgentUpdate.
+    let settled = settle(study, state, &snapshot, judged)?;
     desk.log.append(kind::SETTLED, &settled)?;
-    study.meter.turn(&spec.id);
+    desk.tools.meter.turn(&spec.id);
     (desk.watch)(Progress::settled(&settled));
     Ok(())
 }

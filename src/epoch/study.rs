@@ -1,30 +1,24 @@
 //! Everything that stays fixed during a run: scenes and their split, lineages, models, options.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use super::RunError;
-use super::composition::CompositionOptions;
-use super::cost::Meter;
-use super::counsel::{CounselOptions, Counsels};
-use super::state::Probe;
-use crate::adapters::{Family, Registry};
+use super::options::{CompositionOptions, CounselOptions};
+use crate::adapters::Registry;
 use crate::archive::{ArchiveOptions, SelectorOptions};
-use crate::compiler::Situation;
 use crate::ego::Policy;
 use crate::evaluation::{EvaluationOptions, Group};
-use crate::families::chatscene;
-use crate::kernel::{Digest, Seed, Threads};
-use crate::llm::{Ask, ModelSpec};
+use crate::kernel::{Digest, Seed};
+use crate::llm::ModelSpec;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{Composed, FamilyName, LineageId, ParameterValue, Program, Role, WorldConfiguration};
-use crate::scene::Scene;
-use crate::scene::features::SceneFeatures;
-use crate::scene::lanes::LaneGraph;
+use crate::scene::{PreparedScene, Scene, SceneFeatures};
+use crate::stage::{Source, Sources};
 use crate::world::Interaction;
 
-/// The fixed side of a run.
-pub struct Study<'a> {
+/// The fixed side of a run: plain data, which nothing changes.
+pub struct Study {
     pub name: String,
     /// Digest of the experiment's content, file paths left out.
     pub experiment: Digest,
@@ -36,6 +30,9 @@ pub struct Study<'a> {
     /// Places that stay closed until evolution is over.
     pub held_out: Vec<usize>,
     pub lineages: Vec<LineageSpec>,
+    /// Every family that a lineage may be of.
+    pub sources: Sources,
+    /// Their contracts: what the gates judge patches by.
     pub registry: Registry,
     /// The contracts of the lineages' families as prompts show them.
     pub contract_texts: BTreeMap<FamilyName, String>,
@@ -51,12 +48,6 @@ pub struct Study<'a> {
     pub composition: Option<CompositionOptions>,
     /// How the attacker agent is asked; needed where a lineage's family takes counsel.
     pub counsel: Option<CounselOptions>,
-    /// What it said so far.
-    pub counsels: Counsels,
-    pub ask: &'a dyn Ask,
-    pub pool: &'a Threads,
-    /// What the work costs; no result depends on it.
-    pub meter: Meter<'a>,
 }
 
 /// How much is tried.
@@ -86,44 +77,38 @@ pub struct LineageSpec {
 
 /// A scene with what is derived from it once.
 pub struct SceneEntry {
-    pub scene: Arc<Scene>,
+    pub prepared: Arc<PreparedScene>,
     pub digest: Digest,
-    pub features: SceneFeatures,
     /// From the logs alone, for the world evaluator.
     pub interaction: Interaction,
-    /// By ego name: built on first use, because a replay whose rollouts are all at hand needs none.
-    situations: BTreeMap<String, OnceLock<Result<Arc<Situation>, String>>>,
 }
 
 impl SceneEntry {
-    /// Derives digest and features; `egos` are the drivers that the run's lineages use.
-    pub fn new(scene: Arc<Scene>, egos: &[Policy]) -> SceneEntry {
-        let digest = scene.digest();
-        let interaction = Interaction::of(&scene);
-        let features = SceneFeatures::of(&scene, &LaneGraph::of(&scene.road));
-        let situations = egos.iter().map(|ego| (ego.name().to_string(), OnceLock::new())).collect();
-        SceneEntry { scene, digest, features, interaction, situations }
+    /// Derives digest, lanes, features and interaction.
+    pub fn new(scene: Arc<Scene>) -> SceneEntry {
+        let (digest, interaction) = (scene.digest(), Interaction::of(&scene));
+        SceneEntry { prepared: PreparedScene::new(scene), digest, interaction }
+    }
+
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.prepared.scene
+    }
+
+    pub fn features(&self) -> &SceneFeatures {
+        &self.prepared.features
     }
 
     /// Its group in SafeBench's protocol.
     pub fn group(&self) -> Option<Group> {
-        self.scene.staging.as_ref().map(|staging| (staging.family, staging.route))
-    }
-
-    /// The scene as a compiler sees it against an ego.
-    pub fn situation(&self, ego: &Policy) -> Result<Arc<Situation>, String> {
-        let build = || Situation::new(self.scene.clone(), ego).map(Arc::new).map_err(|error| error.to_string());
-        match self.situations.get(ego.name()) {
-            Some(slot) => slot.get_or_init(build).clone(),
-            None => build(),
-        }
+        self.scene().staging.as_ref().map(|staging| (staging.family, staging.route))
     }
 }
 
-impl Study<'_> {
-    pub fn family(&self, spec: &LineageSpec) -> Result<&Family, RunError> {
-        self.registry.get(&spec.family).ok_or_else(|| {
-            let known: Vec<&str> = self.registry.iter().map(|f| f.contract.family.as_str()).collect();
+impl Study {
+    /// The family of a lineage, with its code.
+    pub fn source(&self, spec: &LineageSpec) -> Result<&Source, RunError> {
+        self.sources.get(&spec.family).ok_or_else(|| {
+            let known: Vec<&str> = self.sources.iter().map(|of| of.contract.family.as_str()).collect();
             RunError::Study(format!("no family is called `{}`; there are {}", spec.family, known.join(", ")))
         })
     }
@@ -141,13 +126,15 @@ impl Study<'_> {
 
     /// The same with what was composed for it; the lineage's own parameters stand above that.
     pub fn composed_parent(&self, spec: &LineageSpec, composed: &[Composed]) -> Result<Program, RunError> {
-        let family = self.family(spec)?;
-        let mut parent = family.parent.adopted(&spec.id);
-        for (event, template) in composed.iter().filter_map(|event| Some((event, event.template.as_ref()?))) {
-            chatscene::put(&mut parent, &event.kind, template);
+        let source = self.source(spec)?;
+        let mut parent = source.parent.adopted(&spec.id);
+        if let Some(asks) = source.asks.templates {
+            for (event, template) in composed.iter().filter_map(|event| Some((event, event.template.as_ref()?))) {
+                (asks.put)(&mut parent, &event.kind, template);
+            }
         }
         parent.parameters.extend(spec.parent.clone());
-        match family.contract.check_program(&parent).first() {
+        match source.contract.check_program(&parent).first() {
             None => Ok(parent),
             Some(problem) => Err(RunError::Study(format!("lineage {}: its parent: {problem}", spec.id))),
         }
@@ -156,33 +143,54 @@ impl Study<'_> {
     /// Private words of the other families that evolve in this run, sorted: a family that is registered but takes no part
     /// changes no prompt. The isolation gate knows every registered family.
     pub fn foreign_vocabulary(&self, spec: &LineageSpec) -> Vec<String> {
-        let takes_part = |family: &&Family| self.lineages.iter().any(|other| other.family == family.contract.family);
-        let others = self.registry.iter().filter(|family| family.contract.family != spec.family).filter(takes_part);
-        let words: BTreeSet<String> = others.flat_map(|family| family.contract.private_vocabulary.clone()).collect();
+        let takes_part = |of: &&Source| self.lineages.iter().any(|other| other.family == of.contract.family);
+        let others = self.sources.iter().filter(|of| of.contract.family != spec.family).filter(takes_part);
+        let words: BTreeSet<String> = others.flat_map(|of| of.contract.private_vocabulary.clone()).collect();
         words.into_iter().collect()
     }
 
     /// Tags of the scenes at these places, sorted, without repeats.
     pub fn tags(&self, places: &[usize]) -> Vec<String> {
         let tags: BTreeSet<&str> =
-            places.iter().flat_map(|&place| self.scenes[place].features.tags.iter().copied()).collect();
+            places.iter().flat_map(|&place| self.scenes[place].features().tags.iter().copied()).collect();
         tags.into_iter().map(String::from).collect()
     }
 
     /// Places of the development window of an epoch: `window` scenes on, each epoch, around the evolution pool.
     pub fn window(&self, epoch: u32) -> Vec<usize> {
-        let n = self.evolution.len();
-        let size = self.budget.window.min(n);
-        let start = (epoch as usize * size) % n.max(1);
-        (0..size).map(|k| self.evolution[(start + k) % n]).collect()
+        window(&self.evolution, epoch, self.budget.window)
     }
 
-    /// Scenes on which the compile gate tries programs: the first of the window that can be prepared.
-    pub fn probes(&self, epoch: u32, spec: &LineageSpec) -> Result<Vec<Probe>, RunError> {
-        let places: Vec<usize> = self.window(epoch).into_iter().take(self.budget.probe_scenes).collect();
-        let situations = self.pool.map(&places, |_, &place| {
-            self.scenes[place].situation(&spec.ego).map(|situation| Probe { place, situation })
-        });
-        situations.into_iter().collect::<Result<Vec<_>, String>>().map_err(RunError::Study)
+    /// Places of the scenes on which the compile gate tries programs: the first of the window.
+    pub fn probes(&self, epoch: u32) -> Vec<usize> {
+        self.window(epoch).into_iter().take(self.budget.probe_scenes).collect()
+    }
+
+    /// The slots of an epoch, in order.
+    pub fn slots(&self) -> Vec<u32> {
+        (0..self.budget.slots).collect()
+    }
+}
+
+/// The places of an epoch: the next `size` in turn, starting again at the end; all of them, once, where there are fewer.
+fn window(evolution: &[usize], epoch: u32, size: usize) -> Vec<usize> {
+    let n = evolution.len();
+    let size = size.min(n);
+    let start = (epoch as usize * size) % n.max(1);
+    (0..size).map(|k| evolution[(start + k) % n]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::window;
+
+    #[test]
+    fn the_window_passes_over_every_scene_in_turn() {
+        let evolution = [3, 1, 4, 15, 9];
+        let seen: Vec<usize> = (0..5).flat_map(|epoch| window(&evolution, epoch, 2)).collect();
+        for place in evolution {
+            assert_eq!(seen.iter().filter(|other| **other == place).count(), 2);
+        }
+        assert_eq!((window(&evolution, 3, 9).len(), window(&[], 1, 4).len()), (5, 0));
     }
 }

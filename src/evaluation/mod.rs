@@ -1,17 +1,20 @@
-//! Rollouts over scenes to scores: `protocol/` says what is run, `metrics/` what is read off an outcome.
+//! Rollouts over scenes to scores: `evaluate.rs` labels a program, `metrics/` says what is read off an outcome, `protocol/`
+//! what SafeBench adds.
 
+pub mod evaluate;
 pub mod metrics;
 pub mod protocol;
 pub mod record;
 pub mod score;
 
+pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
 pub use metrics::safebench::SafebenchOptions;
 pub use metrics::{
     AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, MetadriveOptions, OptionsError,
     ProtocolError, RealismOptions,
 };
 pub use protocol::balanced::balanced;
-pub use protocol::metadrive::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
+pub use protocol::rounds::{SceneArchive, StagedRun, group_name, group_points};
 pub use protocol::safebench::{Group, Runs, SafebenchScore, Table, group_score};
 pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};
 pub use score::score_of;

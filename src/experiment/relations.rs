@@ -7,6 +7,7 @@ use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
 use crate::objects::{FamilyName, Role};
+use crate::stage::Asks;
 use crate::world;
 
 /// An experiment that fits the list of keys and still cannot be carried out.
@@ -85,9 +86,14 @@ fn named_model(experiment: &Experiment, role: Role) -> Result<(), OptionError> {
     }
 }
 
+/// What a family asks of agents besides patches; nothing, if no family has this name.
+fn asks_of(family: &FamilyName) -> Asks {
+    families::sources().get(family).map(|source| source.asks).unwrap_or_default()
+}
+
 /// Whether a lineage's family takes counsel: then, and only then, the file says how and of whom.
 fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
-    let takes = experiment.lineages.iter().find(|lineage| families::takes_counsel(&lineage.family));
+    let takes = experiment.lineages.iter().find(|lineage| asks_of(&lineage.family).counsel.is_some());
     let role = Role::AttackerAgent;
     match (takes, &experiment.counsel) {
         (Some(lineage), None) => Err(OptionError::new(
@@ -113,7 +119,9 @@ fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
 
 /// Whether templates are composed: where the file describes some and a lineage's family takes them.
 fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
-    let takes = experiment.lineages.iter().any(|lineage| families::takes_templates(&lineage.family));
+    let templates = experiment.lineages.iter().filter_map(|lineage| asks_of(&lineage.family).templates);
+    let forms = templates.flat_map(|asks| (asks.forms)());
+    let kinds: Vec<String> = forms.map(|form| form.kind.to_string()).collect();
     let role = Role::TemplateAgent;
     let Some(options) = &experiment.composition else {
         return match experiment.roles.contains_key(&role) {
@@ -125,15 +133,15 @@ fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
             false => Ok(false),
         };
     };
-    if !takes {
+    if kinds.is_empty() {
         let why = "nothing: no lineage's family takes templates; take [composition] out";
         return Err(OptionError::new("composition", "given", why));
     }
-    let kinds: Vec<String> = families::template_forms().iter().map(|form| form.kind.to_string()).collect();
     if let Some(kind) = options.descriptions.keys().find(|kind| !kinds.contains(kind)) {
         return Err(OptionError::unknown(format!("composition.descriptions.{kind}"), kind, &kinds));
     }
-    match options.fault() {
+    let known: Vec<&str> = kinds.iter().map(String::as_str).collect();
+    match options.fault(&known) {
         Some((field, expected)) => Err(OptionError::new(format!("composition.{field}"), "unfit", expected)),
         None => Ok(true),
     }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::{ExperimentError, OptionError};
-use crate::families::{self, takes_counsel, takes_templates};
+use crate::families;
 use crate::objects::FamilyName;
 use crate::scene::{Pool, usable};
 
@@ -27,10 +27,10 @@ const GENERATED: usize = 24;
 /// An unknown family, a name that no run folder can have, too few usable scenes.
 pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
     let option = |error| ExperimentError::Option { file: "init".into(), error };
-    let registry = families::registry();
-    let known: Vec<String> = registry.iter().map(|family| family.contract.family.to_string()).collect();
+    let sources = families::sources();
+    let known: Vec<String> = sources.iter().map(|family| family.contract.family.to_string()).collect();
     let family = FamilyName::new(starter.family.as_str());
-    let found = registry.get(&family).ok_or_else(|| option(OptionError::word("--family", family.as_str(), &known)))?;
+    let found = sources.get(&family).ok_or_else(|| option(OptionError::word("--family", family.as_str(), &known)))?;
     let name = toml::Value::String(starter.name.clone());
     super::key::Range::Name.check("NAME", &name).map_err(option)?;
     let staged = found.contract.backend == "safebench";
@@ -42,13 +42,13 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
          cassette = \"{name}.jsonl\"   # recorded answers: `evodrive record {name}.toml` writes them\n",
         name = starter.name
     );
-    if takes_counsel(&family) {
+    if found.asks.counsel.is_some() {
         text.push_str(
             "counsel = { rounds = 3, vehicles = 8 }   # sets of attackers tried in a scene, vehicles shown\n",
         );
         text.push_str("roles.attacker_agent = \"scripted\"\n");
     }
-    if takes_templates(&family) {
+    if found.asks.templates.is_some() {
         text.push_str("# [composition] can describe scenarios in words; without it the published templates stay.\n");
     }
     text.push_str(&scenes(starter, staged)?);

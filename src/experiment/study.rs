@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::{Experiment, ExperimentError, models};
-use crate::adapters::Family;
 use crate::agents::contract_text;
 use crate::ego::Policy;
-use crate::epoch::{Budget, Counsels, LineageSpec, Meter, SceneEntry, Study};
+use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
 use crate::families;
 use crate::kernel::{Seed, Threads};
-use crate::llm::Ask;
 use crate::scene::{Pool, Scene, Split};
+use crate::stage::Source;
 
 impl Experiment {
     /// Which scenes of a pool evolution sees and which stay closed.
@@ -37,7 +36,7 @@ impl Experiment {
     ///
     /// # Errors
     /// Those of [`Experiment::split_of`], and a parent that its family's contract does not allow.
-    pub fn study<'a>(&self, pool: Pool, ask: &'a dyn Ask, threads: &'a Threads) -> Result<Study<'a>, ExperimentError> {
+    pub fn study(&self, pool: Pool, threads: &Threads) -> Result<Study, ExperimentError> {
         let split = self.split_of(&pool)?;
         let pool_digest = pool.digest();
         let mut lineages = Vec::new();
@@ -47,16 +46,15 @@ impl Experiment {
             let (id, family, parent) = (lineage.id.clone(), lineage.family.clone(), lineage.parent.clone());
             lineages.push(LineageSpec { id, family, ego, parent });
         }
-        let egos: Vec<Policy> = lineages.iter().map(|spec| spec.ego.clone()).collect();
         let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
         let mut by_id: BTreeMap<String, Arc<Scene>> =
             pool.scenes.into_iter().map(|s| (s.id.clone(), Arc::new(s))).collect();
         let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
-        let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone(), &egos));
-        let registry = families::registry();
-        let text = |f: &Family| (f.contract.family.clone(), contract_text(&f.contract));
-        let used = |f: &&Family| lineages.iter().any(|spec| spec.family == f.contract.family);
-        let contract_texts = registry.iter().filter(used).map(text).collect();
+        let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone()));
+        let sources = families::sources();
+        let text = |f: &Source| (f.contract.family.clone(), contract_text(&f.contract));
+        let used = |f: &&Source| lineages.iter().any(|spec| spec.family == f.contract.family);
+        let contract_texts = sources.iter().filter(used).map(text).collect();
         let study = Study {
             name: self.name.clone(),
             experiment: self.digest()?,
@@ -67,7 +65,8 @@ impl Experiment {
             pool_digest,
             lineages,
             contract_texts,
-            registry,
+            registry: sources.registry(),
+            sources,
             budget: Budget {
                 epochs: self.budget.epochs,
                 slots: self.budget.slots,
@@ -85,10 +84,6 @@ impl Experiment {
             world: self.world.clone(),
             composition: self.composition.clone(),
             counsel: self.counsel,
-            counsels: Counsels::default(),
-            ask,
-            pool: threads,
-            meter: Meter::default(),
         };
         for lineage in &study.lineages {
             study.parent(lineage).map_err(|error| self.problem(error))?;

@@ -8,11 +8,12 @@
 use super::grammar::{integer, number, parameter};
 use super::interface::own;
 use super::profile_search::{self, Profiled};
+use super::staged;
 use crate::adapters::Family;
 use crate::motion::script_space::Perturbation;
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::{Phase, Until};
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "advsim";
@@ -21,6 +22,14 @@ pub const SPEED_SEQUENCE: &str = "speed_sequence";
 /// Search operator: queries of whole scenarios.
 pub const SPEED_QUERIES: &str = "speed_queries";
 const PREFIX: &str = "speed_";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family())
+        .actor(staged::SCRIPTED_ACTOR, staged::actor)
+        .operator(SPEED_SEQUENCE, motion)
+        .operator(SPEED_QUERIES, search)
+}
 
 /// Contract and parent.
 pub fn family() -> Family {

@@ -17,7 +17,7 @@ use crate::search::gradient::{self, PlainDescent};
 use crate::search::pso::{self, Found, Swarm};
 use crate::stage::judged::Judged;
 use crate::stage::operator::Module;
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "at";
@@ -27,6 +27,14 @@ pub const BOUNDED_OFFSETS: &str = "bounded_offsets";
 pub const PARTICLE_SWARM: &str = "particle_swarm";
 /// Search operator: gradient descent over the offsets.
 pub const OFFSET_GRADIENT: &str = "offset_gradient";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family())
+        .operator(BOUNDED_OFFSETS, motion)
+        .operator(PARTICLE_SWARM, search)
+        .operator(OFFSET_GRADIENT, descend)
+}
 
 /// Contract, and the parent: AT as published, on the logged future.
 pub fn family() -> Family {

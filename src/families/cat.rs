@@ -12,7 +12,7 @@ use crate::adapters::{Family, OperatorSpec};
 use crate::objects::{OperatorNode, Slot, ValueType};
 use crate::search::posterior;
 use crate::stage::judged::Judged;
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "cat";
@@ -20,6 +20,11 @@ pub const NAME: &str = "cat";
 pub const LANE_GRAPH_PRIOR: &str = "lane_graph_prior";
 /// Search operator: posterior over ego rollouts.
 pub const COLLISION_POSTERIOR: &str = "collision_posterior";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family()).operator(LANE_GRAPH_PRIOR, motion).operator(COLLISION_POSTERIOR, search)
+}
 
 /// Contract, and the parent: CAT as published.
 pub fn family() -> Family {

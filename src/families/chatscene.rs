@@ -25,7 +25,7 @@ use crate::objects::{Composition, Program, Slot, ValueType};
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
 use crate::sim::Action;
 use crate::stage::judged::Judged;
-use crate::stage::{Part, Settings, Stage, StageError, scripted};
+use crate::stage::{AskTemplates, Asks, Part, Settings, Source, Stage, StageError, scripted};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "chatscene";
@@ -49,6 +49,18 @@ const KINDS: [(&str, &str, Ranges); 3] = [
 /// Bounds within which evolution may put the ranges.
 const BOUNDS: [(f64, f64, &str); 5] =
     [(-20.0, 20.0, "m"), (-8.0, 8.0, "m"), (0.0, 20.0, "m/s"), (0.0, 60.0, "m"), (0.0, 30.0, "m")];
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    let asks = Asks { templates: Some(AskTemplates { forms, put }), ..Asks::default() };
+    Source {
+        asks,
+        ..Source::new(family())
+            .actor(staged::SCRIPTED_ACTOR, staged::actor)
+            .operator(SCENE_TEMPLATE, motion)
+            .operator(RANGE_SHRINKING, search)
+    }
+}
 
 /// Contract and parent.
 pub fn family() -> Family {

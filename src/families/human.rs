@@ -14,7 +14,7 @@ use crate::motion::traffic_family::{FamilyParameter, actions, adversary};
 use crate::objects::{Slot, ValueType};
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
 use crate::stage::judged::Judged;
-use crate::stage::{Part, Settings, Stage, StageError, scripted};
+use crate::stage::{Part, Settings, Source, Stage, StageError, scripted};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "human";
@@ -22,6 +22,14 @@ pub const NAME: &str = "human";
 pub const PARAMETER_GRID: &str = "parameter_grid";
 /// Search operator: an order over the grid, by an expression or none.
 pub const GRID_ORDER: &str = "grid_order";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family())
+        .actor(staged::SCRIPTED_ACTOR, staged::actor)
+        .operator(PARAMETER_GRID, motion)
+        .operator(GRID_ORDER, search)
+}
 
 /// Contract and parent.
 pub fn family() -> Family {

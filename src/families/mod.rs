@@ -1,4 +1,4 @@
-//! The source families: one file each with its contract, its parent program and its signature mechanism.
+//! The source families: one file or folder each with its contract, its parent program and its signature mechanism.
 
 pub mod adv_bmt;
 pub mod adv_traj;
@@ -19,98 +19,44 @@ pub mod staged;
 pub mod strive;
 
 use crate::adapters::Registry;
-use crate::objects::{FamilyName, composition::TemplateForm};
-use crate::stage::{ActorOperator, Operator};
+use crate::stage::Sources;
 
-/// Every family that can be evolved.
-pub fn registry() -> Registry {
-    Registry::new([
-        cat::family(),
-        at::family(),
-        seal::family(),
-        adv_bmt::family(),
-        sage::family(),
-        llm_attacker::family(),
-        king::family(),
-        strive::family(),
-        human::family(),
-        advsim::family(),
-        adv_traj::family(),
-        chatscene::family(),
+/// Every family that can be evolved, with its code.
+pub fn sources() -> Sources {
+    Sources::new([
+        cat::source(),
+        at::source(),
+        seal::source(),
+        adv_bmt::source(),
+        sage::source(),
+        llm_attacker::source(),
+        king::source(),
+        strive::source(),
+        human::source(),
+        advsim::source(),
+        adv_traj::source(),
+        chatscene::source(),
     ])
 }
 
-/// What a motion or search kind does; `None` for kinds of other slots, which the compiler knows itself.
-pub fn operator(kind: &str) -> Option<Operator> {
-    match kind {
-        cat::LANE_GRAPH_PRIOR => Some(cat::motion),
-        cat::COLLISION_POSTERIOR => Some(cat::search),
-        at::BOUNDED_OFFSETS => Some(at::motion),
-        at::PARTICLE_SWARM => Some(at::search),
-        at::OFFSET_GRADIENT => Some(at::descend),
-        king::STEERED_ACTIONS => Some(king::motion),
-        king::KINEMATIC_DESCENT => Some(king::search),
-        strive::LATENT_MOTION => Some(strive::motion),
-        strive::LATENT_DESCENT => Some(strive::search),
-        adv_bmt::REVERSE_TOKENS => Some(adv_bmt::motion),
-        adv_bmt::REJECTION => Some(adv_bmt::search),
-        llm_attacker::ATTACKER_PRIOR => Some(llm_attacker::motion),
-        llm_attacker::DELIBERATION => Some(llm_attacker::search),
-        sage::MIXED_EXPERTS => Some(sage::motion),
-        sage::PREFERENCE_REWARD => Some(sage::search),
-        seal::OPPONENT_PRIOR => Some(seal::motion),
-        seal::CRITICAL_DEVIATION => Some(seal::search),
-        human::PARAMETER_GRID => Some(human::motion),
-        human::GRID_ORDER => Some(human::search),
-        advsim::SPEED_SEQUENCE => Some(advsim::motion),
-        advsim::SPEED_QUERIES => Some(advsim::search),
-        adv_traj::LATERAL_SEQUENCE => Some(adv_traj::motion),
-        adv_traj::LATERAL_QUERIES => Some(adv_traj::search),
-        chatscene::SCENE_TEMPLATE => Some(chatscene::motion),
-        chatscene::RANGE_SHRINKING => Some(chatscene::search),
-        _ => None,
-    }
-}
-
-/// Who an actor kind of a family's own makes an adversary; `None` for the kinds that the compiler knows itself.
-pub fn actor_operator(kind: &str) -> Option<ActorOperator> {
-    match kind {
-        adv_bmt::INSERTED_ACTOR => Some(adv_bmt::actor),
-        llm_attacker::ATTACKER_POOL => Some(llm_attacker::pool),
-        staged::SCRIPTED_ACTOR => Some(staged::actor),
-        _ => None,
-    }
-}
-
-/// Whether a family's parent is composed from descriptions: of what `template_forms` says, with `chatscene::put`.
-pub fn takes_templates(family: &FamilyName) -> bool {
-    family.as_str() == chatscene::NAME
-}
-
-/// What a template may be composed of, a form for each kind of scenario.
-pub fn template_forms() -> Vec<TemplateForm> {
-    chatscene::forms()
-}
-
-/// Whether a family's programs are compiled with the counsel of a model about who attacks in a scene. It is taken with
-/// `llm_attacker::counsel`.
-pub fn takes_counsel(family: &FamilyName) -> bool {
-    family.as_str() == llm_attacker::NAME
+/// What they declare: all that the gates judge patches by.
+pub fn registry() -> Registry {
+    sources().registry()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adapters::{Contract, Domain, Family};
+    use crate::adapters::{Contract, Domain};
     use crate::compiler::{CompileFailure, Compiled, compile};
     use crate::ego;
     use crate::kernel::Seed;
-    use crate::objects::{ParameterValue, Program, Setting};
+    use crate::objects::{FamilyName, ParameterValue, Program, Setting, Slot};
     use crate::scene::Scene;
     use crate::scene::fixture::two_lane_scene;
     use crate::scene::safebench::TrafficFamily;
     use crate::sim;
-    use crate::stage::Situation;
+    use crate::stage::{Situation, Source};
     use crate::synth::{SynthOptions, WorldKind, family_scene, pool_member};
     use proptest::prelude::*;
     use std::collections::BTreeSet;
@@ -118,7 +64,7 @@ mod tests {
 
     /// A scene against the IDM ego, and what a family's parent makes of it.
     pub fn compiled(family: &str, scene: Scene) -> (Situation, Compiled) {
-        let family = registry().get(&FamilyName::new(family)).unwrap().clone();
+        let family = sources().get(&FamilyName::new(family)).unwrap().clone();
         let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
         let compiled = built(&family, &family.parent, &situation);
         (situation, compiled)
@@ -131,8 +77,8 @@ mod tests {
     }
 
     /// What a legal program makes of a situation.
-    pub fn built(family: &Family, program: &Program, situation: &Situation) -> Compiled {
-        compile(program, &family.contract, situation, Seed(1)).unwrap_or_else(|e| panic!("{e}"))
+    pub fn built(family: &Source, program: &Program, situation: &Situation) -> Compiled {
+        compile(program, family, situation, Seed(1)).unwrap_or_else(|e| panic!("{e}"))
     }
 
     fn fits(domain: &Domain, value: &ParameterValue) -> bool {
@@ -158,7 +104,7 @@ mod tests {
         words
     }
 
-    fn check_parent(family: &Family) {
+    fn check_parent(family: &Source) {
         let (contract, parent) = (&family.contract, &family.parent);
         assert!(parent.parameters.keys().eq(contract.parameters.keys()), "a parent sets each parameter once");
         for (name, value) in &parent.parameters {
@@ -183,7 +129,7 @@ mod tests {
     }
 
     /// A legal program somewhere in the family's space: numbers and words drawn by shares of their ranges.
-    fn drawn(family: &Family, shares: &[f64]) -> Program {
+    fn drawn(family: &Source, shares: &[f64]) -> Program {
         let mut program = family.parent.clone();
         let mut share = shares.iter().copied().cycle();
         let mut next = || share.next().unwrap_or(0.5);
@@ -232,8 +178,8 @@ mod tests {
             let situation = &SITUATIONS[place];
             let staged = [human::NAME, advsim::NAME, adv_traj::NAME, chatscene::NAME];
             for name in [seal::NAME, adv_bmt::NAME, sage::NAME, llm_attacker::NAME].into_iter().chain(staged) {
-                let family = registry().get(&FamilyName::new(name)).unwrap().clone();
-                match compile(&drawn(&family, &shares), &family.contract, situation, Seed(seed)) {
+                let family = sources().get(&FamilyName::new(name)).unwrap().clone();
+                match compile(&drawn(&family, &shares), &family, situation, Seed(seed)) {
                     Ok(compiled) => {
                         let mut driver = ego::Policy::Idm.driver();
                         let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut());
@@ -249,13 +195,13 @@ mod tests {
 
     #[test]
     fn every_parent_obeys_its_own_contract() {
-        registry().iter().for_each(check_parent);
+        sources().iter().for_each(check_parent);
     }
 
     #[test]
     fn no_family_speaks_another_familys_private_words() {
-        for one in registry().iter() {
-            for other in registry().iter().filter(|o| o.contract.family != one.contract.family) {
+        for one in sources().iter() {
+            for other in sources().iter().filter(|o| o.contract.family != one.contract.family) {
                 let theirs = words(&other.contract);
                 let shared: Vec<_> = one.contract.private_vocabulary.iter().filter(|w| theirs.contains(*w)).collect();
                 assert!(shared.is_empty(), "{} shares {shared:?}", other.contract.family);
@@ -265,10 +211,26 @@ mod tests {
 
     #[test]
     fn private_words_are_words_of_the_contract() {
-        for family in registry().iter() {
+        for family in sources().iter() {
             let own = words(&family.contract);
             let strange: Vec<_> = family.contract.private_vocabulary.iter().filter(|w| !own.contains(*w)).collect();
             assert!(strange.is_empty(), "{strange:?}");
+        }
+    }
+
+    #[test]
+    fn every_motion_search_and_actor_kind_of_a_contract_has_its_code_and_no_other_has() {
+        let shared = ["marked_actor", "ranked_actors", "actor_group"];
+        for source in sources().iter() {
+            let offered = |slots: &[Slot]| -> BTreeSet<String> {
+                let specs = slots.iter().filter_map(|slot| source.contract.operators.get(slot)).flatten();
+                specs.map(|spec| spec.kind.clone()).filter(|kind| !shared.contains(&kind.as_str())).collect()
+            };
+            let coded = |kinds: Vec<&str>| kinds.into_iter().map(String::from).collect::<BTreeSet<String>>();
+            let name = &source.contract.family;
+            let operators = coded(source.operators.keys().copied().collect());
+            assert_eq!(offered(&[Slot::Motion, Slot::Search]), operators, "{name}");
+            assert_eq!(offered(&[Slot::Actor]), coded(source.actors.keys().copied().collect()), "{name}");
         }
     }
 }

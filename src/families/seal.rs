@@ -15,7 +15,7 @@ use crate::objects::{OperatorNode, Slot, ValueType};
 use crate::scene::DT_S;
 use crate::stage::ego_response::{EgoPlan, Response};
 use crate::stage::judged::Judged;
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "seal";
@@ -26,6 +26,11 @@ pub const CRITICAL_DEVIATION: &str = "critical_deviation";
 
 /// Prefix of the prior's words in this family.
 const PRIOR: &str = "opponent_";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family()).operator(OPPONENT_PRIOR, motion).operator(CRITICAL_DEVIATION, search)
+}
 
 /// Contract and parent.
 pub fn family() -> Family {

@@ -9,12 +9,11 @@ use crate::motion::traffic_family::{FamilyParameter, parameters};
 use crate::objects::{OperatorNode, Slot};
 use crate::scene::safebench::TrafficFamily;
 use crate::scene::{AgentKind, TrackIx};
+use crate::stage::scripted::EGO_TRIGGER;
 use crate::stage::{Settings, Stage, StageError};
 
 /// Actor operator: the road user that meets the ego in the scene's traffic family.
 pub const SCRIPTED_ACTOR: &str = "scripted_actor";
-/// Timing operator: the whole run; the scenario's trigger decides.
-pub const EGO_TRIGGER: &str = "ego_trigger";
 /// Name of the benchmark in compile contracts.
 pub const BACKEND: &str = "safebench";
 
@@ -83,7 +82,7 @@ pub fn place_of(family: TrafficFamily, name: &str) -> Option<usize> {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{adv_traj, advsim, chatscene, human, registry};
+    use super::super::{adv_traj, advsim, chatscene, human, sources};
     use crate::compiler::{Compiled, compile};
     use crate::ego::Policy;
     use crate::kernel::{Seed, Vec2};
@@ -102,8 +101,8 @@ mod tests {
     }
 
     fn compiled(name: &str, situation: &Situation, seed: u64) -> Compiled {
-        let family = registry().get(&FamilyName::new(name)).unwrap().clone();
-        compile(&family.parent, &family.contract, situation, Seed(seed)).unwrap()
+        let family = sources().get(&FamilyName::new(name)).unwrap().clone();
+        compile(&family.parent, &family, situation, Seed(seed)).unwrap()
     }
 
     fn adversary(name: &str, family: TrafficFamily, route: u32) -> Script {

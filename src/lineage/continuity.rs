@@ -107,7 +107,7 @@ fn check_attempt(lineage: &Lineage, record: &AttemptRecord, problems: &mut Vec<S
 
 #[cfg(test)]
 mod tests {
-    use super::super::store::{LineageError, Schedule};
+    use super::super::store::LineageError;
     use super::*;
     use crate::kernel::Digest;
     use crate::objects::*;
@@ -280,15 +280,5 @@ mod tests {
         for part in ["generation 7, 3 ancestors", "family at in a lineage of cat", "active is cat-idm/parent"] {
             assert!(problems.contains(part), "{problems}");
         }
-    }
-
-    #[test]
-    fn turns_go_round_in_order_of_adoption() {
-        let mut store = store();
-        assert_eq!(LineageStore::default().next_lineage(3, Schedule::RoundRobin), None);
-        store.adopt(LineageId::new("at-idm"), parent("at")).unwrap();
-        let turns: Vec<&str> =
-            (0..4).map(|e| store.next_lineage(e, Schedule::RoundRobin).unwrap().id.as_str()).collect();
-        assert_eq!(turns, ["cat-idm", "at-idm", "cat-idm", "at-idm"]);
     }
 }

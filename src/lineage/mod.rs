@@ -5,4 +5,4 @@ mod record;
 mod store;
 
 pub use record::{AttemptRecord, Lineage, Link, Promotion};
-pub use store::{LineageError, LineageStore, Schedule};
+pub use store::{LineageError, LineageStore};

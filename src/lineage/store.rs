@@ -15,14 +15,6 @@ pub struct LineageStore {
     order: Vec<LineageId>,
 }
 
-/// Whose turn an epoch is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Schedule {
-    /// Epoch e belongs to lineage e modulo their number, in order of adoption.
-    RoundRobin,
-}
-
 /// Why the store did not change.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LineageError {
@@ -97,16 +89,6 @@ impl LineageStore {
             .solutions
             .get(solution)
             .ok_or_else(|| LineageError::UnknownSolution { lineage: id.clone(), solution: solution.clone() })
-    }
-
-    /// Which lineage an epoch evolves; `None` before any is adopted.
-    pub fn next_lineage(&self, epoch: u32, schedule: Schedule) -> Option<&Lineage> {
-        match schedule {
-            Schedule::RoundRobin => {
-                let place = (epoch as usize).checked_rem(self.order.len())?;
-                self.order.get(place).and_then(|id| self.lineages.get(id))
-            }
-        }
     }
 
     /// Attaches an attempt, however it ended, and keeps its admitted program. Refuses a child of another family or

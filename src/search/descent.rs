@@ -12,7 +12,7 @@ use crate::scene::{DT_S, Sample, TrackIx};
 use crate::stage::ego_rollout;
 use crate::stage::judged::Judged;
 use crate::stage::operator::{Module, Part};
-use crate::stage::situation::{EgoPath, Situation};
+use crate::stage::{EgoPath, Situation};
 
 /// One adversary as a loss sees it.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::kernel::{Digest, Vec2};
-use crate::scene::{AgentKind, LaneGraph, Light, LightState, Sample, Scene, Track};
+use crate::scene::{AgentKind, LaneGraph, Light, LightState, PreparedScene, Sample, Scene, Track};
 
 use super::SimError;
 use super::body::Size;
@@ -49,8 +49,7 @@ pub(super) struct RouteLight {
 /// A scene prepared once for many rollouts. Shared freely between threads.
 #[derive(Clone, Debug)]
 pub struct Plant {
-    scene: Arc<Scene>,
-    lanes: Arc<LaneGraph>,
+    prepared: Arc<PreparedScene>,
     steps: usize,
     pub(super) rows: Rows,
     pub(super) sizes: Vec<Size>,
@@ -72,39 +71,38 @@ pub struct Plant {
 impl Plant {
     /// Prepares a copy of a scene. Errors name the first thing that cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Plant, SimError> {
-        Plant::shared(Arc::new(scene.clone()))
+        Plant::shared(PreparedScene::new(Arc::new(scene.clone())))
     }
 
     /// [`Plant::new`] without a copy: the plant reads the recorded samples in the scene itself.
-    pub fn shared(scene: Arc<Scene>) -> Result<Plant, SimError> {
-        check(&scene)?;
+    pub fn shared(prepared: Arc<PreparedScene>) -> Result<Plant, SimError> {
+        let scene = &prepared.scene;
+        check(scene)?;
         let first_step = scene.ego.start_step;
         let steps = scene.steps - 1 - first_step;
         let size = |t: &Track| Size::new(t.kind, t.length_m, t.width_m);
         let sizes: Vec<Size> = scene.tracks.iter().map(size).collect();
         let rows = Rows::new(scene.clone(), &sizes);
-        let refuse = |place: &str, rule| error(&scene, place.to_string(), rule);
+        let refuse = |place: &str, rule| error(scene, place.to_string(), rule);
         let start = *scene.ego.track.at(first_step).ok_or_else(|| refuse("ego", "needs a sample at its start step"))?;
         let route = Path::new(&scene.ego.route, start.heading_rad)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
         let route_ahead = Path::simplified(&scene.ego.route, start.heading_rad, PATH_TOLERANCE_M)
             .ok_or_else(|| refuse("ego route", "needs at least one finite point"))?;
-        let lanes = Arc::new(LaneGraph::of(&scene.road));
         let mut plant = Plant {
             steps,
-            candidates: candidates_of(&scene, &rows, steps),
+            candidates: candidates_of(scene, &rows, steps),
             lights: scene.lights.iter().filter_map(|l| route_light(l, &route, first_step)).collect(),
             rows,
             sizes,
             ego_size: size(&scene.ego.track),
             ego_start: start,
-            course: scene.staging.as_ref().map(|_| Course::new(&scene, &route)),
+            course: scene.staging.as_ref().map(|_| Course::new(scene, &route)),
             route,
             route_ahead,
-            drivable: Drivable::of(lanes.pieces().clone()),
+            drivable: Drivable::of(prepared.lanes.pieces().clone()),
             digest: Digest::of_bytes(&[]),
-            scene,
-            lanes,
+            prepared,
         };
         plant.digest = plant.content_digest();
         Ok(plant)
@@ -112,21 +110,21 @@ impl Plant {
 
     /// The scene that was prepared.
     pub fn scene(&self) -> &Arc<Scene> {
-        &self.scene
+        &self.prepared.scene
     }
 
     /// The graph of its lanes.
     pub fn lanes(&self) -> &Arc<LaneGraph> {
-        &self.lanes
+        &self.prepared.lanes
     }
 
     pub fn scene_id(&self) -> &str {
-        &self.scene.id
+        &self.prepared.scene.id
     }
 
     /// The scene's step at which the closed loop begins.
     pub fn first_step(&self) -> usize {
-        self.scene.ego.start_step
+        self.prepared.scene.ego.start_step
     }
 
     /// The most decision steps a rollout can take: up to the scene's last sample.
@@ -151,7 +149,7 @@ impl Plant {
 
     /// Speed to aim at where the scene gives one, m/s.
     pub fn target_speed_mps(&self) -> Option<f64> {
-        self.scene.ego.target_speed_mps
+        self.prepared.scene.ego.target_speed_mps
     }
 
     /// Whether the scene belongs to one of SafeBench's traffic families and is run under its rules.
@@ -161,7 +159,7 @@ impl Plant {
 
     /// The ego as recorded at the k-th simulated step.
     pub(super) fn ego_log(&self, k: usize) -> Option<&Sample> {
-        self.scene.ego.track.at(self.first_step() + k)
+        self.prepared.scene.ego.track.at(self.first_step() + k)
     }
 
     /// Digest of what a rollout replays from this scene.

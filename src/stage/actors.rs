@@ -1,6 +1,6 @@
 //! Features of a vehicle relative to the ego at the current step: the values of `vocabulary::ACTOR`.
 
-use super::situation::EgoPath;
+use super::ego_path::EgoPath;
 use crate::adapters::vocabulary;
 use crate::kernel::geom::segments_cross;
 use crate::kernel::{OrientedBox, Pose, Vec2, num};

@@ -1,6 +1,7 @@
 //! What the ego does about adversaries: its policy simulated in the scene with their motions scripted.
 
-use super::situation::{EgoPath, Situation};
+use super::ego_path::EgoPath;
+use super::situation::Situation;
 use crate::scene::{Sample, TrackIx};
 use crate::sim::{self, Action, Control, Driver, Intervention, Plant, View};
 

@@ -1,7 +1,8 @@
 //! What a family works on: the situation of a scene against an ego, who can be an adversary there, the parts of a
-//! decision while it is made, and what a candidate's features are.
+//! decision while it is made, what a candidate's features are, and what a family itself is to those who work with it.
 
 pub mod actors;
+pub mod ego_path;
 pub mod ego_response;
 pub mod ego_rollout;
 pub mod judged;
@@ -9,6 +10,9 @@ pub mod operator;
 pub mod road_field;
 pub mod scripted;
 pub mod situation;
+pub mod source;
 
+pub use ego_path::EgoPath;
 pub use operator::{ActorOperator, Module, Operator, Part, Settings, Stage, StageError};
-pub use situation::{EgoPath, Situation, SituationError};
+pub use situation::{Situation, SituationError};
+pub use source::{AskCounsel, AskTemplates, Asks, LeaderWay, Source, Sources};

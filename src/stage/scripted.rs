@@ -11,6 +11,8 @@ use crate::motion::{Candidate, Scripted};
 use crate::scene::Sample;
 use crate::sim::{self, Action, ActorRef, Intervention};
 
+/// Timing kind of such families: the whole run, because the scenario's own trigger decides when it begins.
+pub const EGO_TRIGGER: &str = "ego_trigger";
 /// What stands for a distance where nobody came near, metres.
 const FAR_M: f64 = 200.0;
 

@@ -3,11 +3,12 @@
 use std::sync::{Arc, OnceLock};
 
 use super::actors::{self, ActorFacts};
+use super::ego_path::EgoPath;
 use super::road_field::RoadField;
 use crate::adapters::vocabulary;
 use crate::ego;
 use crate::kernel::{Digest, OrientedBox};
-use crate::scene::{AgentKind, LaneGraph, Sample, Scene, SceneFeatures, Track, TrackIx};
+use crate::scene::{AgentKind, LaneGraph, PreparedScene, Sample, Scene, Track, TrackIx};
 use crate::sim::{self, Intervention, Plant, SimError};
 
 /// A scene with everything derived from it and from the ego's rollout on it as recorded.
@@ -18,7 +19,6 @@ pub struct Situation {
     /// Who drives the ego, for searches that simulate it again.
     pub policy: ego::Policy,
     pub lanes: Arc<LaneGraph>,
-    pub features: SceneFeatures,
     /// The ego's latest closed-loop rollout: on the unchanged scene.
     pub ego: EgoPath,
     /// Per track; `None` for whoever cannot be an adversary: no vehicle, or not observed now.
@@ -44,22 +44,25 @@ pub enum SituationError {
 impl Situation {
     /// Prepares a scene for programs that will meet this ego: simulates the ego once on the scene as recorded.
     pub fn new(scene: Arc<Scene>, policy: &ego::Policy) -> Result<Situation, SituationError> {
+        Situation::of(PreparedScene::new(scene), policy)
+    }
+
+    /// [`Situation::new`] of a scene whose lanes and features are at hand.
+    pub fn of(prepared: Arc<PreparedScene>, policy: &ego::Policy) -> Result<Situation, SituationError> {
+        let (scene, lanes) = (prepared.scene.clone(), prepared.lanes.clone());
         let failed = |source| SituationError::Rollout { scene: scene.id.clone(), source };
-        let plant = Plant::shared(scene.clone()).map_err(failed)?;
+        let plant = Plant::shared(prepared.clone()).map_err(failed)?;
         let mut driver = policy.driver();
         let (outcome, trace) =
             sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
         let ego = EgoPath::new(&scene, trace.from_step, trace.ego);
-        let lanes = plant.lanes().clone();
-        let features = SceneFeatures::of(&scene, &lanes);
         let actors = (0..scene.tracks.len()).map(|track| actors::facts(&scene, &lanes, &ego, track)).collect();
-        let scene_values = vocabulary::SCENE.iter().map(|f| features.value(f.name).unwrap_or(0.0)).collect();
+        let scene_values = vocabulary::SCENE.iter().map(|f| prepared.features.value(f.name).unwrap_or(0.0)).collect();
         let (policy, guests, guest_facts) = (policy.clone(), guests(&scene), ActorFacts::of_guest());
         Ok(Situation {
             scene,
             plant,
             lanes,
-            features,
             ego,
             actors,
             ego_deceleration_mps2_max: outcome.ego.deceleration_mps2_max,
@@ -136,38 +139,4 @@ fn guests(scene: &Scene) -> [Track; 3] {
         guest(AgentKind::Cyclist, 1.8, 0.7),
         guest(AgentKind::Pedestrian, 0.6, 0.6),
     ]
-}
-
-/// The ego's motion by scene step, with its size.
-#[derive(Clone, Debug)]
-pub struct EgoPath {
-    from_step: usize,
-    samples: Vec<Sample>,
-    boxes: Vec<OrientedBox>,
-    pub length_m: f64,
-    pub width_m: f64,
-}
-
-impl EgoPath {
-    /// `samples[k]` lies at scene step `from_step + k`.
-    pub fn new(scene: &Scene, from_step: usize, samples: Vec<Sample>) -> EgoPath {
-        let (length_m, width_m) = (scene.ego.track.length_m, scene.ego.track.width_m);
-        let boxes = samples.iter().map(|s| OrientedBox::new(s.position, s.heading_rad, length_m, width_m)).collect();
-        EgoPath { from_step, samples, boxes, length_m, width_m }
-    }
-
-    /// Where the ego was at a scene step; `None` before its start and after its rollout ended.
-    pub fn at(&self, step: usize) -> Option<&Sample> {
-        self.samples.get(step.checked_sub(self.from_step)?)
-    }
-
-    /// Its bounding box at a scene step.
-    pub fn body(&self, step: usize) -> Option<&OrientedBox> {
-        self.boxes.get(step.checked_sub(self.from_step)?)
-    }
-
-    /// The steps at which it is known.
-    pub fn steps(&self) -> std::ops::Range<usize> {
-        self.from_step..self.from_step + self.samples.len()
-    }
 }

@@ -1,8 +1,9 @@
 //! The experiment files that come with the project can be used as they are.
 
 use evodrive::experiment::{Experiment, SceneSource, composed};
-use evodrive::families::{registry, takes_counsel, takes_templates};
-use evodrive::objects::LineageId;
+use evodrive::families::sources;
+use evodrive::objects::{FamilyName, LineageId};
+use evodrive::stage::Asks;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -17,6 +18,10 @@ fn files(folder: &str) -> Vec<PathBuf> {
     found
 }
 
+fn asks(family: &FamilyName) -> Asks {
+    sources().get(family).map(|source| source.asks).unwrap_or_default()
+}
+
 fn read(path: &Path) -> Experiment {
     Experiment::read(path).unwrap_or_else(|error| panic!("{error}"))
 }
@@ -25,7 +30,7 @@ fn read(path: &Path) -> Experiment {
 fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
     let paths = ["experiments", "experiments/metadrive", "experiments/safebench"].map(files).concat();
     assert!(paths.len() >= 17, "{paths:?}");
-    let (families, mut names) = (registry(), BTreeSet::new());
+    let (families, mut names) = (sources(), BTreeSet::new());
     for path in &paths {
         let experiment = read(path);
         assert!(names.insert(experiment.name.clone()), "{}: another file has this name", path.display());
@@ -71,7 +76,7 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
             table.remove(own).unwrap();
         }
         // Who attacks is asked where LLM-Attacker takes part.
-        let counselled = experiment.lineages.iter().any(|lineage| takes_counsel(&lineage.family));
+        let counselled = experiment.lineages.iter().any(|lineage| asks(&lineage.family).counsel.is_some());
         assert_eq!(table.remove("counsel").is_some(), counselled, "{stem}");
         table["roles"].as_table_mut().unwrap().remove("attacker_agent");
         shared.insert(toml::to_string(&table).unwrap());
@@ -111,7 +116,7 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
             table.remove(own).unwrap();
         }
         // ChatScene's parent is composed; nobody else's is.
-        let composes = experiment.lineages.iter().any(|lineage| takes_templates(&lineage.family));
+        let composes = experiment.lineages.iter().any(|lineage| asks(&lineage.family).templates.is_some());
         assert_eq!(table.remove("composition").is_some(), composes, "{stem}");
         let roles = table["roles"].as_table_mut().unwrap();
         assert_eq!(roles.remove("template_agent").is_some(), composes, "{stem}");
@@ -258,7 +263,7 @@ fn a_refused_experiment_leaves_no_file() {
 
 #[test]
 fn init_writes_a_short_file_for_every_family_that_is_read_outside_the_repository() {
-    for family in registry().iter().map(|family| family.contract.family.to_string()) {
+    for family in sources().iter().map(|family| family.contract.family.to_string()) {
         let dir = tempfile::tempdir().unwrap();
         let (code, text) = evodrive(dir.path(), &["init", "mine", "--family", &family]);
         assert_eq!(code, 0, "{text}");

@@ -3,13 +3,13 @@
 
 use std::sync::{Arc, OnceLock};
 
-use evodrive::adapters::{Domain, Family};
+use evodrive::adapters::Domain;
 use evodrive::compiler::{ActorDecision, CompileFailure, Compiled, Situation, compile};
 use evodrive::ego::Policy;
 use evodrive::families::king::loss::{Attraction, Loss};
 use evodrive::families::strive::loss::Others;
 use evodrive::families::strive::solution::{Solution, exists};
-use evodrive::families::{king, registry, strive};
+use evodrive::families::{king, sources, strive};
 use evodrive::kernel::{Seed, Vec2};
 use evodrive::objects::{FamilyName, ParameterValue, Program, Setting, Slot};
 use evodrive::search::adam::Rates;
@@ -18,12 +18,12 @@ use evodrive::sim::{self, Action};
 use evodrive::synth::{SynthOptions, WorldKind, pool_member};
 use evodrive::{
     motion::Window,
-    stage::{Part, Settings, Stage},
+    stage::{Part, Settings, Source, Stage},
 };
 use proptest::prelude::*;
 
-fn family(name: &str) -> Family {
-    registry().get(&FamilyName::new(name)).unwrap().clone()
+fn family(name: &str) -> Source {
+    sources().get(&FamilyName::new(name)).unwrap().clone()
 }
 
 /// Two scenes of every kind of world, prepared once.
@@ -51,7 +51,7 @@ fn situations() -> &'static [Situation] {
 
 fn parent_compiled(name: &str, situation: &Situation) -> Compiled {
     let family = family(name);
-    compile(&family.parent, &family.contract, situation, Seed(1)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    compile(&family.parent, &family, situation, Seed(1)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// The parts of a parent program once its motion operator has run.
@@ -217,7 +217,7 @@ fn compiling_gradient_families_is_pure() {
 }
 
 /// A program with every parameter and choice drawn from its range; a group of any size.
-fn drawn(family: &Family, shares: &[f64]) -> Program {
+fn drawn(family: &Source, shares: &[f64]) -> Program {
     let mut program = family.parent.clone();
     for ((name, spec), share) in family.contract.parameters.iter().zip(shares.iter().cycle()) {
         let value = match &spec.domain {
@@ -262,9 +262,9 @@ proptest! {
             scene.stop_signs.clear();
         }
         let situation = Situation::new(Arc::new(scene), &Policy::Idm).unwrap();
-        for family in registry().iter() {
+        for family in sources().iter() {
             let program = drawn(family, &shares);
-            match compile(&program, &family.contract, &situation, Seed(seed)) {
+            match compile(&program, family, &situation, Seed(seed)) {
                 Ok(compiled) => {
                     let outcome = sim::rollout(&situation.plant, &compiled.intervention, Policy::Idm.driver().as_mut());
                     prop_assert!(outcome.is_ok(), "{}: {:?}", family.contract.family, outcome);

@@ -1,5 +1,6 @@
-//! What is run to label a candidate.
+//! SafeBench's protocol: scores of groups of runs, balanced selection, the archive after every round. MetaDrive's needs no
+//! more than the means over scenes in `score.rs`.
 
 pub mod balanced;
-pub mod metadrive;
+pub mod rounds;
 pub mod safebench;

@@ -17,7 +17,7 @@ use crate::motion::Window;
 use crate::motion::token_grid::Nucleus;
 use crate::scene::{AgentKind, DT_S, Sample, TrackIx};
 use crate::stage::judged::Judged;
-use crate::stage::{Part, Settings, Situation, Stage, StageError};
+use crate::stage::{Part, Settings, Situation, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "adv_bmt";
@@ -32,6 +32,11 @@ pub const REJECTION: &str = "plausibility_rejection";
 const STEPS_MIN: usize = 10;
 /// Score of a rejected sample, less its distance from the last one.
 const REJECTED: f64 = -1000.0;
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family()).actor(INSERTED_ACTOR, actor).operator(REVERSE_TOKENS, motion).operator(REJECTION, search)
+}
 
 /// The inserted road user.
 pub fn actor(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::ego;
-use crate::families::registry;
+use crate::families::sources;
 use crate::families::tests::{built, worlds};
 use crate::objects::{FamilyName, ParameterValue, Setting};
 use crate::scene::Scene;
@@ -17,7 +17,7 @@ fn logged(scene: Scene) -> Situation {
 
 /// The inserted motion of a program variant, with its first step; `None` where every way back is blocked.
 fn inserted(situation: &Situation, edit: impl Fn(&mut crate::objects::Program)) -> Option<(usize, Vec<Sample>)> {
-    let family = registry().get(&FamilyName::new(NAME)).unwrap().clone();
+    let family = sources().get(&FamilyName::new(NAME)).unwrap().clone();
     let mut program = family.parent.clone();
     edit(&mut program);
     let compiled = built(&family, &program, situation);
@@ -44,7 +44,7 @@ fn the_imposed_collision_is_met_at_its_step_against_the_unchanged_ego_log() {
         let guest = situation.guest(AgentKind::Vehicle);
         assert!(situation.body(guest, last).overlaps(situation.ego.body(step).unwrap()));
         // Replayed, the boxes touch on their way to that state, at most the time that two lengths take.
-        let family = registry().get(&FamilyName::new(NAME)).unwrap().clone();
+        let family = sources().get(&FamilyName::new(NAME)).unwrap().clone();
         let compiled = built(&family, &family.parent, &situation);
         let mut driver = ego::Policy::Replay.driver();
         let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut()).unwrap();

@@ -21,7 +21,7 @@ use crate::motion::following;
 use crate::objects::{OperatorNode, Slot, ValueType};
 use crate::search::adam::Rates;
 use crate::search::descent::{self, Descent, Iterate};
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{Part, Settings, Source, Stage, StageError};
 use actions::ActionSpace;
 use loss::{Attraction, Loss};
 
@@ -31,6 +31,11 @@ pub const NAME: &str = "king";
 pub const STEERED_ACTIONS: &str = "steered_actions";
 /// Search operator: Adam over all adversaries' actions.
 pub const KINEMATIC_DESCENT: &str = "kinematic_descent";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family()).operator(STEERED_ACTIONS, motion).operator(KINEMATIC_DESCENT, search)
+}
 
 /// Contract, and the parent: KING for two adversaries, with the adaptations named above.
 pub fn family() -> Family {

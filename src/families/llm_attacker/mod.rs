@@ -21,7 +21,7 @@ use super::prior;
 use crate::kernel::num;
 use crate::scene::TrackIx;
 use crate::stage::actors::ActorFacts;
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{AskCounsel, Asks, Part, Settings, Source, Stage, StageError};
 
 pub use deliberation::search;
 
@@ -46,6 +46,24 @@ const WEIGHTS: [&str; 5] =
 /// Time scale of the urgency, s, and length scale of the nearness, metres.
 const URGENCY_S: f64 = 3.0;
 const NEARNESS_M: f64 = 20.0;
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    let counsel = AskCounsel {
+        blind: counsel::blind,
+        attackers_max: counsel::attackers_max,
+        vehicles: counsel::vehicles,
+        trial: |situation, outcome, way| counsel::trial(situation, outcome, way),
+    };
+    let asks = Asks { counsel: Some(counsel), ..Asks::default() };
+    Source {
+        asks,
+        ..Source::new(family())
+            .actor(ATTACKER_POOL, pool)
+            .operator(ATTACKER_PRIOR, motion)
+            .operator(DELIBERATION, search)
+    }
+}
 
 /// Vehicles by the first proposal's score (all of it but whether they can reach the ego, which only candidates tell).
 pub fn pool(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, StageError> {

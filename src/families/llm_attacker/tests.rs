@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::ego;
-use crate::families::registry;
+use crate::families::sources;
 use crate::families::tests::{built, worlds};
 use crate::kernel::Seed;
 use crate::objects::counsel::Vehicle;
@@ -12,8 +12,8 @@ use crate::objects::{Counsel, FamilyName, MechanismModule, MechanismRef, Paramet
 use crate::sim;
 use crate::stage::Situation;
 
-fn parent(rounds: f64) -> (crate::adapters::Family, Program) {
-    let family = registry().get(&FamilyName::new(NAME)).unwrap().clone();
+fn parent(rounds: f64) -> (crate::stage::Source, Program) {
+    let family = sources().get(&FamilyName::new(NAME)).unwrap().clone();
     let mut program = family.parent.clone();
     program.parameters.insert("reflection_rounds".into(), ParameterValue::Number(rounds));
     (family, program)
@@ -80,12 +80,12 @@ fn counselled() -> (Situation, Vec<Vehicle>) {
 
 /// Who attacks.
 fn decided(
-    family: &crate::adapters::Family,
+    family: &crate::stage::Source,
     program: &Program,
     situation: &Situation,
     counsel: Option<&Counsel>,
 ) -> Vec<TrackIx> {
-    let prepared = crate::compiler::Prepared::new(program, &family.contract).unwrap();
+    let prepared = crate::compiler::Prepared::new(program, family).unwrap();
     let compiled = prepared.compile_counselled(situation, Seed(1), counsel).unwrap();
     compiled.decision.actors.iter().map(|actor| actor.track).collect()
 }
@@ -140,7 +140,7 @@ fn a_proposal_is_carried_out_by_exactly_its_attackers_whatever_the_parent_weighs
         let stage = Stage { situation: &situation, seed: Seed(1), program: "test", counsel: None };
         let vehicles = counsel::vehicles(&stage, &program, 8).unwrap();
         let pair = Counsel { attackers: vehicles.iter().rev().take(2).map(|v| v.track).collect() };
-        let prepared = crate::compiler::Prepared::new(&blind, &family.contract).unwrap();
+        let prepared = crate::compiler::Prepared::new(&blind, &family).unwrap();
         // What breaks a constraint is refused with its reason.
         let Ok(compiled) = prepared.compile_counselled(&situation, Seed(1), Some(&pair)) else { continue };
         let mut attackers: Vec<TrackIx> = compiled.decision.actors.iter().map(|actor| actor.track).collect();

@@ -20,7 +20,7 @@ use super::prior;
 use crate::motion::Candidate;
 use crate::motion::motion_prior::normalise;
 use crate::stage::judged::Judged;
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{Part, Settings, Source, Stage, StageError};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "sage";
@@ -30,6 +30,11 @@ pub const MIXED_EXPERTS: &str = "mixed_experts";
 pub const PREFERENCE_REWARD: &str = "preference_reward";
 /// Prefix of the prior's words in this family.
 const PRIOR: &str = "reference_";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family()).operator(MIXED_EXPERTS, motion).operator(PREFERENCE_REWARD, search)
+}
 
 /// Candidates of the reference prior under the mixed expert: the most probable ones, most probable first.
 pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {

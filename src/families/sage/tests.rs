@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::training::{BETA, Levels, Pair, fit, loss, preferences};
 use super::*;
 use crate::ego;
-use crate::families::registry;
+use crate::families::sources;
 use crate::families::tests::{built, worlds};
 use crate::kernel::{Seed, num};
 use crate::motion::motion_prior;
@@ -63,7 +63,7 @@ fn the_weight_moves_the_mean_candidate_monotonically_from_realistic_to_adversari
 
 #[test]
 fn a_program_that_follows_the_weight_attacks_more_with_it() {
-    let family = registry().get(&FamilyName::new(NAME)).unwrap().clone();
+    let family = sources().get(&FamilyName::new(NAME)).unwrap().clone();
     let attacks = |weight: f64| {
         let mut program = family.parent.clone();
         program.parameters.insert("preference_weight".into(), ParameterValue::Number(weight));

@@ -28,7 +28,7 @@ use crate::objects::{OperatorNode, Slot, ValueType};
 use crate::scene::DT_S;
 use crate::search::adam::Rates;
 use crate::search::descent::{self, Descent, Iterate, Mover};
-use crate::stage::{Part, Settings, Stage, StageError};
+use crate::stage::{Part, Settings, Source, Stage, StageError};
 use loss::{Loss, Others};
 use solution::{Solution, exists};
 
@@ -38,6 +38,11 @@ pub const NAME: &str = "strive";
 pub const LATENT_MOTION: &str = "latent_motion";
 /// Search operator: Adam over latents, then the solution pass.
 pub const LATENT_DESCENT: &str = "latent_descent";
+
+/// The family as it is registered: what it declares, and the code that carries it out.
+pub fn source() -> Source {
+    Source::new(family()).operator(LATENT_MOTION, motion).operator(LATENT_DESCENT, search)
+}
 
 /// Contract, and the parent: STRIVE's rule-based configuration for three vehicles, with the adaptations named above.
 pub fn family() -> Family {

@@ -1,9 +1,10 @@
-//! The MetaDrive protocol: every scene once, closed loop, against one fixed ego (paper, appendix MetaDrive Protocol).
+//! Labels of a program: every scene once, closed loop, against one fixed ego, scored as the experiment's protocol says
+//! (paper, appendices MetaDrive Protocol and CARLA/SafeBench Protocol).
 
-use super::super::metrics::EvaluationOptions;
-use super::super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
-use super::super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
-use super::safebench::Group;
+use super::metrics::EvaluationOptions;
+use super::protocol::safebench::Group;
+use super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
+use super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
 use std::sync::Arc;
 
 use crate::ego::Policy;

@@ -1,0 +1,51 @@
+//! A worker's second step: the patch is applied, the gates judge it, and the compiler tries the child on probe scenes.
+
+use std::sync::{Mutex, PoisonError};
+
+use super::{
+    RunError,
+    desk::Tools,
+    draft::{Draft, Reached},
+    freeze::Snapshot,
+    labels::Labelling,
+    study::Study,
+};
+use crate::candidates;
+use crate::kernel::Digest;
+use crate::objects::{AttemptId, Program, ProgramPatch, SolutionId};
+
+/// Judges a proposed patch.
+pub fn admit(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &Tools<'_>) -> Result<Draft, RunError> {
+    draft.next(|slot, reached| match reached {
+        Reached::Proposed { patch } => judged(study, snapshot, slot, patch, tools),
+        ended => Ok(ended),
+    })
+}
+
+fn judged(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    slot: u32,
+    patch: ProgramPatch,
+    tools: &Tools<'_>,
+) -> Result<Reached, RunError> {
+    let contract = &study.source(snapshot.spec)?.contract;
+    let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
+    let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
+    // The gates know no error of the store: it waits here until they are done.
+    let trouble: Mutex<Option<RunError>> = Mutex::new(None);
+    let compiles = |program: &Program, hash: Digest| {
+        labelling.trials(&snapshot.probes, program, hash).unwrap_or_else(|error| {
+            *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            Vec::new()
+        })
+    };
+    let admission = candidates::admit(&snapshot.parent, &patch, child, contract, &study.registry, &compiles);
+    if let Some(error) = trouble.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
+    Ok(match admission.candidate {
+        None => Reached::Invalid { gates: admission.gates },
+        Some(candidate) => Reached::Admitted { gates: admission.gates, candidate, patch },
+    })
+}

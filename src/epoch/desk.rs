@@ -1,0 +1,39 @@
+//! What acts in a run, apart from what it is a function of: where events go, where answers and labels come from, what the
+//! work costs, who watches.
+
+use super::{cost::Meter, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study};
+use crate::kernel::Threads;
+use crate::llm::Ask;
+use crate::store::Transcript;
+
+/// Everything that a run works with besides the study.
+pub struct Desk<'a> {
+    /// Compares every event with what an earlier run of the same inputs wrote, and appends where that ends. Workers
+    /// have no access to it.
+    pub log: Transcript,
+    pub watch: &'a mut dyn FnMut(Progress),
+    pub tools: Tools<'a>,
+}
+
+/// The part that workers share. No result depends on it.
+pub struct Tools<'a> {
+    /// Who answers for the models.
+    pub ask: &'a dyn Ask,
+    pub threads: &'a Threads,
+    /// Labels that are on record.
+    pub rollouts: &'a Rollouts<'a>,
+    pub meter: Meter<'a>,
+    pub(super) situations: Situations,
+}
+
+impl<'a> Tools<'a> {
+    pub fn new(
+        study: &Study,
+        ask: &'a dyn Ask,
+        threads: &'a Threads,
+        rollouts: &'a Rollouts<'a>,
+        meter: Meter<'a>,
+    ) -> Tools<'a> {
+        Tools { ask, threads, rollouts, meter, situations: Situations::of(study) }
+    }
+}

@@ -1,0 +1,34 @@
+//! Real labels of a routed candidate on the window's scenes.
+
+use super::{
+    RunError,
+    desk::Tools,
+    draft::{Draft, Reached},
+    freeze::Snapshot,
+    labels::Labelling,
+    study::Study,
+};
+use crate::evaluation::EvaluationError;
+use crate::objects::Gate;
+
+/// Labels a candidate that the router did not reject. One that no scene of the window can label does not compile there: it
+/// is invalid, because a label is never invented.
+pub fn evaluate(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &Tools<'_>) -> Result<Draft, RunError> {
+    draft.next(|_, reached| match reached {
+        Reached::Routed { mut gates, routed } if !routed.is_rejected() => {
+            let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
+            let subject = (&routed.candidate.program, routed.candidate.program_hash);
+            match labelling.score(subject, &snapshot.window) {
+                Ok(score) => Ok(Reached::Evaluated { gates, routed, score }),
+                Err(RunError::Evaluation(EvaluationError::NoLabel(reason))) => {
+                    for verdict in gates.verdicts.iter_mut().filter(|v| v.gate == Gate::Compile) {
+                        verdict.problems.push(format!("no scene of the window could be labelled: {reason}"));
+                    }
+                    Ok(Reached::Invalid { gates })
+                }
+                Err(error) => Err(error),
+            }
+        }
+        ended => Ok(ended),
+    })
+}

@@ -1,0 +1,62 @@
+//! What an experiment file says of the agents that are asked before a lineage evolves: who composes its templates, who
+//! counsels it about attackers.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// `[composition]`: what the template agent is asked for.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompositionOptions {
+    /// Most questions a template: the first, and one after each answer that could not be used.
+    pub rounds: u32,
+    /// Kind of scenario -> what is to happen, in prose. A kind without a description keeps the published template.
+    pub descriptions: BTreeMap<String, String>,
+}
+
+/// Longest description, characters: it is part of a prompt.
+const DESCRIPTION_MAX_CHARS: usize = 2_000;
+
+impl CompositionOptions {
+    /// The first field that is out of bounds, with what is expected. `kinds` are the kinds of scenario of the families
+    /// that take templates.
+    pub fn fault(&self, kinds: &[&str]) -> Option<(String, String)> {
+        if !(1..=8).contains(&self.rounds) {
+            return Some(("rounds".into(), "1 to 8".into()));
+        }
+        if self.descriptions.is_empty() {
+            return Some(("descriptions".into(), format!("one of {} at least", kinds.join(", "))));
+        }
+        self.descriptions.iter().find_map(|(kind, text)| {
+            let place = format!("descriptions.{kind}");
+            let length = text.chars().count();
+            match kinds.contains(&kind.as_str()) {
+                false => Some((place, format!("a kind of scenario: {}", kinds.join(", ")))),
+                true if length == 0 || length > DESCRIPTION_MAX_CHARS => {
+                    Some((place, format!("1 to {DESCRIPTION_MAX_CHARS} characters, found {length}")))
+                }
+                true => None,
+            }
+        })
+    }
+}
+
+/// `[counsel]`: how the attacker agent is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CounselOptions {
+    /// Most sets of attackers that are tried in a scene: a proposal and what reflection makes of it.
+    pub rounds: u32,
+    /// Vehicles that the agent is shown, the most promising ones.
+    pub vehicles: usize,
+}
+
+impl CounselOptions {
+    /// The first field that is out of bounds, with what is expected.
+    pub fn fault(&self) -> Option<(&'static str, String)> {
+        let fields = [("rounds", self.rounds as usize, 8), ("vehicles", self.vehicles, 32)];
+        let bad = fields.into_iter().find(|(_, value, most)| *value == 0 || value > most);
+        bad.map(|(name, _, most)| (name, format!("1 to {most}")))
+    }
+}

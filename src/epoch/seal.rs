@@ -1,0 +1,21 @@
+//! The record of an attempt: what was proposed, from which parent and memory, and how it ended.
+
+use super::{draft::Considered, freeze::Snapshot};
+use crate::objects::{Attempt, AttemptId, CardId};
+
+/// Builds the record of a judged proposal. Every proposal leaves one.
+pub fn seal(snapshot: &Snapshot<'_>, considered: Considered) -> Attempt {
+    let Considered { head, exit } = considered;
+    Attempt {
+        id: AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, head.slot),
+        lineage: snapshot.spec.id.clone(),
+        epoch: snapshot.event.epoch,
+        slot: head.slot,
+        parent: snapshot.parent.solution_id.clone(),
+        parent_hash: snapshot.event.parent_hash,
+        target: head.target,
+        memory_shown: snapshot.event.memory_shown.iter().map(CardId::new).collect(),
+        proposal: head.proposal,
+        exit,
+    }
+}

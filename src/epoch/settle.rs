@@ -1,0 +1,80 @@
+//! The one place that changes the state: archive, lineage, memory and world, once an epoch, behind the barrier.
+
+use super::{
+    RunError,
+    consider::Judged,
+    freeze::Snapshot,
+    state::{Change, State},
+    study::Study,
+};
+use crate::kernel::Digest;
+use crate::memory::{CurationContext, curate, reflect};
+use crate::objects::{
+    Card,
+    event::{FrontPoint, Settled},
+};
+use crate::world;
+
+/// Makes what was judged the state.
+pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged: Judged) -> Result<Settled, RunError> {
+    let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
+    for attempt in &judged.attempts {
+        state.lineages.attach(attempt)?;
+    }
+    if let Some(selection) = &judged.promotion {
+        state.lineages.promote(lineage, &selection.solution, epoch)?;
+    }
+    let cards = cards(study, snapshot, &judged)?;
+    state.memory.append(cards.clone())?;
+    let labels_before = state.calibration.labels().len();
+    state.calibration.append(judged.labels, &state.world.schema)?;
+    state.world = world::settle(&state.world.schema, &state.world.configuration, &state.calibration)?;
+    state.archives.insert(lineage.clone(), judged.archive);
+    let world = state.world.digest()?;
+    let line = state.lineages.get(lineage)?;
+    let change = Change {
+        before: state.digest,
+        lineage,
+        epoch,
+        attempts: &line.attempts[line.attempts.len() - judged.attempts.len()..],
+        programs: judged.attempts.iter().filter_map(|a| a.exit.candidate()).map(|c| c.program_hash).collect(),
+        active: &line.active,
+        archive: &state.archives[lineage],
+        cards: &cards,
+        labels: &state.calibration.labels()[labels_before..],
+        world,
+    };
+    state.digest = Digest::of("evodrive/state/2", &change)?;
+    let promoted = judged.attempts.iter().find(|a| a.exit.decision().is_some_and(|d| d.promoted)).map(|a| a.id.clone());
+    state.attempts.extend(judged.attempts);
+    let archive = &state.archives[lineage];
+    let settled = Settled {
+        epoch,
+        lineage: lineage.clone(),
+        active: state.lineages.active(lineage)?.solution_id.clone(),
+        promoted,
+        front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
+        hypervolume: archive.hypervolume(study.archive.reference),
+        cards,
+        world,
+        world_labels: state.calibration.labels().len(),
+        state: state.digest,
+    };
+    state.settled.push(settled.clone());
+    Ok(settled)
+}
+
+/// What memory keeps of the epoch: cards of each attempt, then of the lineage and its way.
+fn cards(study: &Study, snapshot: &Snapshot<'_>, judged: &Judged) -> Result<Vec<Card>, RunError> {
+    let contract = &study.source(snapshot.spec)?.contract;
+    let context = CurationContext {
+        family: &contract.family,
+        scene_tags: &snapshot.scene_tags,
+        private_vocabulary: &contract.private_vocabulary,
+        options: &study.curation,
+    };
+    let mut cards: Vec<Card> = judged.attempts.iter().flat_map(|attempt| curate(attempt, &context)).collect();
+    let active = judged.promotion.as_ref().map_or(snapshot.event.parent_score.objectives, |s| s.objectives);
+    cards.extend(reflect(&snapshot.spec.id, snapshot.event.epoch, &judged.attempts, active, &context));
+    Ok(cards)
+}

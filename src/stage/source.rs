@@ -1,0 +1,105 @@
+//! A source family as the compiler and evolution know it: its contract, its parent program, the code of its own operators,
+//! and what it asks of agents. Whoever holds a source needs to know no family.
+
+use std::collections::BTreeMap;
+
+use super::operator::{ActorOperator, Operator, Stage, StageError};
+use super::situation::Situation;
+use crate::adapters::{Contract, Family, Registry};
+use crate::objects::composition::TemplateForm;
+use crate::objects::counsel::{Trial, Vehicle};
+use crate::objects::{Composition, FamilyName, Program};
+use crate::scene::Sample;
+use crate::sim::Outcome;
+
+/// One source family.
+#[derive(Clone, Debug)]
+pub struct Source {
+    pub contract: Contract,
+    /// Ids and lineage are filled in by the lineage that adopts it.
+    pub parent: Program,
+    /// Motion and search kinds -> what they do.
+    pub operators: BTreeMap<&'static str, Operator>,
+    /// Actor kinds of the family's own -> whom they make adversaries.
+    pub actors: BTreeMap<&'static str, ActorOperator>,
+    pub asks: Asks,
+}
+
+/// What a family asks of agents besides patches.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Asks {
+    /// Who should attack, scene by scene.
+    pub counsel: Option<AskCounsel>,
+    /// What the templates of its parent are composed of.
+    pub templates: Option<AskTemplates>,
+}
+
+/// How counsel about a scene is taken.
+#[derive(Clone, Copy, Debug)]
+pub struct AskCounsel {
+    /// The program that carries out what a counsel says, with no search of its own.
+    pub blind: fn(&Program) -> Program,
+    /// Most vehicles that a program lets attack together.
+    pub attackers_max: fn(&Program) -> Result<usize, StageError>,
+    /// So many vehicles as the agent is shown them, the most promising first.
+    pub vehicles: fn(&Stage<'_>, &Program, usize) -> Result<Vec<Vehicle>, StageError>,
+    /// What became of a set of attackers that was tried.
+    pub trial: fn(&Situation, &Outcome, LeaderWay<'_>) -> Trial,
+}
+
+/// What the first attacker was to drive: the scene step of the first sample, and the samples. Asked for only where
+/// somebody must know.
+pub type LeaderWay<'a> = &'a mut dyn FnMut() -> (usize, Vec<Sample>);
+
+/// How templates are composed.
+#[derive(Clone, Copy, Debug)]
+pub struct AskTemplates {
+    /// What a template may be composed of, a form for each kind of scenario.
+    pub forms: fn() -> Vec<TemplateForm>,
+    /// Makes a composed template a program's, for one kind of scenario.
+    pub put: fn(&mut Program, &str, &Composition),
+}
+
+impl Source {
+    /// A family without code of its own.
+    pub fn new(family: Family) -> Source {
+        let Family { contract, parent } = family;
+        Source { contract, parent, operators: BTreeMap::new(), actors: BTreeMap::new(), asks: Asks::default() }
+    }
+
+    /// Adds the code of a motion or search kind.
+    pub fn operator(mut self, kind: &'static str, run: Operator) -> Source {
+        self.operators.insert(kind, run);
+        self
+    }
+
+    /// Adds the code of an actor kind.
+    pub fn actor(mut self, kind: &'static str, run: ActorOperator) -> Source {
+        self.actors.insert(kind, run);
+        self
+    }
+}
+
+/// Source families by name.
+#[derive(Clone, Debug)]
+pub struct Sources(BTreeMap<FamilyName, Source>);
+
+impl Sources {
+    pub fn new(sources: impl IntoIterator<Item = Source>) -> Sources {
+        Sources(sources.into_iter().map(|source| (source.contract.family.clone(), source)).collect())
+    }
+
+    pub fn get(&self, name: &FamilyName) -> Option<&Source> {
+        self.0.get(name)
+    }
+
+    /// In the order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = &Source> {
+        self.0.values()
+    }
+
+    /// What the gates judge patches by.
+    pub fn registry(&self) -> Registry {
+        Registry::new(self.iter().map(|of| Family { contract: of.contract.clone(), parent: of.parent.clone() }))
+    }
+}

@@ -4,8 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::file::{self, Composed};
-use super::{ExperimentError, ModelOptions, check, relations};
+use super::{ExperimentError, ModelOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::epoch::{CompositionOptions, CounselOptions};
 use crate::evaluation::EvaluationOptions;
@@ -112,29 +111,6 @@ pub struct LineageOptions {
 }
 
 impl Experiment {
-    /// Reads an experiment file with its bases, and checks every option.
-    ///
-    /// # Errors
-    /// What cannot be read; the first option that is unknown, missing, out of its range or at odds with another one.
-    pub fn read(path: &Path) -> Result<Experiment, ExperimentError> {
-        Experiment::of(file::composed(path)?)
-    }
-
-    fn of(composed: Composed) -> Result<Experiment, ExperimentError> {
-        check::check(&composed.table).map_err(|error| composed.error(error))?;
-        let file = composed.file.display().to_string();
-        let problem = |problem: String| ExperimentError::File { file: file.clone(), problem };
-        let read: Result<Experiment, toml::de::Error> = toml::Value::Table(composed.table.clone()).try_into();
-        let mut experiment = read.map_err(|error| problem(error.to_string().trim_end().to_string()))?;
-        experiment.file = composed.file.clone();
-        experiment.whole_text = composed.whole_text()?;
-        relations::check(&experiment).map_err(|error| match error {
-            relations::Problem::Option(error) => composed.error(error),
-            relations::Problem::Several(text) => problem(text),
-        })?;
-        Ok(experiment)
-    }
-
     /// A path that the file names, which lies relative to the file.
     pub fn beside(&self, path: &Path) -> PathBuf {
         self.file.parent().unwrap_or(Path::new(".")).join(path)

@@ -12,7 +12,6 @@ const ALLOWED: &[(&str, &str)] = &[
     ("agents/counsel agents/scene_prompt", "a case and its prompt"),
     ("agents/prompt agents/task", "a task and its prompt"),
     ("cli/args cli/report cli/run", "arguments and the commands that take them"),
-    ("cli/experiment cli/models", "an experiment and its models"),
     ("cli/scene_export cli/scene_show cli/scenes", "a command and its subcommands"),
     ("compiler/prepared compiler/walk", "a prepared program and its way through a scene"),
     (

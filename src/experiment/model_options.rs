@@ -1,0 +1,42 @@
+//! A model, as an experiment file describes it.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use crate::llm::{ClientOptions, ModelSpec, ResponseFormat};
+
+/// `[models.<name>]`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelOptions {
+    /// `scripted`, `openai_compatible` or `anthropic`. The last two are asked by a build with the feature `live` only, and
+    /// replayed by every build.
+    pub kind: String,
+    /// The provider's identifier.
+    pub model: String,
+    /// Sampling parameters, sent under these names; `seed` is the root of one seed a draw slot. For `scripted`, its error rates.
+    pub sampling: BTreeMap<String, f64>,
+    /// Live models: how they are held to the reply's schema.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response_format: Option<ResponseFormat>,
+    /// Live models: further fields of the request's body, sent as they are.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub body: BTreeMap<String, serde_json::Value>,
+    /// Live models: address, waiting, prices. No part of a request's key or of the experiment's digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub client: Option<ClientOptions>,
+}
+
+impl ModelOptions {
+    /// What counts into the keys of requests.
+    pub fn spec(&self, name: &str) -> ModelSpec {
+        ModelSpec {
+            name: name.to_string(),
+            kind: self.kind.clone(),
+            model: self.model.clone(),
+            sampling: self.sampling.clone(),
+            response_format: self.response_format,
+            body: self.body.clone(),
+        }
+    }
+}

@@ -1,11 +1,11 @@
 //! The tests of the library and its binary, in one program: linking one takes seconds and 60 MB. Alone are
-//! `architecture`, which reads sources only, `sim_allocations`, which replaces the allocator, and `skipped`.
+//! `architecture`, which reads sources only, `sim_allocations`, which replaces the allocator, `store`, whose locks a started
+//! command would hold for a moment, and `skipped`.
 
 use evodrive::{ego, kernel, scene, sim};
 
 mod archive_hypervolume;
 mod audit;
-mod cassette;
 mod counsel;
 mod evaluation;
 mod experiments;
@@ -25,4 +25,3 @@ mod scene_scenarionet;
 mod scenes;
 mod simulator;
 mod snapshots;
-mod store_damage;

@@ -341,7 +341,7 @@ fn unusable_experiments_are_bad_input_with_file_place_and_remedy() {
     let cases = [
         ("missing field", good.replace("seed = 20261121", ""), "seed"),
         ("unknown field", good.replace("[split]", "[split]\nwidth = 3"), "width"),
-        ("unknown family", good.replace("family = \"at\"", "family = \"atx\""), "no family is called `atx`"),
+        ("unknown family", good.replace("family = \"at\"", "family = \"atx\""), "did you mean `at`?"),
         ("unknown ego", good.replace("ego = \"idm\"", "ego = \"ghost\""), "ghost"),
         (
             "weights that do not sum",

@@ -46,6 +46,6 @@ fn judged(
     }
     Ok(match admission.candidate {
         None => Reached::Invalid { gates: admission.gates },
-        Some(candidate) => Reached::Admitted { gates: admission.gates, candidate, patch },
+        Some(candidate) => Reached::Admitted { gates: admission.gates, candidate: Box::new(candidate), patch },
     })
 }

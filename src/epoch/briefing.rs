@@ -29,7 +29,7 @@ pub fn clusters(study: &Study, window_score: &Score) -> Vec<Cluster> {
     let mut groups: BTreeMap<&str, Vec<&SceneEntry>> = BTreeMap::new();
     for &place in &study.evolution {
         let entry = &study.scenes[place];
-        groups.entry(cluster_of(&entry.features())).or_default().push(entry);
+        groups.entry(cluster_of(entry.features())).or_default().push(entry);
     }
     groups.into_iter().map(|(name, entries)| cluster(name, &entries, window_score)).collect()
 }

@@ -22,7 +22,7 @@ pub enum Reached {
     Declined { reason: String },
     Proposed { patch: ProgramPatch },
     Invalid { gates: GateReport },
-    Admitted { gates: GateReport, candidate: Candidate, patch: ProgramPatch },
+    Admitted { gates: GateReport, candidate: Box<Candidate>, patch: ProgramPatch },
     Routed { gates: GateReport, routed: Box<RoutedCandidate> },
     Evaluated { gates: GateReport, routed: Box<RoutedCandidate>, score: Score },
 }

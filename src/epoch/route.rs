@@ -13,7 +13,7 @@ use crate::world::{Router, candidate_features, features, monitor_stream};
 pub fn route(study: &Study, snapshot: &Snapshot<'_>, router: &Router<'_>, draft: Draft) -> Result<Draft, RunError> {
     draft.next(|slot, reached| match reached {
         Reached::Admitted { gates, candidate, patch } => {
-            let routed = Box::new(routed(study, snapshot, router, slot, candidate, &patch)?);
+            let routed = Box::new(routed(study, snapshot, router, slot, *candidate, &patch)?);
             Ok(Reached::Routed { gates, routed })
         }
         ended => Ok(ended),

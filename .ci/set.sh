@@ -34,7 +34,7 @@ write_tables() { # run folder's parent, target folder
   done
 }
 
-# One file; every file, the common one with 1, 2 and 8 threads and from cached rollouts, and the tables; or new goldens.
+# One file; every file, the common one with 2 and 8 threads and from cached rollouts, and the tables; or new goldens.
 check_set() { # option
   local one file
   case $1 in
@@ -47,7 +47,6 @@ check_set() { # option
       for file in "$golden"/*.md "$golden"/*.csv "$golden"/*.tex; do
         diff -u "$file" "$scratch/$(basename "$file")"
       done
-      check all-idm 1 one
       check all-idm 8 eight
       ;;
     --bless)

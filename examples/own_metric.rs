@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use evodrive::compiler::{Situation, compile};
 use evodrive::ego::Policy;
+use evodrive::evaluation::AttackOptions;
 use evodrive::evaluation::metrics::attack::attack;
-use evodrive::evaluation::{AttackOptions, AttackTarget};
 use evodrive::families::sources;
 use evodrive::kernel::{Seed, num};
 use evodrive::objects::FamilyName;
-use evodrive::sim::{Outcome, rollout};
+use evodrive::sim::{ContactClass, Outcome, rollout};
 use evodrive::synth::{SynthOptions, WorldKind, pool_member};
 
 /// What the metric needs besides the outcome. An experiment would give it in its file; nothing has a default in code.
@@ -48,7 +48,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let families = sources();
     let cat = families.get(&FamilyName::new("cat")).ok_or("no family is called cat")?;
-    let attack_options = AttackOptions { target: AttackTarget::AdversaryContact };
+    // Every contact with the adversary counts, whoever caused it.
+    let attack_options = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into() };
     let options = NearMissOptions { gap_m_harmless: 5.0 };
     let mut severities = Vec::new();
     for index in 0..6 {

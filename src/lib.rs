@@ -66,7 +66,7 @@
 //! - [`agents`]: the LLM agents: actor, critics, repair, attacker agent and template agent. The only room that asks a
 //!   model.
 //! - [`archive`]: the Pareto archive: the non-dominated front, its hypervolume, the acceptance gates and the selector.
-//! - [`candidates`]: from a patch to an admitted candidate: applies the patch and runs the seven gates.
+//! - [`candidates`]: from a patch to an admitted candidate: applies the patch and runs the eight gates.
 //! - [`evaluation`]: from rollouts to scores: one file a metric, one file a protocol.
 //! - [`lineage`]: chains of parents, promotion of children, and the check of their continuity.
 //! - [`memory`]: memory cards from attempts, and their retrieval.

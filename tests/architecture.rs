@@ -38,7 +38,7 @@ const TABLE: &[(&str, &str)] = &[
     ),
     (
         "experiment",
-        "kernel store scene formats synth ego objects llm stage families agents world evaluation archive memory epoch",
+        "kernel store scene formats synth sim ego objects llm stage families agents world evaluation archive memory epoch",
     ),
     ("evidence", "kernel store scene draw objects evaluation lineage world"),
     ("cli", "*"),

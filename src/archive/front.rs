@@ -1,12 +1,14 @@
 //! The archive: every evaluated candidate in the order of acceptance, and which of them nobody dominates.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 use super::{
     objectives::{ObjectivesError, admissible},
     plane::{self, point},
 };
-use crate::objects::{Entry, SolutionId};
+use crate::kernel::Digest;
+use crate::objects::{Entry, Objectives, SolutionId};
 
 /// Entries in order of insertion. Only the serial acceptor inserts; everyone else reads.
 ///
@@ -80,6 +82,45 @@ impl Archive {
         displaced
     }
 
+    /// Keeps an evaluated candidate that was not accepted: it never stands on the front.
+    pub fn keep(&mut self, mut entry: Entry) -> Result<(), ArchiveError> {
+        entry.objectives = admissible(entry.objectives)
+            .map_err(|source| ArchiveError::Objectives { solution: entry.solution.clone(), source })?;
+        if self.entry(&entry.solution).is_some() {
+            return Err(ArchiveError::Twice(entry.solution));
+        }
+        self.entries.push(entry);
+        Ok(())
+    }
+
+    /// Measures the front again on more scenes, whose list has the digest `scenes`, and drops from it whoever is dominated
+    /// there or has no objectives in `fresh`. Points of one front are so always measured on the same scenes.
+    pub fn relabel(&mut self, fresh: &BTreeMap<SolutionId, Objectives>, scenes: Digest) -> Result<(), ArchiveError> {
+        let mut front: Vec<usize> = Vec::with_capacity(self.front.len());
+        for place in std::mem::take(&mut self.front) {
+            let entry = &mut self.entries[place];
+            let Some(objectives) = fresh.get(&entry.solution) else { continue };
+            entry.objectives = admissible(*objectives)
+                .map_err(|source| ArchiveError::Objectives { solution: entry.solution.clone(), source })?;
+            entry.scenes = scenes;
+            front.push(place);
+        }
+        let points: Vec<[f64; 2]> = front.iter().map(|place| point(&self.entries[*place].objectives)).collect();
+        let stays = plane::non_dominated(&points);
+        self.front = front.into_iter().zip(stays).filter(|(_, stays)| *stays).map(|(place, _)| place).collect();
+        Ok(())
+    }
+
+    /// Area that a member of the front alone dominates; 0 for anybody else.
+    pub fn contribution(&self, solution: &SolutionId, reference: [f64; 2]) -> f64 {
+        if !self.on_front(solution) {
+            return 0.0;
+        }
+        let others = self.front().filter(|entry| entry.solution != *solution);
+        let points: Vec<[f64; 2]> = others.map(|entry| point(&entry.objectives)).collect();
+        self.hypervolume(reference) - plane::hypervolume(&points, reference)
+    }
+
     /// Everything evaluated, in order of insertion.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
@@ -113,9 +154,7 @@ impl Archive {
 #[cfg(test)]
 pub(super) mod samples {
     use super::*;
-    use crate::kernel::Digest;
-    use crate::objects::{FamilyName, LineageId, Objectives};
-    use std::collections::BTreeMap;
+    use crate::objects::{FamilyName, LineageId};
 
     pub fn objectives([attack, realism]: [f64; 2]) -> Objectives {
         Objectives { attack, realism }
@@ -182,6 +221,35 @@ mod tests {
         let done = archive.insert(entry("better", [0.6, 0.8])).unwrap();
         assert!(done.on_front);
         assert_eq!(done.displaced, [SolutionId::new("s0"), SolutionId::new("s1")]);
+    }
+
+    #[test]
+    fn on_more_scenes_a_member_may_turn_out_dominated_and_who_was_not_measured_leaves() {
+        let mut archive = archive_of(&[[0.2, 0.8], [0.5, 0.5], [0.9, 0.1]]);
+        let fresh = BTreeMap::from([
+            (SolutionId::new("s0"), objectives([0.6, 0.8])),
+            (SolutionId::new("s1"), objectives([0.5, 0.5])),
+        ]);
+        archive.relabel(&fresh, Digest::of_bytes(b"more")).unwrap();
+        let front: Vec<&Entry> = archive.front().collect();
+        assert_eq!(front.iter().map(|e| e.solution.as_str()).collect::<Vec<_>>(), ["s0"]);
+        assert_eq!((front[0].objectives, front[0].scenes), (objectives([0.6, 0.8]), Digest::of_bytes(b"more")));
+        assert_eq!(archive.entries().len(), 3);
+    }
+
+    #[test]
+    fn who_was_not_accepted_is_kept_beside_the_front() {
+        let mut archive = archive_of(&[[0.2, 0.2]]);
+        archive.keep(entry("luck", [0.9, 0.9])).unwrap();
+        assert!(!archive.on_front(&SolutionId::new("luck")) && archive.entries().len() == 2);
+        assert!(archive.keep(entry("luck", [0.9, 0.9])).is_err());
+    }
+
+    #[test]
+    fn a_member_contributes_what_it_alone_dominates() {
+        let archive = archive_of(&[[0.2, 0.8], [0.5, 0.5]]);
+        assert!((archive.contribution(&SolutionId::new("s0"), [0.0; 2]) - 0.2 * 0.3).abs() < 1e-12);
+        assert_eq!(archive.contribution(&SolutionId::new("nobody"), [0.0; 2]), 0.0);
     }
 
     #[test]

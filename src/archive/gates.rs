@@ -1,15 +1,20 @@
-//! The three acceptance gates (paper, section Simulator Evaluation and Pareto Archive) with every number they compare.
+//! The three acceptance gates (paper, section Simulator Evaluation and Pareto Archive) with every number they compare, and
+//! the two conditions that stand before them: the program acts often enough, and it does something else than its parent.
+//!
+//! All numbers are taken over the scenes on which the child, its parent and the front all have labels. A gain counts where
+//! it is above 0 at the declared level; a loss is compared with its ε as it was measured.
 
 use serde::{Deserialize, Serialize};
 
 use super::{
-    front::Archive,
     objectives::{ObjectivesError, admissible},
-    plane::{hypervolume, point},
+    paired::{Means, Panel, is_shown},
+    plane::hypervolume,
+    promotion::PromotionRule,
 };
-use crate::objects::{AcceptanceGates, Densification, LocalPush, Objectives, ParentTradeoff};
+use crate::objects::{AcceptanceGates, CoverageFloor, Densification, Difference, LocalPush, ParentTradeoff, Score};
 
-/// What the gates and the frontier statistics compare with. Comes from the experiment file.
+/// What the gates compare with. Comes from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArchiveOptions {
@@ -26,6 +31,12 @@ pub struct ArchiveOptions {
     pub epsilon_a: f64,
     /// ε of PF-Area: least hypervolume of a parent frontier to divide by, 1 (eq. app-pf-area).
     pub epsilon_pf: f64,
+    /// How sure a gain must be before it counts, 1: one-sided, over paired scenes. 0.5 counts every measured gain.
+    pub level: f64,
+    /// Share of its parent's coverage that a program must keep, 1.
+    pub coverage_floor: f64,
+    /// Who leads the lineage from one epoch to the next.
+    pub promotion: PromotionRule,
 }
 
 /// An option of the archive that cannot be obeyed.
@@ -47,77 +58,164 @@ impl ArchiveOptions {
         let [x, y] = self.reference;
         check("reference", x, (0.0..1.0).contains(&x), "a pair of numbers in [0, 1)")?;
         check("reference", y, (0.0..1.0).contains(&y), "a pair of numbers in [0, 1)")?;
-        for (name, value) in
-            [("r0", self.r0), ("a0", self.a0), ("epsilon_r", self.epsilon_r), ("epsilon_a", self.epsilon_a)]
-        {
+        for (name, value) in [
+            ("r0", self.r0),
+            ("a0", self.a0),
+            ("epsilon_r", self.epsilon_r),
+            ("epsilon_a", self.epsilon_a),
+            ("coverage_floor", self.coverage_floor),
+        ] {
             check(name, value, (0.0..=1.0).contains(&value), "a number in [0, 1]")?;
         }
+        check("level", self.level, (0.5..1.0).contains(&self.level), "a number in [0.5, 1)")?;
         let positive = self.epsilon_pf > 0.0 && self.epsilon_pf <= 1.0;
         check("epsilon_pf", self.epsilon_pf, positive, "a number in (0, 1]")
     }
 }
 
-/// What the three gates say of a candidate against the archive as it stands and its parent. Changes nothing.
-pub fn consider(
-    archive: &Archive,
-    objectives: Objectives,
-    parent: Objectives,
-    options: &ArchiveOptions,
-) -> Result<AcceptanceGates, ObjectivesError> {
-    let (child, parent) = (admissible(objectives)?, admissible(parent)?);
-    let densification = densification(archive, &child, options.reference);
-    let local_push = local_push(archive, &child, densification.holds, options);
-    Ok(AcceptanceGates { densification, local_push, parent_tradeoff: parent_tradeoff(&child, &parent, options) })
+/// Whom a child is compared with. All are labelled on the child's scenes.
+#[derive(Clone, Copy, Debug)]
+pub struct Standing<'a> {
+    pub child: &'a Score,
+    pub parent: &'a Score,
+    /// Members of the front.
+    pub front: &'a [&'a Score],
+}
+
+/// Places in the panel.
+const CHILD: usize = 0;
+const PARENT: usize = 1;
+
+/// What the gates say of a candidate. Changes nothing.
+pub fn consider(standing: &Standing<'_>, options: &ArchiveOptions) -> Result<AcceptanceGates, ObjectivesError> {
+    admissible(standing.child.objectives)?;
+    admissible(standing.parent.objectives)?;
+    let scores: Vec<&Score> =
+        [standing.child, standing.parent].into_iter().chain(standing.front.iter().copied()).collect();
+    let panel = Panel::of(&scores);
+    // The parent is a contender whether or not it is on the front.
+    let others: Vec<usize> = (PARENT..scores.len()).collect();
+    let densification = densification(&panel, &others, options);
+    let local_push = local_push(&panel, &others, densification.holds, options);
+    Ok(AcceptanceGates {
+        densification,
+        local_push,
+        parent_tradeoff: parent_tradeoff(&panel, options),
+        coverage: coverage_floor(&panel, options),
+        differing_scenes: panel.differing(CHILD, PARENT),
+        scenes: panel.scenes(),
+    })
+}
+
+fn area(means: &dyn Fn(usize) -> Means, members: impl Iterator<Item = usize>, reference: [f64; 2]) -> f64 {
+    let points: Vec<[f64; 2]> = members.filter_map(|member| means(member).point()).collect();
+    hypervolume(&points, reference)
 }
 
 /// ΔHV(c) = HV(P ∪ {c}) - HV(P) > 0 for a non-dominated c. A copy of a front point is not dominated, and gains 0.
-fn densification(archive: &Archive, child: &Objectives, reference: [f64; 2]) -> Densification {
-    let mut points: Vec<[f64; 2]> = archive.front().map(|entry| point(&entry.objectives)).collect();
-    let non_dominated = !archive.front().any(|entry| entry.objectives.dominates(child));
-    let hypervolume_before = hypervolume(&points, reference);
-    points.push(point(child));
-    let hypervolume_gain = hypervolume(&points, reference) - hypervolume_before;
+fn densification(panel: &Panel, others: &[usize], options: &ArchiveOptions) -> Densification {
+    let before = |means: &dyn Fn(usize) -> Means| area(means, others.iter().copied(), options.reference);
+    let after = |means: &dyn Fn(usize) -> Means| area(means, others.iter().copied().chain([CHILD]), options.reference);
+    let gain = panel.difference(|means| after(means) - before(means));
+    let dominates = |[a, r]: [f64; 2], [b, s]: [f64; 2]| a >= b && r >= s && (a > b || r > s);
+    let child = panel.means(CHILD).point();
+    let dominated = |child: [f64; 2]| {
+        others.iter().filter_map(|other| panel.means(*other).point()).any(|other| dominates(other, child))
+    };
+    let non_dominated = child.is_some_and(|child| !dominated(child));
     Densification {
-        holds: non_dominated && hypervolume_gain > 0.0,
+        holds: non_dominated && is_shown(&gain, options.level),
         non_dominated,
-        hypervolume_before,
-        hypervolume_gain,
+        hypervolume_before: before(&|program| panel.means(program)),
+        hypervolume_gain: gain.value,
+        uncertainty: gain.uncertainty,
     }
 }
 
 /// More attack than anyone where realism is high, or more realism than anyone where attack is high. The candidate
 /// must lie in the region itself; where the region holds nobody yet, densification decides for it.
-fn local_push(archive: &Archive, child: &Objectives, densifies: bool, options: &ArchiveOptions) -> LocalPush {
-    let front = || archive.front().map(|entry| entry.objectives);
-    let best_attack_at_r0 = front().filter(|o| o.realism >= options.r0).map(|o| o.attack).reduce(f64::max);
-    let best_realism_at_a0 = front().filter(|o| o.attack >= options.a0).map(|o| o.realism).reduce(f64::max);
-    let attack_push = child.realism >= options.r0 && best_attack_at_r0.map_or(densifies, |best| child.attack > best);
-    let realism_push = child.attack >= options.a0 && best_realism_at_a0.map_or(densifies, |best| child.realism > best);
-    LocalPush { holds: attack_push || realism_push, best_attack_at_r0, best_realism_at_a0 }
+fn local_push(panel: &Panel, others: &[usize], densifies: bool, options: &ArchiveOptions) -> LocalPush {
+    let points = || others.iter().filter_map(|other| Some((*other, panel.means(*other).point()?)));
+    let first_best = |best: (usize, f64), next: (usize, f64)| if next.1 > best.1 { next } else { best };
+    let realistic =
+        points().filter(|(_, [_, r])| *r >= options.r0).map(|(other, [a, _])| (other, a)).reduce(first_best);
+    let strong = points().filter(|(_, [a, _])| *a >= options.a0).map(|(other, [_, r])| (other, r)).reduce(first_best);
+    let own = panel.means(CHILD).point();
+    let in_region = |inside: fn([f64; 2], &ArchiveOptions) -> bool| own.is_some_and(|own| inside(own, options));
+    let attack_push = realistic
+        .filter(|_| in_region(|[_, r], options| r >= options.r0))
+        .map(|(best, _)| panel.difference(|means| means(CHILD).attack - means(best).attack));
+    let realism_push = strong
+        .filter(|_| in_region(|[a, _], options| a >= options.a0))
+        .map(|(best, _)| panel.difference(|means| realism_change(means(CHILD), means(best))));
+    let shown = |push: &Option<Difference>| push.as_ref().is_some_and(|push| is_shown(push, options.level));
+    let first_there = densifies
+        && (realistic.is_none() && in_region(|[_, r], options| r >= options.r0)
+            || strong.is_none() && in_region(|[a, _], options| a >= options.a0));
+    LocalPush {
+        holds: shown(&attack_push) || shown(&realism_push) || first_there,
+        best_attack_at_r0: realistic.map(|(_, attack)| attack),
+        best_realism_at_a0: strong.map(|(_, realism)| realism),
+        attack_push,
+        realism_push,
+    }
+}
+
+/// No change where one of the two acts nowhere: there is nothing to compare.
+fn realism_change(child: Means, other: Means) -> f64 {
+    child.realism.zip(other.realism).map_or(0.0, |(child, other)| child - other)
 }
 
 /// Better than the parent in one objective while the other falls by no more than its ε.
-fn parent_tradeoff(child: &Objectives, parent: &Objectives, options: &ArchiveOptions) -> ParentTradeoff {
-    let more_attack = child.attack > parent.attack && child.realism >= parent.realism - options.epsilon_r;
-    let more_realism = child.realism > parent.realism && child.attack >= parent.attack - options.epsilon_a;
+fn parent_tradeoff(panel: &Panel, options: &ArchiveOptions) -> ParentTradeoff {
+    let attack = panel.difference(|means| means(CHILD).attack - means(PARENT).attack);
+    let realism = panel.difference(|means| realism_change(means(CHILD), means(PARENT)));
+    let more_attack = is_shown(&attack, options.level) && realism.value >= -options.epsilon_r;
+    let more_realism = is_shown(&realism, options.level) && attack.value >= -options.epsilon_a;
     ParentTradeoff {
         holds: more_attack || more_realism,
-        attack_change: child.attack - parent.attack,
-        realism_change: child.realism - parent.realism,
+        attack_change: attack.value,
+        attack_uncertainty: attack.uncertainty,
+        realism_change: realism.value,
+        realism_uncertainty: realism.uncertainty,
     }
+}
+
+/// A program that leaves most scenes alone is realistic for nothing.
+fn coverage_floor(panel: &Panel, options: &ArchiveOptions) -> CoverageFloor {
+    let (coverage, parent) = (panel.means(CHILD).coverage, panel.means(PARENT).coverage);
+    let floor = options.coverage_floor * parent;
+    CoverageFloor { holds: coverage > 0.0 && coverage >= floor, coverage, parent, floor }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::front::samples::{archive_of, objectives};
+    use super::super::paired::samples::{alike, scenes};
     use super::*;
+    use crate::objects::Objectives;
 
     fn options() -> ArchiveOptions {
-        ArchiveOptions { reference: [0.0; 2], r0: 0.9, a0: 0.6, epsilon_r: 0.02, epsilon_a: 0.05, epsilon_pf: 1e-9 }
+        ArchiveOptions {
+            reference: [0.0; 2],
+            r0: 0.9,
+            a0: 0.6,
+            epsilon_r: 0.02,
+            epsilon_a: 0.05,
+            epsilon_pf: 1e-9,
+            level: 0.8,
+            coverage_floor: 0.8,
+            promotion: PromotionRule::LargestHypervolumeGain,
+        }
     }
 
+    fn judged(child: &Score, parent: &Score, front: &[&Score]) -> AcceptanceGates {
+        consider(&Standing { child, parent, front }, &options()).unwrap()
+    }
+
+    /// Programs whose labels are the same in every scene, so that nothing is uncertain.
     fn gates(front: &[[f64; 2]], child: [f64; 2], parent: [f64; 2]) -> AcceptanceGates {
-        consider(&archive_of(front), objectives(child), objectives(parent), &options()).unwrap()
+        let front: Vec<Score> = front.iter().map(|point| alike(*point)).collect();
+        judged(&alike(child), &alike(parent), &front.iter().collect::<Vec<_>>())
     }
 
     #[test]
@@ -132,14 +230,8 @@ mod tests {
     fn a_copy_of_a_front_point_is_not_dominated_but_gains_nothing() {
         let found = gates(&[[0.2, 0.9]], [0.2, 0.9], [0.2, 0.9]);
         assert!(found.densification.non_dominated && !found.densification.holds);
-        assert_eq!(found.densification.hypervolume_gain, 0.0);
+        assert_eq!((found.densification.hypervolume_gain, found.differing_scenes), (0.0, 0));
         assert!(!found.any());
-    }
-
-    #[test]
-    fn a_new_point_on_the_border_of_the_reference_gains_nothing() {
-        let found = gates(&[[0.2, 0.9]], [0.9, 0.0], [0.2, 0.9]).densification;
-        assert!(found.non_dominated && !found.holds);
     }
 
     #[test]
@@ -147,9 +239,10 @@ mod tests {
         let front = [[0.3, 0.95], [0.7, 0.5]];
         let push = gates(&front, [0.31, 0.92], [0.3, 0.95]).local_push;
         assert!(push.holds);
-        assert_eq!((push.best_attack_at_r0, push.best_realism_at_a0), (Some(0.3), Some(0.5)));
+        let best = (push.best_attack_at_r0.unwrap(), push.best_realism_at_a0.unwrap());
+        assert!((best.0 - 0.3).abs() < 1e-12 && (best.1 - 0.5).abs() < 1e-12);
         assert!(!gates(&front, [0.3, 0.96], [0.3, 0.95]).local_push.holds, "equal attack is no push");
-        assert!(gates(&front, [0.6, 0.51], [0.3, 0.95]).local_push.holds);
+        assert!(gates(&front, [0.65, 0.51], [0.3, 0.95]).local_push.holds);
         assert!(!gates(&front, [0.59, 0.89], [0.3, 0.95]).local_push.holds, "outside both regions");
     }
 
@@ -173,12 +266,68 @@ mod tests {
     }
 
     #[test]
+    fn a_gain_within_the_noise_of_its_scenes_is_not_accepted_and_the_record_keeps_the_three_numbers() {
+        let parent = scenes(&[(0.0, 1.0, true); 20]);
+        // Three scenes gained and two lost are five coin tosses; three gained and none lost are not.
+        let mut labels = [(0.0, 1.0, true); 20];
+        (0..3).for_each(|scene| labels[scene].0 = 1.0);
+        let sure = judged(&scenes(&labels), &parent, &[&parent]);
+        assert!(sure.any() && sure.parent_tradeoff.holds);
+        let mut noisy = parent.clone();
+        (5..7).for_each(|scene| noisy.scenes[scene].attack = 1.0);
+        let unsure = judged(&scenes(&labels), &noisy, &[&noisy]);
+        let trade = &unsure.parent_tradeoff;
+        assert!(!unsure.any(), "{unsure:?}");
+        // Differences: three of 1, two of -1, fifteen of 0: mean 0.05, squared deviations 4.95, so the standard error is
+        // sqrt(4.95 / (20 * 19)).
+        assert!((trade.attack_change - 0.05).abs() < 1e-12);
+        assert!((trade.attack_uncertainty.unwrap() - (4.95f64 / 380.0).sqrt()).abs() < 1e-12);
+        assert_eq!(unsure.scenes, 20);
+    }
+
+    #[test]
+    fn programs_are_compared_on_the_scenes_that_all_of_them_have() {
+        let child = scenes(&[(1.0, 1.0, true); 4]);
+        let mut parent = scenes(&[(0.0, 1.0, true); 8]);
+        // Easy scenes that the child never met.
+        (4..8).for_each(|scene| parent.scenes[scene].attack = 1.0);
+        parent.scenes.remove(0);
+        let found = judged(&child, &parent, &[&parent]);
+        assert_eq!((found.scenes, found.parent_tradeoff.attack_change), (3, 1.0));
+    }
+
+    #[test]
+    fn a_program_that_does_nothing_is_never_accepted_whatever_its_labels_say() {
+        let parent = scenes(&[(0.0, 0.9, true); 20]);
+        // The ego crashes by itself in most scenes, and nothing is more realistic than a record.
+        let null = scenes(&[(1.0, 1.0, false); 20]);
+        let found = judged(&null, &parent, &[&parent]);
+        assert!(!found.coverage.holds && !found.any());
+        assert_eq!(found.densification.hypervolume_gain, 0.0, "it adds no frontier area");
+        let idle_parent = scenes(&[(0.0, 1.0, false); 20]);
+        assert!(!judged(&null, &idle_parent, &[&idle_parent]).any(), "also beside a parent that does nothing");
+    }
+
+    #[test]
+    fn a_program_that_acts_only_where_it_is_easy_falls_below_its_parents_coverage() {
+        let parent = scenes(&[(0.0, 0.9, true); 20]);
+        let mut labels = [(0.0, 1.0, false); 20];
+        (0..6).for_each(|scene| labels[scene] = (1.0, 1.0, true));
+        let found = judged(&scenes(&labels), &parent, &[&parent]);
+        assert!(found.parent_tradeoff.holds, "by its numbers it is better");
+        assert!((found.coverage.coverage, found.coverage.floor) == (0.3, 0.8) && !found.any());
+        (6..16).for_each(|scene| labels[scene].2 = true);
+        assert!(judged(&scenes(&labels), &parent, &[&parent]).any());
+    }
+
+    #[test]
     fn what_is_no_rate_never_reaches_a_gate() {
         for bad in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
-            let child = Objectives { attack: bad, realism: 0.5 };
-            assert!(consider(&Archive::default(), child, objectives([0.5; 2]), &options()).is_err());
-            let child = Objectives { attack: 0.5, realism: bad };
-            assert!(consider(&Archive::default(), child, objectives([0.5; 2]), &options()).is_err());
+            for objectives in [Objectives { attack: bad, realism: 0.5 }, Objectives { attack: 0.5, realism: bad }] {
+                let child = Score { objectives, ..alike([0.5; 2]) };
+                let standing = Standing { child: &child, parent: &alike([0.5; 2]), front: &[] };
+                assert!(consider(&standing, &options()).is_err());
+            }
         }
         let zero = admissible(Objectives { attack: -0.0, realism: 0.0 }).unwrap();
         assert!(zero.attack.is_sign_positive());
@@ -186,10 +335,11 @@ mod tests {
 
     #[test]
     fn options_out_of_range_are_named() {
-        let bad = ArchiveOptions { epsilon_pf: 0.0, ..options() };
-        assert_eq!(bad.validate().unwrap_err().option, "epsilon_pf");
-        let bad = ArchiveOptions { r0: f64::NAN, ..options() };
-        assert_eq!(bad.validate().unwrap_err().option, "r0");
+        let named = |bad: ArchiveOptions| bad.validate().unwrap_err().option;
+        assert_eq!(named(ArchiveOptions { epsilon_pf: 0.0, ..options() }), "epsilon_pf");
+        assert_eq!(named(ArchiveOptions { r0: f64::NAN, ..options() }), "r0");
+        assert_eq!(named(ArchiveOptions { level: 1.0, ..options() }), "level");
+        assert_eq!(named(ArchiveOptions { coverage_floor: 1.5, ..options() }), "coverage_floor");
         assert_eq!(options().validate(), Ok(()));
     }
 }

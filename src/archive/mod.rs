@@ -3,13 +3,17 @@
 mod front;
 mod gates;
 mod objectives;
+mod paired;
 mod pf_area;
 mod plane;
+mod promotion;
 mod selector;
 
 pub use front::{Archive, ArchiveError, Duplicate, Inserted};
-pub use gates::{ArchiveOptions, OptionsError, consider};
+pub use gates::{ArchiveOptions, OptionsError, Standing, consider};
 pub use objectives::{ObjectivesError, admissible};
+pub use paired::{Panel, coverage};
 pub use pf_area::pf_area_pct;
 pub use plane::{hypervolume, non_dominated, non_dominated_with_copies, ranks};
-pub use selector::{Contender, Selection, SelectionRule, SelectorOptions, promote, select_active};
+pub use promotion::{Leaders, PromotionRule, promote};
+pub use selector::{Contender, Selection, SelectionRule, SelectorOptions, select_active};

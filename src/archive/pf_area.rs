@@ -21,12 +21,22 @@ pub fn pf_area_pct(parents: &[Objectives], descendants: &[Objectives], k: usize,
 #[cfg(test)]
 mod tests {
     use super::super::front::samples::objectives;
+    use super::super::promotion::PromotionRule;
     use super::*;
 
     fn area(parents: &[[f64; 2]], descendants: &[[f64; 2]], k: usize) -> f64 {
         let all = |points: &[[f64; 2]]| points.iter().map(|p| objectives(*p)).collect::<Vec<_>>();
-        let options =
-            ArchiveOptions { reference: [0.0; 2], r0: 0.95, a0: 0.5, epsilon_r: 0.0, epsilon_a: 0.0, epsilon_pf: 1e-3 };
+        let options = ArchiveOptions {
+            reference: [0.0; 2],
+            r0: 0.95,
+            a0: 0.5,
+            epsilon_r: 0.0,
+            epsilon_a: 0.0,
+            epsilon_pf: 1e-3,
+            level: 0.8,
+            coverage_floor: 0.8,
+            promotion: PromotionRule::LargestHypervolumeGain,
+        };
         pf_area_pct(&all(parents), &all(descendants), k, &options)
     }
 

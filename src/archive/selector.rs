@@ -1,5 +1,6 @@
-//! The active selector: which point of a trade-off is the practical generator (paper, MetaDrive protocol: R >= 0.95,
-//! relative tolerance 0.05, parent included).
+//! The active selector: which point of a trade-off is reported as the practical generator (paper, MetaDrive protocol:
+//! R >= 0.95, relative tolerance 0.05, parent included). It is applied once, at the end of a run: who leads in between is
+//! `promotion`'s.
 //!
 //! The paper names the two numbers, not the rule. Ours: among candidates with R >= `realism_min`, those whose attack
 //! is at least (1 - `tolerance`) times the largest such attack are as good as tied, and of these the most realistic
@@ -26,6 +27,8 @@ pub struct SelectorOptions {
 pub struct Contender {
     pub solution: SolutionId,
     pub objectives: Objectives,
+    /// Share of scenes in which it acts.
+    pub coverage: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,8 +70,11 @@ impl Selection {
     }
 }
 
-/// Applies the rule to contenders in their fixed order (the parent first). `None` of nobody.
+/// Applies the rule to contenders in their fixed order (the parent first). Whoever acts nowhere is no contender, but the
+/// parent stays where nobody else is left. `None` of nobody.
 pub fn select_active(contenders: &[Contender], options: &SelectorOptions) -> Option<Selection> {
+    let acting: Vec<Contender> = contenders.iter().filter(|c| c.coverage > 0.0).cloned().collect();
+    let contenders = if acting.is_empty() { &contenders[..contenders.len().min(1)] } else { acting.as_slice() };
     let eligible: Vec<&Contender> = contenders.iter().filter(|c| c.objectives.realism >= options.realism_min).collect();
     let attack_best = eligible.iter().map(|c| c.objectives.attack).reduce(f64::max);
     let (rule, tied) = match attack_best {
@@ -99,15 +105,6 @@ fn more_realistic(a: &Contender, b: &Contender) -> Ordering {
     a.realism.total_cmp(&b.realism).then(a.attack.total_cmp(&b.attack))
 }
 
-/// Which of an epoch's accepted children becomes the lineage's active parent: the selector's choice among them, in
-/// slot order.
-///
-/// The parent is no contender here: "accepted children update the active generator" (paper, Lineage, memory), and
-/// a gate has already said that each is worth searching on from. `None`, so the parent stays, where no gate held.
-pub fn promote(accepted: &[Contender], options: &SelectorOptions) -> Option<Selection> {
-    select_active(accepted, options)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::front::samples::objectives;
@@ -120,6 +117,7 @@ mod tests {
         let one = |(i, p): (usize, &[f64; 2])| Contender {
             solution: SolutionId::new(format!("s{i}")),
             objectives: objectives(*p),
+            coverage: 1.0,
         };
         points.iter().enumerate().map(one).collect()
     }
@@ -152,8 +150,13 @@ mod tests {
     }
 
     #[test]
-    fn nobody_accepted_means_nobody_promoted() {
-        assert_eq!(promote(&[], &PAPER), None);
+    fn a_program_that_does_nothing_is_not_selected_however_well_it_scores() {
+        let mut all = contenders(&[[0.3, 0.96], [0.9, 1.0]]);
+        all[1].coverage = 0.0;
+        assert_eq!(select_active(&all, &PAPER).unwrap().solution.as_str(), "s0");
+        all[0].coverage = 0.0;
+        assert_eq!(select_active(&all, &PAPER).unwrap().solution.as_str(), "s0", "the parent stays where nobody acts");
+        assert_eq!(select_active(&all[..0], &PAPER), None);
     }
 
     proptest! {

@@ -1,5 +1,5 @@
-//! V_app: all seven gates over one proposal (paper eq. app-validation-gates). All run, all are recorded, and one
-//! failure is enough.
+//! V_app: the seven gates over one proposal (paper eq. app-validation-gates), and an eighth that turns away a child which
+//! does what its parent does. All run, all are recorded, and one failure is enough.
 
 use super::{ApplyError, apply, interface, isolation, parent as parent_gate, protected, schema};
 use crate::{
@@ -18,11 +18,22 @@ pub struct Admission {
     pub candidate: Option<Candidate>,
 }
 
-/// What the compiler says of a program with this hash over probe scenes.
-pub type Compiles<'a> = dyn Fn(&Program, Digest) -> Vec<String> + Sync + 'a;
+/// What the compiler found on probe scenes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Trials {
+    /// What it could not lower; empty = nothing.
+    pub problems: Vec<String>,
+    /// On how many scenes the child was compiled beside its parent, with the parent's random draws.
+    pub compared: usize,
+    /// In how many of them their interventions differ in any bit.
+    pub differing: usize,
+}
 
-/// Judges a patch for a parent. `compiles` is the compiler over probe scenes: it gives what it could not lower, and
-/// it sees only programs that are clean by the contract.
+/// What the compiler says of a program with this hash over probe scenes.
+pub type Compiles<'a> = dyn Fn(&Program, Digest) -> Trials + Sync + 'a;
+
+/// Judges a patch for a parent. `compiles` is the compiler over probe scenes; it sees only programs that are clean by the
+/// contract.
 pub fn admit(
     parent: &Program,
     patch: &ProgramPatch,
@@ -41,6 +52,13 @@ pub fn admit(
     let child_hash = applied.as_ref().ok().and_then(|program| program.hash().ok());
     let schema = if about_patch.is_empty() { schema::check_child(contract, &applied) } else { about_patch };
     let changes_nothing = applied.is_ok() && child_hash == parent_hash.as_ref().ok().copied();
+    let compile = |program: &Program| compile(contract, program, child_hash, compiles);
+    let (lowered, effect) = match applied.as_ref().map(compile) {
+        Ok(Ok(trials)) => (trials.problems.clone(), effect(&trials)),
+        // What was not compiled is the compile gate's.
+        Ok(Err(problems)) => (problems, vec![]),
+        Err(_) => (nothing_to_look_at(), vec![]),
+    };
     let verdicts = vec![
         verdict(Gate::Schema, schema),
         verdict(Gate::Parent, texts(&parent_gate::check(parent, &parent_hash, patch, &child, contract))),
@@ -48,7 +66,8 @@ pub fn admit(
         verdict(Gate::Isolation, texts(&isolation::check(parent, patch, contract, registry, &applied))),
         verdict(Gate::Protected, texts(&protected::check(parent, patch, contract, &applied))),
         verdict(Gate::Mechanism, of_child(&applied, |program| mechanism(contract, program))),
-        verdict(Gate::Compile, of_child(&applied, |program| compile(contract, program, child_hash, compiles))),
+        verdict(Gate::Compile, lowered),
+        verdict(Gate::Effect, effect),
     ];
     let gates = GateReport { verdicts };
     let candidate = if gates.passed() {
@@ -63,8 +82,12 @@ pub fn admit(
 fn of_child(applied: &Result<Program, super::ApplyError>, gate: impl FnOnce(&Program) -> Vec<String>) -> Vec<String> {
     match applied {
         Ok(program) => gate(program),
-        Err(_) => vec!["nothing to look at: the patch could not be applied".into()],
+        Err(_) => nothing_to_look_at(),
     }
+}
+
+fn nothing_to_look_at() -> Vec<String> {
+    vec!["nothing to look at: the patch could not be applied".into()]
 }
 
 fn mechanism(contract: &Contract, program: &Program) -> Vec<String> {
@@ -75,13 +98,32 @@ fn mechanism(contract: &Contract, program: &Program) -> Vec<String> {
     texts(&[contract.check_mechanisms(program), contract.check_conditions(program)].concat())
 }
 
-fn compile(contract: &Contract, program: &Program, hash: Option<Digest>, compiles: &Compiles<'_>) -> Vec<String> {
+/// What trying the child brought, or why it cannot be tried.
+fn compile(
+    contract: &Contract,
+    program: &Program,
+    hash: Option<Digest>,
+    compiles: &Compiles<'_>,
+) -> Result<Trials, Vec<String>> {
     let problems = texts(&contract.check_program(program));
     match hash {
-        _ if !problems.is_empty() => problems,
-        Some(hash) => compiles(program, hash),
-        None => vec!["a number of the program is not finite, so it has no hash".into()],
+        _ if !problems.is_empty() => Err(problems),
+        Some(hash) => Ok(compiles(program, hash)),
+        None => Err(vec!["a number of the program is not finite, so it has no hash".into()]),
     }
+}
+
+/// A child that could not be lowered somewhere is the compile gate's.
+fn effect(trials: &Trials) -> Vec<String> {
+    let same = trials.problems.is_empty() && trials.compared > 0 && trials.differing == 0;
+    let text = || {
+        format!(
+            "no effect: on all {} probe scenes the child does what its parent does, bit for bit; expected an edit of \
+             something that is used there: a parameter that a node's setting names, a rule or guard that holds",
+            trials.compared
+        )
+    };
+    same.then(text).into_iter().collect()
 }
 
 fn candidate(program: Program, program_hash: Digest, patch: &ProgramPatch) -> Option<Candidate> {

@@ -1,4 +1,4 @@
-//! Applies a patch, then the seven gates.
+//! Applies a patch, then the gates.
 
 mod admit;
 mod apply;
@@ -11,5 +11,5 @@ mod schema;
 mod tests;
 mod weight;
 
-pub use admit::{Admission, admit};
+pub use admit::{Admission, Trials, admit};
 pub use apply::{ApplyError, apply};

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::*;
 use crate::{
     adapters::toy::{contract, program, registry},
+    kernel::Digest,
     objects::{FamilyName, Gate, Operation, OperationKind, Program, ProgramPatch, SolutionId},
 };
 
@@ -43,13 +44,13 @@ fn child_id() -> SolutionId {
 }
 
 fn judge(patch: &ProgramPatch) -> Admission {
-    admit(&program(), patch, child_id(), &contract(), &registry(), &|_, _| vec![])
+    admit(&program(), patch, child_id(), &contract(), &registry(), &|_, _| Trials::default())
 }
 
 /// Which gates fail.
 fn failing(patch: &ProgramPatch) -> Vec<Gate> {
     let admission = judge(patch);
-    assert_eq!(admission.gates.verdicts.len(), 7);
+    assert_eq!(admission.gates.verdicts.len(), Gate::COUNT);
     assert_eq!(admission.candidate.is_some(), admission.gates.passed());
     admission.gates.failed().map(|verdict| verdict.gate).collect()
 }
@@ -176,7 +177,7 @@ fn a_child_can_be_a_parent() {
     next.parent_solution_id = parent.solution_id.clone();
     next.parent_program_hash = parent.hash().unwrap().to_hex();
     let id = SolutionId::new("toy-idm/e2s0");
-    let admission = admit(&parent, &next, id, &contract(), &registry(), &|_, _| vec![]);
+    let admission = admit(&parent, &next, id, &contract(), &registry(), &|_, _| Trials::default());
     assert_eq!(admission.candidate.map(|candidate| candidate.program.generation), Some(2));
 }
 
@@ -215,7 +216,8 @@ fn the_parent_gate_refuses_stale_foreign_and_misplaced_patches() {
     assert_eq!(failing(&family), [Gate::Parent]);
     for id in ["swarm-idm/e1s0", "toy-idm", "toy-idm/parent"] {
         let id = SolutionId::new(id);
-        let gates = admit(&program(), &patch(vec![longer()]), id, &contract(), &registry(), &|_, _| vec![]).gates;
+        let gates =
+            admit(&program(), &patch(vec![longer()]), id, &contract(), &registry(), &|_, _| Trials::default()).gates;
         assert_eq!(gates.failed().map(|verdict| verdict.gate).collect::<Vec<_>>(), [Gate::Parent]);
     }
 }
@@ -224,7 +226,8 @@ fn the_parent_gate_refuses_stale_foreign_and_misplaced_patches() {
 fn the_parent_gate_counts_the_ancestors() {
     let mut orphan = program();
     orphan.generation = 3;
-    let gates = admit(&orphan, &patch(vec![longer()]), child_id(), &contract(), &registry(), &|_, _| vec![]).gates;
+    let gates =
+        admit(&orphan, &patch(vec![longer()]), child_id(), &contract(), &registry(), &|_, _| Trials::default()).gates;
     assert_eq!(gates.failed().map(|verdict| verdict.gate).collect::<Vec<_>>(), [Gate::Parent]);
 }
 
@@ -319,7 +322,7 @@ fn the_compile_gate_refuses_what_leaves_the_contract_and_what_the_compiler_canno
     assert_eq!(failing_with(vec![replace("/parameters/duration_s", json!("NaN"))]), [Gate::Compile]);
     assert_eq!(failing_with(vec![remove("/operator_graph/choice")]), [Gate::Compile]);
     assert_eq!(failing_with(vec![replace("/operator_graph/search/inputs/0", json!("filter"))]), [Gate::Compile]);
-    let refuses = |_: &Program, _| vec!["scene 3: no lane".to_string()];
+    let refuses = |_: &Program, _| Trials { problems: vec!["scene 3: no lane".to_string()], ..Trials::default() };
     let admission = admit(&program(), &structural(), child_id(), &contract(), &registry(), &refuses);
     let failed: Vec<_> = admission.gates.failed().collect();
     assert_eq!((failed[0].gate, failed[0].problems.as_slice()), (Gate::Compile, &["scene 3: no lane".to_string()][..]));
@@ -327,9 +330,22 @@ fn the_compile_gate_refuses_what_leaves_the_contract_and_what_the_compiler_canno
 }
 
 #[test]
+fn the_effect_gate_refuses_a_child_that_does_what_its_parent_does_on_every_probe_scene() {
+    let failed = |compared, differing| {
+        let trials = move |_: &Program, _: Digest| Trials { problems: vec![], compared, differing };
+        let admission = admit(&program(), &structural(), child_id(), &contract(), &registry(), &trials);
+        assert_eq!(admission.candidate.is_some(), admission.gates.passed());
+        admission.gates.failed().map(|verdict| (verdict.gate, verdict.problems[0].clone())).collect::<Vec<_>>()
+    };
+    let refused = failed(3, 0);
+    assert!(refused.len() == 1 && refused[0].0 == Gate::Effect && refused[0].1.starts_with("no effect"), "{refused:?}");
+    assert_eq!(failed(3, 1), []);
+}
+
+#[test]
 fn the_compiler_never_sees_a_program_outside_the_contract() {
     let patch = patch(vec![replace("/parameters/duration_s", json!(11))]);
-    let never = |_: &Program, _| -> Vec<String> { panic!("called") };
+    let never = |_: &Program, _| -> Trials { panic!("called") };
     assert!(admit(&program(), &patch, child_id(), &contract(), &registry(), &never).candidate.is_none());
 }
 
@@ -397,7 +413,7 @@ proptest! {
     #[test]
     fn no_patch_panics_and_none_passes_out_of_contract(operations in prop::collection::vec(operations(), 0..4)) {
         let admission = judge(&patch(operations));
-        prop_assert_eq!(admission.gates.verdicts.len(), 7);
+        prop_assert_eq!(admission.gates.verdicts.len(), Gate::COUNT);
         prop_assert_eq!(admission.candidate.is_some(), admission.gates.passed());
         if let Some(candidate) = admission.candidate {
             prop_assert_eq!(contract().check_program(&candidate.program), vec![]);

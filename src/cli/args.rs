@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{bench, fsck, init, lineage, options, report, run, scenes, show, table};
+use super::{bench, calibrate, fsck, init, lineage, options, report, run, scenes, show, table};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
@@ -42,6 +42,8 @@ pub enum Command {
     /// Import, generate, list, show and compare scenes.
     #[command(subcommand)]
     Scenes(scenes::Command),
+    /// Take bounds and tolerances of the realism diagnostics from recorded traffic.
+    Calibrate(calibrate::Options),
     /// Show how a lineage's programs descend from each other, with their patches as diffs.
     Lineage(lineage::Options),
     /// Show one attempt: prompts, replies, reviews, gates, route, rollouts, decision; or the counsel for one scene, or the
@@ -104,6 +106,7 @@ impl Command {
             Command::Verify(args) => run::verify(&args, jobs),
             Command::Record(args) => run::record(&args, jobs),
             Command::Scenes(command) => scenes::run(command, jobs),
+            Command::Calibrate(options) => calibrate::run(&options, jobs),
             Command::Lineage(options) => lineage::run(&options),
             Command::Show(options) => show::run(&options),
             Command::Fsck(options) => fsck::run(&options),

@@ -3,6 +3,7 @@
 mod answer;
 mod args;
 mod bench;
+mod calibrate;
 mod cost;
 mod exit;
 mod exit_from;

@@ -6,7 +6,8 @@ use super::folder::RunFolder;
 use crate::epoch::Progress;
 use crate::experiment::{Experiment, provenance};
 use crate::kernel::Digest;
-use crate::objects::event::{LineageResult, RunResult};
+use crate::objects::event::{LineageResult, Measured, RunResult};
+use crate::objects::replay::{ReplayRow, Suite};
 
 /// One line of progress.
 pub fn progress(news: &Progress) -> String {
@@ -34,21 +35,42 @@ pub fn progress(news: &Progress) -> String {
     }
 }
 
+/// Most lineages whose fronts a summary prints.
+const FRONTS_MAX: usize = 12;
+
 /// Parent against evolved, the front, the four exits, where things are; the last line is the root.
 pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, root: Digest) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
     let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", provenance(experiment));
-    let _ = writeln!(
-        out,
-        "{:<14} {:>15} {:>15} {:>15} {:>15} {:>14}",
-        "lineage", "attack", "realism", "RP %", "PF-Area@3 %", "chosen"
-    );
+    let heads = ["attack", "any crash", "realism", "RP %", "coverage", "PF-Area@3 %", "chosen"].map(String::from);
+    line(&mut out, "lineage", &heads);
+    for replay in result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut) {
+        replay_row(&mut out, replay);
+    }
     for lineage in &result.lineages {
         row(&mut out, lineage);
     }
-    for lineage in &result.lineages {
+    if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
+        let _ = writeln!(out, "\n{words}");
+    }
+    for lineage in result.lineages.iter().filter(|lineage| !lineage.cut.is_empty()) {
+        let cut: Vec<&str> = lineage.cut.iter().map(|solution| solution.as_str()).collect();
+        let _ = writeln!(out, "\n{}: the budget of finalists left out {}", lineage.lineage, cut.join(", "));
+    }
+    let fronts = if result.lineages.len() <= FRONTS_MAX { &result.lineages[..] } else { &[] };
+    if fronts.is_empty() {
+        let _ =
+            writeln!(out, "\nfronts of {} lineages: in the report and in `evodrive lineage`", result.lineages.len());
+    }
+    for lineage in fronts {
         let _ = writeln!(out, "\nfront of {} (development labels, attack / realism):", lineage.lineage);
+        let played = result.replay.iter().find(|r| r.suite == Suite::Evolution && r.ego == lineage.ego);
+        if let Some(replay) = played {
+            let crash = 100.0 * replay.contact_rate;
+            let _ =
+                writeln!(out, "  0.000 / none    replay (no program): acts nowhere, the ego crashes in {crash:.1} %");
+        }
         for point in &lineage.front {
             let o = point.objectives;
             let _ = writeln!(out, "  {:.3} / {:.4}  {}", o.attack, o.realism, point.solution);
@@ -66,17 +88,55 @@ pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, 
     out
 }
 
-fn row(out: &mut String, lineage: &LineageResult) {
-    let (p, e) = (&lineage.parent, &lineage.evolved);
-    let pair = |a: String, b: String| format!("{a} -> {b}");
+/// One line of the table of lineages.
+fn line(out: &mut String, name: &str, cells: &[String; 7]) {
+    let [attack, crash, realism, penalty, coverage, area, chosen] = cells;
     let _ = writeln!(
         out,
-        "{:<14} {:>15} {:>15} {:>15} {:>15} {:>14}",
-        lineage.lineage.as_str(),
-        pair(format!("{:.3}", p.objectives.attack), format!("{:.3}", e.objectives.attack)),
-        pair(format!("{:.4}", p.objectives.realism), format!("{:.4}", e.objectives.realism)),
-        pair(format!("{:.2}", p.realism_penalty_pct), format!("{:.2}", e.realism_penalty_pct)),
-        format!("{:+.1}", lineage.pf_area_at_3_pct),
-        e.solution.as_str().rsplit('/').next().unwrap_or_default()
+        "{name:<20} {attack:>15} {crash:>15} {realism:>16} {penalty:>15} {coverage:>13} {area:>12} {chosen:>8}"
     );
+}
+
+/// The recorded scenes without a program.
+fn replay_row(out: &mut String, replay: &ReplayRow) {
+    let realism = |form: &dyn Fn(f64) -> String| replay.realism.map_or("-".to_string(), form);
+    let cells = [
+        "0.000".to_string(),
+        format!("{:.3}", replay.contact_rate),
+        realism(&|r| format!("{r:.4}")),
+        realism(&|r| format!("{:.2}", 100.0 * (1.0 - r))),
+        "0.00".to_string(),
+        "-".to_string(),
+        "-".to_string(),
+    ];
+    line(out, &format!("replay, {}", replay.ego), &cells);
+}
+
+fn replay_words(replay: &ReplayRow) -> String {
+    let judged = match (replay.realism, &replay.benchmark) {
+        (Some(_), _) => "its realism is that of the recorded traffic itself".to_string(),
+        (None, Some(row)) => {
+            format!("an empty program has CR {:.3} and OS {:.3}", row.collision_rate, row.overall_score)
+        }
+        (None, None) => "no vehicle moves in them".to_string(),
+    };
+    format!(
+        "replay: the recorded scenes without a program; its crashes are what the ego runs into anyway, {judged}. \
+         Realism is over the scenes that a program acts in; coverage is their share."
+    )
+}
+
+fn row(out: &mut String, lineage: &LineageResult) {
+    let (p, e) = (&lineage.parent, &lineage.evolved);
+    let pair = |of: &dyn Fn(&Measured) -> String| format!("{} -> {}", of(p), of(e));
+    let cells = [
+        pair(&|m| format!("{:.3}", m.objectives.attack)),
+        pair(&|m| format!("{:.3}", m.any_contact)),
+        pair(&|m| format!("{:.4}", m.objectives.realism)),
+        pair(&|m| format!("{:.2}", m.realism_penalty_pct)),
+        pair(&|m| format!("{:.2}", m.coverage)),
+        format!("{:+.1}", lineage.pf_area_at_3_pct),
+        e.solution.as_str().rsplit('/').next().unwrap_or_default().to_string(),
+    ];
+    line(out, lineage.lineage.as_str(), &cells);
 }

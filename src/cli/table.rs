@@ -26,6 +26,8 @@ pub enum Which {
     MetadriveMain,
     /// MetaDrive, a row a generator and ego, with the endpoint of the local trace.
     MetadrivePolicy,
+    /// MetaDrive, contacts by class and the readings of published work, a row a program and ego.
+    MetadriveContacts,
     /// SafeBench, a row a generator: the parent's scenes against those after the last round.
     SafebenchMain,
     /// SafeBench, every round by traffic family, a part a generator.
@@ -49,6 +51,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let table = match options.table {
         Which::MetadriveMain => tables::metadrive_main(&stories),
         Which::MetadrivePolicy => tables::metadrive_policy(&stories),
+        Which::MetadriveContacts => tables::metadrive_contacts(&stories),
         Which::SafebenchMain => tables::safebench_main(&stories),
         Which::SafebenchRounds => tables::safebench_rounds(&stories),
     };

@@ -57,4 +57,7 @@ pub struct FilterReport {
     pub node: String,
     pub before: usize,
     pub after: usize,
+    /// Where it refused every candidate: by how much the one that it handed back violates it, 1 = once the bound.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub violation: Option<f64>,
 }

@@ -1,4 +1,8 @@
 //! The filter slot: which candidates may not be used.
+//!
+//! A filter that refuses every candidate of a scene hands back the one that violates it least, and says by how much: a
+//! program may not become one that does nothing by asking for what cannot be had. The way to leave a scene alone is the
+//! program's policy over its scene gate.
 
 use crate::adapters::vocabulary;
 use crate::motion::Candidate;
@@ -6,9 +10,19 @@ use crate::scene::TrackIx;
 use crate::stage::judged::{Judged, Needs, features};
 use crate::stage::{Part, Settings, Situation, StageError};
 
-/// Removes what the filter refuses from every part.
-pub fn apply(situation: &Situation, kind: &str, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
-    let bounds: Vec<(usize, bool, f64)> = match kind {
+/// A bound on a candidate feature: its place in the vocabulary, whether it is a lower one, its value.
+type Bound = (usize, bool, f64);
+
+/// Removes what the filter refuses from every part. If nothing is left in any of them, one candidate is: that of the
+/// least violation, which is returned (the excess over the filter's bounds, each as a share of the bound or, below 1, of
+/// one unit; 1 for a guard, which knows no degrees). Of equals it is the one of the higher score, then the earlier one.
+pub fn apply(
+    situation: &Situation,
+    kind: &str,
+    settings: &Settings,
+    parts: &mut [Part],
+) -> Result<Option<f64>, StageError> {
+    let bounds: Vec<Bound> = match kind {
         "guard_filter" => vec![],
         "dynamics_filter" => vec![
             at_most("acceleration_mps2_max", settings.number("acceleration_mps2_max")?)?,
@@ -25,27 +39,50 @@ pub fn apply(situation: &Situation, kind: &str, settings: &Settings, parts: &mut
     let guard = if kind == "guard_filter" { Some(settings.module("guard")?) } else { None };
     let needs = Needs::of(bounds.iter().map(|(place, _, _)| vocabulary::CANDIDATE[*place].name));
     let adversaries: Vec<TrackIx> = parts.iter().map(|part| part.actor).collect();
-    for part in parts {
+    let mut least: Option<(f64, usize, Candidate)> = None;
+    for (at, part) in parts.iter_mut().enumerate() {
         let judged =
             Judged { situation, actor: part.actor, from_step: part.window.from_step, adversaries: &adversaries };
-        let passes = |candidate: &Candidate| match guard {
-            Some(guard) => guard.of_candidate(candidate, &judged) != 0.0,
-            None => {
-                let values = features(candidate, &judged, needs);
-                bounds.iter().all(
-                    |(place, least, bound)| {
-                        if *least { values[*place] >= *bound } else { values[*place] <= *bound }
-                    },
-                )
-            }
+        let violation = |candidate: &Candidate| match guard {
+            Some(guard) if guard.of_candidate(candidate, &judged) != 0.0 => 0.0,
+            Some(_) => 1.0,
+            None => violation(&features(candidate, &judged, needs), &bounds),
         };
-        part.candidates.retain(passes);
+        part.candidates.retain(|candidate| {
+            let by = violation(candidate);
+            // A value that is no number passes no bound.
+            let nearer =
+                |(best, _, kept): &(f64, usize, Candidate)| by < *best || (by == *best && candidate.score > kept.score);
+            if by > 0.0 && least.as_ref().is_none_or(nearer) {
+                least = Some((by, at, candidate.clone()));
+            }
+            by == 0.0
+        });
     }
-    Ok(())
+    match least {
+        Some((by, at, candidate)) if parts.iter().all(|part| part.candidates.is_empty()) => {
+            parts[at].candidates.push(candidate);
+            Ok(Some(by))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// How far the values lie beyond the bounds; 0 where they keep them, finite.
+fn violation(values: &[f64], bounds: &[Bound]) -> f64 {
+    let beyond = |(place, lower, bound): &Bound| {
+        let excess = if *lower { bound - values[*place] } else { values[*place] - bound };
+        match excess <= 0.0 {
+            true => 0.0,
+            // What is no number, or no finite one, is worse than all that is.
+            false => (excess / bound.abs().max(1.0)).min(f64::MAX / 8.0),
+        }
+    };
+    bounds.iter().map(beyond).fold(0.0, |sum, by| sum + by)
 }
 
 /// Place of a candidate feature and its upper bound.
-fn at_most(feature: &str, bound: f64) -> Result<(usize, bool, f64), StageError> {
+fn at_most(feature: &str, bound: f64) -> Result<Bound, StageError> {
     let place = vocabulary::CANDIDATE.iter().position(|f| f.name == feature);
     place.map(|place| (place, false, bound)).ok_or_else(|| StageError::Missing(format!("feature {feature}")))
 }

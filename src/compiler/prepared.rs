@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::{CompileFailure, Compiled, Situation, walk};
 use crate::kernel::{Digest, Seed};
 use crate::objects::expr::{self, Expr};
-use crate::objects::{Counsel, OperatorNode, ParameterValue, Program, Setting};
+use crate::objects::{Counsel, OperatorNode, ParameterValue, Program, Setting, Slot};
 use crate::stage::judged::Needs;
 use crate::stage::{Module, Settings, Source, Stage};
 
@@ -86,15 +86,37 @@ impl<'p> Prepared<'p> {
         seed: Seed,
         counsel: Option<&Counsel>,
     ) -> Result<Compiled, CompileFailure> {
-        let program = self.hash.short(16);
+        self.compile_as(self.hash, situation, seed, counsel)
+    }
+
+    /// The same with the random draws of the program whose hash is given: two programs that decide alike then decide the
+    /// same, bit for bit.
+    pub fn compile_as(
+        &self,
+        draws_of: Digest,
+        situation: &Situation,
+        seed: Seed,
+        counsel: Option<&Counsel>,
+    ) -> Result<Compiled, CompileFailure> {
+        let program = draws_of.short(16);
         walk::walk(self, &Stage { situation, seed, program: &program, counsel })
     }
 
-    /// Indices of the policy rules that hold in a scene.
-    pub(super) fn rules(&self, situation: &Situation) -> Vec<usize> {
-        let mut values = situation.scene_values.clone();
+    /// Indices of the policy rules that hold in a scene with these values of `vocabulary::SCENE`.
+    pub fn rules(&self, scene_values: &[f64]) -> Vec<usize> {
+        let mut values = scene_values.to_vec();
         values.extend(self.numeric(&self.program.parameters));
         (0..self.conditions.len()).filter(|&rule| self.conditions[rule].boolean(&values)).collect()
+    }
+
+    /// Whether the select gate opens a scene with these values of `vocabulary::SCENE`; programs without a gate open all.
+    pub fn opens(&self, scene_values: &[f64]) -> bool {
+        let rules = self.rules(scene_values);
+        let parameters = self.parameters(&rules);
+        let gates = self.nodes().filter(|(_, node)| node.slot == Slot::Select);
+        gates
+            .map(|(name, node)| self.settings(name, node, &rules, &parameters, scene_values))
+            .all(|settings| settings.optional("gate").is_none_or(|gate| gate.boolean(vec![])))
     }
 
     pub(super) fn rule_name(&self, rule: usize) -> &str {
@@ -117,7 +139,7 @@ impl<'p> Prepared<'p> {
         node: &OperatorNode,
         rules: &[usize],
         parameters: &BTreeMap<String, ParameterValue>,
-        situation: &Situation,
+        scene_values: &[f64],
     ) -> Settings {
         let mut given = node.settings.clone();
         for rule in rules {
@@ -136,7 +158,7 @@ impl<'p> Prepared<'p> {
                 },
                 Setting::Mechanism(reference) => {
                     if let Some(code) = self.modules.get(reference.mechanism.as_str()) {
-                        let mut tail = situation.scene_values.clone();
+                        let mut tail = scene_values.to_vec();
                         tail.extend(self.numeric(parameters));
                         let module = Module { code: code.compiled.clone(), needs: code.needs, tail };
                         settings.modules.insert(setting, module);

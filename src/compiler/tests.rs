@@ -133,6 +133,32 @@ fn a_guard_removes_candidates_and_says_how_many() {
 }
 
 #[test]
+fn a_filter_that_refuses_everything_hands_back_its_least_violating_candidate_and_says_so() {
+    let family = family("cat");
+    let filtered = |gap_m_min: f64| {
+        let mut program = family.parent.clone();
+        let near = module("candidate_guard", ValueType::Boolean, &["bystander_gap_m_min"], "bystander_gap_m_min < 4");
+        program.mechanism_modules.insert("near".into(), near);
+        let guard = vec![("guard", grammar::from_mechanism("near"))];
+        with_node(&mut program, "near", Slot::Filter, "guard_filter", &["search"], guard);
+        let settings = vec![("gap_m_min", Setting::Number(gap_m_min))];
+        with_node(&mut program, "apart", Slot::Filter, "bystander_filter", &["near"], settings);
+        with_node(&mut program, "choice", Slot::Diversity, "best_choice", &["apart"], vec![]);
+        built(&program, &family, 1)
+    };
+    assert_eq!(filtered(0.0).decision.filters[1].violation, None);
+    // The guard keeps those that come near the car beside; none of them stays five metres away.
+    let shut = filtered(5.0).decision;
+    let report = &shut.filters[1];
+    assert!(shut.applies && report.after == 1 && report.before > 1, "{report:?}");
+    let widest_m = 5.0 * (1.0 - report.violation.unwrap());
+    // It is the least: a bound just below the gap that it says lets a candidate pass, one just above lets none.
+    let [below, above] = [widest_m - 1e-6, widest_m + 1e-6].map(|gap_m| filtered(gap_m).decision.filters[1].clone());
+    assert!(below.violation.is_none() && below.after >= 1, "{below:?}");
+    assert!(above.violation.is_some_and(|by| by < 1e-5), "{above:?}");
+}
+
+#[test]
 fn a_gate_that_does_not_hold_leaves_the_scene_as_it_was() {
     let family = family("at");
     let mut program = family.parent.clone();

@@ -20,12 +20,12 @@ struct State {
 type Stop = Option<String>;
 
 pub(super) fn walk(prepared: &Prepared<'_>, stage: &Stage<'_>) -> Result<Compiled, CompileFailure> {
-    let rules = prepared.rules(stage.situation);
+    let rules = prepared.rules(&stage.situation.scene_values);
     let parameters = prepared.parameters(&rules);
     let mut state = State::default();
     state.decision.mode = rules.iter().map(|rule| prepared.rule_name(*rule).to_string()).collect();
     for (name, node) in prepared.nodes() {
-        let settings = prepared.settings(name, node, &rules, &parameters, stage.situation);
+        let settings = prepared.settings(name, node, &rules, &parameters, &stage.situation.scene_values);
         let failed = |source| CompileFailure::Node { node: name.to_string(), source };
         let stop =
             step(prepared.source(), stage, name, node.slot, &node.kind, &settings, &mut state).map_err(failed)?;
@@ -72,10 +72,10 @@ fn step(
         }
         Slot::Filter => {
             let before = state.parts.iter().map(|part| part.candidates.len()).sum();
-            filters::apply(stage.situation, kind, settings, &mut state.parts)?;
+            let violation = filters::apply(stage.situation, kind, settings, &mut state.parts)?;
             state.parts.retain(|part| !part.candidates.is_empty());
             let after = state.parts.iter().map(|part| part.candidates.len()).sum();
-            state.decision.filters.push(FilterReport { node: name.to_string(), before, after });
+            state.decision.filters.push(FilterReport { node: name.to_string(), before, after, violation });
             nothing(state.parts.is_empty(), "no candidate passes")
         }
         Slot::Diversity => {

@@ -2,7 +2,7 @@
 //! two PID controllers for steering, smoothed. It never changes lane and heeds no light unless asked to.
 
 use crate::kernel::{Vec2, num};
-use crate::sim::bicycle::{Car, DEFAULT_LIMITS};
+use crate::sim::bicycle::Car;
 use crate::sim::idm::{self, Front, NORMAL_SPEED_KMPH, SIGHT_M};
 use crate::sim::{Control, Driver, EgoState, Plant, View};
 
@@ -70,7 +70,7 @@ impl IdmDriver {
         let wanted = view.route().heading_at(ego.along.s_m + LOOK_AHEAD_M, ego.along.segment);
         let turn = self.heading.output(num::wrap_angle(wanted - ego.sample.heading_rad));
         let shift = self.lateral.output(-ego.along.offset_m);
-        let wanted = (turn + shift).clamp(-1.0, 1.0) * DEFAULT_LIMITS.steering_rad;
+        let wanted = (turn + shift).clamp(-1.0, 1.0) * view.plant().limits().steering_rad;
         ego.steering_rad + STEERING_SHARE * (wanted - ego.steering_rad)
     }
 
@@ -127,7 +127,7 @@ impl Driver for IdmDriver {
         let target_kmph = free_speed_kmph(view, &ego);
         let throttle = idm::throttle(ego.speed_mps, ego.sample.velocity, ego.axis, target_kmph, front.as_ref());
         Control::Drive {
-            acceleration_mps2: idm::acceleration_mps2(throttle, &DEFAULT_LIMITS),
+            acceleration_mps2: idm::acceleration_mps2(throttle, view.plant().limits()),
             steering_rad: self.steering_rad(view, &ego),
         }
     }

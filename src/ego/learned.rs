@@ -10,7 +10,6 @@
 //! Action, 2 numbers in [-1, 1]: throttle (full engine to full brake) and steering (full left positive).
 
 use crate::kernel::num;
-use crate::sim::bicycle::DEFAULT_LIMITS;
 use crate::sim::{Control, Driver, Plant, Seen, View, idm};
 
 use super::network::Network;
@@ -52,9 +51,10 @@ impl Driver for LearnedDriver {
             observe(view, observation);
         }
         self.network.evaluate(&mut self.values, &mut self.spare);
+        let limits = view.plant().limits();
         Control::Drive {
-            acceleration_mps2: idm::acceleration_mps2(self.values[0], &DEFAULT_LIMITS),
-            steering_rad: self.values[1] * DEFAULT_LIMITS.steering_rad,
+            acceleration_mps2: idm::acceleration_mps2(self.values[0], limits),
+            steering_rad: self.values[1] * limits.steering_rad,
         }
     }
 }
@@ -65,7 +65,7 @@ pub fn observe(view: &View<'_>, out: &mut [f64; OBSERVATION]) {
     let length_m = route.length_m();
     out[0] = ego.speed_mps / SPEED_MPS;
     out[1] = ego.acceleration_mps2 / 10.0;
-    out[2] = ego.steering_rad / DEFAULT_LIMITS.steering_rad;
+    out[2] = ego.steering_rad / view.plant().limits().steering_rad;
     out[3] = ego.along.offset_m / 4.0;
     out[4] = 1.0 - (ego.along.s_m / length_m).clamp(0.0, 1.0);
     for (slot, ahead_m) in out[5..9].iter_mut().zip([1.0, 5.0, 10.0, 20.0]) {

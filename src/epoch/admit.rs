@@ -8,9 +8,10 @@ use super::{
     draft::{Draft, Reached},
     freeze::Snapshot,
     labels::Labelling,
+    probes::probes,
     study::Study,
 };
-use crate::candidates;
+use crate::candidates::{self, Trials};
 use crate::kernel::Digest;
 use crate::objects::{AttemptId, Program, ProgramPatch, SolutionId};
 
@@ -26,7 +27,7 @@ fn judged(
     study: &Study,
     snapshot: &Snapshot<'_>,
     slot: u32,
-    patch: ProgramPatch,
+    patch: Box<ProgramPatch>,
     tools: &Tools<'_>,
 ) -> Result<Reached, RunError> {
     let contract = &study.source(snapshot.spec)?.contract;
@@ -34,13 +35,18 @@ fn judged(
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
     // The gates know no error of the store: it waits here until they are done.
     let trouble: Mutex<Option<RunError>> = Mutex::new(None);
+    let parent = snapshot.parent_of(slot);
+    let tried = |program: &Program, hash: Digest| {
+        let probes = probes(study, snapshot.spec, &snapshot.window, program, &parent.program)?;
+        labelling.trials(&probes, (program, hash), (&parent.program, parent.hash))
+    };
     let compiles = |program: &Program, hash: Digest| {
-        labelling.trials(&snapshot.probes, program, hash).unwrap_or_else(|error| {
+        tried(program, hash).unwrap_or_else(|error| {
             *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-            Vec::new()
+            Trials::default()
         })
     };
-    let admission = candidates::admit(&snapshot.parent, &patch, child, contract, &study.registry, &compiles);
+    let admission = candidates::admit(&parent.program, &patch, child, contract, &study.registry, &compiles);
     if let Some(error) = trouble.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }

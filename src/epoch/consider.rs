@@ -3,16 +3,19 @@
 
 use super::{
     RunError,
+    desk::Tools,
     draft::{Considered, Draft, Reached, RoutedCandidate},
     freeze::Snapshot,
-    state::State,
-    study::{LineageSpec, Study},
+    labels::Labelling,
+    standings::{Standing, Standings},
+    study::Study,
 };
-use crate::archive::{Archive, Contender, Selection, promote};
+use crate::archive::{self, Archive, Contender, Leaders, coverage, promote};
 use crate::kernel::Digest;
 use crate::objects::entry::diagnostics_mean;
 use crate::objects::{
-    Attempt, AttemptId, Decision, Entry, Exit, GateReport, Objectives, Program, Score, Slot, WorldLabel,
+    AcceptanceGates, Attempt, AttemptId, Candidate, Decision, Entry, Exit, Objectives, Program, Score, Slot,
+    SolutionId, WorldLabel,
 };
 use crate::sim::SIM_VERSION;
 
@@ -21,34 +24,44 @@ pub struct Judged {
     pub attempts: Vec<Attempt>,
     pub archive: Archive,
     pub labels: Vec<WorldLabel>,
-    pub promotion: Option<Selection>,
+    /// Parents, front and accepted children with their labels.
+    pub standing: Standings,
+    /// Who leads from now on; `None` where that is who led before.
+    pub leaders: Option<Leaders>,
 }
 
 impl Judged {
-    /// The archive as it stands, and nothing judged yet.
-    pub fn before(state: &State, spec: &LineageSpec) -> Judged {
-        let archive = state.archives.get(&spec.id).cloned().unwrap_or_default();
-        Judged { attempts: Vec::new(), archive, labels: Vec::new(), promotion: None }
+    /// The archive as the epoch found it, and nothing judged yet.
+    pub fn before(snapshot: &Snapshot<'_>) -> Judged {
+        let (archive, standing) = (snapshot.archive.clone(), snapshot.standing.clone());
+        Judged { attempts: Vec::new(), archive, labels: Vec::new(), standing, leaders: None }
     }
 
-    /// Promotes one of the accepted, and writes what the epoch as a whole decided into its attempts, before they are
-    /// sealed.
-    pub fn decide(&mut self, study: &Study) {
-        let accepted: Vec<Contender> = self.attempts.iter().filter_map(contender).collect();
-        self.promotion = promote(&accepted, &study.selector);
+    /// Decides who leads, and writes what the epoch as a whole decided into its attempts, before they are sealed.
+    pub fn decide(&mut self, study: &Study, snapshot: &Snapshot<'_>) {
+        let contender = |solution: &SolutionId| {
+            let score = &self.standing.get(solution)?.so_far;
+            Some(Contender { solution: solution.clone(), objectives: score.objectives, coverage: coverage(score) })
+        };
+        let front: Vec<Contender> = snapshot.archive.front().filter_map(|entry| contender(&entry.solution)).collect();
+        let parents: Vec<Contender> =
+            snapshot.parents.iter().filter_map(|parent| contender(&parent.program.solution_id)).collect();
+        let accepted: Vec<Contender> = self.attempts.iter().filter_map(accepted).filter_map(contender).collect();
+        let options = &study.archive;
+        self.leaders = promote(options.promotion, &front, &parents, &accepted, options.reference);
         for attempt in &mut self.attempts {
             let Exit::Evaluated { candidate, decision, .. } = &mut attempt.exit else { continue };
             let solution = &candidate.program.solution_id;
             decision.on_front = self.archive.on_front(solution);
-            decision.promoted = self.promotion.as_ref().is_some_and(|selection| selection.solution == *solution);
+            decision.promoted = self.leaders.as_ref().is_some_and(|led| led.names(solution));
         }
     }
 }
 
-fn contender(attempt: &Attempt) -> Option<Contender> {
-    let (candidate, score, decision) = (attempt.exit.candidate()?, attempt.exit.score()?, attempt.exit.decision()?);
-    let solution = candidate.program.solution_id.clone();
-    decision.gates.any().then_some(Contender { solution, objectives: score.objectives })
+/// The program of an accepted attempt.
+fn accepted(attempt: &Attempt) -> Option<&SolutionId> {
+    let (candidate, decision) = (attempt.exit.candidate()?, attempt.exit.decision()?);
+    decision.gates.any().then_some(&candidate.program.solution_id)
 }
 
 /// The exit of a draft. A labelled candidate meets the archive's gates as the slots before it left the front.
@@ -57,6 +70,7 @@ pub fn consider(
     snapshot: &Snapshot<'_>,
     draft: Draft,
     judged: &mut Judged,
+    tools: &Tools<'_>,
 ) -> Result<Considered, RunError> {
     let Draft { head, reached } = draft;
     let exit = match reached {
@@ -67,7 +81,10 @@ pub fn consider(
         }
         Reached::Evaluated { gates, routed, score } => {
             let id = AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, head.slot);
-            accept(study, snapshot, &id, gates, *routed, score, judged)?
+            judged.labels.extend(world_labels(snapshot, &id, &routed, &score));
+            let RoutedCandidate { candidate, route, .. } = *routed;
+            let decision = accept(study, snapshot, head.slot, &id, (&candidate, &score), judged, tools)?;
+            Exit::Evaluated { gates, candidate: Box::new(candidate), route, score, decision }
         }
         Reached::Proposed { .. } | Reached::Admitted { .. } => {
             unreachable!("a worker hands on what ended or was routed")
@@ -76,27 +93,58 @@ pub fn consider(
     Ok(Considered { head, exit })
 }
 
+/// Compares a candidate with its parent and the front: first on the window, and where it holds there, on the scenes of all
+/// windows so far, which decide. Who is accepted stands on the front from then on.
 fn accept(
     study: &Study,
     snapshot: &Snapshot<'_>,
+    slot: u32,
     id: &AttemptId,
-    gates: GateReport,
-    routed: RoutedCandidate,
-    score: Score,
+    (candidate, window): (&Candidate, &Score),
     judged: &mut Judged,
-) -> Result<Exit, RunError> {
-    judged.labels.extend(world_labels(snapshot, id, &routed, &score));
-    let RoutedCandidate { candidate, route, .. } = routed;
-    let parent = snapshot.event.parent_score.objectives;
-    let acceptance = crate::archive::consider(&judged.archive, score.objectives, parent, &study.archive)?;
-    let inserted = judged.archive.insert(Entry {
+    tools: &Tools<'_>,
+) -> Result<Decision, RunError> {
+    let parent = &snapshot.parent_of(slot).program.solution_id;
+    let mut gates = compared(study, judged, parent, window, |standing| &standing.window)?;
+    let mut score = window.clone();
+    if gates.any() && snapshot.so_far.len() > snapshot.window.len() {
+        let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
+        score = labelling.score((&candidate.program, candidate.program_hash), &snapshot.so_far)?;
+        gates = compared(study, judged, parent, &score, |standing| &standing.so_far)?;
+    }
+    let accepted = gates.any();
+    let scenes = study.scenes_digest(if accepted { &snapshot.so_far } else { &snapshot.window })?;
+    let entry = Entry {
         attempt: Some(id.clone()),
-        gates: Some(acceptance.clone()),
+        gates: Some(AcceptanceGates::clone(&gates)),
         mechanism_tags: candidate.mechanism_tags.clone(),
-        ..entry(snapshot, &candidate.program, candidate.program_hash, &score)?
+        ..entry(snapshot, &candidate.program, candidate.program_hash, &score, scenes)
+    };
+    let solution = candidate.program.solution_id.clone();
+    if !accepted {
+        judged.archive.keep(entry)?;
+        return Ok(Decision { promoted: false, on_front: false, gates });
+    }
+    judged.standing.insert(solution, Standing { window: window.clone(), so_far: score });
+    let on_front = judged.archive.insert(entry)?.on_front;
+    Ok(Decision { promoted: false, on_front, gates })
+}
+
+/// What the gates say of a score beside the parent's and the front's on the same scenes.
+fn compared(
+    study: &Study,
+    judged: &Judged,
+    parent: &SolutionId,
+    child: &Score,
+    on: impl Fn(&Standing) -> &Score,
+) -> Result<Box<AcceptanceGates>, RunError> {
+    let standing = |solution: &SolutionId| judged.standing.get(solution).map(&on);
+    let parent = standing(parent).ok_or_else(|| {
+        RunError::Study(format!("the labels of parent {parent} are missing from its epoch's snapshot"))
     })?;
-    let decision = Decision { promoted: false, on_front: inserted.on_front, gates: acceptance };
-    Ok(Exit::Evaluated { gates, candidate: Box::new(candidate), route, score, decision })
+    let front: Vec<&Score> = judged.archive.front().filter_map(|entry| standing(&entry.solution)).collect();
+    let standing = archive::Standing { child, parent, front: &front };
+    Ok(Box::new(archive::consider(&standing, &study.archive)?))
 }
 
 /// What the world evaluator will learn from a labelled candidate: one a scene that has a label.
@@ -118,9 +166,9 @@ fn world_labels(snapshot: &Snapshot<'_>, id: &AttemptId, routed: &RoutedCandidat
     routed.pairs.iter().filter_map(label).collect()
 }
 
-/// The archive's entry of a program labelled on the snapshot's window.
-fn entry(snapshot: &Snapshot<'_>, program: &Program, program_hash: Digest, score: &Score) -> Result<Entry, RunError> {
-    Ok(Entry {
+/// The archive's entry of a program labelled on scenes whose list has the digest `scenes`.
+fn entry(snapshot: &Snapshot<'_>, program: &Program, program_hash: Digest, score: &Score, scenes: Digest) -> Entry {
+    Entry {
         solution: program.solution_id.clone(),
         attempt: None,
         program_hash,
@@ -130,12 +178,12 @@ fn entry(snapshot: &Snapshot<'_>, program: &Program, program_hash: Digest, score
         epoch: snapshot.event.epoch,
         objectives: score.objectives,
         diagnostics: diagnostics_mean(score),
-        scenes: Digest::of("evodrive/window/1", &snapshot.event.window)?,
+        scenes,
         sim_version: SIM_VERSION,
         operators: operators(program),
         mechanism_tags: crate::memory::tags_of(program),
         gates: None,
-    })
+    }
 }
 
 /// Operator kinds in slot order.
@@ -145,6 +193,8 @@ fn operators(program: &Program) -> Vec<String> {
 }
 
 /// The entry with which a lineage's archive begins: its parent on the first window.
-pub fn parent_entry(snapshot: &Snapshot<'_>) -> Result<Entry, RunError> {
-    entry(snapshot, &snapshot.parent, snapshot.event.parent_hash, &snapshot.event.parent_score)
+pub fn parent_entry(study: &Study, snapshot: &Snapshot<'_>) -> Result<Entry, RunError> {
+    let parent = &snapshot.parents[0];
+    let scenes = study.scenes_digest(&snapshot.window)?;
+    Ok(entry(snapshot, &parent.program, parent.hash, &parent.score, scenes))
 }

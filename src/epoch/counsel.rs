@@ -122,7 +122,10 @@ impl Rehearsal<'_> {
         let labelling = Labelling { study, spec, counsels: &nobody, tools: self.tools };
         let entry = &study.scenes[place];
         let advised = Some(counsel.digest()?);
-        let key = request_key(self.prepared.hash(), entry.digest, spec.ego.digest(), study.seed, advised)?;
+        let key = {
+            let (ego, simulator) = (spec.ego.digest(), study.simulator.digest()?);
+            request_key(self.prepared.hash(), entry.digest, ego, simulator, study.seed, advised)?
+        };
         let record = match self.tools.rollouts.recorded(&key)? {
             Some((record, _)) => record,
             None => match labelling.rollout(self.prepared, place, Some(counsel)) {

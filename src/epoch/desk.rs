@@ -1,6 +1,8 @@
 //! What acts in a run, apart from what it is a function of: where events go, where answers and labels come from, what the
 //! work costs, who watches.
 
+use std::sync::Mutex;
+
 use super::{cost::Meter, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study};
 use crate::kernel::Threads;
 use crate::llm::Ask;
@@ -24,6 +26,8 @@ pub struct Tools<'a> {
     pub rollouts: &'a Rollouts<'a>,
     pub meter: Meter<'a>,
     pub(super) situations: Situations,
+    /// Held while a parent is compiled on a probe scene: the workers share it, and it is compiled once.
+    pub(super) parent_trial: Mutex<()>,
 }
 
 impl<'a> Tools<'a> {
@@ -34,6 +38,6 @@ impl<'a> Tools<'a> {
         rollouts: &'a Rollouts<'a>,
         meter: Meter<'a>,
     ) -> Tools<'a> {
-        Tools { ask, threads, rollouts, meter, situations: Situations::of(study) }
+        Tools { ask, threads, rollouts, meter, situations: Situations::of(study), parent_trial: Mutex::new(()) }
     }
 }

@@ -20,9 +20,9 @@ pub struct Draft {
 /// How far a proposal came. The first three of the four exits can be reached before any rollout.
 pub enum Reached {
     Declined { reason: String },
-    Proposed { patch: ProgramPatch },
+    Proposed { patch: Box<ProgramPatch> },
     Invalid { gates: GateReport },
-    Admitted { gates: GateReport, candidate: Box<Candidate>, patch: ProgramPatch },
+    Admitted { gates: GateReport, candidate: Box<Candidate>, patch: Box<ProgramPatch> },
     Routed { gates: GateReport, routed: Box<RoutedCandidate> },
     Evaluated { gates: GateReport, routed: Box<RoutedCandidate>, score: Score },
 }

@@ -8,11 +8,11 @@ use super::{
     desk::Desk,
     labels::Labelling,
     progress::Progress,
-    rounds,
+    replayed, rounds,
     state::State,
     study::{LineageSpec, Study},
 };
-use crate::archive::{Contender, pf_area_pct, select_active};
+use crate::archive::{Contender, coverage, pf_area_pct, select_active};
 use crate::kernel::num;
 use crate::objects::{
     Attempt, Objectives, Score, SolutionId,
@@ -29,7 +29,9 @@ pub fn report(study: &Study, state: &mut State, desk: &mut Desk<'_>) -> Result<R
         lineages.push(one_lineage(study, state, spec, desk)?);
         desk.tools.meter.turn(&spec.id);
     }
+    let replay = replayed::record(study, desk)?;
     Ok(RunResult {
+        replay,
         lineages,
         exits: count(&state.attempts.iter().collect::<Vec<_>>()),
         epochs: study.budget.epochs,
@@ -46,6 +48,8 @@ struct Choice {
     top: Vec<SolutionId>,
     /// Scores of parent and finalists on the evolution scenes.
     scores: BTreeMap<SolutionId, Score>,
+    /// Whom the budget of finalists left out.
+    cut: Vec<SolutionId>,
 }
 
 fn one_lineage(
@@ -58,25 +62,28 @@ fn one_lineage(
     let choice = choose(study, state, spec, &parent, desk)?;
     counsel::take(study, spec, &study.held_out, &mut state.counsels, desk)?;
     let state = &*state;
-    let mut measured: BTreeMap<SolutionId, Objectives> = BTreeMap::new();
+    let mut measured: BTreeMap<SolutionId, Measured> = BTreeMap::new();
     let wanted = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
     for solution in wanted.into_iter().flatten().chain(&choice.top) {
         if measured.contains_key(solution) {
             continue;
         }
         let score = held_out(study, state, spec, solution, &parent, &choice, desk)?;
-        measured.insert(solution.clone(), score.objectives);
+        measured.insert(solution.clone(), Measured::new(solution.clone(), &score));
     }
     (desk.watch)(Progress::HeldOut {
         lineage: spec.id.to_string(),
         programs: measured.len(),
         scenes: study.held_out.len(),
     });
-    let of = |solution: &SolutionId| Measured::new(solution.clone(), measured[solution]);
+    let of = |solution: &SolutionId| measured[solution].clone();
     let (pf_area_at_3_pct, by_group) = frontier_gain(study, state, spec, &parent, &choice, &measured, desk)?;
     let archive = &state.archives[&spec.id];
     Ok(LineageResult {
         lineage: spec.id.clone(),
+        group: spec.group.clone(),
+        replica: spec.replica,
+        cut: choice.cut,
         family: spec.family.clone(),
         ego: spec.ego.name().to_string(),
         parent: of(&parent),
@@ -100,7 +107,7 @@ fn frontier_gain(
     spec: &LineageSpec,
     parent: &SolutionId,
     choice: &Choice,
-    measured: &BTreeMap<SolutionId, Objectives>,
+    measured: &BTreeMap<SolutionId, Measured>,
     desk: &mut Desk<'_>,
 ) -> Result<(f64, BTreeMap<String, f64>), RunError> {
     if let (Some(options), Some(parent_score)) = (study.evaluation.safebench(), choice.scores.get(parent)) {
@@ -109,12 +116,17 @@ fn frontier_gain(
         let gains = rounds::pf_area_by_group_pct(study, options, parent_score, &descendants, FRONTIER_BUDGET, desk)?;
         return Ok((num::mean(&gains.values().copied().collect::<Vec<f64>>()).unwrap_or(0.0), gains));
     }
-    let descendants: Vec<Objectives> = choice.top.iter().map(|s| measured[s]).collect();
-    Ok((pf_area_pct(&[measured[parent]], &descendants, FRONTIER_BUDGET, &study.archive), BTreeMap::new()))
+    // Whoever acts nowhere has no place in the plane: neither parent nor descendants.
+    let acting = |solutions: &[SolutionId]| -> Vec<Objectives> {
+        solutions.iter().map(|s| &measured[s]).filter(|of| of.coverage > 0.0).map(|of| of.objectives).collect()
+    };
+    let parents = acting(std::slice::from_ref(parent));
+    Ok((pf_area_pct(&parents, &acting(&choice.top), FRONTIER_BUDGET, &study.archive), BTreeMap::new()))
 }
 
 /// Labels the finalists on every evolution scene, so that one window's luck does not choose, and applies the
-/// realism-constrained rule: with the parent for the active generator, without it for endpoint and budget.
+/// realism-constrained rule, here and nowhere before: with the parent for the active generator, without it for endpoint
+/// and budget.
 fn choose(
     study: &Study,
     state: &State,
@@ -123,45 +135,57 @@ fn choose(
     desk: &mut Desk<'_>,
 ) -> Result<Choice, RunError> {
     let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
-    for solution in std::iter::once(parent.clone()).chain(finalists(study, state, spec, parent)) {
+    let Finalists { measured, cut } = finalists(study, state, spec)?;
+    for solution in std::iter::once(parent.clone()).chain(measured) {
         let program = state.lineages.program(&spec.id, &solution)?;
         let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.evolution)?;
         desk.log.append(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
         )?;
-        contenders.push(Contender { solution: solution.clone(), objectives: score.objectives });
+        let (objectives, coverage) = (score.objectives, coverage(&score));
+        contenders.push(Contender { solution: solution.clone(), objectives, coverage });
         scores.insert(solution, score);
     }
     let Some(active) = select_active(&contenders, &study.selector) else {
         return Err(RunError::Study(format!("lineage {} has nobody to select from", spec.id)));
     };
     let mut rest = contenders.split_off(1);
+    rest.retain(|contender| contender.coverage > 0.0);
     let mut top = Vec::new();
     while let Some(next) = select_active(&rest, &study.selector).filter(|_| top.len() < FRONTIER_BUDGET) {
         rest.retain(|c| c.solution != next.solution);
         top.push(next.solution);
     }
-    Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top, scores })
+    Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top, scores, cut })
 }
 
 fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, desk: &'a Desk<'_>) -> Labelling<'a> {
     Labelling { study, spec, counsels: &state.counsels, tools: &desk.tools }
 }
 
-/// Accepted descendants: the front's first, each group in order of insertion, as many as the budget allows.
-fn finalists(study: &Study, state: &State, spec: &LineageSpec, parent: &SolutionId) -> Vec<SolutionId> {
-    let archive = &state.archives[&spec.id];
-    let accepted = |e: &&crate::objects::Entry| e.gates.as_ref().is_some_and(|gates| gates.any());
-    let on_front = archive.front().filter(accepted).map(|e| e.solution.clone());
-    let others = archive.entries().iter().filter(accepted).map(|e| e.solution.clone());
-    let mut chosen: Vec<SolutionId> = Vec::new();
-    for solution in on_front.chain(others) {
-        if solution != *parent && !chosen.contains(&solution) && chosen.len() < study.budget.finalists {
-            chosen.push(solution);
+/// Who is measured on the whole evolution pool, and whom the budget left out; the most promising first.
+struct Finalists {
+    measured: Vec<SolutionId>,
+    cut: Vec<SolutionId>,
+}
+
+/// All members of the front, all programs that led, and who leads last, ranked by what they alone add to the front; of
+/// equals the later leader first. The budget cuts from the bottom.
+fn finalists(study: &Study, state: &State, spec: &LineageSpec) -> Result<Finalists, RunError> {
+    let (archive, lineage) = (&state.archives[&spec.id], state.lineages.get(&spec.id)?);
+    let heads = std::iter::once(&lineage.active).chain(lineage.realism_anchor.as_ref());
+    let led = lineage.promotions.iter().rev().map(|promotion| &promotion.to);
+    let mut ranked: Vec<(f64, SolutionId)> = Vec::new();
+    for solution in heads.chain(led).chain(archive.front().map(|entry| &entry.solution)) {
+        if *solution != lineage.parent && !ranked.iter().any(|(_, known)| known == solution) {
+            ranked.push((archive.contribution(solution, study.archive.reference), solution.clone()));
         }
     }
-    chosen
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut measured: Vec<SolutionId> = ranked.into_iter().map(|(_, solution)| solution).collect();
+    let cut = measured.split_off(study.budget.finalists.min(measured.len()));
+    Ok(Finalists { measured, cut })
 }
 
 fn held_out(

@@ -1,37 +1,67 @@
-//! The immutable snapshot of the state that an epoch's slots see.
+//! The immutable snapshot of the state that an epoch's slots see. Everybody with whom a child will be compared is labelled
+//! first: its parents and the front, on the epoch's window and on all scenes that earlier windows opened.
+
+use std::collections::{BTreeMap, btree_map::Entry};
 
 use super::{
     RunError, briefing,
     counsels::Counsels,
     desk::Tools,
     labels::Labelling,
+    standings::Standings,
     state::State,
     study::{LineageSpec, Study},
 };
 use crate::agents::{AgentError, Briefing, Context};
+use crate::archive::Archive;
+use crate::kernel::Digest;
 use crate::memory::{Query, retrieve};
-use crate::objects::{Attempt, Card, Program, WorldSnapshot, event::Frozen};
+use crate::objects::{
+    Attempt, Card, Objectives, Program, Score, SolutionId, WorldSnapshot,
+    event::{FrontPoint, Frozen, FrozenParent},
+};
 
 /// z_t: what the workers of one epoch get. Nothing in it can change.
 pub struct Snapshot<'a> {
     pub spec: &'a LineageSpec,
     pub event: Frozen,
-    pub parent: Program,
-    /// Written out once for all slots and roles.
-    pub briefing: Briefing,
+    /// p_t; under the rule of two anchors two programs, whose slots alternate.
+    pub parents: Vec<Parent>,
+    /// The archive with its front measured on `so_far`.
+    pub archive: Archive,
+    /// Labels of the parents and of the front.
+    pub standing: Standings,
     pub world: WorldSnapshot,
     /// What the lineage was counselled.
     pub counsels: Counsels,
     /// Places of the window's scenes in the pool.
     pub window: Vec<usize>,
-    /// Places of the scenes on which the compile gate tries programs.
-    pub probes: Vec<usize>,
+    /// Places of all windows up to this one, in the order in which they were opened.
+    pub so_far: Vec<usize>,
     /// Tags of the window's scenes, sorted.
     pub scene_tags: Vec<String>,
 }
 
-/// Freezes the state for one epoch of one lineage. Labels the parent on the epoch's window, so that children are compared
-/// with it scene by scene.
+/// A program that slots edit.
+pub struct Parent {
+    pub program: Program,
+    pub hash: Digest,
+    /// On the window.
+    pub score: Score,
+    /// Written out once for all slots and roles.
+    pub briefing: Briefing,
+    /// Ids of the cards that its briefing shows.
+    pub memory_shown: Vec<String>,
+}
+
+impl Snapshot<'_> {
+    /// The program that a slot edits.
+    pub fn parent_of(&self, slot: u32) -> &Parent {
+        &self.parents[slot as usize % self.parents.len()]
+    }
+}
+
+/// Freezes the state for one epoch of one lineage.
 pub fn freeze<'a>(
     study: &Study,
     state: &State,
@@ -39,47 +69,117 @@ pub fn freeze<'a>(
     spec: &'a LineageSpec,
     tools: &Tools<'_>,
 ) -> Result<Snapshot<'a>, RunError> {
-    let parent = state.lineages.active(&spec.id)?.clone();
-    let parent_hash = parent.hash()?;
-    let window = study.window(epoch);
+    let freezing = Freezing { study, state, epoch, spec };
+    let (window, so_far) = (study.window(epoch), study.windows_up_to(epoch));
     let counsels = state.counsels.of(&spec.id);
     let labelling = Labelling { study, spec, counsels: &counsels, tools };
-    let parent_score = labelling.score((&parent, parent_hash), &window)?;
+    let mut archive = state.archives.get(&spec.id).cloned().unwrap_or_default();
+    let mut standing = Standings::new();
+    let leaders = leaders(state, spec)?;
+    let live: Vec<SolutionId> = leaders.iter().cloned().chain(archive.front().map(|e| e.solution.clone())).collect();
+    for solution in live {
+        if let Entry::Vacant(place) = standing.entry(solution) {
+            let program = state.lineages.program(&spec.id, place.key())?;
+            let labels = labelling.standing((program, program.hash()?), &window, &so_far)?;
+            place.insert(labels);
+        }
+    }
+    let fresh: BTreeMap<SolutionId, Objectives> =
+        standing.iter().map(|(solution, labels)| (solution.clone(), labels.so_far.objectives)).collect();
+    archive.relabel(&fresh, study.scenes_digest(&so_far)?)?;
     let scene_tags = study.tags(&window);
-    let query = Query { parent: &parent, epoch, scene_tags: &scene_tags };
-    let memory: Vec<Card> =
-        retrieve(&state.memory, &query, &study.memory).into_iter().map(|(card, _)| card.clone()).collect();
-    let foreign = study.foreign_vocabulary(spec);
-    let attempts: Vec<&Attempt> = state.attempts.iter().filter(|a| a.lineage == spec.id).collect();
-    let outcomes = briefing::outcomes(&parent_score, &attempts);
-    let clusters = briefing::clusters(study, &parent_score);
-    let front = state.archives.get(&spec.id).map(briefing::front).unwrap_or_default();
-    let context = Context {
-        lineage: &spec.id,
-        epoch,
-        parent: &parent,
-        parent_hash,
-        contract: &study.source(spec)?.contract,
-        contract_text: study.contract_text(spec)?,
-        foreign_vocabulary: &foreign,
-        ego: briefing::ego_sentence(&spec.ego),
-        memory: &memory,
-        clusters: &clusters,
-        outcomes: &outcomes,
-        front: &front,
-    };
-    let briefing = Briefing::of(&context).map_err(AgentError::from)?;
-    let event = Frozen {
-        epoch,
-        lineage: spec.id.clone(),
-        parent: parent.solution_id.clone(),
-        parent_hash,
-        window: window.iter().map(|&place| study.scenes[place].scene().id.clone()).collect(),
-        parent_score,
-        world: state.world.digest()?,
-        memory_shown: memory.iter().map(|card| card.id.0.clone()).collect(),
-        slots: study.budget.slots,
-    };
-    let (world, probes) = (state.world.clone(), study.probes(epoch));
-    Ok(Snapshot { spec, event, parent, briefing, world, counsels, window, probes, scene_tags })
+    let mut parents = Vec::with_capacity(leaders.len());
+    for solution in &leaders {
+        let score = standing[solution].window.clone();
+        parents.push(freezing.parent(solution, score, &archive, &scene_tags)?);
+    }
+    let event = freezing.event(&parents, &archive, &window, &so_far)?;
+    let world = state.world.clone();
+    Ok(Snapshot { spec, event, parents, archive, standing, world, counsels, window, so_far, scene_tags })
+}
+
+/// Whom the slots edit: one program, or the two anchors where they differ.
+fn leaders(state: &State, spec: &LineageSpec) -> Result<Vec<SolutionId>, RunError> {
+    let lineage = state.lineages.get(&spec.id)?;
+    let anchor = lineage.realism_anchor.iter().filter(|anchor| **anchor != lineage.active);
+    Ok(std::iter::once(&lineage.active).chain(anchor).cloned().collect())
+}
+
+/// Whose state is frozen, and for which epoch.
+#[derive(Clone, Copy)]
+struct Freezing<'f> {
+    study: &'f Study,
+    state: &'f State,
+    epoch: u32,
+    spec: &'f LineageSpec,
+}
+
+impl Freezing<'_> {
+    /// A parent with what its slots' agents are told.
+    fn parent(
+        self,
+        solution: &SolutionId,
+        score: Score,
+        archive: &Archive,
+        scene_tags: &[String],
+    ) -> Result<Parent, RunError> {
+        let Freezing { study, state, epoch, spec } = self;
+        let program = state.lineages.program(&spec.id, solution)?.clone();
+        let hash = program.hash()?;
+        let query = Query { parent: &program, epoch, scene_tags };
+        let memory: Vec<Card> =
+            retrieve(&state.memory, &query, &study.memory).into_iter().map(|(card, _)| card.clone()).collect();
+        let attempts: Vec<&Attempt> = state.attempts.iter().filter(|a| a.lineage == spec.id).collect();
+        let context = Context {
+            lineage: &spec.id,
+            epoch,
+            parent: &program,
+            parent_hash: hash,
+            contract: &study.source(spec)?.contract,
+            contract_text: study.contract_text(spec)?,
+            foreign_vocabulary: &study.foreign_vocabulary(spec),
+            ego: briefing::ego_sentence(&spec.ego),
+            memory: &memory,
+            clusters: &briefing::clusters(study, &score),
+            outcomes: &briefing::outcomes(&score, &attempts),
+            front: &briefing::front(archive),
+        };
+        let briefing = Briefing::of(&context).map_err(AgentError::from)?;
+        let memory_shown = memory.iter().map(|card| card.id.0.clone()).collect();
+        Ok(Parent { program, hash, score, briefing, memory_shown })
+    }
+
+    fn event(
+        self,
+        parents: &[Parent],
+        archive: &Archive,
+        window: &[usize],
+        so_far: &[usize],
+    ) -> Result<Frozen, RunError> {
+        let Freezing { study, state, epoch, spec } = self;
+        let first = &parents[0];
+        let anchor = parents.get(1).map(|parent| FrozenParent {
+            parent: parent.program.solution_id.clone(),
+            parent_hash: parent.hash,
+            parent_score: parent.score.clone(),
+            memory_shown: parent.memory_shown.clone(),
+        });
+        Ok(Frozen {
+            epoch,
+            lineage: spec.id.clone(),
+            parent: first.program.solution_id.clone(),
+            parent_hash: first.hash,
+            window: study.scene_ids(window),
+            parent_score: first.score.clone(),
+            realism_anchor: anchor,
+            front: archive
+                .front()
+                .map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives })
+                .collect(),
+            scenes_so_far: so_far.len(),
+            world: state.world.digest()?,
+            memory_shown: first.memory_shown.clone(),
+            slots: study.budget.slots,
+        })
+    }
 }

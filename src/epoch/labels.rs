@@ -1,19 +1,25 @@
 //! Labels of a program on scenes of the study, from the store where they are recorded, from the simulator where not.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock, PoisonError};
 
 use super::{
     RunError,
     counsels::Counsels,
     desk::Tools,
     rollouts::TrialRecord,
+    standings::Standing,
     study::{LineageSpec, SceneEntry, Study},
 };
-use crate::compiler::{Decision, Prepared};
+use crate::candidates::Trials;
+use crate::compiler::{CompileFailure, Decision, Prepared};
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
 use crate::kernel::{Digest, canon::CanonError};
 use crate::objects::{Counsel, Program, Score};
-use crate::sim::{Outcome, rollout};
+use crate::sim::{Outcome, rollout_assessed};
+use crate::stage::Source;
+
+/// Scenes on which every child is tried, as far as there are probe scenes.
+const TRIED_MIN: usize = 3;
 
 /// What labels of one lineage's programs rest on.
 #[derive(Clone, Copy)]
@@ -35,7 +41,8 @@ impl Labelling<'_> {
             Ok(prepared) => Ok(prepared),
             Err(failure) => Err(failure.to_string()),
         };
-        let subject = Subject { program: hash, ego: &spec.ego, seed: study.seed };
+        let simulator = study.simulator.digest()?;
+        let subject = Subject { program: hash, ego: &spec.ego, simulator, seed: study.seed };
         let counsels = places.iter().map(|&place| counsels.at(study, spec, place)).collect::<Result<Vec<_>, _>>()?;
         let scene = |(&place, counsel): (&usize, &Option<&Counsel>)| -> Result<SceneRef<'_>, CanonError> {
             let entry = &study.scenes[place];
@@ -47,43 +54,80 @@ impl Labelling<'_> {
         Ok(evaluate(&subject, &scenes, &label, &study.evaluation, tools.rollouts, tools.threads)?)
     }
 
-    /// What keeps a program from compiling on probe scenes; empty = it can be lowered on all of them. What was tried before
-    /// is not tried again, and a recorded rollout is proof that the program compiled there.
-    pub fn trials(&self, probes: &[usize], program: &Program, hash: Digest) -> Result<Vec<String>, RunError> {
-        let Labelling { study, spec, counsels, tools } = *self;
-        let source = study.source(spec)?;
-        let mut prepared = None;
-        let mut problems = Vec::new();
-        for &place in probes {
-            let entry = &study.scenes[place];
-            let counsel = counsels.at(study, spec, place)?;
-            let advised = counsel.map(Counsel::digest).transpose()?;
-            // The compilation and the rollout of one request have one key, each among its own kind of memo.
-            let key = request_key(hash, entry.digest, spec.ego.digest(), study.seed, advised)?;
-            if tools.rollouts.has(&key) {
-                continue;
+    /// Labels a program on the window and on all windows so far.
+    pub fn standing(
+        &self,
+        subject: (&Program, Digest),
+        window: &[usize],
+        so_far: &[usize],
+    ) -> Result<Standing, RunError> {
+        Ok(Standing { window: self.score(subject, window)?, so_far: self.score(subject, so_far)? })
+    }
+
+    /// What comes of compiling a child on probe scenes: what cannot be lowered, and in how many scenes its interventions
+    /// differ from its parent's. Both draw from the parent's random streams, so that only the edit can make a difference.
+    /// Once a difference is found and [`TRIED_MIN`] scenes were tried, no more is asked: most of the probe scenes are for
+    /// children that seem to do what their parent does. What was tried before is not tried again.
+    pub fn trials(
+        &self,
+        probes: &[usize],
+        (child, hash): (&Program, Digest),
+        (parent, parent_hash): (&Program, Digest),
+    ) -> Result<Trials, RunError> {
+        let mut trials = Trials::default();
+        let (mut children, mut parents) = (Lazy::new(child), Lazy::new(parent));
+        for (tried, &place) in probes.iter().enumerate() {
+            if tried >= TRIED_MIN && trials.differing > 0 {
+                break;
             }
-            if let Some(trial) = tools.rollouts.tried(&key)? {
-                problems.extend(trial.failure.clone());
+            let own = self.trial(place, &mut children, hash, parent_hash)?;
+            let (Some(own), None) = (own.intervention, &own.failure) else {
+                trials.problems.extend(own.failure.clone());
                 continue;
-            }
-            let ready = match &prepared {
-                Some(ready) => ready,
-                None => match Prepared::new(program, source) {
-                    Ok(ready) => prepared.insert(ready),
-                    Err(failure) => return Ok(vec![failure.to_string()]),
-                },
             };
-            let situation = tools.situations.at(place, &spec.ego).map_err(RunError::Study)?;
-            let compile = || ready.compile_counselled(&situation, study.seed, counsel);
-            let failure = tools.meter.compile(&spec.id, compile).err().map(|failure| failure.to_string());
-            let (program, scene, scene_digest) = (hash, entry.scene().id.clone(), entry.digest);
-            let ego = spec.ego.name().to_string();
-            let trial = TrialRecord { program, scene, scene_digest, ego, failure: failure.clone() };
-            tools.rollouts.keep_trial(&key, trial)?;
-            problems.extend(failure);
+            let alone = self.tools.parent_trial.lock().unwrap_or_else(PoisonError::into_inner);
+            let before = self.trial(place, &mut parents, parent_hash, parent_hash)?;
+            drop(alone);
+            trials.compared += 1;
+            trials.differing += usize::from(before.intervention != Some(own));
         }
-        Ok(problems)
+        Ok(trials)
+    }
+
+    fn trial<'p>(
+        &'p self,
+        place: usize,
+        program: &mut Lazy<'p>,
+        hash: Digest,
+        draws_of: Digest,
+    ) -> Result<Arc<TrialRecord>, RunError> {
+        let Labelling { study, spec, counsels, tools } = *self;
+        let entry = &study.scenes[place];
+        let counsel = counsels.at(study, spec, place)?;
+        let advised = counsel.map(Counsel::digest).transpose()?;
+        let simulator = study.simulator.digest()?;
+        let request = request_key(hash, entry.digest, spec.ego.digest(), simulator, study.seed, advised)?;
+        let key = Digest::of("evodrive/trial/1", &(request, draws_of))?;
+        if let Some(trial) = tools.rollouts.tried(&key)? {
+            return Ok(trial);
+        }
+        let compiled = match program.prepared(study.source(spec)?) {
+            Err(failure) => Err(failure.to_string()),
+            Ok(prepared) => {
+                let situation = tools.situations.at(place, &spec.ego).map_err(RunError::Study)?;
+                let compile = || prepared.compile_as(draws_of, &situation, study.seed, counsel);
+                tools.meter.compile(&spec.id, compile).map_err(|failure| failure.to_string())
+            }
+        };
+        let (intervention, failure) = match compiled {
+            Ok(compiled) => (Some(Digest::of("evodrive/intervention/1", &compiled.intervention)?), None),
+            Err(failure) => (None, Some(failure)),
+        };
+        let (program, scene, scene_digest) = (hash, entry.scene().id.clone(), entry.digest);
+        let ego = spec.ego.name().to_string();
+        let trial = TrialRecord { program, draws_of, scene, scene_digest, ego, failure, intervention };
+        tools.rollouts.keep_trial(&key, trial.clone())?;
+        Ok(Arc::new(trial))
     }
 
     /// Compiles for one scene, with the counsel where the family takes it, and rolls out. A text is the reason why there is
@@ -98,9 +142,28 @@ impl Labelling<'_> {
         let situation = tools.situations.at(place, &spec.ego)?;
         let compile = || prepared.compile_counselled(&situation, study.seed, counsel);
         let compiled = tools.meter.compile(&spec.id, compile).map_err(|failure| failure.to_string())?;
-        let run = || rollout(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut());
+        let run = || rollout_assessed(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut());
         let outcome: Outcome = tools.meter.rollout(&spec.id, run).map_err(|error| error.to_string())?;
         record(&study.scenes[place], spec, prepared, &compiled.decision, outcome)
+    }
+}
+
+/// A program that is prepared when it is first needed.
+struct Lazy<'p> {
+    program: &'p Program,
+    prepared: Option<Prepared<'p>>,
+}
+
+impl<'p> Lazy<'p> {
+    fn new(program: &'p Program) -> Lazy<'p> {
+        Lazy { program, prepared: None }
+    }
+
+    fn prepared(&mut self, source: &'p Source) -> Result<&Prepared<'p>, CompileFailure> {
+        match self.prepared {
+            Some(ref prepared) => Ok(prepared),
+            None => Ok(self.prepared.insert(Prepared::new(self.program, source)?)),
+        }
     }
 }
 

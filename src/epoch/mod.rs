@@ -17,8 +17,10 @@ mod labels;
 mod open;
 mod options;
 mod play;
+mod probes;
 mod progress;
 mod propose;
+mod replayed;
 mod rollouts;
 mod rounds;
 mod route;
@@ -26,8 +28,11 @@ mod run;
 mod seal;
 mod settle;
 mod situations;
+mod standings;
 mod state;
 mod study;
+#[cfg(test)]
+mod tests;
 
 pub use cost::{Clock, Meter};
 pub use desk::{Desk, Tools};

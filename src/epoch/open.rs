@@ -63,7 +63,7 @@ pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunErr
             .append(kind::PARENT, &ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash })?;
         counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
         let first = freeze(study, &state, 0, spec, &desk.tools)?;
-        state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(&first)?)?;
+        state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(study, &first)?)?;
         desk.tools.meter.turn(&spec.id);
     }
     state.digest = state.first_digest()?;

@@ -9,7 +9,7 @@ use super::{
 use crate::compiler::{Compiled, Decision, Prepared};
 use crate::evaluation::RolloutRecord;
 use crate::objects::{Counselled, Program};
-use crate::sim::{Intervention, Trace, rollout_traced};
+use crate::sim::{Intervention, Trace, assess, rollout_traced};
 
 /// Plays a study's rollouts again.
 pub struct Player<'s> {
@@ -42,8 +42,10 @@ impl<'s> Player<'s> {
         let counsel = self.counsels.at(self.study, spec, place).map_err(|error| error.to_string())?;
         let Compiled { decision, intervention } =
             prepared.compile_counselled(&situation, self.study.seed, counsel).map_err(|failure| failure.to_string())?;
-        let (outcome, motion) = rollout_traced(&situation.plant, &intervention, spec.ego.driver().as_mut())
-            .map_err(|error| error.to_string())?;
+        let mut driver = spec.ego.driver();
+        let (mut outcome, motion) =
+            rollout_traced(&situation.plant, &intervention, driver.as_mut()).map_err(|error| error.to_string())?;
+        assess(&situation.plant, &intervention, driver.as_mut(), &mut outcome).map_err(|error| error.to_string())?;
         let record = record(&self.study.scenes[place], spec, &prepared, &decision, outcome)?;
         Ok(Traced { record, decision, intervention, motion })
     }

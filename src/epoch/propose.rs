@@ -11,9 +11,10 @@ use crate::agents::{self, End, Task};
 
 /// Asks for the proposal of one slot.
 pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<'_>) -> Result<Draft, RunError> {
-    let target = briefing::target(study, slot, &snapshot.event.parent_score);
+    let parent = snapshot.parent_of(slot);
+    let target = briefing::target(study, slot, &parent.score);
     let task = Task {
-        briefing: &snapshot.briefing,
+        briefing: &parent.briefing,
         slot,
         target: &target,
         models: &study.models,
@@ -22,7 +23,7 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
     let proposed = agents::propose(&task, &tools.meter.asking(tools.ask, &snapshot.spec.id))?;
     let reached = match proposed.end {
         End::Declined { reason } => Reached::Declined { reason },
-        End::Patch(patch) => Reached::Proposed { patch },
+        End::Patch(patch) => Reached::Proposed { patch: Box::new(patch) },
     };
     Ok(Draft { head: Head { slot, target: target.text, proposal: proposed.proposal }, reached })
 }

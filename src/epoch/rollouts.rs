@@ -23,11 +23,15 @@ pub enum Mode {
 #[serde(deny_unknown_fields)]
 pub struct TrialRecord {
     pub program: Digest,
+    /// The program whose random streams were drawn from.
+    pub draws_of: Digest,
     pub scene: String,
     pub scene_digest: Digest,
     pub ego: String,
     /// What the compiler could not lower; `None` where it compiles.
     pub failure: Option<String>,
+    /// Digest of the compiled intervention; `None` where there is none.
+    pub intervention: Option<Digest>,
 }
 
 /// The store's rollouts, and the compile gate's trials.
@@ -96,11 +100,6 @@ impl<'a> Rollouts<'a> {
     /// Distinct rollouts that the run rested on so far.
     pub fn distinct(&self) -> usize {
         self.seen().records.len()
-    }
-
-    /// Whether a record is at hand. Looking does not count as resting on it.
-    pub fn has(&self, key: &Digest) -> bool {
-        self.mode == Mode::Reuse && self.store.memo_get(MemoKind::Rollout, key).is_some()
     }
 
     /// How many of them were read from the store, and how many simulated.

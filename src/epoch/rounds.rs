@@ -10,7 +10,9 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::archive::pf_area_pct;
-use crate::evaluation::{Group, RolloutCache, SafebenchOptions, SceneArchive, StagedRun, group_name, group_points};
+use crate::evaluation::{
+    Group, RolloutCache, SafebenchOptions, SceneArchive, Selecting, StagedRun, group_name, group_points,
+};
 use crate::objects::benchmark::SafebenchRun;
 use crate::objects::{Objectives, Score, SolutionId, event::kind};
 
@@ -31,8 +33,10 @@ pub fn record(
             archive.add(attempt.epoch + 1, &candidate.program.solution_id, runs);
         }
     }
+    let (per_group, coverage_floor) = (options.selected_per_group, study.archive.coverage_floor);
+    let selecting = Selecting { per_group, coverage_floor };
     for round in 0..=study.budget.epochs {
-        if let Some(event) = archive.after(round, options.selected_per_group, &spec.id) {
+        if let Some(event) = archive.after(round, &selecting, &spec.id) {
             desk.log.append(kind::ROUND, &event)?;
         }
     }
@@ -52,13 +56,14 @@ fn staged_runs(
         let Some(group) = groups.get(scene.scene.as_str()) else { continue };
         let Some((record, _)) = desk.tools.rollouts.recorded(&scene.request)? else { continue };
         let Some(run) = SafebenchRun::of(&record.outcome, &options.ars) else { continue };
-        runs.push(StagedRun { scene: scene.scene.clone(), group: *group, run });
+        runs.push(StagedRun { scene: scene.scene.clone(), group: *group, run, acted: scene.acted });
     }
     Ok(runs)
 }
 
 /// PF-Area@k of every group of the study, percent. A point of a group is a program's score over the group's runs; a
-/// group without an eligible descendant gains nothing. Eligible is what was labelled and is valid (its ARS is not 0).
+/// group without an eligible descendant gains nothing. Eligible is who acts in the group and is valid there (its ARS is
+/// not 0).
 pub fn pf_area_by_group_pct(
     study: &Study,
     options: &SafebenchOptions,

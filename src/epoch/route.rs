@@ -29,8 +29,13 @@ fn routed(
     patch: &ProgramPatch,
 ) -> Result<RoutedCandidate, RunError> {
     let schema = &snapshot.world.schema;
-    let of_candidate =
-        candidate_features(schema, &candidate.program, &snapshot.parent, patch, &candidate.mechanism_tags)?;
+    let of_candidate = candidate_features(
+        schema,
+        &candidate.program,
+        &snapshot.parent_of(slot).program,
+        patch,
+        &candidate.mechanism_tags,
+    )?;
     let mut pairs = Vec::with_capacity(snapshot.window.len());
     for &place in &snapshot.window {
         let entry = &study.scenes[place];

@@ -61,18 +61,18 @@ fn one_epoch(
         route(study, &snapshot, &router, admitted)
     });
     // "Wait until all workers reach the epoch barrier. Sort candidate records by deterministic key": the slot.
-    let mut judged = Judged::before(state, spec);
+    let mut judged = Judged::before(&snapshot);
     for draft in drafts {
         // "Y_t <- RealSimulatorEvaluate(...)".
         let evaluated = evaluate(study, &snapshot, draft?, &desk.tools)?;
         // "(accept, P_{t+1}) <- ParetoAccept(P_t, a_t)".
-        let considered = consider(study, &snapshot, evaluated, &mut judged)?;
+        let considered = consider(study, &snapshot, evaluated, &mut judged, &desk.tools)?;
         // "a_t <- BuildAttemptRecord(...)".
         let attempt = seal(&snapshot, considered);
         (desk.watch)(Progress::attempt(&attempt));
         judged.attempts.push(attempt);
     }
-    judged.decide(study);
+    judged.decide(study, &snapshot);
     desk.tools.rollouts.flush()?;
     for attempt in &judged.attempts {
         desk.log.append(kind::ATTEMPT, attempt)?;

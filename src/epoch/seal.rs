@@ -6,15 +6,16 @@ use crate::objects::{Attempt, AttemptId, CardId};
 /// Builds the record of a judged proposal. Every proposal leaves one.
 pub fn seal(snapshot: &Snapshot<'_>, considered: Considered) -> Attempt {
     let Considered { head, exit } = considered;
+    let parent = snapshot.parent_of(head.slot);
     Attempt {
         id: AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, head.slot),
         lineage: snapshot.spec.id.clone(),
         epoch: snapshot.event.epoch,
         slot: head.slot,
-        parent: snapshot.parent.solution_id.clone(),
-        parent_hash: snapshot.event.parent_hash,
+        parent: parent.program.solution_id.clone(),
+        parent_hash: parent.hash,
         target: head.target,
-        memory_shown: snapshot.event.memory_shown.iter().map(CardId::new).collect(),
+        memory_shown: parent.memory_shown.iter().map(CardId::new).collect(),
         proposal: head.proposal,
         exit,
     }

@@ -8,6 +8,7 @@ use super::{
     study::Study,
 };
 use crate::kernel::Digest;
+use crate::lineage::Leader;
 use crate::memory::{CurationContext, curate, reflect};
 use crate::objects::{
     Card,
@@ -21,8 +22,11 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
     for attempt in &judged.attempts {
         state.lineages.attach(attempt)?;
     }
-    if let Some(selection) = &judged.promotion {
-        state.lineages.promote(lineage, &selection.solution, epoch)?;
+    if let Some(leaders) = &judged.leaders {
+        state.lineages.promote(lineage, Leader::Active, &leaders.active, epoch)?;
+        if let Some(anchor) = &leaders.realism_anchor {
+            state.lineages.promote(lineage, Leader::RealismAnchor, anchor, epoch)?;
+        }
     }
     let cards = cards(study, snapshot, &judged)?;
     state.memory.append(cards.clone())?;
@@ -39,12 +43,13 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
         attempts: &line.attempts[line.attempts.len() - judged.attempts.len()..],
         programs: judged.attempts.iter().filter_map(|a| a.exit.candidate()).map(|c| c.program_hash).collect(),
         active: &line.active,
+        realism_anchor: line.realism_anchor.as_ref(),
         archive: &state.archives[lineage],
         cards: &cards,
         labels: &state.calibration.labels()[labels_before..],
         world,
     };
-    state.digest = Digest::of("evodrive/state/2", &change)?;
+    state.digest = Digest::of("evodrive/state/3", &change)?;
     let promoted = judged.attempts.iter().find(|a| a.exit.decision().is_some_and(|d| d.promoted)).map(|a| a.id.clone());
     state.attempts.extend(judged.attempts);
     let archive = &state.archives[lineage];
@@ -52,6 +57,7 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
         epoch,
         lineage: lineage.clone(),
         active: state.lineages.active(lineage)?.solution_id.clone(),
+        realism_anchor: state.lineages.get(lineage)?.realism_anchor.clone(),
         promoted,
         front: archive.front().map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives }).collect(),
         hypervolume: archive.hypervolume(study.archive.reference),
@@ -74,7 +80,9 @@ fn cards(study: &Study, snapshot: &Snapshot<'_>, judged: &Judged) -> Result<Vec<
         options: &study.curation,
     };
     let mut cards: Vec<Card> = judged.attempts.iter().flat_map(|attempt| curate(attempt, &context)).collect();
-    let active = judged.promotion.as_ref().map_or(snapshot.event.parent_score.objectives, |s| s.objectives);
+    let leads = judged.leaders.as_ref().map_or(&snapshot.parents[0].program.solution_id, |leaders| &leaders.active);
+    let labels = judged.standing.get(leads).map(|standing| standing.so_far.objectives);
+    let active = labels.unwrap_or(snapshot.event.parent_score.objectives);
     cards.extend(reflect(&snapshot.spec.id, snapshot.event.epoch, &judged.attempts, active, &context));
     Ok(cards)
 }

@@ -7,10 +7,14 @@ use std::sync::{Arc, OnceLock};
 use super::study::Study;
 use crate::ego::Policy;
 use crate::scene::PreparedScene;
+use crate::sim::SimulatorOptions;
 use crate::stage::Situation;
 
 /// By place in the study's scenes, then by ego.
-pub struct Situations(Vec<Place>);
+pub struct Situations {
+    simulator: SimulatorOptions,
+    places: Vec<Place>,
+}
 
 struct Place {
     prepared: Arc<PreparedScene>,
@@ -25,13 +29,14 @@ impl Situations {
     pub fn of(study: &Study) -> Situations {
         let egos = || study.lineages.iter().map(|spec| (spec.ego.name().to_string(), OnceLock::new())).collect();
         let place = |entry: &super::study::SceneEntry| Place { prepared: entry.prepared.clone(), by_ego: egos() };
-        Situations(study.scenes.iter().map(place).collect())
+        Situations { simulator: study.simulator, places: study.scenes.iter().map(place).collect() }
     }
 
     /// The scene at a place against an ego.
     pub fn at(&self, place: usize, ego: &Policy) -> Built {
-        let Place { prepared, by_ego } = &self.0[place];
-        let build = || Situation::of(prepared.clone(), ego).map(Arc::new).map_err(|error| error.to_string());
+        let Place { prepared, by_ego } = &self.places[place];
+        let under = || Situation::under(prepared.clone(), ego, &self.simulator);
+        let build = || under().map(Arc::new).map_err(|error| error.to_string());
         match by_ego.get(ego.name()) {
             Some(built) => built.get_or_init(build).clone(),
             None => build(),

@@ -41,6 +41,7 @@ pub struct Change<'a> {
     pub attempts: &'a [AttemptRecord],
     pub programs: Vec<Digest>,
     pub active: &'a SolutionId,
+    pub realism_anchor: Option<&'a SolutionId>,
     /// The lineage's archive as it now is.
     pub archive: &'a Archive,
     pub cards: &'a [Card],
@@ -53,6 +54,6 @@ impl State {
     /// The digest of a state that no epoch has changed yet: over everything that later epochs can depend on.
     pub fn first_digest(&self) -> Result<Digest, RunError> {
         let State { archives, lineages, memory, calibration, world, .. } = self;
-        Ok(Digest::of("evodrive/state/2", &(archives, lineages, memory, calibration, world))?)
+        Ok(Digest::of("evodrive/state/3", &(archives, lineages, memory, calibration, world))?)
     }
 }

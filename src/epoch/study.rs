@@ -14,6 +14,7 @@ use crate::llm::ModelSpec;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{Composed, FamilyName, LineageId, ParameterValue, Program, Role, WorldConfiguration};
 use crate::scene::{PreparedScene, Scene, SceneFeatures};
+use crate::sim::SimulatorOptions;
 use crate::stage::{Source, Sources};
 use crate::world::Interaction;
 
@@ -38,6 +39,8 @@ pub struct Study {
     pub contract_texts: BTreeMap<FamilyName, String>,
     pub budget: Budget,
     pub models: BTreeMap<Role, ModelSpec>,
+    /// Under which rules scenes are simulated.
+    pub simulator: SimulatorOptions,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
     pub selector: SelectorOptions,
@@ -69,6 +72,9 @@ pub struct Budget {
 #[derive(Clone, Debug)]
 pub struct LineageSpec {
     pub id: LineageId,
+    /// The lineage of the experiment file that this one repeats, and which repetition it is, from 0.
+    pub group: LineageId,
+    pub replica: u32,
     pub family: FamilyName,
     pub ego: Policy,
     /// Parameters in which this lineage's parent differs from its family's.
@@ -161,9 +167,25 @@ impl Study {
         window(&self.evolution, epoch, self.budget.window)
     }
 
-    /// Places of the scenes on which the compile gate tries programs: the first of the window.
-    pub fn probes(&self, epoch: u32) -> Vec<usize> {
-        self.window(epoch).into_iter().take(self.budget.probe_scenes).collect()
+    /// Places of all windows up to an epoch's, each once, in the order in which they were opened.
+    pub fn windows_up_to(&self, epoch: u32) -> Vec<usize> {
+        let mut places: Vec<usize> = Vec::new();
+        for place in (0..=epoch).flat_map(|epoch| self.window(epoch)) {
+            if !places.contains(&place) {
+                places.push(place);
+            }
+        }
+        places
+    }
+
+    /// Ids of the scenes at these places.
+    pub fn scene_ids(&self, places: &[usize]) -> Vec<String> {
+        places.iter().map(|&place| self.scenes[place].scene().id.clone()).collect()
+    }
+
+    /// What names a list of scenes on which programs were labelled.
+    pub fn scenes_digest(&self, places: &[usize]) -> Result<Digest, RunError> {
+        Ok(Digest::of("evodrive/window/1", &self.scene_ids(places))?)
     }
 
     /// The slots of an epoch, in order.

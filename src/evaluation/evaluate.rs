@@ -16,6 +16,8 @@ use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 pub struct Subject<'a> {
     pub program: Digest,
     pub ego: &'a Policy,
+    /// Digest of the simulator's options.
+    pub simulator: Digest,
     pub seed: Seed,
 }
 
@@ -98,7 +100,10 @@ fn one(
     label: &Labeller<'_>,
     cache: &dyn RolloutCache,
 ) -> Result<Result<Recorded, SceneFailure>, EvaluationError> {
-    let key = request_key(subject.program, scene.digest, subject.ego.digest(), subject.seed, scene.counsel)?;
+    let key = {
+        let (ego, simulator) = (subject.ego.digest(), subject.simulator);
+        request_key(subject.program, scene.digest, ego, simulator, subject.seed, scene.counsel)?
+    };
     if let Some((record, stored)) = cache.recorded(&key)? {
         return Ok(Ok(Recorded { record, key, stored }));
     }

@@ -1,23 +1,28 @@
 //! Rollouts over scenes to scores: `evaluate.rs` labels a program, `metrics/` says what is read off an outcome, `protocol/`
 //! what SafeBench adds.
 
+pub mod calibrate;
 pub mod evaluate;
 pub mod metrics;
 pub mod protocol;
 pub mod record;
+pub mod replay_row;
 pub mod score;
 
+pub use crate::sim::ContactClass;
+pub use calibrate::{CalibrationError, calibrate};
 pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
 pub use metrics::safebench::SafebenchOptions;
 pub use metrics::{
-    AttackOptions, AttackTarget, BoundedDiagnostic, Diagnostic, EvaluationOptions, MetadriveOptions, OptionsError,
-    ProtocolError, RealismOptions,
+    AttackOptions, AttackOptionsError, Calibration, EvaluationOptions, Limit, Limits, MetadriveOptions, OptionsError,
+    ProtocolError, PublishedReadings, RealismOptions, Weights,
 };
 pub use protocol::balanced::balanced;
-pub use protocol::rounds::{SceneArchive, StagedRun, group_name, group_points};
+pub use protocol::rounds::{SceneArchive, Selecting, StagedRun, group_name, group_points};
 pub use protocol::safebench::{Group, Runs, SafebenchScore, Table, group_score};
 pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};
+pub use replay_row::{Playing, replay_row};
 pub use score::score_of;
 
 /// Part of a run's first event; rises when a metric or protocol changes meaning.
-pub const EVAL_VERSION: u32 = 1;
+pub const EVAL_VERSION: u32 = 2;

@@ -23,19 +23,20 @@ pub struct RolloutRecord {
     pub outcome: Outcome,
 }
 
-/// Key of a rollout request. It needs neither the scene's content nor a compilation. `counsel` is the digest of the
-/// counsel with which the program is compiled, where its family takes any.
+/// Key of a rollout request. It needs neither the scene's content nor a compilation. `simulator` is the digest of the
+/// simulator's options; `counsel` is that of the counsel with which the program is compiled, where its family takes any.
 pub fn request_key(
     program: Digest,
     scene: Digest,
     ego: Digest,
+    simulator: Digest,
     seed: Seed,
     counsel: Option<Digest>,
 ) -> Result<Digest, CanonError> {
-    let request = (SIM_VERSION, ADAPTER_VERSION, program, scene, ego, seed);
+    let request = (SIM_VERSION, ADAPTER_VERSION, program, scene, ego, simulator, seed);
     match counsel {
-        None => Digest::of("evodrive/rollout-request/1", &request),
-        Some(counsel) => Digest::of("evodrive/counselled-rollout-request/1", &(request, counsel)),
+        None => Digest::of("evodrive/rollout-request/2", &request),
+        Some(counsel) => Digest::of("evodrive/counselled-rollout-request/2", &(request, counsel)),
     }
 }
 

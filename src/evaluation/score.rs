@@ -6,15 +6,19 @@ use super::metrics::{MetadriveOptions, attack, realism, safebench::SafebenchOpti
 use super::protocol::safebench::{Group, Runs};
 use super::record::RolloutRecord;
 use crate::kernel::{Digest, num};
-use crate::objects::{Objectives, SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
+use crate::objects::{Met, Objectives, SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
+use crate::sim::{Contact, Outcome};
 
 /// One scene's labels.
 pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &MetadriveOptions) -> SceneScore {
+    let acted = record.outcome.acted();
     let (diagnostics, realism) = realism::realism(&record.outcome, &options.realism);
     SceneScore {
         scene: record.scene.clone(),
-        attack: attack::attack(&record.outcome, &options.attack),
-        realism,
+        attack: if met_one_that_acts(&record.outcome) { attack::attack(&record.outcome, &options.attack) } else { 0.0 },
+        realism: if acted { realism } else { 1.0 },
+        acted,
+        contact: met(&record.outcome),
         diagnostics,
         intervened: record.intervened,
         request,
@@ -45,6 +49,8 @@ pub fn staged_scene_score(
         scene: record.scene.clone(),
         attack,
         realism,
+        acted: run.realism.acted,
+        contact: met(&record.outcome),
         diagnostics: named.into_iter().map(|(name, value)| (name.to_string(), value)).collect::<BTreeMap<_, _>>(),
         intervened: record.intervened,
         request,
@@ -53,19 +59,35 @@ pub fn staged_scene_score(
     Some((score, run))
 }
 
-/// F(c) = (A, R) as empirical means (paper eq. prelim-objectives). `None` if no scene has a label: there is no score
-/// without evidence.
+/// Whether the ego met an adversary that moved otherwise than recorded: whom a program names and leaves alone is no
+/// success of it.
+fn met_one_that_acts(outcome: &Outcome) -> bool {
+    let met = |contact: Contact| outcome.adversaries.iter().find(|adversary| adversary.actor == contact.with);
+    outcome.contact.and_then(met).is_some_and(|adversary| adversary.acted)
+}
+
+/// The contact that ended a rollout, as labels keep it.
+fn met(outcome: &Outcome) -> Option<Met> {
+    let contact = outcome.contact?;
+    Some(Met { adversary: contact.adversary, class: contact.class.name().to_string(), avoidable: contact.avoidable })
+}
+
+/// F(c) = (A, R) (paper eq. prelim-objectives): attack is the empirical mean over the labelled scenes, realism that over
+/// the scenes among them that the program acts in, and 0 where it acts in none. `None` if no scene has a label: there is
+/// no score without evidence.
 pub fn score_of(scenes: Vec<SceneScore>, failures: Vec<SceneFailure>) -> Option<Score> {
     let mean = |value: fn(&SceneScore) -> f64| num::mean(&scenes.iter().map(value).collect::<Vec<f64>>());
-    let objectives = Objectives { attack: mean(|s| s.attack)?, realism: mean(|s| s.realism)? };
-    Some(Score { objectives, scenes, failures, benchmark: None })
+    let acted: Vec<f64> = scenes.iter().filter(|scene| scene.acted).map(|scene| scene.realism).collect();
+    let objectives = Objectives { attack: mean(|s| s.attack)?, realism: num::mean(&acted).unwrap_or(0.0) };
+    let (realism_all, coverage) = (mean(|s| s.realism)?, mean(|s| if s.acted { 1.0 } else { 0.0 })?);
+    Some(Score { objectives, realism_all, coverage, scenes, failures, benchmark: None })
 }
 
 /// A label of SafeBench's protocol with the group that it belongs to.
 pub type Grouped<T> = (Group, T);
 
-/// F(c) = (CR (1 - OS), ARS) over groups (paper eq. app-carla-objectives). A scene without a label makes its group less
-/// valid. `None` if no scene has a label.
+/// F(c) = (CR (1 - OS), ARS) over groups (paper eq. app-carla-objectives): collisions and realism of the scenes that the
+/// program acts in, OS of all. A scene without a label makes its group less valid. `None` if no scene has a label.
 pub fn benchmark_score(
     labelled: Vec<Grouped<(SceneScore, SafebenchRun)>>,
     failed: Vec<Grouped<SceneFailure>>,
@@ -73,10 +95,11 @@ pub fn benchmark_score(
     let mut runs = Runs::default();
     labelled.iter().for_each(|(group, (_, run))| runs.add(*group, *run));
     failed.iter().for_each(|(group, _)| runs.add_failure(*group));
-    let benchmark = runs.benchmark()?;
+    let (benchmark, table) = (runs.benchmark()?, runs.table()?);
     let share = |x: f64| x.clamp(0.0, 1.0);
     let objectives = Objectives { attack: share(benchmark.mean.attack), realism: share(benchmark.mean.realism) };
     let scenes = labelled.into_iter().map(|(_, (scene, _))| scene).collect();
     let failures = failed.into_iter().map(|(_, failure)| failure).collect();
-    Some(Score { objectives, scenes, failures, benchmark: Some(Box::new(benchmark)) })
+    let (realism_all, coverage) = (share(table.realism_all), share(table.coverage));
+    Some(Score { objectives, realism_all, coverage, scenes, failures, benchmark: Some(Box::new(benchmark)) })
 }

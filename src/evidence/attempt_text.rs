@@ -146,7 +146,11 @@ fn labels(out: &mut String, score: &Score) {
             scene.scene,
             scene.attack,
             scene.realism,
-            if scene.intervened { "" } else { "  (not applied)" },
+            match (scene.intervened, scene.acted) {
+                (false, _) => "  (not applied)",
+                (true, false) => "  (changed nothing)",
+                (true, true) => "",
+            },
             scene.request.short(12),
             if missed.is_empty() { String::new() } else { format!("  [{}]", missed.join(", ")) }
         );
@@ -158,11 +162,22 @@ fn labels(out: &mut String, score: &Score) {
 
 fn acceptance(out: &mut String, gates: &AcceptanceGates) {
     let some = |value: Option<f64>| value.map_or("region empty".to_string(), |v| format!("{v:.4}"));
+    let error = |value: Option<f64>| value.map_or(String::new(), |v| format!(" ± {v:.4}"));
     let (d, l, t) = (&gates.densification, &gates.local_push, &gates.parent_tradeoff);
     let _ = writeln!(
         out,
-        "\narchive:\n  frontier densification  {}  non-dominated {}, hypervolume {:.6} {:+.6}",
-        d.holds, d.non_dominated, d.hypervolume_before, d.hypervolume_gain
+        "\narchive, over {} paired scenes, {} of them unlike the parent's:\n  coverage floor          {}  acts in {:.4}, at least \
+         {:.4}\n  frontier densification  {}  non-dominated {}, hypervolume {:.6} {:+.6}{}",
+        gates.scenes,
+        gates.differing_scenes,
+        gates.coverage.holds,
+        gates.coverage.coverage,
+        gates.coverage.floor,
+        d.holds,
+        d.non_dominated,
+        d.hypervolume_before,
+        d.hypervolume_gain,
+        error(d.uncertainty)
     );
     let _ = writeln!(
         out,
@@ -173,7 +188,11 @@ fn acceptance(out: &mut String, gates: &AcceptanceGates) {
     );
     let _ = writeln!(
         out,
-        "  parent trade-off push   {}  attack {:+.4}, realism {:+.4} against the parent",
-        t.holds, t.attack_change, t.realism_change
+        "  parent trade-off push   {}  attack {:+.4}{}, realism {:+.4}{} against the parent",
+        t.holds,
+        t.attack_change,
+        error(t.attack_uncertainty),
+        t.realism_change,
+        error(t.realism_uncertainty)
     );
 }

@@ -8,6 +8,7 @@ use crate::objects::{
     Attempt, Composed, Counselled, LineageId, SolutionId,
     event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
+    replay::Replayed,
 };
 use crate::store::Event;
 
@@ -36,6 +37,8 @@ pub struct RecordedRun {
     /// SafeBench's archive after every round; empty in other protocols.
     pub rounds: Vec<ArchiveRound>,
     pub held_out: Vec<HeldOut>,
+    /// The recorded scenes without a program, by ego and suite.
+    pub replays: Vec<Replayed>,
     /// Absent while the run is unfinished.
     pub result: Option<RunResult>,
     /// Hash of the last event.
@@ -56,6 +59,7 @@ impl RecordedRun {
             finalists: Vec::new(),
             rounds: Vec::new(),
             held_out: Vec::new(),
+            replays: Vec::new(),
             result: None,
             root: first.hash,
         };
@@ -70,6 +74,7 @@ impl RecordedRun {
                 kind::FINALIST => story.finalists.push(body(event)?),
                 kind::ROUND => story.rounds.push(body(event)?),
                 kind::HELD_OUT => story.held_out.push(body(event)?),
+                kind::REPLAY => story.replays.push(body(event)?),
                 kind::SEALED => story.result = Some(body(event)?),
                 other => {
                     return Err(RecordedRunError::Unreadable {

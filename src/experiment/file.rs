@@ -3,25 +3,14 @@
 //! `base = "protocol.toml"` names a file whose keys hold wherever this one does not say otherwise; a base may have a base.
 //! `base = "evodrive:metadrive"` names a protocol that the program carries. Tables merge key by key, lists are replaced.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-use super::check;
-use super::{ExperimentError, OptionError};
-use crate::store;
+use super::place::{Place, problem};
+use super::{ExperimentError, OptionError, calibration, check};
 
-/// Bytes that an experiment file may have.
-const FILE_BYTES_MAX: u64 = 1 << 20;
 /// Files of one chain of bases.
 const CHAIN_MAX: usize = 8;
-/// What stands before the name of a protocol that the program carries.
-const SHIPPED: &str = "evodrive:";
-
-/// The protocols that the program carries: name and file.
-pub const PROTOCOLS: [(&str, &str); 2] = [
-    ("metadrive", include_str!("../../experiments/protocols/metadrive.toml")),
-    ("safebench", include_str!("../../experiments/protocols/safebench.toml")),
-];
 
 /// A file's whole table, and where its parts come from.
 #[derive(Clone, Debug)]
@@ -31,6 +20,8 @@ pub struct Composed {
     pub file: PathBuf,
     /// The file's own text.
     text: String,
+    /// Whether a calibration was written into the table in place of its file's name.
+    calibrated: bool,
     /// The file and its bases by name, each with its own table; the file first.
     layers: Vec<(String, Table)>,
 }
@@ -42,7 +33,7 @@ pub struct Composed {
 pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
     let mut seen: Vec<String> = Vec::new();
     let mut layers: Vec<(String, Table)> = Vec::new();
-    let mut own_text = None;
+    let (mut own_text, mut calibrated) = (None, false);
     // Where the next file is, and how one comes from the first file's folder to that file's folder.
     let mut next = Some((Place::of(path), PathBuf::new()));
     while let Some((place, folder)) = next.take() {
@@ -63,6 +54,7 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
         })?;
         let base = table.remove("base");
         rebase(&mut table, &folder);
+        calibrated |= calibration::inline(&mut table, &place)?;
         if let Some(base) = base {
             let Value::String(base) = base else {
                 let error =
@@ -79,7 +71,7 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
     for (_, layer) in layers.iter().rev() {
         merge(&mut table, layer);
     }
-    Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), layers })
+    Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), calibrated, layers })
 }
 
 impl Composed {
@@ -92,74 +84,13 @@ impl Composed {
 
     /// One file that means the same and needs no other: the file itself, or what it was merged to.
     pub fn whole_text(&self) -> Result<String, ExperimentError> {
-        if self.layers.len() < 2 {
+        if self.layers.len() < 2 && !self.calibrated {
             return Ok(self.text.clone());
         }
         let names: Vec<&str> = self.layers.iter().map(|(name, _)| name.as_str()).collect();
-        let bases = names[1..].join(", ").replace(['\n', '\r'], " ");
+        let merged_from = names.join(", ").replace(['\n', '\r'], " ");
         let merged = toml::to_string(&self.table).map_err(|error| problem(&self.file, error.to_string()))?;
-        Ok(format!("# Merged from an experiment file and its base: {bases}\n{merged}"))
-    }
-}
-
-fn problem(path: &Path, problem: String) -> ExperimentError {
-    ExperimentError::File { file: path.display().to_string(), problem }
-}
-
-/// Where a file is.
-enum Place {
-    Disk(PathBuf),
-    Shipped(&'static str, &'static str),
-}
-
-impl Place {
-    fn of(path: &Path) -> Place {
-        // `a/../b.toml` and `b.toml` are one file, so that a circle is seen.
-        let mut plain = PathBuf::new();
-        for component in path.components() {
-            match component {
-                Component::CurDir => {}
-                Component::ParentDir if matches!(plain.components().next_back(), Some(Component::Normal(_))) => {
-                    plain.pop();
-                }
-                other => plain.push(other),
-            }
-        }
-        Place::Disk(plain)
-    }
-
-    fn name(&self) -> String {
-        match self {
-            Place::Disk(path) => path.display().to_string(),
-            Place::Shipped(name, _) => format!("{SHIPPED}{name}"),
-        }
-    }
-
-    fn read(&self) -> Result<String, ExperimentError> {
-        let path = match self {
-            Place::Shipped(_, text) => return Ok(text.to_string()),
-            Place::Disk(path) => path,
-        };
-        String::from_utf8(store::read_bounded(path, FILE_BYTES_MAX)?).map_err(|error| {
-            let byte = error.utf8_error().valid_up_to();
-            problem(path, format!("byte {byte} is not UTF-8; an experiment is a text file"))
-        })
-    }
-
-    /// The base that a file here names.
-    fn beside(&self, base: &str, name: &str) -> Result<Place, ExperimentError> {
-        if let Some(wanted) = base.strip_prefix(SHIPPED) {
-            let known = PROTOCOLS.map(|(name, _)| format!("{SHIPPED}{name}"));
-            let found = PROTOCOLS.iter().find(|(name, _)| *name == wanted);
-            return found.map(|(name, text)| Place::Shipped(name, text)).ok_or_else(|| ExperimentError::Option {
-                file: name.to_string(),
-                error: OptionError::word("base", base, &known),
-            });
-        }
-        match self {
-            Place::Disk(path) => Ok(Place::of(&path.parent().unwrap_or(Path::new("")).join(base))),
-            Place::Shipped(..) => Ok(Place::of(Path::new(base))),
-        }
+        Ok(format!("# Merged from {merged_from}; the calibration is written out.\n{merged}"))
     }
 }
 

@@ -37,6 +37,8 @@ pub enum Range {
     Word(fn() -> Vec<String>),
     /// A list of words of a list.
     Words(fn() -> Vec<String>),
+    /// A list of words of a list, which may be empty.
+    Subset(fn() -> Vec<String>),
     /// A list of texts; whether it may be empty.
     Texts { empty: bool },
     /// A list of whole numbers, each from the first to the second.
@@ -75,7 +77,7 @@ impl Range {
                 }
                 true
             }
-            (Range::Words(words), toml::Value::Array(items)) => {
+            (Range::Words(words) | Range::Subset(words), toml::Value::Array(items)) => {
                 let words = words();
                 for (i, item) in items.iter().enumerate() {
                     let word = item.as_str().unwrap_or_default();
@@ -83,7 +85,7 @@ impl Range {
                         return Err(OptionError::word(format!("{path}[{i}]"), word, &words));
                     }
                 }
-                !items.is_empty()
+                !items.is_empty() || matches!(self, Range::Subset(_))
             }
             (Range::Texts { empty }, toml::Value::Array(items)) => {
                 items.iter().all(|item| item.as_str().is_some_and(|text| !text.is_empty()))
@@ -154,6 +156,7 @@ impl std::fmt::Display for Range {
             Range::Name => write!(f, "1 to 64 lower-case letters, digits, `-` or `_`"),
             Range::Word(words) => write!(f, "one of {}", words().join(", ")),
             Range::Words(words) => write!(f, "a list of one or more of {}", words().join(", ")),
+            Range::Subset(words) => write!(f, "a list of any of {}, which may be empty", words().join(", ")),
             Range::Texts { empty: true } => write!(f, "a list of texts, which may be empty"),
             Range::Texts { empty: false } => write!(f, "a list of one text or more"),
             Range::Wholes(least, most) => write!(f, "a list of whole numbers from {least} to {most}"),

@@ -4,9 +4,10 @@ use super::key::{Key, Need, Range};
 use crate::families;
 use crate::llm::client::{ANTHROPIC, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::scene::safebench::TrafficFamily;
+use crate::sim::ContactClass;
 use crate::synth::WorldKind;
 use Need::{Always, Of, Optional, With, Without};
-use Range::{Above, Any, Name, Number, Pair, Text, Texts, Unshown, Whole, Wholes, Word, Words};
+use Range::{Above, Any, Name, Number, Pair, Subset, Text, Texts, Unshown, Whole, Wholes, Word, Words};
 
 const LIVE: &[&str] = &[OPENAI_COMPATIBLE, ANTHROPIC];
 /// The largest whole number that is an f64 and all those below it are too.
@@ -19,7 +20,10 @@ const WEIGHT: Range = Number(0.0, 1000.0);
 
 /// The list.
 pub fn keys() -> Vec<Key> {
-    [study(), scenes(), models(), metadrive(), safebench(), acceptance(), world()].into_iter().flatten().collect()
+    [study(), scenes(), models(), simulator(), metadrive(), safebench(), acceptance(), world()]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 type Row = (&'static str, &'static str, &'static str, Range, &'static str);
@@ -48,13 +52,20 @@ fn study() -> Vec<Key> {
         ("name", "", "", Name, "Names the run folder."),
         ("describes", "", "", Text(500), "One sentence for reports."),
         ("seed", "", "", Whole(0, i64::MAX), "Root of every random stream."),
+        ("seeds", "", "", Whole(1, 100), "How often each lineage is repeated, with draws of its own."),
         ("cassette", "", "", Text(1000), "File of the recorded answers, relative to the file that names it."),
         ("split.held_out", "", "scenes", Whole(1, 100_000), "Scenes that stay closed until evolution is over."),
         ("split.window", "", "scenes", Whole(1, 100_000), "Scenes of the rotating development window of an epoch."),
         ("budget.epochs", "T", "epochs", Whole(1, 1000), "Epochs of each lineage."),
         ("budget.slots", "K", "proposals", Whole(1, 1000), "Parallel proposals of an epoch."),
         ("budget.max_repair_rounds", "K_r", "rounds", Whole(0, 8), "Times that a proposal may be repaired."),
-        ("budget.probe_scenes", "", "scenes", Whole(1, 1000), "Scenes on which the compile gate tries a program."),
+        (
+            "budget.probe_scenes",
+            "",
+            "scenes",
+            Whole(1, 1000),
+            "Most scenes on which a program is compiled before any rollout: three, and more while it does what its parent does.",
+        ),
         (
             "budget.finalists",
             "",
@@ -322,32 +333,65 @@ fn client() -> Vec<Row> {
     ]
 }
 
+fn simulator() -> Vec<Key> {
+    let avoidance = |key, unit, low, high, meaning| (key, "", unit, Number(low, high), meaning);
+    table(
+        || Always,
+        vec![
+            (
+                "simulator.plant",
+                "",
+                "",
+                Any,
+                "The law of motion: `physical`, `metadrive-0.4.3`, or a table with every option of docs/PLANT.md.",
+            ),
+            avoidance("simulator.avoidance.horizon_s", "s", 0.1, 10.0, "How far motions are predicted."),
+            avoidance("simulator.avoidance.reaction_s", "s", 0.0, 10.0, "From seeing a threat to the first reaction."),
+            avoidance("simulator.avoidance.field_of_view_deg", "deg", 1.0, 360.0, "Width of the ego's view."),
+            avoidance("simulator.avoidance.brake_mps2", "m/s²", 0.1, 20.0, "Full deceleration."),
+            avoidance("simulator.avoidance.brake_rise_s", "s", 0.0, 5.0, "Time in which it builds up."),
+            avoidance("simulator.avoidance.swerve_mps2", "m/s²", 0.1, 20.0, "Lateral acceleration of a swerve."),
+            avoidance("simulator.avoidance.swerve_m", "m", 0.0, 20.0, "How far a swerve goes aside."),
+        ],
+    )
+}
+
 fn metadrive() -> Vec<Key> {
-    let weight = "Weight of the diagnostic; all seven sum to 1.";
+    let weight = "Weight of the diagnostic; all ten sum to 1.";
     table(
         || Without("evaluation.safebench"),
         vec![
             (
-                "evaluation.attack.target",
+                "evaluation.attack.counts",
                 "",
                 "",
-                Word(|| words(["any_contact", "adversary_contact"])),
-                "Contact that counts as a failure of the ego: with anyone, or with an adversary only.",
+                Subset(|| words(ContactClass::ALL.map(ContactClass::name))),
+                "Classes of contact with an adversary that count as a failure of the ego; see docs/OBJECTIVES.md.",
             ),
-            ("evaluation.realism.map_validity.weight", "w_j", "", SHARE, weight),
-            ("evaluation.realism.map_validity.tolerance", "ρ_j", "m", TOLERANCE, "Metres beyond the drivable area."),
-            ("evaluation.realism.initial_non_overlap.weight", "w_j", "", SHARE, weight),
-            ("evaluation.realism.collision_validity.weight", "w_j", "", SHARE, weight),
-            ("evaluation.realism.route_progress.weight", "w_j", "", SHARE, weight),
-            ("evaluation.realism.route_progress.tolerance", "ρ_j", "m", TOLERANCE, "Metres driven against a lane."),
-            ("evaluation.realism.trajectory_continuity.weight", "w_j", "", SHARE, weight),
-            ("evaluation.realism.trajectory_continuity.tolerance", "ρ_j", "m", TOLERANCE, "Metres jumped."),
-            ("evaluation.realism.bounded_acceleration.weight", "w_j", "", SHARE, weight),
-            ("evaluation.realism.bounded_acceleration.bound", "", "m/s²", BOUND, "What is still normal driving."),
-            ("evaluation.realism.bounded_acceleration.tolerance", "ρ_j", "m/s²", TOLERANCE, "What lies beyond it."),
-            ("evaluation.realism.bounded_jerk.weight", "w_j", "", SHARE, weight),
-            ("evaluation.realism.bounded_jerk.bound", "", "m/s³", BOUND, "What is still normal driving."),
-            ("evaluation.realism.bounded_jerk.tolerance", "ρ_j", "m/s³", TOLERANCE, "What lies beyond it."),
+            (
+                "evaluation.attack.counts_if_avoidable",
+                "",
+                "",
+                Subset(|| words(ContactClass::ALL.map(ContactClass::name))),
+                "Classes that count where the ego could have avoided the contact.",
+            ),
+            ("evaluation.realism.weights.bounded_acceleration", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.bounded_jerk", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.bounded_slip", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.collision_validity", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.initial_non_overlap", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.lane_direction", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.map_validity", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.parked_obstacles", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.route_completion", "w_j", "", SHARE, weight),
+            ("evaluation.realism.weights.trajectory_continuity", "w_j", "", SHARE, weight),
+            (
+                "evaluation.realism.calibration",
+                "ρ_j",
+                "",
+                Any,
+                "Bounds and tolerances from recorded traffic: `evodrive:recorded`, a file that `evodrive calibrate` wrote, or its table.",
+            ),
         ],
     )
 }
@@ -399,6 +443,21 @@ fn acceptance() -> Vec<Key> {
         ("archive.epsilon_r", "ε_R", "", SHARE, "Realism that a child may lose for more attack."),
         ("archive.epsilon_a", "ε_A", "", SHARE, "Attack that a child may lose for more realism."),
         ("archive.epsilon_pf", "ε", "", Above(0.0, 1.0), "Least parent hypervolume that PF-Area divides by."),
+        ("archive.level", "", "", Number(0.5, 0.999), "Confidence at which a paired difference counts as a gain."),
+        (
+            "archive.coverage_floor",
+            "",
+            "",
+            SHARE,
+            "Share of the parent's coverage that a child must keep: coverage is the share of scenes acted in.",
+        ),
+        (
+            "archive.promotion",
+            "",
+            "",
+            Word(|| words(["largest_hypervolume_gain", "two_anchors"])),
+            "Which accepted children lead the lineage: the largest gain, or an attack and a realism anchor in turn.",
+        ),
         ("selector.realism_min", "", "", SHARE, "Least realism of the active generator."),
         ("selector.tolerance", "ε", "", SHARE, "Share of the best attack that may be given up for realism."),
         ("memory.alpha_lineage", "α_1", "", WEIGHT, "Weight of a card of the same lineage."),

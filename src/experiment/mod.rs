@@ -1,5 +1,6 @@
 //! Experiment files: read, composed from their bases, checked, and resolved to the scenes and the study that they describe.
 
+mod calibration;
 mod check;
 mod error;
 mod file;
@@ -9,6 +10,7 @@ mod model_options;
 mod models;
 mod options;
 mod page;
+mod place;
 mod read;
 mod relations;
 mod scenes;
@@ -16,10 +18,11 @@ mod starter;
 mod study;
 
 pub use error::{ExperimentError, OptionError, did_you_mean};
-pub use file::{Composed, PROTOCOLS, composed};
+pub use file::{Composed, composed};
 pub use model_options::ModelOptions;
 pub use models::{by_role, provenance};
 pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
 pub use page::page;
+pub use place::PROTOCOLS;
 pub use scenes::{import, read_pool, read_scenes};
 pub use starter::{Starter, starter};

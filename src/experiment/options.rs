@@ -13,6 +13,7 @@ use crate::llm::SpendCap;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
+use crate::sim::SimulatorOptions;
 use crate::synth::{FamilyOptions, SynthOptions};
 
 /// A whole experiment.
@@ -25,6 +26,9 @@ pub struct Experiment {
     pub describes: String,
     /// Root of every random stream.
     pub seed: u64,
+    /// How often each lineage is repeated, every time with draws of its own: the spread between searches. Repetitions
+    /// have the lineage's id with `-s0`, `-s1` ... behind it, and therefore draw slots and scripted streams of their own.
+    pub seeds: u32,
     /// Recorded answers, relative to the file.
     pub cassette: PathBuf,
     pub scenes: SceneSource,
@@ -46,6 +50,8 @@ pub struct Experiment {
     /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted;
     /// `attacker_agent` only where a lineage's family takes counsel.
     pub roles: BTreeMap<Role, String>,
+    /// Under which rules scenes are simulated.
+    pub simulator: SimulatorOptions,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
     pub selector: SelectorOptions,

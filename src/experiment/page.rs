@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use toml::Table;
 
 use super::check;
-use super::file::PROTOCOLS;
 use super::key::{Key, Need, shown};
 use super::keys::keys;
+use super::place::PROTOCOLS;
 
 const HEAD: &str = "\
 # The experiment file

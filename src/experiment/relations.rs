@@ -34,6 +34,7 @@ pub fn check(experiment: &Experiment) -> Result<(), Problem> {
     }
     models(experiment)?;
     scenes(experiment)?;
+    simulator(experiment)?;
     labels(experiment)?;
     let several = |error: &dyn std::fmt::Display| Problem::Several(error.to_string());
     experiment.archive.validate().map_err(|error| several(&error))?;
@@ -171,6 +172,10 @@ fn scenes(experiment: &Experiment) -> Result<(), Problem> {
         SceneSource::Files { .. } | SceneSource::Pool { .. } => Ok(()),
     };
     checked.map_err(|error| Problem::Several(format!("scenes.options: {error}")))
+}
+
+fn simulator(experiment: &Experiment) -> Result<(), Problem> {
+    experiment.simulator.check().map_err(|error| Problem::Several(error.to_string()))
 }
 
 fn labels(experiment: &Experiment) -> Result<(), Problem> {

@@ -9,6 +9,7 @@ use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
 use crate::families;
 use crate::kernel::{Seed, Threads};
+use crate::objects::LineageId;
 use crate::scene::{Pool, Scene, Split};
 use crate::stage::Source;
 
@@ -43,8 +44,14 @@ impl Experiment {
         for lineage in &self.lineages {
             let ego: Policy =
                 lineage.ego.parse().map_err(|error| self.problem(format!("lineage {}: {error}", lineage.id)))?;
-            let (id, family, parent) = (lineage.id.clone(), lineage.family.clone(), lineage.parent.clone());
-            lineages.push(LineageSpec { id, family, ego, parent });
+            for replica in 0..self.seeds {
+                let (group, family, parent) = (lineage.id.clone(), lineage.family.clone(), lineage.parent.clone());
+                let id = match self.seeds {
+                    1 => group.clone(),
+                    _ => LineageId::new(format!("{group}-s{replica}")),
+                };
+                lineages.push(LineageSpec { id, group, replica, family, ego: ego.clone(), parent });
+            }
         }
         let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
         let mut by_id: BTreeMap<String, Arc<Scene>> =
@@ -76,6 +83,7 @@ impl Experiment {
                 finalists: self.budget.finalists,
             },
             models: models::by_role(self),
+            simulator: self.simulator,
             evaluation: self.evaluation.clone(),
             archive: self.archive.clone(),
             selector: self.selector.clone(),

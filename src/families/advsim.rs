@@ -2,8 +2,8 @@
 //! ticks after its trigger, as a share of twice the standard speed, found by black-box queries; its path stays straight.
 //!
 //! The port ships the sequences that its authors optimised; here the search runs. Where their first vector comes from
-//! numpy's generator, ours comes from a named stream. Choices of ours: the (1+1) evolution strategy, a small budget, and
-//! the moving mean over neighbouring numbers (`speed_smoothing`, 1 in the port: none).
+//! numpy's generator, ours comes from a named stream. Choices of ours: the (1+1) evolution strategy that changes stretches of
+//! the profile, a small budget, and the moving mean over neighbouring numbers (`speed_smoothing`, 1 in the port: none).
 
 use super::grammar::{integer, number, parameter};
 use super::interface::own;

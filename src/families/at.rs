@@ -43,7 +43,7 @@ pub fn family() -> Family {
         name: NAME,
         title: "AT: adversarial trajectories (Zhang et al. 2022)",
         describes: "Keeps a recorded vehicle on its own path and shifts it by offsets of at most one metre at knots of \
-                    0.5 s. All offsets are scaled down together until speed, acceleration and jerk stay within bounds. \
+                    two seconds. All offsets are scaled down together until speed, acceleration and jerk stay within bounds. \
                     A particle swarm looks for the offsets that bring it toward the ego's rollout."
             .into(),
         words: vec![BOUNDED_OFFSETS, PARTICLE_SWARM, OFFSET_GRADIENT, "offset_loss", "restart_count", "gradient_step"],
@@ -69,7 +69,10 @@ pub fn family() -> Family {
 fn motion_parameters() -> Vec<OwnParameter> {
     vec![
         own(parameter("offset_m_max", number(0.05, 1.0, "m"), "largest offset at any time; 1 in AT"), 1.0),
-        own(parameter("knot_spacing_s", number(0.3, 2.0, "s"), "time between knots; 0.5 in the adaptation"), 0.5),
+        own(
+            parameter("knot_spacing_s", number(0.3, 4.0, "s"), "time between knots; 2 s give the four points of AT"),
+            2.0,
+        ),
         own(parameter("path_speed_mps_max", number(5.0, 40.0, "m/s"), "speed bound of the perturbed path"), 17.2),
         own(parameter("path_acceleration_mps2_max", number(0.5, 9.0, "m/s^2"), "longitudinal acceleration bound"), 5.1),
         own(parameter("path_lateral_mps2_max", number(0.3, 6.0, "m/s^2"), "lateral acceleration bound"), 1.87),
@@ -165,6 +168,8 @@ fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String
     graph
 }
 
+/// The record whose maxima the bounds are (nuScenes, 2 Hz) has a sample every this many steps.
+const INTERVAL_STEPS: usize = 5;
 /// Checks of the loss lie this many samples apart (0.5 s).
 const CHECK_STEPS: usize = 5;
 
@@ -177,6 +182,7 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         lateral_mps2_max: settings.number("path_lateral_mps2_max")?,
         jerk_mps3_max: settings.number("path_jerk_mps3_max")?,
         lateral_jerk_mps3_max: settings.number("path_lateral_jerk_mps3_max")?,
+        interval_steps: INTERVAL_STEPS,
     };
     let spacing_s = settings.number("knot_spacing_s")?;
     let cubic = settings.word("interpolation")? == "cubic";
@@ -368,6 +374,7 @@ mod tests {
             lateral_mps2_max: 1.87,
             jerk_mps3_max: 15.7,
             lateral_jerk_mps3_max: 4.3,
+            interval_steps: INTERVAL_STEPS,
         };
         let window = Window { from_step: 1, steps: 50 };
         let offsets = OffsetSpace::of_log(&situation.scene.tracks[0], window, 0.5, interpolation, bounds);

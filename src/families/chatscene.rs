@@ -5,7 +5,8 @@
 //! Here the experiment file describes a scenario for each kind of traffic family, the template agent composes a behaviour
 //! and ranges from it (`forms` is what it may choose from), and `put` makes them the parent's. A kind that is not described
 //! has the published template. Afterwards the agents of the role loop change both by patches, and the gates check them.
-//! Actor and opposite side of the road come with the traffic family.
+//! Actor and opposite side of the road come with the traffic family; who changes lane is the car in the target lane, as
+//! in ChatScene's third scenario, and not the leader.
 //! OS ranks the colliding samples in the method; the samples here are ranked by the share of its route that the ego
 //! drove, which is what OS moves most with once the run collides. Choices of ours, as is the small sample.
 
@@ -15,11 +16,12 @@ use super::grammar::{self, choice, integer, number, optional, parameter, require
 use super::interface::{self, FamilySpec, OwnParameter, own};
 use super::staged;
 use crate::adapters::Family;
-use crate::kernel::num;
+use crate::kernel::{Pose, num};
 use crate::motion::Candidate;
-use crate::motion::chat_template::{Behaviour, DRAWN, DRAWN_MEANS, Template};
+use crate::motion::chat_behaviour::Behaviour;
+use crate::motion::chat_template::{DRAWN, DRAWN_MEANS, Frame, Template};
 use crate::motion::script_space::{Perturbation, ScriptSpace};
-use crate::motion::traffic_family::{actions, adversary, standard};
+use crate::motion::traffic_family::{self, actions, standard};
 use crate::objects::composition::{BehaviourForm, RangeForm, TemplateForm};
 use crate::objects::{Composition, Program, Slot, ValueType};
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
@@ -35,20 +37,100 @@ pub const SCENE_TEMPLATE: &str = "scene_template";
 pub const RANGE_SHRINKING: &str = "range_shrinking";
 
 /// Low and high of each of the drawn numbers.
-type Ranges = [(f64, f64); 5];
+type Ranges = [(f64, f64); DRAWN.len()];
 
-/// Kinds of traffic families that share a template: word, parent's behaviour, ranges of the five drawn numbers.
-///
-/// Ranges follow ChatScene's `OPT_*` where its frame allows: speeds 0-5 on foot or by bicycle, 5-15 else, its trigger
-/// and stopping distances, and shifts of the place where the traffic family puts the actor.
-const KINDS: [(&str, &str, Ranges); 3] = [
-    ("roadside", "steady", [(-10.0, 5.0), (-2.0, 2.0), (0.5, 5.0), (5.0, 25.0), (2.0, 10.0)]),
-    ("lane", "stop_before", [(-15.0, 5.0), (-0.5, 0.5), (2.0, 10.0), (10.0, 45.0), (2.0, 20.0)]),
-    ("crossing", "intercept", [(-5.0, 10.0), (-5.0, 5.0), (5.0, 15.0), (15.0, 45.0), (2.0, 20.0)]),
+/// A kind of traffic families that share a template.
+struct Kind {
+    name: &'static str,
+    /// Name of the setting that holds its behaviour.
+    setting: &'static str,
+    /// What fits its roads and its road user; the first is the published template's.
+    behaviours: &'static [Behaviour],
+    /// Of the published template, in the order of [`DRAWN`].
+    ranges: Ranges,
+}
+
+/// The kinds. Ranges follow ChatScene's `OPT_*` as far as its frame allows: speeds up to 5 on foot or by bicycle, 5-10
+/// beside the ego, 5-15 over a junction; its trigger, stopping and steering distances; its places, as shifts of the place
+/// where the traffic family puts the actor.
+const KINDS: [Kind; 6] = [
+    Kind {
+        name: "roadside",
+        setting: "roadside_behaviour",
+        behaviours: &[
+            Behaviour::InterceptAndStop,
+            Behaviour::Intercept,
+            Behaviour::Steady,
+            Behaviour::CrossAtAngle,
+            Behaviour::SpeedUp,
+        ],
+        ranges: [(-25.0, 5.0), (-1.5, 3.0), (0.5, 5.0), (5.0, 25.0), (0.0, 1.0), (-3.0, 3.0)],
+    },
+    Kind {
+        name: "turning",
+        setting: "turning_behaviour",
+        behaviours: &[Behaviour::InterceptAndStop, Behaviour::Intercept, Behaviour::Steady, Behaviour::CrossAtAngle],
+        ranges: [(-8.0, 7.0), (-1.5, 3.0), (0.5, 10.0), (5.0, 25.0), (0.0, 1.0), (-3.0, 3.0)],
+    },
+    Kind {
+        name: "lane_change",
+        setting: "lane_change_behaviour",
+        behaviours: &[
+            Behaviour::CutIn,
+            Behaviour::CutInAndBrake,
+            Behaviour::Weave,
+            Behaviour::Drift,
+            Behaviour::PullOut,
+            Behaviour::MatchEgo,
+            Behaviour::StopBefore,
+        ],
+        ranges: [(-36.0, -6.0), (-0.5, 0.5), (5.0, 10.0), (15.0, 45.0), (3.0, 20.0), (2.5, 4.5)],
+    },
+    Kind {
+        name: "passing",
+        setting: "passing_behaviour",
+        behaviours: &[
+            Behaviour::CutIn,
+            Behaviour::Swerve,
+            Behaviour::Drift,
+            Behaviour::TurnOff,
+            Behaviour::SpeedUp,
+            Behaviour::Steady,
+        ],
+        ranges: [(-20.0, 10.0), (-0.5, 0.5), (4.0, 10.0), (10.0, 60.0), (5.0, 30.0), (2.0, 4.5)],
+    },
+    Kind {
+        name: "crossing",
+        setting: "crossing_behaviour",
+        behaviours: &[
+            Behaviour::RushAndStop,
+            Behaviour::Intercept,
+            Behaviour::InterceptAndStop,
+            Behaviour::StopBefore,
+            Behaviour::TurnOff,
+            Behaviour::SlowBlock,
+            Behaviour::SpeedUp,
+            Behaviour::Steady,
+        ],
+        ranges: [(-5.0, 10.0), (-0.5, 0.5), (5.0, 15.0), (15.0, 45.0), (0.0, 20.0), (-4.0, 4.0)],
+    },
+    Kind {
+        name: "oncoming",
+        setting: "oncoming_behaviour",
+        behaviours: &[
+            Behaviour::RushAndStop,
+            Behaviour::StopBefore,
+            Behaviour::TurnOff,
+            Behaviour::Weave,
+            Behaviour::SlowBlock,
+            Behaviour::Steady,
+        ],
+        ranges: [(-5.0, 15.0), (-0.5, 0.5), (5.0, 15.0), (15.0, 55.0), (0.0, 20.0), (-4.0, 4.0)],
+    },
 ];
 /// Bounds within which evolution may put the ranges.
-const BOUNDS: [(f64, f64, &str); 5] =
-    [(-20.0, 20.0, "m"), (-8.0, 8.0, "m"), (0.0, 20.0, "m/s"), (0.0, 60.0, "m"), (0.0, 30.0, "m")];
+const BOUNDS: [(f64, f64, &str); DRAWN.len()] =
+    [(-45.0, 20.0, "m"), (-8.0, 8.0, "m"), (0.0, 20.0, "m/s"), (0.0, 60.0, "m"), (0.0, 30.0, "m"), (-6.0, 6.0, "m")];
 
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
@@ -69,7 +151,7 @@ pub fn family() -> Family {
         own(parameter("template_samples", integer(4, 50, "1"), "scenarios drawn a scene; 50 in ChatScene"), 12.0),
         own(parameter("shrink_every", integer(2, 25, "1"), "samples between two steps of the ranges; 10 there"), 4.0),
     ];
-    let behaviours: Vec<_> = KINDS.iter().map(|(kind, word, _)| interface::word(&behaviour_of(kind), word)).collect();
+    let behaviours = KINDS.iter().map(|kind| interface::word(kind.setting, kind.behaviours[0].word()));
     let mut graph = staged::graph_start();
     let settings = interface::from_parameters(&ranges).into_iter().chain(behaviours).collect();
     graph.push(interface::node("motion", Slot::Motion, SCENE_TEMPLATE, &["timing"], settings));
@@ -77,9 +159,10 @@ pub fn family() -> Family {
     graph.push(interface::node("search", Slot::Search, RANGE_SHRINKING, &["motion"], settings));
     graph.push(interface::best_of_search());
     let mut settings: Vec<_> = ranges.iter().map(interface::follows).collect();
-    settings.extend(KINDS.iter().map(|(kind, _, _)| {
-        let describes = format!("what the adversary of a {kind} scenario does once it is set off");
-        required(&behaviour_of(kind), choice(&Behaviour::WORDS), &describes)
+    settings.extend(KINDS.iter().map(|kind| {
+        let describes = format!("what the adversary of a {} scenario does once it is set off", kind.name);
+        let words: Vec<&str> = kind.behaviours.iter().map(|behaviour| behaviour.word()).collect();
+        required(kind.setting, choice(&words), &describes)
     }));
     let template = interface::operator(
         Slot::Motion,
@@ -95,14 +178,8 @@ pub fn family() -> Family {
         settings,
         "Draws scenarios from the ranges, simulates each, and shrinks the ranges to what collided.",
     );
-    let words: Vec<&'static str> = vec![
-        SCENE_TEMPLATE,
-        RANGE_SHRINKING,
-        "template_score",
-        "roadside_behaviour",
-        "lane_behaviour",
-        "crossing_behaviour",
-    ];
+    let own_words = [SCENE_TEMPLATE, RANGE_SHRINKING, "template_score"];
+    let words: Vec<&'static str> = own_words.into_iter().chain(KINDS.iter().map(|kind| kind.setting)).collect();
     staged::family(FamilySpec {
         name: NAME,
         title: "ChatScene (Zhang et al. 2024)",
@@ -126,14 +203,14 @@ pub fn family() -> Family {
 
 /// What a template may be composed of, kind by kind.
 pub fn forms() -> Vec<TemplateForm> {
-    let behaviours = || Behaviour::WORDS.into_iter().zip(Behaviour::DESCRIBES);
-    let form = |(kind, published, ranges): &(&'static str, &'static str, Ranges)| TemplateForm {
-        kind,
-        published,
-        behaviours: behaviours().map(|(word, describes)| BehaviourForm { word, describes }).collect(),
+    let behaviour = |of: &Behaviour| BehaviourForm { word: of.word(), describes: of.describes() };
+    let form = |kind: &Kind| TemplateForm {
+        kind: kind.name,
+        published: kind.behaviours[0].word(),
+        behaviours: kind.behaviours.iter().map(behaviour).collect(),
         ranges: (0..DRAWN.len())
             .map(|i| {
-                let ((low_min, high_max, unit), (low, high)) = (BOUNDS[i], ranges[i]);
+                let ((low_min, high_max, unit), (low, high)) = (BOUNDS[i], kind.ranges[i]);
                 RangeForm { name: DRAWN[i], unit, describes: DRAWN_MEANS[i], low_min, high_max, published: [low, high] }
             })
             .collect(),
@@ -148,18 +225,14 @@ pub fn put(program: &mut Program, kind: &str, template: &Composition) {
         program.parameters.extend(ends.map(|(end, value)| grammar::value(&range_name(kind, drawn, end), value)));
     }
     for node in program.operator_graph.values_mut().filter(|node| node.kind == SCENE_TEMPLATE) {
-        node.settings.insert(behaviour_of(kind), grammar::word(&template.behaviour));
+        node.settings.insert(format!("{kind}_behaviour"), grammar::word(&template.behaviour));
     }
-}
-
-fn behaviour_of(kind: &str) -> String {
-    format!("{kind}_behaviour")
 }
 
 /// Low and high of every number of every kind.
 fn range_parameters() -> Vec<OwnParameter> {
     let mut parameters = Vec::new();
-    for (kind, _, ranges) in KINDS {
+    for Kind { name: kind, ranges, .. } in &KINDS {
         for (i, drawn) in DRAWN.iter().enumerate() {
             let (low, high, unit) = BOUNDS[i];
             for (end, value) in [("low", ranges[i].0), ("high", ranges[i].1)] {
@@ -176,11 +249,36 @@ fn range_name(kind: &str, drawn: &str, end: &str) -> String {
     format!("{kind}_{drawn}_{end}")
 }
 
-fn kind_of(family: TrafficFamily) -> &'static str {
-    match family.number() {
-        1 | 2 => "roadside",
-        3 | 4 => "lane",
-        _ => "crossing",
+fn kind_of(family: TrafficFamily) -> &'static Kind {
+    &KINDS[match family {
+        TrafficFamily::StraightObstacle => 0,
+        TrafficFamily::TurningObstacle => 1,
+        TrafficFamily::LaneChanging => 2,
+        TrafficFamily::VehiclePassing => 3,
+        TrafficFamily::UnprotectedLeftTurn => 5,
+        TrafficFamily::RedLightRunning | TrafficFamily::RightTurn | TrafficFamily::CrossingNegotiation => 4,
+    }]
+}
+
+/// The action that a template changes: as everywhere the one that meets the ego, but where the ego would change lane the
+/// car in the lane beside it.
+fn adversary(family: TrafficFamily) -> usize {
+    if family == TrafficFamily::LaneChanging { 1 } else { traffic_family::adversary(family) }
+}
+
+/// How a template's numbers are seen from where its adversary stands.
+fn frame(family: TrafficFamily, spawn: &Pose) -> Frame {
+    let turned_rad = match kind_of(family).name {
+        // It faces the road from its right side.
+        "roadside" | "turning" => -num::FRAC_PI_2,
+        "passing" => num::PI,
+        _ => 0.0,
+    };
+    // A car in the left lane and one that comes from the left have the ego on their right.
+    let on_right = family == TrafficFamily::LaneChanging || kind_of(family).name == "crossing";
+    Frame {
+        heading_rad: num::wrap_angle(spawn.heading_rad + turned_rad),
+        toward_left: if on_right { -1.0 } else { 1.0 },
     }
 }
 
@@ -188,25 +286,30 @@ fn kind_of(family: TrafficFamily) -> &'static str {
 pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
     let Some(places) = Places::of(&stage.situation.scene) else { return Ok(()) };
     let family = places.staging().family;
-    let kind = kind_of(family);
-    let mut ranges = Vec::with_capacity(DRAWN.len());
-    for drawn in DRAWN {
-        let end = |end| settings.number(&range_name(kind, drawn, end));
-        let (low, high) = (end("low")?, end("high")?);
-        ranges.push((low.min(high), low.max(high)));
-    }
-    let word = settings.word(&behaviour_of(kind))?;
-    let behaviour = Behaviour::of_word(word).ok_or_else(|| StageError::Missing(format!("behaviour {word}")))?;
-    let heading_rad = places.staging().trigger.heading_rad;
     let Ok(base) = actions(&places, &standard(family)) else { return Ok(()) };
-    let perturbation = Perturbation::Template(Template { behaviour, heading_rad, ranges });
-    let space = Arc::new(ScriptSpace { base, adversary: adversary(family), perturbation });
+    let Some(Action::Triggered(script)) = base.get(adversary(family)) else { return Ok(()) };
+    let template = template(family, &script.spawn, settings)?;
+    let space = ScriptSpace { base, adversary: adversary(family), perturbation: Perturbation::Template(template) };
+    let space = Arc::new(space);
     for part in parts {
         let place = vec![0.5; DRAWN.len()];
         part.candidates =
             sample(stage, &space, &place, part.window.from_step, Some(space.clone())).into_iter().collect();
     }
     Ok(())
+}
+
+fn template(family: TrafficFamily, spawn: &Pose, settings: &Settings) -> Result<Template, StageError> {
+    let kind = kind_of(family);
+    let mut ranges = Vec::with_capacity(DRAWN.len());
+    for drawn in DRAWN {
+        let end = |end| settings.number(&range_name(kind.name, drawn, end));
+        let (low, high) = (end("low")?, end("high")?);
+        ranges.push((low.min(high), low.max(high)));
+    }
+    let word = settings.word(kind.setting)?;
+    let behaviour = Behaviour::of_word(word).ok_or_else(|| StageError::Missing(format!("behaviour {word}")))?;
+    Ok(Template { behaviour, frame: frame(family, spawn), ranges })
 }
 
 fn sample(

@@ -16,6 +16,8 @@ pub mod profile_search;
 pub mod sage;
 pub mod seal;
 pub mod staged;
+#[cfg(test)]
+mod staged_signatures;
 pub mod strive;
 
 use crate::adapters::Registry;

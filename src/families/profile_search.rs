@@ -49,7 +49,8 @@ pub fn family(of: Profiled) -> Family {
         Slot::Search,
         of.queries,
         settings,
-        "Simulates profiles one after the other, each a change of the best so far, until the ego collides.",
+        "Simulates profiles one after the other, each a change of the best so far, until the ego collides; with a loss of \
+         the program's own, all of them, and the least loss wins.",
     );
     staged::family(FamilySpec {
         name: of.name,
@@ -75,9 +76,19 @@ fn parameters(prefix: &str) -> Vec<OwnParameter> {
         own(parameter(&format!("{prefix}{name}"), domain, describes), value)
     };
     vec![
-        named("query_count", integer(1, 50, "1"), "most simulations of a search; it stops at a contact", 8.0),
-        named("query_step", number(0.02, 1.0, "1"), "largest change of a number between queries", 0.5),
-        named("changed_share", number(0.02, 1.0, "1"), "share of the 100 numbers that a query changes", 0.3),
+        named(
+            "query_count",
+            integer(1, 50, "1"),
+            "most simulations; without a loss, the first contact is the last",
+            8.0,
+        ),
+        named("query_step", number(0.02, 1.0, "1"), "largest change of a number between queries", 0.8),
+        named(
+            "changed_share",
+            number(0.02, 1.0, "1"),
+            "length of the stretch of the 100 numbers that a query changes",
+            0.5,
+        ),
     ]
 }
 
@@ -119,7 +130,8 @@ fn adversary(space: &Option<Arc<ScriptSpace>>) -> usize {
     space.as_ref().map_or(0, |space| space.adversary)
 }
 
-/// Asks for profiles until one makes the ego collide. Every query is a candidate, scored by minus its loss.
+/// Asks for profiles. Every query is a candidate, scored by minus its loss. As published, a contact ends the search; where
+/// the program adds a loss of its own, the search goes on and that loss chooses among the contacts.
 pub fn search(stage: &Stage<'_>, settings: &Settings, prefix: &str, parts: &mut [Part]) -> Result<(), StageError> {
     let number = |name: &str| settings.number(&format!("{prefix}{name}"));
     let count = settings.count(&format!("{prefix}query_count"))?;
@@ -138,7 +150,7 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, prefix: &str, parts: &mut 
             let extra = module.map_or(0.0, |module| module.of_candidate(&found, &judged));
             let loss = num::stored(own + extra)?;
             found.score = -loss;
-            Some(Answer { loss, success, found })
+            Some(Answer { loss, success: success && module.is_none(), found })
         };
         let asked = ask_all(&queries, PROFILE_VALUES, &mut stage.stream("queries", actor), ask);
         part.candidates = asked.into_iter().map(|(_, found)| found).collect();

@@ -217,6 +217,13 @@ fn ego_of(track: Track, current_step: usize) -> Result<Ego, String> {
             route.push(sample.position);
         }
     }
+    // The exact end: arrival is measured against it. In place of the last point, so that a standing car's jitter gives the
+    // route no direction.
+    if let (Some(end), [.., before, last]) = (track.samples.iter().flatten().next_back(), &mut route[..])
+        && before.distance(end.position) >= ROUTE_SPACING_M
+    {
+        *last = end.position;
+    }
     let start = track.at(start_step).ok_or("the ego is not observed at its start")?;
     if route.len() < 2 {
         // It never moved: a route of half a metre says where it looks.

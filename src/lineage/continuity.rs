@@ -1,7 +1,7 @@
 //! Continuity: whether what a lineage says of its descent is true of the programs it stores.
 
 use super::{
-    record::{AttemptRecord, Lineage},
+    record::{AttemptRecord, Leader, Lineage},
     store::LineageStore,
 };
 use crate::objects::Program;
@@ -26,24 +26,28 @@ impl LineageStore {
     }
 }
 
-/// The active program is where the promotions lead, one after the other, from the parent.
+/// Each leader is where its promotions lead, one after the other, from the parent.
 fn check_leaders(lineage: &Lineage, problems: &mut Vec<String>) {
-    let mut leader = &lineage.parent;
-    let mut epoch = 0;
-    for promotion in &lineage.promotions {
-        if promotion.from != *leader {
-            problems.push(format!("{}: promotion of {} is not from the leader {leader}", lineage.id, promotion.to));
+    let anchor = lineage.realism_anchor.as_ref().unwrap_or(&lineage.parent);
+    for (leader, name, leads) in
+        [(Leader::Active, "active", &lineage.active), (Leader::RealismAnchor, "realism anchor", anchor)]
+    {
+        let (mut last, mut epoch) = (&lineage.parent, 0);
+        for promotion in lineage.promotions.iter().filter(|promotion| promotion.leader == leader) {
+            if promotion.from != *last {
+                problems.push(format!("{}: promotion of {} is not from the leader {last}", lineage.id, promotion.to));
+            }
+            if promotion.epoch < epoch {
+                problems.push(format!("{}: promotion of {} comes before the one it follows", lineage.id, promotion.to));
+            }
+            if !lineage.may_lead(&promotion.to) {
+                problems.push(format!("{}: {} leads but was never accepted", lineage.id, promotion.to));
+            }
+            (last, epoch) = (&promotion.to, promotion.epoch);
         }
-        if promotion.epoch < epoch {
-            problems.push(format!("{}: promotion of {} comes before the one it follows", lineage.id, promotion.to));
+        if leads != last {
+            problems.push(format!("{}: {name} is {leads}, the promotions lead to {last}", lineage.id));
         }
-        if !lineage.attempts.iter().any(|record| record.child.as_ref() == Some(&promotion.to) && record.accepted) {
-            problems.push(format!("{}: {} leads but was never accepted", lineage.id, promotion.to));
-        }
-        (leader, epoch) = (&promotion.to, promotion.epoch);
-    }
-    if lineage.active != *leader {
-        problems.push(format!("{}: active is {}, the promotions lead to {leader}", lineage.id, lineage.active));
     }
     for needed in [&lineage.parent, &lineage.active] {
         if !lineage.solutions.contains_key(needed) {
@@ -154,14 +158,10 @@ mod tests {
 
     fn attempt_of(program: &Program, child: Program, epoch: u32, slot: u32, accepted: bool) -> Attempt {
         let gates = AcceptanceGates {
-            densification: Densification {
-                holds: accepted,
-                non_dominated: accepted,
-                hypervolume_before: 0.1,
-                hypervolume_gain: 0.1,
-            },
-            local_push: LocalPush { holds: false, best_attack_at_r0: None, best_realism_at_a0: None },
-            parent_tradeoff: ParentTradeoff { holds: false, attack_change: 0.0, realism_change: 0.0 },
+            densification: Densification { holds: accepted, non_dominated: accepted, ..Densification::default() },
+            coverage: CoverageFloor { holds: true, ..CoverageFloor::default() },
+            differing_scenes: 1,
+            ..AcceptanceGates::default()
         };
         let objectives = Objectives { attack: 0.5, realism: 0.9 };
         let candidate = Candidate {
@@ -190,8 +190,15 @@ mod tests {
                     predicted: objectives,
                     uncertainty: 0.0,
                 },
-                score: Score { objectives, scenes: Vec::new(), failures: Vec::new(), benchmark: None },
-                decision: Decision { promoted: accepted, on_front: accepted, gates },
+                score: Score {
+                    objectives,
+                    realism_all: objectives.realism,
+                    coverage: 1.0,
+                    scenes: Vec::new(),
+                    failures: Vec::new(),
+                    benchmark: None,
+                },
+                decision: Decision { promoted: accepted, on_front: accepted, gates: Box::new(gates) },
             },
         }
     }
@@ -206,7 +213,7 @@ mod tests {
             let child = child_of(&active, epoch, 1);
             let name = child.solution_id.clone();
             store.attach(&attempt_of(&active, child, epoch, 1, true)).unwrap();
-            store.promote(&line(), &name, epoch).unwrap();
+            store.promote(&line(), Leader::Active, &name, epoch).unwrap();
         }
         store
     }
@@ -246,7 +253,24 @@ mod tests {
     fn only_an_accepted_child_can_lead() {
         let mut store = grown();
         let sibling = SolutionId::new("cat-idm/e1s0");
-        assert!(matches!(store.promote(&line(), &sibling, 4), Err(LineageError::NotAccepted { .. })));
+        assert!(matches!(store.promote(&line(), Leader::Active, &sibling, 4), Err(LineageError::NotAccepted { .. })));
+    }
+
+    #[test]
+    fn a_realism_anchor_has_a_chain_of_its_own_that_begins_with_the_parent() {
+        let mut store = grown();
+        for (solution, epoch) in [("cat-idm/e2s1", 4), ("cat-idm/parent", 5)] {
+            store.promote(&line(), Leader::RealismAnchor, &SolutionId::new(solution), epoch).unwrap();
+        }
+        assert_eq!(store.verify_continuity(), Vec::<String>::new());
+        let lineage = store.lineages.get_mut(&line()).unwrap();
+        assert_eq!(lineage.active.as_str(), "cat-idm/e3s1");
+        lineage.realism_anchor = Some(SolutionId::new("cat-idm/e1s1"));
+        let problems = store.verify_continuity().join("\n");
+        assert!(
+            problems.contains("realism anchor is cat-idm/e1s1, the promotions lead to cat-idm/parent"),
+            "{problems}"
+        );
     }
 
     #[test]

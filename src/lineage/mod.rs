@@ -4,5 +4,5 @@ mod continuity;
 mod record;
 mod store;
 
-pub use record::{AttemptRecord, Lineage, Link, Promotion};
+pub use record::{AttemptRecord, Leader, Lineage, Link, Promotion};
 pub use store::{LineageError, LineageStore};

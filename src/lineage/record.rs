@@ -14,8 +14,11 @@ pub struct Lineage {
     pub family: FamilyName,
     /// p_0.
     pub parent: SolutionId,
-    /// p_t: whom the next proposals edit.
+    /// p_t: whom the next proposals edit; only the even slots', where there is a realism anchor.
     pub active: SolutionId,
+    /// Whom the odd slots edit under the rule of two anchors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub realism_anchor: Option<SolutionId>,
     /// Every admitted program, also those that were rejected or not accepted.
     pub solutions: BTreeMap<SolutionId, Program>,
     /// In the order in which they were attached.
@@ -42,6 +45,14 @@ pub struct AttemptRecord {
     pub accepted: bool,
 }
 
+impl Lineage {
+    /// Whether a program may be a leader: the parent, or a child that was accepted.
+    pub(super) fn may_lead(&self, solution: &SolutionId) -> bool {
+        let accepted = |record: &AttemptRecord| record.child.as_ref() == Some(solution) && record.accepted;
+        *solution == self.parent || self.attempts.iter().any(accepted)
+    }
+}
+
 impl AttemptRecord {
     pub(super) fn of(attempt: &Attempt) -> AttemptRecord {
         let candidate = match &attempt.exit {
@@ -62,11 +73,20 @@ impl AttemptRecord {
     }
 }
 
-/// A change of the active parent, made after an epoch's barrier.
+/// Which of a lineage's leaders is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Leader {
+    Active,
+    RealismAnchor,
+}
+
+/// A change of a leader, made after an epoch's barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Promotion {
     pub epoch: u32,
+    pub leader: Leader,
     pub from: SolutionId,
     pub to: SolutionId,
 }

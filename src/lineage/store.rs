@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use super::record::{AttemptRecord, Lineage, Link, Promotion};
+use super::record::{AttemptRecord, Leader, Lineage, Link, Promotion};
 use crate::kernel::canon::CanonError;
 use crate::objects::{Attempt, AttemptId, Exit, FamilyName, LineageId, Program, SolutionId};
 
@@ -58,6 +58,7 @@ impl LineageStore {
             id,
             family: program.source_family.clone(),
             active: parent.clone(),
+            realism_anchor: None,
             solutions: BTreeMap::from([(parent.clone(), program)]),
             parent,
             attempts: Vec::new(),
@@ -115,16 +116,29 @@ impl LineageStore {
         Ok(())
     }
 
-    /// Makes an accepted child the active parent from the next epoch on.
-    pub fn promote(&mut self, id: &LineageId, solution: &SolutionId, epoch: u32) -> Result<(), LineageError> {
+    /// Makes p_0 or an accepted child a leader from the next epoch on. Does nothing where it leads already.
+    pub fn promote(
+        &mut self,
+        id: &LineageId,
+        leader: Leader,
+        solution: &SolutionId,
+        epoch: u32,
+    ) -> Result<(), LineageError> {
         self.program(id, solution)?;
         let lineage = self.get_mut(id)?;
-        let accepted = |record: &&AttemptRecord| record.child.as_ref() == Some(solution) && record.accepted;
-        if !lineage.attempts.iter().any(|record| accepted(&record)) {
+        if !lineage.may_lead(solution) {
             return Err(LineageError::NotAccepted { lineage: id.clone(), solution: solution.clone() });
         }
-        let from = std::mem::replace(&mut lineage.active, solution.clone());
-        lineage.promotions.push(Promotion { epoch, from, to: solution.clone() });
+        let from = match leader {
+            Leader::Active => std::mem::replace(&mut lineage.active, solution.clone()),
+            Leader::RealismAnchor => {
+                let before = lineage.realism_anchor.replace(solution.clone());
+                before.unwrap_or_else(|| lineage.parent.clone())
+            }
+        };
+        if from != *solution {
+            lineage.promotions.push(Promotion { epoch, leader, from, to: solution.clone() });
+        }
         Ok(())
     }
 

@@ -133,8 +133,18 @@ impl Writer<'_> {
                 self.own(CardKind::Failure, text, tags);
             }
         } else {
-            let why = self.weakness(labels).unwrap_or("brought no new trade-off");
-            self.own(CardKind::Failure, format!("Not accepted, {why}: {}, {change}.", self.rates(labels)), tags);
+            let gates = &decision.gates;
+            let why = match () {
+                () if gates.differing_scenes == 0 => "had the parent's labels in every scene",
+                () if !gates.coverage.holds => "acted in too few scenes",
+                () => self.weakness(labels).unwrap_or("brought no new trade-off"),
+            };
+            let digits = self.context.options.digits;
+            let coverage = number(gates.coverage.coverage, digits);
+            let floor = number(gates.coverage.floor, digits);
+            let rates = self.rates(labels);
+            let text = format!("Not accepted, {why}: {rates}, coverage {coverage} of at least {floor}, {change}.");
+            self.own(CardKind::Failure, text, tags);
             self.motif(CardKind::Failure, why, candidate);
         }
     }

@@ -107,6 +107,8 @@ fn evaluated(tags: &[&str], routed: Route, labels: [f64; 2], accepted: bool) -> 
         route: routed,
         score: Score {
             objectives: Objectives { attack: labels[0], realism: labels[1] },
+            realism_all: labels[1],
+            coverage: 1.0,
             scenes: Vec::new(),
             failures: Vec::new(),
             benchmark: None,
@@ -114,16 +116,17 @@ fn evaluated(tags: &[&str], routed: Route, labels: [f64; 2], accepted: bool) -> 
         decision: Decision {
             promoted: false,
             on_front: accepted,
-            gates: AcceptanceGates {
-                densification: Densification {
-                    holds: accepted,
-                    non_dominated: accepted,
-                    hypervolume_before: 0.2,
-                    hypervolume_gain: 0.1,
+            gates: Box::new(AcceptanceGates {
+                densification: Densification { holds: accepted, non_dominated: accepted, ..Densification::default() },
+                parent_tradeoff: ParentTradeoff {
+                    attack_change: 0.1234,
+                    realism_change: -0.05,
+                    ..ParentTradeoff::default()
                 },
-                local_push: LocalPush { holds: false, best_attack_at_r0: None, best_realism_at_a0: None },
-                parent_tradeoff: ParentTradeoff { holds: false, attack_change: 0.1234, realism_change: -0.05 },
-            },
+                coverage: CoverageFloor { holds: true, coverage: 0.5, parent: 0.5, floor: 0.4 },
+                differing_scenes: 3,
+                ..AcceptanceGates::default()
+            }),
         },
     }
 }

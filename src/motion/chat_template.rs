@@ -1,99 +1,72 @@
 //! ChatScene's templates as typed data: which behaviour the adversary shows, and the ranges of the numbers that its
 //! sampler draws. A language model's composition of a template is a choice among these words and bounds.
 
+use super::chat_behaviour::{Behaviour, Drawn};
 use crate::kernel::{Vec2, num};
 use crate::scene::AgentKind;
-use crate::sim::{Phase, Script, Speed, Until};
-
-/// What the adversary does once it is set off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Behaviour {
-    /// Keeps the drawn speed.
-    Steady,
-    /// Adapts its speed so that it meets the ego where their ways cross (ChatScene's `CrossingBehavior`).
-    Intercept,
-    /// Drives until the ego is within the drawn distance, then stops in its way.
-    StopBefore,
-    /// Half the drawn speed until the ego is within the drawn distance, then all of it.
-    SpeedUp,
-    /// As fast as the ego, at most the drawn speed (ChatScene's parallel block).
-    MatchEgo,
-}
-
-impl Behaviour {
-    /// Words of a contract, in the order of the variants.
-    pub const WORDS: [&str; 5] = ["steady", "intercept", "stop_before", "speed_up", "match_ego"];
-
-    /// What each of them does, in words for the model.
-    pub const DESCRIBES: [&str; 5] = [
-        "crosses or drives on at a steady speed, whatever the ego does",
-        "times its speed so that it meets the ego where their ways cross: intercepts it",
-        "drives ahead of the ego and suddenly brakes: stops and stands in its way",
-        "waits or goes slowly first, then speeds up: accelerates hard when the ego is near",
-        "matches the speed of the ego beside it and keeps parallel: blocks the lane",
-    ];
-
-    /// The behaviour of a contract's word.
-    pub fn of_word(word: &str) -> Option<Behaviour> {
-        let all = [Self::Steady, Self::Intercept, Self::StopBefore, Self::SpeedUp, Self::MatchEgo];
-        Behaviour::WORDS.iter().position(|w| *w == word).map(|i| all[i])
-    }
-}
+use crate::sim::{Script, Until};
 
 /// The numbers that a template draws, in the order of its ranges.
-pub const DRAWN: [&str; 5] = ["ahead_m", "aside_m", "speed_mps", "trigger_m", "act_within_m"];
+pub const DRAWN: [&str; 6] = ["ahead_m", "aside_m", "speed_mps", "trigger_m", "act_within_m", "lateral_m"];
 
 /// What they are, in words for the model.
-pub const DRAWN_MEANS: [&str; 5] = [
-    "shift of the place along the ego's road",
-    "shift of the place to the right of the ego's road",
+pub const DRAWN_MEANS: [&str; 6] = [
+    "shift of the place along the ego's road; at a crossing, along its own",
+    "shift of the place to the right of that road",
     "speed once it is set off",
     "distance of the ego that sets it off",
-    "distance of the ego at which the second phase begins",
+    "distance of the ego, or of the ego's way, at which the second phase begins",
+    "how far it moves sideways, toward the ego's way if positive; behaviours without a sideways move do not read it",
 ];
+
+/// Where a template's numbers are seen from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Direction in which a place is shifted ahead, radians.
+    pub heading_rad: f64,
+    /// On which side of the adversary the ego's way lies: 1 on its left, -1 on its right.
+    pub toward_left: f64,
+}
 
 /// A behaviour with the bounds of its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
     /// What the scenario's actor does.
     pub behaviour: Behaviour,
-    /// Heading of the ego's road where the scenario is set off, radians: `ahead` and `aside` are seen from there.
-    pub heading_rad: f64,
+    /// Where its numbers are seen from.
+    pub frame: Frame,
     /// Low and high of [`DRAWN`].
     pub ranges: Vec<(f64, f64)>,
 }
 
 impl Template {
-    /// Puts the numbers of a point of the cube into a script.
-    pub fn apply(&self, script: &mut Script, place: &[f64]) {
-        let value = |i: usize| {
-            let (low, high) = self.ranges.get(i).copied().unwrap_or_default();
-            low + (high - low) * place.get(i).copied().unwrap_or(0.5).clamp(0.0, 1.0)
-        };
-        let (ahead_m, aside_m, mps, trigger_m, within_m) = (value(0), value(1), value(2), value(3), value(4));
-        let forward = Vec2::from_heading(self.heading_rad);
-        script.spawn.position = script.spawn.position + forward * ahead_m - forward.left() * aside_m;
-        script.spawn.heading_rad = num::wrap_angle(script.spawn.heading_rad);
-        script.trigger.distance_m = trigger_m;
-        let on_foot = script.kind == AgentKind::Pedestrian;
-        script.phases = self.phases(mps, within_m, on_foot);
+    /// How far a point of the cube shifts the place.
+    pub fn shift(&self, place: &[f64]) -> Vec2 {
+        let forward = Vec2::from_heading(self.frame.heading_rad);
+        forward * self.value(place, 0) - forward.left() * self.value(place, 1)
     }
 
-    fn phases(&self, mps: f64, within_m: f64, on_foot: bool) -> Vec<Phase> {
-        let straight = |mps| Phase::straight(mps, Until::Forever);
-        let until = |mps| Phase::straight(mps, Until::EgoWithin { m: within_m });
-        match self.behaviour {
-            Behaviour::Steady => vec![straight(mps)],
-            Behaviour::Intercept => {
-                // Nobody on foot runs faster than this (world-class sprint speed is 12 m/s; joggers keep to 5).
-                let mps_max = if on_foot { mps.max(5.0) } else { (2.0 * mps).max(1.0) };
-                let speed = Speed::Intercept { mps_min: mps.min(mps_max), mps_max };
-                vec![Phase { speed, ..straight(0.0) }]
-            }
-            Behaviour::StopBefore => vec![until(mps), straight(0.0)],
-            Behaviour::SpeedUp => vec![until(0.5 * mps), straight(mps)],
-            Behaviour::MatchEgo => vec![Phase { speed: Speed::MatchEgo { mps_max: mps }, ..straight(0.0) }],
-        }
+    /// Puts the numbers of a point of the cube into a script.
+    pub fn apply(&self, script: &mut Script, place: &[f64]) {
+        script.spawn.position = script.spawn.position + self.shift(place);
+        script.spawn.heading_rad = num::wrap_angle(script.spawn.heading_rad);
+        script.trigger.distance_m = self.value(place, 3);
+        let on_foot = script.kind == AgentKind::Pedestrian;
+        // SafeBench's walker stops at a share of its own way, which a shifted one does not have.
+        let end = script.phases.last().filter(|_| !on_foot).map_or(Until::Forever, |phase| phase.until);
+        let drawn = Drawn {
+            mps: self.value(place, 2),
+            within_m: self.value(place, 4),
+            left_m: self.value(place, 5) * self.frame.toward_left,
+            on_foot,
+            end,
+        };
+        script.phases = self.behaviour.phases(&drawn);
+    }
+
+    fn value(&self, place: &[f64], i: usize) -> f64 {
+        let (low, high) = self.ranges.get(i).copied().unwrap_or_default();
+        low + (high - low) * place.get(i).copied().unwrap_or(0.5).clamp(0.0, 1.0)
     }
 
     /// The ranges after ChatScene's step: mean +- standard deviation of the values of the scenarios that collided, cut
@@ -117,18 +90,21 @@ impl Template {
 
     /// The values of a point of the cube.
     pub fn values(&self, place: &[f64]) -> Vec<f64> {
-        self.ranges.iter().zip(place).map(|((low, high), u)| low + (high - low) * u.clamp(0.0, 1.0)).collect()
+        (0..self.ranges.len().min(place.len())).map(|i| self.value(place, i)).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::Pose;
+    use crate::sim::{Phase, Trigger, Way};
+
+    const FRAME: Frame = Frame { heading_rad: 0.0, toward_left: -1.0 };
 
     #[test]
     fn ranges_shrink_to_mean_and_deviation_of_what_collided_within_what_they_were() {
-        let template =
-            Template { behaviour: Behaviour::Steady, heading_rad: 0.0, ranges: vec![(0.0, 10.0), (1.0, 3.0)] };
+        let template = Template { behaviour: Behaviour::Steady, frame: FRAME, ranges: vec![(0.0, 10.0), (1.0, 3.0)] };
         let shrunk = template.shrunk(&[vec![2.0, 1.0], vec![4.0, 3.0], vec![6.0, 2.0]]);
         // Mean 4, deviation sqrt(8/3) = 1.63; mean 2, deviation sqrt(2/3) = 0.82.
         assert_eq!(shrunk.ranges, [(2.37, 5.63), (1.18, 2.82)]);
@@ -136,8 +112,17 @@ mod tests {
     }
 
     #[test]
-    fn every_word_is_a_behaviour() {
-        assert!(Behaviour::WORDS.iter().all(|word| Behaviour::of_word(word).is_some()));
-        assert_eq!(Behaviour::of_word("fly"), None);
+    fn a_point_of_the_cube_is_put_into_a_script_as_seen_from_the_frame() {
+        let ranges = vec![(-10.0, 10.0), (1.0, 1.0), (8.0, 8.0), (30.0, 30.0), (12.0, 12.0), (3.5, 3.5)];
+        let spawn = Pose { position: Vec2::ZERO, heading_rad: 0.0 };
+        let trigger = Trigger { reference: 0, distance_m: 1.0, ego_speed_mps_min: 0.0 };
+        let phases = vec![Phase::straight(1.0, Until::Forever)];
+        let mut script = Script { kind: AgentKind::Vehicle, length_m: 4.8, width_m: 2.0, spawn, trigger, phases };
+        let template = Template { behaviour: Behaviour::CutIn, frame: FRAME, ranges };
+        template.apply(&mut script, &[0.75, 0.5, 0.5, 0.5, 0.5, 0.5]);
+        assert!(script.spawn.position.distance(Vec2::new(5.0, -1.0)) < 1e-12, "5 m ahead, 1 m to the right");
+        assert_eq!((script.trigger.distance_m, script.phases[0].until), (30.0, Until::EgoWithin { m: 12.0 }));
+        let Way::Shift { left_m, .. } = script.phases[1].way else { panic!("{:?}", script.phases) };
+        assert_eq!(left_m, -3.5, "toward the ego's way, which lies on the right");
     }
 }

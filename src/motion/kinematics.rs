@@ -119,7 +119,8 @@ impl Kinematics for Steered {
     }
 
     fn pull(&self, state: &State, [steering, throttle]: Controls, dt_s: f64, next: &Slope) -> (Slope, Controls) {
-        let slip = Steered::slip_tan(steering);
+        let wheel_tan = num::tan(STEER_GAIN_RAD * steering);
+        let slip = REAR_M / (FRONT_M + REAR_M) * wheel_tan;
         let length = (1.0 + slip * slip).sqrt();
         let (sine, cosine) = (slip / length, 1.0 / length);
         let course = turned(Vec2::from_heading(state.heading_rad), sine, cosine);
@@ -129,7 +130,6 @@ impl Kinematics for Steered {
         let before = state.speed_mps + gain * throttle * dt_s;
         let kept = next.speed * num::sigmoid(SOFTPLUS * before);
         let by_slip = aside + next.heading * way / REAR_M * cosine;
-        let wheel_tan = num::tan(STEER_GAIN_RAD * steering);
         let slip_by_steering =
             REAR_M / (FRONT_M + REAR_M) * (1.0 + wheel_tan * wheel_tan) * STEER_GAIN_RAD / (length * length);
         let slope = Slope {

@@ -1,16 +1,15 @@
 //! A linear-Gaussian latent space of motions: acceleration and curvature over time are those that follow the record,
-//! plus cosine modes. The modes' coefficients are `mean + spread · z` with z standard normal.
+//! plus cosine modes. The modes' coefficients are `spread · z` with z standard normal.
 //!
-//! It replaces a learned variational motion prior. Mean and spread come from the candidates of the lane-graph prior:
-//! the mean is what turns the record into the most probable candidate, the spread how far the others lie from it,
-//! weighted by their probability. So z = 0 is the most probable motion, z of the record is known in closed form (its
-//! coefficients are 0), and −log p(z) is a likelihood under the map, not a distance from the record.
+//! It replaces a learned variational motion prior, which was trained on recorded futures and so finds them likely: its
+//! mean is the record. Its spread comes from the candidates of the lane-graph prior: how far they lie from the record,
+//! weighted by their probability. So z = 0 is the record, −log p(z) grows more slowly the more the map leaves open, and
+//! a motion that departs from its record faster than the map's other ways do is unlikely.
 
-use super::Candidate;
-use super::Driven;
 use super::bicycle::State;
 use super::following;
 use super::kinematics::{Controls, Curved, Slope, pull_back, unroll};
+use super::{Candidate, Drive, Driven};
 use crate::kernel::num;
 use crate::scene::{DT_S, Sample};
 
@@ -33,15 +32,14 @@ pub struct LatentSpace {
     /// `waves[m][k] = cos(π m (k + ½) / n)`
     waves: Vec<Vec<f64>>,
     /// Acceleration modes, then curvature modes.
-    mean: Vec<f64>,
     spread: Vec<f64>,
     /// z of the record.
     record: Vec<f64>,
 }
 
 impl LatentSpace {
-    /// The space around a record, with mean and spread from candidates (without candidates the record is the mean).
-    /// Candidates carry normalised log-probabilities, the most probable first.
+    /// The space around a record, with the spread of candidates, which carry normalised log-probabilities; without
+    /// candidates it has the least spread.
     pub fn new(start: State, samples: &[Sample], likely: &[Candidate], options: &LatentOptions) -> LatentSpace {
         let base = following::controls(&Curved::CAR, start, samples);
         let n = base.len();
@@ -53,26 +51,24 @@ impl LatentSpace {
             project(&waves, &base, &controls)
         };
         let found: Vec<Vec<f64>> = likely.iter().map(coefficients).collect();
-        let mean = found.first().cloned().unwrap_or_else(|| vec![0.0; 2 * options.modes]);
         let floor = |k: usize| {
             if k < options.modes { options.acceleration_spread_mps2 } else { options.curvature_spread_1pm }
         };
         let spread_of = |k: usize| {
-            let away = |(c, candidate): (&Vec<f64>, &Candidate)| {
-                num::exp(candidate.prior_log_probability) * (c[k] - mean[k]) * (c[k] - mean[k])
-            };
+            let away =
+                |(c, candidate): (&Vec<f64>, &Candidate)| num::exp(candidate.prior_log_probability) * c[k] * c[k];
             (floor(k) * floor(k) + num::sum(found.iter().zip(likely).map(away))).sqrt()
         };
         let spread: Vec<f64> = (0..2 * options.modes).map(spread_of).collect();
-        let record = mean.iter().zip(&spread).map(|(m, s)| -m / s).collect();
-        LatentSpace { start, base, waves, mean, spread, record }
+        let record = vec![0.0; 2 * options.modes];
+        LatentSpace { start, base, waves, spread, record }
     }
 
     fn controls(&self, place: &[f64]) -> Vec<Controls> {
         let modes = self.waves.len();
         let mut controls = self.base.clone();
         for (m, wave) in self.waves.iter().enumerate() {
-            let coefficient = |k: usize| self.mean[k] + self.spread[k] * place[k];
+            let coefficient = |k: usize| self.spread[k] * place[k];
             let (acceleration, curvature) = (coefficient(m), coefficient(modes + m));
             for (control, w) in controls.iter_mut().zip(wave) {
                 control[0] += acceleration * w;
@@ -99,12 +95,13 @@ impl Driven for LatentSpace {
         &self.record
     }
 
-    fn states(&self, place: &[f64]) -> Vec<State> {
-        unroll(&Curved::CAR, self.start, &self.controls(place), DT_S)
+    fn drive(&self, place: &[f64]) -> Drive {
+        let controls = self.controls(place);
+        Drive { states: unroll(&Curved::CAR, self.start, &controls, DT_S), controls }
     }
 
-    fn pull(&self, place: &[f64], states: &[State], slopes: &[Slope]) -> Vec<f64> {
-        let pulled = pull_back(&Curved::CAR, states, &self.controls(place), slopes, DT_S);
+    fn pull(&self, drive: &Drive, slopes: &[Slope]) -> Vec<f64> {
+        let pulled = pull_back(&Curved::CAR, &drive.states, &drive.controls, slopes, DT_S);
         let modes = self.waves.len();
         let one = |k: usize| {
             let (which, wave) = (k / modes, &self.waves[k % modes]);
@@ -129,22 +126,29 @@ mod tests {
     }
 
     #[test]
-    fn the_records_latent_gives_the_record_and_zero_the_most_probable_candidate() {
+    fn zero_gives_the_record_and_what_the_map_leaves_open_is_likelier_than_what_it_does_not() {
         let (start, samples) = record(10.0);
         let faster: Vec<Sample> = (0..80)
             .map(|k| {
                 let t = (k + 1) as f64 * DT_S;
                 let direction = Vec2::from_heading(0.2);
-                let (way, speed) = (10.0 * t + 0.25 * t * t, 10.0 + 0.5 * t);
+                let (way, speed) = (10.0 * t + 0.5 * t * t, 10.0 + t);
                 Sample { position: direction * way, heading_rad: 0.2, velocity: direction * speed }
             })
             .collect();
-        let likely = [Candidate::new(faster.clone(), -0.7), Candidate::new(samples.clone(), -0.7)];
-        let space = LatentSpace::new(start, &samples, &likely, &OPTIONS);
-        let end = |place: &[f64]| space.states(place)[80].position;
-        assert!(end(space.start()).distance(samples[79].position) < 0.05);
-        assert!(end(&[0.0; 8]).distance(faster[79].position) < 1.0, "{:?}", end(&[0.0; 8]));
-        assert!(space.start()[0] < 0.0, "the record is slower than what is likely");
+        let likely = [Candidate::new(faster, -0.7), Candidate::new(samples.clone(), -0.7)];
+        let end = |space: &LatentSpace, place: &[f64]| space.drive(place).states[80].position;
+        let narrow = LatentSpace::new(start, &samples, &[], &OPTIONS);
+        let wide = LatentSpace::new(start, &samples, &likely, &OPTIONS);
+        for space in [&narrow, &wide] {
+            assert!(end(space, space.start()).distance(samples[79].position) < 0.05);
+            assert_eq!(space.start(), [0.0; 8]);
+        }
+        // One spread of mean acceleration leads farther where somebody is expected to accelerate.
+        let mut one = [0.0; 8];
+        one[0] = 1.0;
+        let far = |space: &LatentSpace| end(space, &one).distance(samples[79].position);
+        assert!(far(&wide) > 1.1 * far(&narrow), "{} {}", far(&wide), far(&narrow));
     }
 
     #[test]
@@ -152,10 +156,11 @@ mod tests {
         let (start, samples) = record(9.0);
         let space = LatentSpace::new(start, &samples, &[], &OPTIONS);
         let place = [0.3, -0.2, 0.4, 0.1, 0.5, -0.6, 0.2, 0.3];
-        let value = |place: &[f64]| num::sum(space.states(place).iter().map(|s| s.position.x * 0.5 - s.position.y));
-        let states = space.states(&place);
-        let slopes = vec![Slope { position: Vec2::new(0.5, -1.0), ..Slope::default() }; states.len()];
-        for (k, found) in space.pull(&place, &states, &slopes).into_iter().enumerate() {
+        let value =
+            |place: &[f64]| num::sum(space.drive(place).states.iter().map(|s| s.position.x * 0.5 - s.position.y));
+        let drive = space.drive(&place);
+        let slopes = vec![Slope { position: Vec2::new(0.5, -1.0), ..Slope::default() }; drive.states.len()];
+        for (k, found) in space.pull(&drive, &slopes).into_iter().enumerate() {
             let at = |step: f64| {
                 let mut moved = place;
                 moved[k] += step;

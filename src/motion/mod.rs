@@ -3,6 +3,7 @@
 
 pub mod bicycle;
 pub mod candidate;
+pub mod chat_behaviour;
 pub mod chat_template;
 pub mod driven;
 pub mod feasibility;
@@ -21,6 +22,6 @@ pub mod traffic_family;
 pub mod window;
 
 pub use candidate::Candidate;
-pub use driven::Driven;
+pub use driven::{Drive, Driven};
 pub use scripted::Scripted;
 pub use window::Window;

@@ -78,19 +78,79 @@ pub fn candidates(
     options: &PriorOptions,
     stream: &mut Stream,
 ) -> Vec<Candidate> {
-    let time_s = steps as f64 * DT_S;
-    let hardest = options.profile_step_mps2 * options.profile_levels as f64;
-    let reach_m = anchor.speed_mps() * time_s + 0.5 * hardest * time_s * time_s;
-    let ways = paths(lanes, anchor, reach_m.max(1.0));
-    let mut goals = goals(lanes, anchor, &ways, time_s, options);
-    goals.sort_by(|a, b| b.log_prior.total_cmp(&a.log_prior));
-    let radius_m = options.nms_radius_m * speed_share(anchor.speed_mps());
-    let mut kept = suppressed(&goals, radius_m, options.count, stream);
+    let (ways, goals) = ways_and_goals(lanes, anchor, steps, options);
+    let mut kept = survivors(goals, anchor, options, stream);
     kept.sort_by(|a, b| b.log_prior.total_cmp(&a.log_prior));
     let mut logs: Vec<f64> = kept.iter().map(|g| g.log_prior).collect();
     flatten_and_normalise(&mut logs, options.flatten_rank);
     let along = |(goal, log): (&Goal, &f64)| Candidate::new(drive(&ways[goal.path], goal, anchor, steps), *log);
     kept.iter().zip(&logs).map(along).collect()
+}
+
+/// The goals of an actor, each with the motion to it.
+pub struct Goals<'a> {
+    ways: Vec<LanePath>,
+    goals: Vec<Goal>,
+    anchor: &'a Sample,
+    steps: usize,
+}
+
+impl Goals<'_> {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.goals.len()
+    }
+
+    /// The motion to the goal at a place, with the prior's log-probability up to a constant.
+    pub fn candidate(&self, place: usize) -> Candidate {
+        let goal = &self.goals[place];
+        Candidate::new(drive(&self.ways[goal.path], goal, self.anchor, self.steps), goal.log_prior)
+    }
+}
+
+/// The same where every goal is scored anew before suppression; nothing is flattened. `log_ratios` says of every goal, in
+/// their order, by how much a model's log-probability is larger than the prior's.
+pub fn reweighed(
+    lanes: &LaneGraph,
+    anchor: &Sample,
+    steps: usize,
+    options: &PriorOptions,
+    stream: &mut Stream,
+    log_ratios: impl FnOnce(&Goals<'_>) -> Vec<f64>,
+) -> Vec<Candidate> {
+    let (ways, goals) = ways_and_goals(lanes, anchor, steps, options);
+    let mut all = Goals { ways, goals, anchor, steps };
+    for (place, ratio) in log_ratios(&all).into_iter().enumerate() {
+        all.goals[place].log_prior += ratio;
+    }
+    let mut kept = survivors(all.goals, anchor, options, stream);
+    kept.sort_by(|a, b| b.log_prior.total_cmp(&a.log_prior));
+    let mut logs: Vec<f64> = kept.iter().map(|g| g.log_prior).collect();
+    normalise(&mut logs);
+    let along = |(goal, log): (&Goal, &f64)| Candidate::new(drive(&all.ways[goal.path], goal, anchor, steps), *log);
+    kept.iter().zip(&logs).map(along).collect()
+}
+
+/// The ways on within reach, and the goals along them.
+fn ways_and_goals(
+    lanes: &LaneGraph,
+    anchor: &Sample,
+    steps: usize,
+    options: &PriorOptions,
+) -> (Vec<LanePath>, Vec<Goal>) {
+    let time_s = steps as f64 * DT_S;
+    let hardest = options.profile_step_mps2 * options.profile_levels as f64;
+    let reach_m = anchor.speed_mps() * time_s + 0.5 * hardest * time_s * time_s;
+    let ways = paths(lanes, anchor, reach_m.max(1.0));
+    let goals = goals(lanes, anchor, &ways, time_s, options);
+    (ways, goals)
+}
+
+/// What suppression leaves of the goals.
+fn survivors(mut goals: Vec<Goal>, anchor: &Sample, options: &PriorOptions, stream: &mut Stream) -> Vec<Goal> {
+    goals.sort_by(|a, b| b.log_prior.total_cmp(&a.log_prior));
+    let radius_m = options.nms_radius_m * speed_share(anchor.speed_mps());
+    suppressed(&goals, radius_m, options.count, stream)
 }
 
 /// s(v): CAT's share of the suppression radius, 0.5 below 1.4 m/s, 1 above 11 m/s, linear between.

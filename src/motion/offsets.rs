@@ -7,7 +7,7 @@ use crate::scene::{DT_S, Sample, Track};
 
 /// Below this speed a log's direction is its heading, m/s.
 const MOVING_MPS: f64 = 0.5;
-/// Samples before the window that its first differences reach back to.
+/// Intervals before the window that its first differences reach back to.
 const HISTORY: usize = 3;
 
 /// How offsets run between knots.
@@ -45,7 +45,7 @@ impl OffsetSpace {
         if logged.len() < 10 {
             return None;
         }
-        let mut history: Vec<Sample> = (1..=HISTORY)
+        let mut history: Vec<Sample> = (1..=HISTORY * bounds.interval_steps)
             .map_while(|back| window.from_step.checked_sub(back).and_then(|step| track.at(step)).copied())
             .collect();
         history.reverse();

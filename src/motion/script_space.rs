@@ -2,6 +2,7 @@
 
 use super::chat_template::Template;
 use crate::kernel::{Vec2, num};
+use crate::scene::AgentKind;
 use crate::sim::{Action, Phase, Script, Speed, Until, Way};
 
 /// Length of a profile in the SafeBench ports: one number for each tick of 0.1 s from the trigger on.
@@ -60,15 +61,21 @@ impl ScriptSpace {
     /// The scenario of a point of the cube.
     pub fn actions(&self, place: &[f64]) -> Vec<Action> {
         let mut actions = self.base.clone();
+        if let Perturbation::Template(template) = &self.perturbation {
+            shift_what_stands(&mut actions, template.shift(place));
+        }
         let Some(Action::Triggered(script)) = actions.get_mut(self.adversary) else { return actions };
+        // A profile stands in for the last phase of the script and ends where that one ends.
+        let until = script.phases.last().map_or(Until::Forever, |phase| phase.until);
         match &self.perturbation {
             Perturbation::Speeds { mps_max, lead, smoothing } => {
                 let mps = smoothed(place, *smoothing).into_iter().map(|u| u * mps_max).collect();
-                script.phases = lead.iter().cloned().chain([profile_phase(mps)]).collect();
+                let driven = Phase { speed: Speed::Profile { mps }, ..Phase::straight(0.0, until) };
+                script.phases = lead.iter().cloned().chain([driven]).collect();
             }
             Perturbation::Lateral { amplitude_m, length_m, mps, lead, smoothing } => {
                 let points = points(script, &smoothed(place, *smoothing), *amplitude_m, *length_m);
-                let steered = Phase { way: Way::Points { points }, ..Phase::straight(*mps, Until::Forever) };
+                let steered = Phase { way: Way::Points { points }, ..Phase::straight(*mps, until) };
                 script.phases = lead.iter().cloned().chain([steered]).collect();
             }
             Perturbation::Template(template) => template.apply(script, place),
@@ -77,8 +84,15 @@ impl ScriptSpace {
     }
 }
 
-fn profile_phase(mps: Vec<f64>) -> Phase {
-    Phase { speed: Speed::Profile { mps }, ..Phase::straight(0.0, Until::Forever) }
+/// What hides a road user stays where it hides it.
+fn shift_what_stands(actions: &mut [Action], by: Vec2) {
+    for action in actions {
+        if let Action::Triggered(script) = action
+            && script.kind == AgentKind::Static
+        {
+            script.spawn.position = script.spawn.position + by;
+        }
+    }
 }
 
 fn points(script: &Script, u: &[f64], amplitude_m: f64, length_m: f64) -> Vec<Vec2> {
@@ -105,7 +119,6 @@ fn smoothed(place: &[f64], width: usize) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::kernel::Pose;
-    use crate::scene::AgentKind;
     use crate::sim::Trigger;
 
     fn space(perturbation: Perturbation) -> ScriptSpace {

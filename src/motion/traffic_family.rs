@@ -275,6 +275,29 @@ mod tests {
     }
 
     #[test]
+    fn nobody_drives_off_the_end_of_a_straight_road_however_long_the_run_lasts() {
+        for scene in pool() {
+            let stage = Stage::of(&scene).unwrap();
+            let family = stage.staging().family;
+            // A cyclist crosses the road and leaves it; half of family 4's routes begin with a bend, which is no end.
+            let bends = family == TrafficFamily::VehiclePassing && [4, 7, 9, 10, 13].contains(&stage.staging().route);
+            if matches!(family, TrafficFamily::StraightObstacle | TrafficFamily::TurningObstacle) || bends {
+                continue;
+            }
+            let actions = actions(&stage, &standard(family)).unwrap();
+            let plant = Plant::new(&scene).unwrap();
+            let (_, trace) = rollout_traced(&plant, &Intervention { actions }, &mut *Policy::Idm.driver()).unwrap();
+            let lanes = crate::scene::LaneGraph::of(&scene.road);
+            for sample in trace.actors.iter().flat_map(|actor| actor.samples.iter().flatten()) {
+                let on_road = [0.0, num::FRAC_PI_2, num::PI, -num::FRAC_PI_2]
+                    .iter()
+                    .any(|turned| lanes.nearest_lane(sample.position, sample.heading_rad + turned, 3.0).is_some());
+                assert!(on_road, "{}: {sample:?}", scene.id);
+            }
+        }
+    }
+
+    #[test]
     fn results_do_not_depend_on_the_number_of_threads() {
         let scenes = pool();
         let digests = |threads: usize| Threads::new(threads).unwrap().map(&scenes, |_, scene| run(scene).trace);

@@ -168,7 +168,8 @@ impl Exit {
     }
 }
 
-/// The seven gates, in the order in which they run (paper eq. app-validation-gates).
+/// The gates, in the order in which they run: the paper's seven (eq. app-validation-gates), and one that turns away a child
+/// that does what its parent does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gate {
@@ -186,9 +187,17 @@ pub enum Gate {
     Mechanism,
     /// The child compiles on the probe scenes.
     Compile,
+    /// The compiled interventions differ from the parent's on some probe scene.
+    Effect,
 }
 
-/// All seven verdicts. A gate also fails if it could not run, because an earlier gate left nothing to check.
+impl Gate {
+    /// How many there are: the paper's seven, and the no-effect gate.
+    pub const COUNT: usize = 8;
+}
+
+/// All verdicts. A gate that could not run because an earlier one left nothing to check fails too, except for the last,
+/// which judges only what was compiled.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GateReport {
     /// One verdict a gate, in the order in which the gates ran.
@@ -198,7 +207,7 @@ pub struct GateReport {
 impl GateReport {
     /// Whether every gate let it through.
     pub fn passed(&self) -> bool {
-        self.verdicts.len() == 7 && self.verdicts.iter().all(|v| v.problems.is_empty())
+        self.verdicts.len() == Gate::COUNT && self.verdicts.iter().all(|v| v.problems.is_empty())
     }
 
     /// The gates that did not, in their order.
@@ -263,12 +272,14 @@ pub struct Decision {
     pub promoted: bool,
     /// Whether it is a member of the non-dominated set after the decision.
     pub on_front: bool,
-    /// The three acceptance gates.
-    pub gates: AcceptanceGates,
+    /// The acceptance gates.
+    pub gates: Box<AcceptanceGates>,
 }
 
-/// The three acceptance gates (paper, section Simulator Evaluation and Pareto Archive) with what they compared.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The three acceptance gates (paper, section Simulator Evaluation and Pareto Archive) with what they compared, and the two
+/// conditions before them. Differences are paired: child, parent and front are compared on the same scenes, and every
+/// difference stands beside its standard error.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AcceptanceGates {
     /// Whether it makes the front denser.
     pub densification: Densification,
@@ -276,17 +287,34 @@ pub struct AcceptanceGates {
     pub local_push: LocalPush,
     /// Whether it improves on its parent at a bounded loss.
     pub parent_tradeoff: ParentTradeoff,
+    /// Whether it acts in enough scenes.
+    pub coverage: CoverageFloor,
+    /// Paired scenes in which the child's labels are not its parent's.
+    pub differing_scenes: usize,
+    /// How many scenes were paired: what every difference here rests on.
+    pub scenes: usize,
 }
 
 impl AcceptanceGates {
-    /// Whether at least one gate accepts.
+    /// Whether the child is accepted: by one of the three gates, if it acts often enough and does something else than its
+    /// parent.
     pub fn any(&self) -> bool {
-        self.densification.holds || self.local_push.holds || self.parent_tradeoff.holds
+        let by_a_gate = self.densification.holds || self.local_push.holds || self.parent_tradeoff.holds;
+        self.coverage.holds && self.differing_scenes > 0 && by_a_gate
     }
 }
 
+/// A difference of two programs on the same scenes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Difference {
+    /// The first program's mean minus the second's.
+    pub value: f64,
+    /// Standard error; `None` of a single scene.
+    pub uncertainty: Option<f64>,
+}
+
 /// Frontier densification: non-dominated, with a gain of hypervolume.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Densification {
     /// Whether the gate accepts.
     pub holds: bool,
@@ -296,10 +324,12 @@ pub struct Densification {
     pub hypervolume_before: f64,
     /// ΔHV(c): hypervolume with it minus hypervolume without it.
     pub hypervolume_gain: f64,
+    /// Standard error of the gain; `None` of a single scene.
+    pub uncertainty: Option<f64>,
 }
 
 /// Local frontier push: better attack at high realism, or better realism at high attack.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LocalPush {
     /// Whether the gate accepts.
     pub holds: bool,
@@ -307,15 +337,36 @@ pub struct LocalPush {
     pub best_attack_at_r0: Option<f64>,
     /// Largest realism of the front where A >= a0; `None` where that region is empty.
     pub best_realism_at_a0: Option<f64>,
+    /// Attack beyond that best one, of a child in the region; `None` elsewhere.
+    pub attack_push: Option<Difference>,
+    /// Realism beyond that best one, of a child in the region; `None` elsewhere.
+    pub realism_push: Option<Difference>,
 }
 
 /// Parent trade-off push: one objective better, the other not worse than a tolerance allows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ParentTradeoff {
     /// Whether the gate accepts.
     pub holds: bool,
     /// A(c) - A(p).
     pub attack_change: f64,
+    /// Standard error of the change; `None` of a single scene.
+    pub attack_uncertainty: Option<f64>,
     /// R(c) - R(p).
     pub realism_change: f64,
+    /// Standard error of the change; `None` of a single scene.
+    pub realism_uncertainty: Option<f64>,
+}
+
+/// Whether a program acts about as often as its parent. Coverage is the share of scenes in which a program acts, 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CoverageFloor {
+    /// Whether the child acts often enough.
+    pub holds: bool,
+    /// The child's coverage.
+    pub coverage: f64,
+    /// Its parent's coverage.
+    pub parent: f64,
+    /// Least coverage that is accepted.
+    pub floor: f64,
 }

@@ -9,7 +9,7 @@ use super::ids::{LineageId, SolutionId};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
-    /// Whether the ego touched anyone.
+    /// Whether the ego collided with somebody whom the program staged.
     pub collision: bool,
     /// Red lights that the ego ran.
     pub red_lights: f64,
@@ -35,9 +35,11 @@ pub struct Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRealism {
-    /// Whether the scene is valid at all.
+    /// Whether somebody whom the program staged was set off or met the ego.
+    pub acted: bool,
+    /// Never of a run in which the program did not act.
     pub valid: bool,
-    /// S_kin, S_map, S_int, S_dist, each 0..=1.
+    /// S_kin, S_map, S_int, S_dist, each 0..=1; 0 where the program did not act.
     pub sub_scores: [f64; 4],
 }
 
@@ -47,7 +49,7 @@ pub struct RunRealism {
 pub struct SafebenchRun {
     /// What happened.
     pub run: Run,
-    /// How realistic the adversaries were.
+    /// How realistic the adversaries were, and whether the program acts at all.
     pub realism: RunRealism,
 }
 
@@ -58,7 +60,7 @@ pub struct BenchmarkRow {
     pub collision_rate: f64,
     /// OS; a lower value means a stronger scenario. It can fall below 0 if rules are broken very often.
     pub overall_score: f64,
-    /// ARS.
+    /// ARS of the runs that the program acts in.
     pub realism: f64,
     /// Share of the runs that are valid, 0..=1.
     pub valid_rate: f64,

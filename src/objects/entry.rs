@@ -30,7 +30,7 @@ pub struct Entry {
     pub epoch: u32,
     /// F(c) as measured.
     pub objectives: Objectives,
-    /// Mean of each realism diagnostic over the labelled scenes, 1 = satisfied.
+    /// Mean of each realism diagnostic over the scenes that the program acts in, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
     /// Digest of the ordered list of scene ids of the evaluation subset. Points of different subsets are samples of
     /// the same quantity, not repetitions of one measurement.
@@ -45,10 +45,10 @@ pub struct Entry {
     pub gates: Option<AcceptanceGates>,
 }
 
-/// Mean of each diagnostic over the scenes that report it, in scene order.
+/// Mean of each diagnostic over the scenes that the program acts in and that report it, in scene order.
 pub fn diagnostics_mean(score: &Score) -> BTreeMap<String, f64> {
     let mut values: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for scene in &score.scenes {
+    for scene in score.scenes.iter().filter(|scene| scene.acted) {
         for (name, value) in &scene.diagnostics {
             values.entry(name.clone()).or_default().push(*value);
         }

@@ -9,6 +9,7 @@ use super::{
     card::Card,
     ids::{AttemptId, FamilyName, LineageId, SolutionId},
     program::Program,
+    replay::ReplayRow,
     score::{Objectives, Score},
 };
 use crate::kernel::Digest;
@@ -35,6 +36,8 @@ pub mod kind {
     pub const ROUND: &str = "round";
     /// Kind of the event of a held-out label, with a [`HeldOut`](super::HeldOut) body.
     pub const HELD_OUT: &str = "held_out";
+    /// Kind of the do-nothing row, with a [`Replayed`](super::super::replay::Replayed) body.
+    pub const REPLAY: &str = "replay";
     /// Kind of the last event, with a [`RunResult`](super::RunResult) body.
     pub const SEALED: &str = "sealed";
 }
@@ -107,12 +110,32 @@ pub struct Frozen {
     pub window: Vec<String>,
     /// The parent's labels on this window.
     pub parent_score: Score,
+    /// The program that the odd slots edit, under the rule of two anchors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub realism_anchor: Option<FrozenParent>,
+    /// The front as measured on the scenes of all windows so far.
+    pub front: Vec<FrontPoint>,
+    /// How many scenes those are.
+    pub scenes_so_far: usize,
     /// Digest of the world evaluator's snapshot φ_t.
     pub world: Digest,
     /// Ids of the memory cards that the prompts show.
     pub memory_shown: Vec<String>,
     /// Proposals of the epoch.
     pub slots: u32,
+}
+
+/// A second parent of an epoch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrozenParent {
+    /// Its id.
+    pub parent: SolutionId,
+    /// Its program hash.
+    pub parent_hash: Digest,
+    /// Its labels on the window.
+    pub parent_score: Score,
+    /// Ids of the memory cards that its slots' prompts show.
+    pub memory_shown: Vec<String>,
 }
 
 /// The state after the epoch's barrier.
@@ -124,7 +147,10 @@ pub struct Settled {
     pub lineage: LineageId,
     /// The lineage's active program from here on.
     pub active: SolutionId,
-    /// The attempt that was promoted, if any.
+    /// The program that the odd slots edit from here on, under the rule of two anchors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub realism_anchor: Option<SolutionId>,
+    /// The first attempt that was promoted, if any.
     pub promoted: Option<AttemptId>,
     /// The front after the epoch.
     pub front: Vec<FrontPoint>,
@@ -176,6 +202,8 @@ pub struct HeldOut {
 /// Last event: the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
+    /// The recorded scenes without a program, by ego and suite: what every number below is to be compared with.
+    pub replay: Vec<ReplayRow>,
     /// One result a lineage, in the experiment's order.
     pub lineages: Vec<LineageResult>,
     /// How many attempts left by which exit.
@@ -222,6 +250,10 @@ impl ExitCounts {
 pub struct LineageResult {
     /// Which lineage.
     pub lineage: LineageId,
+    /// The lineage of the experiment file that this one repeats.
+    pub group: LineageId,
+    /// Which repetition it is, from 0.
+    pub replica: u32,
     /// Its family.
     pub family: FamilyName,
     /// Its ego.
@@ -232,6 +264,8 @@ pub struct LineageResult {
     pub evolved: Measured,
     /// Why that one.
     pub selection: String,
+    /// Descendants that the budget of finalists left out, the most promising first.
+    pub cut: Vec<SolutionId>,
     /// The best evaluated descendant of the local trace.
     pub endpoint: Option<Measured>,
     /// Matched-budget frontier gain, percent (paper eq. app-pf-area, k = 3).
@@ -258,11 +292,22 @@ pub struct Measured {
     pub objectives: Objectives,
     /// RP = 100 (1 - R), per cent.
     pub realism_penalty_pct: f64,
+    /// Share of the held-out scenes that the program acts in, 0..=1.
+    pub coverage: f64,
+    /// Share of the held-out scenes in which the ego meets anyone, 0..=1: attack as published work reads it.
+    pub any_contact: f64,
 }
 
 impl Measured {
-    /// Works out the penalty from the objectives.
-    pub fn new(solution: SolutionId, objectives: Objectives) -> Measured {
-        Measured { solution, objectives, realism_penalty_pct: objectives.realism_penalty_pct() }
+    /// Reads the numbers off a score.
+    pub fn new(solution: SolutionId, score: &Score) -> Measured {
+        let met = score.scenes.iter().filter(|scene| scene.contact.is_some()).count();
+        Measured {
+            solution,
+            objectives: score.objectives,
+            realism_penalty_pct: score.objectives.realism_penalty_pct(),
+            coverage: score.coverage,
+            any_contact: if met == 0 { 0.0 } else { met as f64 / score.scenes.len() as f64 },
+        }
     }
 }

@@ -32,8 +32,13 @@ impl Objectives {
 /// Objectives with their evidence. Scenes that failed are listed, never scored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// F(c): means over `scenes`.
+    /// F(c): attack over all labelled scenes, realism over those that the program acts in. A program that acts nowhere has
+    /// neither: both are 0, because there is no evidence that what it does is realistic.
     pub objectives: Objectives,
+    /// Realism over all labelled scenes, those that nobody touched counting 1: the paper's plain mean.
+    pub realism_all: f64,
+    /// Share of the labelled scenes that the program acts in, 0..=1.
+    pub coverage: f64,
     /// Labels, in the order of the scenes.
     pub scenes: Vec<SceneScore>,
     /// Scenes without a label, and why.
@@ -48,18 +53,36 @@ pub struct Score {
 pub struct SceneScore {
     /// Id of the scene.
     pub scene: String,
-    /// a(τ), 0..=1.
+    /// a(τ), 0..=1; 0 where the program does not act: what the ego runs into anyway is no success of it.
     pub attack: f64,
-    /// r(τ), 0..=1.
+    /// r(τ), 0..=1; 1 where the program does not act, and counts into the objective only where it does.
     pub realism: f64,
+    /// Whether the motion of some adversary really differs from what replay shows.
+    pub acted: bool,
     /// d_j of each realism diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
-    /// Whether the program intervened at all in this scene.
+    /// Whom the ego met, if anyone: the first contact, which ends the rollout.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<Met>,
+    /// Whether the program asked for an intervention in this scene.
     pub intervened: bool,
     /// Key of the rollout request, and digest of the stored rollout record.
     pub request: Digest,
     /// Digest of the stored rollout record.
     pub record: Digest,
+}
+
+/// The ego's contact with somebody.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Met {
+    /// Whether it is an adversary of the program, and not somebody whom it left alone.
+    pub adversary: bool,
+    /// Who struck whom, on which side: the name of a contact class of the simulator.
+    pub class: String,
+    /// Whether the ego could have avoided it; `None` where nobody assessed that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub avoidable: Option<bool>,
 }
 
 /// A scene without a label, and why.

@@ -215,12 +215,17 @@ impl LaneGraph {
     /// at 50 m, with a floor below which nothing is searched) and measures along each edge from its other end. Both are
     /// exact to rounding; they differ in last bits on which recorded results rest, so neither takes the other's place.
     pub fn off_road_m(&self, point: Vec2) -> f64 {
+        self.off_road_within_m(point, OFF_ROAD_MAX_M)
+    }
+
+    /// The smaller of [`LaneGraph::off_road_m`] and `within_m`, for who asks no further.
+    pub fn off_road_within_m(&self, point: Vec2, within_m: f64) -> f64 {
         if self.pieces.all().is_empty() || self.is_drivable(point) {
             return 0.0;
         }
-        let mut best = OFF_ROAD_MAX_M * OFF_ROAD_MAX_M;
-        let mut best_m = OFF_ROAD_MAX_M;
-        self.pieces.outward(point, OFF_ROAD_MAX_M, |_, piece| {
+        let mut best = within_m * within_m;
+        let mut best_m = within_m;
+        self.pieces.outward(point, within_m, |_, piece| {
             if piece.bound_distance_squared(point) < best {
                 let distance = piece.rim_distance_squared(point);
                 if distance < best {

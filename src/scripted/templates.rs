@@ -130,12 +130,14 @@ mod tests {
     fn the_behaviour_that_shares_most_words_with_the_description_is_taken_and_its_words_narrow_the_ranges() {
         let exact = model(0.0, 0.0, 0.0);
         let of = |text| composed("crossing", text, &exact, 0, 1).template.unwrap();
-        let (intercept, steady) =
-            (of("Times its speed so that their ways cross"), of("It crosses, slowly and steady."));
+        let (intercept, steady) = (
+            of("Times its speed so that it meets the ego where their ways cross"),
+            of("It crosses, slowly and steady."),
+        );
         assert_eq!((intercept.behaviour.as_str(), steady.behaviour.as_str()), ("intercept", "steady"));
         assert_eq!((intercept.ranges["speed_mps"], steady.ranges["speed_mps"]), ([5.0, 15.0], [5.0, 11.0]));
         let untold = of("Something happens.");
-        assert_eq!(untold.behaviour, "intercept", "the published one");
+        assert_eq!(untold.behaviour, "rush_and_stop", "the published one");
         assert_eq!(untold.ranges["trigger_m"], [15.0, 45.0], "as published");
     }
 
@@ -144,14 +146,14 @@ mod tests {
         let exact = model(0.0, 0.0, 0.0);
         let family = registry().get(&FamilyName::new(chatscene::NAME)).unwrap().clone();
         let mut parent = family.parent.clone();
-        let event = composed("lane", "A car beside the ego matches its speed and blocks the lane", &exact, 1, 1);
-        chatscene::put(&mut parent, "lane", event.template.as_ref().unwrap());
+        let event = composed("lane_change", "A car beside the ego matches its speed and blocks the lane", &exact, 2, 1);
+        chatscene::put(&mut parent, "lane_change", event.template.as_ref().unwrap());
         assert!(family.contract.check_program(&parent).is_empty());
-        let word = parent.operator_graph["motion"].settings["lane_behaviour"].clone();
+        let word = parent.operator_graph["motion"].settings["lane_change_behaviour"].clone();
         assert_eq!(word, Setting::Choice("match_ego".into()));
-        assert_eq!(parent.parameters["lane_speed_mps_high"], ParameterValue::Number(10.0));
+        assert_eq!(parent.parameters["lane_change_speed_mps_high"], ParameterValue::Number(10.0));
         assert_ne!(parent.hash().unwrap(), family.parent.hash().unwrap());
-        let others = |name: &&String| !name.starts_with("lane_");
+        let others = |name: &&String| !name.starts_with("lane_change_");
         assert!(parent.parameters.keys().filter(others).all(|n| parent.parameters[n] == family.parent.parameters[n]));
     }
 
@@ -170,7 +172,7 @@ mod tests {
         let told: Vec<&String> = events.iter().flat_map(|e| &e.exchanges).filter_map(|e| e.refusal.as_ref()).collect();
         assert!(
             told.iter()
-                .any(|why| why.contains("ranges/ahead_m: found -10 to 21, expected low <= high within -20 to 20 m"))
+                .any(|why| why.contains("ranges/ahead_m: found -25 to 21, expected low <= high within -45 to 20 m"))
         );
         assert!(told.iter().any(|why| why.contains("JSON")));
         assert!(events.iter().any(|event| event.template.is_none()), "some are never answered");
@@ -179,12 +181,12 @@ mod tests {
 
     #[test]
     fn a_template_with_a_foreign_word_or_number_or_without_one_of_its_own_is_refused() {
-        let event = composed("lane", "It stops", &model(0.0, 0.0, 0.0), 0, 1);
+        let event = composed("turning", "It stops", &model(0.0, 0.0, 0.0), 0, 1);
         let (form, whole) = (chatscene::forms().remove(1), event.template.unwrap());
         assert_eq!(form.fault(&whole), None);
         let mut changed = whole.clone();
         changed.behaviour = "fly".into();
-        assert!(form.fault(&changed).unwrap().contains("expected one of steady"));
+        assert!(form.fault(&changed).unwrap().contains("expected one of intercept_and_stop"));
         let mut changed = whole.clone();
         changed.ranges.remove("speed_mps");
         assert!(form.fault(&changed).unwrap().contains("no `speed_mps`"));

@@ -13,7 +13,7 @@ use crate::{
         prompt::{Subject, patch_text},
         propose, reply,
     },
-    candidates::admit,
+    candidates::{Trials, admit},
     kernel::Digest,
     llm::{Ask, AskError, Model, ModelError, ModelSpec, Reply, Request},
     objects::{Advice, ProgramPatch, Review, Role, SolutionId},
@@ -86,7 +86,7 @@ fn drafted(stage: &Stage, slot: u32, spec: &ModelSpec) -> ProgramPatch {
 fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
     let child = SolutionId::new(format!("{}/e3s0", stage.example.parent.lineage_id));
     let admission =
-        admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_, _| vec![]);
+        admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_, _| Trials::default());
     admission.gates.failed().flat_map(|verdict| verdict.problems.clone()).collect()
 }
 

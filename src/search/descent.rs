@@ -1,16 +1,16 @@
 //! Motions of adversaries as differentiable functions of a decision vector, and a gradient search over several at once
-//! against an ego that is simulated again as they change.
+//! against an ego that is simulated again as they change. The search goes on after the first contact, so that the most
+//! plausible of the motions that meet the ego can be chosen (`ranking`).
 
 use std::sync::Arc;
 
 use super::adam::{Adam, Rates};
-use crate::kernel::{OrientedBox, num};
+use crate::kernel::OrientedBox;
 use crate::motion::bicycle::State;
 use crate::motion::kinematics::Slope;
-use crate::motion::{Candidate, Driven};
+use crate::motion::{Candidate, Drive, Driven};
 use crate::scene::{DT_S, Sample, TrackIx};
 use crate::stage::ego_rollout;
-use crate::stage::judged::Judged;
 use crate::stage::operator::{Module, Part};
 use crate::stage::{EgoPath, Situation};
 
@@ -23,39 +23,59 @@ pub struct Mover {
     pub from_step: usize,
     /// Its decision vector. `[dimensions]`
     pub place: Vec<f64>,
-    /// `states[k]` lies at scene step `from_step + k - 1`.
-    pub states: Vec<State>,
+    /// `drive.states[k]` lies at scene step `from_step + k - 1`.
+    pub drive: Drive,
     /// Bounding boxes of the states.
     pub boxes: Vec<OrientedBox>,
 }
 
 impl Mover {
-    fn new(situation: &Situation, part: &Part, driven: &dyn Driven, place: Vec<f64>) -> Mover {
-        let states = driven.states(&place);
-        let boxes = states.iter().map(|s| situation.body(part.actor, &s.sample())).collect();
-        Mover { actor: part.actor, from_step: part.window.from_step, place, states, boxes }
+    /// What a part does at a place of its space.
+    pub fn new(situation: &Situation, part: &Part, driven: &dyn Driven, place: Vec<f64>) -> Mover {
+        let drive = driven.drive(&place);
+        let boxes = drive.states.iter().map(|s| situation.body(part.actor, &s.sample())).collect();
+        Mover { actor: part.actor, from_step: part.window.from_step, place, drive, boxes }
+    }
+
+    /// The state before the window and after each of its steps.
+    pub fn states(&self) -> &[State] {
+        &self.drive.states
     }
 
     /// Index of the state at a scene step, within the window.
     pub fn index(&self, step: usize) -> Option<usize> {
         let index = (step + 1).checked_sub(self.from_step).filter(|k| *k > 0)?;
-        (index < self.states.len()).then_some(index)
+        (index < self.boxes.len()).then_some(index)
     }
 
     /// Scene steps of the window.
     pub fn steps(&self) -> std::ops::Range<usize> {
-        self.from_step..self.from_step + self.states.len() - 1
+        self.from_step..self.from_step + self.boxes.len() - 1
+    }
+
+    /// Its box at any scene step: the record's before the window, its last velocity kept after it; `None` where there is
+    /// no record.
+    pub fn body_at(&self, situation: &Situation, step: usize) -> Option<OrientedBox> {
+        if let Some(index) = self.index(step) {
+            return Some(self.boxes[index]);
+        }
+        let Some(late) = step.checked_sub(self.steps().end) else {
+            return situation.scene.tracks[self.actor].at(step).map(|s| situation.body(self.actor, s));
+        };
+        let [.., before, last] = self.boxes.as_slice() else { return None };
+        Some(OrientedBox { center: last.center + (last.center - before.center) * (late + 1) as f64, ..*last })
     }
 
     /// The motion in the window: velocity along the path, by central differences.
     pub fn samples(&self) -> Vec<Sample> {
-        let last = self.states.len() - 1;
+        let states = self.states();
+        let last = states.len() - 1;
         let velocity = |k: usize| {
             let (from, to) = (k - 1, (k + 1).min(last));
-            (self.states[to].position - self.states[from].position) * (1.0 / ((to - from) as f64 * DT_S))
+            (states[to].position - states[from].position) * (1.0 / ((to - from) as f64 * DT_S))
         };
         let sample = |k: usize| {
-            let state = &self.states[k];
+            let state = &states[k];
             Sample { position: state.position, heading_rad: state.heading_rad, velocity: velocity(k) }
         };
         (1..=last).map(sample).collect()
@@ -81,16 +101,63 @@ impl Slopes {
     /// All zero, in the shape of the movers.
     pub fn of(movers: &[Mover]) -> Slopes {
         Slopes {
-            states: movers.iter().map(|m| vec![Slope::default(); m.states.len()]).collect(),
+            states: movers.iter().map(|m| vec![Slope::default(); m.boxes.len()]).collect(),
             places: movers.iter().map(|m| vec![0.0; m.place.len()]).collect(),
         }
     }
 
     /// The slope at a mover's decision vector.
     pub fn pulled(&self, index: usize, driven: &dyn Driven, mover: &Mover) -> Vec<f64> {
-        let mut slope = driven.pull(&mover.place, &mover.states, &self.states[index]);
+        let mut slope = driven.pull(&mover.drive, &self.states[index]);
         slope.iter_mut().zip(&self.places[index]).for_each(|(total, direct)| *total += direct);
         slope
+    }
+}
+
+/// A loss in two parts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// What draws adversaries to the ego.
+    pub attack: f64,
+    /// What keeps them plausible.
+    pub rest: f64,
+}
+
+impl Terms {
+    /// The whole loss.
+    pub fn total(&self) -> f64 {
+        self.attack + self.rest
+    }
+}
+
+/// What a loss is asked about.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked<'a> {
+    /// The adversaries' motions.
+    pub movers: &'a [Mover],
+    /// The ego's latest path.
+    pub ego: &'a EgoPath,
+    /// Nothing counts from this scene step on: the rollout is broken off there.
+    pub until: usize,
+    /// Whether the slopes of the attack are wanted: not while the ego is being met, for then a search looks for the most
+    /// plausible motion that still does.
+    pub attacks: bool,
+}
+
+/// What a search goes down.
+pub trait Objective {
+    /// The loss; its slopes are added to `slopes`.
+    fn loss(&self, asked: &Asked<'_>, slopes: &mut Slopes) -> Terms;
+
+    /// Scene step at which a rollout of these motions is broken off, whatever the ego does; `None`: never.
+    fn broken_off(&self, _movers: &[Mover]) -> Option<usize> {
+        None
+    }
+}
+
+impl<F: Fn(&[Mover], &EgoPath, &mut Slopes) -> f64> Objective for F {
+    fn loss(&self, asked: &Asked<'_>, slopes: &mut Slopes) -> Terms {
+        Terms { attack: self(asked.movers, asked.ego, slopes), rest: 0.0 }
     }
 }
 
@@ -99,67 +166,82 @@ impl Slopes {
 pub struct Iterate {
     /// The movers at this point.
     pub movers: Vec<Mover>,
-    /// Their loss.
-    pub loss: f64,
-    /// Whether the ego, simulated against exactly these motions, touched an adversary; `None`: not simulated.
+    /// What each term of the loss gives here.
+    pub terms: Terms,
+    /// Whether the ego, simulated against exactly these motions, touched an adversary before the rollout was broken off;
+    /// `None`: not simulated.
     pub contact: Option<bool>,
+    /// Scene step at which the objective broke the rollout off; `None`: it did not.
+    pub broken_off: Option<usize>,
+    /// Scene step at which the ego's latest rollout ended.
+    pub end_step: usize,
 }
 
 /// How a search runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Descent {
-    /// Gradient steps.
+    /// Iterations without contact.
     pub iterations: usize,
+    /// Iterations after the first contact.
+    pub refinements: usize,
     /// Rates of Adam.
     pub rates: Rates,
-    /// The ego is simulated anew at every this many iterations, and at the last.
+    /// The ego is simulated anew at every this many iterations, at the last, and at all after the first contact.
     pub replay_every: usize,
 }
 
-/// Adam over all parts' decision vectors from the record on; ends at the first contact of the ego with an adversary.
-/// `loss` gives the loss of the movers against the ego's latest path and writes its gradients.
-pub fn descend(
-    situation: &Situation,
-    parts: &[Part],
-    descent: &Descent,
-    mut loss: impl FnMut(&[Mover], &EgoPath, &mut Slopes) -> f64,
-) -> Vec<Iterate> {
-    let driven: Vec<&dyn Driven> = parts.iter().filter_map(|p| p.driven.as_deref()).collect();
-    let mut places: Vec<Vec<f64>> = driven.iter().map(|d| d.start().to_vec()).collect();
+/// Adam over all parts' decision vectors from the record on, until the ego has been met and some iterations more.
+pub fn descend(situation: &Situation, parts: &[Part], descent: &Descent, objective: &impl Objective) -> Vec<Iterate> {
+    let spaces: Vec<(&Part, &dyn Driven)> = parts.iter().filter_map(|p| Some((p, p.driven.as_deref()?))).collect();
+    let mut places: Vec<Vec<f64>> = spaces.iter().map(|(_, d)| d.start().to_vec()).collect();
     let mut adams: Vec<Adam> = places.iter().map(|p| Adam::new(descent.rates, p.len())).collect();
     let mut ego: Option<EgoPath> = None;
-    let mut iterates = Vec::with_capacity(descent.iterations + 1);
-    for iteration in 0..=descent.iterations {
-        let described = parts.iter().filter(|p| p.driven.is_some()).zip(&driven).zip(&places);
-        let movers: Vec<Mover> = described.map(|((p, d), x)| Mover::new(situation, p, *d, x.clone())).collect();
+    let mut last = descent.iterations;
+    let mut has_met = false;
+    let mut iterates: Vec<Iterate> = Vec::with_capacity(descent.iterations + descent.refinements + 1);
+    let mut iteration = 0;
+    while iteration <= last {
+        let movers: Vec<Mover> =
+            spaces.iter().zip(&places).map(|((p, d), x)| Mover::new(situation, p, *d, x.clone())).collect();
+        let broken_off = objective.broken_off(&movers);
         let mut contact = None;
-        if iteration % descent.replay_every.max(1) == 0 || iteration == descent.iterations {
+        if has_met || iteration % descent.replay_every.max(1) == 0 || iteration == last {
             let scripts = movers.iter().map(|m| (m.actor, m.from_step, m.samples())).collect();
             let Some(response) = ego_rollout::respond(situation, scripts) else { break };
-            contact = Some(response.contact);
+            // Within the step that would have followed the path's last.
+            let in_time = broken_off.is_none_or(|step| response.path.steps().end <= step);
+            contact = Some(response.contact && in_time);
             ego = Some(response.path);
         }
-        let mut slopes = Slopes::of(&movers);
-        let value = ego.as_ref().map_or(0.0, |ego| loss(&movers, ego, &mut slopes));
-        for (k, mover) in movers.iter().enumerate() {
-            adams[k].step(&mut places[k], &slopes.pulled(k, driven[k], mover));
+        let met = contact == Some(true);
+        if met && !has_met {
+            (has_met, last) = (true, iteration + descent.refinements);
         }
-        iterates.push(Iterate { movers, loss: value, contact });
-        if contact == Some(true) || !value.is_finite() || places.iter().flatten().any(|x| !x.is_finite()) {
+        let mut slopes = Slopes::of(&movers);
+        let asked = ego.as_ref().map(|ego| Asked {
+            movers: &movers,
+            ego,
+            until: broken_off.unwrap_or(usize::MAX),
+            attacks: !met,
+        });
+        let terms = asked.map_or(Terms::default(), |asked| objective.loss(&asked, &mut slopes));
+        for (k, mover) in movers.iter().enumerate() {
+            adams[k].step(&mut places[k], &slopes.pulled(k, spaces[k].1, mover));
+        }
+        let end_step = ego.as_ref().map_or(0, |ego| ego.steps().end);
+        iterates.push(Iterate { movers, terms, contact, broken_off, end_step });
+        if !terms.total().is_finite() || places.iter().flatten().any(|x| !x.is_finite()) {
             break;
         }
+        iteration += 1;
     }
     iterates
 }
 
-/// Mean over the movers of an expression about a candidate.
-pub fn judged(situation: &Situation, iterate: &Iterate, module: &Module, prior: impl Fn(&Mover) -> f64) -> f64 {
-    let adversaries: Vec<TrackIx> = iterate.movers.iter().map(|m| m.actor).collect();
-    let of = |mover: &Mover| {
-        let judged = Judged { situation, actor: mover.actor, from_step: mover.from_step, adversaries: &adversaries };
-        module.of_candidate(&Candidate::new(mover.samples(), prior(mover)), &judged)
-    };
-    num::sum(iterate.movers.iter().map(of)) / iterate.movers.len().max(1) as f64
+/// What the parts do at the start of a search: they follow their records.
+pub fn at_record(situation: &Situation, parts: &[Part]) -> Vec<Mover> {
+    let spaces = parts.iter().filter_map(|part| Some((part, part.driven.as_deref()?)));
+    spaces.map(|(part, driven)| Mover::new(situation, part, driven, driven.start().to_vec())).collect()
 }
 
 /// The weight that an expression about an actor gives to each part that is moved, clamped; 1 without one.
@@ -176,47 +258,6 @@ pub fn actor_weights(situation: &Situation, parts: &[Part], module: Option<&Modu
 
 const WEIGHT_MIN: f64 = 0.05;
 const WEIGHT_MAX: f64 = 20.0;
-
-/// Gap between the scores of iterates with contact and those without.
-const NO_CONTACT: f64 = -1000.0;
-/// Losses are mapped to values below this, so that no loss outweighs a contact.
-const LOSS_MAX: f64 = 400.0;
-
-/// The score of an iterate: smaller losses first, and contact before everything else.
-pub fn score(contact: Option<bool>, loss: f64) -> f64 {
-    let squeezed = if loss.is_finite() { LOSS_MAX * loss / (LOSS_MAX + loss.abs()) } else { LOSS_MAX };
-    if contact == Some(true) { -squeezed } else { NO_CONTACT - squeezed }
-}
-
-/// Indices of at most `most` iterates, in order: the last, the one with the smallest loss, and an even selection.
-pub fn selection(iterates: &[Iterate], most: usize) -> Vec<usize> {
-    let Some(last) = iterates.len().checked_sub(1) else { return vec![] };
-    let best = (0..=last).min_by(|a, b| iterates[*a].loss.total_cmp(&iterates[*b].loss)).unwrap_or(last);
-    let even = most.saturating_sub(2).max(1);
-    let mut chosen: Vec<usize> = (0..even).map(|k| k * last / even).chain([best, last]).collect();
-    chosen.sort_unstable();
-    chosen.dedup();
-    chosen
-}
-
-/// Puts iterates into the parts as candidates that belong together: `chosen` are their indices and scores, `prior`
-/// gives the log-probability of a motion.
-pub fn into_candidates(
-    parts: &mut [Part],
-    iterates: &[Iterate],
-    chosen: &[(usize, f64)],
-    prior: impl Fn(&Mover) -> f64,
-) {
-    let with_space = parts.iter_mut().filter(|p| p.driven.is_some());
-    for (which, part) in with_space.enumerate() {
-        let candidate = |(index, score): &(usize, f64)| {
-            let mover = &iterates[*index].movers[which];
-            let candidate = Candidate::new(mover.samples(), prior(mover));
-            Candidate { score: *score, iterate: Some(*index), ..candidate }
-        };
-        part.candidates = chosen.iter().map(candidate).collect();
-    }
-}
 
 /// Opens the space of a part and makes the motion that follows the record its only candidate.
 pub fn open(part: &mut Part, situation: &Situation, driven: Option<Arc<dyn Driven>>) {

@@ -7,3 +7,4 @@ pub mod gradient;
 pub mod posterior;
 pub mod pso;
 pub mod query_search;
+pub mod ranking;

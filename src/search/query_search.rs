@@ -1,5 +1,8 @@
-//! Black-box search of the SafeBench ports: a (1+1) evolution strategy on the cube [0, 1]^n. The first query is drawn
-//! at random and kept if it already succeeds; every later one changes some numbers of the best so far.
+//! Black-box search of the SafeBench ports: a (1+1) evolution strategy on the cube [0, 1]^n whose numbers are a profile
+//! over time. The first query is drawn at random and kept if it already succeeds; every later one takes the best so far and
+//! moves a stretch of it or draws that stretch anew. Numbers of a stretch move together: what a road user makes of a
+//! profile is about its mean over a second or two, in which changes of single numbers cancel out. Early stretches are
+//! taken more often: they change everything that comes after them.
 
 use crate::kernel::Stream;
 
@@ -10,7 +13,7 @@ pub struct Queries {
     pub count: usize,
     /// Largest change of a number, 1.
     pub step: f64,
-    /// Share of the numbers that a query changes.
+    /// Length of the stretch that a query changes, as a share of all numbers.
     pub changed_share: f64,
 }
 
@@ -49,11 +52,16 @@ pub fn ask_all<T>(
 }
 
 fn changed(queries: &Queries, place: &[f64], stream: &mut Stream) -> Vec<f64> {
-    let mut next = |u: &f64| {
-        let (moves, step) = (stream.chance(queries.changed_share), stream.uniform(-queries.step, queries.step));
-        if moves { (u + step).clamp(0.0, 1.0) } else { *u }
-    };
-    place.iter().map(&mut next).collect()
+    let length = ((queries.changed_share * place.len() as f64).round() as usize).clamp(1, place.len().max(1));
+    let early = stream.unit() * stream.unit();
+    let from = (early * (place.len() + 1 - length.min(place.len())) as f64) as usize;
+    let moves = stream.chance(0.5);
+    let step = stream.uniform(-queries.step, queries.step);
+    let mut next = place.to_vec();
+    for u in next.iter_mut().skip(from).take(length) {
+        *u = if moves { (*u + step).clamp(0.0, 1.0) } else { stream.unit() };
+    }
+    next
 }
 
 #[cfg(test)]
@@ -61,7 +69,7 @@ mod tests {
     use super::*;
     use crate::kernel::Seed;
 
-    const QUERIES: Queries = Queries { count: 200, step: 0.3, changed_share: 0.5 };
+    const QUERIES: Queries = Queries { count: 200, step: 0.3, changed_share: 0.25 };
 
     fn run(queries: &Queries, success: f64) -> Vec<(f64, Vec<f64>)> {
         let mut stream = Seed(1).stream(&["queries"]);
@@ -77,6 +85,21 @@ mod tests {
         let found = run(&QUERIES, 0.01);
         assert!(found.len() < 200 && found[found.len() - 1].0 < 0.01, "{}", found.len());
         assert!(found[..found.len() - 1].iter().all(|(loss, _)| *loss >= 0.01));
+    }
+
+    #[test]
+    fn a_query_changes_one_stretch_by_one_step_or_draws_it_anew() {
+        let queries = Queries { count: 1, step: 0.2, changed_share: 0.4 };
+        let mut stream = Seed(3).stream(&["stretch"]);
+        let mut moved_together = 0;
+        for _ in 0..100 {
+            let changed = changed(&queries, &[0.5; 10], &mut stream);
+            let places: Vec<usize> = (0..10).filter(|i| changed[*i] != 0.5).collect();
+            assert_eq!((places.len(), places[3] - places[0]), (4, 3), "{changed:?}");
+            let together = places.iter().all(|i| changed[*i] == changed[places[0]]);
+            moved_together += usize::from(together && (changed[places[0]] - 0.5).abs() <= 0.2);
+        }
+        assert!((30..70).contains(&moved_together), "{moved_together}");
     }
 
     #[test]

@@ -6,11 +6,13 @@ use crate::scene::{DT_S, Sample, TrackIx};
 use super::SimError;
 use super::bicycle::{Car, DEFAULT_LIMITS, advance};
 use super::body::{Place, SUBSTEPS, Size, coasting, sample_during};
+use super::class::CUT_IN_STEPS;
 use super::contact::Mover;
 use super::idm;
 use super::intervention::{Action, ActorRef, Intervention};
 use super::path::{Along, Path};
 use super::plant::{Plant, sample_is_sound, size_is_sound};
+use super::plant_options::FollowerStart;
 use super::skills::{self, EgoForecast, SKILL_STEPS, Skill};
 use super::triggered::{Moved, Play, standing};
 
@@ -46,6 +48,15 @@ pub(super) struct Actor {
     pub places: [Place; SUBSTEPS + 1],
     /// Radius of the box plus the way it takes in this step, metres.
     pub reach_m: f64,
+    /// The last places, the present one left out.
+    trail: Trail,
+}
+
+/// Places at the last decision steps, as a ring.
+#[derive(Clone, Debug, Default)]
+struct Trail {
+    places: [Option<Place>; CUT_IN_STEPS],
+    next: usize,
 }
 
 /// The adversaries of an intervention, checked, in the order of its actions.
@@ -176,7 +187,19 @@ impl Actor {
     pub fn new(who: ActorRef, size: Size, action: Option<usize>, mind: Mind) -> Actor {
         let places = [Place::default(); SUBSTEPS + 1];
         let axis = Vec2::new(1.0, 0.0);
-        Actor { who, size, action, mind, now: None, axis, next: None, next_axis: axis, places, reach_m: 0.0 }
+        Actor {
+            who,
+            size,
+            action,
+            mind,
+            now: None,
+            axis,
+            next: None,
+            next_axis: axis,
+            places,
+            reach_m: 0.0,
+            trail: Trail::default(),
+        }
     }
 
     /// Traffic that turns reactive: a candidate at its first row.
@@ -184,7 +207,10 @@ impl Actor {
         let candidate = &plant.candidates[born][index];
         let row = candidate.row as usize;
         let track: TrackIx = plant.rows.track[row] as usize;
-        let sample = *plant.rows.sample(born, row);
+        let mut sample = *plant.rows.sample(born, row);
+        if plant.options().plant.follower_start == FollowerStart::Standing {
+            sample.velocity = Vec2::ZERO;
+        }
         let along = candidate.path.project(sample.position);
         let mind = Mind::Path { born, index, along, speed_mps: sample.speed_mps(), throttle: 0.0 };
         let mut actor = Actor::new(ActorRef::Track(track), plant.sizes[track], None, mind);
@@ -218,7 +244,7 @@ impl Actor {
             }
             Mind::Skills { car, skill, done } => {
                 if *done == SKILL_STEPS {
-                    (*skill, *done) = (skills::choose(car, &self.size, ego), 0);
+                    (*skill, *done) = (skills::choose(car, &self.size, ego, &plant.drivable), 0);
                 }
                 let (acceleration, steering) = skill.control(*done);
                 *done += 1;
@@ -232,7 +258,7 @@ impl Actor {
             }
             Mind::Triggered(play) => {
                 let Some(Action::Triggered(script)) = action else { return };
-                match play.step(script, ego) {
+                match play.step(script, ego, &plant.route) {
                     Moved::Cars(cars) => {
                         self.places[0] =
                             Place { position: self.now.map_or(cars[0].position, |n| n.position), axis: self.axis };
@@ -249,7 +275,7 @@ impl Actor {
             }
             Mind::Path { born, index, along, speed_mps, throttle } => {
                 let path = &plant.candidates[*born][*index].path;
-                let limits = &DEFAULT_LIMITS;
+                let limits = plant.limits();
                 let (speed, distance) =
                     advance(*speed_mps, idm::acceleration_mps2(*throttle, limits), limits.speed_mps, DT_S);
                 along.s_m += distance;
@@ -296,8 +322,22 @@ impl Actor {
         Mover { size: &self.size, path: &self.places, reach_m: self.reach_m }
     }
 
+    fn place(&self) -> Option<Place> {
+        self.now.as_ref().map(|now| Place { position: now.position, axis: self.axis })
+    }
+
+    /// Where it was some steps ago, at most [`CUT_IN_STEPS`]; `None` if it was not there.
+    pub fn place_before(&self, steps: usize) -> Option<Place> {
+        match steps {
+            0 => self.place(),
+            _ => self.trail.places[(self.trail.next + CUT_IN_STEPS - steps) % CUT_IN_STEPS],
+        }
+    }
+
     /// Makes the next pose the present one.
     pub fn commit(&mut self) {
+        self.trail.places[self.trail.next] = self.place();
+        self.trail.next = (self.trail.next + 1) % CUT_IN_STEPS;
         self.now = self.next.take();
         self.axis = self.next_axis;
     }

@@ -1,5 +1,7 @@
-//! Kinematic single-track model about the centre of the box, with the limits of MetaDrive's default car. It knows
-//! nothing of tyres except a grip limit.
+//! Kinematic single-track model about the centre of the box, with the limits of MetaDrive's default car. Of tyres it
+//! knows a grip limit and what a bend costs.
+
+use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Vec2, num};
 use crate::scene::Sample;
@@ -13,21 +15,43 @@ pub struct Limits {
     pub speed_mps: f64,
     /// Full throttle, m/s².
     pub engine_mps2: f64,
+    /// Half brake, m/s².
+    pub half_brake_mps2: f64,
     /// Full brake, m/s².
     pub brake_mps2: f64,
     /// Largest lateral acceleration the tyres hold, m/s²; beyond it the car understeers.
     pub grip_mps2: f64,
+    pub cornering_loss: CorneringLoss,
 }
 
-/// MetaDrive's default vehicle: steering 40°, 80 km/h, four wheels of 800 N on 1100 kg (2.91 m/s²); its brake impulse
-/// exceeds what friction 0.9 holds, so braking and cornering end at 0.9 g (8.83 m/s²).
+/// What a bend costs, as a deceleration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "law", rename_all = "snake_case", deny_unknown_fields)]
+pub enum CorneringLoss {
+    /// The side force of a tyre, times the sine of its slip angle, works against the motion. With a lateral acceleration
+    /// `a` all tyres slip by `a / (c g)`; front wheels that are turned by more than the curve needs slip by the rest, too
+    /// (linear tyres: Gillespie, Fundamentals of Vehicle Dynamics, 1992, chapters 6 and 10).
+    TyreSlip {
+        /// `c`: cornering stiffness over load, 1/rad. About 9.2 (0.16 per degree) for a passenger car's radial tyres.
+        cornering_coefficient: f64,
+    },
+    /// This share of `|v yaw rate| sin |δ|`: what a fit to MetaDrive at full throttle gives.
+    Steering { share: f64 },
+}
+
+/// A car of MetaDrive's default size on tyres that hold 0.9 g: steering 40°, 80 km/h, four wheels of 759 N on 1100 kg
+/// (2.76 m/s², as measured).
 pub const DEFAULT_LIMITS: Limits = Limits {
     steering_rad: 40.0 * num::PI / 180.0,
     speed_mps: 80.0 / 3.6,
-    engine_mps2: 4.0 * 800.0 / 1100.0,
-    brake_mps2: 0.9 * 9.81,
-    grip_mps2: 0.9 * 9.81,
+    engine_mps2: 2.76,
+    half_brake_mps2: 0.45 * GRAVITY_MPS2,
+    brake_mps2: 0.9 * GRAVITY_MPS2,
+    grip_mps2: 0.9 * GRAVITY_MPS2,
+    cornering_loss: CorneringLoss::TyreSlip { cornering_coefficient: 9.2 },
 };
+
+const GRAVITY_MPS2: f64 = 9.81;
 
 // Axle offsets of MetaDrive's default car (1.05234 m front, 1.4166 m rear) as shares of its length 4.515 m.
 const FRONT_SHARE: f64 = 1.05234 / 4.515;
@@ -86,10 +110,32 @@ impl Car {
         num::atan(tan_slip * (self.front_m + self.rear_m) / self.rear_m)
     }
 
+    /// How much speed the bend costs that the car drives with a slip of this sine, m/s².
+    fn cornering_loss_mps2(&self, steering_rad: f64, sine: f64, limits: &Limits) -> f64 {
+        let lateral_mps2 = self.speed_mps * self.speed_mps * sine.abs() / self.rear_m;
+        let turned_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad).abs();
+        if turned_rad == 0.0 {
+            return 0.0;
+        }
+        match limits.cornering_loss {
+            CorneringLoss::Steering { share } => share * lateral_mps2 * num::sin(turned_rad),
+            CorneringLoss::TyreSlip { cornering_coefficient } => {
+                let slip_rad = lateral_mps2 / (cornering_coefficient * GRAVITY_MPS2);
+                let needed_rad = self.steering_for(sine.abs() / self.rear_m);
+                // The share of the weight on the front axle, which is that of its side force.
+                let front = self.rear_m / (self.front_m + self.rear_m);
+                let beyond_rad = (turned_rad - needed_rad).max(0.0);
+                lateral_mps2 * (num::sin(slip_rad) + front * num::sin(beyond_rad))
+            }
+        }
+    }
+
     /// One decision step under constant controls: the car after each physics step.
     pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [Car; SUBSTEPS] {
         let acceleration = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);
         let sine = self.slip_sine(steering_rad, limits);
+        let acceleration =
+            (acceleration - self.cornering_loss_mps2(steering_rad, sine, limits)).max(-limits.brake_mps2);
         let cosine = (1.0 - sine * sine).max(0.0).sqrt();
         let mut car = *self;
         core::array::from_fn(|j| {

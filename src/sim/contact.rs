@@ -4,10 +4,12 @@ use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::Sample;
 
 use super::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
+use super::class::{Before, Encounter, classify};
 use super::intervention::ActorRef;
 use super::others::Others;
 use super::outcome::{Contact, Striker};
 use super::plant::Plant;
+use super::touch::{Side, contact_normal};
 
 /// The places of a road user through one decision step, the first at its beginning.
 pub(super) type Swept = [Place; SUBSTEPS + 1];
@@ -30,13 +32,15 @@ pub(super) struct Hit {
     pub substep: usize,
     pub with: ActorRef,
     pub adversary: bool,
+    /// Whether it follows its recording.
+    pub replayed: bool,
     pub size: Size,
     pub place: Place,
     pub velocity: Vec2,
 }
 
 /// First physics step of the k-th step up to `until` at which `mover` touches the road user of a row.
-fn touches_row(mover: &Mover<'_>, plant: &Plant, k: usize, row: usize, until: usize) -> Option<usize> {
+pub(super) fn touches_row(mover: &Mover<'_>, plant: &Plant, k: usize, row: usize, until: usize) -> Option<usize> {
     let rows = &plant.rows;
     let size = &plant.sizes[rows.track[row] as usize];
     let (first, last) = (rows.place(row), rows.next_place(k, row));
@@ -59,7 +63,7 @@ fn meets(mover: &Mover<'_>, j: usize, size: &Size, place: &Place) -> bool {
 }
 
 /// Rows of the k-th step that `mover` may touch during it, simulated tracks passed over.
-fn near_rows(plant: &Plant, world: &Others, k: usize, mover: &Mover<'_>, mut f: impl FnMut(usize)) {
+pub(super) fn near_rows(plant: &Plant, world: &Others, k: usize, mover: &Mover<'_>, mut f: impl FnMut(usize)) {
     let rows = &plant.rows;
     let center = mover.path[0].position;
     for row in rows.strip(k, center.x, mover.reach_m + rows.reach_max[k]) {
@@ -97,6 +101,7 @@ pub(super) fn first_contact(
             substep,
             with: ActorRef::Track(track),
             adversary: false,
+            replayed: true,
             size: plant.sizes[track],
             place,
             velocity: sample.velocity,
@@ -117,6 +122,7 @@ pub(super) fn first_contact(
             substep,
             with: actor.who,
             adversary: actor.action.is_some(),
+            replayed: false,
             size: actor.size,
             place: actor.places[substep],
             velocity: actor.during(substep).map_or(Vec2::ZERO, |s| s.velocity),
@@ -142,18 +148,6 @@ fn spared(ghost: &mut bool, substep: usize, spare_overlaps: bool, appears: impl 
     *ghost
 }
 
-/// Whether a mover touches anyone but the ego up to a physics step of the k-th step. `own` is its place in
-/// `world.actors`.
-pub(super) fn touches_bystander(plant: &Plant, world: &Others, k: usize, own: usize, until: usize) -> bool {
-    let mover = world.actors[own].mover();
-    let mut found = false;
-    near_rows(plant, world, k, &mover, |row| {
-        found = found || touches_row(&mover, plant, k, row, until).is_some();
-    });
-    let others = world.actors.iter().enumerate().filter(|(i, a)| *i != own && a.now.is_some());
-    found || others.into_iter().any(|(_, other)| touches(&mover, &other.mover(), until).is_some())
-}
-
 /// Place and sample of a recorded road user after a physics step of the k-th step, which begins at a row.
 pub(super) fn row_during(plant: &Plant, k: usize, row: usize, substep: usize) -> (Place, Sample) {
     let rows = &plant.rows;
@@ -162,17 +156,27 @@ pub(super) fn row_during(plant: &Plant, k: usize, row: usize, substep: usize) ->
     (place, sample_during(rows.sample(k, row), next, &place, substep))
 }
 
-/// What a contact was like. `time_s` counts from the first simulated step.
-pub(super) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_velocity: Vec2) -> Contact {
+/// What a contact was like. `k` counts from the first simulated step; `ego_velocity` is the ego's at the contact.
+pub(super) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_velocity: Vec2, before: &Before) -> Contact {
     let other = hit.size.at(hit.place);
-    let normal = contact_normal(ego, &other);
-    let (ego_approach, other_approach) = (ego_velocity.dot(normal), -hit.velocity.dot(normal));
+    let normal = contact_normal(ego, &other, hit.velocity - ego_velocity);
+    let (ego_side, other_side) = (Side::facing(ego.axis, normal), Side::facing(other.axis, -normal));
+    // A flank that is dragged along the other has no speed across itself: flank to flank, who leaves the road's direction
+    // towards the other strikes.
+    let (ego_approach, other_approach) = match (ego_side, other_side) {
+        (Side::Left | Side::Right, Side::Left | Side::Right) => {
+            let to_left = if ego_side == Side::Left { 1.0 } else { -1.0 };
+            (to_left * before.ego_road.cross(ego_velocity), -to_left * before.other_road.cross(hit.velocity))
+        }
+        _ => (ego_velocity.dot(normal), -hit.velocity.dot(normal)),
+    };
     let course = if hit.velocity.norm() > 0.1 { hit.velocity } else { other.axis };
     let striker = match (ego_approach > STRIKE_MPS, other_approach > STRIKE_MPS) {
         (true, false) => Striker::Ego,
         (false, true) => Striker::Other,
         _ => Striker::Both,
     };
+    let encounter = Encounter { ego, other: &other, other_velocity: hit.velocity, side: ego_side, striker, before };
     Contact {
         with: hit.with,
         adversary: hit.adversary,
@@ -180,26 +184,10 @@ pub(super) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_velocity: Vec
         relative_speed_mps: (hit.velocity - ego_velocity).norm(),
         impact_angle_rad: num::wrap_angle(course.heading() - ego.axis.heading()),
         striker,
+        ego_side,
+        other_side,
+        class: classify(&encounter),
+        visible_s: None,
+        avoidable: None,
     }
-}
-
-/// The separating axis along which two touching boxes overlap least, pointing from `a` to `b`; the first of equals.
-fn contact_normal(a: &OrientedBox, b: &OrientedBox) -> Vec2 {
-    let delta = b.center - a.center;
-    let along = a.axis.dot(b.axis).abs();
-    let across = a.axis.cross(b.axis).abs();
-    let candidates = [
-        (a.axis, a.half_length_m + b.half_length_m * along + b.half_width_m * across),
-        (a.axis.left(), a.half_width_m + b.half_length_m * across + b.half_width_m * along),
-        (b.axis, b.half_length_m + a.half_length_m * along + a.half_width_m * across),
-        (b.axis.left(), b.half_width_m + a.half_length_m * across + a.half_width_m * along),
-    ];
-    let (mut best, mut least) = (a.axis, f64::INFINITY);
-    for (axis, reach) in candidates {
-        let depth = reach - delta.dot(axis).abs();
-        if depth < least {
-            (best, least) = (axis, depth);
-        }
-    }
-    if best.dot(delta) < 0.0 { -best } else { best }
 }

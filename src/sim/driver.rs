@@ -103,8 +103,9 @@ impl View<'_> {
         let known = Along { segment: path.segment_near(self.ego.along.s_m, 0), ..self.ego.along };
         let own = path.project_near(self.ego.sample.position, &known, SIGHT_M, SIGHT_M);
         let mut nearest = None;
+        let obstacle = self.plant.options().plant.obstacle;
         self.world.for_each_near(self.plant, self.k, self.ego.sample.position, SIGHT_M, |near| {
-            idm::nearer(&mut nearest, path, &own, near.position, near.axis, || near.velocity(), near.size);
+            idm::nearer(&mut nearest, path, &own, near.position, near.axis, || near.velocity(), near.size, obstacle);
         });
         nearest
     }

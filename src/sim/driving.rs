@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{Vec2, num};
-use crate::scene::{AgentKind, LightState, Sample};
+use crate::scene::{AgentKind, DT_S, LightState, Sample};
 
 use super::actors::Actor;
 use super::body::Place;
@@ -44,6 +44,9 @@ pub struct Driving {
 }
 
 /// What realism in SafeBench is judged by, for one adversary, beside its [`AdversaryReport`](super::AdversaryReport).
+///
+/// Both are judged up to [`AFTER_S`] after the moment at which the adversary was nearest to the ego (the end of their
+/// encounter): SafeBench's scripts drive straight on for ever, through bends and fields, and nobody looks at them then.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActorConduct {
@@ -59,6 +62,11 @@ pub struct ActorConduct {
     /// Smallest distance box to box to another adversary, metres; `None` where it is the only one.
     pub other_gap_m_min: Option<f64>,
 }
+
+/// An encounter is over when its nearest moment lies this far back, s.
+pub const AFTER_S: f64 = 1.0;
+/// Who comes nearer by less than this does not come nearer, metres.
+const NEARER_M: f64 = 0.01;
 
 /// The account under way.
 pub(super) struct DrivingMeter {
@@ -93,6 +101,35 @@ struct ActorMeter {
     accelerations_mps2: Vec<f64>,
     jerk_mps2_sum: f64,
     moving_s: f64,
+    encounter: Encounter,
+    /// What there was at its end, while it is over: number of accelerations, sum of jerk, time, smallest gap.
+    judged: Option<(usize, f64, f64, Option<f64>)>,
+}
+
+/// Whether the nearest moment of an adversary and the ego lies behind.
+#[derive(Clone, Copy)]
+struct Encounter {
+    /// Between centres, so far.
+    distance_m_min: f64,
+    since_s: f64,
+}
+
+impl Encounter {
+    fn new() -> Encounter {
+        Encounter { distance_m_min: f64::INFINITY, since_s: 0.0 }
+    }
+
+    fn see(&mut self, distance_m: f64, seconds: f64) {
+        self.since_s += seconds;
+        if distance_m < self.distance_m_min - NEARER_M {
+            (self.distance_m_min, self.since_s) = (distance_m, 0.0);
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        // Half a step of slack: ten steps of 0.1 s are one second.
+        self.since_s + 0.5 * DT_S > AFTER_S
+    }
 }
 
 impl DrivingMeter {
@@ -110,6 +147,8 @@ impl DrivingMeter {
             accelerations_mps2: Vec::with_capacity(steps + 1),
             jerk_mps2_sum: 0.0,
             moving_s: 0.0,
+            encounter: Encounter::new(),
+            judged: None,
         };
         DrivingMeter {
             found: Driving::default(),
@@ -184,6 +223,7 @@ impl DrivingMeter {
                 meter.conduct.ego_gap_m_first = own.distance(&shape(actor, now));
             }
             meter.push(now.speed_mps(), seconds);
+            meter.encounter.see(ego.sample.position.distance(now.position), seconds);
             // Adversaries come first among the simulated ones.
             for (j, other) in others.iter().take(count).enumerate() {
                 if let (true, Some(there)) = (i != j, &other.now) {
@@ -192,7 +232,13 @@ impl DrivingMeter {
                     meter.conduct.other_gap_m_min = Some(least);
                 }
             }
+            meter.judge();
         }
+    }
+
+    /// Whether the nearest moment of an adversary and the ego lies so far back that nobody judges the adversary any more.
+    pub fn encounter_is_over(&self, adversary: usize) -> bool {
+        self.actors.get(adversary).is_some_and(|meter| meter.encounter.is_over())
     }
 
     /// SafeBench's InRouteTest: whether the run is over because the ego left its route.
@@ -235,10 +281,24 @@ impl ActorMeter {
         self.last = Some((speed_mps, Some(acceleration)));
     }
 
+    /// Notes what there is at the end of the encounter; one that begins again is judged as a whole.
+    fn judge(&mut self) {
+        if !self.encounter.is_over() {
+            self.judged = None;
+        } else if self.judged.is_none() {
+            self.judged = Some(self.so_far());
+        }
+    }
+
+    fn so_far(&self) -> (usize, f64, f64, Option<f64>) {
+        (self.accelerations_mps2.len(), self.jerk_mps2_sum, self.moving_s, self.conduct.other_gap_m_min)
+    }
+
     fn finish(&self) -> ActorConduct {
-        let mean = if self.moving_s > 0.0 { self.jerk_mps2_sum / self.moving_s } else { 0.0 };
-        let p95 = num::quantile(&self.accelerations_mps2, 0.95).unwrap_or(0.0);
-        ActorConduct { acceleration_mps2_p95: p95, jerk_mps3_mean: mean, ..self.conduct }
+        let (count, jerk_mps2_sum, moving_s, other_gap_m_min) = self.judged.unwrap_or_else(|| self.so_far());
+        let mean = if moving_s > 0.0 { jerk_mps2_sum / moving_s } else { 0.0 };
+        let p95 = num::quantile(&self.accelerations_mps2[..count], 0.95).unwrap_or(0.0);
+        ActorConduct { acceleration_mps2_p95: p95, jerk_mps3_mean: mean, other_gap_m_min, ..self.conduct }
     }
 }
 

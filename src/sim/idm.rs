@@ -3,15 +3,16 @@
 //!
 //! Kept quirks: speeds enter the law in km/h while distances are metres, so the wanted gap is 3.6 times what its
 //! constants suggest; the gap runs from centre to centre; nothing farther than 20 m is seen; the law's result is a
-//! throttle in [-1, 1], not an acceleration. One difference: an object is on the path when its box reaches within
-//! half the path's width (1 m) in the tangent frame at its centre; MetaDrive asks for a corner inside the polygon and
-//! so overlooks a wide object that stands across the path.
+//! throttle in [-1, 1], not an acceleration. An object is on the path when its box reaches within half the path's width
+//! (1 m) in the tangent frame at its centre; MetaDrive asks for a corner there, which can be had as an option
+//! ([`Obstacle`]).
 
 use crate::kernel::{Vec2, num};
 
 use super::bicycle::Limits;
-use super::body::Size;
+use super::body::{Place, Size};
 use super::path::{Along, Path};
+use super::plant_options::Obstacle;
 
 /// Constants of the law (MetaDrive `IDMPolicy` and `TrajectoryIDMPolicy`).
 pub const DISTANCE_WANTED_M: f64 = 10.0;
@@ -48,26 +49,56 @@ pub fn throttle(speed_mps: f64, velocity: Vec2, axis: Vec2, target_kmph: f64, fr
     free - ACCELERATION_FACTOR * ratio * ratio
 }
 
-/// A throttle in [-1, 1] as an acceleration of a car, m/s².
+/// A throttle in [-1, 1] as an acceleration of a car, m/s². Brakes grow in proportion to the pedal up to half of it, and
+/// from there to full.
 pub fn acceleration_mps2(throttle: f64, limits: &Limits) -> f64 {
-    let throttle = throttle.clamp(-1.0, 1.0);
-    throttle * if throttle > 0.0 { limits.engine_mps2 } else { limits.brake_mps2 }
+    let pedal = throttle.clamp(-1.0, 1.0);
+    if pedal > 0.0 {
+        return pedal * limits.engine_mps2;
+    }
+    let (half, full) = (limits.half_brake_mps2, limits.brake_mps2);
+    match -pedal {
+        brake if brake <= 0.5 => -2.0 * brake * half,
+        brake => -(half + 2.0 * (brake - 0.5) * (full - half)),
+    }
 }
 
-/// How far ahead of `own` along the path an object is, if it is on the path.
-pub fn gap_on_path(route: &Path, own: &Along, position: Vec2, axis: Vec2, size: &Size) -> Option<f64> {
+/// How far ahead of `own` along the path an object is, if it is on the path. What lies beyond the path's end is on it
+/// if its box reaches back over the end.
+pub fn gap_on_path(
+    route: &Path,
+    own: &Along,
+    position: Vec2,
+    axis: Vec2,
+    size: &Size,
+    obstacle: Obstacle,
+) -> Option<f64> {
     let at = route.project_near(position, own, 0.0, SIGHT_M);
     let gap_m = at.s_m - own.s_m;
-    if gap_m <= 0.0 || at.s_m > route.length_m() || at.offset_m.abs() > size.radius_m + HALF_PATH_WIDTH_M {
+    if gap_m <= 0.0 || at.offset_m.abs() > size.radius_m + HALF_PATH_WIDTH_M {
         return None;
     }
     let direction = route.direction(at.segment);
-    let reach_m = size.half_length_m * direction.cross(axis).abs() + size.half_width_m * direction.dot(axis).abs();
-    (at.offset_m.abs() - reach_m <= HALF_PATH_WIDTH_M).then_some(gap_m)
+    let (along, across) = (direction.dot(axis).abs(), direction.cross(axis).abs());
+    if at.s_m - size.half_length_m * along - size.half_width_m * across > route.length_m() {
+        return None;
+    }
+    let is_on_path = match obstacle {
+        Obstacle::Reaches => {
+            at.offset_m.abs() - size.half_length_m * across - size.half_width_m * along <= HALF_PATH_WIDTH_M
+        }
+        Obstacle::Corner => size
+            .at(Place { position, axis })
+            .corners()
+            .into_iter()
+            .any(|corner| (at.offset_m + direction.cross(corner - position)).abs() <= HALF_PATH_WIDTH_M),
+    };
+    is_on_path.then_some(gap_m)
 }
 
 /// Puts an object in the place of `nearest` if it is on the path and nearer; the first of equals stays. Its velocity is
 /// asked for only then.
+#[allow(clippy::too_many_arguments)]
 pub(super) fn nearer(
     nearest: &mut Option<Front>,
     route: &Path,
@@ -76,8 +107,9 @@ pub(super) fn nearer(
     axis: Vec2,
     velocity: impl FnOnce() -> Vec2,
     size: &Size,
+    obstacle: Obstacle,
 ) {
-    if let Some(gap_m) = gap_on_path(route, own, position, axis, size)
+    if let Some(gap_m) = gap_on_path(route, own, position, axis, size, obstacle)
         && nearest.is_none_or(|n| gap_m < n.gap_m)
     {
         *nearest = Some(Front { gap_m, velocity: velocity() });

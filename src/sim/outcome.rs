@@ -2,10 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::class::ContactClass;
 use super::driving::Driving;
+use super::feasibility::Feasibility;
 use super::intervention::ActorRef;
+use super::touch::Side;
 use crate::kernel::Digest;
-use crate::scene::Sample;
+use crate::scene::{AgentKind, Sample};
 
 /// The labels of one closed-loop rollout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,6 +59,16 @@ pub struct Contact {
     pub impact_angle_rad: f64,
     /// Who ran into whom.
     pub striker: Striker,
+    /// The side of the ego that was touched, seen from the ego.
+    pub ego_side: Side,
+    /// The side of the other that was touched, seen from the other.
+    pub other_side: Side,
+    pub class: ContactClass,
+    /// How long before the contact the ego could see it coming, s; `None` if it never could, or was not asked for.
+    pub visible_s: Option<f64>,
+    /// Whether braking or swerving would have avoided it ([`assess`](super::assess)); `None` where that was not asked
+    /// for: contacts with anyone but an adversary, and rollouts of searches.
+    pub avoidable: Option<bool>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,19 +96,36 @@ pub struct Motion {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AdversaryReport {
     pub actor: ActorRef,
+    pub kind: AgentKind,
+    /// Whether its motion differs from what replay shows: it was somewhere else by more than [`ACTED_M`] at a step, or
+    /// was there when its recording is not.
+    pub acted: bool,
     pub motion: Motion,
-    /// How far a corner of the box went beyond the drivable area, metres (0 if never).
-    pub off_road_m_max: f64,
-    /// Distance driven against a lane's direction, metres.
-    pub wrong_way_m: f64,
-    /// Whether it overlapped anyone at the first step of the intervention.
+    /// From the first step of the intervention on.
+    pub simulated: Feasibility,
+    /// The same of its whole recording; `None` for inserted ones.
+    pub recorded: Option<Feasibility>,
+    /// Whether it overlapped anyone at the first step of the intervention, where it had been moved.
     pub initial_overlap: bool,
-    /// Whether it touched anyone but the ego before the rollout ended.
+    /// Whether it touched anyone but the ego who moves, once it acted and before the rollout ended.
     pub struck_bystander: bool,
-    /// Largest step between samples that its own velocity does not explain, metres.
-    pub jump_m_max: f64,
+    /// Whether it touched someone or something parked, likewise.
+    pub struck_parked: bool,
+    /// How far along its recorded way it was at the end, as a share of how far its recording was, 0..=1; `None` where
+    /// that is no way worth the name, and for inserted ones.
+    pub route_completion: Option<f64>,
     /// Largest distance from its own logged position at the same time, metres (`None` for inserted ones).
     pub log_deviation_m_max: Option<f64>,
+}
+
+/// Nearer to its recording than this an adversary does what replay does, metres: places of recordings are no better.
+pub const ACTED_M: f64 = 0.25;
+
+impl Outcome {
+    /// Whether the intervention changed what some adversary did.
+    pub fn acted(&self) -> bool {
+        self.adversaries.iter().any(|adversary| adversary.acted)
+    }
 }
 
 /// The motion behind an outcome: one row a decision step, for players, exporters and audits.

@@ -6,17 +6,21 @@ use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample, Scene};
 
 use super::actors::{Actor, Mind, adversaries, first_change};
-use super::bicycle::{Car, DEFAULT_LIMITS};
+use super::bicycle::Car;
 use super::body::{Place, SUBSTEP_S, SUBSTEPS, Size, coasting, sample_during};
+use super::bystanders::{PARKED_M, Touched};
+use super::class::{Before, CUT_IN_STEPS, STANDING_STEPS};
 use super::contact::{Hit, describe};
 use super::driver::Control;
+use super::feasibility::{DRIVABLE_TOLERANCE_M, StepMeter};
 use super::gaps::{ENCROACHMENT_STEPS, time_to_collision_s};
 use super::idm::{self, Front, SIGHT_M};
 use super::motion::MotionMeter;
+use super::outcome::ACTED_M;
+use super::path::Along;
 use super::rollout::{ARRIVAL_SHARE, OFF_ROAD_OFFSET_M, ROUTE_M_MIN};
 use super::skills::EgoForecast;
-use super::watch::DRIVABLE_TOLERANCE_M;
-use super::{Action, ActorRef, AdversaryReport, End, Intervention, Outcome, Plant};
+use super::{Action, ActorRef, AdversaryReport, End, Feasibility, Intervention, Outcome, Plant};
 
 /// Someone but the ego during one decision step.
 #[derive(Clone)]
@@ -105,7 +109,8 @@ impl Plain<'_> {
             seen.push((*ego, self.plant.ego_size));
             let mut front: Option<Front> = None;
             for (at, size) in seen.iter().filter(|(at, _)| at.position.distance(now.position) <= SIGHT_M) {
-                let gap = idm::gap_on_path(path, along, at.position, Vec2::from_heading(at.heading_rad), size);
+                let (axis, obstacle) = (Vec2::from_heading(at.heading_rad), self.plant.options().plant.obstacle);
+                let gap = idm::gap_on_path(path, along, at.position, axis, size, obstacle);
                 if let Some(gap_m) = gap.filter(|&g| front.is_none_or(|f| g < f.gap_m)) {
                     front = Some(Front { gap_m, velocity: at.velocity });
                 }
@@ -119,7 +124,7 @@ impl Plain<'_> {
     fn ego_step(&self, car: &Car, now: &Sample, k: usize) -> Option<(Ego, Car)> {
         match self.controls.get(k)? {
             Control::Drive { acceleration_mps2, steering_rad } => {
-                let cars = car.drive(*acceleration_mps2, *steering_rad, &DEFAULT_LIMITS);
+                let cars = car.drive(*acceleration_mps2, *steering_rad, self.plant.limits());
                 let mut ego = Ego { samples: [*now; SUBSTEPS + 1], places: [car.place(); SUBSTEPS + 1] };
                 for (j, moved) in cars.iter().enumerate() {
                     (ego.samples[j + 1], ego.places[j + 1]) = (moved.sample(), moved.place());
@@ -161,7 +166,8 @@ impl Plain<'_> {
         let mut ghosts: Vec<ActorRef> = Vec::new();
         let (mut egos, mut rows) = (vec![(now, DT_S, Place::of(&now))], Vec::new());
         let mut tails: Vec<Option<(Sample, Place)>> = Vec::new();
-        let (mut initial, mut struck) = (vec![false; count], vec![false; count]);
+        let (mut initial, mut struck) = (vec![false; count], vec![Touched::default(); count]);
+        let mut acted = vec![false; count];
         let (mut end, mut contact, mut steps) = (End::Horizon, None, 0);
         for k in 0..=plant.steps() {
             let axis = Vec2::from_heading(now.heading_rad);
@@ -185,14 +191,19 @@ impl Plain<'_> {
                 let i = own.adversary.unwrap();
                 let from = first_change(&self.act.actions[i]).saturating_sub(plant.first_step());
                 let touches = |b: &Other, j: usize| own.size.at(own.places[j]).overlaps(&b.size.at(b.places[j]));
-                let rest = || others.iter().filter(|b| b.who != own.who);
-                if k == from {
+                let rest = || others.iter().filter(|b| b.who != own.who && !self.overlapped(own.who, b.who));
+                acted[i] |= k >= from && self.differs(own.who, &own.samples[0], k);
+                if k == from && acted[i] {
                     initial[i] =
                         own.size.at(own.places[0]).overlaps(&size.at(ego.places[0])) || rest().any(|b| touches(b, 0));
                 }
-                struck[i] |= k >= from && rest().any(|b| (0..=until).any(|j| touches(b, j)));
+                for b in rest().filter(|b| acted[i] && (0..=until).any(|j| touches(b, j))) {
+                    let parked = b.adversary.is_none() && self.is_parked(b.who);
+                    (struck[i].parked, struck[i].moving) = (struck[i].parked | parked, struck[i].moving | !parked);
+                }
             }
             let j = until;
+            let before = hit.map(|hit| self.before(&rows, k, &hit, &along));
             steps += usize::from(j > 0);
             if j > 0 {
                 let seconds = if j == SUBSTEPS { DT_S } else { j as f64 * SUBSTEP_S };
@@ -207,9 +218,9 @@ impl Plain<'_> {
                 completion = completion.max(driven);
                 egos.push((now, seconds, if j == SUBSTEPS { Place::of(&now) } else { ego.places[j] }));
             }
-            if let Some(hit) = hit {
+            if let (Some(hit), Some(before)) = (hit, before) {
                 end = End::Contact;
-                contact = Some(describe(&hit, k, &size.at(ego.places[j]), now.velocity));
+                contact = Some(describe(&hit, k, &size.at(ego.places[j]), now.velocity, &before));
                 if j > 0 {
                     tails = (0..count)
                         .map(|i| others.iter().find(|o| o.adversary == Some(i)).map(|o| (o.samples[j], o.places[j])))
@@ -313,6 +324,7 @@ impl Plain<'_> {
                     substep: j,
                     with: other.who,
                     adversary: other.adversary.is_some(),
+                    replayed: false,
                     size: other.size,
                     place: other.places[j],
                     velocity: other.samples[j].velocity,
@@ -320,6 +332,15 @@ impl Plain<'_> {
             }
         }
         None
+    }
+
+    /// What the one that was hit did before, looked up in everyone's places at the steps so far.
+    fn before(&self, rows: &[Vec<Other>], k: usize, hit: &Hit, ego: &Along) -> Before {
+        let past = |steps: usize| {
+            let then = rows[k.saturating_sub(steps)].iter().find(|other| other.who == hit.with);
+            then.map(|other| Place::of(&other.samples[0]))
+        };
+        Before::from_places(self.plant, &hit.size, ego, past(CUT_IN_STEPS), past(STANDING_STEPS), &hit.place)
     }
 
     fn adversary_size(&self, i: usize, rows: &[Vec<Other>], _count: usize) -> Size {
@@ -371,7 +392,7 @@ impl Plain<'_> {
         tail: Option<(Option<(Sample, Place)>, f64)>,
         size: &Size,
         initial_overlap: bool,
-        struck_bystander: bool,
+        struck: Touched,
     ) -> AdversaryReport {
         let action = &self.act.actions[i];
         let from = first_change(action).saturating_sub(self.plant.first_step());
@@ -388,40 +409,126 @@ impl Plain<'_> {
         let mut meter = MotionMeter::default();
         let mut report = AdversaryReport {
             actor,
+            kind: size.kind,
+            acted: false,
             motion: Default::default(),
-            off_road_m_max: 0.0,
-            wrong_way_m: 0.0,
+            simulated: Feasibility::default(),
+            recorded: log.map(|track| self.plant.recorded(track)),
             initial_overlap,
-            struck_bystander,
-            jump_m_max: 0.0,
+            struck_bystander: struck.moving,
+            struck_parked: struck.parked,
+            route_completion: None,
             log_deviation_m_max: log.map(|_| 0.0),
         };
         let whole = poses.iter().map(|p| (*p, DT_S));
         let all: Vec<(Option<(Sample, Place)>, f64)> = whole.chain(tail).collect();
         let mut last: Option<Sample> = None;
+        let mut before: Option<Sample> = None;
+        let found = &mut report.simulated;
         for (k, (now, seconds)) in all.iter().enumerate() {
             if let (Some((now, place)), true) = (now, k >= from) {
                 if let Some(last) = &last {
                     meter.seed(last);
                     let off = now.position - last.position - (last.velocity + now.velocity) * (0.5 * seconds);
-                    report.jump_m_max = report.jump_m_max.max(off.norm());
+                    found.jump_m = found.jump_m.max(off.norm());
                     if self.plant.drivable.is_wrong_way_by_walk(now.position, place.axis) {
-                        report.wrong_way_m += last.position.distance(now.position);
+                        found.wrong_way_m += last.position.distance(now.position);
+                    }
+                    if let Some(before) = &before {
+                        let as_before = (last.position - before.position) * (seconds / DT_S);
+                        found.kink_m = found.kink_m.max((now.position - last.position - as_before).norm());
                     }
                 }
                 meter.push(now, *seconds);
                 for corner in size.at(*place).corners() {
-                    report.off_road_m_max = report.off_road_m_max.max(self.off_road_m(corner) - DRIVABLE_TOLERANCE_M);
+                    found.off_road_m = found.off_road_m.max(self.off_road_m(corner) - DRIVABLE_TOLERANCE_M);
                 }
-                if let Some(logged) = log.filter(|_| *seconds == DT_S).and_then(|t| self.track_at(t, k)) {
-                    let off = logged.position.distance(now.position);
-                    report.log_deviation_m_max = report.log_deviation_m_max.map(|d| d.max(off));
+                if *seconds == DT_S {
+                    let logged = log.and_then(|track| self.track_at(track, k));
+                    let off = logged.map(|logged| logged.position.distance(now.position));
+                    report.acted |= off.is_none_or(|off| off > ACTED_M);
+                    report.log_deviation_m_max = report.log_deviation_m_max.map(|d| d.max(off.unwrap_or(0.0)));
                 }
             }
+            before = last.filter(|_| now.is_some());
             last = now.map(|(now, _)| now);
         }
         report.motion = meter.finish();
+        self.windows(&mut report, poses, log, from, size);
         report
+    }
+
+    /// What needs more than one step: levels of the windows, and how far along its way it got.
+    fn windows(
+        &self,
+        report: &mut AdversaryReport,
+        poses: &[Option<(Sample, Place)>],
+        log: Option<usize>,
+        from: usize,
+        size: &Size,
+    ) {
+        // The first whole run of samples that reaches the intervention, with what was recorded before the rollout.
+        let present = |k: &usize| poses[*k].is_some();
+        let Some(begins) = (from.min(poses.len())..poses.len()).find(present) else { return };
+        let start = (0..begins).rev().take_while(present).last().unwrap_or(begins);
+        let first_step = self.plant.first_step();
+        let earlier = (0..first_step).rev().take(2 * super::smooth::HALF_WINDOW);
+        let earlier = earlier.map_while(|step| self.scene.tracks[log?].at(step).copied());
+        let mut samples: Vec<Sample> = if start == 0 { earlier.collect() } else { Vec::new() };
+        samples.reverse();
+        let history = samples.len();
+        samples.extend((start..poses.len()).map_while(|k| poses[k].map(|(sample, _)| sample)));
+        let found = report.simulated;
+        let levels = StepMeter::default().finish(&samples, history + begins - start, size);
+        report.simulated = Feasibility {
+            off_road_m: found.off_road_m,
+            wrong_way_m: found.wrong_way_m,
+            jump_m: found.jump_m,
+            kink_m: found.kink_m,
+            ..levels
+        };
+        let end = samples[samples.len() - 1].position;
+        let way: Vec<Vec2> =
+            (from..poses.len()).map_while(|k| self.track_at(log?, k)).map(|sample| sample.position).collect();
+        let way_m: f64 = way.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+        let (mut before_m, mut best) = (0.0, (f64::INFINITY, 0.0));
+        for pair in way.windows(2) {
+            let step = pair[1] - pair[0];
+            let share = ((end - pair[0]).dot(step) / step.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+            let off = end.distance(pair[0].lerp(pair[1], share));
+            if off <= best.0 {
+                best = (off, before_m + share * step.norm());
+            }
+            before_m += step.norm();
+        }
+        report.route_completion = (way_m >= 5.0).then_some(best.1 / way_m);
+    }
+
+    fn is_parked(&self, who: ActorRef) -> bool {
+        let ActorRef::Track(track) = who else { return false };
+        let track = &self.scene.tracks[track];
+        let seen: Vec<Vec2> = track.samples.iter().flatten().map(|s| s.position).collect();
+        track.kind == crate::scene::AgentKind::Static || seen.iter().all(|at| at.distance(seen[0]) <= PARKED_M)
+    }
+
+    /// Whether a road user is not where it was recorded at the k-th step.
+    fn differs(&self, who: ActorRef, now: &Sample, k: usize) -> bool {
+        let ActorRef::Track(track) = who else { return true };
+        self.track_at(track, k).is_none_or(|logged| logged.position.distance(now.position) > ACTED_M)
+    }
+
+    /// Whether two recordings overlap at a physics step.
+    fn overlapped(&self, a: ActorRef, b: ActorRef) -> bool {
+        let (ActorRef::Track(a), ActorRef::Track(b)) = (a, b) else { return false };
+        let places = |track: usize, k: usize| {
+            let now = self.track_at(track, k)?;
+            Some(places_between(&now, self.track_at(track, k + 1).as_ref()))
+        };
+        let size = |track: usize| self.plant.sizes[track];
+        (0..=self.plant.steps()).any(|k| match (places(a, k), places(b, k)) {
+            (Some(at), Some(other)) => (0..=SUBSTEPS).any(|j| size(a).at(at[j]).overlaps(&size(b).at(other[j]))),
+            _ => false,
+        })
     }
 }
 

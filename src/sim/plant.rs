@@ -4,13 +4,17 @@
 use std::sync::Arc;
 
 use crate::kernel::{Digest, Vec2};
-use crate::scene::{AgentKind, LaneGraph, Light, LightState, PreparedScene, Sample, Scene, Track};
+use crate::scene::{AgentKind, LaneGraph, Light, LightState, PreparedScene, Sample, Scene, Track, TrackIx};
 
 use super::SimError;
+use super::bicycle::Limits;
 use super::body::Size;
 use super::course::Course;
 use super::drivable::Drivable;
+use super::feasibility::{self, Feasibility};
+use super::options::SimulatorOptions;
 use super::path::Path;
+use super::plant_options::{EgoBox, METADRIVE_BOX_M};
 use super::rows::{NONE, Rows};
 
 /// Coordinates beyond this are refused, metres.
@@ -50,6 +54,8 @@ pub(super) struct RouteLight {
 #[derive(Clone, Debug)]
 pub struct Plant {
     prepared: Arc<PreparedScene>,
+    options: SimulatorOptions,
+    limits: Limits,
     steps: usize,
     pub(super) rows: Rows,
     pub(super) sizes: Vec<Size>,
@@ -69,13 +75,18 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Prepares a copy of a scene. Errors name the first thing that cannot be simulated.
+    /// Prepares a copy of a scene under the shipped options. Errors name the first thing that cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Plant, SimError> {
         Plant::shared(PreparedScene::new(Arc::new(scene.clone())))
     }
 
     /// [`Plant::new`] without a copy: the plant reads the recorded samples in the scene itself.
     pub fn shared(prepared: Arc<PreparedScene>) -> Result<Plant, SimError> {
+        Plant::with_options(prepared, &SimulatorOptions::SHIPPED)
+    }
+
+    /// [`Plant::shared`] under the options of an experiment.
+    pub fn with_options(prepared: Arc<PreparedScene>, options: &SimulatorOptions) -> Result<Plant, SimError> {
         let scene = &prepared.scene;
         check(scene)?;
         let first_step = scene.ego.start_step;
@@ -95,7 +106,7 @@ impl Plant {
             lights: scene.lights.iter().filter_map(|l| route_light(l, &route, first_step)).collect(),
             rows,
             sizes,
-            ego_size: size(&scene.ego.track),
+            ego_size: ego_size(&scene.ego.track, options.plant.ego_box),
             ego_start: start,
             course: scene.staging.as_ref().map(|_| Course::new(scene, &route)),
             route,
@@ -103,6 +114,8 @@ impl Plant {
             drivable: Drivable::of(prepared.lanes.pieces().clone()),
             digest: Digest::of_bytes(&[]),
             prepared,
+            options: *options,
+            limits: options.plant.limits(),
         };
         plant.digest = plant.content_digest();
         Ok(plant)
@@ -111,6 +124,16 @@ impl Plant {
     /// The scene that was prepared.
     pub fn scene(&self) -> &Arc<Scene> {
         &self.prepared.scene
+    }
+
+    /// Under which rules it is simulated.
+    pub fn options(&self) -> &SimulatorOptions {
+        &self.options
+    }
+
+    /// What the ego's car and reactive traffic can do.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
     }
 
     /// The graph of its lanes.
@@ -162,6 +185,11 @@ impl Plant {
         self.prepared.scene.ego.track.at(self.first_step() + k)
     }
 
+    /// What realism judges, of a track as it was recorded.
+    pub fn recorded(&self, track: TrackIx) -> Feasibility {
+        feasibility::of_recording(&self.drivable, &self.scene().tracks[track].samples, &self.sizes[track])
+    }
+
     /// Digest of what a rollout replays from this scene.
     pub fn digest(&self) -> Digest {
         self.digest
@@ -194,6 +222,14 @@ impl Plant {
         }
         Digest::from_array(*hasher.finalize().as_bytes())
     }
+}
+
+fn ego_size(track: &Track, ego_box: EgoBox) -> Size {
+    let (length_m, width_m) = match ego_box {
+        EgoBox::Recorded => (track.length_m, track.width_m),
+        EgoBox::MetadriveDefault => METADRIVE_BOX_M,
+    };
+    Size::new(track.kind, length_m, width_m)
 }
 
 fn put_sample(put: &mut impl FnMut(f64), sample: &Sample) {

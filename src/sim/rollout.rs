@@ -1,24 +1,19 @@
 //! The closed loop: decide, move everyone through five physics steps, check contact, take account, until it ends.
 
-use crate::kernel::Vec2;
-use crate::scene::{DT_S, Sample};
+use crate::scene::DT_S;
 
 use super::SimError;
-use super::actors::{adversaries, set_off};
-use super::bicycle::{Car, DEFAULT_LIMITS};
-use super::body::{Place, SUBSTEP_S, SUBSTEPS, sample_during};
-use super::contact::{self, Hit, Mover, Swept};
-use super::driver::{Control, Driver, EgoState, View};
+use super::body::{Place, SUBSTEPS};
+use super::closed_loop::{ClosedLoop, EgoStep, seconds_after};
+use super::contact::{Hit, Mover};
+use super::driver::Driver;
 use super::driving::DrivingMeter;
 use super::gaps::Footprints;
 use super::intervention::Intervention;
-use super::others::Others;
 use super::outcome::{Contact, End, Outcome, Trace};
 use super::plant::Plant;
 use super::recorder::Recorder;
-use super::skills::EgoForecast;
 use super::trace_digest::TraceDigest;
-use super::traffic;
 use super::watch::{Nearness, Watched};
 
 /// MetaDrive: the ego has left the road this far beside its route, metres.
@@ -27,8 +22,6 @@ pub const OFF_ROAD_OFFSET_M: f64 = 4.0;
 pub const ARRIVAL_SHARE: f64 = 0.95;
 /// MetaDrive: a route shorter than this is driven from the start, metres.
 pub const ROUTE_M_MIN: f64 = 2.0;
-/// The ego looks for its place on the route within the way it went and this much, metres.
-const ROUTE_WINDOW_M: f64 = 5.0;
 
 /// What a rollout cost, for throughput figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,6 +69,19 @@ pub fn rollout(plant: &Plant, intervention: &Intervention, driver: &mut dyn Driv
     Run::new(plant, intervention, driver)?.finish(None, |_| ()).map(|(outcome, _)| outcome)
 }
 
+/// How [`rollout`] ends and whom the ego touches, bit for bit, without what an outcome sums up: for searches that simulate
+/// the ego again and again.
+pub fn ending(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+) -> Result<(End, Option<Contact>), SimError> {
+    let mut run = Run::new(plant, intervention, driver)?;
+    // SafeBench's account says when the ego has arrived, so there it is kept.
+    run.keeps_account = plant.course.is_some();
+    run.drive(None, &mut |_| ()).map(|(end, _, contact)| (end, contact))
+}
+
 /// [`rollout`] with the number of agent-steps it simulated.
 pub fn rollout_counted(
     plant: &Plant,
@@ -103,7 +109,7 @@ pub fn rollout_traced(
     driver: &mut dyn Driver,
 ) -> Result<(Outcome, Trace), SimError> {
     let run = Run::new(plant, intervention, driver)?;
-    let mut recorder = Recorder::new(plant, &run.world, run.count);
+    let mut recorder = Recorder::new(plant, &run.state.world, run.state.count);
     let (outcome, _) = run.finish(Some(&mut recorder), |_| ())?;
     Ok((outcome, recorder.finish()))
 }
@@ -111,16 +117,9 @@ pub fn rollout_traced(
 /// A rollout under way.
 struct Run<'a> {
     plant: &'a Plant,
-    intervention: &'a Intervention,
     driver: &'a mut dyn Driver,
-    world: Others,
-    ghosts: Vec<bool>,
+    state: ClosedLoop<'a>,
     watched: Vec<Watched>,
-    /// Number of adversaries: the first of `world.actors`.
-    count: usize,
-    replays: bool,
-    car: Car,
-    ego: EgoState,
     ego_footprints: Footprints,
     ego_meter: super::motion::MotionMeter,
     start_s_m: f64,
@@ -131,88 +130,69 @@ struct Run<'a> {
     driving: Option<DrivingMeter>,
     traced: TraceDigest,
     cost: RolloutCost,
-}
-
-/// The ego through one decision step.
-struct EgoStep {
-    path: Swept,
-    /// After each physics step.
-    samples: [Sample; SUBSTEPS],
-    car: Car,
-    steering_rad: f64,
-    reach_m: f64,
+    /// Whether the outcome's sums are wanted.
+    keeps_account: bool,
 }
 
 impl<'a> Run<'a> {
     fn new(plant: &'a Plant, intervention: &'a Intervention, driver: &'a mut dyn Driver) -> Result<Run<'a>, SimError> {
-        let mut world = Others::for_plant(plant, intervention.actions.len());
-        adversaries(plant, intervention, &mut world.actors)?;
-        let watched = world.actors.iter().map(|a| Watched::new(plant, a, intervention)).collect();
-        for actor in &mut world.actors {
-            actor.place_first(plant, intervention);
-            if let super::ActorRef::Track(track) = actor.who {
-                world.simulated[track] = true;
-            }
-        }
-        driver.begin(plant);
-        let car = Car::new(&plant.ego_start, 2.0 * plant.ego_size.half_length_m);
-        let along = plant.route.project(plant.ego_start.position);
-        let ego = EgoState {
-            sample: plant.ego_start,
-            axis: car.axis,
-            speed_mps: car.speed_mps,
-            steering_rad: 0.0,
-            acceleration_mps2: 0.0,
-            size: plant.ego_size,
-            along,
-        };
+        let state = ClosedLoop::new(plant, intervention, driver)?;
+        let actors = &state.world.actors;
         Ok(Run {
-            replays: driver.follows_log(),
-            ghosts: vec![false; plant.tracks()],
-            count: world.actors.len(),
+            watched: actors.iter().map(|a| Watched::new(plant, a, intervention)).collect(),
             ego_footprints: Footprints::with_room(plant.steps() + 2),
             ego_meter: Default::default(),
-            start_s_m: along.s_m.clamp(0.0, plant.route.length_m()),
+            start_s_m: state.ego.along.s_m.clamp(0.0, plant.route.length_m()),
             completion: 0.0,
-            lateral_m_max: along.offset_m.abs(),
+            lateral_m_max: state.ego.along.offset_m.abs(),
             nearness: Nearness::new(),
-            driving: plant.course.as_ref().map(|course| DrivingMeter::new(course, &world.actors, plant.steps())),
+            driving: plant.course.as_ref().map(|course| DrivingMeter::new(course, actors, plant.steps())),
             cost: RolloutCost::default(),
-            plant,
-            intervention,
-            driver,
-            world,
-            watched,
-            car,
-            ego,
             traced: TraceDigest::new(plant),
+            plant,
+            driver,
+            state,
+            keeps_account: true,
         })
     }
 
     fn finish(
         mut self,
-        mut recorder: Option<&mut Recorder>,
+        recorder: Option<&mut Recorder>,
         mut begins: impl FnMut(Part),
     ) -> Result<(Outcome, RolloutCost), SimError> {
+        let (end, steps, contact) = self.drive(recorder, &mut begins)?;
+        begins(Part::Setup);
+        let outcome = self.outcome(end, steps, contact);
+        Ok((outcome, self.cost))
+    }
+
+    /// Simulates to the end: how it ends, after how many steps, and whom the ego meets.
+    fn drive(
+        &mut self,
+        mut recorder: Option<&mut Recorder>,
+        begins: &mut impl FnMut(Part),
+    ) -> Result<(End, usize, Option<Contact>), SimError> {
         let plant = self.plant;
         let mut steps = 0;
         self.observe(0, DT_S);
         let (end, contact) = loop {
             let k = steps;
             begins(Part::Traffic);
-            traffic::wake(plant, &mut self.world, &self.ego, k, self.replays);
+            self.state.wake(k);
             if let Some(recorder) = recorder.as_deref_mut() {
-                recorder.push(plant, &self.world, &self.ego.sample, k);
+                recorder.push(plant, &self.state.world, &self.state.ego.sample, k);
             }
             if k == plant.steps() {
                 break (End::Horizon, None);
             }
             begins(Part::Ego);
-            let Some(ego_step) = self.decide(k)? else { break (End::Horizon, None) };
+            let Some(ego_step) = self.state.decide(self.driver, k)? else { break (End::Horizon, None) };
             begins(Part::Traffic);
-            traffic::decide(plant, &mut self.world, &self.ego, k);
+            self.state.decide_traffic(k);
             begins(Part::Motion);
-            self.plan_others(k);
+            self.state.plan_others(k);
+            self.count_step(k);
             begins(Part::Contact);
             if let Some(hit) = self.sweep(k, &ego_step) {
                 steps += usize::from(hit.substep > 0);
@@ -220,7 +200,8 @@ impl<'a> Run<'a> {
                 break (End::Contact, Some(contact));
             }
             begins(Part::Statistics);
-            self.commit(&ego_step);
+            self.state.commit(&ego_step);
+            self.advance_on_route();
             steps += 1;
             self.observe(steps, DT_S);
             if let Some(end) = self.is_over() {
@@ -230,25 +211,23 @@ impl<'a> Run<'a> {
         if !matches!(end, End::Horizon | End::Contact)
             && let Some(recorder) = recorder
         {
-            recorder.push(plant, &self.world, &self.ego.sample, steps);
+            recorder.push(plant, &self.state.world, &self.state.ego.sample, steps);
         }
-        begins(Part::Setup);
-        let outcome = self.outcome(end, steps, contact);
-        Ok((outcome, self.cost))
+        Ok((end, steps, contact))
     }
 
     /// Whether the ego has left its route or arrived: by MetaDrive's rules, or SafeBench's for its traffic families.
     fn is_over(&mut self) -> Option<End> {
-        let route = &self.plant.route;
+        let (route, ego) = (&self.plant.route, &self.state.ego);
         let (left, arrived) = match &mut self.driving {
             None => {
-                let left = self.ego.along.offset_m.abs() > OFF_ROAD_OFFSET_M;
+                let left = ego.along.offset_m.abs() > OFF_ROAD_OFFSET_M;
                 (left, self.completion > ARRIVAL_SHARE || route.length_m() < ROUTE_M_MIN)
             }
             Some(driving) => {
                 let end = route.points()[route.points().len() - 1];
-                let arrived = driving.has_arrived(&self.ego, self.completion, end);
-                (driving.has_left_route(&self.ego, route.length_m()), arrived)
+                let arrived = driving.has_arrived(ego, self.completion, end);
+                (driving.has_left_route(ego, route.length_m()), arrived)
             }
         };
         if left {
@@ -259,28 +238,34 @@ impl<'a> Run<'a> {
 
     /// Takes the state at simulated step `k` into account, `seconds` after the last.
     fn observe(&mut self, k: usize, seconds: f64) {
-        let plant = self.plant;
-        self.ego_meter.push(&self.ego.sample, seconds);
+        if !self.keeps_account {
+            return;
+        }
+        let (plant, state) = (self.plant, &self.state);
+        let ego = &state.ego;
+        self.ego_meter.push(&ego.sample, seconds);
         let whole_step = seconds == DT_S;
         if whole_step {
-            self.ego_footprints.push(Some(Place { position: self.ego.sample.position, axis: self.ego.axis }));
+            self.ego_footprints.push(Some(Place { position: ego.sample.position, axis: ego.axis }));
         }
-        for (watched, actor) in self.watched.iter_mut().zip(&self.world.actors) {
+        for (watched, actor) in self.watched.iter_mut().zip(&state.world.actors) {
             watched.observe(plant, actor.now.as_ref(), actor.axis, &actor.size, k, seconds);
             if let Some(now) = &actor.now {
-                self.nearness.see(&self.ego, now.position, actor.axis, now.velocity, &actor.size);
+                self.nearness.see(ego, now.position, actor.axis, now.velocity, &actor.size);
             }
             if whole_step {
                 watched.compare_with_log(plant, actor.now.as_ref(), k);
-                watched.encroach(&self.ego_footprints, &self.ego.size, actor);
+                watched.encroach(&self.ego_footprints, &ego.size, actor);
             }
         }
         if let (Some(driving), Some(course)) = (&mut self.driving, &plant.course) {
-            driving.observe(plant, course, &self.ego, &self.world.actors, k, seconds);
+            driving.observe(plant, course, ego, &state.world.actors, k, seconds);
+            let watched = self.watched.iter_mut().enumerate();
+            watched.for_each(|(i, watched)| watched.judge(plant, driving.encounter_is_over(i)));
         }
-        if self.count == 0 && whole_step {
-            let (nearness, ego) = (&mut self.nearness, &self.ego);
-            self.world.for_each_within(plant, k, ego.sample.position, f64::INFINITY, |seen| {
+        if state.count == 0 && whole_step {
+            let nearness = &mut self.nearness;
+            state.world.for_each_within(plant, k, ego.sample.position, f64::INFINITY, |seen| {
                 nearness.see(ego, seen.position, seen.axis, seen.velocity, &seen.size);
             });
         }
@@ -289,133 +274,59 @@ impl<'a> Run<'a> {
 
     /// Streams the bits of every simulated pose; what is replayed stands in the plant's digest.
     fn hash_state(&mut self) {
-        self.traced.pose(0, &self.ego.sample);
-        for (i, actor) in self.world.actors.iter().enumerate() {
+        self.traced.pose(0, &self.state.ego.sample);
+        for (i, actor) in self.state.world.actors.iter().enumerate() {
             if let Some(now) = &actor.now {
                 self.traced.pose(1 + i as u64, now);
             }
         }
     }
 
-    /// The ego's motion through the next step; `None` when a replayed recording has ended.
-    fn decide(&mut self, k: usize) -> Result<Option<EgoStep>, SimError> {
-        let view = View { plant: self.plant, world: &self.world, k, ego: &self.ego };
-        match self.driver.decide(&view) {
-            Control::Drive { acceleration_mps2, steering_rad } => {
-                if !acceleration_mps2.is_finite() || !steering_rad.is_finite() {
-                    return Err(SimError::Driver {
-                        scene: self.plant.scene_id().to_string(),
-                        step: self.plant.first_step() + k,
-                        what: if acceleration_mps2.is_finite() { "a steering" } else { "an acceleration" },
-                    });
-                }
-                Ok(Some(self.drive(acceleration_mps2, steering_rad)))
-            }
-            Control::FollowLog => match self.plant.ego_log(k + 1) {
-                Some(next) => Ok(Some(self.follow(next))),
-                None if k == 0 => {
-                    Err(SimError::NoLog { scene: self.plant.scene_id().to_string(), step: self.plant.first_step() + 1 })
-                }
-                None => Ok(None),
-            },
-        }
-    }
-
-    fn drive(&self, acceleration_mps2: f64, steering_rad: f64) -> EgoStep {
-        let cars = self.car.drive(acceleration_mps2, steering_rad, &DEFAULT_LIMITS);
-        let mut path = [self.car.place(); SUBSTEPS + 1];
-        for (place, car) in path[1..].iter_mut().zip(&cars) {
-            *place = car.place();
-        }
-        let limit = DEFAULT_LIMITS.steering_rad;
-        EgoStep {
-            samples: cars.map(|car| car.sample()),
-            car: cars[SUBSTEPS - 1],
-            steering_rad: steering_rad.clamp(-limit, limit),
-            reach_m: reach(&path, self.ego.size.radius_m),
-            path,
-        }
-    }
-
-    fn follow(&self, next: &Sample) -> EgoStep {
-        let (first, last) = (Place { position: self.ego.sample.position, axis: self.ego.axis }, Place::of(next));
-        let path: Swept = core::array::from_fn(|j| first.towards(&last, j as f64 / SUBSTEPS as f64));
-        let now = &self.ego.sample;
-        let samples = core::array::from_fn(|j| sample_during(now, Some(next), &path[j + 1], j + 1));
-        let car = Car::new(next, 2.0 * self.ego.size.half_length_m);
-        EgoStep { samples, car, steering_rad: 0.0, reach_m: reach(&path, self.ego.size.radius_m), path }
-    }
-
-    fn plan_others(&mut self, k: usize) {
-        let forecast = EgoForecast {
-            place: Place { position: self.ego.sample.position, axis: self.ego.axis },
-            velocity: self.ego.sample.velocity,
-            acceleration_mps2: self.ego.acceleration_mps2,
-            size: self.ego.size,
-        };
-        set_off(&mut self.world.actors[..self.count], self.intervention, &forecast);
-        for actor in &mut self.world.actors {
-            actor.plan(self.plant, self.intervention, k, &forecast);
-        }
-        let present = self.world.actors.iter().filter(|a| a.now.is_some()).count();
-        let replayed = self.plant.rows.of_step(k).len() - self.world.replaced(self.plant, k);
+    fn count_step(&mut self, k: usize) {
+        let world = &self.state.world;
+        let present = world.actors.iter().filter(|a| a.now.is_some()).count();
+        let replayed = self.plant.rows.of_step(k).len() - world.replaced(self.plant, k);
         self.cost.steps += 1;
         self.cost.agent_steps += (1 + present + replayed) as u64;
     }
 
     /// The ego's first contact in the step, and the adversaries' contacts with others up to it.
     fn sweep(&mut self, k: usize, ego_step: &EgoStep) -> Option<Hit> {
+        let hit = self.state.first_contact(k, ego_step);
         let ego = Mover { size: &self.plant.ego_size, path: &ego_step.path, reach_m: ego_step.reach_m };
-        let hit = contact::first_contact(self.plant, &self.world, &mut self.ghosts, k, &ego, !self.replays);
-        let until = hit.map_or(SUBSTEPS, |h| h.substep);
+        if !self.keeps_account {
+            return hit;
+        }
+        let (world, until) = (&self.state.world, hit.map_or(SUBSTEPS, |h| h.substep));
         for (own, watched) in self.watched.iter_mut().enumerate() {
-            watched.check_start(self.plant, &self.world, own, k, &ego);
-            if watched.acts_at(k) && !watched.struck_bystander && self.world.actors[own].now.is_some() {
-                watched.struck_bystander = contact::touches_bystander(self.plant, &self.world, k, own, until);
-            }
+            watched.check_start(self.plant, world, own, k, &ego);
+            watched.check_way(self.plant, world, own, k, until);
         }
         hit
     }
 
     /// Stops everyone at the physics step of the contact.
     fn stop_at(&mut self, k: usize, hit: &Hit, ego_step: &EgoStep, recorder: Option<&mut Recorder>) -> Contact {
-        let (substep, place) = (hit.substep, ego_step.path[hit.substep]);
-        if substep > 0 {
-            let seconds = seconds_after(substep);
-            self.move_ego(ego_step.samples[substep - 1], place.axis, ego_step.steering_rad, seconds);
-            for actor in &mut self.world.actors {
-                actor.now = actor.during(substep);
-                actor.axis = actor.places[substep].axis;
-            }
-            self.observe(k + 1, seconds);
+        let contact = self.state.describe(k, hit, ego_step);
+        if hit.substep > 0 {
+            self.state.stop_at(hit.substep, ego_step);
+            self.advance_on_route();
+            self.observe(k + 1, seconds_after(hit.substep));
             if let Some(recorder) = recorder {
-                recorder.push_during(self.plant, &self.world, &self.ego.sample, k, substep);
+                recorder.push_during(self.plant, &self.state.world, &self.state.ego.sample, k, hit.substep);
             }
         }
-        if self.count == 0 || hit.adversary {
+        if self.state.count == 0 || hit.adversary {
             (self.nearness.distance_m, self.nearness.ttc_s) = (0.0, 0.0);
         }
-        contact::describe(hit, k, &self.ego.size.at(place), self.ego.sample.velocity)
+        contact
     }
 
-    fn commit(&mut self, ego_step: &EgoStep) {
-        self.car = ego_step.car;
-        self.move_ego(ego_step.samples[SUBSTEPS - 1], ego_step.car.axis, ego_step.steering_rad, DT_S);
-        for actor in &mut self.world.actors {
-            actor.commit();
-        }
-    }
-
-    fn move_ego(&mut self, sample: Sample, axis: Vec2, steering_rad: f64, seconds: f64) {
-        let ego = &mut self.ego;
-        let window = ROUTE_WINDOW_M + sample.position.distance(ego.sample.position);
-        let speed = sample.speed_mps();
-        ego.acceleration_mps2 = (speed - ego.speed_mps) / seconds;
-        ego.along = self.plant.route.project_near(sample.position, &ego.along, window, window);
-        (ego.sample, ego.axis, ego.speed_mps, ego.steering_rad) = (sample, axis, speed, steering_rad);
-        self.lateral_m_max = self.lateral_m_max.max(ego.along.offset_m.abs());
+    fn advance_on_route(&mut self) {
+        let along = &self.state.ego.along;
+        self.lateral_m_max = self.lateral_m_max.max(along.offset_m.abs());
         let left = self.plant.route.length_m() - self.start_s_m;
-        let driven = if left > 1e-9 { ((ego.along.s_m - self.start_s_m) / left).clamp(0.0, 1.0) } else { 1.0 };
+        let driven = if left > 1e-9 { ((along.s_m - self.start_s_m) / left).clamp(0.0, 1.0) } else { 1.0 };
         self.completion = self.completion.max(driven);
     }
 
@@ -435,29 +346,14 @@ impl<'a> Run<'a> {
             route_completion: self.completion,
             ego_lateral_m_max: self.lateral_m_max,
             ego: self.ego_meter.finish(),
-            adversaries: self.watched.iter().map(Watched::report).collect(),
+            adversaries: self.watched.iter().map(|watched| watched.report(self.plant)).collect(),
             trace: self.traced.finish(),
             driving: self.driving.as_ref().map(DrivingMeter::finish),
         }
     }
 }
 
-/// Seconds from the beginning of a decision step to the end of one of its physics steps.
-fn seconds_after(substep: usize) -> f64 {
-    if substep == SUBSTEPS { DT_S } else { substep as f64 * SUBSTEP_S }
-}
-
-fn reach(path: &Swept, radius_m: f64) -> f64 {
-    let start = path[0].position;
-    radius_m + path.iter().map(|p| (p.position - start).norm_squared()).fold(0.0, f64::max).sqrt()
-}
-
-impl Others {
-    fn for_plant(plant: &Plant, adversaries: usize) -> Others {
-        let candidates: usize = plant.candidates.iter().map(Vec::len).sum();
-        Others { actors: Vec::with_capacity(adversaries + candidates), simulated: vec![false; plant.tracks()] }
-    }
-
+impl super::others::Others {
     /// Recorded rows of a step whose road users are simulated instead.
     fn replaced(&self, plant: &Plant, k: usize) -> usize {
         let tracks = self.actors.iter().filter_map(|a| match a.who {

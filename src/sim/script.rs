@@ -3,19 +3,23 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::kernel::{Pose, Vec2};
+use crate::kernel::{Pose, Vec2, num};
 use crate::scene::AgentKind;
 
 /// Phases of one script.
 pub const PHASES_MAX: usize = 64;
 /// Values of one profile, points of one path.
 pub const VALUES_MAX: usize = 10_000;
+/// Longest shift, its way and radius of a turn, metres.
+const SHIFT_M_MAX: f64 = 1000.0;
+/// No car turns tighter than this, metres.
+const RADIUS_M_MIN: f64 = 3.0;
 
 /// One road user that stands still until the ego comes near, then runs through its phases, then brakes and stays.
 ///
 /// Someone on foot has the asked speed at once. Everybody else starts from standstill and drives bang-bang: throttle
 /// while not faster than the asked speed, else brake, as SafeBench's `go_straight`. Throttle and brake are shares of
-/// [`DEFAULT_LIMITS`](crate::sim::bicycle::DEFAULT_LIMITS): full throttle 2.91 m/s², full brake 8.83 m/s².
+/// [`DEFAULT_LIMITS`](crate::sim::bicycle::DEFAULT_LIMITS): full throttle 2.76 m/s², full brake 8.83 m/s².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
@@ -99,6 +103,13 @@ pub enum Way {
     Points { points: Vec<Vec2> },
     /// Follows a path by pure pursuit; on foot exactly, from where it is nearest.
     Path { points: Vec<Vec2> },
+    /// Moves sideways while it goes on: by `left_m` (negative: to the right) over the next `over_m` metres along the
+    /// heading that it has when the phase begins, then parallel to its old line. A lane change, a cut-in or, over a long
+    /// way, a drift.
+    Shift { left_m: f64, over_m: f64 },
+    /// Turns by `left_rad` (negative: to the right) on an arc of `radius_m`, then goes straight on; on foot at once. An
+    /// abrupt turn, or a crossing at an angle.
+    Turn { left_rad: f64, radius_m: f64 },
 }
 
 /// When a phase is over.
@@ -112,6 +123,10 @@ pub enum Until {
     },
     /// The ego is nearer than this, centre to centre, metres.
     EgoWithin {
+        m: f64,
+    },
+    /// Its centre is nearer than this to the ego's route, metres (ChatScene's `distance from self to egoTrajectory`).
+    NearRoute {
         m: f64,
     },
     /// The phase has lasted this long, s.
@@ -161,9 +176,16 @@ impl Phase {
             Way::Points { points } | Way::Path { points } => {
                 counted(points.len()) && points.iter().all(|p| super::plant::in_range(*p))
             }
+            Way::Shift { left_m, over_m } => left_m.abs() <= SHIFT_M_MAX && (1.0..=SHIFT_M_MAX).contains(over_m),
+            Way::Turn { left_rad, radius_m } => {
+                left_rad.abs() <= num::PI && (RADIUS_M_MIN..=SHIFT_M_MAX).contains(radius_m)
+            }
         };
         if !way {
-            return Some("a way needs 1 to 10000 finite values or points");
+            return Some(
+                "a way needs 1 to 10000 finite values or points, a shift at most 1000 m over 1 to 1000 m, a turn at most \
+                 pi on a radius of 3 to 1000 m",
+            );
         }
         let pedals = [self.throttle, self.brake].iter().all(|share| (0.0..=1.0).contains(share));
         if !pedals {
@@ -171,7 +193,7 @@ impl Phase {
         }
         match self.until {
             Until::Forever => None,
-            Until::Driven { m: x } | Until::EgoWithin { m: x } | Until::Lasted { s: x } => {
+            Until::Driven { m: x } | Until::EgoWithin { m: x } | Until::NearRoute { m: x } | Until::Lasted { s: x } => {
                 (x.is_nan() || x < 0.0).then_some("the end of a phase must not lie below 0")
             }
         }

@@ -64,14 +64,16 @@ fn front_of(
     position: Vec2,
 ) -> Option<Front> {
     let who = world.actors[own].who;
+    let obstacle = plant.options().plant.obstacle;
     let mut nearest = None;
     world.for_each_near(plant, k, position, SIGHT_M, |near| {
         if near.who != who {
-            idm::nearer(&mut nearest, path, along, near.position, near.axis, || near.velocity(), near.size);
+            idm::nearer(&mut nearest, path, along, near.position, near.axis, || near.velocity(), near.size, obstacle);
         }
     });
     if ego.sample.position.distance(position) <= SIGHT_M {
-        idm::nearer(&mut nearest, path, along, ego.sample.position, ego.axis, || ego.sample.velocity, &ego.size);
+        let seen = &ego.sample;
+        idm::nearer(&mut nearest, path, along, seen.position, ego.axis, || seen.velocity, &ego.size, obstacle);
     }
     nearest
 }

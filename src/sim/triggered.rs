@@ -17,6 +17,8 @@ const LOOK_AHEAD_S: f64 = 0.6;
 const REACHED_M: f64 = 0.5;
 /// The wheels turn by at most this much a decision step, radians: a tenth of their range, as CARLA's vehicle controller.
 const WHEEL_STEP_RAD: f64 = 0.1 * DEFAULT_LIMITS.steering_rad;
+/// On foot the way of a sideways move is looked up this far ahead, metres.
+const WALK_LOOK_M: f64 = 0.5;
 /// Nearer than this along its line the ego has passed, metres.
 const PASSED_M: f64 = 0.5;
 
@@ -32,6 +34,8 @@ pub(super) struct Play {
     wheel_rad: f64,
     /// Place on the present phase's path.
     along: Option<Along>,
+    /// Position and heading vector at the beginning of the present phase, for ways that are told from there.
+    origin: Option<(Vec2, Vec2)>,
     /// Paths of the phases that have one.
     paths: Vec<Option<Path>>,
 }
@@ -58,6 +62,7 @@ impl Play {
             driven_m: 0.0,
             wheel_rad: 0.0,
             along: None,
+            origin: None,
             paths: script.phases.iter().map(path).collect(),
         }
     }
@@ -68,13 +73,13 @@ impl Play {
         ego.place.position.distance(reference) < trigger.distance_m && ego.velocity.norm() >= trigger.ego_speed_mps_min
     }
 
-    /// The next decision step.
-    pub fn step(&mut self, script: &Script, ego: &EgoForecast) -> Moved {
+    /// The next decision step. `route` is the ego's.
+    pub fn step(&mut self, script: &Script, ego: &EgoForecast, route: &Path) -> Moved {
         if self.awake {
             while let Some(phase) = script.phases.get(self.phase)
-                && self.is_over(phase, ego)
+                && self.is_over(phase, ego, route)
             {
-                (self.phase, self.tick, self.along) = (self.phase + 1, 0, None);
+                (self.phase, self.tick, self.along, self.origin) = (self.phase + 1, 0, None, None);
             }
         }
         let phase = script.phases.get(self.phase).filter(|_| self.awake);
@@ -89,11 +94,12 @@ impl Play {
         moved
     }
 
-    fn is_over(&self, phase: &Phase, ego: &EgoForecast) -> bool {
+    fn is_over(&self, phase: &Phase, ego: &EgoForecast, route: &Path) -> bool {
         match phase.until {
             Until::Forever => false,
             Until::Driven { m } => self.driven_m >= m,
             Until::EgoWithin { m } => self.car.position.distance(ego.place.position) < m,
+            Until::NearRoute { m } => route.project(self.car.position).offset_m.abs() < m,
             // Half a step of slack: ten steps of 0.1 s are one second.
             Until::Lasted { s } => (self.tick as f64 + 0.5) * DT_S > s,
         }
@@ -139,8 +145,18 @@ impl Play {
                 rad[self.tick.min(rad.len() - 1)].clamp(-DEFAULT_LIMITS.steering_rad, DEFAULT_LIMITS.steering_rad)
             }
             Way::Points { points } => self.towards(points[self.tick.min(points.len() - 1)]),
+            Way::Shift { left_m, over_m } => {
+                let target = self.shifted(*left_m, *over_m, self.look_ahead_m());
+                self.towards(target)
+            }
+            Way::Turn { left_rad, radius_m } => {
+                if self.is_turned(*left_rad) {
+                    return 0.0;
+                }
+                self.car.steering_for(left_rad.signum() / radius_m)
+            }
             Way::Path { .. } => {
-                let look_m = LOOK_AHEAD_M.max(LOOK_AHEAD_S * self.car.speed_mps);
+                let look_m = self.look_ahead_m();
                 match self.on_path(0.0) {
                     Some((path, along)) => {
                         let target = path.at(along.s_m + look_m, along.segment);
@@ -150,6 +166,32 @@ impl Play {
                 }
             }
         }
+    }
+
+    fn look_ahead_m(&self) -> f64 {
+        LOOK_AHEAD_M.max(LOOK_AHEAD_S * self.car.speed_mps)
+    }
+
+    /// Where the present phase began.
+    fn origin(&mut self) -> (Vec2, Vec2) {
+        *self.origin.get_or_insert((self.car.position, self.car.axis))
+    }
+
+    /// The point of a sideways move that lies `look_m` further along it.
+    fn shifted(&mut self, left_m: f64, over_m: f64, look_m: f64) -> Vec2 {
+        let (from, axis) = self.origin();
+        let ahead_m = (self.car.position - from).dot(axis) + look_m;
+        let share = (ahead_m / over_m).clamp(0.0, 1.0);
+        // Smooth at both ends: heading and line change without a jump.
+        let moved_m = left_m * share * share * (3.0 - 2.0 * share);
+        from + axis * ahead_m + axis.left() * moved_m
+    }
+
+    /// Whether it has turned that far since the phase began.
+    fn is_turned(&mut self, left_rad: f64) -> bool {
+        let (_, axis) = self.origin();
+        let turned_rad = num::atan2(axis.cross(self.car.axis), axis.dot(self.car.axis));
+        turned_rad * left_rad.signum() >= left_rad.abs()
     }
 
     /// The wheel for the arc through a point.
@@ -194,6 +236,14 @@ impl Play {
                     self.on_path(0.0);
                 }
                 self.on_path(way_m).map_or(place, |(path, along)| path.at(along.s_m, along.segment))
+            }
+            Some(Way::Shift { left_m, over_m }) => {
+                let step = self.shifted(*left_m, *over_m, WALK_LOOK_M) - place;
+                place + step * (way_m / step.norm().max(WALK_LOOK_M))
+            }
+            Some(Way::Turn { left_rad, .. }) => {
+                let (_, axis) = self.origin();
+                place + axis.rotated(*left_rad) * way_m
             }
             _ => place + self.car.axis * way_m,
         };

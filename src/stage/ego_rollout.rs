@@ -18,9 +18,9 @@ pub fn respond(situation: &Situation, scripts: Vec<(TrackIx, usize, Vec<Sample>)
     let follow = |(track, from_step, samples)| Action::Follow { track, from_step, samples };
     let intervention = Intervention { actions: scripts.into_iter().map(follow).collect() };
     let mut watched = Watched { driver: situation.policy.driver(), seen: Vec::with_capacity(situation.plant.steps()) };
-    let outcome = sim::rollout(&situation.plant, &intervention, &mut watched).ok()?;
+    let (_, contact) = sim::ending(&situation.plant, &intervention, &mut watched).ok()?;
     let path = EgoPath::new(&situation.scene, situation.plant.first_step(), watched.seen);
-    Some(Response { path, contact: outcome.contact.is_some_and(|c| c.adversary) })
+    Some(Response { path, contact: contact.is_some_and(|c| c.adversary) })
 }
 
 /// A driver whose every place is noted: cheaper than tracing everyone.

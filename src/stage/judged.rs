@@ -4,6 +4,7 @@ use super::situation::Situation;
 use crate::adapters::vocabulary;
 use crate::kernel::{OrientedBox, num};
 use crate::motion::Candidate;
+use crate::scene::lanes::OFF_ROAD_MAX_M;
 use crate::scene::{DT_S, Sample, TrackIx};
 
 /// A gap that stands for "nobody comes near", metres.
@@ -80,6 +81,11 @@ pub fn features(candidate: &Candidate, judged: &Judged<'_>, needs: Needs) -> Vec
     values
 }
 
+/// One of the values by its feature's name; `None` for a name that is no candidate feature.
+pub fn feature(values: &[f64], name: &str) -> Option<f64> {
+    vocabulary::CANDIDATE.iter().position(|feature| feature.name == name).and_then(|place| values.get(place).copied())
+}
+
 /// Closest approach to the ego's rollout.
 #[derive(Clone, Copy, Debug, Default)]
 struct EgoRelation {
@@ -152,14 +158,27 @@ fn kinematics(samples: &[Sample], judged: &Judged<'_>) -> Kinematics {
 
 /// How far a corner leaves the drivable area, and the distance from the nearest centre line; largest of each.
 fn road(samples: &[Sample], judged: &Judged<'_>) -> (f64, f64) {
+    road_within(samples, judged, [f64::INFINITY, LANE_M_MAX])
+}
+
+/// A lane farther away is none, metres.
+const LANE_M_MAX: f64 = 10.0;
+
+/// Largest distances of the body's corners from the road and of its centre from a lane, each at most what is asked for,
+/// metres. What lies farther is not looked for, which saves most of the time beside the road.
+pub fn road_within(samples: &[Sample], judged: &Judged<'_>, [off_max_m, lane_max_m]: [f64; 2]) -> (f64, f64) {
     let lanes = &judged.situation.lanes;
     let (mut off_m, mut lane_m) = (0.0f64, 0.0f64);
     for sample in samples.iter().step_by(STRIDE).chain(samples.last()) {
-        for corner in judged.situation.body(judged.actor, sample).corners() {
-            off_m = off_m.max(lanes.off_road_m(corner));
+        if off_m < off_max_m {
+            for corner in judged.situation.body(judged.actor, sample).corners() {
+                off_m = off_m.max(lanes.off_road_within_m(corner, off_max_m.min(OFF_ROAD_MAX_M)));
+            }
         }
-        let place = lanes.nearest_lane_any_heading(sample.position, 10.0);
-        lane_m = lane_m.max(place.map_or(10.0, |p| p.distance_m));
+        if lane_m < lane_max_m {
+            let place = lanes.nearest_lane_any_heading(sample.position, lane_max_m);
+            lane_m = lane_m.max(place.map_or(lane_max_m, |p| p.distance_m));
+        }
     }
     (off_m, if lanes.lane_count() == 0 { 0.0 } else { lane_m })
 }

@@ -2,17 +2,20 @@
 //! decision while it is made, what a candidate's features are, and what a family itself is to those who work with it.
 
 pub mod actors;
+pub mod bystanders;
 pub mod ego_path;
 pub mod ego_response;
 pub mod ego_rollout;
 pub mod judged;
+pub mod measured_goals;
 pub mod operator;
 pub mod road_field;
 pub mod scripted;
 pub mod situation;
 pub mod source;
 
+pub use bystanders::Bystanders;
 pub use ego_path::EgoPath;
 pub use operator::{ActorOperator, Module, Operator, Part, Settings, Stage, StageError};
-pub use situation::{Situation, SituationError};
+pub use situation::{Situation, SituationError, scene_values};
 pub use source::{AskCounsel, AskTemplates, Asks, LeaderWay, Source, Sources};

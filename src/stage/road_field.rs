@@ -8,7 +8,7 @@
 //! Beside it `LaneGraph::off_road_m` and `sim::drivable` give exact distances over the same pieces, but only beside the
 //! road and without slopes: a search that must feel how deep in the road it is cannot use them, nor they this raster.
 
-use crate::kernel::{Vec2, num};
+use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::{LaneGraph, Scene};
 
 /// Distance of two nodes where the scene is small enough, metres.
@@ -75,6 +75,15 @@ impl RoadField {
         let by_y = (far - near) / self.cell_m;
         let slope = Vec2::new(if x_free { by_x } else { 0.0 }, if y_free { by_y } else { 0.0 });
         (near + (far - near) * y, slope)
+    }
+
+    /// How far the outermost corner of a body is beside the road, metres; 0 on it.
+    pub fn departure_m(&self, body: &OrientedBox) -> f64 {
+        // Two raster cells of slack: distances are right to half a cell's diagonal, and here no more is asked.
+        if self.at(body.center).0 > body.radius() + 2.0 * self.cell_m {
+            return 0.0;
+        }
+        body.corners().iter().map(|corner| -self.at(*corner).0).fold(0.0, f64::max)
     }
 }
 
@@ -145,14 +154,19 @@ impl Hull {
     }
 }
 
+/// A point this deep in the road costs nothing: [`gaussian_departure`] is cut off there, metres.
+pub fn gaussian_reach_m(sigma_m: f64) -> f64 {
+    4.0 * sigma_m
+}
+
 /// KING's cost of a point beside the road: the mass of a Gaussian around it that falls on undrivable ground, which for
 /// a straight edge is Φ(−d/σ); and its slope.
 pub fn gaussian_departure(field: &RoadField, point: Vec2, sigma_m: f64) -> (f64, Vec2) {
     let (distance, slope) = field.at(point);
-    let t = distance / sigma_m;
-    if t > 4.0 {
+    if distance > gaussian_reach_m(sigma_m) {
         return (0.0, Vec2::ZERO);
     }
+    let t = distance / sigma_m;
     let density = num::exp(-0.5 * t * t) / (num::TAU.sqrt() * sigma_m);
     (0.5 * num::erfc(t / core::f64::consts::SQRT_2), slope * -density)
 }

@@ -4,11 +4,12 @@ use std::sync::{Arc, OnceLock};
 
 use super::actors::{self, ActorFacts};
 use super::ego_path::EgoPath;
+use super::measured_goals::MeasuredGoals;
 use super::road_field::RoadField;
 use crate::adapters::vocabulary;
 use crate::ego;
 use crate::kernel::{Digest, OrientedBox};
-use crate::scene::{AgentKind, LaneGraph, PreparedScene, Sample, Scene, Track, TrackIx};
+use crate::scene::{AgentKind, LaneGraph, PreparedScene, Sample, Scene, SceneFeatures, Track, TrackIx};
 use crate::sim::{self, Intervention, Plant, SimError};
 
 /// A scene with everything derived from it and from the ego's rollout on it as recorded.
@@ -30,6 +31,8 @@ pub struct Situation {
     /// Road users that a program may insert: vehicle, cyclist, pedestrian, never observed.
     guests: [Track; 3],
     guest_facts: ActorFacts,
+    /// What programs measured of goals, for those that come after them.
+    pub measured_goals: MeasuredGoals,
     /// Built on first use: few families need it.
     road_field: OnceLock<Option<RoadField>>,
 }
@@ -42,22 +45,26 @@ pub enum SituationError {
 }
 
 impl Situation {
-    /// Prepares a scene for programs that will meet this ego: simulates the ego once on the scene as recorded.
+    /// [`Situation::under`] the simulator's shipped options.
     pub fn new(scene: Arc<Scene>, policy: &ego::Policy) -> Result<Situation, SituationError> {
-        Situation::of(PreparedScene::new(scene), policy)
+        Situation::under(PreparedScene::new(scene), policy, &sim::SimulatorOptions::SHIPPED)
     }
 
-    /// [`Situation::new`] of a scene whose lanes and features are at hand.
-    pub fn of(prepared: Arc<PreparedScene>, policy: &ego::Policy) -> Result<Situation, SituationError> {
+    /// Prepares a scene for programs that will meet this ego: simulates the ego once on the scene as recorded.
+    pub fn under(
+        prepared: Arc<PreparedScene>,
+        policy: &ego::Policy,
+        simulator: &sim::SimulatorOptions,
+    ) -> Result<Situation, SituationError> {
         let (scene, lanes) = (prepared.scene.clone(), prepared.lanes.clone());
         let failed = |source| SituationError::Rollout { scene: scene.id.clone(), source };
-        let plant = Plant::shared(prepared.clone()).map_err(failed)?;
+        let plant = Plant::with_options(prepared.clone(), simulator).map_err(failed)?;
         let mut driver = policy.driver();
         let (outcome, trace) =
             sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
         let ego = EgoPath::new(&scene, trace.from_step, trace.ego);
         let actors = (0..scene.tracks.len()).map(|track| actors::facts(&scene, &lanes, &ego, track)).collect();
-        let scene_values = vocabulary::SCENE.iter().map(|f| prepared.features.value(f.name).unwrap_or(0.0)).collect();
+        let scene_values = scene_values(&prepared.features);
         let (policy, guests, guest_facts) = (policy.clone(), guests(&scene), ActorFacts::of_guest());
         Ok(Situation {
             scene,
@@ -70,6 +77,7 @@ impl Situation {
             policy,
             guests,
             guest_facts,
+            measured_goals: MeasuredGoals::default(),
             road_field: OnceLock::new(),
         })
     }
@@ -128,6 +136,11 @@ impl Situation {
     pub fn digest(&self) -> Digest {
         self.plant.digest()
     }
+}
+
+/// Values of `vocabulary::SCENE` in its order: what conditions of a policy read.
+pub fn scene_values(features: &SceneFeatures) -> Vec<f64> {
+    vocabulary::SCENE.iter().map(|feature| features.value(feature.name).unwrap_or(0.0)).collect()
 }
 
 /// A vehicle of the ego's size, a cyclist, a pedestrian.

@@ -3,12 +3,15 @@
 
 use super::curve::Curve;
 use super::junction::{Arm, Control, lay_junction};
-use super::network::{Network, Profile};
+use super::network::{Network, Profile, RoadLanes};
 use crate::kernel::{Vec2, num};
 use crate::scene::{LaneIx, LaneKind};
 
-/// Road before the ego's start and after its goal, metres.
-const MARGIN_M: f64 = 40.0;
+/// Road before the ego's start, after its goal and on each arm of a crossing, metres. Who drives straight on at 20 m/s
+/// from the ego's trigger to the end of a run does not reach their ends.
+const BEFORE_M: f64 = 400.0;
+const AFTER_M: f64 = 600.0;
+const ARM_M: f64 = 300.0;
 /// Stop lines lie this far before the end of the inbound lanes (where `lay_junction` puts them), metres.
 const STOP_SETBACK_M: f64 = 1.5;
 /// Speed limit in CARLA's towns: 25 mph.
@@ -67,41 +70,45 @@ fn street(lanes: usize, lane_width_m: f64) -> Profile {
     }
 }
 
+/// A strip as wide as a lane on both sides of a road.
+fn lay_sidewalks(net: &mut Network, road: &RoadLanes, lanes: usize, width_m: f64) {
+    let beside_m = (lanes as f64 + 0.5) * width_m;
+    for base in [road.reference.clone(), road.reference.reversed()] {
+        net.add_lane(base.offset(-beside_m), width_m, LIMIT_MPS, LaneKind::Other);
+    }
+}
+
 impl Site {
     /// A road with sidewalks; the ego drives in the right-most lane, which starts straight or with a bend.
     pub fn road(heading_rad: f64, lanes: usize, lane_width_m: f64, length_m: f64, bend: Option<Bend>) -> Site {
         let mut net = Network::default();
         let pieces = match bend {
-            None => vec![(length_m + 2.0 * MARGIN_M, 0.0, 0.0)],
+            None => vec![(BEFORE_M + length_m + AFTER_M, 0.0, 0.0)],
             Some(bend) => {
                 let ramp = 0.25 * bend.length_m;
                 let curvature = bend.turn_rad / (bend.length_m - ramp);
                 vec![
-                    (MARGIN_M + bend.straight_before_m, 0.0, 0.0),
+                    (BEFORE_M + bend.straight_before_m, 0.0, 0.0),
                     (ramp, 0.0, curvature),
                     (bend.length_m - 2.0 * ramp, curvature, curvature),
                     (ramp, curvature, 0.0),
-                    (length_m + MARGIN_M, 0.0, 0.0),
+                    (length_m + AFTER_M, 0.0, 0.0),
                 ]
             }
         };
         let reference = Curve::bend(Vec2::ZERO, heading_rad, &pieces);
         let road = net.add_road(reference, street(lanes, lane_width_m));
-        let beside_m = (lanes as f64 + 0.5) * lane_width_m;
-        for base in [road.reference.clone(), road.reference.reversed()] {
-            net.add_lane(base.offset(-beside_m), lane_width_m, LIMIT_MPS, LaneKind::Other);
-        }
+        lay_sidewalks(&mut net, &road, lanes, lane_width_m);
         for side in [1.0, -1.0] {
             net.edges.push(road.reference.line(side * (lanes as f64 + 1.0) * lane_width_m));
         }
         let own = road.forward[lanes - 1];
-        Site { net, lanes: vec![own], start_s_m: MARGIN_M, inbound: vec![] }
+        Site { net, lanes: vec![own], start_s_m: BEFORE_M, inbound: vec![] }
     }
 
-    /// A crossing; the ego comes along `heading_rad`, in the right-most lane unless it turns left.
+    /// A crossing of roads with sidewalks; the ego comes along `heading_rad`, in the right-most lane unless it turns left.
     pub fn crossing(heading_rad: f64, crossing: &Crossing) -> Site {
         let mut net = Network::default();
-        let length_m = crossing.start_to_centre_m - crossing.reach_m + MARGIN_M;
         let width_m = crossing.lane_width_m;
         // Counter-clockwise, as `lay_junction` wants them.
         let directions = [num::PI, crossing.right_rad, 0.0, crossing.left_rad];
@@ -110,8 +117,9 @@ impl Site {
             let outward = heading_rad + direction;
             let lanes = if k % 2 == 0 { crossing.own_lanes } else { crossing.cross_lanes };
             let start = Vec2::from_heading(outward) * crossing.reach_m;
-            let reference = Curve::bend(start, outward, &[(length_m.max(80.0), 0.0, 0.0)]);
+            let reference = Curve::bend(start, outward, &[(ARM_M, 0.0, 0.0)]);
             let road = net.add_road(reference, street(lanes, width_m));
+            lay_sidewalks(&mut net, &road, lanes, width_m);
             arms.push(Arm::starting(&road, k % 2 == 0));
         }
         lay_junction(&mut net, &arms, Control::Priority, false);

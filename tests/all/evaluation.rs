@@ -4,37 +4,83 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use evodrive::ego::Policy;
-use evodrive::evaluation::metrics::realism::{BinaryDiagnostic, realism};
+use evodrive::evaluation::metrics::realism::realism;
 use evodrive::evaluation::*;
 use evodrive::kernel::{Digest, Seed, Threads};
-use evodrive::sim::{ActorRef, AdversaryReport, Contact, End, Motion, Outcome, Striker};
+use evodrive::scene::AgentKind;
+use evodrive::sim::{
+    ActorRef, AdversaryReport, Contact, ContactClass, End, Feasibility, Motion, Outcome, Side, Striker,
+};
+
+/// Limits of every kind.
+fn limits() -> Limits {
+    let limit = |bound, tolerance| Limit { bound, tolerance };
+    Limits {
+        road_users: 100,
+        pooled: false,
+        off_road_m: limit(0.5, 2.0),
+        wrong_way_m: limit(0.0, 10.0),
+        acceleration_mps2: limit(6.0, 4.0),
+        jerk_mps3: limit(10.0, 20.0),
+        slip_mps: limit(0.5, 1.0),
+        jump_m: limit(0.1, 1.0),
+        kink_m: limit(0.1, 1.0),
+        roughness_m: limit(0.1, 0.4),
+    }
+}
 
 fn options() -> MetadriveOptions {
-    let soft = |weight, tolerance| Diagnostic { weight, tolerance };
+    let (vehicle, cyclist, pedestrian, fixed) = (limits(), limits(), limits(), limits());
     MetadriveOptions {
-        attack: AttackOptions { target: AttackTarget::AdversaryContact },
+        attack: attack_options(),
         realism: RealismOptions {
-            map_validity: soft(0.2, 2.0),
-            initial_non_overlap: BinaryDiagnostic { weight: 0.1 },
-            collision_validity: BinaryDiagnostic { weight: 0.1 },
-            route_progress: soft(0.1, 10.0),
-            trajectory_continuity: soft(0.1, 1.0),
-            bounded_acceleration: BoundedDiagnostic { weight: 0.2, bound: 6.0, tolerance: 4.0 },
-            bounded_jerk: BoundedDiagnostic { weight: 0.2, bound: 10.0, tolerance: 20.0 },
+            weights: Weights {
+                map_validity: 0.2,
+                lane_direction: 0.1,
+                route_completion: 0.05,
+                initial_non_overlap: 0.1,
+                collision_validity: 0.1,
+                parked_obstacles: 0.05,
+                trajectory_continuity: 0.1,
+                bounded_acceleration: 0.2,
+                bounded_jerk: 0.05,
+                bounded_slip: 0.05,
+            },
+            calibration: Box::new(Calibration {
+                quantile: 0.95,
+                pools: vec![],
+                scenes: 0,
+                vehicle,
+                cyclist,
+                pedestrian,
+                fixed,
+            }),
         },
+    }
+}
+
+/// What the shipped experiments say.
+fn attack_options() -> AttackOptions {
+    use ContactClass::*;
+    AttackOptions {
+        counts: [EgoStrikes, EgoSideswipes, StationaryHit].into(),
+        counts_if_avoidable: [CutIn, Crossing, HeadOn, Sideswipe, RearEndEgoStruck].into(),
     }
 }
 
 fn report() -> AdversaryReport {
     AdversaryReport {
         actor: ActorRef::Track(0),
+        kind: AgentKind::Vehicle,
+        acted: true,
         motion: Motion::default(),
-        off_road_m_max: 0.0,
-        wrong_way_m: 0.0,
+        simulated: Feasibility::default(),
+        recorded: Some(Feasibility::default()),
         initial_overlap: false,
         struck_bystander: false,
-        jump_m_max: 0.0,
-        log_deviation_m_max: Some(0.0),
+        struck_parked: false,
+        route_completion: None,
+        log_deviation_m_max: Some(1.0),
     }
 }
 
@@ -63,6 +109,11 @@ fn contact(adversary: bool) -> Contact {
         relative_speed_mps: 4.0,
         impact_angle_rad: 0.0,
         striker: Striker::Other,
+        ego_side: Side::Front,
+        other_side: Side::Rear,
+        class: ContactClass::CutIn,
+        visible_s: Some(2.0),
+        avoidable: Some(true),
     }
 }
 
@@ -73,25 +124,66 @@ fn realism_of(report: AdversaryReport) -> f64 {
 
 #[test]
 fn realism_is_the_weighted_sum_worked_by_hand() {
-    // 0.5 m of 2 m off the road: d = 0.75, weight 0.2. Deceleration 8 of bound 6 and tolerance 4: d = 0.5, weight 0.2.
-    // A struck bystander: d = 0, weight 0.1. Everything else 1: 1 - 0.2*0.25 - 0.2*0.5 - 0.1 = 0.75.
+    // The example of docs/OBJECTIVES.md. 1.0 m off the road, bound 0.5, tolerance 2: d = 0.75, weight 0.2. Acceleration 8,
+    // bound 6, tolerance 4: d = 0.5, weight 0.2. A struck bystander: d = 0, weight 0.1. Everything else 1:
+    // 1 - 0.2*0.25 - 0.2*0.5 - 0.1 = 0.75.
     let mut bad = report();
-    bad.off_road_m_max = 0.5;
-    bad.motion.deceleration_mps2_max = 8.0;
+    bad.simulated.off_road_m = 1.0;
+    bad.simulated.acceleration_mps2 = 8.0;
     bad.struck_bystander = true;
     assert!((realism_of(bad) - 0.75).abs() < 1e-12);
     assert_eq!(realism_of(report()), 1.0);
 }
 
+/// Name and value of every diagnostic that is not 1.
+fn missed(change: impl Fn(&mut AdversaryReport)) -> Vec<(String, f64)> {
+    let mut changed = report();
+    change(&mut changed);
+    let all = realism(&outcome(vec![changed], None), &options().realism).0;
+    all.into_iter().filter(|(_, d)| *d < 1.0).collect()
+}
+
+#[test]
+fn each_diagnostic_is_worked_by_hand_and_no_other_answers_for_it() {
+    let one = |name: &str, value: f64| vec![(name.to_string(), value)];
+    // Excess over bound (limits()), over tolerance.
+    assert_eq!(missed(|r| r.simulated.off_road_m = 1.5), one("map_validity", 0.5));
+    assert_eq!(missed(|r| r.simulated.wrong_way_m = 2.5), one("lane_direction", 0.75));
+    assert_eq!(missed(|r| r.route_completion = Some(0.25)), one("route_completion", 0.25));
+    assert_eq!(missed(|r| r.initial_overlap = true), one("initial_non_overlap", 0.0));
+    assert_eq!(missed(|r| r.struck_bystander = true), one("collision_validity", 0.0));
+    assert_eq!(missed(|r| r.struck_parked = true), one("parked_obstacles", 0.0));
+    assert_eq!(missed(|r| r.simulated.acceleration_mps2 = 7.0), one("bounded_acceleration", 0.75));
+    assert_eq!(missed(|r| r.simulated.jerk_mps3 = 25.0), one("bounded_jerk", 0.25));
+    assert_eq!(missed(|r| r.simulated.slip_mps = 0.75), one("bounded_slip", 0.75));
+    assert_eq!(missed(|r| r.simulated.roughness_m = 0.5), one("trajectory_continuity", 0.0));
+    for found in [missed(|r| r.simulated.jump_m = 0.6), missed(|r| r.simulated.kink_m = 0.6)] {
+        assert!(found.len() == 1 && found[0].0 == "trajectory_continuity" && (found[0].1 - 0.5).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn only_the_excess_over_the_adversary_s_own_recording_counts() {
+    let with_own = |own: f64| {
+        missed(|r| {
+            r.simulated.acceleration_mps2 = 8.0;
+            r.recorded = Some(Feasibility { acceleration_mps2: own, ..Feasibility::default() });
+        })
+    };
+    assert_eq!(with_own(8.0), vec![]);
+    assert_eq!(with_own(7.0), [("bounded_acceleration".to_string(), 0.75)]);
+    assert_eq!(with_own(3.0), [("bounded_acceleration".to_string(), 0.5)], "the bound of its kind stands beside it");
+}
+
 #[test]
 fn the_worst_adversary_counts_for_each_diagnostic() {
     let (mut one, mut two) = (report(), report());
-    one.jump_m_max = 0.5;
-    two.wrong_way_m = 5.0;
+    one.simulated.jump_m = 0.6;
+    two.simulated.wrong_way_m = 5.0;
     let options = options().realism;
     let (all, score) = realism(&outcome(vec![one, two], None), &options);
     assert!(all.keys().eq(options.weights().map(|(name, _)| name).iter()), "by name, in one order");
-    assert_eq!((all["trajectory_continuity"], all["route_progress"]), (0.5, 0.5));
+    assert!((all["trajectory_continuity"] - 0.5).abs() < 1e-12 && all["lane_direction"] == 0.5);
     assert!((score - 0.9).abs() < 1e-12);
 }
 
@@ -101,22 +193,47 @@ fn a_rollout_in_which_nothing_was_changed_is_fully_realistic() {
     assert_eq!(realism(&outcome(vec![], None), &options).1, 1.0);
 }
 
+/// One rollout's contact worked by hand: class, whether it could be avoided, what our label and published work make of it.
 #[test]
-fn contact_with_a_bystander_is_a_target_failure_only_where_the_experiment_says_so() {
-    use evodrive::evaluation::metrics::attack::attack;
-    let struck = outcome(vec![], Some(contact(false)));
-    assert_eq!(attack(&struck, &AttackOptions { target: AttackTarget::AdversaryContact }), 0.0);
-    assert_eq!(attack(&struck, &AttackOptions { target: AttackTarget::AnyContact }), 1.0);
+fn the_attack_label_counts_what_the_ego_caused_or_could_have_avoided() {
+    use ContactClass::*;
+    use evodrive::evaluation::metrics::attack::{attack, published};
+    let label = |class, avoidable, adversary| {
+        let struck = outcome(vec![], Some(Contact { class, avoidable, ..contact(adversary) }));
+        let published = published(&struck);
+        (attack(&struck, &attack_options()), published.adversary_contact, published.any_contact)
+    };
+    assert_eq!(label(EgoStrikes, Some(false), true), (1.0, true, true), "its own fault");
+    assert_eq!(label(CutIn, Some(true), true), (1.0, true, true), "there was room to brake");
+    assert_eq!(label(CutIn, Some(false), true), (0.0, true, true), "there was none; published work counts it");
+    assert_eq!(label(RearEndEgoStruck, Some(false), true), (0.0, true, true), "rammed from behind");
+    assert_eq!(label(EgoStrikes, None, false), (0.0, false, true), "a bystander, not an adversary");
+    assert_eq!(label(CutIn, None, true), (0.0, true, true), "nobody asked whether it could be avoided");
+    assert_eq!(attack(&outcome(vec![], None), &attack_options()), 0.0);
 }
 
 #[test]
-fn weights_that_do_not_sum_to_one_and_zero_tolerances_are_refused() {
+fn attack_options_that_name_a_class_twice_or_none_at_all_are_refused() {
+    let read = |text: &str| toml::from_str::<AttackOptions>(text);
+    let good = read("counts = [\"ego_strikes\"]\ncounts_if_avoidable = [\"cut_in\"]").unwrap();
+    assert!(good.counts.contains(&ContactClass::EgoStrikes) && good.counts.len() == 1);
+    let twice = read("counts = [\"cut_in\"]\ncounts_if_avoidable = [\"cut_in\"]").unwrap_err();
+    assert!(twice.to_string().contains("names cut_in twice"), "{twice}");
+    let none = read("counts = []\ncounts_if_avoidable = []").unwrap_err();
+    assert!(none.to_string().contains("counts no class"), "{none}");
+    assert!(read("counts = [\"bump\"]\ncounts_if_avoidable = []").is_err());
+}
+
+#[test]
+fn weights_that_do_not_sum_to_one_and_tolerances_that_hide_or_forbid_everything_are_refused() {
     let mut wrong = options().realism;
-    wrong.map_validity.weight = 0.3;
+    wrong.weights.map_validity = 0.3;
     assert!(wrong.check().unwrap_err().to_string().contains("sum"));
-    let mut wrong = options().realism;
-    wrong.bounded_jerk.tolerance = 0.0;
-    assert!(wrong.check().unwrap_err().to_string().contains("bounded_jerk.tolerance"));
+    for tolerance in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+        let mut wrong = options().realism;
+        wrong.calibration.cyclist.jerk_mps3.tolerance = tolerance;
+        assert!(wrong.check().unwrap_err().to_string().contains("calibration.cyclist.jerk_mps3.tolerance"));
+    }
     assert_eq!(options().realism.check(), Ok(()));
 }
 
@@ -153,7 +270,12 @@ fn evaluate_with(
     cache: &Notebook,
     threads: usize,
 ) -> Result<evodrive::objects::Score, EvaluationError> {
-    let subject = Subject { program: Digest::of_bytes(b"program"), ego: &Policy::Idm, seed: Seed(1) };
+    let subject = Subject {
+        program: Digest::of_bytes(b"program"),
+        ego: &Policy::Idm,
+        simulator: Digest::of_bytes(b"options"),
+        seed: Seed(1),
+    };
     let scenes: Vec<SceneRef<'_>> = SCENES
         .iter()
         .map(|id| SceneRef { id, digest: Digest::of_bytes(id.as_bytes()), group: None, counsel: None })
@@ -177,6 +299,51 @@ fn objectives_are_means_over_labelled_scenes_and_failures_are_listed() {
     );
 }
 
+/// What a program that never changes anything leaves behind, though the ego runs into someone.
+fn idle(scene: &str) -> RolloutRecord {
+    let mut record = labelled(scene, true);
+    record.outcome.adversaries[0].acted = false;
+    record
+}
+
+#[test]
+fn realism_is_of_the_scenes_acted_in_and_the_plain_mean_stands_beside_it() {
+    // Example of docs/OBJECTIVES.md: of four scenes two are acted in, with realism 1 and 0.9; one of the two is a success.
+    // In a third the ego runs into the adversary that does what it did anyway.
+    let label = |i: usize| {
+        let mut record = labelled(SCENES[i], i == 0);
+        record.outcome.adversaries[0].struck_bystander = i == 1;
+        Ok(if i >= 2 { idle(SCENES[i]) } else { record })
+    };
+    let score = evaluate_with(&label, &Notebook::default(), 2).unwrap();
+    assert_eq!(score.scenes.iter().map(|s| s.acted).collect::<Vec<_>>(), [true, true, false, false]);
+    assert_eq!((score.objectives.attack, score.coverage), (0.25, 0.5));
+    assert!((score.objectives.realism - 0.95).abs() < 1e-12 && (score.realism_all - 0.975).abs() < 1e-12);
+    assert!((score.objectives.realism_penalty_pct() - 5.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_program_that_acts_nowhere_has_neither_attack_nor_realism_and_adds_no_area() {
+    use evodrive::archive::{ArchiveOptions, pf_area_pct};
+    let score = evaluate_with(&|i| Ok(idle(SCENES[i])), &Notebook::default(), 2).unwrap();
+    assert_eq!((score.objectives.attack, score.objectives.realism, score.coverage), (0.0, 0.0, 0.0));
+    assert_eq!(score.realism_all, 1.0, "what the paper's plain mean would have said");
+    let options = ArchiveOptions {
+        reference: [0.0; 2],
+        r0: 0.95,
+        a0: 0.3,
+        epsilon_r: 0.01,
+        epsilon_a: 0.02,
+        epsilon_pf: 1e-6,
+        level: 0.8,
+        coverage_floor: 0.8,
+        promotion: evodrive::archive::PromotionRule::LargestHypervolumeGain,
+    };
+    let parent = evodrive::objects::Objectives { attack: 0.3, realism: 0.6 };
+    assert_eq!(pf_area_pct(&[parent], &[score.objectives], 3, &options), 0.0);
+    assert!(parent.dominates(&score.objectives));
+}
+
 #[test]
 fn a_candidate_without_any_label_has_no_score() {
     let error = evaluate_with(&|_| Err("no road".into()), &Notebook::default(), 2).unwrap_err();
@@ -194,13 +361,14 @@ fn a_recorded_rollout_is_not_simulated_again() {
 #[test]
 fn every_part_of_a_rollout_request_is_in_its_key() {
     let d = |text: &str| Digest::of_bytes(text.as_bytes());
-    let key = request_key(d("p"), d("s"), d("e"), Seed(1), None).unwrap();
+    let key = request_key(d("p"), d("s"), d("e"), d("o"), Seed(1), None).unwrap();
     for other in [
-        request_key(d("q"), d("s"), d("e"), Seed(1), None),
-        request_key(d("p"), d("t"), d("e"), Seed(1), None),
-        request_key(d("p"), d("s"), d("f"), Seed(1), None),
-        request_key(d("p"), d("s"), d("e"), Seed(2), None),
-        request_key(d("p"), d("s"), d("e"), Seed(1), Some(d("c"))),
+        request_key(d("q"), d("s"), d("e"), d("o"), Seed(1), None),
+        request_key(d("p"), d("t"), d("e"), d("o"), Seed(1), None),
+        request_key(d("p"), d("s"), d("f"), d("o"), Seed(1), None),
+        request_key(d("p"), d("s"), d("e"), d("o"), Seed(2), None),
+        request_key(d("p"), d("s"), d("e"), d("n"), Seed(1), None),
+        request_key(d("p"), d("s"), d("e"), d("o"), Seed(1), Some(d("c"))),
     ] {
         assert_ne!(key, other.unwrap());
     }

@@ -72,7 +72,9 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
         // Whatever decides what is measured is the same in all files, so that their rows can be compared.
         let mut table = composed(&path).unwrap().table;
         assert_eq!(table["split"]["evolution"]["count"].as_integer(), Some(240), "{stem}");
-        for own in ["name", "describes", "cassette", "lineage"] {
+        // One search is no result: the set repeats each.
+        assert_eq!(experiment.seeds, if stem == "all-idm" { 5 } else { 1 }, "{stem}");
+        for own in ["name", "describes", "cassette", "lineage", "seeds"] {
             table.remove(own).unwrap();
         }
         // Who attacks is asked where LLM-Attacker takes part.
@@ -139,11 +141,12 @@ fn refused(file: &str, change: impl Fn(String) -> String) -> String {
 
 #[test]
 fn labels_that_a_protocol_does_not_read_are_refused_and_those_that_it_reads_are_required() {
-    let attack = "\n[evaluation.attack]\ntarget = \"any_contact\"\n";
+    let attack = "\n[evaluation.attack]\ncounts = [\"ego_strikes\"]\ncounts_if_avoidable = []\n";
     let unread = refused("experiments/safebench/human-idm.toml", |text| text + attack);
-    assert!(unread.contains("evaluation.attack.target") && unread.contains("remove one of the two"), "{unread}");
-    let missing = refused("experiments/metadrive/cat-idm.toml", |text| text.replace(attack, "\n"));
-    assert!(missing.contains("evaluation.attack.target is missing"), "{missing}");
+    assert!(unread.contains("evaluation.attack.counts") && unread.contains("remove one of the two"), "{unread}");
+    let missing =
+        refused("experiments/metadrive/cat-idm.toml", |text| text.replace("\ncounts_if_avoidable = ", "\n# "));
+    assert!(missing.contains("evaluation.attack.counts_if_avoidable is missing"), "{missing}");
     let unknown = refused("experiments/safebench/human-idm.toml", |text| text + "\n[evaluation.nothing]\n");
     assert!(unknown.contains("evaluation.nothing is unknown"), "{unknown}");
     let without = refused("experiments/safebench/human-idm.toml", |text| text.replace("draws = 4\n", ""));

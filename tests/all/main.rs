@@ -11,11 +11,13 @@ mod evaluation;
 mod experiments;
 mod families_gradient;
 mod families_isolation;
+mod families_signatures;
 mod harness;
 #[cfg(feature = "live")]
 mod live;
 mod models;
 mod quickstart;
+mod realism;
 mod recorded_traffic;
 mod scene_commonroad;
 mod scene_export;

@@ -16,7 +16,8 @@ const ALLOWED: &[(&str, &str)] = &[
     ("compiler/prepared compiler/walk", "a prepared program and its way through a scene"),
     (
         "evaluation/metrics evaluation/metrics/acceleration evaluation/metrics/continuity evaluation/metrics/jerk \
-         evaluation/metrics/map evaluation/metrics/realism evaluation/metrics/route_progress",
+         evaluation/metrics/limits evaluation/metrics/map evaluation/metrics/realism evaluation/metrics/route_completion \
+         evaluation/metrics/slip evaluation/metrics/wrong_way",
         "options of the diagnostics and the diagnostics",
     ),
     ("families/adv_bmt families/adv_bmt/contract", "a family's words in its mod.rs"),
@@ -47,7 +48,10 @@ const ALLOWED: &[(&str, &str)] = &[
     ("objects/expr/lex objects/expr/parse objects/expr/tree", "a tree and its parser"),
     ("scripted scripted/errors scripted/reader", "the model and how it reads"),
     ("scripted/conditions scripted/forms", "forms of edits and their conditions"),
-    ("sim/actors sim/contact sim/driver sim/driving sim/others sim/outcome", "who is on the road, and what they do"),
+    (
+        "sim/actors sim/class sim/contact sim/driver sim/driving sim/others sim/outcome",
+        "who is on the road, what they do, and whom they meet",
+    ),
     ("store/error store/file store/index store/objects store/pack", "an error and the files that raise it"),
     ("synth synth/families", "a generator and its options"),
     ("synth/network synth/node", "a network and its nodes"),

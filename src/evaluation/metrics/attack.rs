@@ -1,30 +1,91 @@
-//! a(τ): whether the ego failed. The rate over scenes is the paper's Attack (target-failure rate).
+//! a(τ): whether the ego failed. The rate over scenes is the paper's Attack (target-failure rate). A contact with an
+//! adversary fails the ego if it caused it or could have avoided it, as the experiment file says by class; the readings
+//! of published work stand beside it (`docs/OBJECTIVES.md`).
+
+use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
-use crate::sim::Outcome;
+use crate::sim::{Contact, ContactClass, Outcome};
 
-/// What counts as a target failure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum AttackTarget {
-    /// Contact of the ego with anyone, as MetaDrive's `crash_vehicle` and CAT's success flag.
-    AnyContact,
-    /// Contact with one of the intervention's adversaries only.
-    AdversaryContact,
+/// Which contacts with an adversary are failures of the ego: the table `[evaluation.attack]`. A class stands in one of
+/// the two lists or in none; contacts of a class in none never count.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, try_from = "WrittenOptions")]
+pub struct AttackOptions {
+    /// Classes that count whatever the ego could have done.
+    pub counts: BTreeSet<ContactClass>,
+    /// Classes that count where the ego could have avoided the contact.
+    pub counts_if_avoidable: BTreeSet<ContactClass>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// The table as a file may hold it.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct AttackOptions {
-    pub target: AttackTarget,
+struct WrittenOptions {
+    counts: Vec<ContactClass>,
+    counts_if_avoidable: Vec<ContactClass>,
+}
+
+/// `[evaluation.attack]` that defines no label.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AttackOptionsError {
+    #[error("evaluation.attack names {0} twice; name a class once, in `counts` or in `counts_if_avoidable`")]
+    Twice(&'static str),
+    #[error("evaluation.attack counts no class, so no program could ever attack; name at least one")]
+    Nothing,
+}
+
+impl TryFrom<WrittenOptions> for AttackOptions {
+    type Error = AttackOptionsError;
+
+    fn try_from(written: WrittenOptions) -> Result<AttackOptions, AttackOptionsError> {
+        let mut seen = BTreeSet::new();
+        let all = written.counts.iter().chain(&written.counts_if_avoidable);
+        for class in all {
+            if !seen.insert(*class) {
+                return Err(AttackOptionsError::Twice(class.name()));
+            }
+        }
+        if seen.is_empty() {
+            return Err(AttackOptionsError::Nothing);
+        }
+        Ok(AttackOptions {
+            counts: written.counts.into_iter().collect(),
+            counts_if_avoidable: written.counts_if_avoidable.into_iter().collect(),
+        })
+    }
+}
+
+impl AttackOptions {
+    /// Whether a contact is a failure of the ego. One that nobody assessed is never taken for avoidable.
+    pub fn counts(&self, contact: &Contact) -> bool {
+        let avoidable = contact.avoidable == Some(true);
+        contact.adversary
+            && (self.counts.contains(&contact.class) || avoidable && self.counts_if_avoidable.contains(&contact.class))
+    }
 }
 
 /// 1 for a target failure, else 0.
 pub fn attack(outcome: &Outcome, options: &AttackOptions) -> f64 {
-    let failed = outcome.contact.is_some_and(|contact| match options.target {
-        AttackTarget::AnyContact => true,
-        AttackTarget::AdversaryContact => contact.adversary,
-    });
+    let failed = outcome.contact.is_some_and(|contact| options.counts(&contact));
     if failed { 1.0 } else { 0.0 }
+}
+
+/// One rollout as published work reads it, beside our label: whether there was a crash, whoever caused it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PublishedReadings {
+    /// Contact with an adversary, of any class (CAT: the crash with its opponent vehicle).
+    pub adversary_contact: bool,
+    /// Contact with anyone (MetaDrive's `crash_vehicle`, on which CAT's success flag rests).
+    pub any_contact: bool,
+}
+
+/// The readings of published work.
+pub fn published(outcome: &Outcome) -> PublishedReadings {
+    PublishedReadings {
+        adversary_contact: outcome.contact.is_some_and(|contact| contact.adversary),
+        any_contact: outcome.contact.is_some(),
+    }
 }

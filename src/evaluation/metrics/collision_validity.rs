@@ -1,4 +1,5 @@
-//! Collision validity: the adversary drives through nobody on its way to the ego. Binary.
+//! Collision validity: the adversary touches nobody who moves on its way to the ego. Binary. A pair that overlaps in the
+//! recording already is none.
 
 use crate::sim::AdversaryReport;
 

@@ -1,10 +1,10 @@
-//! Bounded jerk: how far the adversary's longitudinal jerk exceeds the bound, m/s³.
+//! Bounded jerk: how far the level of the filtered jerk exceeds what is known of traffic, m/s³.
 
-use super::{BoundedDiagnostic, soft};
+use super::limits::Limits;
 use crate::sim::AdversaryReport;
 
 pub const NAME: &str = "bounded_jerk";
 
-pub fn diagnostic(report: &AdversaryReport, options: &BoundedDiagnostic) -> f64 {
-    soft(report.motion.jerk_mps3_max - options.bound, options.tolerance)
+pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
+    limits.jerk_mps3.diagnostic(report, |motion| motion.jerk_mps3)
 }

@@ -6,13 +6,18 @@ pub mod collision_validity;
 pub mod continuity;
 pub mod initial_overlap;
 pub mod jerk;
+pub mod limits;
 pub mod map;
+pub mod parked;
 pub mod realism;
-pub mod route_progress;
+pub mod route_completion;
 pub mod safebench;
+pub mod slip;
+pub mod wrong_way;
 
-pub use attack::{AttackOptions, AttackTarget};
-pub use realism::{BoundedDiagnostic, Diagnostic, OptionsError, RealismOptions};
+pub use attack::{AttackOptions, AttackOptionsError, PublishedReadings};
+pub use limits::{Calibration, Limit, Limits};
+pub use realism::{OptionsError, RealismOptions, Weights};
 
 use serde::{Deserialize, Serialize};
 

@@ -1,60 +1,43 @@
-//! r_MD(τ) = Σ w_j d_j(τ): the weighted sum of seven feasibility diagnostics (paper eq. app-metadrive-realism-score).
-//! The paper names the diagnostics, not their weights and tolerances: those come from the experiment file.
+//! r_MD(τ) = Σ w_j d_j(τ): the weighted sum of ten feasibility diagnostics (paper eq. app-metadrive-realism-score).
+//! The paper names the diagnostics, not their weights and tolerances: weights come from the experiment file, tolerances
+//! from a calibration on recorded traffic that the file names.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use super::{acceleration, collision_validity, continuity, initial_overlap, jerk, map, route_progress};
+use super::limits::Calibration;
+use super::{
+    acceleration, collision_validity, continuity, initial_overlap, jerk, map, parked, route_completion, slip, wrong_way,
+};
 use crate::kernel::num;
 use crate::sim::{AdversaryReport, Outcome};
 
 /// How many there are.
-const DIAGNOSTICS: usize = 7;
+const DIAGNOSTICS: usize = 10;
 
-/// Weight and tolerance of a soft diagnostic of one quantity.
+/// w_j, shares of one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Diagnostic {
-    /// w_j, 1.
-    pub weight: f64,
-    /// ρ_j, in the diagnostic's unit; not used by binary ones, which have none.
-    pub tolerance: f64,
+pub struct Weights {
+    pub map_validity: f64,
+    pub lane_direction: f64,
+    pub route_completion: f64,
+    pub initial_non_overlap: f64,
+    pub collision_validity: f64,
+    pub parked_obstacles: f64,
+    pub trajectory_continuity: f64,
+    pub bounded_acceleration: f64,
+    pub bounded_jerk: f64,
+    pub bounded_slip: f64,
 }
 
-/// Weight, bound and tolerance of a soft diagnostic of an excess.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BoundedDiagnostic {
-    pub weight: f64,
-    /// What is still normal driving, in the diagnostic's unit.
-    pub bound: f64,
-    /// ρ_j for what lies beyond the bound, same unit.
-    pub tolerance: f64,
-}
-
-/// Weight of a binary diagnostic.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BinaryDiagnostic {
-    pub weight: f64,
-}
-
-/// The seven diagnostics. Weights are non-negative and sum to 1.
+/// What realism rests on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RealismOptions {
-    /// Tolerance in metres beyond the drivable area.
-    pub map_validity: Diagnostic,
-    pub initial_non_overlap: BinaryDiagnostic,
-    pub collision_validity: BinaryDiagnostic,
-    /// Tolerance in metres driven against a lane.
-    pub route_progress: Diagnostic,
-    /// Tolerance in metres jumped.
-    pub trajectory_continuity: Diagnostic,
-    /// m/s².
-    pub bounded_acceleration: BoundedDiagnostic,
-    /// m/s³.
-    pub bounded_jerk: BoundedDiagnostic,
+    pub weights: Weights,
+    /// In a file: the table itself, `evodrive:recorded`, or the path of a file that `evodrive calibrate` wrote.
+    pub calibration: Box<Calibration>,
 }
 
 /// Options that define no score.
@@ -69,40 +52,38 @@ pub struct OptionsError {
 impl RealismOptions {
     /// w_j with their names, in name order.
     pub fn weights(&self) -> [(&'static str, f64); DIAGNOSTICS] {
+        let of = &self.weights;
         [
-            (acceleration::NAME, self.bounded_acceleration.weight),
-            (jerk::NAME, self.bounded_jerk.weight),
-            (collision_validity::NAME, self.collision_validity.weight),
-            (initial_overlap::NAME, self.initial_non_overlap.weight),
-            (map::NAME, self.map_validity.weight),
-            (route_progress::NAME, self.route_progress.weight),
-            (continuity::NAME, self.trajectory_continuity.weight),
+            (acceleration::NAME, of.bounded_acceleration),
+            (jerk::NAME, of.bounded_jerk),
+            (slip::NAME, of.bounded_slip),
+            (collision_validity::NAME, of.collision_validity),
+            (initial_overlap::NAME, of.initial_non_overlap),
+            (wrong_way::NAME, of.lane_direction),
+            (map::NAME, of.map_validity),
+            (parked::NAME, of.parked_obstacles),
+            (route_completion::NAME, of.route_completion),
+            (continuity::NAME, of.trajectory_continuity),
         ]
     }
 
-    /// Weights must be shares of one, tolerances positive.
+    /// Weights must be shares of one, tolerances positive, bounds no less than zero.
     pub fn check(&self) -> Result<(), OptionsError> {
         let wrong = |place: String, found: f64, expected| Err(OptionsError { place, found, expected });
         for (name, weight) in self.weights() {
             if !(0.0..=1.0).contains(&weight) {
-                return wrong(format!("{name}.weight"), weight, "a share from 0 to 1");
+                return wrong(format!("weights.{name}"), weight, "a share from 0 to 1");
             }
         }
-        let tolerances = [
-            (map::NAME, self.map_validity.tolerance),
-            (route_progress::NAME, self.route_progress.tolerance),
-            (continuity::NAME, self.trajectory_continuity.tolerance),
-            (acceleration::NAME, self.bounded_acceleration.tolerance),
-            (jerk::NAME, self.bounded_jerk.tolerance),
-        ];
-        for (name, tolerance) in tolerances {
-            if !(tolerance.is_finite() && tolerance > 0.0) {
-                return wrong(format!("{name}.tolerance"), tolerance, "a positive number");
-            }
-        }
-        for (name, options) in [(acceleration::NAME, self.bounded_acceleration), (jerk::NAME, self.bounded_jerk)] {
-            if !(options.bound.is_finite() && options.bound >= 0.0) {
-                return wrong(format!("{name}.bound"), options.bound, "a number not below 0");
+        for (kind, limits) in self.calibration.by_kind() {
+            for (name, limit) in limits.by_name() {
+                let place = format!("calibration.{kind}.{name}");
+                if !(limit.tolerance.is_finite() && limit.tolerance > 0.0) {
+                    return wrong(format!("{place}.tolerance"), limit.tolerance, "a positive number");
+                }
+                if !(limit.bound.is_finite() && limit.bound >= 0.0) {
+                    return wrong(format!("{place}.bound"), limit.bound, "a number not below 0");
+                }
             }
         }
         let total = num::sum(self.weights().into_iter().map(|(_, weight)| weight));
@@ -114,24 +95,33 @@ impl RealismOptions {
 
     /// d_j of one adversary, in name order.
     fn of_adversary(&self, report: &AdversaryReport) -> [f64; DIAGNOSTICS] {
+        let limits = self.calibration.of(report.kind);
         [
-            acceleration::diagnostic(report, &self.bounded_acceleration),
-            jerk::diagnostic(report, &self.bounded_jerk),
+            acceleration::diagnostic(report, limits),
+            jerk::diagnostic(report, limits),
+            slip::diagnostic(report, limits),
             collision_validity::diagnostic(report),
             initial_overlap::diagnostic(report),
-            map::diagnostic(report, self.map_validity.tolerance),
-            route_progress::diagnostic(report, self.route_progress.tolerance),
-            continuity::diagnostic(report, self.trajectory_continuity.tolerance),
+            wrong_way::diagnostic(report, limits),
+            map::diagnostic(report, limits),
+            parked::diagnostic(report),
+            route_completion::diagnostic(report),
+            continuity::diagnostic(report, limits),
         ]
     }
 }
 
 /// d_j of a rollout by name, and r_MD(τ) in [0, 1]. Of each diagnostic it is the worst adversary's, so that a second
 /// attacker cannot hide a first. A rollout without adversaries changed nothing that could be unrealistic: every
-/// diagnostic is 1.
+/// diagnostic is 1, and the scene counts as not acted in.
 pub fn realism(outcome: &Outcome, options: &RealismOptions) -> (BTreeMap<String, f64>, f64) {
+    realism_of(&outcome.adversaries, options)
+}
+
+/// The same of some reports.
+pub fn realism_of(reports: &[AdversaryReport], options: &RealismOptions) -> (BTreeMap<String, f64>, f64) {
     let mut worst = [1.0f64; DIAGNOSTICS];
-    for report in &outcome.adversaries {
+    for report in reports {
         worst.iter_mut().zip(options.of_adversary(report)).for_each(|(so_far, value)| *so_far = so_far.min(value));
     }
     let weights = options.weights();

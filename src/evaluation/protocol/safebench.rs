@@ -36,7 +36,12 @@ pub struct SafebenchScore {
     pub collision_rate: f64,
     /// OS.
     pub overall_score: f64,
+    /// Of the runs that the program acts in; all zero where it acts in none.
     pub realism: Ars,
+    /// ARS of all runs; one that the program does not act in is not valid.
+    pub realism_all: f64,
+    /// Share of the runs that the program acts in, 0..=1.
+    pub coverage: f64,
     /// CR (1 - OS).
     pub attack: f64,
     /// 100 A R Valid.
@@ -53,7 +58,11 @@ impl SafebenchScore {
 /// Scores of a set of runs of one group; `None` without a run.
 pub fn group_score(runs: &[SafebenchRun], failures: usize) -> Option<SafebenchScore> {
     let criteria = criteria(&runs.iter().map(|r| r.run).collect::<Vec<Run>>())?;
-    let realism = ars(&runs.iter().map(|r| r.realism).collect::<Vec<RunRealism>>(), failures)?;
+    let of = |runs: Vec<&SafebenchRun>| ars(&runs.iter().map(|r| r.realism).collect::<Vec<RunRealism>>(), failures);
+    let all = of(runs.iter().collect())?;
+    let acted: Vec<&SafebenchRun> = runs.iter().filter(|run| run.realism.acted).collect();
+    let coverage = acted.len() as f64 / runs.len() as f64;
+    let realism = of(acted).unwrap_or(Ars { ars: 0.0, valid_rate: 0.0, sub_scores: [0.0; 4] });
     let (collision_rate, overall_score) = (criteria.collision_rate, criteria.overall_score());
     let attack = attack(collision_rate, overall_score);
     Some(SafebenchScore {
@@ -63,6 +72,8 @@ pub fn group_score(runs: &[SafebenchRun], failures: usize) -> Option<SafebenchSc
         collision_rate,
         overall_score,
         realism,
+        realism_all: all.ars,
+        coverage,
         attack,
         trace_score: trace_score(attack, realism.ars, realism.valid_rate),
     })
@@ -84,6 +95,8 @@ pub struct Table {
     pub collision_rate: f64,
     pub overall_score: f64,
     pub realism: f64,
+    pub realism_all: f64,
+    pub coverage: f64,
     pub valid_rate: f64,
     /// CR (1 - OS) of the two means: the paper's tables give 0.631 (1 - 0.589), no mean of products.
     pub attack: f64,
@@ -136,6 +149,8 @@ impl Runs {
             collision_rate,
             overall_score,
             realism: mean(|s| s.realism.ars)?,
+            realism_all: mean(|s| s.realism_all)?,
+            coverage: mean(|s| s.coverage)?,
             valid_rate: mean(|s| s.realism.valid_rate)?,
             attack: attack(collision_rate, overall_score),
             families,
@@ -171,7 +186,7 @@ pub(super) mod samples {
                 yaw_rate_radps: 0.0,
                 lane_invasions: 0.0,
             },
-            realism: RunRealism { valid, sub_scores: [0.5, 1.0, 1.0, 1.0] },
+            realism: RunRealism { acted: true, valid, sub_scores: [0.5, 1.0, 1.0, 1.0] },
         }
     }
 }
@@ -191,6 +206,31 @@ mod tests {
         assert!((found.realism.ars - 0.8).abs() < 1e-12);
         assert!((found.trace_score - 100.0 * found.attack * 0.8).abs() < 1e-12);
         assert_eq!(group_score(&[], 4), None);
+    }
+
+    #[test]
+    fn realism_is_of_the_runs_that_are_acted_in_and_of_none_there_is_none() {
+        let mut idle = run(false, true);
+        idle.realism = RunRealism { acted: false, valid: false, sub_scores: [0.0; 4] };
+        let found = group_score(&[run(true, true), idle], 0).unwrap();
+        // 0.8 of the one acted run; over both of them one of two is valid.
+        assert!((found.realism.ars - 0.8).abs() < 1e-12 && (found.realism_all - 0.4).abs() < 1e-12);
+        assert_eq!(found.coverage, 0.5);
+        let nothing = group_score(&[idle, idle], 0).unwrap();
+        assert_eq!((nothing.attack, nothing.realism.ars, nothing.coverage), (0.0, 0.0, 0.0));
+        assert_eq!(idle.point(), (0.0, 0.0));
+    }
+
+    #[test]
+    fn a_single_run_has_a_point_of_its_own_and_the_mean_of_points_is_not_the_group_s_score() {
+        let (crashed, arrived) = (run(true, true), run(false, true));
+        // 0 + 3 + 0.5 (1 + 0.5 + 1 - 0) + 0.6 = 4.85 of 10.1, so the attack is 5.25 of 10.1.
+        let (attack, realism) = crashed.point();
+        assert!((attack - 5.25 / 10.1).abs() < 1e-12 && (realism - 0.8).abs() < 1e-12);
+        assert_eq!(arrived.point().0, 0.0);
+        // Half of 0.5198 for the mean of the points; half of 1 - 7.375 / 10.1 for the group.
+        let group = group_score(&[crashed, arrived], 0).unwrap();
+        assert!((0.5 * attack - 0.2599).abs() < 1e-4 && (group.attack - 0.1349).abs() < 1e-4);
     }
 
     #[test]

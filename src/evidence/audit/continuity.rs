@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::finding::Finding;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
-use crate::lineage::LineageStore;
+use crate::lineage::{Leader, LineageStore};
 use crate::objects::{Attempt, AttemptId, Program, SolutionId, event::Settled};
 
 const CHECK: &str = "continuity";
@@ -62,12 +62,16 @@ fn promotions(run: &RecordedRun, lineages: &mut LineageStore, findings: &mut Vec
         findings.extend(leads(lineages, &frozen.parent, "the program that was edited"));
         let of_epoch = |settled: &&Settled| settled.lineage == frozen.lineage && settled.epoch == frozen.epoch;
         let Some(settled) = run.settled.iter().find(of_epoch) else { continue };
-        if let Some(promoted) = &settled.promoted {
-            let child = attempts.get(promoted).and_then(|attempt| attempt.exit.candidate());
-            match child.map(|child| lineages.promote(&frozen.lineage, &child.program.solution_id, frozen.epoch)) {
-                None => findings.push(Finding::breach(CHECK, promoted, "was promoted, but admitted no program")),
-                Some(Err(error)) => findings.push(Finding::breach(CHECK, promoted, error.to_string())),
-                Some(Ok(())) => {}
+        if let Some(promoted) = &settled.promoted
+            && attempts.get(promoted).and_then(|attempt| attempt.exit.candidate()).is_none()
+        {
+            findings.push(Finding::breach(CHECK, promoted, "was promoted, but admitted no program"));
+        }
+        let leaders =
+            [(Leader::Active, Some(&settled.active)), (Leader::RealismAnchor, settled.realism_anchor.as_ref())];
+        for (leader, solution) in leaders.into_iter().filter_map(|(leader, solution)| Some((leader, solution?))) {
+            if let Err(error) = lineages.promote(&frozen.lineage, leader, solution, frozen.epoch) {
+                findings.push(Finding::breach(CHECK, &place, error.to_string()));
             }
         }
         findings.extend(leads(lineages, &settled.active, "the active program after it"));

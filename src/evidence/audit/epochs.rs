@@ -53,8 +53,13 @@ fn epoch(run: &RecordedRun, frozen: &Frozen, findings: &mut Vec<Finding>) {
         findings.push(Finding::breach(CHECK, place, what));
     }
     for attempt in attempts {
-        if (&attempt.parent, attempt.parent_hash) != (&frozen.parent, frozen.parent_hash) {
-            let what = format!("edited {}, frozen was {}", attempt.parent, frozen.parent);
+        // Under the rule of two anchors the odd slots edit the second parent.
+        let (parent, hash) = match &frozen.realism_anchor {
+            Some(anchor) if attempt.slot % 2 == 1 => (&anchor.parent, anchor.parent_hash),
+            _ => (&frozen.parent, frozen.parent_hash),
+        };
+        if (&attempt.parent, attempt.parent_hash) != (parent, hash) {
+            let what = format!("edited {}, frozen was {parent}", attempt.parent);
             findings.push(Finding::breach(CHECK, &attempt.id, what));
         }
     }
@@ -78,12 +83,13 @@ fn exit_fault(exit: &Exit) -> Option<String> {
     }
 }
 
-/// At most one attempt of an epoch says that it was promoted: the one that the epoch names.
+/// At most one attempt of an epoch says that it was promoted, two under the rule of two anchors: the epoch names the first.
 fn promoted(run: &RecordedRun, settled: &Settled, findings: &mut Vec<Finding>) {
     let of_epoch = run.attempts.iter().filter(|a| a.lineage == settled.lineage && a.epoch == settled.epoch);
     let promoted: Vec<&AttemptId> =
         of_epoch.filter(|a| a.exit.decision().is_some_and(|decision| decision.promoted)).map(|a| &a.id).collect();
-    if promoted.iter().copied().ne(settled.promoted.iter()) {
+    let most = if settled.realism_anchor.is_some() { 2 } else { 1 };
+    if promoted.len() > most || promoted.first().copied() != settled.promoted.as_ref() {
         let place = format!("{} epoch {}", settled.lineage, settled.epoch);
         let named = settled.promoted.as_ref().map_or("nobody".to_string(), |id| id.to_string());
         let what = format!("promoted {named}, the attempts that say they were promoted: {promoted:?}");

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::finding::Finding;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
-use crate::objects::event::{LineageResult, Measured};
-use crate::objects::{LineageId, Objectives, Score, SolutionId};
+use crate::objects::event::{Frozen, LineageResult, Measured};
+use crate::objects::{LineageId, Objectives, SceneScore, Score, SolutionId};
 
 /// Up to which difference a mean counts as the recorded one: the order of a sum may differ.
 const TOLERANCE: f64 = 1e-9;
@@ -55,40 +55,64 @@ fn score_faults(score: &Score) -> impl Iterator<Item = String> {
     }
     let failed = score.failures.iter().filter(|failure| labelled.contains(failure.scene.as_str()));
     faults.extend(failed.map(|failure| format!("scene {} both failed and has a label", failure.scene)));
+    let credited = score.scenes.iter().filter(|s| !s.acted && s.attack > 0.0);
+    faults
+        .extend(credited.map(|s| format!("scene {} counts as attacked, but the program does not act in it", s.scene)));
     // SafeBench's objectives are read off its own rows; `tables` compares those with their runs.
     if score.benchmark.is_none() {
-        let attack: Vec<f64> = score.scenes.iter().map(|s| s.attack).collect();
-        let realism: Vec<f64> = score.scenes.iter().map(|s| s.realism).collect();
-        let means = num::mean(&attack).zip(num::mean(&realism)).map(|(attack, realism)| Objectives { attack, realism });
+        let mean = |of: &dyn Fn(&SceneScore) -> Option<f64>| {
+            num::mean(&score.scenes.iter().filter_map(of).collect::<Vec<_>>())
+        };
+        let realism = mean(&|s| s.acted.then_some(s.realism)).unwrap_or(0.0);
+        let means = mean(&|s| Some(s.attack)).map(|attack| Objectives { attack, realism });
         if !means.is_some_and(|means| same(&means, &score.objectives)) {
             faults.push(format!("objectives {:?} are not the means of the scenes, {means:?}", score.objectives));
+        }
+        let all = mean(&|s| Some(s.realism)).zip(mean(&|s| Some(if s.acted { 1.0 } else { 0.0 })));
+        if !all.is_some_and(|(realism, coverage)| near(realism, score.realism_all) && near(coverage, score.coverage)) {
+            let found = (score.realism_all, score.coverage);
+            faults.push(format!("realism over all scenes and coverage {found:?} are not those of the scenes, {all:?}"));
         }
     }
     faults.into_iter()
 }
 
-fn same(a: &Objectives, b: &Objectives) -> bool {
-    (a.attack - b.attack).abs() <= TOLERANCE && (a.realism - b.realism).abs() <= TOLERANCE
+fn near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= TOLERANCE
 }
 
-/// Every member of a front has the labels that its attempt or the parent's first window recorded; none dominates another.
+fn same(a: &Objectives, b: &Objectives) -> bool {
+    near(a.attack, b.attack) && near(a.realism, b.realism)
+}
+
+/// Every member of a front is a parent or an accepted child. While there was one window only, its point is what that
+/// window's labels say; later it is the mean over the scenes of all windows so far. No member dominates another.
 fn fronts(run: &RecordedRun, findings: &mut Vec<Finding>) {
     let mut labels: BTreeMap<(&LineageId, &SolutionId), Vec<Objectives>> = BTreeMap::new();
     for frozen in &run.frozen {
         labels.entry((&frozen.lineage, &frozen.parent)).or_default().push(frozen.parent_score.objectives);
     }
     for attempt in &run.attempts {
-        if let (Some(candidate), Some(score)) = (attempt.exit.candidate(), attempt.exit.score()) {
+        let accepted = attempt.exit.decision().is_some_and(|decision| decision.gates.any());
+        if let (Some(candidate), Some(score), true) = (attempt.exit.candidate(), attempt.exit.score(), accepted) {
             let solution = &candidate.program.solution_id;
             labels.entry((&attempt.lineage, solution)).or_default().push(score.objectives);
         }
     }
     for settled in &run.settled {
         let place = format!("{} epoch {}", settled.lineage, settled.epoch);
+        let of_epoch = |f: &&Frozen| f.lineage == settled.lineage && f.epoch == settled.epoch;
+        let one_window = run.frozen.iter().find(of_epoch).is_some_and(|f| f.scenes_so_far == f.window.len());
         for member in &settled.front {
-            let recorded = labels.get(&(&settled.lineage, &member.solution));
-            if !recorded.is_some_and(|all| all.iter().any(|objectives| same(objectives, &member.objectives))) {
-                let what = format!("{} is on the front with labels that no rollout gave it", member.solution);
+            let fault = match labels.get(&(&settled.lineage, &member.solution)) {
+                None => Some("but no gate accepted it"),
+                Some(all) if one_window && !all.iter().any(|objectives| same(objectives, &member.objectives)) => {
+                    Some("with labels that no rollout gave it")
+                }
+                Some(_) => None,
+            };
+            if let Some(fault) = fault {
+                let what = format!("{} is on the front {fault}", member.solution);
                 findings.push(Finding::breach("front", &place, what));
             }
             if let Some(better) = settled.front.iter().find(|other| other.objectives.dominates(&member.objectives)) {
@@ -102,11 +126,17 @@ fn fronts(run: &RecordedRun, findings: &mut Vec<Finding>) {
 /// Every number of the result is a held-out label of the program that it names.
 fn measured(run: &RecordedRun, lineage: &LineageResult, findings: &mut Vec<Finding>) {
     let named = [Some(&lineage.parent), Some(&lineage.evolved), lineage.endpoint.as_ref()];
-    for Measured { solution, objectives, realism_penalty_pct } in named.into_iter().flatten() {
-        let found = run.held_out.iter().find(|h| h.lineage == lineage.lineage && h.solution == *solution);
-        let penalty = (objectives.realism_penalty_pct() - realism_penalty_pct).abs() <= TOLERANCE;
-        if !penalty || !found.is_some_and(|held_out| same(&held_out.score.objectives, objectives)) {
-            let what = format!("the result gives {solution} numbers that are not its held-out labels");
+    for measured in named.into_iter().flatten() {
+        let found = run.held_out.iter().find(|h| h.lineage == lineage.lineage && h.solution == measured.solution);
+        let read = found.map(|held_out| Measured::new(measured.solution.clone(), &held_out.score));
+        let agree = |read: &Measured| {
+            same(&read.objectives, &measured.objectives)
+                && near(read.realism_penalty_pct, measured.realism_penalty_pct)
+                && near(read.coverage, measured.coverage)
+                && near(read.any_contact, measured.any_contact)
+        };
+        if !read.is_some_and(|read| agree(&read)) {
+            let what = format!("the result gives {} numbers that are not its held-out labels", measured.solution);
             findings.push(Finding::breach("result", &lineage.lineage, what));
         }
     }

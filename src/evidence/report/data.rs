@@ -39,6 +39,7 @@ pub fn of(story: &RecordedRun, cost: Option<&RunCost>) -> Value {
         "held_out_scenes": story.opened.held_out_scenes.len(),
         "exits": story.result.as_ref().map(|r| r.exits),
         "rollouts": story.result.as_ref().map(|r| r.rollouts),
+        "replay": story.replays.iter().map(|replayed| &replayed.row).collect::<Vec<_>>(),
         "lineages": lineages,
         "counsels": story.counsels.iter().map(counsel).collect::<Vec<_>>(),
         "cost": cost,

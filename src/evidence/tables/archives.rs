@@ -15,6 +15,8 @@ use crate::scene::safebench::TrafficFamily;
 #[derive(Clone, Debug)]
 pub struct LineageArchive {
     pub lineage: LineageId,
+    /// Which repetition of its search it is, from 0.
+    pub replica: u32,
     /// The run's name and the beginning of its root.
     pub run: String,
     /// The paper's row that it fills, if it is one of the paper's methods as published.
@@ -57,6 +59,11 @@ impl LineageArchive {
         self.gains_pct.keys().chain(self.rounds.iter().flat_map(|round| round.runs.keys())).copied().collect()
     }
 
+    /// Whether the other repeats the same search with another seed.
+    pub fn same_search(&self, other: &LineageArchive) -> bool {
+        (&self.name, &self.ego) == (&other.name, &other.ego)
+    }
+
     /// Scenes that balanced selection keeps after the last round.
     pub fn scenes(&self) -> usize {
         self.rounds.last().map_or(0, |round| round.runs.values().map(Vec::len).sum())
@@ -74,7 +81,7 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableErr
         }
         for lineage in &result.lineages {
             let new = one(story, lineage)?;
-            if let Some(old) = all.iter().find(|old| old.name == new.name && old.ego == new.ego) {
+            if let Some(old) = all.iter().find(|old| old.same_search(&new) && old.replica == new.replica) {
                 let place = |l: &LineageArchive| format!("{} of run {}", l.lineage, l.run);
                 let (first, second) = (place(old), place(&new));
                 return Err(TableError::Twice { row: new.name, ego: new.ego, first, second });
@@ -115,6 +122,7 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, Ta
     };
     Ok(LineageArchive {
         lineage: result.lineage.clone(),
+        replica: result.replica,
         run: labels::run_name(story),
         method,
         name: method.map_or(stem, |method| method.name).to_string(),

@@ -1,10 +1,12 @@
 //! 95 % intervals by the percentile bootstrap over scenes (Efron): scenes are drawn with replacement, and what is drawn
-//! together stays together, so that a difference between two programs is paired by scene.
+//! together stays together, so that a difference between two programs is paired by scene. Where a search was repeated with
+//! several seeds, its repetitions are drawn with replacement too, each with the drawn scenes (a two-level, hierarchical
+//! bootstrap): the interval then holds the spread between searches as well.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-use crate::kernel::{Digest, Seed, num};
+use crate::kernel::{Digest, Seed, Stream, num};
 
 /// Resamples an interval rests on.
 pub const RESAMPLES: usize = 2000;
@@ -16,7 +18,7 @@ const LEVELS: [f64; 2] = [0.025, 0.975];
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     pub value: f64,
-    /// 95 % bootstrap interval over scenes; `None` for a number that has none.
+    /// 95 % bootstrap interval over scenes and seeds; `None` for a number that has none.
     pub interval: Option<[f64; 2]>,
 }
 
@@ -35,32 +37,38 @@ pub struct PerScene {
     pub values: Vec<Option<f64>>,
 }
 
-/// A mean over lineages of their means over scenes.
-pub type Quantity = Vec<PerScene>;
+/// One search and its repetitions.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// Which search: quantities of one search draw the same repetitions.
+    pub id: Digest,
+    /// One a seed, in the order of the seeds.
+    pub seeds: Vec<PerScene>,
+}
+
+/// A mean over searches of the mean over their repetitions of the means over scenes.
+pub type Quantity = Vec<Search>;
 
 /// Value and interval of each quantity, all from the same draws. `None` where a quantity rests on no label.
 pub fn estimates(quantities: &[Quantity]) -> Vec<Option<Estimate>> {
-    let mut suites: BTreeMap<Digest, usize> = BTreeMap::new();
-    for part in quantities.iter().flatten() {
-        suites.insert(part.suite, part.values.len());
+    let (mut suites, mut searches) = (BTreeMap::new(), BTreeMap::new());
+    for search in quantities.iter().flatten() {
+        searches.insert(search.id, search.seeds.len());
+        search.seeds.iter().for_each(|part| {
+            suites.insert(part.suite, part.values.len());
+        });
     }
-    let mut streams: Vec<_> = suites
-        .iter()
-        .filter(|(_, size)| **size > 0)
-        .map(|(suite, size)| (*suite, *size, SEED.stream(&["evidence", "tables", "bootstrap", &suite.to_hex()])))
-        .collect();
+    let (mut suites, mut searches) = (Draws::of("bootstrap", suites), Draws::of("bootstrap-seeds", searches));
     let mut resampled: Vec<Vec<f64>> = vec![Vec::with_capacity(RESAMPLES); quantities.len()];
     for _ in 0..RESAMPLES {
-        let draws: BTreeMap<Digest, Vec<usize>> = streams
-            .iter_mut()
-            .map(|(suite, size, stream)| (*suite, (0..*size).map(|_| stream.below(*size)).collect()))
-            .collect();
+        let (scenes, seeds) = (suites.next(), searches.next());
+        let drawn = |draws: &BTreeMap<Digest, Vec<usize>>, of: &Digest| draws.get(of).cloned().unwrap_or_default();
         for (quantity, values) in quantities.iter().zip(&mut resampled) {
-            values.extend(mean_over(quantity, |part| draws.get(&part.suite).into_iter().flatten().copied()));
+            values.extend(mean_over(quantity, |s| drawn(&seeds, &s.id), |part| drawn(&scenes, &part.suite)));
         }
     }
     let estimate = |(quantity, values): (&Quantity, &Vec<f64>)| {
-        let value = mean_over(quantity, |part| 0..part.values.len())?;
+        let value = mean_over(quantity, |s| (0..s.seeds.len()).collect(), |part| (0..part.values.len()).collect())?;
         Some(Estimate { value, interval: interval(values) })
     };
     quantities.iter().zip(&resampled).map(estimate).collect()
@@ -71,13 +79,38 @@ pub fn interval(resampled: &[f64]) -> Option<[f64; 2]> {
     Some([num::quantile(resampled, LEVELS[0])?, num::quantile(resampled, LEVELS[1])?])
 }
 
-/// Mean over lineages of the mean over the labelled ones of these scenes; `None` where a lineage has none.
-fn mean_over<'a, I: Iterator<Item = usize>>(quantity: &'a Quantity, scenes: impl Fn(&'a PerScene) -> I) -> Option<f64> {
-    let mean = |part| {
-        let labelled: Vec<f64> = scenes(part).filter_map(|scene| part.values.get(scene).copied().flatten()).collect();
-        num::mean(&labelled)
+/// Draws with replacement from several sets, each with a random stream of its own.
+struct Draws(Vec<(Digest, usize, Stream)>);
+
+impl Draws {
+    fn of(purpose: &str, sizes: BTreeMap<Digest, usize>) -> Draws {
+        let stream = |id: &Digest| SEED.stream(&["evidence", "tables", purpose, &id.to_hex()]);
+        Draws(sizes.into_iter().filter(|(_, size)| *size > 0).map(|(id, size)| (id, size, stream(&id))).collect())
+    }
+
+    fn next(&mut self) -> BTreeMap<Digest, Vec<usize>> {
+        let draw =
+            |(id, size, stream): &mut (Digest, usize, Stream)| (*id, (0..*size).map(|_| stream.below(*size)).collect());
+        self.0.iter_mut().map(draw).collect()
+    }
+}
+
+/// Mean over searches of the mean over these seeds of the mean over the labelled ones of these scenes. A repetition
+/// without a label drops out; `None` where a search has no other.
+fn mean_over(
+    quantity: &Quantity,
+    seeds: impl Fn(&Search) -> Vec<usize>,
+    scenes: impl Fn(&PerScene) -> Vec<usize>,
+) -> Option<f64> {
+    let of_seed = |part: &PerScene| {
+        let labelled = scenes(part).into_iter().filter_map(|scene| part.values.get(scene).copied().flatten());
+        num::mean(&labelled.collect::<Vec<f64>>())
     };
-    num::mean(&quantity.iter().map(mean).collect::<Option<Vec<f64>>>()?)
+    let of_search = |search: &Search| {
+        let found = seeds(search).into_iter().filter_map(|seed| search.seeds.get(seed)).filter_map(of_seed);
+        num::mean(&found.collect::<Vec<f64>>())
+    };
+    num::mean(&quantity.iter().map(of_search).collect::<Option<Vec<f64>>>()?)
 }
 
 #[cfg(test)]
@@ -89,14 +122,19 @@ mod tests {
         PerScene { suite: Digest::of_bytes(name.as_bytes()), values: values.iter().copied().map(Some).collect() }
     }
 
+    /// A search without repetition.
+    fn once(part: PerScene) -> Search {
+        Search { id: Digest::of_bytes(b"search"), seeds: vec![part] }
+    }
+
     fn one(values: &[f64]) -> Estimate {
-        estimates(&[vec![suite("a", values)]])[0].unwrap()
+        estimates(&[vec![once(suite("a", values))]])[0].unwrap()
     }
 
     #[test]
     fn the_value_is_the_mean_over_lineages_of_their_means_over_labelled_scenes() {
         let unlabelled = PerScene { values: vec![Some(1.0), None, Some(0.0), Some(0.5)], ..suite("a", &[]) };
-        let found = estimates(&[vec![unlabelled, suite("b", &[0.2, 0.4])]])[0].unwrap();
+        let found = estimates(&[vec![once(unlabelled), once(suite("b", &[0.2, 0.4]))]])[0].unwrap();
         assert!((found.value - (0.5 + 0.3) / 2.0).abs() < 1e-15, "{found:?}");
     }
 
@@ -118,7 +156,7 @@ mod tests {
     fn two_programs_that_differ_alike_on_every_scene_differ_without_width() {
         let (before, after) = ([0.0, 1.0, 0.5, 0.25], [0.125, 1.125, 0.625, 0.375]);
         let paired: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
-        let found = estimates(&[vec![suite("a", &after)], vec![suite("a", &paired)]]);
+        let found = estimates(&[vec![once(suite("a", &after))], vec![once(suite("a", &paired))]]);
         assert_eq!(found[1].unwrap().interval, Some([0.125; 2]));
         let [low, high] = found[0].unwrap().interval.unwrap();
         assert!(high - low > 0.3);
@@ -131,22 +169,42 @@ mod tests {
             let [low, high] = estimates(&[quantity])[0].unwrap().interval.unwrap();
             high - low
         };
-        assert_eq!(width(vec![suite("a", &x), suite("a", &y)]), 0.0);
-        assert!(width(vec![suite("a", &x), suite("b", &y)]) > 0.2);
+        assert_eq!(width(vec![once(suite("a", &x)), once(suite("a", &y))]), 0.0);
+        assert!(width(vec![once(suite("a", &x)), once(suite("b", &y))]) > 0.2);
     }
 
     #[test]
     fn no_label_is_no_number() {
-        assert_eq!(estimates(&[vec![suite("a", &[])], vec![]]), [None, None]);
+        assert_eq!(estimates(&[vec![once(suite("a", &[]))], vec![]]), [None, None]);
         let nothing = PerScene { values: vec![None, None], ..suite("a", &[]) };
-        assert_eq!(estimates(&[vec![nothing, suite("b", &[1.0])]]), [None]);
+        assert_eq!(estimates(&[vec![once(nothing), once(suite("b", &[1.0]))]]), [None]);
     }
 
     #[test]
     fn intervals_do_not_depend_on_what_else_is_estimated() {
-        let (a, b) = (suite("a", &[0.0, 1.0, 1.0]), suite("b", &[0.0, 0.1, 0.7, 0.2]));
+        let (a, b) = (once(suite("a", &[0.0, 1.0, 1.0])), once(suite("b", &[0.0, 0.1, 0.7, 0.2])));
         let alone = estimates(&[vec![a.clone()]]);
         assert_eq!(estimates(&[vec![b], vec![a]])[1], alone[0]);
+    }
+
+    #[test]
+    fn the_spread_between_seeds_is_part_of_the_interval() {
+        // Five repetitions of one rate each, all scenes alike: only the seeds differ. 5^5 draws of five from
+        // {0, .25, .5, .75, 1}: 2.5 % lie at or below a mean of .2, as many at or above .8.
+        let seeds = [0.0, 0.25, 0.5, 0.75, 1.0].map(|rate| suite("a", &[rate; 20])).to_vec();
+        let search = Search { id: Digest::of_bytes(b"search"), seeds };
+        let found = estimates(&[vec![search.clone()]])[0].unwrap();
+        let [low, high] = found.interval.unwrap();
+        assert!((found.value - 0.5).abs() < 1e-15);
+        assert!((low - 0.2).abs() < 0.051 && (high - 0.8).abs() < 0.051, "{low} {high}");
+        // Two quantities of one search draw the same repetitions: their difference has no width.
+        let shifted = search.seeds.iter().map(|part| PerScene {
+            values: part.values.iter().map(|value| value.map(|x| x + 0.1)).collect(),
+            ..part.clone()
+        });
+        let shifted = Search { seeds: shifted.collect(), ..search };
+        let [other_low, other_high] = estimates(&[vec![shifted]])[0].unwrap().interval.unwrap();
+        assert!((other_low - low - 0.1).abs() < 1e-12 && (other_high - high - 0.1).abs() < 1e-12);
     }
 
     proptest! {

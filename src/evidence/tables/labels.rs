@@ -11,8 +11,9 @@ use super::stopped;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::objects::{
-    LineageId, ParameterValue, Role, Score, SolutionId,
+    LineageId, ParameterValue, Role, SceneScore, Score, SolutionId,
     event::{LineageResult, RunResult},
+    replay::{ReplayScene, Suite},
 };
 
 /// Parameter of a SAGE parent that names its row.
@@ -38,35 +39,103 @@ pub enum TableError {
     Canon { run: String, error: CanonError },
 }
 
-/// Held-out labels of one program, by scene of the suite.
+/// Held-out labels of one program, by scene of the suite; `None` where a scene has no label.
 #[derive(Clone, Debug)]
-pub struct Labels {
-    pub attack: Vec<Option<f64>>,
-    /// 100 (1 - r), percent.
-    pub penalty_pct: Vec<Option<f64>>,
+pub struct Labels(Vec<Option<SceneScore>>);
+
+/// A number of a labelled scene; `None` where the scene does not count.
+pub type Reading = fn(&SceneScore) -> Option<f64>;
+
+/// a(τ).
+pub const ATTACK: Reading = |scene| Some(scene.attack);
+/// 100 (1 - r), percent, of the scenes that the program acts in.
+pub const PENALTY_PCT: Reading = |scene| scene.acted.then_some(100.0 * (1.0 - scene.realism));
+/// The same over all scenes, 0 where the program does not act: the paper's plain mean.
+pub const PENALTY_ALL_PCT: Reading = |scene| Some(100.0 * (1.0 - scene.realism));
+/// Whether the program acts.
+pub const ACTED: Reading = |scene| Some(share(scene.acted));
+/// Whether the ego met anyone (MetaDrive's crash flag, on which CAT's success rests).
+pub const ANY_CONTACT: Reading = |scene| Some(share(scene.contact.is_some()));
+/// Whether the ego met an adversary, whoever caused it (CAT: the crash with its opponent).
+pub const ADVERSARY_CONTACT: Reading = |scene| Some(share(scene.contact.as_ref().is_some_and(|met| met.adversary)));
+/// Whether it met one and could have avoided that.
+pub const AVOIDABLE_CONTACT: Reading =
+    |scene| Some(share(scene.contact.as_ref().is_some_and(|met| met.adversary && met.avoidable == Some(true))));
+
+/// 1 where something holds, else 0.
+pub fn share(holds: bool) -> f64 {
+    if holds { 1.0 } else { 0.0 }
 }
 
 impl Labels {
     fn of(score: &Score, suite: &[String]) -> Labels {
-        let by_scene: BTreeMap<&str, (f64, f64)> =
-            score.scenes.iter().map(|s| (s.scene.as_str(), (s.attack, 100.0 * (1.0 - s.realism)))).collect();
-        let found: Vec<Option<(f64, f64)>> = suite.iter().map(|id| by_scene.get(id.as_str()).copied()).collect();
-        Labels {
-            attack: found.iter().map(|label| label.map(|l| l.0)).collect(),
-            penalty_pct: found.iter().map(|label| label.map(|l| l.1)).collect(),
-        }
+        let by_scene: BTreeMap<&str, &SceneScore> = score.scenes.iter().map(|s| (s.scene.as_str(), s)).collect();
+        Labels(suite.iter().map(|id| by_scene.get(id.as_str()).map(|scene| (*scene).clone())).collect())
+    }
+
+    /// A number of every scene.
+    pub fn values(&self, of: impl Fn(&SceneScore) -> Option<f64>) -> Vec<Option<f64>> {
+        self.0.iter().map(|label| of(label.as_ref()?)).collect()
     }
 
     /// Scenes without a label.
     pub fn unlabelled(&self) -> usize {
-        self.attack.iter().filter(|label| label.is_none()).count()
+        self.0.iter().filter(|label| label.is_none()).count()
     }
+}
+
+/// The recorded held-out scenes without a program.
+#[derive(Clone, Debug)]
+pub struct ReplayLabels {
+    /// Our name of the ego policy.
+    pub ego: String,
+    /// Digest of the held-out scenes' ids.
+    pub suite: Digest,
+    /// By scene of the suite; `None` where a scene could not be played.
+    pub scenes: Vec<Option<ReplayScene>>,
+}
+
+impl ReplayLabels {
+    /// A number of every scene, tied to the suite.
+    pub fn per_scene(&self, of: impl Fn(&ReplayScene) -> Option<f64>) -> PerScene {
+        PerScene { suite: self.suite, values: self.scenes.iter().map(|scene| of(scene.as_ref()?)).collect() }
+    }
+
+    /// The ego as the paper calls it, or as we do.
+    pub fn policy(&self) -> String {
+        paper::policy(&self.ego)
+    }
+}
+
+/// The do-nothing row of every suite and ego of these runs, in their order, each once.
+pub fn replays(stories: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError> {
+    let mut all: Vec<ReplayLabels> = Vec::new();
+    for story in stories {
+        let (names, digest) = (&story.opened.held_out_scenes, suite(story)?);
+        for replayed in story.replays.iter().filter(|replayed| replayed.row.suite == Suite::HeldOut) {
+            if all.iter().any(|known| known.suite == digest && known.ego == replayed.row.ego) {
+                continue;
+            }
+            let found = |id: &String| replayed.scenes.iter().find(|scene| scene.scene == *id).cloned();
+            let scenes = names.iter().map(found).collect();
+            all.push(ReplayLabels { ego: replayed.row.ego.clone(), suite: digest, scenes });
+        }
+    }
+    Ok(all)
+}
+
+/// Digest of a run's held-out scenes.
+fn suite(story: &RecordedRun) -> Result<Digest, TableError> {
+    Digest::of("evodrive/held-out-suite/1", &(story.opened.pool, &story.opened.held_out_scenes))
+        .map_err(|error| TableError::Canon { run: run_name(story), error })
 }
 
 /// One lineage of a finished run.
 #[derive(Clone, Debug)]
 pub struct LineageLabels {
     pub lineage: LineageId,
+    /// Which repetition of its search it is, from 0.
+    pub replica: u32,
     /// The run's name and the beginning of its root.
     pub run: String,
     /// The paper's row that it fills, if it is one of the paper's methods as published.
@@ -91,15 +160,21 @@ pub struct LineageLabels {
 }
 
 impl LineageLabels {
-    /// These values, tied to their suite.
-    pub fn per_scene(&self, values: &[Option<f64>]) -> PerScene {
-        PerScene { suite: self.suite, values: values.to_vec() }
+    /// A number of every scene, tied to the suite.
+    pub fn per_scene(&self, labels: &Labels, of: impl Fn(&SceneScore) -> Option<f64>) -> PerScene {
+        PerScene { suite: self.suite, values: labels.values(of) }
     }
 
-    /// After minus before, on the scenes that both have.
-    pub fn paired(&self, before: &[Option<f64>], after: &[Option<f64>]) -> PerScene {
-        let difference = |(before, after): (&Option<f64>, &Option<f64>)| Some((*after)? - (*before)?);
-        PerScene { suite: self.suite, values: before.iter().zip(after).map(difference).collect() }
+    /// Evolved minus parent, on the scenes that count for both.
+    pub fn paired(&self, of: Reading) -> PerScene {
+        let difference = |(before, after): (Option<f64>, Option<f64>)| Some(after? - before?);
+        let (before, after) = (self.parent.values(of), self.evolved.values(of));
+        PerScene { suite: self.suite, values: before.into_iter().zip(after).map(difference).collect() }
+    }
+
+    /// Whether the other repeats the same search with another seed.
+    pub fn same_search(&self, other: &LineageLabels) -> bool {
+        (&self.name, &self.ego) == (&other.name, &other.ego)
     }
 
     /// Row of the main table.
@@ -143,7 +218,7 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableErro
         }
         for lineage in &result(story)?.lineages {
             let new = one(story, lineage)?;
-            if let Some(old) = all.iter().find(|old| old.name == new.name && old.ego == new.ego) {
+            if let Some(old) = all.iter().find(|old| old.same_search(&new) && old.replica == new.replica) {
                 let place = |l: &LineageLabels| format!("{} of run {}", l.lineage, l.run);
                 let (first, second) = (place(old), place(&new));
                 return Err(TableError::Twice { row: new.name, ego: new.ego, first, second });
@@ -155,12 +230,10 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableErro
 }
 
 fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, TableError> {
-    let suite = &story.opened.held_out_scenes;
-    let digest = Digest::of("evodrive/held-out-suite/1", &(story.opened.pool, suite))
-        .map_err(|error| TableError::Canon { run: run_name(story), error })?;
+    let (names, digest) = (&story.opened.held_out_scenes, suite(story)?);
     let labels = |solution: &SolutionId| {
         let found = story.held_out.iter().find(|h| h.lineage == result.lineage && h.solution == *solution);
-        found.map(|held_out| Labels::of(&held_out.score, suite)).ok_or_else(|| TableError::NoLabels {
+        found.map(|held_out| Labels::of(&held_out.score, names)).ok_or_else(|| TableError::NoLabels {
             run: run_name(story),
             lineage: result.lineage.clone(),
             solution: solution.clone(),
@@ -169,12 +242,13 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, Tab
     let method = method(story, result);
     Ok(LineageLabels {
         lineage: result.lineage.clone(),
+        replica: result.replica,
         run: run_name(story),
         method,
         name: method.map_or_else(|| stem(result).to_string(), |method| method.name.to_string()),
         ego: result.ego.clone(),
         suite: digest,
-        suite_scenes: suite.len(),
+        suite_scenes: names.len(),
         parent: labels(&result.parent.solution)?,
         evolved: labels(&result.evolved.solution)?,
         endpoint: result.endpoint.as_ref().map(|endpoint| labels(&endpoint.solution)).transpose()?,
@@ -185,9 +259,9 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, Tab
     })
 }
 
-/// A lineage's id without its ego.
+/// The id of a lineage in the experiment file without its ego: the same for all seeds.
 pub fn stem(result: &LineageResult) -> &str {
-    let id = result.lineage.as_str();
+    let id = result.group.as_str();
     id.strip_suffix(result.ego.as_str()).and_then(|rest| rest.strip_suffix('-')).unwrap_or(id)
 }
 

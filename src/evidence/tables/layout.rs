@@ -108,6 +108,9 @@ pub const ROLLOUTS: Head = Head { key: "rollouts", head: "Rollouts" };
 /// Kinds of the models that proposals came from.
 pub const PROPOSALS: Head = Head { key: "proposals", head: "Proposals" };
 
+/// The method of the first row: the recorded scenes without a program.
+pub const REPLAY: &str = "Replay (no program)";
+
 /// Numbers of a generator family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {

@@ -2,13 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::bootstrap::{self, Estimate, PerScene, Quantity};
-use super::labels::{self, LineageLabels, TableError};
-use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, ROLLOUTS, Row, Table};
+use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels, TableError};
+use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::kernel::num;
+use crate::kernel::Digest;
+use crate::objects::replay::ReplayScene;
 
 const fn column(
     key: &'static str,
@@ -21,9 +22,13 @@ const fn column(
 }
 
 const PARENT_ATTACK: Column = column("parent_attack", "Parent", "Attack", Some(true), Form::Rate);
+const PARENT_CRASH: Column = column("parent_any_contact", "Parent", "Any crash", None, Form::Rate);
 const PARENT_RP: Column = column("parent_rp_pct", "Parent", "RP", Some(false), Form::Percent);
+const PARENT_COVERAGE: Column = column("parent_coverage", "Parent", "Coverage", Some(true), Form::Rate);
 const EVOLVED_ATTACK: Column = column("evolved_attack", "Evolved", "Attack", Some(true), Form::Rate);
+const EVOLVED_CRASH: Column = column("evolved_any_contact", "Evolved", "Any crash", None, Form::Rate);
 const EVOLVED_RP: Column = column("evolved_rp_pct", "Evolved", "RP", Some(false), Form::Percent);
+const EVOLVED_COVERAGE: Column = column("evolved_coverage", "Evolved", "Coverage", Some(true), Form::Rate);
 const ENDPOINT_ATTACK: Column = column("endpoint_attack", "Endpoint", "Attack", Some(true), Form::Rate);
 const ENDPOINT_RP: Column = column("endpoint_rp_pct", "Endpoint", "RP", Some(false), Form::Percent);
 const ATTACK_CHANGE: Column = column("attack_change", "Change", "Attack diff.", Some(true), Form::RateChange);
@@ -32,15 +37,31 @@ const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Fo
 const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
 
 /// Columns of the main table.
-const MAIN: [Column; 8] =
-    [PARENT_ATTACK, PARENT_RP, EVOLVED_ATTACK, EVOLVED_RP, ATTACK_CHANGE, ATTACK_CHANGE_PCT, RP_CHANGE, PF_AREA];
+const MAIN: [Column; 12] = [
+    PARENT_ATTACK,
+    PARENT_CRASH,
+    PARENT_RP,
+    PARENT_COVERAGE,
+    EVOLVED_ATTACK,
+    EVOLVED_CRASH,
+    EVOLVED_RP,
+    EVOLVED_COVERAGE,
+    ATTACK_CHANGE,
+    ATTACK_CHANGE_PCT,
+    RP_CHANGE,
+    PF_AREA,
+];
 
 /// Columns of the table by policy.
-const BY_POLICY: [Column; 9] = [
+const BY_POLICY: [Column; 13] = [
     PARENT_ATTACK,
+    PARENT_CRASH,
     PARENT_RP,
+    PARENT_COVERAGE,
     EVOLVED_ATTACK,
+    EVOLVED_CRASH,
     EVOLVED_RP,
+    EVOLVED_COVERAGE,
     ENDPOINT_ATTACK,
     ENDPOINT_RP,
     ATTACK_CHANGE,
@@ -54,12 +75,12 @@ pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let mut groups: Vec<&str> = printed::METHODS.iter().map(|method| method.group).collect();
     groups.dedup();
     let averaged = |l: &&LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
-    let mut rows = Vec::new();
+    let mut rows: Vec<Row> = replay_row(&labels::replays(stories)?, &MAIN).into_iter().collect();
     for group in groups {
         let of: Vec<&LineageLabels> = all.iter().filter(averaged).filter(|l| l.group() == group).collect();
         rows.push(main_row(group, &of, printed::main_figures(group)));
     }
-    rows.extend(all.iter().filter(|l| !averaged(l)).map(|l| main_row(&l.name, &[l], None)));
+    rows.extend(searches(all.iter().filter(|l| !averaged(l))).iter().map(|of| main_row(&of[0].name, of, None)));
     let average = format!(
         "The paper averages over the egos IDM and RL; ours averages over those that were run, named in the column Policy. \
          SAGE averages over its preference weights too, as in the paper ({}).",
@@ -72,21 +93,23 @@ pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
 pub fn metadrive_policy(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
-    let mut rows = Vec::new();
+    let of_each = |replay: ReplayLabels| replay_row(&[replay], &BY_POLICY);
+    let mut rows: Vec<Row> = labels::replays(stories)?.into_iter().filter_map(of_each).collect();
     for method in &printed::METHODS {
         for (ego, policy) in expected_policies(&all) {
-            let found = all.iter().find(|l| l.method == Some(method) && l.ego == ego);
+            let found: Vec<&LineageLabels> = all.iter().filter(|l| l.method == Some(method) && l.ego == ego).collect();
             let theirs = printed::policy_figures(method.name, policy);
-            rows.push(policy_row(method.name, policy, found, theirs));
+            rows.push(policy_row(method.name, policy, &found, theirs));
         }
     }
     let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
-    rows.extend(others.map(|l| policy_row(&l.name, &l.policy(), Some(l), None)));
+    rows.extend(searches(others).iter().map(|of| policy_row(&of[0].name, &of[0].policy(), of, None)));
     let title = "Policy-specific results in MetaDrive";
     table("metadrive-policy", title, printed::POLICY_LABEL, &BY_POLICY, rows, told(stories, &all, None), stories)
 }
 
-const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
+pub(super) const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
+pub(super) const SEEDS: Head = Head { key: "seeds", head: "Seeds" };
 
 fn table(
     name: &'static str,
@@ -98,7 +121,7 @@ fn table(
     stories: &[RecordedRun],
 ) -> Result<Table, TableError> {
     let parts = vec![Part { name: name.into(), title: title.into(), source: Some(source), rows }];
-    let (labels, counts) = (vec![METHOD, POLICY], vec![SCENES, ROLLOUTS]);
+    let (labels, counts) = (vec![METHOD, POLICY], vec![SCENES, SEEDS, ROLLOUTS]);
     Ok(Table { name, labels, columns: columns.to_vec(), counts, parts, runs: notes::runs(stories)?, notes })
 }
 
@@ -119,42 +142,99 @@ fn main_row(method: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Ro
     row(method, policies.into_iter().collect::<Vec<_>>().join(" + "), of, cells)
 }
 
-fn policy_row(method: &str, policy: &str, of: Option<&LineageLabels>, figures: Option<Figures>) -> Row {
-    let of: Vec<&LineageLabels> = of.into_iter().collect();
-    let mut ours = measured(&of);
-    ours.extend(endpoint(&of));
-    row(method, policy.to_string(), &of, Cell::row(&BY_POLICY, &ours, figures.as_ref()))
+fn policy_row(method: &str, policy: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Row {
+    let mut ours = measured(of);
+    ours.extend(endpoint(of));
+    row(method, policy.to_string(), of, Cell::row(&BY_POLICY, &ours, figures.as_ref()))
 }
 
-/// Attack and RP of parent and evolved, the differences evolved - parent paired by scene, and PF-Area@3: means over lineages.
-fn measured(of: &[&LineageLabels]) -> Numbers {
-    let each = |part: fn(&LineageLabels) -> PerScene| -> Quantity { of.iter().map(|l| part(l)).collect() };
-    let mut numbers = estimated(&[
-        (PARENT_ATTACK, each(|l| l.per_scene(&l.parent.attack))),
-        (PARENT_RP, each(|l| l.per_scene(&l.parent.penalty_pct))),
-        (EVOLVED_ATTACK, each(|l| l.per_scene(&l.evolved.attack))),
-        (EVOLVED_RP, each(|l| l.per_scene(&l.evolved.penalty_pct))),
-        (ATTACK_CHANGE, each(|l| l.paired(&l.parent.attack, &l.evolved.attack))),
-        (RP_CHANGE, each(|l| l.paired(&l.parent.penalty_pct, &l.evolved.penalty_pct))),
+/// The recorded scenes without a program, under the columns of a parent; `None` where no run recorded them. The empty
+/// program acts nowhere, so its attack and coverage are 0; RP is that of the recorded traffic itself.
+fn replay_row(of: &[ReplayLabels], columns: &[Column]) -> Option<Row> {
+    let quantity = |value: fn(&ReplayScene) -> Option<f64>| -> Quantity {
+        of.iter().map(|replay| Search { id: replay.suite, seeds: vec![replay.per_scene(value)] }).collect()
+    };
+    let ours = estimated(&[
+        (PARENT_ATTACK, quantity(|_| Some(0.0))),
+        (PARENT_CRASH, quantity(|scene| Some(labels::share(scene.contact)))),
+        (PARENT_RP, quantity(|scene| Some(100.0 * (1.0 - scene.realism?)))),
+        (PARENT_COVERAGE, quantity(|_| Some(0.0))),
     ]);
-    let pf_area = num::mean(&of.iter().map(|l| l.pf_area_at_3_pct).collect::<Vec<_>>());
-    numbers.extend(pf_area.map(|area| (PF_AREA.key, Estimate::plain(area))));
+    let policies: BTreeSet<String> = of.iter().map(ReplayLabels::policy).collect();
+    let suites: BTreeMap<_, usize> = of.iter().map(|replay| (replay.suite, replay.scenes.len())).collect();
+    (!of.is_empty()).then(|| Row {
+        labels: vec![REPLAY.to_string(), policies.into_iter().collect::<Vec<_>>().join(" + ")],
+        lineages: of.iter().map(|replay| format!("replay/{}", replay.ego)).collect(),
+        cells: Cell::row(columns, &ours, None),
+        counts: vec![suites.values().sum(), 1, of.iter().map(|replay| replay.scenes.iter().flatten().count()).sum()],
+        proposals: "none".into(),
+        notes: Vec::new(),
+    })
+}
+
+/// The repetitions of every search, in the order of their first.
+pub(super) fn searches<'a>(all: impl Iterator<Item = &'a LineageLabels>) -> Vec<Vec<&'a LineageLabels>> {
+    let mut found: Vec<Vec<&LineageLabels>> = Vec::new();
+    for lineage in all {
+        match found.iter_mut().find(|of| of[0].same_search(lineage)) {
+            Some(of) => of.push(lineage),
+            None => found.push(vec![lineage]),
+        }
+    }
+    found
+}
+
+/// A number of every lineage, gathered by search.
+pub(super) fn quantity(of: &[&LineageLabels], part: impl Fn(&LineageLabels) -> PerScene) -> Quantity {
+    let gathered = |of: &Vec<&LineageLabels>| Search {
+        id: Digest::of_bytes(format!("{} {}", of[0].name, of[0].ego).as_bytes()),
+        seeds: of.iter().map(|l| part(l)).collect(),
+    };
+    searches(of.iter().copied()).iter().map(gathered).collect()
+}
+
+/// Readings of parent and evolved, the differences evolved - parent paired by scene, and PF-Area@3: means over searches
+/// and their seeds.
+fn measured(of: &[&LineageLabels]) -> Numbers {
+    let parent = |reading: Reading| quantity(of, |l| l.per_scene(&l.parent, reading));
+    let evolved = |reading: Reading| quantity(of, |l| l.per_scene(&l.evolved, reading));
+    let mut numbers = estimated(&[
+        (PARENT_ATTACK, parent(labels::ATTACK)),
+        (PARENT_CRASH, parent(labels::ANY_CONTACT)),
+        (PARENT_RP, parent(labels::PENALTY_PCT)),
+        (PARENT_COVERAGE, parent(labels::ACTED)),
+        (EVOLVED_ATTACK, evolved(labels::ATTACK)),
+        (EVOLVED_CRASH, evolved(labels::ANY_CONTACT)),
+        (EVOLVED_RP, evolved(labels::PENALTY_PCT)),
+        (EVOLVED_COVERAGE, evolved(labels::ACTED)),
+        (ATTACK_CHANGE, quantity(of, |l| l.paired(labels::ATTACK))),
+        (RP_CHANGE, quantity(of, |l| l.paired(labels::PENALTY_PCT))),
+    ]);
+    numbers.extend(pf_area(of).map(|area| (PF_AREA.key, area)));
     numbers
+}
+
+/// PF-Area@3, with the spread between seeds where a search was repeated.
+fn pf_area(of: &[&LineageLabels]) -> Option<Estimate> {
+    // One value a seed: as a suite of one scene.
+    let suite = Digest::of_bytes(b"one value");
+    let areas = quantity(of, |l| PerScene { suite, values: vec![Some(l.pf_area_at_3_pct)] });
+    let repeated = areas.iter().any(|search| search.seeds.len() > 1);
+    let found = bootstrap::estimates(&[areas]).into_iter().next().flatten()?;
+    Some(if repeated { found } else { Estimate::plain(found.value) })
 }
 
 /// Attack and RP of the best descendants; nothing where a lineage has none.
 fn endpoint(of: &[&LineageLabels]) -> Numbers {
-    let Some(ends) = of.iter().map(|l| l.endpoint.as_ref().map(|e| (l, e))).collect::<Option<Vec<_>>>() else {
+    if of.iter().any(|l| l.endpoint.is_none()) {
         return Numbers::new();
-    };
-    estimated(&[
-        (ENDPOINT_ATTACK, ends.iter().map(|(l, end)| l.per_scene(&end.attack)).collect()),
-        (ENDPOINT_RP, ends.iter().map(|(l, end)| l.per_scene(&end.penalty_pct)).collect()),
-    ])
+    }
+    let end = |reading: Reading| quantity(of, |l| l.per_scene(l.endpoint.as_ref().unwrap_or(&l.parent), reading));
+    estimated(&[(ENDPOINT_ATTACK, end(labels::ATTACK)), (ENDPOINT_RP, end(labels::PENALTY_PCT))])
 }
 
 /// The quantities of these columns with their intervals, all from the same draws.
-fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
+pub(super) fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
     let (columns, quantities): (Vec<Column>, Vec<Quantity>) = quantities.iter().cloned().unzip();
     let found = columns.iter().zip(bootstrap::estimates(&quantities));
     found.filter_map(|(column, estimate)| Some((column.key, estimate?))).collect()
@@ -163,28 +243,47 @@ fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
 fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) -> Row {
     let suites: BTreeMap<_, usize> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().flat_map(|l| l.proposals.split(" + ")).collect();
+    let seeds = searches(of.iter().copied()).iter().map(Vec::len).max().unwrap_or(0);
     Row {
         labels: vec![method.to_string(), policy],
         lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
         cells,
-        counts: vec![suites.values().sum(), of.iter().map(|l| l.rollouts).sum()],
+        counts: vec![suites.values().sum(), seeds, of.iter().map(|l| l.rollouts).sum()],
         proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
-        notes: of
-            .iter()
-            .filter_map(|l| Some(format!("{}, {}: {}.", l.name, l.policy(), l.stopped.as_ref()?)))
-            .collect(),
+        notes: searches(of.iter().copied()).iter().flat_map(|of| stops(of)).collect(),
     }
+}
+
+/// What stopped the repetitions of a search that show no gain: of one its own words, of several how many.
+fn stops(of: &[&LineageLabels]) -> Option<String> {
+    let stopped: Vec<&LineageLabels> = of.iter().copied().filter(|l| l.stopped.is_some()).collect();
+    let first = stopped.first()?;
+    let what = match of.len() {
+        1 => first.stopped.clone()?,
+        seeds => {
+            let which: Vec<String> = stopped.iter().map(|l| l.replica.to_string()).collect();
+            format!("no gain with {} of {seeds} seeds ({})", stopped.len(), which.join(", "))
+        }
+    };
+    Some(format!("{}, {}: {what}.", first.name, first.policy()))
 }
 
 /// What a reader must know beside the numbers.
 fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
     let mut told = vec![
-        "Attack: share of held-out scenes in which the ego fails. RP = 100 (1 - R). Evolved: the active generator, chosen on \
-         evolution labels."
+        "Attack: share of held-out scenes in which the ego fails by a contact with an adversary that the experiment counts: \
+         one that the ego caused or could have avoided. Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
+         count. RP = 100 (1 - R) over the scenes that the program acts in; Coverage: their share. Evolved: the active \
+         generator, chosen on evolution labels."
             .to_string(),
         format!(
-            "In brackets: 95 % percentile bootstrap intervals over held-out scenes, {} resamples, seed {}; differences are paired by \
-             scene. The relative change and PF-Area@3 have none.",
+            "{REPLAY}: the recorded scenes without a program. Its crashes are what the ego runs into anyway, its RP is that of \
+             the recorded traffic itself. A program that does nothing has attack and coverage 0, and no place in the frontier."
+        ),
+        format!(
+            "In brackets: 95 % percentile bootstrap intervals over held-out scenes and, where a search was repeated, over its \
+             seeds; {} resamples, seed {}; differences are paired by scene, that of RP over the scenes that both act in. PF-Area@3 varies over seeds only, the relative \
+             change has no interval.",
             bootstrap::RESAMPLES,
             bootstrap::SEED.0
         ),
@@ -212,7 +311,7 @@ fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>)
             ));
         }
     }
-    told.extend(all.iter().filter_map(|l| Some(format!("{}, {}: {}.", l.name, l.policy(), l.stopped.as_ref()?))));
+    told.extend(searches(all.iter()).iter().filter_map(|of| stops(of)));
     told
 }
 

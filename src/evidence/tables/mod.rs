@@ -3,6 +3,7 @@
 mod archives;
 mod bootstrap;
 mod cells;
+mod contacts;
 mod csv;
 mod labels;
 mod latex;
@@ -20,6 +21,7 @@ mod stopped;
 mod tests;
 
 pub use bootstrap::Estimate;
+pub use contacts::metadrive_contacts;
 pub use csv::csv;
 pub use labels::TableError;
 pub use latex::latex;

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use super::archives::{self, LineageArchive};
 use super::bootstrap::{self, Estimate};
 use super::labels::TableError;
-use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, ROLLOUTS, Row, Table};
+use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{
     self,
@@ -15,11 +15,13 @@ use super::paper::{
 use super::resampled::Resampled;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::benchmark::{Benchmark, BenchmarkRow};
+use crate::objects::replay::{ReplayRow, Suite};
 use crate::scene::safebench::TrafficFamily;
 
 const GROUPS: Head = Head { key: "groups", head: "Groups" };
 const SCENES: Head = Head { key: "scenes", head: "Scenes" };
-const COUNTS: [Head; 3] = [GROUPS, SCENES, ROLLOUTS];
+const SEEDS: Head = Head { key: "seeds", head: "Seeds" };
+const COUNTS: [Head; 4] = [GROUPS, SCENES, SEEDS, ROLLOUTS];
 
 /// A rate of the tables, read off a row of the recorded scores.
 struct Metric {
@@ -37,16 +39,17 @@ pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::lineages(stories)?;
     let columns = main_columns();
     let row = |of: &Subject<'_>| {
-        let ours = of.archive.map(main_numbers).unwrap_or_default();
+        let ours = if of.seeds.is_empty() { Numbers::new() } else { main_numbers(&of.seeds) };
         let figures = of.method.map(Method::main_figures);
         of.row(&[], Cell::row(&columns, &ours, figures.as_ref()))
     };
-    let rows = in_order(&all).iter().map(row).collect();
+    let replays = replays(stories).into_iter().map(|replay| replay_row(replay, &columns));
+    let rows = replays.chain(in_order(&all).iter().map(row)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
         name: "safebench-main",
         labels: vec![METHOD, POLICY],
-        columns,
+        columns: columns.clone(),
         counts: COUNTS.to_vec(),
         parts: vec![Part { name: "safebench-main".into(), title, source: Some(MAIN_LABEL), rows }],
         runs: notes::runs(stories)?,
@@ -74,8 +77,8 @@ fn main_columns() -> Vec<Column> {
 }
 
 /// Ours under the keys of the main columns.
-fn main_numbers(archive: &LineageArchive) -> Numbers {
-    let resampled = Resampled::new(archive);
+fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
+    let resampled = Resampled::new(seeds);
     let mut numbers = Numbers::new();
     let mut add = |key: &'static str, found: Option<Estimate>| numbers.extend(found.map(|estimate| (key, estimate)));
     for (parent, evolved, metric) in [
@@ -100,6 +103,52 @@ fn main_numbers(archive: &LineageArchive) -> Numbers {
     numbers
 }
 
+/// The evolution scenes without a program, an ego a row.
+fn replays(stories: &[RecordedRun]) -> Vec<&ReplayRow> {
+    let rows = stories.iter().flat_map(|story| &story.replays).map(|replayed| &replayed.row);
+    let mut found: Vec<&ReplayRow> = Vec::new();
+    for row in rows.filter(|row| row.suite == Suite::Evolution) {
+        if !found.contains(&row) {
+            found.push(row);
+        }
+    }
+    found
+}
+
+/// The row of a program that does nothing: under the parent's heads.
+fn replay_row(replay: &ReplayRow, columns: &[Column]) -> Row {
+    let mut ours = Numbers::new();
+    if let Some(row) = &replay.benchmark {
+        for (key, Metric { of, .. }) in
+            [("parent_attack", ATTACK), ("parent_ars", ARS), ("parent_cr", CR), ("parent_os", OS)]
+        {
+            ours.insert(key, Estimate::plain(of(row)));
+        }
+    }
+    Row {
+        labels: vec![REPLAY.to_string(), paper::policy(&replay.ego)],
+        lineages: vec![format!("replay/{}", replay.ego)],
+        cells: Cell::row(columns, &ours, None),
+        counts: vec![0, replay.scenes, 1, replay.scenes],
+        proposals: "none".into(),
+        notes: Vec::new(),
+    }
+}
+
+/// The same for the tables by round: a line a metric, in the column of all families.
+fn replay_part(stories: &[RecordedRun]) -> Option<Part> {
+    let line = |replay: &ReplayRow, metric: &Metric| {
+        let ours: Numbers = replay.benchmark.iter().map(|row| (AVERAGE, Estimate::plain((metric.of)(row)))).collect();
+        let row = replay_row(replay, &[]);
+        let labels = row.labels.iter().cloned().chain([metric.name.to_string(), "-".to_string()]).collect();
+        Row { labels, cells: Cell::row(&round_columns(), &ours, None), ..row }
+    };
+    let rows: Vec<Row> =
+        replays(stories).into_iter().flat_map(|replay| [CR, OS, ARS].map(|metric| line(replay, &metric))).collect();
+    let title = "The evolution scenes without a program".to_string();
+    (!rows.is_empty()).then(|| Part { name: "safebench-rounds-replay".into(), title, source: None, rows })
+}
+
 /// A rate over all families after a round.
 fn mean(round: Option<&Option<Benchmark>>, of: fn(&BenchmarkRow) -> f64) -> Option<f64> {
     Some(of(&round?.as_ref()?.mean))
@@ -110,7 +159,7 @@ pub fn safebench_rounds(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::lineages(stories)?;
     let part = |of: &Subject<'_>| {
         let (title, stem) = (of.method.map_or(of.name.as_str(), |m| m.title), of.name.to_lowercase().replace('_', "-"));
-        let (ego, ending) = match of.archive {
+        let (ego, ending) = match of.seeds.first() {
             Some(archive) => (format!(" with {}", paper::policy(&archive.ego)), format!("-{}", archive.ego)),
             None => Default::default(),
         };
@@ -126,7 +175,7 @@ pub fn safebench_rounds(stories: &[RecordedRun]) -> Result<Table, TableError> {
         labels: vec![METHOD, POLICY, Head { key: "metric", head: "Metric" }, Head { key: "round", head: "Round" }],
         columns: round_columns(),
         counts: COUNTS.to_vec(),
-        parts: in_order(&all).iter().map(part).collect(),
+        parts: replay_part(stories).into_iter().chain(in_order(&all).iter().map(part)).collect(),
         runs: notes::runs(stories)?,
         notes: told(stories, &all),
     })
@@ -150,9 +199,9 @@ fn round_columns() -> Vec<Column> {
 }
 
 fn round_rows(of: &Subject<'_>) -> Vec<Row> {
-    let resampled = of.archive.map(Resampled::new);
+    let resampled = (!of.seeds.is_empty()).then(|| Resampled::new(&of.seeds));
     let printed = if of.method.is_some() { ROUNDS } else { 0 };
-    let rounds = of.archive.map_or(0, |archive| archive.rounds.len()).max(printed);
+    let rounds = of.seeds.iter().map(|archive| archive.rounds.len()).max().unwrap_or(0).max(printed);
     let columns = round_columns();
     let line = |metric: &Metric, round: usize| {
         let figures = of.method.and_then(|method| method.round_figures(metric.name, round));
@@ -170,45 +219,66 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
     [CR, OS, ARS].iter().flat_map(|metric| (0..rounds).map(|round| line(metric, round)).collect::<Vec<_>>()).collect()
 }
 
-/// Who has a row or a part: a method of the paper with a lineage that fills it, or without, or a lineage alone.
+/// Who has a row or a part: a method of the paper with a search that fills it, or without, or a search alone.
 struct Subject<'a> {
     method: Option<&'static Method>,
     name: String,
-    archive: Option<&'a LineageArchive>,
+    /// The search's repetitions, one a seed; none = missing.
+    seeds: Vec<&'a LineageArchive>,
+}
+
+/// The repetitions of every search, in the order of their first.
+fn searches<'a>(all: impl Iterator<Item = &'a LineageArchive>) -> Vec<Vec<&'a LineageArchive>> {
+    let mut found: Vec<Vec<&LineageArchive>> = Vec::new();
+    for archive in all {
+        match found.iter_mut().find(|of| of[0].same_search(archive)) {
+            Some(of) => of.push(archive),
+            None => found.push(vec![archive]),
+        }
+    }
+    found
 }
 
 /// The paper's methods, then what else was run.
 fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
     let mut order = Vec::new();
     for method in &METHODS {
-        let of: Vec<&LineageArchive> = all.iter().filter(|archive| archive.method == Some(method)).collect();
-        let missing = of.is_empty().then_some(None);
-        let subject = |archive| Subject { method: Some(method), name: method.name.into(), archive };
-        order.extend(of.into_iter().map(Some).chain(missing).map(subject));
+        let of = searches(all.iter().filter(|archive| archive.method == Some(method)));
+        let missing = of.is_empty().then(Vec::new);
+        let subject = |seeds| Subject { method: Some(method), name: method.name.into(), seeds };
+        order.extend(of.into_iter().chain(missing).map(subject));
     }
-    let others = all.iter().filter(|archive| archive.method.is_none());
-    order.extend(others.map(|archive| Subject { method: None, name: archive.name.clone(), archive: Some(archive) }));
+    let others = searches(all.iter().filter(|archive| archive.method.is_none()));
+    order.extend(others.into_iter().map(|seeds| Subject { method: None, name: seeds[0].name.clone(), seeds }));
     order
 }
 
 impl Subject<'_> {
     /// A row of numbers, with labels after the method and the ego.
     fn row(&self, labels: &[&str], cells: Vec<Cell>) -> Row {
-        let policy = self.archive.map_or(String::new(), |archive| paper::policy(&archive.ego));
-        let counts = |archive: &LineageArchive| vec![archive.groups().len(), archive.scenes(), archive.rollouts];
+        let policy = self.seeds.first().map_or(String::new(), |archive| paper::policy(&archive.ego));
+        let groups: BTreeSet<_> = self.seeds.iter().flat_map(|archive| archive.groups()).collect();
+        let sum = |of: fn(&LineageArchive) -> usize| self.seeds.iter().map(|archive| of(archive)).sum();
         Row {
             labels: [self.name.clone(), policy].into_iter().chain(labels.iter().map(|l| l.to_string())).collect(),
-            lineages: self.archive.iter().map(|archive| archive.lineage.to_string()).collect(),
+            lineages: self.seeds.iter().map(|archive| archive.lineage.to_string()).collect(),
             cells,
-            counts: self.archive.map_or(vec![0; COUNTS.len()], counts),
-            proposals: self.archive.map_or(String::new(), |archive| archive.proposals.clone()),
-            notes: self.archive.iter().filter_map(|archive| stopped(archive)).collect(),
+            counts: vec![groups.len(), sum(LineageArchive::scenes), self.seeds.len(), sum(|archive| archive.rollouts)],
+            proposals: self.seeds.first().map_or(String::new(), |archive| archive.proposals.clone()),
+            notes: stopped(&self.seeds).into_iter().collect(),
         }
     }
 }
 
-fn stopped(archive: &LineageArchive) -> Option<String> {
-    Some(format!("{}, {}: {}.", archive.name, paper::policy(&archive.ego), archive.stopped.as_ref()?))
+/// What stopped the repetitions of a search that show no gain: of one its own words, of several how many.
+fn stopped(seeds: &[&LineageArchive]) -> Option<String> {
+    let stopped: Vec<&LineageArchive> = seeds.iter().copied().filter(|archive| archive.stopped.is_some()).collect();
+    let first = stopped.first()?;
+    let what = match seeds.len() {
+        1 => first.stopped.clone()?,
+        of => format!("no gain with {} of {of} seeds", stopped.len()),
+    };
+    Some(format!("{}, {}: {what}.", first.name, paper::policy(&first.ego)))
 }
 
 /// What a reader must know beside the numbers.
@@ -247,6 +317,6 @@ fn told(stories: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
         told.push("The lineages were evolved on different groups of family and route.".into());
     }
     told.extend(notes::different_versions(stories));
-    told.extend(all.iter().filter_map(stopped));
+    told.extend(searches(all.iter()).iter().filter_map(|seeds| stopped(seeds)));
     told
 }

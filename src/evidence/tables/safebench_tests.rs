@@ -6,7 +6,8 @@ use super::tests::{attempt, near, run, score};
 use super::*;
 use crate::evaluation::Runs;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::benchmark::{ArchiveRound, Run as Drive, RunRealism, SafebenchRun, SelectedScene};
+use crate::objects::benchmark::{ArchiveRound, BenchmarkRow, Run as Drive, RunRealism, SafebenchRun, SelectedScene};
+use crate::objects::replay::{ReplayRow, Replayed, Suite};
 use crate::objects::{FamilyName, LineageId, Objectives, Score, SolutionId, attempt::*, event::*};
 use crate::scene::safebench::TrafficFamily;
 
@@ -29,7 +30,7 @@ fn drive(collision: bool) -> SafebenchRun {
             yaw_rate_radps: 0.0,
             lane_invasions: 0.0,
         },
-        realism: RunRealism { valid: true, sub_scores: [0.5, 1.0, 1.0, 1.0] },
+        realism: RunRealism { acted: true, valid: true, sub_scores: [0.5, 1.0, 1.0, 1.0] },
     }
 }
 
@@ -69,9 +70,18 @@ fn add(story: &mut RecordedRun, of: &Lineage<'_>) {
             selected: scenes.iter().map(scene).collect(),
         });
     }
-    let measured = Measured::new(parent, Objectives { attack: 0.1, realism: 0.8 });
+    let measured = Measured {
+        solution: parent,
+        objectives: Objectives { attack: 0.1, realism: 0.8 },
+        realism_penalty_pct: 20.0,
+        coverage: 1.0,
+        any_contact: 0.1,
+    };
     let gains: BTreeMap<String, f64> = of.gains_pct.iter().map(|(group, gain)| (group.to_string(), *gain)).collect();
     story.result.as_mut().unwrap().lineages.push(LineageResult {
+        group: lineage.clone(),
+        replica: 0,
+        cut: Vec::new(),
         lineage,
         family: FamilyName::new(of.family),
         ego: "idm".into(),
@@ -150,7 +160,7 @@ fn the_main_table_is_worked_by_hand() {
     assert_eq!(cell(&table, &row, "parent_attack").paper, Some(0.260));
     assert_eq!(cell(&table, &row, "pf_area_at_3_pct").paper, Some(142.5));
     let advsim = table.rows().next().unwrap();
-    assert_eq!((advsim.counts.as_slice(), advsim.proposals.as_str()), ([4, 4, 0].as_slice(), "scripted"));
+    assert_eq!((advsim.counts.as_slice(), advsim.proposals.as_str()), ([4, 4, 1, 0].as_slice(), "scripted"));
     assert!(advsim.notes.is_empty(), "{:?}", advsim.notes);
 }
 
@@ -252,13 +262,60 @@ fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused
 }
 
 #[test]
+fn the_first_row_is_what_a_program_that_does_nothing_scores() {
+    let mut made = story(&[&ADVSIM]);
+    let benchmark =
+        BenchmarkRow { collision_rate: 0.0, overall_score: 0.97, realism: 0.0, valid_rate: 0.0, attack: 0.0 };
+    for suite in [Suite::Evolution, Suite::HeldOut] {
+        let row = ReplayRow {
+            ego: "idm".into(),
+            suite,
+            scenes: if suite == Suite::Evolution { 64 } else { 16 },
+            contact_rate: 0.125,
+            realism: None,
+            route_completion: 1.0,
+            benchmark: Some(benchmark),
+        };
+        made.replays.push(Replayed { row, scenes: Vec::new(), failures: Vec::new() });
+    }
+    let main = safebench_main(&[made.clone()]).unwrap();
+    let first = main.rows().next().unwrap();
+    assert_eq!((first.labels[0].as_str(), first.counts.as_slice()), ("Replay (no program)", [0, 64, 1, 64].as_slice()));
+    for (key, expected) in [("parent_attack", 0.0), ("parent_ars", 0.0), ("parent_cr", 0.0), ("parent_os", 0.97)] {
+        near(first.cell(key).ours.unwrap().value, expected);
+    }
+    let rounds = safebench_rounds(&[made]).unwrap();
+    let of_nothing = &rounds.parts[0].rows;
+    assert_eq!(of_nothing.iter().map(|row| row.labels[2].as_str()).collect::<Vec<_>>(), ["CR", "OS", "ARS"]);
+    near(of_nothing[1].cells.last().unwrap().ours.unwrap().value, 0.97);
+}
+
+#[test]
+fn seeds_of_one_search_share_a_row() {
+    let mut made = story(&[&Lineage { id: "advsim-idm-s0", ..ADVSIM }, &Lineage { id: "advsim-idm-s1", ..ADVSIM }]);
+    for (replica, result) in (0..).zip(&mut made.result.as_mut().unwrap().lineages) {
+        (result.group, result.replica) = (LineageId::new("advsim-idm"), replica);
+    }
+    let table = safebench_main(&[made]).unwrap();
+    let advsim = table.rows().next().unwrap();
+    assert_eq!(advsim.lineages, ["advsim-idm-s0", "advsim-idm-s1"]);
+    assert_eq!(advsim.counts, [4, 8, 2, 0]);
+    // Two equal repetitions: the numbers of one.
+    let one = safebench_main(&[story(&[&ADVSIM])]).unwrap();
+    assert_eq!(
+        advsim.cell("evolved_cr").ours.unwrap().value,
+        one.rows().next().unwrap().cell("evolved_cr").ours.unwrap().value
+    );
+}
+
+#[test]
 fn rollouts_are_counted_once_over_everything_that_was_labelled() {
     let mut made = story(&[&ADVSIM]);
     let labels: Score = score("advsim", &[Some((0.0, 1.0)); 4]);
     let solution = SolutionId::new("advsim-idm/parent");
     let finalist = Finalist { lineage: LineageId::new("advsim-idm"), solution, score: labels };
     made.finalists = vec![finalist.clone(), finalist];
-    assert_eq!(safebench_main(&[made]).unwrap().rows().next().unwrap().counts, [4, 4, 4]);
+    assert_eq!(safebench_main(&[made]).unwrap().rows().next().unwrap().counts, [4, 4, 1, 4]);
 }
 
 #[test]

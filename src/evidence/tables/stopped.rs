@@ -72,6 +72,7 @@ fn gate_name(gate: Gate) -> &'static str {
         Gate::Protected => "protected",
         Gate::Mechanism => "mechanism",
         Gate::Compile => "compile",
+        Gate::Effect => "effect",
     }
 }
 

@@ -6,8 +6,13 @@ use super::*;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::{
-    Attempt, FamilyName, LineageId, Objectives, ParameterValue, Program, SceneFailure, SceneScore, Score, SolutionId,
-    attempt::*, event::*, ids::AttemptId, program::CompileContract,
+    Attempt, FamilyName, LineageId, Met, Objectives, ParameterValue, Program, SceneFailure, SceneScore, Score,
+    SolutionId,
+    attempt::*,
+    event::*,
+    ids::AttemptId,
+    program::CompileContract,
+    replay::{ReplayRow, ReplayScene, Replayed, Suite},
 };
 
 /// Attack and realism of one scene; `None` = its rollout failed.
@@ -39,7 +44,14 @@ pub(super) fn run(name: &str, models: &[(&str, &str)]) -> RecordedRun {
         finalists: Vec::new(),
         rounds: Vec::new(),
         held_out: Vec::new(),
-        result: Some(RunResult { lineages: Vec::new(), exits: ExitCounts::default(), epochs: 1, rollouts: 0 }),
+        replays: Vec::new(),
+        result: Some(RunResult {
+            replay: Vec::new(),
+            lineages: Vec::new(),
+            exits: ExitCounts::default(),
+            epochs: 1,
+            rollouts: 0,
+        }),
         root: Digest::of_bytes(name.as_bytes()),
     }
 }
@@ -55,6 +67,8 @@ pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
             scene: id.to_string(),
             attack,
             realism,
+            acted: true,
+            contact: (attack > 0.0).then(|| Met { adversary: true, class: "cut_in".into(), avoidable: Some(true) }),
             diagnostics: BTreeMap::new(),
             intervened: true,
             request: Digest::of_bytes(format!("{of} {id}").as_bytes()),
@@ -66,7 +80,8 @@ pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
     let failures = failed.map(|(id, _)| SceneFailure { scene: id.to_string(), reason: "no contact solved".into() });
     let mean = |value: fn(&SceneScore) -> f64| scenes.iter().map(value).sum::<f64>() / scenes.len() as f64;
     let objectives = Objectives { attack: mean(|s| s.attack), realism: mean(|s| s.realism) };
-    Score { objectives, failures: failures.collect(), scenes, benchmark: None }
+    let realism_all = objectives.realism;
+    Score { objectives, realism_all, coverage: 1.0, failures: failures.collect(), scenes, benchmark: None }
 }
 
 /// A lineage's end: parent, and where there is one, the evolved program.
@@ -100,13 +115,16 @@ fn add(story: &mut RecordedRun, end: &End<'_>) {
     story.parents.push(ParentAdopted { lineage: lineage.clone(), ego: end.ego.into(), program, program_hash });
     let mut held_out = |solution: &SolutionId, labels: &[Label; 4]| {
         let score = score(solution.as_str(), labels);
-        let measured = Measured::new(solution.clone(), score.objectives);
+        let measured = Measured::new(solution.clone(), &score);
         story.held_out.push(HeldOut { lineage: lineage.clone(), solution: solution.clone(), roles: Vec::new(), score });
         measured
     };
     let before = held_out(&parent, &end.parent);
     let after = end.evolved.as_ref().map(|labels| held_out(&child, labels));
     story.result.as_mut().unwrap().lineages.push(LineageResult {
+        group: lineage.clone(),
+        replica: 0,
+        cut: Vec::new(),
         lineage,
         family: FamilyName::new(end.family),
         ego: end.ego.into(),
@@ -174,7 +192,7 @@ fn rates_penalties_and_differences_are_the_hand_computed_ones() {
         near(ours(&table, "CAT", key).value, expected);
     }
     let cat = row(&table, "CAT");
-    assert_eq!((cat.counts.as_slice(), cat.proposals.as_str()), ([4, 8].as_slice(), "scripted"));
+    assert_eq!((cat.counts.as_slice(), cat.proposals.as_str()), ([4, 1, 8].as_slice(), "scripted"));
     assert_eq!(cat.cell("parent_attack").paper, Some(0.390));
     assert!(cat.notes.is_empty());
 }
@@ -223,6 +241,111 @@ fn the_main_table_averages_over_the_papers_egos_and_says_which() {
     // The ego that the paper does not have stands apart, without figures of the paper.
     let apart = table.rows().last().unwrap();
     assert_eq!((apart.labels[1].as_str(), apart.in_paper()), ("replay", false));
+}
+
+/// Four held-out scenes without a program: one crash, and one scene in which no vehicle moves.
+fn replayed() -> Replayed {
+    let scene = |(id, (contact, realism)): (&str, (bool, Option<f64>))| ReplayScene {
+        scene: id.to_string(),
+        contact,
+        realism,
+        route_completion: 1.0,
+    };
+    let scenes = [(false, Some(1.0)), (true, Some(0.9)), (false, None), (false, Some(1.0))];
+    let row = ReplayRow {
+        ego: "idm".into(),
+        suite: Suite::HeldOut,
+        scenes: 4,
+        contact_rate: 0.25,
+        realism: Some(2.9 / 3.0),
+        route_completion: 1.0,
+        benchmark: None,
+    };
+    Replayed { row, scenes: SCENES.into_iter().zip(scenes).map(scene).collect(), failures: Vec::new() }
+}
+
+#[test]
+fn the_first_row_is_the_recorded_scenes_without_a_program() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    let evolution = ReplayRow { suite: Suite::Evolution, ..replayed().row };
+    story.replays = vec![Replayed { row: evolution, ..replayed() }, replayed()];
+    let tables = [metadrive_main, metadrive_policy, metadrive_contacts].map(|table| table(&[story.clone()]).unwrap());
+    for table in &tables {
+        let first = table.rows().next().unwrap();
+        assert_eq!(first.labels[..2], ["Replay (no program)", "IDM"], "{}", table.name);
+        assert_eq!((first.missing(), first.counts.as_slice()), (false, [4, 1, 4].as_slice()));
+        assert!(first.cells.iter().all(|cell| !cell.column.key.starts_with("evolved") || cell.ours.is_none()));
+    }
+    for (key, expected) in
+        [("parent_attack", 0.0), ("parent_any_contact", 0.25), ("parent_rp_pct", 10.0 / 3.0), ("parent_coverage", 0.0)]
+    {
+        near(ours(&tables[0], "Replay (no program)", key).value, expected);
+    }
+    near(ours(&tables[2], "Replay (no program)", "any_contact").value, 0.25);
+}
+
+#[test]
+fn realism_is_over_the_scenes_acted_in_and_contacts_are_told_by_class() {
+    let mut story = scripted();
+    add(&mut story, &CAT);
+    // The parent acts in two of four scenes: in one the ego is struck from behind, in one it meets somebody else.
+    let parent = &mut story.held_out[0].score.scenes;
+    parent.iter_mut().for_each(|scene| scene.acted = false);
+    for (place, adversary, class) in [(0, true, "rear_end_ego_struck"), (1, false, "ego_strikes")] {
+        let realism = [0.5, 0.7][place];
+        let contact = Some(Met { adversary, class: class.into(), avoidable: Some(false) });
+        parent[place] = SceneScore { acted: true, attack: 0.0, realism, contact, ..parent[place].clone() };
+    }
+    parent[2].realism = 1.0;
+    parent[3].realism = 1.0;
+    let main = metadrive_main(&[story.clone()]).unwrap();
+    for (key, expected) in [
+        ("parent_attack", 0.0),
+        ("parent_any_contact", 0.5),
+        ("parent_rp_pct", 40.0),
+        ("parent_coverage", 0.5),
+        ("evolved_coverage", 1.0),
+    ] {
+        near(ours(&main, "CAT", key).value, expected);
+    }
+    let contacts = metadrive_contacts(&[story]).unwrap();
+    for (key, expected) in [
+        ("adversary_contact", 0.25),
+        ("any_contact", 0.5),
+        ("avoidable_contact", 0.0),
+        ("rear_end_ego_struck", 0.25),
+        ("ego_strikes", 0.0),
+        ("rp_all_pct", 20.0),
+    ] {
+        near(ours(&contacts, "CAT", key).value, expected);
+    }
+    let evolved = contacts.rows().find(|row| row.labels[2] == "evolved").unwrap();
+    near(evolved.cell("cut_in").ours.unwrap().value, 0.5);
+}
+
+#[test]
+fn seeds_of_one_search_share_a_row_and_their_spread_is_in_its_intervals() {
+    let mut story = scripted();
+    let evolved = [None, Some([Some((0.0, 1.0)); 4]), Some([Some((1.0, 1.0)); 4])];
+    for (replica, evolved) in (0..).zip(evolved) {
+        let id = format!("cat-idm-s{replica}");
+        add(&mut story, &End { id: &id, evolved, pf_area_at_3_pct: 6.0 * f64::from(replica), ..CAT });
+        let result = story.result.as_mut().unwrap().lineages.last_mut().unwrap();
+        (result.group, result.replica) = (LineageId::new("cat-idm"), replica);
+    }
+    let table = metadrive_policy(&[story.clone()]).unwrap();
+    let cat = row(&table, "CAT");
+    assert_eq!(cat.lineages, ["cat-idm-s0", "cat-idm-s1", "cat-idm-s2"]);
+    assert_eq!(cat.counts[1], 3);
+    near(cat.cell("parent_attack").ours.unwrap().value, 0.25);
+    // Seed 0 keeps its parent: (0.25 + 0 + 1) / 3. Every draw of three seeds that are all the second has 0, and so on.
+    let attack = cat.cell("evolved_attack").ours.unwrap();
+    near(attack.value, 1.25 / 3.0);
+    assert_eq!(attack.interval, Some([0.0, 1.0]));
+    assert_eq!(cat.cell("pf_area_at_3_pct").ours, Some(Estimate { value: 6.0, interval: Some([0.0, 12.0]) }));
+    // A seed that is in two runs is one too many.
+    assert!(metadrive_policy(&[story.clone(), story]).is_err());
 }
 
 #[test]
@@ -307,16 +430,13 @@ fn simulated(routed: RouteDecision, accepted: bool, attack_change: f64) -> Exit 
     let decision = Decision {
         promoted: false,
         on_front: false,
-        gates: AcceptanceGates {
-            densification: Densification {
-                holds: accepted,
-                non_dominated: accepted,
-                hypervolume_before: 0.0,
-                hypervolume_gain: 0.0,
-            },
-            local_push: LocalPush { holds: false, best_attack_at_r0: None, best_realism_at_a0: None },
-            parent_tradeoff: ParentTradeoff { holds: false, attack_change, realism_change: -0.1 },
-        },
+        gates: Box::new(AcceptanceGates {
+            densification: Densification { holds: accepted, non_dominated: accepted, ..Densification::default() },
+            parent_tradeoff: ParentTradeoff { attack_change, realism_change: -0.1, ..ParentTradeoff::default() },
+            coverage: CoverageFloor { holds: true, ..CoverageFloor::default() },
+            differing_scenes: 1,
+            ..AcceptanceGates::default()
+        }),
     };
     Exit::Evaluated { gates, candidate, route, score: score("child", &[Some((0.0, 1.0)); 4]), decision }
 }
@@ -395,7 +515,7 @@ fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
         assert!(text.contains("0.250\\,{\\tiny {[}0.000, 0.750{]}}") && text.contains("10.00\\%"), "{text}");
         let text = csv(&table);
         let head = text.lines().next().unwrap();
-        assert_eq!(head.split(',').count(), 8 + 4 * table.columns.len());
+        assert_eq!(head.split(',').count(), 9 + 4 * table.columns.len());
         let measured = text.lines().find(|line| line.starts_with("CAT,IDM,measured,cat-idm,")).unwrap();
         assert!(measured.contains("cat-idm,0.25,0,0.75,0.3"), "{measured}");
         let json = table.json();

@@ -67,6 +67,7 @@ fn wrong(range: &Range) -> Vec<Value> {
         Range::Name => values.extend(["".into(), "A".into(), "a/b".into(), "x".repeat(65).into()]),
         Range::Word(_) => values.extend(["".into(), "no such word".into()]),
         Range::Words(_) => values.extend([Value::Array(vec![]), vec!["no such word"].into()]),
+        Range::Subset(_) => values.push(vec!["no such word"].into()),
         Range::Texts { empty } => {
             values.extend([vec![1].into(), vec![""].into()]);
             values.extend((!empty).then(|| Value::Array(vec![])));
@@ -101,6 +102,7 @@ fn every_option_of_every_table_refuses_wrong_values_by_path_found_and_expected()
             assert!(error.path.starts_with(&text(&path)), "{}: {error}", key.key);
             match key.range {
                 Range::Word(_) | Range::Words(_) => assert!(error.expected.contains("one "), "{error}"),
+                Range::Subset(_) => assert!(error.expected.contains(" of "), "{error}"),
                 _ => assert_eq!(error.expected, key.range.to_string()),
             }
             if let Range::Whole(..) | Range::Number(..) | Range::Above(..) = key.range {

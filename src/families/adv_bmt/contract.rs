@@ -14,8 +14,9 @@ pub fn family() -> Family {
         name: NAME,
         title: "ADV-BMT: bidirectional motion generation (Liu et al. 2026)",
         describes: "Inserts a road user that was not recorded. A collision with the ego's rollout is imposed at the \
-                    end of the window; from it the motion is grown backward in time over tokens of acceleration and \
-                    yaw rate. Of several samples the first is used that moves enough and does not turn too sharply."
+                    end of the window, headed as a lane there is; from it the motion is grown backward in time over \
+                    tokens of acceleration and yaw rate. Of several samples the first is used that moves enough, does \
+                    not turn too sharply and stays on the road."
             .into(),
         words: vec![INSERTED_ACTOR, REVERSE_TOKENS, REJECTION, "sample_score"],
         operators: vec![
@@ -57,7 +58,7 @@ fn motion_parameters() -> Vec<OwnParameter> {
             0.05,
             7.0,
             "rad",
-            "standard deviation of the imposed heading about +x; 2 pi in ADV-BMT, that is any",
+            "standard deviation of a drawn heading about the lane's; 2 pi in ADV-BMT, that is any",
             num::TAU,
         ),
         of("impact_speed_share", 0.0, 1.5, "1", "imposed speed as a share of the ego's; 0.5 in ADV-BMT", 0.5),
@@ -69,6 +70,16 @@ fn motion_parameters() -> Vec<OwnParameter> {
         of("token_yaw_scale_radps", 0.05, 1.0, "rad/s", "scale of yaw rate beyond what the lane asks for", 0.2),
         of("token_lane_scale_m", 0.2, 6.0, "m", "scale of the distance from a lane's centre line", 1.0),
         of("token_heading_scale_rad", 0.1, 2.0, "rad", "scale of the heading against the lane's", 0.35),
+        of("token_road_scale_m", 0.1, 10.0, "m", "scale of the depth of the body beside the road", 0.5),
+        of(
+            "token_acceleration_change_mps2",
+            0.3,
+            20.0,
+            "m/s^2",
+            "scale of the change of acceleration from token to token",
+            1.25,
+        ),
+        of("token_yaw_change_radps", 0.05, 3.0, "rad/s", "scale of the change of yaw rate from token to token", 0.2),
         of("token_speed_scale_mps", 1.0, 15.0, "m/s", "scale of the speed about half the limit", 6.0),
     ]
 }
@@ -91,6 +102,14 @@ fn search_parameters() -> Vec<OwnParameter> {
             ),
             0.8,
         ),
+        own(
+            parameter(
+                "road_departure_m_max",
+                number(0.0, 20.0, "m"),
+                "how far a corner may leave the road before a sample is rejected",
+            ),
+            0.5,
+        ),
     ]
 }
 
@@ -100,7 +119,7 @@ fn motion_operator(parameters: &[OwnParameter]) -> OperatorSpec {
         required(
             "headings",
             choice(&["drawn", "lane_aligned"]),
-            "imposed headings: drawn, or the lane's at the ego's place, across it and against it in turn",
+            "imposed headings: drawn, or those of the lanes at the ego's place in turn: along it, across it, against it",
         ),
         required(
             "meeting",
@@ -126,13 +145,13 @@ fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
         Slot::Search,
         REJECTION,
         settings,
-        "Rejects samples that hardly move or turn too sharply; the first of the others scores highest.",
+        "Rejects samples that hardly move, turn too sharply or leave the road; the first of the others scores highest.",
     )
 }
 
 fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String, OperatorNode)> {
     let mut backward = interface::from_parameters(motion);
-    backward.extend([word("headings", "drawn"), word("meeting", "window_end")]);
+    backward.extend([word("headings", "lane_aligned"), word("meeting", "window_end")]);
     let mut rejection = interface::from_parameters(search);
     rejection.push(word("combine", "add"));
     vec![

@@ -1,5 +1,6 @@
 //! The backward rollout: from the imposed collision half a second at a time, each token drawn by how likely the state
-//! is that it would have come from.
+//! is that it would have come from, how well it continues the token after it, and whether that state is on the road.
+//! Controls run from token to token in a ramp, so that accelerations do not jump.
 
 use crate::kernel::{OrientedBox, Stream, Vec2, num};
 use crate::motion::bicycle::{Control, State};
@@ -19,12 +20,14 @@ const LATERAL_MPS2: f64 = 4.0;
 const CURVATURE_1PM: f64 = 0.4;
 /// Speed limit where a lane has none, m/s.
 const LIMIT_UNKNOWN_MPS: f64 = 13.9;
+/// Steps in which a control goes over into the one of the next token; the rest of a token holds it.
+pub const RAMP_STEPS: usize = 3;
 /// Log-probability of what cannot be.
 const IMPOSSIBLE: f64 = -1e3;
 /// Length over which a lane's curvature is measured, metres.
 const CURVATURE_OVER_M: f64 = 5.0;
 
-/// Scales of the log-preference; figures of the stand-in: 1.5, 0.2, 1, 0.35, 6.
+/// Scales of the log-preference; figures of the stand-in: 1.5, 0.2, 1, 0.35, 6, and ours: 0.5 m, 1.25 m/s², 0.2 rad/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preference {
     pub acceleration_scale_mps2: f64,
@@ -34,6 +37,11 @@ pub struct Preference {
     pub heading_scale_rad: f64,
     /// Of the difference to half the speed limit.
     pub speed_scale_mps: f64,
+    /// Of the depth of the body beside the road.
+    pub road_scale_m: f64,
+    /// Of the change of acceleration and yaw rate from one token to the next: what a model that has seen motion expects.
+    pub acceleration_change_mps2: f64,
+    pub yaw_change_radps: f64,
 }
 
 /// The collision that is imposed.
@@ -79,27 +87,31 @@ impl<'a> Reverse<'a> {
         let steps = imposed.step.checked_sub(from_step)?;
         let mut backward = vec![imposed.state.sample()];
         let (mut state, mut logs, mut tokens) = (imposed.state, 0.0, 0);
+        let mut later: Option<Control> = None;
+        let mut table = vec![IMPOSSIBLE; TOKENS];
         while backward.len() <= steps {
             let step = imposed.step - (backward.len() - 1);
-            let table = self.logs(&state);
-            let blocked = |control: Control| self.is_blocked(&state, control, step);
+            self.logs(&state, later, &mut table);
+            let blocked = |control: Control| self.is_blocked(&state, later, control, step);
             let (token, log) = draw(&table, &self.nucleus, stream, blocked)?;
-            for _ in 0..TOKEN_STEPS.min(steps + 1 - backward.len()) {
-                state = state.backward(control(token), DT_S);
-                state.speed_mps = state.speed_mps.max(0.0);
+            for k in 0..TOKEN_STEPS.min(steps + 1 - backward.len()) {
+                state = before(&state, later, control(token), k);
                 backward.push(state.sample());
             }
+            later = Some(control(token));
             (logs, tokens) = (logs + log, tokens + 1);
         }
         backward.reverse();
         Some((backward, logs / f64::from(tokens.max(1))))
     }
 
-    /// log p(a, ω | s) of every token up to a constant, judged by the state before: gentle, near a lane and along it,
-    /// near half the limit, within what a car can turn.
-    fn logs(&self, state: &State) -> Vec<f64> {
-        let mut logs = vec![IMPOSSIBLE; TOKENS];
+    /// Writes log p(a, ω | s) of every token up to a constant, judged by the state before: gentle, like the token after
+    /// it, near a lane and along it, on the road, near half the limit, within what a car can turn.
+    fn logs(&self, state: &State, later: Option<Control>, logs: &mut [f64]) {
+        logs.fill(IMPOSSIBLE);
         let p = &self.preference;
+        let track = self.situation.track(self.actor);
+        let field = self.situation.road_field();
         for j in 0..SIDE {
             let yaw = yaw_rate_radps(j);
             let before = state.backward(Control { acceleration_mps2: 0.0, yaw_rate_radps: yaw }, TOKEN_S);
@@ -109,6 +121,8 @@ impl<'a> Reverse<'a> {
             let by_heading = half_square(astray / p.heading_scale_rad);
             // Where a token's acceleration moves the state before, seen across the lane: one query serves all of them.
             let across = lane.map_or(0.0, |lane| num::sin(mean_heading - lane.heading_rad));
+            let direction = Vec2::from_heading(mean_heading);
+            let yaw_jump = later.map_or(0.0, |later| half_square((yaw - later.yaw_rate_radps) / p.yaw_change_radps));
             for i in 0..SIDE {
                 let acceleration = acceleration_mps2(i);
                 let speed = state.speed_mps - acceleration * TOKEN_S;
@@ -120,17 +134,22 @@ impl<'a> Reverse<'a> {
                 });
                 let bend = lane.map_or(0.0, |lane| lane.curvature_1pm) * speed;
                 let limit = lane.map_or(LIMIT_UNKNOWN_MPS, |lane| lane.limit_mps);
+                let jump = later.map_or(0.0, |later| acceleration - later.acceleration_mps2);
+                let place = before.position + direction * (0.5 * acceleration * TOKEN_S * TOKEN_S);
+                let room_m = field.map_or(f64::INFINITY, |field| field.at(place).0);
                 let turning = yaw.abs() - CURVATURE_1PM * 0.5 * (speed + state.speed_mps);
                 logs[i * SIDE + j] = -(half_square(acceleration / p.acceleration_scale_mps2)
                     + half_square((yaw - bend) / p.yaw_scale_radps)
                     + half_square(aside / p.lane_scale_m)
                     + by_heading
+                    + yaw_jump
+                    + half_square(jump / p.acceleration_change_mps2)
+                    + half_square((0.5 * track.width_m - room_m).max(0.0) / p.road_scale_m)
                     + half_square(((speed * yaw).abs() - LATERAL_MPS2).max(0.0))
                     + half_square((speed - 0.5 * limit) / p.speed_scale_mps)
                     + half_square(turning.max(0.0) / 0.05));
             }
         }
-        logs
     }
 
     fn lane(&self, position: Vec2, heading_rad: f64) -> Option<Along> {
@@ -154,11 +173,14 @@ impl<'a> Reverse<'a> {
     }
 
     /// Whether the token leads back through another road user, half way or at its beginning.
-    fn is_blocked(&self, state: &State, control: Control, step: usize) -> bool {
+    fn is_blocked(&self, state: &State, later: Option<Control>, control: Control, step: usize) -> bool {
+        let mut earlier = [*state; TOKEN_STEPS + 1];
+        for k in 0..TOKEN_STEPS {
+            earlier[k + 1] = before(&earlier[k], later, control, k);
+        }
         let meets = |back: usize| {
             let Some(step) = step.checked_sub(back) else { return false };
-            let before = state.backward(control, back as f64 * DT_S);
-            let own = self.situation.body(self.actor, &before.sample());
+            let own = self.situation.body(self.actor, &earlier[back].sample());
             let tracks = self.situation.scene.tracks.iter();
             tracks.filter_map(|track| Some((track, track.at(step)?))).any(|(track, other)| {
                 let reach = own.radius() + 0.5 * (track.length_m + track.width_m);
@@ -168,6 +190,19 @@ impl<'a> Reverse<'a> {
         };
         meets(TOKEN_STEPS / 2) || meets(TOKEN_STEPS)
     }
+}
+
+/// The state a step earlier within a token, `k` steps before the state that the token leads to.
+fn before(state: &State, later: Option<Control>, control: Control, k: usize) -> State {
+    let share = ((k + 1) as f64 / RAMP_STEPS as f64).min(1.0);
+    let from = later.unwrap_or(control);
+    let ramped = Control {
+        acceleration_mps2: from.acceleration_mps2 + share * (control.acceleration_mps2 - from.acceleration_mps2),
+        yaw_rate_radps: from.yaw_rate_radps + share * (control.yaw_rate_radps - from.yaw_rate_radps),
+    };
+    let mut earlier = state.backward(ramped, DT_S);
+    earlier.speed_mps = earlier.speed_mps.max(0.0);
+    earlier
 }
 
 fn half_square(x: f64) -> f64 {

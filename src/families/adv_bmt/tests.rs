@@ -80,17 +80,60 @@ fn rejection_by_hand() {
 }
 
 #[test]
-fn controls_of_the_grown_motion_are_tokens() {
+fn controls_of_the_grown_motion_are_tokens_joined_by_ramps() {
     let situation = logged(two_lane_scene());
     let (_, samples) = inserted(&situation, |_| {}).unwrap();
-    for pair in samples.windows(2) {
-        let acceleration = (pair[1].speed_mps() - pair[0].speed_mps()) / DT_S;
-        let nearest = (acceleration / 0.625).round() * 0.625;
-        assert!((acceleration - nearest).abs() < 1e-6 && acceleration.abs() <= 10.0 + 1e-9, "{acceleration}");
-        let yaw = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad) / DT_S;
-        let step = num::PI / 32.0;
-        assert!((yaw - (yaw / step).round() * step).abs() < 1e-6, "{yaw}");
+    let controls: Vec<(f64, f64)> = samples
+        .windows(2)
+        .map(|pair| {
+            let turn = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad);
+            ((pair[1].speed_mps() - pair[0].speed_mps()) / DT_S, turn / DT_S)
+        })
+        .collect();
+    let is_token = |value: f64, step: f64| (value - (value / step).round() * step).abs() < 1e-6;
+    // Backward from the collision: three steps of ramp, then the token's own control for two.
+    for (back, (acceleration, yaw)) in controls.iter().rev().enumerate() {
+        if back % 5 >= reverse::RAMP_STEPS - 1 {
+            assert!(is_token(*acceleration, 0.625) && acceleration.abs() <= 10.0 + 1e-9, "{back}: {acceleration}");
+            assert!(is_token(*yaw, num::PI / 32.0), "{back}: {yaw}");
+        }
     }
+}
+
+/// Largest jerk of the used motions, and share of them that leave the road by more than a metre.
+fn roughness(scenes: usize, edit: impl Fn(&mut crate::objects::Program)) -> (f64, f64) {
+    let (mut jerk, mut departed, mut count) = (0.0, 0.0, 0.0);
+    for scene in worlds(scenes) {
+        let situation = logged(scene);
+        let Some((_, samples)) = inserted(&situation, &edit) else { continue };
+        let speeds: Vec<f64> = samples.iter().map(Sample::speed_mps).collect();
+        let jerks = speeds.windows(3).map(|v| (v[2] - 2.0 * v[1] + v[0]).abs() / (DT_S * DT_S));
+        jerk += jerks.fold(0.0, f64::max);
+        let guest = situation.guest(AgentKind::Vehicle);
+        let judged = Judged { situation: &situation, actor: guest, from_step: 11, adversaries: &[guest] };
+        departed += f64::from(road_departure_m(&judged, &samples) > 1.0);
+        count += 1.0;
+    }
+    (jerk / count, departed / count)
+}
+
+#[test]
+fn without_the_costs_of_change_and_of_the_road_motions_are_rougher_and_leave_the_road() {
+    let number = |program: &mut crate::objects::Program, name: &str, value: f64| {
+        program.parameters.insert(name.into(), ParameterValue::Number(value));
+    };
+    let parent = roughness(22, |_| {});
+    let rough = roughness(22, |program| {
+        number(program, "token_acceleration_change_mps2", 20.0);
+        number(program, "token_yaw_change_radps", 3.0);
+    });
+    let astray = roughness(22, |program| {
+        number(program, "token_road_scale_m", 10.0);
+        number(program, "road_departure_m_max", 20.0);
+    });
+    println!("(jerk, share off the road): parent {parent:?}, no smoothing {rough:?}, no road {astray:?}");
+    assert!(parent.0 < 0.8 * rough.0, "{parent:?} {rough:?}");
+    assert!(parent.1 < astray.1, "{parent:?} {astray:?}");
 }
 
 #[test]

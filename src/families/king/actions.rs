@@ -1,10 +1,10 @@
 //! KING's decision space: steering and throttle at even spacing, squashed by tanh, through the bicycle model.
 
 use crate::kernel::num;
-use crate::motion::Driven;
 use crate::motion::bicycle::State;
 use crate::motion::following;
 use crate::motion::kinematics::{Controls, Kinematics, Slope, Steered, pull_back, unroll};
+use crate::motion::{Drive, Driven};
 use crate::scene::{DT_S, Sample};
 
 /// The first actions stay this far from ±1, where tanh has no slope.
@@ -15,10 +15,15 @@ const ACTION_MAX: f64 = 0.97;
 pub struct ActionSpace {
     model: Steered,
     start: State,
-    steps: usize,
-    spacing_s: f64,
+    /// Place in the decision vector of the action held at each step; spacings below a step skip actions.
+    held: Vec<usize>,
     /// Steering, throttle, steering, throttle, .. before tanh.
     record: Vec<f64>,
+}
+
+/// Which action is held at a step.
+fn action(spacing_s: f64, step: usize) -> usize {
+    (step as f64 * DT_S / spacing_s + 1e-9) as usize
 }
 
 impl ActionSpace {
@@ -31,12 +36,13 @@ impl ActionSpace {
         brake_mps2: f64,
     ) -> ActionSpace {
         let model = Steered { throttle_mps2, brake_mps2 };
-        let mut space = ActionSpace { model, start, steps: samples.len(), spacing_s, record: vec![] };
+        let mut space = ActionSpace { model, start, held: Vec::with_capacity(samples.len()), record: vec![] };
         let mut state = start;
         let mut k = 0;
         while k < samples.len() {
-            let action = space.action(k);
-            let hold = (k..samples.len()).take_while(|later| space.action(*later) == action).count();
+            let own = action(spacing_s, k);
+            let hold = (k..samples.len()).take_while(|later| action(spacing_s, *later) == own).count();
+            space.held.extend(std::iter::repeat_n(space.record.len() / 2, hold));
             let (speed, curvature) = following::toward(&state, samples, k, hold);
             let held = model.controls_for(&state, speed, curvature, hold as f64 * DT_S);
             let held = held.map(|x| x.clamp(-ACTION_MAX, ACTION_MAX));
@@ -49,24 +55,9 @@ impl ActionSpace {
         space
     }
 
-    /// Which action is held at a step.
-    fn action(&self, step: usize) -> usize {
-        (step as f64 * DT_S / self.spacing_s + 1e-9) as usize
-    }
-
-    /// Place in the decision vector of the action held at each step; spacings below a step skip actions.
-    fn held(&self) -> Vec<usize> {
-        let mut held = Vec::with_capacity(self.steps);
-        for step in 0..self.steps {
-            let new = step > 0 && self.action(step) != self.action(step - 1);
-            held.push(held.last().map_or(0, |last| last + usize::from(new)));
-        }
-        held
-    }
-
     fn controls(&self, place: &[f64]) -> Vec<Controls> {
         let squashed: Vec<f64> = place.iter().map(|x| num::tanh(*x)).collect();
-        self.held().into_iter().map(|k| [squashed[2 * k], squashed[2 * k + 1]]).collect()
+        self.held.iter().map(|k| [squashed[2 * k], squashed[2 * k + 1]]).collect()
     }
 }
 
@@ -75,15 +66,15 @@ impl Driven for ActionSpace {
         &self.record
     }
 
-    fn states(&self, place: &[f64]) -> Vec<State> {
-        unroll(&self.model, self.start, &self.controls(place), DT_S)
+    fn drive(&self, place: &[f64]) -> Drive {
+        let controls = self.controls(place);
+        Drive { states: unroll(&self.model, self.start, &controls, DT_S), controls }
     }
 
-    fn pull(&self, place: &[f64], states: &[State], slopes: &[Slope]) -> Vec<f64> {
-        let controls = self.controls(place);
-        let pulled = pull_back(&self.model, states, &controls, slopes, DT_S);
-        let mut slope = vec![0.0; place.len()];
-        for ((k, by), at) in self.held().into_iter().zip(pulled).zip(&controls) {
+    fn pull(&self, drive: &Drive, slopes: &[Slope]) -> Vec<f64> {
+        let pulled = pull_back(&self.model, &drive.states, &drive.controls, slopes, DT_S);
+        let mut slope = vec![0.0; self.record.len()];
+        for ((k, by), at) in self.held.iter().zip(pulled).zip(&drive.controls) {
             for which in 0..2 {
                 slope[2 * k + which] += by[which] * (1.0 - at[which] * at[which]);
             }
@@ -115,7 +106,7 @@ mod tests {
         let (start, samples) = record();
         for (spacing_s, bound_m) in [(0.1, 0.3), (0.25, 0.6)] {
             let space = ActionSpace::following(start, &samples, spacing_s, 3.0, 4.952399);
-            let states = space.states(space.start());
+            let states = space.drive(space.start()).states;
             let worst =
                 samples.iter().zip(&states[1..]).map(|(s, q)| s.position.distance(q.position)).fold(0.0, f64::max);
             assert!(worst < bound_m, "{spacing_s}: {worst}");
@@ -138,10 +129,10 @@ mod tests {
             let space = ActionSpace::following(start, &samples, [0.1, 0.25, 0.5][spacing], 3.0, 4.952399);
             let place: Vec<f64> = space.start().iter().zip(shifts.iter().cycle()).map(|(x, s)| x + s).collect();
             prop_assume!(place.iter().all(|x| x.abs() > 1e-3));
-            let value = |place: &[f64]| num::sum(space.states(place).iter().map(|s| s.position.x * 0.5 - s.position.y));
-            let states = space.states(&place);
-            let slopes = vec![Slope { position: Vec2::new(0.5, -1.0), ..Slope::default() }; states.len()];
-            for (k, found) in space.pull(&place, &states, &slopes).into_iter().enumerate() {
+            let value = |place: &[f64]| num::sum(space.drive(place).states.iter().map(|s| s.position.x * 0.5 - s.position.y));
+            let drive = space.drive(&place);
+            let slopes = vec![Slope { position: Vec2::new(0.5, -1.0), ..Slope::default() }; drive.states.len()];
+            for (k, found) in space.pull(&drive, &slopes).into_iter().enumerate() {
                 let at = |step: f64| {
                     let mut moved = place.clone();
                     moved[k] += step;

@@ -1,14 +1,19 @@
 //! KING, safety-critical scenarios by kinematics gradients (Hanselmann et al. 2022): the steering and throttle of all
 //! adversaries over the whole window are moved by Adam down a loss whose slope comes back through the bicycle model,
-//! with the ego simulated again at every iteration and the search ended by its first contact.
+//! with the ego simulated again at every iteration; a rollout is broken off where an adversary leaves the road or runs into
+//! another, and only what a rule expert can solve is used.
 //!
 //! Kept: bicycle and its constants, the three terms of the loss, 1.25 m cap of the repulsion, Adam, and for two
-//! adversaries the weights, decays, iterations and step length; slopes through the adversaries alone ("one path").
-//! Declared adaptations: adversaries are recorded vehicles whose first actions follow their record; a full throttle is
+//! adversaries the weights, decays, iterations and step length; slopes through the adversaries alone ("one path");
+//! termination off the road and at contacts among adversaries; the solvability run (`expert`).
+//! Declared adaptations: the search goes on for some iterations after the first contact, where KING stops, and the one
+//! with the smallest loss and the least implausible motion is used; bystanders, of whom KING has none, repel adversaries
+//! too; adversaries are recorded vehicles whose first actions follow their record; a full throttle is
 //! 3 m/s², for KING's 0.56 cannot follow recorded starts; steps of 0.1 s with actions held for KING's 0.25 s; the
 //! smoothed raster of undrivable ground is Φ(−distance/σ) of a signed-distance field.
 
 pub mod actions;
+pub mod expert;
 pub mod loss;
 
 use std::sync::Arc;
@@ -19,9 +24,11 @@ use crate::adapters::{Family, OperatorSpec, vocabulary};
 use crate::motion::Driven;
 use crate::motion::following;
 use crate::objects::{OperatorNode, Slot, ValueType};
+use crate::scene::TrackIx;
 use crate::search::adam::Rates;
 use crate::search::descent::{self, Descent, Iterate};
-use crate::stage::{Part, Settings, Source, Stage, StageError};
+use crate::search::ranking::{self, Ending, Plausibility};
+use crate::stage::{Bystanders, Part, Settings, Source, Stage, StageError};
 use actions::ActionSpace;
 use loss::{Attraction, Loss};
 
@@ -43,27 +50,30 @@ pub fn family() -> Family {
     let own = FamilySpec {
         name: NAME,
         title: "KING: safety-critical scenarios by kinematics gradients (Hanselmann et al. 2022)",
-        describes: "Moves the steering and throttle sequences of several recorded vehicles by gradient descent through \
-                    a bicycle model: toward the ego, off undrivable ground, apart from each other. The ego is simulated \
-                    again as they change; the first iterate that it touches is used."
-            .into(),
+        describes:
+            "Moves the steering and throttle sequences of several recorded vehicles by gradient descent through \
+                    a bicycle model: toward the ego, off undrivable ground, apart from each other and from bystanders. \
+                    The ego is simulated again as they change, for some iterations beyond its first contact; of the \
+                    iterates that it touches and a rule expert could have avoided, the one with the smallest loss is \
+                    used."
+                .into(),
         words: vec![STEERED_ACTIONS, KINEMATIC_DESCENT, "pursuer_weight", "iterate_loss", "pursuit_rule"],
         operators: vec![(Slot::Motion, motion_operator(&motion)), (Slot::Search, search_operator(&search))],
         without_shared: &[],
         mechanism_slots: vec![
-        slot(
-            "pursuer_weight",
-            ValueType::Number,
-            vocabulary::ACTOR.to_vec(),
-            "How strongly a vehicle is drawn to the ego, clamped to 0.05..20; of two equally near, the larger goes.",
-        ),
-        slot(
-            "iterate_loss",
-            ValueType::Number,
-            grammar::candidate_features(),
-            "A loss of a motion found on the way, smaller is better; the search operator says whether it is added to \
+            slot(
+                "pursuer_weight",
+                ValueType::Number,
+                vocabulary::ACTOR.to_vec(),
+                "How strongly a vehicle is drawn to the ego, clamped to 0.05..20; of two equally near, the larger goes.",
+            ),
+            slot(
+                "iterate_loss",
+                ValueType::Number,
+                grammar::candidate_features(),
+                "A loss of a motion found on the way, smaller is better; the search operator says whether it is added to \
              KING's own loss or replaces it when the iterates are ranked.",
-        ),
+            ),
         ],
         graph: parent_graph(&motion, &search),
         parameters: interface::by_name(motion.into_iter().chain(search)),
@@ -91,6 +101,22 @@ fn motion_parameters() -> Vec<OwnParameter> {
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
         own(parameter("descent_iterations", integer(10, 150, "1"), "iterations of Adam; 100 to 150 in KING"), 120.0),
+        own(
+            parameter(
+                "refinement_iterations",
+                integer(0, 60, "1"),
+                "iterations after the first contact, of which the best contact is used; 0 in KING",
+            ),
+            20.0,
+        ),
+        own(
+            parameter(
+                "implausibility_weight",
+                number(0.0, 20.0, "1"),
+                "what motions beyond plausible acceleration, jerk, road and bystanders cost when iterates are ranked",
+            ),
+            2.0,
+        ),
         own(parameter("descent_rate", number(0.001, 0.2, "1"), "step length of Adam; 0.005 in KING"), 0.005),
         own(parameter("first_moment_decay", number(0.5, 0.95, "1"), "beta 1; 0.8 in KING"), 0.8),
         own(parameter("second_moment_decay", number(0.9, 0.9999, "1"), "beta 2; 0.999, 0.99, 0.99 in KING"), 0.99),
@@ -123,6 +149,14 @@ fn search_parameters() -> Vec<OwnParameter> {
             parameter("repulsion_m_max", number(0.5, 6.0, "m"), "no repulsion beyond this distance; 1.25 in KING"),
             1.25,
         ),
+        own(
+            parameter(
+                "bystander_weight",
+                number(0.0, 20.0, "1"),
+                "weight of each adversary's deepest approach to a recorded road user; 5 as for the adversaries' distance",
+            ),
+            5.0,
+        ),
     ]
 }
 
@@ -151,7 +185,7 @@ fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
         Slot::Search,
         KINEMATIC_DESCENT,
         settings,
-        "Adam over all adversaries' actions until the ego touches one; iterates on the way become the candidates.",
+        "Adam over all adversaries' actions until the ego touches one and some iterations more; iterates become candidates.",
     )
 }
 
@@ -183,12 +217,14 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
 }
 
 /// At most this many iterates become candidates.
-const CANDIDATES_MAX: usize = 8;
+const CANDIDATES_MAX: usize = 9;
 
-/// Adam over all actions; iterates become candidates, scored by minus their loss and below those that make contact.
+/// Adam over all actions; iterates become candidates, scored by minus their loss: solvable contacts first, then misses.
 pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
+    let situation = stage.situation;
     let descent = Descent {
         iterations: settings.count("descent_iterations")?,
+        refinements: settings.count("refinement_iterations")?,
         rates: Rates {
             rate: settings.number("descent_rate")?,
             first_decay: settings.number("first_moment_decay")?,
@@ -197,31 +233,51 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         replay_every: settings.count("ego_replay_every")?,
     };
     let pursuit = if settings.word("pursuit_rule")? == "nearest" { Attraction::Nearest } else { Attraction::Everyone };
+    let at_record = descent::at_record(situation, parts);
+    let adversaries: Vec<TrackIx> = parts.iter().map(|part| part.actor).collect();
+    let bystanders = Bystanders::of(situation, &adversaries, descent::covered(&at_record));
     let loss = Loss {
         pursuit,
-        pursuer_weights: descent::actor_weights(stage.situation, parts, settings.optional("weight")),
+        pursuer_weights: descent::actor_weights(situation, parts, settings.optional("weight")),
         attraction_weight: settings.number("attraction_weight")?,
         departure_weight: settings.number("departure_weight")?,
         departure_sigma_m: settings.number("departure_sigma_m")?,
         repulsion_weight: settings.number("repulsion_weight")?,
         repulsion_m_max: settings.number("repulsion_m_max")?,
-        field: stage.situation.road_field(),
+        bystander_weight: settings.number("bystander_weight")?,
+        bystanders: &bystanders,
+        field: situation.road_field(),
+        off_road_m_max: loss::departures_allowed_m(situation.road_field(), &at_record),
+        overlapping_at_record: loss::overlap(&at_record),
     };
-    let iterates =
-        descent::descend(stage.situation, parts, &descent, |movers, ego, slopes| loss.of(movers, ego, slopes));
-    let scored = ranked(stage, settings, &iterates)?;
-    descent::into_candidates(parts, &iterates, &scored, |_| 0.0);
+    let iterates = descent::descend(situation, parts, &descent, &loss);
+    let scored = ranked(stage, settings, &iterates, &bystanders)?;
+    ranking::into_candidates(parts, &iterates, &scored, |_| 0.0);
     Ok(())
 }
 
-/// The last iterate, the best, and an even selection of those between, with their scores.
-fn ranked(stage: &Stage<'_>, settings: &Settings, iterates: &[Iterate]) -> Result<Vec<(usize, f64)>, StageError> {
+/// The iterates that become candidates, with their scores.
+fn ranked(
+    stage: &Stage<'_>,
+    settings: &Settings,
+    iterates: &[Iterate],
+    bystanders: &Bystanders,
+) -> Result<Vec<(usize, f64)>, StageError> {
+    let situation = stage.situation;
     let (module, replaces) = (settings.optional("loss"), settings.word("combine")? == "replace");
+    let implausibility_weight = settings.number("implausibility_weight")?;
+    let ending = |iterate: &Iterate| match iterate.contact {
+        Some(true) if expert::solves(situation, &iterate.movers, bystanders) => Ending::Met,
+        Some(true) => Ending::Unsolvable,
+        _ => Ending::Missed,
+    };
+    let plausibility = iterates.first().map(|record| Plausibility::beyond(situation, record));
     let score = |index: usize| {
         let iterate = &iterates[index];
-        let own = if replaces && module.is_some() { 0.0 } else { iterate.loss };
-        let given = module.map_or(0.0, |module| descent::judged(stage.situation, iterate, module, |_| 0.0));
-        (index, descent::score(iterate.contact, own + given))
+        let implausible = implausibility_weight * plausibility.as_ref().map_or(0.0, |p| p.lack_of(iterate));
+        let own = if replaces && module.is_some() { 0.0 } else { iterate.terms.total() + implausible };
+        let given = module.map_or(0.0, |module| ranking::judged(situation, iterate, module, |_| 0.0));
+        (index, ranking::score(ending(iterate), own + given))
     };
-    Ok(descent::selection(iterates, CANDIDATES_MAX).into_iter().map(score).collect())
+    Ok(ranking::selection(iterates, CANDIDATES_MAX).into_iter().map(score).collect())
 }

@@ -29,7 +29,7 @@ pub struct Evaluation {
 pub fn evaluate(situation: &Situation, outcome: &Outcome, timing: impl FnOnce() -> Failure) -> Evaluation {
     let contact = outcome.contact.is_some_and(|contact| contact.adversary);
     let distance_m_min = if contact { 0.0 } else { outcome.distance_m_min.unwrap_or(f64::INFINITY) };
-    let blocked = outcome.adversaries.iter().any(|adversary| adversary.struck_bystander);
+    let blocked = outcome.adversaries.iter().any(|adversary| adversary.struck_bystander || adversary.struck_parked);
     let calm_mps2 = situation.ego_deceleration_mps2_max;
     let failure = if contact {
         None

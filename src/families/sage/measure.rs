@@ -4,7 +4,7 @@ use crate::adapters::vocabulary;
 use crate::kernel::num;
 use crate::motion::Candidate;
 use crate::scene::{DT_S, Sample};
-use crate::stage::judged::{Judged, Needs, features};
+use crate::stage::judged::{Judged, Needs, features, road_within};
 
 /// Names of the features in their order; scales in [`Measured::features`].
 pub const FEATURES: [&str; 10] = [
@@ -19,6 +19,11 @@ pub const FEATURES: [&str; 10] = [
     "overlap",
     "road_departure",
 ];
+
+/// The features of the road lie between 0 and this.
+const OF_THE_ROAD_MAX: f64 = 3.0;
+/// A deviation from the lane of this much counts 1, metres.
+const LANE_DEVIATION_M: f64 = 1.5;
 
 /// A corner this far beyond the lanes has left the road, metres: the simulator's tolerance.
 const OFF_ROAD_M: f64 = 0.5;
@@ -57,7 +62,18 @@ struct Motion {
 
 impl Measured {
     pub fn of(candidate: &Candidate, judged: &Judged<'_>) -> Measured {
-        let needs = Needs { ego: true, road: true, bystanders: true, ..Needs::default() };
+        Measured::with(candidate, judged, Needs { ego: true, road: true, bystanders: true, ..Needs::default() })
+    }
+
+    /// All that an expert looks at: bystanders are the reward's alone, and distances to the road count up to a bound only.
+    pub fn for_expert(candidate: &Candidate, judged: &Judged<'_>) -> Measured {
+        let measured = Measured::with(candidate, judged, Needs { ego: true, ..Needs::default() });
+        let bounds = [OF_THE_ROAD_MAX, OF_THE_ROAD_MAX * LANE_DEVIATION_M];
+        let (off_road_m_max, lane_deviation_m_max) = road_within(&candidate.samples, judged, bounds);
+        Measured { off_road_m_max, lane_deviation_m_max, ..measured }
+    }
+
+    fn with(candidate: &Candidate, judged: &Judged<'_>, needs: Needs) -> Measured {
         let values = features(candidate, judged, needs);
         let value = |name: &str| {
             vocabulary::CANDIDATE.iter().position(|feature| feature.name == name).map_or(0.0, |place| values[place])
@@ -79,7 +95,7 @@ impl Measured {
         let m = &self.motion;
         let overlap = self.ego_distance_m_min == 0.0;
         [
-            (self.lane_deviation_m_max / 1.5).min(3.0),
+            (self.lane_deviation_m_max / LANE_DEVIATION_M).min(OF_THE_ROAD_MAX),
             m.acceleration_rms / 3.0,
             m.lateral_rms / 3.0,
             m.yaw_rms / 0.3,
@@ -88,7 +104,7 @@ impl Measured {
             num::exp(-0.2 * self.ego_distance_m_min),
             (self.approach_s / self.horizon_s.max(DT_S)).min(1.0),
             if overlap { 1.0 } else { 0.0 },
-            self.off_road_m_max.min(3.0),
+            self.off_road_m_max.min(OF_THE_ROAD_MAX),
         ]
     }
 

@@ -17,8 +17,8 @@ pub use contract::family;
 use self::experts::Experts;
 use self::measure::Measured;
 use super::prior;
-use crate::motion::Candidate;
-use crate::motion::motion_prior::normalise;
+use crate::motion::Window;
+use crate::motion::motion_prior::{self, Goals, PriorOptions};
 use crate::stage::judged::Judged;
 use crate::stage::{Part, Settings, Source, Stage, StageError};
 
@@ -36,33 +36,49 @@ pub fn source() -> Source {
     Source::new(family()).operator(MIXED_EXPERTS, motion).operator(PREFERENCE_REWARD, search)
 }
 
-/// Candidates of the reference prior under the mixed expert: the most probable ones, most probable first.
+/// What the mixed expert thinks likely: every goal of the reference prior is scored by it before goals that lie close
+/// together are suppressed, so that it decides which of them survive; the most probable ones, most probable first.
 pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
     let weight = settings.number("preference_weight")?;
     let kept = settings.count("kept_count")?;
     let known = Experts::committed();
     known.check(settings.word("experts")?)?;
-    let mixed = known.mixed(weight);
-    prior::propose(stage, &prior::options(settings, PRIOR)?, parts);
-    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    propose(stage, &prior::options(settings, PRIOR)?, &known.mixed(weight), parts);
     for part in parts {
-        let judged = judged(stage, part, &adversaries);
-        reweigh(&mut part.candidates, &judged, &mixed);
-        part.candidates.sort_by(|a, b| b.prior_log_probability.total_cmp(&a.prior_log_probability));
         part.candidates.truncate(kept.max(1));
     }
     Ok(())
 }
 
-/// log π(τ) of an expert: log-softmax of the reference's log-probability plus θ · φ(τ).
-pub fn reweigh(candidates: &mut [Candidate], judged: &Judged<'_>, theta: &[f64]) {
-    let along = |c: &Candidate| c.prior_log_probability + experts::dot(theta, &Measured::of(c, judged).features());
-    let mut logs: Vec<f64> = candidates.iter().map(along).collect();
-    normalise(&mut logs);
-    for (candidate, log) in candidates.iter_mut().zip(logs) {
-        candidate.prior_log_probability = log;
-        candidate.score = log;
+/// Gives every part the candidates of the expert with these weights, most probable first.
+pub fn propose(stage: &Stage<'_>, options: &PriorOptions, theta: &[f64], parts: &mut [Part]) {
+    let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+    let situation = stage.situation;
+    for part in parts {
+        let track = situation.track(part.actor);
+        let Some(anchor) = part.window.from_step.checked_sub(1).and_then(|step| track.at(step)) else { continue };
+        let judged = judged(stage, part, &adversaries);
+        let mut stream = stage.stream("prior", part.actor);
+        let (steps, key) = (part.window.steps, goals_key(part, options));
+        let log_ratios = |goals: &Goals<'_>| -> Vec<f64> {
+            let measure = || features_of(goals, &judged);
+            let kept = situation.measured_goals.of(key, measure);
+            kept.chunks_exact(measure::FEATURES.len()).map(|features| experts::dot(theta, features)).collect()
+        };
+        part.candidates = motion_prior::reweighed(&situation.lanes, anchor, steps, options, &mut stream, log_ratios);
     }
+}
+
+/// φ of every goal's motion, one after the other. `[goals x features]`
+fn features_of(goals: &Goals<'_>, judged: &Judged<'_>) -> Vec<f64> {
+    (0..goals.count()).flat_map(|place| Measured::for_expert(&goals.candidate(place), judged).features()).collect()
+}
+
+/// All that the goals of a part and their features depend on beside the situation: no expert, no weight.
+fn goals_key(part: &Part, options: &PriorOptions) -> [u64; 6] {
+    let Window { from_step, steps } = part.window;
+    let (spacing, step) = (options.goal_spacing_m.to_bits(), options.profile_step_mps2.to_bits());
+    [part.actor as u64, from_step as u64, steps as u64, spacing, step, options.profile_levels as u64]
 }
 
 /// Scores by the reward with weights (w, 1 - w), plus a share of the mixed expert's log-probability.

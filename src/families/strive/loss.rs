@@ -4,42 +4,14 @@
 use crate::kernel::{OrientedBox, num};
 use crate::motion::kinematics::Slope;
 use crate::motion::separation::{disc_overlap, on_body};
-use crate::scene::TrackIx;
-use crate::search::descent::{Mover, Slopes, covered};
+use crate::search::descent::{Asked, Mover, Objective, Slopes, Terms, covered};
 use crate::stage::road_field::RoadField;
-use crate::stage::{EgoPath, Part, Situation};
+use crate::stage::{Bystanders, EgoPath};
 
 /// Distances are looked at every half second, as in STRIVE.
 const CRASH_STRIDE: usize = 5;
 /// Contacts are looked at every this many samples.
 const CONTACT_STRIDE: usize = 2;
-
-/// Recorded road users that are no adversaries, by scene step.
-#[derive(Clone, Debug)]
-pub struct Others {
-    from_step: usize,
-    boxes: Vec<Vec<(TrackIx, OrientedBox)>>,
-}
-
-impl Others {
-    /// Over the steps that the parts' windows cover.
-    pub fn of(situation: &Situation, parts: &[Part]) -> Others {
-        let adversaries: Vec<TrackIx> = parts.iter().map(|p| p.actor).collect();
-        let from_step = parts.iter().map(|p| p.window.from_step).min().unwrap_or(0);
-        let end = parts.iter().map(|p| p.window.from_step + p.window.steps).max().unwrap_or(from_step);
-        let tracks = &situation.scene.tracks;
-        let at = |step: usize| {
-            let others = (0..tracks.len()).filter(|ix| !adversaries.contains(ix));
-            others.filter_map(|ix| Some((ix, situation.body(ix, tracks[ix].at(step)?)))).collect()
-        };
-        Others { from_step, boxes: (from_step..end).map(at).collect() }
-    }
-
-    /// Track and bounding box of everyone at a scene step.
-    pub fn at(&self, step: usize) -> &[(TrackIx, OrientedBox)] {
-        step.checked_sub(self.from_step).and_then(|k| self.boxes.get(k)).map_or(&[], Vec::as_slice)
-    }
-}
 
 /// The loss of one scene.
 #[derive(Clone, Debug)]
@@ -58,18 +30,21 @@ pub struct Loss<'a> {
     pub road_weight: f64,
     /// `None`: nothing is off the road.
     pub field: Option<&'a RoadField>,
-    pub others: &'a Others,
+    pub others: &'a Bystanders,
 }
 
 /// The soft choice: share of every mover at every half second; all shares together are 1, or 0 if nobody can attack.
 pub type Shares = Vec<Vec<(usize, f64)>>;
 
-impl Loss<'_> {
-    /// The value against an ego's path; its slopes are added to `slopes`. The soft choice is taken as given.
-    pub fn of(&self, movers: &[Mover], ego: &EgoPath, slopes: &mut Slopes) -> f64 {
-        self.with_shares(movers, ego, &self.shares(movers, ego), slopes)
+impl Objective for Loss<'_> {
+    /// The soft choice is taken as given. While the ego is being met the crash has no slopes: what is left moves the
+    /// adversaries to the most likely motion that still meets it.
+    fn loss(&self, asked: &Asked<'_>, slopes: &mut Slopes) -> Terms {
+        self.with_shares(asked, &self.shares(asked.movers, asked.ego), slopes)
     }
+}
 
+impl Loss<'_> {
     /// Softmin of the distances to the ego over movers and times; who stays behind the ego all the time has no share.
     pub fn shares(&self, movers: &[Mover], ego: &EgoPath) -> Shares {
         let steps: Vec<usize> =
@@ -79,7 +54,7 @@ impl Loss<'_> {
             let mut shares = Vec::with_capacity(steps.len());
             for step in &steps {
                 let (Some(index), Some(body)) = (mover.index(*step), ego.body(*step)) else { continue };
-                let delta = mover.states[index].position - body.center;
+                let delta = mover.states()[index].position - body.center;
                 ahead = ahead || delta.dot(body.axis) >= 0.0;
                 shares.push((*step, weight * num::exp(-delta.norm())));
             }
@@ -93,26 +68,32 @@ impl Loss<'_> {
         shares
     }
 
-    /// The value for a given soft choice.
-    pub fn with_shares(&self, movers: &[Mover], ego: &EgoPath, shares: &Shares, slopes: &mut Slopes) -> f64 {
+    /// The value for a given soft choice; its slopes are added to `slopes`.
+    pub fn with_shares(&self, asked: &Asked<'_>, shares: &Shares, slopes: &mut Slopes) -> Terms {
+        let (movers, ego) = (asked.movers, asked.ego);
         let passive: Vec<f64> =
             shares.iter().map(|of| (1.0 - num::sum(of.iter().map(|(_, w)| *w))).clamp(0.0, 1.0)).collect();
-        self.crash(movers, ego, shares, slopes)
-            + self.likelihood(movers, &passive, slopes)
-            + self.contact(movers, ego, &passive, slopes)
-            + self.departure(movers, slopes)
+        Terms {
+            attack: self.crash(asked, shares, slopes),
+            rest: self.likelihood(movers, &passive, slopes)
+                + self.contact(movers, ego, &passive, slopes)
+                + self.departure(movers, slopes),
+        }
     }
 
-    fn crash(&self, movers: &[Mover], ego: &EgoPath, shares: &Shares, slopes: &mut Slopes) -> f64 {
+    fn crash(&self, asked: &Asked<'_>, shares: &Shares, slopes: &mut Slopes) -> f64 {
+        let (movers, ego) = (asked.movers, asked.ego);
         let mut value = 0.0;
         for (which, (mover, shares)) in movers.iter().zip(shares).enumerate() {
             for (step, share) in shares {
                 let (Some(index), Some(body)) = (mover.index(*step), ego.body(*step)) else { continue };
-                let delta = mover.states[index].position - body.center;
+                let delta = mover.states()[index].position - body.center;
                 let weight = self.crash_weight * share;
                 value += weight * delta.norm_squared();
                 let pull = delta * (2.0 * weight);
-                slopes.states[which][index].add(1.0, &Slope { position: pull, ..Slope::default() });
+                if asked.attacks {
+                    slopes.states[which][index].add(1.0, &Slope { position: pull, ..Slope::default() });
+                }
             }
         }
         value
@@ -168,7 +149,7 @@ impl Loss<'_> {
         let Some(field) = self.field else { return 0.0 };
         let mut value = 0.0;
         for (mover, slopes) in movers.iter().zip(&mut slopes.states) {
-            let weight = self.road_weight * CONTACT_STRIDE as f64 / mover.states.len() as f64;
+            let weight = self.road_weight * CONTACT_STRIDE as f64 / mover.states().len() as f64;
             let places = mover.boxes.iter().zip(slopes).skip(1).step_by(CONTACT_STRIDE);
             for (body, slope) in places {
                 value += beside_road(field, body, weight, slope);
@@ -209,6 +190,7 @@ mod tests {
     use crate::motion::latent::{LatentOptions, LatentSpace};
     use crate::scene::fixture::{straight, two_lane_scene};
     use crate::search::descent::{open, slope_error};
+    use crate::stage::{Part, Situation};
     use std::sync::Arc;
 
     /// The fixture's two cars, a third that nobody moves, and a fourth behind the ego.
@@ -235,7 +217,12 @@ mod tests {
         actors.iter().map(part).collect()
     }
 
-    fn loss<'a>(situation: &'a Situation, parts: &[Part], others: &'a Others) -> Loss<'a> {
+    fn bystanders(situation: &Situation, parts: &[Part]) -> Bystanders {
+        let adversaries: Vec<usize> = parts.iter().map(|part| part.actor).collect();
+        Bystanders::of(situation, &adversaries, 1..41)
+    }
+
+    fn loss<'a>(situation: &'a Situation, parts: &[Part], others: &'a Bystanders) -> Loss<'a> {
         Loss {
             attacker_weights: vec![1.0; parts.len()],
             records: parts.iter().filter_map(|p| p.driven.as_ref()).map(|d| d.start().to_vec()).collect(),
@@ -254,13 +241,14 @@ mod tests {
     fn the_losss_slope_matches_finite_differences_for_a_given_choice_of_attackers() {
         let situation = situation();
         let parts = parts(&situation, &[0, 1]);
-        let others = Others::of(&situation, &parts);
+        let others = bystanders(&situation, &parts);
         let loss = loss(&situation, &parts, &others);
         let shares: Shares = vec![vec![(11, 0.3), (21, 0.2)], vec![(16, 0.4), (26, 0.1)]];
         for scale in [0.1, 0.5] {
             let shift = |k: usize| scale * ((k % 5) as f64 - 2.2);
             let error = slope_error(&situation, &parts, shift, |movers, slopes| {
-                loss.with_shares(movers, &situation.ego, &shares, slopes)
+                let asked = Asked { movers, ego: &situation.ego, until: usize::MAX, attacks: true };
+                loss.with_shares(&asked, &shares, slopes).total()
             });
             assert!(error < 1e-5, "{scale}: {error}");
         }
@@ -270,7 +258,7 @@ mod tests {
     fn the_soft_choice_falls_on_who_is_near_and_never_on_who_stays_behind() {
         let situation = situation();
         let parts = parts(&situation, &[0, 1, 3]);
-        let others = Others::of(&situation, &parts);
+        let others = bystanders(&situation, &parts);
         let loss = loss(&situation, &parts, &others);
         let chosen = std::cell::RefCell::new(Vec::new());
         slope_error(

@@ -5,11 +5,12 @@
 //! Kept: the terms of the loss and their weights, Adam's step length and iterations, the soft choice of attackers with
 //! weights of prior and start that follow it, the exclusion of vehicles that stay behind, five-disc soft contact, the
 //! solution pass and its buffer.
-//! Declared adaptations: the learned variational prior is the linear-Gaussian latent of `kernel::latent`, so the first
+//! Declared adaptations: the learned variational prior is the linear-Gaussian latent of `motion::latent`, so the first
 //! fit to the record is exact and needs no iterations; weights of the soft choice carry no slope; no model of the ego
-//! tracks the planner, for slopes go through the adversaries alone and the true ego is simulated instead; the search ends
-//! with the first contact; a motion that the simulated ego survives is solvable by that rollout, so the solution pass
-//! works on those that end in contact.
+//! tracks the planner, for slopes go through the adversaries alone and the true ego is simulated instead. Once the ego is
+//! met, the crash term has done its work: for some iterations more the search moves toward likely motions while they meet
+//! the ego and toward the ego while they do not, and the most likely and plausible motion that meets it is used. A motion
+//! that the simulated ego survives is solvable by that rollout, so the solution pass works on those that end in contact.
 
 pub mod loss;
 pub mod solution;
@@ -25,12 +26,13 @@ use crate::motion::following;
 use crate::motion::latent::{LatentOptions, LatentSpace};
 use crate::motion::motion_prior::{self, PriorOptions};
 use crate::objects::{OperatorNode, Slot, ValueType};
-use crate::scene::DT_S;
+use crate::scene::{DT_S, TrackIx};
 use crate::search::adam::Rates;
 use crate::search::descent::{self, Descent, Iterate, Mover};
-use crate::stage::{Part, Settings, Source, Stage, StageError};
-use loss::{Loss, Others};
-use solution::{Solution, exists};
+use crate::search::ranking::{self, Ending, Plausibility};
+use crate::stage::{Bystanders, Part, Settings, Situation, Source, Stage, StageError};
+use loss::Loss;
+use solution::{Solution, Solver};
 
 /// The family's name in programs, experiments and tables.
 pub const NAME: &str = "strive";
@@ -96,6 +98,22 @@ fn motion_parameters() -> Vec<OwnParameter> {
 fn search_parameters() -> Vec<OwnParameter> {
     vec![
         own(parameter("latent_iterations", integer(10, 200, "1"), "iterations of Adam; 200 in STRIVE"), 200.0),
+        own(
+            parameter(
+                "likelihood_iterations",
+                integer(0, 80, "1"),
+                "iterations after the first contact that look for likelier motions which still meet the ego",
+            ),
+            30.0,
+        ),
+        own(
+            parameter(
+                "latent_implausibility_weight",
+                number(0.0, 20.0, "1"),
+                "what motions beyond plausible acceleration, jerk, road and bystanders cost when iterates are ranked",
+            ),
+            2.0,
+        ),
         own(parameter("latent_rate", number(0.01, 0.5, "1"), "step length of Adam; 0.05 in STRIVE"), 0.05),
         own(
             parameter("planner_replay_every", integer(1, 8, "1"), "iterations between two simulations of the ego; 1"),
@@ -107,7 +125,7 @@ fn search_parameters() -> Vec<OwnParameter> {
             parameter("attacker_prior_weight", number(0.0, 1.0, "1"), "weight of an attacker's likelihood; 0.005"),
             0.005,
         ),
-        own(parameter("bystander_prior_weight", number(0.0, 5.0, "1"), "weight of the others' likelihood; 1"), 1.0),
+        own(parameter("bystander_prior_weight", number(0.0, 20.0, "1"), "weight of the others' likelihood; 1"), 1.0),
         own(
             parameter(
                 "attacker_record_weight",
@@ -143,7 +161,7 @@ fn motion_operator(parameters: &[OwnParameter]) -> OperatorSpec {
         Slot::Motion,
         LATENT_MOTION,
         parameters.iter().map(interface::follows).collect(),
-        "Cosine modes of acceleration and curvature, with mean and spread from the lane-graph prior's candidates.",
+        "Cosine modes of acceleration and curvature about the record, as wide as the lane-graph prior's candidates.",
     )
 }
 
@@ -158,7 +176,7 @@ fn search_operator(parameters: &[OwnParameter]) -> OperatorSpec {
         Slot::Search,
         LATENT_DESCENT,
         settings,
-        "Adam over all latents until the ego touches an adversary; what the ego could not have avoided is rejected.",
+        "Adam over all latents; the likeliest motions that meet the ego, but for what it could not have avoided.",
     )
 }
 
@@ -175,7 +193,7 @@ fn parent_graph(motion: &[OwnParameter], search: &[OwnParameter]) -> Vec<(String
     ]
 }
 
-/// Candidates of the lane-graph prior from which mean and spread are taken.
+/// Candidates of the lane-graph prior from which the spread is taken.
 const LIKELY: usize = 16;
 
 /// Opens every adversary's latent space around its record.
@@ -201,16 +219,17 @@ pub fn motion(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
 }
 
 /// At most this many iterates become candidates.
-const CANDIDATES_MAX: usize = 8;
+const CANDIDATES_MAX: usize = 9;
 /// Adam's decays, which STRIVE leaves at their usual values.
 const DECAYS: (f64, f64) = (0.9, 0.999);
 
-/// Adam over all latents; iterates that are solvable become candidates, scored by minus their loss and below those
-/// that make contact.
+/// Adam over all latents; iterates that are solvable become candidates, scored by minus their loss, where they meet the
+/// ego without the crash term, and those above the others.
 pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Result<(), StageError> {
     let (situation, rates) = (stage.situation, |rate| Rates { rate, first_decay: DECAYS.0, second_decay: DECAYS.1 });
     let descent = Descent {
         iterations: settings.count("latent_iterations")?,
+        refinements: settings.count("likelihood_iterations")?,
         rates: rates(settings.number("latent_rate")?),
         replay_every: settings.count("planner_replay_every")?,
     };
@@ -219,8 +238,29 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         rates: rates(settings.number("solution_rate")?),
         buffer_m: settings.number("solution_buffer_m")?,
     };
-    let others = Others::of(situation, parts);
-    let loss = Loss {
+    let adversaries: Vec<TrackIx> = parts.iter().map(|part| part.actor).collect();
+    let others = Bystanders::of(situation, &adversaries, descent::covered(&descent::at_record(situation, parts)));
+    let loss = loss(situation, settings, parts, &others)?;
+    let iterates = descent::descend(situation, parts, &descent, &loss);
+    let mut solver = Solver::new(situation, &others, solution);
+    let mut solvable = |iterate: &Iterate| match iterate.contact {
+        Some(true) => solver.solves(&iterate.movers),
+        simulated => simulated.is_some(),
+    };
+    let mut chosen = ranking::selection(&iterates, CANDIDATES_MAX);
+    chosen.retain(|index| solvable(&iterates[*index]));
+    let scored = scored(stage, settings, &iterates, chosen)?;
+    ranking::into_candidates(parts, &iterates, &scored, log_prior);
+    Ok(())
+}
+
+fn loss<'a>(
+    situation: &'a Situation,
+    settings: &Settings,
+    parts: &[Part],
+    others: &'a Bystanders,
+) -> Result<Loss<'a>, StageError> {
+    Ok(Loss {
         attacker_weights: descent::actor_weights(situation, parts, settings.optional("weight")),
         records: parts.iter().filter_map(|p| p.driven.as_ref()).map(|d| d.start().to_vec()).collect(),
         from_step: situation.first_step() + (settings.number("earliest_crash_s")? / DT_S).round() as usize,
@@ -230,25 +270,33 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
         contact_weight: settings.number("soft_contact_weight")?,
         road_weight: settings.number("road_contact_weight")?,
         field: situation.road_field(),
-        others: &others,
-    };
-    let iterates = descent::descend(situation, parts, &descent, |movers, ego, slopes| loss.of(movers, ego, slopes));
-    let solvable = |iterate: &Iterate| match iterate.contact {
-        Some(true) => exists(situation, &iterate.movers, &others, &solution),
-        met => met == Some(false),
-    };
-    let mut chosen = descent::selection(&iterates, CANDIDATES_MAX);
-    chosen.retain(|index| solvable(&iterates[*index]));
+        others,
+    })
+}
+
+/// The chosen iterates with their scores.
+fn scored(
+    stage: &Stage<'_>,
+    settings: &Settings,
+    iterates: &[Iterate],
+    chosen: Vec<usize>,
+) -> Result<Vec<(usize, f64)>, StageError> {
+    let situation = stage.situation;
     let (module, replaces) = (settings.optional("score"), settings.word("combine")? == "replace");
+    let implausibility_weight = settings.number("latent_implausibility_weight")?;
+    let plausibility = iterates.first().map(|record| Plausibility::beyond(situation, record));
     let score = |index: usize| {
         let iterate = &iterates[index];
-        let own = if replaces && module.is_some() { 0.0 } else { iterate.loss };
-        let given = module.map_or(0.0, |module| descent::judged(situation, iterate, module, log_prior));
-        (index, descent::score(iterate.contact, own - given))
+        let (ending, loss) = match iterate.contact {
+            Some(true) => (Ending::Met, iterate.terms.rest),
+            _ => (Ending::Missed, iterate.terms.total()),
+        };
+        let implausible = implausibility_weight * plausibility.as_ref().map_or(0.0, |p| p.lack_of(iterate));
+        let own = if replaces && module.is_some() { 0.0 } else { loss + implausible };
+        let given = module.map_or(0.0, |module| ranking::judged(situation, iterate, module, log_prior));
+        (index, ranking::score(ending, own - given))
     };
-    let scored: Vec<(usize, f64)> = chosen.into_iter().map(score).collect();
-    descent::into_candidates(parts, &iterates, &scored, log_prior);
-    Ok(())
+    Ok(chosen.into_iter().map(score).collect())
 }
 
 /// log N(z; 0, I) but for its constant.

@@ -1,17 +1,17 @@
 //! STRIVE's solution pass: is there a motion of the ego, near the one it would drive undisturbed, that touches nobody?
 //! Searched by Adam over the ego's own latent, from its undisturbed motion, from braking and from driving on faster.
 
-use super::loss::{Others, beside_road};
-use crate::kernel::{OrientedBox, Pose};
+use super::loss::beside_road;
+use crate::kernel::OrientedBox;
 use crate::motion::Driven;
 use crate::motion::bicycle::State;
 use crate::motion::kinematics::Slope;
 use crate::motion::latent::{LatentOptions, LatentSpace};
 use crate::motion::separation::disc_overlap;
-use crate::scene::{Sample, TrackIx};
+use crate::scene::Sample;
 use crate::search::adam::{Adam, Rates};
 use crate::search::descent::{Mover, covered};
-use crate::stage::Situation;
+use crate::stage::{Bystanders, Situation};
 
 /// How the pass runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,24 +29,49 @@ const STARTS_MPS2: [f64; 3] = [0.0, -4.0, 1.5];
 const WEIGHTS: (f64, f64, f64) = (10.0, 10.0, 0.005);
 /// A corner may leave the road this much farther than the undisturbed ego does, metres.
 const OFF_ROAD_M: f64 = 0.5;
-/// MetaDrive's reactive traffic: this far behind the ego, and no farther aside, others make way for it, metres.
-const BEHIND_M: f64 = 1.0;
-const ASIDE_M: f64 = 15.0;
 /// Who is farther than this from the undisturbed ego cannot be met, metres.
 const NEAR_M: f64 = 40.0;
 
 /// Whether the ego can get through the movers' motions and the recorded traffic without contact.
-pub fn exists(situation: &Situation, movers: &[Mover], others: &Others, solution: &Solution) -> bool {
-    let steps = covered(movers);
-    let first = steps.start.saturating_sub(1);
-    let Some(start) = situation.ego.at(first) else { return false };
-    let undisturbed: Vec<Sample> = steps.map_while(|step| situation.ego.at(step).copied()).collect();
-    if undisturbed.is_empty() {
-        return true;
+pub fn exists(situation: &Situation, movers: &[Mover], others: &Bystanders, solution: &Solution) -> bool {
+    Solver::new(situation, others, *solution).solves(movers)
+}
+
+/// The pass over several motions of the same movers: a way that got through one of them is tried first on the next, for
+/// neighbouring iterates of a search differ little.
+#[derive(Debug)]
+pub struct Solver<'a> {
+    situation: &'a Situation,
+    others: &'a Bystanders,
+    solution: Solution,
+    /// The ego's boxes along every way found so far.
+    known: Vec<Vec<OrientedBox>>,
+}
+
+impl<'a> Solver<'a> {
+    pub fn new(situation: &'a Situation, others: &'a Bystanders, solution: Solution) -> Solver<'a> {
+        Solver { situation, others, solution, known: vec![] }
     }
-    let task = Task::new(situation, movers, others, first, start, &undisturbed);
-    let space = LatentSpace::new(State::of(start), &undisturbed, &[], &LATENT);
-    STARTS_MPS2.iter().any(|acceleration| task.solved_from(&space, *acceleration, solution))
+
+    /// Whether the ego can get through without contact.
+    pub fn solves(&mut self, movers: &[Mover]) -> bool {
+        let steps = covered(movers);
+        let first = steps.start.saturating_sub(1);
+        let Some(start) = self.situation.ego.at(first) else { return false };
+        let undisturbed: Vec<Sample> = steps.map_while(|step| self.situation.ego.at(step).copied()).collect();
+        if undisturbed.is_empty() {
+            return true;
+        }
+        let task = Task::new(self.situation, movers, self.others, first, start, &undisturbed);
+        if self.known.iter().any(|boxes| task.is_free(boxes)) {
+            return true;
+        }
+        let space = LatentSpace::new(State::of(start), &undisturbed, &[], &LATENT);
+        let found = STARTS_MPS2.iter().find_map(|acceleration| task.solved_from(&space, *acceleration, &self.solution));
+        let solved = found.is_some();
+        self.known.extend(found);
+        solved
+    }
 }
 
 /// What is in the ego's way.
@@ -61,16 +86,16 @@ impl<'a> Task<'a> {
     fn new(
         situation: &'a Situation,
         movers: &[Mover],
-        others: &Others,
+        others: &Bystanders,
         first: usize,
         start: &Sample,
         undisturbed: &[Sample],
     ) -> Task<'a> {
-        let makes_way = yielding(situation, others, first, start, undisturbed.len());
+        let makes_way = others.making_way(situation, first, start, undisturbed.len());
         let near = |k: usize, body: &OrientedBox| body.center.distance(undisturbed[k].position) < NEAR_M;
         let at = |k: usize| {
             let step = first + 1 + k;
-            let driven = movers.iter().filter_map(|m| mover_box(situation, m, step));
+            let driven = movers.iter().filter_map(|m| m.body_at(situation, step));
             let recorded = others.at(step).iter().filter(|(ix, _)| !makes_way.contains(ix)).map(|(_, body)| *body);
             driven.chain(recorded).filter(|body| near(k, body)).collect()
         };
@@ -86,25 +111,30 @@ impl<'a> Task<'a> {
     }
 
     fn off_road_m(&self, body: &OrientedBox) -> f64 {
-        let Some(field) = self.situation.road_field() else { return 0.0 };
-        body.corners().iter().map(|c| -field.at(*c).0).fold(0.0, f64::max)
+        self.situation.road_field().map_or(0.0, |field| field.departure_m(body))
     }
 
-    fn solved_from(&self, space: &LatentSpace, acceleration_mps2: f64, solution: &Solution) -> bool {
+    /// The ego's boxes, its start first, along a way that touches nobody.
+    fn solved_from(
+        &self,
+        space: &LatentSpace,
+        acceleration_mps2: f64,
+        solution: &Solution,
+    ) -> Option<Vec<OrientedBox>> {
         let mut place = space.start().to_vec();
         place[0] += acceleration_mps2 / LATENT.acceleration_spread_mps2;
         let mut adam = Adam::new(solution.rates, place.len());
         for _ in 0..=solution.iterations {
-            let states = space.states(&place);
-            let boxes: Vec<OrientedBox> = states.iter().map(|s| self.body(s)).collect();
+            let drive = space.drive(&place);
+            let boxes: Vec<OrientedBox> = drive.states.iter().map(|s| self.body(s)).collect();
             if self.is_free(&boxes) {
-                return true;
+                return Some(boxes);
             }
-            let mut slope = space.pull(&place, &states, &self.slopes(&boxes, solution.buffer_m));
+            let mut slope = space.pull(&drive, &self.slopes(&boxes, solution.buffer_m));
             slope.iter_mut().zip(&place).for_each(|(slope, z)| *slope += WEIGHTS.2 * z);
             adam.step(&mut place, &slope);
         }
-        false
+        None
     }
 
     /// Whether no box after the start touches anyone or leaves the road too far.
@@ -134,33 +164,4 @@ impl<'a> Task<'a> {
         }
         slopes
     }
-}
-
-/// Recorded road users that would not be in the way in a simulation: those behind the ego, which follow it, and those
-/// that the undisturbed ego passes through (overlaps of the recording, which the simulator spares).
-fn yielding(situation: &Situation, others: &Others, first: usize, start: &Sample, count: usize) -> Vec<TrackIx> {
-    let frame = Pose { position: start.position, heading_rad: start.heading_rad };
-    let follows = |body: &OrientedBox| {
-        let local = frame.to_local(body.center);
-        local.x < -BEHIND_M && local.y.abs() < ASIDE_M
-    };
-    let mut found: Vec<TrackIx> =
-        others.at(first + 1).iter().filter(|(_, body)| follows(body)).map(|(ix, _)| *ix).collect();
-    for step in first + 1..first + 1 + count {
-        let Some(ego) = situation.ego.body(step) else { break };
-        found.extend(others.at(step).iter().filter(|(_, body)| ego.overlaps(body)).map(|(ix, _)| *ix));
-    }
-    found
-}
-
-/// A mover's box at a scene step: its record before the window, its last velocity kept after it.
-fn mover_box(situation: &Situation, mover: &Mover, step: usize) -> Option<OrientedBox> {
-    if let Some(index) = mover.index(step) {
-        return Some(mover.boxes[index]);
-    }
-    let Some(late) = step.checked_sub(mover.steps().end) else {
-        return situation.scene.tracks[mover.actor].at(step).map(|s| situation.body(mover.actor, s));
-    };
-    let [.., before, last] = mover.boxes.as_slice() else { return None };
-    Some(OrientedBox { center: last.center + (last.center - before.center) * (late + 1) as f64, ..*last })
 }

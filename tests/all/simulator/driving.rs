@@ -138,3 +138,30 @@ fn acceleration_and_yaw_are_summed_as_the_benchmark_does() {
     let wrapped = 2.0 * num::PI - 0.02;
     assert!((found.yaw_change_rad - (39.0 * 0.02 + wrapped)).abs() < 1e-9, "{}", found.yaw_change_rad);
 }
+
+/// A walker that crosses from (20, -1) at 5 m/s for ever, or turns back to the ego's line after a time.
+fn crossing_walker(until: Until) -> Intervention {
+    let spawn = Pose { position: Vec2::new(20.0, -1.0), heading_rad: num::FRAC_PI_2 };
+    let trigger = Trigger { reference: 0, distance_m: 1e3, ego_speed_mps_min: 0.0 };
+    let back = Phase { way: Way::Turn { left_rad: -2.4, radius_m: 3.0 }, ..Phase::straight(25.0, Until::Forever) };
+    let phases = vec![Phase::straight(5.0, until), back];
+    let kind = crate::scene::AgentKind::Pedestrian;
+    Intervention {
+        actions: vec![Action::Triggered(Script { kind, length_m: 0.6, width_m: 0.6, spawn, trigger, phases })],
+    }
+}
+
+#[test]
+fn an_adversary_is_judged_until_a_second_after_its_nearest_moment() {
+    let report = |steps: usize, until: Until| {
+        let plant = Plant::new(&staged(steps, |_| 0.0)).unwrap();
+        rollout(&plant, &crossing_walker(until), &mut *Policy::Replay.driver()).unwrap().adversaries[0].clone()
+    };
+    // Ego at 10 t, walker at -1 + 5 t: nearest at 1.64 s, so what counts ends at step 26 or 27, at y = 12 or 12.5.
+    let (short, long) = (report(31, Until::Forever), report(101, Until::Forever));
+    assert!(short.simulated.off_road_m > 9.0 && short.simulated.off_road_m < 11.0, "{short:?}");
+    assert_eq!(short.simulated.off_road_m, long.simulated.off_road_m, "however long it goes on");
+    // One that comes nearer than ever before is judged as a whole: it goes to y = 14 first.
+    let back = report(101, Until::Lasted { s: 3.0 });
+    assert!(back.simulated.off_road_m > 11.0, "{back:?}");
+}

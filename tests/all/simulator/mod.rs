@@ -1,8 +1,11 @@
 //! The simulator against hand calculations, oracles and its own promises.
 
+mod avoidance;
+mod contacts;
 mod driving;
 mod egos;
 mod laws;
+mod plant;
 mod recorded;
 mod rollouts;
 mod triggered;

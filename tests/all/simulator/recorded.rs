@@ -4,9 +4,12 @@
 use crate::harness::{files, shared};
 use crate::kernel::num;
 use crate::scene::{AgentKind, DT_S, Sample, Scene, Track};
-use crate::sim::bicycle::{Car, DEFAULT_LIMITS};
+use crate::sim::bicycle::{Car, CorneringLoss, DEFAULT_LIMITS, Limits};
 use crate::sim::body::SUBSTEPS;
 use evodrive::formats::import_files;
+
+/// The accelerations of a recording are what is left after all losses.
+const LOSSLESS: Limits = Limits { cornering_loss: CorneringLoss::Steering { share: 0.0 }, ..DEFAULT_LIMITS };
 
 /// Steps of a window.
 const STEPS: usize = 20;
@@ -47,7 +50,7 @@ fn open_loop_m(length_m: f64, window: &[Sample]) -> f64 {
         let acceleration = (pair[1].speed_mps() - pair[0].speed_mps()) / DT_S;
         let way_m = 0.5 * (pair[0].speed_mps() + pair[1].speed_mps()) * DT_S;
         let curvature_1pm = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad) / way_m;
-        car = car.drive(acceleration, car.steering_for(curvature_1pm), &DEFAULT_LIMITS)[SUBSTEPS - 1];
+        car = car.drive(acceleration, car.steering_for(curvature_1pm), &LOSSLESS)[SUBSTEPS - 1];
     }
     car.position.distance(window[STEPS].position)
 }
@@ -62,7 +65,7 @@ fn followed_m(length_m: f64, window: &[Sample]) -> f64 {
         let acceleration = (next.speed_mps() + missing_m / CATCH_UP_S - car.speed_mps) / DT_S;
         let ahead = window[k + 1 + LEAD_STEPS].position - car.position;
         let curvature_1pm = 2.0 * car.axis.cross(ahead) / ahead.norm_squared().max(0.01);
-        car = car.drive(acceleration, car.steering_for(curvature_1pm), &DEFAULT_LIMITS)[SUBSTEPS - 1];
+        car = car.drive(acceleration, car.steering_for(curvature_1pm), &LOSSLESS)[SUBSTEPS - 1];
         worst = worst.max(car.position.distance(next.position));
     }
     worst

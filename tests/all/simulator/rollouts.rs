@@ -1,6 +1,7 @@
 //! Single rollouts whose outcome is known beforehand.
 
 use crate::ego::Policy;
+use crate::kernel::Vec2;
 use crate::scene::{AgentKind, Sample};
 use crate::scenes::*;
 use crate::sim::*;
@@ -54,7 +55,7 @@ fn an_adversary_that_cuts_in_and_stops_is_struck_by_the_ego() {
     assert!(contact.adversary && contact.striker == Striker::Ego, "{contact:?}");
     assert_eq!(outcome.distance_m_min, Some(0.0));
     assert_eq!(outcome.post_encroachment_s_min, Some(0.0));
-    assert!(outcome.adversaries[0].jump_m_max > 100.0);
+    assert!(outcome.adversaries[0].simulated.jump_m > 100.0);
 }
 
 #[test]
@@ -70,6 +71,22 @@ fn a_rollout_told_in_parts_is_the_same_and_passes_through_all_of_them() {
         assert!([Part::Motion, Part::Contact].iter().all(|&part| begins(part) == told.1.steps), "{parts:?}");
         assert!(Part::ALL.iter().all(|&part| begins(part) > 0));
     }
+}
+
+#[test]
+fn a_rollout_without_its_account_ends_in_the_same_way() {
+    let mut contacts = 0;
+    for seed in 0..40 {
+        let scene = crossing(seed, 20, 91);
+        let (plant, act) = (Plant::new(&scene).unwrap(), intercept(&scene, 10));
+        for policy in [Policy::Idm, Policy::Replay] {
+            let told = rollout(&plant, &act, &mut *policy.driver()).unwrap();
+            let ended = ending(&plant, &act, &mut *policy.driver()).unwrap();
+            assert_eq!(ended, (told.end, told.contact));
+            contacts += usize::from(told.contact.is_some());
+        }
+    }
+    assert!(contacts > 5, "{contacts}");
 }
 
 #[test]
@@ -105,4 +122,35 @@ fn hostile_interventions_are_refused() {
         let act = Intervention { actions };
         assert!(rollout(&plant, &act, &mut *Policy::Idm.driver()).is_err(), "{act:?}");
     }
+}
+
+/// A car that is recorded 20 m beside the ego's road at 10 m/s, and follows a motion of its own from the second step on.
+fn beside(at: impl Fn(f64) -> Vec2) -> AdversaryReport {
+    let log = straight(sample(0.0, 20.0, 0.0, 10.0), 91);
+    let scene = straight_road(91, 8.0, vec![car("other", log)]);
+    let moved = |k: usize| {
+        let velocity = (at(0.1 * k as f64 + 0.05) - at(0.1 * k as f64 - 0.05)) * 10.0;
+        Sample { position: at(0.1 * k as f64), heading_rad: 0.0, velocity }
+    };
+    let action = Action::Follow { track: 0, from_step: 1, samples: (1..91).map(moved).collect() };
+    let plant = Plant::new(&scene).unwrap();
+    let acts = Intervention { actions: vec![action] };
+    rollout(&plant, &acts, &mut *Policy::Replay.driver()).unwrap().adversaries[0].clone()
+}
+
+#[test]
+fn an_adversary_completes_the_share_of_its_recorded_way_that_it_has_driven_by_then() {
+    // From 1 m on, where both are at the second step.
+    let half = beside(|t| Vec2::new(1.0 + 5.0 * (t - 0.1), 20.0)).route_completion.unwrap();
+    assert!((half - 0.5).abs() < 1e-9, "half as fast as recorded: {half}");
+    let whole = beside(|t| Vec2::new(10.0 * t, 20.0)).route_completion.unwrap();
+    assert!((whole - 1.0).abs() < 1e-9, "{whole}");
+    assert_eq!(beside(|t| Vec2::new(1.0, 20.0 + 5.0 * t)).route_completion, Some(0.0), "off to another road");
+}
+
+#[test]
+fn a_quarter_of_a_metre_from_its_recording_an_adversary_does_not_act_and_farther_it_does() {
+    assert!(!beside(|t| Vec2::new(10.0 * t, 20.25)).acted);
+    let acts = beside(|t| Vec2::new(10.0 * t, 20.26));
+    assert!(acts.acted && acts.log_deviation_m_max.is_some_and(|off| (off - 0.26).abs() < 1e-9));
 }

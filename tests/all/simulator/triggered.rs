@@ -135,6 +135,46 @@ fn a_car_steers_at_its_waypoints_and_with_its_wheel() {
     assert!(left[40].heading_rad > 0.3 && left[40].position.y > 41.0, "{:?}", left[40]);
 }
 
+/// What a road user does with a way, all else being equal.
+fn on_way(kind: AgentKind, way: Way) -> Vec<crate::scene::Sample> {
+    let phase = Phase { way, ..Phase::straight(6.0, Until::Forever) };
+    motion(vec![script(kind, 0.0, 40.0, 0.0, vec![phase])], 0)
+}
+
+#[test]
+fn a_shift_ends_beside_the_old_line_with_the_old_heading() {
+    for (kind, left_m, off_m) in [(AgentKind::Vehicle, 3.5, 0.2), (AgentKind::Vehicle, -2.0, 0.2)] {
+        let samples = on_way(kind, Way::Shift { left_m, over_m: 16.0 });
+        let last = samples[samples.len() - 1];
+        assert!((last.position.y - 40.0 - left_m).abs() < off_m && last.heading_rad.abs() < 0.02, "{last:?}");
+        let before = samples.iter().rfind(|s| s.position.x < 1.0).unwrap();
+        assert!((before.position.y - 40.0).abs() < 0.5, "it does not jump aside: {before:?}");
+    }
+    let walker = on_way(AgentKind::Pedestrian, Way::Shift { left_m: 3.5, over_m: 16.0 });
+    let last = walker[walker.len() - 1];
+    assert!((last.position.y - 43.5).abs() < 1e-3 && walker[1..].iter().all(|s| (s.speed_mps() - 6.0).abs() < 1e-9));
+}
+
+#[test]
+fn a_turn_leaves_on_its_new_heading_at_once_on_foot() {
+    let to_right = Way::Turn { left_rad: -num::FRAC_PI_2, radius_m: 8.0 };
+    let car = on_way(AgentKind::Vehicle, to_right.clone());
+    let last = car[car.len() - 1];
+    assert!((last.heading_rad + num::FRAC_PI_2).abs() < 0.25 && last.position.y < 20.0, "{last:?}");
+    assert!(car.iter().all(|s| s.position.x < 16.0), "on an arc of about its radius");
+    let walker = on_way(AgentKind::Pedestrian, to_right);
+    assert!((walker[1].heading_rad + num::FRAC_PI_2).abs() < 1e-9 && walker[30].position.x.abs() < 1e-9);
+}
+
+#[test]
+fn a_phase_may_end_at_the_ego_s_route() {
+    let phases = vec![Phase::straight(5.0, Until::NearRoute { m: 10.0 })];
+    let walker = motion(vec![script(AgentKind::Pedestrian, 0.0, 40.0, -num::FRAC_PI_2, phases)], 0);
+    // The route is the x axis: it stops at the first step at which it is nearer than 10 m.
+    let last = walker[walker.len() - 1];
+    assert!(last.speed_mps() == 0.0 && last.position.y < 10.0 && last.position.y > 9.4, "{last:?}");
+}
+
 #[test]
 fn who_intercepts_meets_an_ego_that_ignores_it() {
     let mut phase = Phase::straight(0.0, Until::Forever);
@@ -169,6 +209,11 @@ fn scripts_that_make_no_sense_are_refused_by_rule() {
     assert!(told(&|s| s.phases[0].speed = Speed::Profile { mps: vec![] }).contains("profiles"));
     assert!(told(&|s| s.phases[0].speed = Speed::Intercept { mps_min: 3.0, mps_max: 2.0 }).contains("speeds"));
     assert!(told(&|s| s.phases[0].way = Way::Path { points: vec![Vec2::new(f64::NAN, 0.0)] }).contains("way"));
+    assert!(told(&|s| s.phases[0].way = Way::Shift { left_m: f64::NAN, over_m: 9.0 }).contains("shift"));
+    assert!(told(&|s| s.phases[0].way = Way::Shift { left_m: 3.0, over_m: 0.0 }).contains("shift"));
+    assert!(told(&|s| s.phases[0].way = Way::Turn { left_rad: 4.0, radius_m: 9.0 }).contains("turn"));
+    assert!(told(&|s| s.phases[0].way = Way::Turn { left_rad: 1.0, radius_m: 1.0 }).contains("turn"));
+    assert!(told(&|s| s.phases[0].until = Until::NearRoute { m: -1.0 }).contains("end of a phase"));
     assert!(told(&|s| s.phases[0].throttle = 1.1).contains("shares"));
     assert!(told(&|s| s.phases[0].until = Until::Driven { m: -1.0 }).contains("end of a phase"));
 }

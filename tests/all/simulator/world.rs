@@ -57,6 +57,9 @@ impl Frame {
         for phase in &mut script.phases {
             match &mut phase.way {
                 Way::Straight => {}
+                Way::Shift { left_m: x, .. } | Way::Turn { left_rad: x, .. } => {
+                    *x = if self.mirrored { -*x } else { *x }
+                }
                 Way::Wheel { rad } => rad.iter_mut().for_each(|r| *r = if self.mirrored { -*r } else { *r }),
                 Way::Points { points } | Way::Path { points } => points.iter_mut().for_each(|p| *p = self.point(*p)),
             }
@@ -78,17 +81,29 @@ impl Frame {
 }
 
 fn run(scene: &Scene, act: &Intervention) -> Outcome {
-    rollout(&Plant::new(scene).unwrap(), act, &mut *Policy::Idm.driver()).unwrap()
+    rollout_assessed(&Plant::new(scene).unwrap(), act, &mut *Policy::Idm.driver()).unwrap()
 }
 
 fn near(a: f64, b: f64) -> bool {
     (a - b).abs() < 1e-6 * (1.0 + a.abs())
 }
 
+/// The side in a mirror.
+fn swapped(side: Side) -> Side {
+    match side {
+        Side::Left => Side::Right,
+        Side::Right => Side::Left,
+        other => other,
+    }
+}
+
 /// Equal events and, within rounding, equal numbers.
 fn assert_alike(a: &Outcome, b: &Outcome, mirrored: bool, what: &str) {
     assert_eq!((a.end, a.steps), (b.end, b.steps), "{what}");
-    assert_eq!(a.contact.map(|c| (c.with, c.striker)), b.contact.map(|c| (c.with, c.striker)), "{what}");
+    let kind = |c: Contact| (c.with, c.striker, c.class, c.avoidable);
+    assert_eq!(a.contact.map(kind), b.contact.map(kind), "{what}");
+    let sides = |c: Contact, mirrored: bool| [c.ego_side, c.other_side].map(|s| if mirrored { swapped(s) } else { s });
+    assert_eq!(a.contact.map(|c| sides(c, false)), b.contact.map(|c| sides(c, mirrored)), "{what}");
     if let (Some(a), Some(b)) = (a.contact, b.contact) {
         let angle = if mirrored { -b.impact_angle_rad } else { b.impact_angle_rad };
         assert!(near(a.time_s, b.time_s) && near(a.relative_speed_mps, b.relative_speed_mps), "{what}");
@@ -107,7 +122,10 @@ fn assert_alike(a: &Outcome, b: &Outcome, mirrored: bool, what: &str) {
             all.extend([m.lateral_acceleration_mps2_max, m.jerk_mps3_max, m.yaw_rate_radps_max, m.distance_m]);
         }
         for a in &o.adversaries {
-            all.extend([a.off_road_m_max, a.wrong_way_m, a.jump_m_max, a.log_deviation_m_max.unwrap_or(-1.0)]);
+            let found = &a.simulated;
+            all.extend([found.off_road_m, found.wrong_way_m, found.jump_m, a.log_deviation_m_max.unwrap_or(-1.0)]);
+            all.extend([found.acceleration_mps2, found.jerk_mps3, found.slip_mps, found.roughness_m, found.kink_m]);
+            all.push(a.route_completion.unwrap_or(-1.0));
         }
         all
     };
@@ -177,7 +195,12 @@ fn scripted(seed: u64) -> Intervention {
         ..car.clone()
     };
     let parked = Script { spawn: spawn(30.0, 8.0, 0.1), phases: vec![], ..car.clone() };
-    Intervention { actions: [car, walker, parked].map(Action::Triggered).to_vec() }
+    let mut aside = phases[..2].to_vec();
+    (aside[0].way, aside[0].until) =
+        (Way::Shift { left_m: draw(-4.0, 4.0), over_m: 12.0 }, Until::NearRoute { m: 3.05 });
+    aside[1].way = Way::Turn { left_rad: draw(-1.5, 1.5), radius_m: 8.0 };
+    let swerving = Script { spawn: spawn(draw(-20.0, -16.0), draw(6.0, 9.0), -0.3), phases: aside, ..car.clone() };
+    Intervention { actions: [car, walker, parked, swerving].map(Action::Triggered).to_vec() }
 }
 
 #[test]

@@ -12,7 +12,11 @@
 //! - S_dist, distance consistency: mean of three: nobody overlaps at the start and the gap to the ego there is enough;
 //!   adversaries keep apart from each other; no motion jumps.
 //!
-//! Of several adversaries the worst counts in each sub-score. What is parked is judged by its distances alone.
+//! Of several adversaries the worst counts in each sub-score. What is parked is judged by its distances alone. Each is
+//! judged until its encounter with the ego is over (`sim::Driving`).
+//!
+//! A run in which nobody was set off and nobody staged met the ego is no scenario: it is invalid and has no sub-scores, so
+//! that a program gains no realism where it does nothing.
 
 use serde::{Deserialize, Serialize};
 
@@ -102,7 +106,7 @@ pub struct ArsOptions {
 pub struct Ars {
     pub ars: f64,
     pub valid_rate: f64,
-    /// Means over the runs.
+    /// Means over the runs in which the program acted; 0 where there is none.
     pub sub_scores: [f64; 4],
 }
 
@@ -149,6 +153,10 @@ impl BoundedOptions {
 /// Sub-scores of one run; `None` for an outcome of a scene that is not staged for a traffic family.
 pub fn run_realism(outcome: &Outcome, options: &ArsOptions) -> Option<RunRealism> {
     let driving = outcome.driving.as_ref()?;
+    let met = outcome.contact.is_some_and(|contact| contact.adversary);
+    if !met && !driving.actors.iter().any(|conduct| conduct.moved) {
+        return Some(RunRealism { acted: false, valid: false, sub_scores: [0.0; 4] });
+    }
     let both: Vec<(&AdversaryReport, &ActorConduct)> = outcome.adversaries.iter().zip(&driving.actors).collect();
     let worst = |of: &dyn Fn(&AdversaryReport, &ActorConduct) -> f64| {
         both.iter().map(|(report, conduct)| of(report, conduct)).fold(1.0, f64::min)
@@ -161,7 +169,7 @@ pub fn run_realism(outcome: &Outcome, options: &ArsOptions) -> Option<RunRealism
     let distance = worst(&|report, conduct| distance(report, conduct, &options.distance));
     let valid = both.iter().all(|(report, conduct)| is_valid(report, conduct, &options.validity));
     let interaction = interaction(outcome, &options.interaction);
-    Some(RunRealism { valid, sub_scores: [kinematics, map, interaction, distance] })
+    Some(RunRealism { acted: true, valid, sub_scores: [kinematics, map, interaction, distance] })
 }
 
 fn kinematics(report: &AdversaryReport, conduct: &ActorConduct, options: &KinematicsOptions) -> f64 {
@@ -175,16 +183,20 @@ fn kinematics(report: &AdversaryReport, conduct: &ActorConduct, options: &Kinema
 }
 
 fn map(report: &AdversaryReport, conduct: &ActorConduct, options: &MapOptions) -> f64 {
-    let on_road = soft(report.off_road_m_max, options.off_road_tolerance_m);
+    let on_road = soft(report.simulated.off_road_m, options.off_road_tolerance_m);
     if conduct.kind == AgentKind::Pedestrian {
         return on_road;
     }
-    0.5 * (on_road + soft(report.wrong_way_m, options.wrong_way_tolerance_m))
+    0.5 * (on_road + soft(report.simulated.wrong_way_m, options.wrong_way_tolerance_m))
 }
 
 fn interaction(outcome: &Outcome, options: &InteractionOptions) -> f64 {
     let (Some(_), Some(nearest_m)) = (outcome.adversaries.first(), outcome.distance_m_min) else { return 1.0 };
-    let bystanders = if outcome.adversaries.iter().any(|report| report.struck_bystander) { 0.0 } else { 1.0 };
+    let bystanders = if outcome.adversaries.iter().any(|report| report.struck_bystander || report.struck_parked) {
+        0.0
+    } else {
+        1.0
+    };
     let contact = outcome.contact.filter(|contact| contact.adversary);
     let impact = contact.map_or(1.0, |contact| options.impact_speed.diagnostic(contact.relative_speed_mps));
     (bystanders + impact + options.approach.diagnostic(nearest_m)) / 3.0
@@ -194,20 +206,25 @@ fn distance(report: &AdversaryReport, conduct: &ActorConduct, options: &Distance
     let short_of = |gap_m: f64, wanted_m: f64| soft(wanted_m - gap_m, wanted_m);
     let start = if report.initial_overlap { 0.0 } else { short_of(conduct.ego_gap_m_first, options.start_gap_m) };
     let apart = conduct.other_gap_m_min.map_or(1.0, |gap_m| short_of(gap_m, options.apart_gap_m));
-    (start + apart + soft(report.jump_m_max, options.jump_tolerance_m)) / 3.0
+    (start + apart + soft(report.simulated.jump_m, options.jump_tolerance_m)) / 3.0
 }
 
 fn is_valid(report: &AdversaryReport, conduct: &ActorConduct, options: &ValidityOptions) -> bool {
-    let on_map = conduct.kind == AgentKind::Static || report.off_road_m_max <= options.off_road_m_max;
-    !report.initial_overlap && report.jump_m_max <= options.jump_m_max && on_map
+    let on_map = conduct.kind == AgentKind::Static || report.simulated.off_road_m <= options.off_road_m_max;
+    !report.initial_overlap && report.simulated.jump_m <= options.jump_m_max && on_map
 }
 
-/// ARS of a set of runs; `failures` are scenes that could not be run and count as invalid. `None` without a run.
+/// ARS of a set of runs: validity over all of them times the sub-scores of those in which the program acted. `failures`
+/// are scenes that could not be run and count as invalid. `None` without a run.
 pub fn ars(runs: &[RunRealism], failures: usize) -> Option<Ars> {
+    if runs.is_empty() {
+        return None;
+    }
     let valid = runs.iter().filter(|run| run.valid).count();
     let mut sub_scores = [0.0; 4];
     for (ix, score) in sub_scores.iter_mut().enumerate() {
-        *score = num::mean(&runs.iter().map(|run| run.sub_scores[ix]).collect::<Vec<f64>>())?;
+        let acted = runs.iter().filter(|run| run.acted);
+        *score = num::mean(&acted.map(|run| run.sub_scores[ix]).collect::<Vec<f64>>()).unwrap_or(0.0);
     }
     let valid_rate = valid as f64 / (runs.len() + failures) as f64;
     let weighted = num::sum(WEIGHTS.iter().zip(&sub_scores).map(|(weight, score)| weight * score));
@@ -215,4 +232,4 @@ pub fn ars(runs: &[RunRealism], failures: usize) -> Option<Ars> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

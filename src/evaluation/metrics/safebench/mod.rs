@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 mod ars;
+#[cfg(test)]
+mod null_tests;
 mod overall;
 
 pub use ars::{

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::kernel::num;
 use crate::objects::benchmark::Run;
-use crate::sim::{End, Outcome};
+use crate::sim::Outcome;
 
 // Divisors of the sub-metrics, in their units.
 const OFF_ROAD_M: f64 = 50.0;
@@ -21,7 +21,8 @@ impl Run {
         let driving = outcome.driving.as_ref()?;
         let yaw_rate_radps = if driving.duration_s > 0.0 { driving.yaw_change_rad / driving.duration_s } else { 0.0 };
         Some(Run {
-            collision: outcome.end == End::Contact,
+            // Who hits somebody whom no program staged has met the traffic, not the scenario.
+            collision: outcome.contact.is_some_and(|contact| contact.adversary),
             red_lights: f64::from(driving.red_lights),
             stop_signs: f64::from(driving.stop_signs),
             off_road_m: driving.off_road_m,
@@ -39,7 +40,7 @@ impl Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Criteria {
-    /// CR: share of runs that ended with a collision.
+    /// CR: share of runs that ended with a collision with somebody whom the program staged.
     pub collision_rate: f64,
     /// RL and SS: mean counts.
     pub red_lights: f64,
@@ -138,6 +139,43 @@ mod tests {
 
     fn score(runs: &[Run]) -> f64 {
         criteria(runs).unwrap().overall_score()
+    }
+
+    #[test]
+    fn only_a_contact_with_somebody_staged_is_a_collision() {
+        use crate::sim::{ActorRef, Contact, ContactClass, Driving, End, Motion, Side, Striker};
+        let mut outcome = Outcome {
+            end: End::Contact,
+            steps: 30,
+            contact: None,
+            distance_m_min: None,
+            ttc_s_min: None,
+            post_encroachment_s_min: None,
+            route_completion: 0.4,
+            ego_lateral_m_max: 0.0,
+            ego: Motion::default(),
+            adversaries: vec![],
+            trace: crate::kernel::Digest::of_bytes(b"trace"),
+            driving: Some(Driving::default()),
+        };
+        let mut collides = |with, adversary| {
+            outcome.contact = Some(Contact {
+                with,
+                adversary,
+                time_s: 3.0,
+                relative_speed_mps: 5.0,
+                impact_angle_rad: 0.0,
+                striker: Striker::Ego,
+                ego_side: Side::Front,
+                other_side: Side::Rear,
+                class: ContactClass::RearEndEgoStruck,
+                visible_s: None,
+                avoidable: None,
+            });
+            Run::of(&outcome).unwrap().collision
+        };
+        assert!(collides(ActorRef::Inserted(0), true));
+        assert!(!collides(ActorRef::Track(0), false), "somebody recorded, whom no program staged");
     }
 
     #[test]

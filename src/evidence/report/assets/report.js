@@ -23,7 +23,8 @@
   }
   const fixed = (value, digits) => value === null || value === undefined ? "–" : value.toFixed(digits);
   const signed = (value, digits) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(digits);
-  const accepted = (a) => !!a.decision && [a.decision.gates.densification, a.decision.gates.local_push, a.decision.gates.parent_tradeoff].some((g) => g.holds);
+  // As the acceptor: one of three gates, enough coverage, and labels that are not the parent's.
+  const accepted = (a) => !!a.decision && a.decision.gates.coverage.holds && a.decision.gates.differing_scenes > 0 && [a.decision.gates.densification, a.decision.gates.local_push, a.decision.gates.parent_tradeoff].some((g) => g.holds);
   const standing = (a) => a.decision && a.decision.promoted ? "promoted" : accepted(a) ? "accepted" : a.exit;
 
   // --- header and result
@@ -40,17 +41,18 @@
   function resultTable() {
     const rows = data.lineages.filter((l) => l.result);
     if (!rows.length) return byId("result-table").append("The run is not finished: no held-out result yet.");
-    const head = ["Lineage", "Parent attack", "Parent RP %", "Evolved attack", "Evolved RP %", "Change attack", "Change RP pp", "PF-Area@3 %", "Chosen program"];
+    const head = ["Lineage", "Parent attack", "any crash", "RP %", "coverage", "Evolved attack", "any crash", "RP %", "coverage", "Change attack", "RP pp", "PF-Area@3 %", "Chosen program"];
     const cell = (text, number = true) => el("td", number ? { class: "num" } : {}, text);
+    const four = (m) => [cell(fixed(m.objectives.attack, 3)), cell(fixed(m.any_contact, 3)), cell(fixed(m.realism_penalty_pct, 2)), cell(fixed(m.coverage, 2))];
+    // The recorded scenes without a program stand under the parent's heads.
+    const nothing = (r) => el("tr", { class: "replay" }, cell(`replay (no program), ${r.ego}`, false), cell("0.000"), cell(fixed(r.contact_rate, 3)), cell(r.realism === null ? "–" : fixed(100 * (1 - r.realism), 2)), cell("0.00"), ...Array.from({ length: 7 }, () => cell("–")), el("td", {}, "none"));
     byId("result-table").append(el("table", {},
-      el("thead", {}, el("tr", {}, head.map((h, i) => el("th", i && i < 8 ? { class: "num" } : {}, h)))),
-      el("tbody", {}, rows.map(({ result: r }) => el("tr", {}, cell(r.lineage, false),
-        cell(fixed(r.parent.objectives.attack, 3)), cell(fixed(r.parent.realism_penalty_pct, 2)),
-        cell(fixed(r.evolved.objectives.attack, 3)), cell(fixed(r.evolved.realism_penalty_pct, 2)),
+      el("thead", {}, el("tr", {}, head.map((h, i) => el("th", i && i < 12 ? { class: "num" } : {}, h)))),
+      el("tbody", {}, data.replay.filter((r) => r.suite === "held_out").map(nothing), rows.map(({ result: r }) => el("tr", {}, cell(r.lineage, false), ...four(r.parent), ...four(r.evolved),
         cell(signed(r.evolved.objectives.attack - r.parent.objectives.attack, 3)), cell(signed(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2)),
         cell(signed(r.pf_area_at_3_pct, 1)), el("td", {}, el("code", {}, r.evolved.solution)))))));
     const scenes = rows[0].result.held_out_scenes;
-    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families, realism is ARS" : "the share of scenes with a target failure"}; RP = 100 (1 − realism), lower is more realistic.` +
+    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families, realism is ARS" : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the ego meets anyone. RP = 100 (1 − realism) over the scenes that a program acts in, lower is more realistic; coverage is their share. The first row is the recorded scenes without a program: what the ego runs into anyway, and the RP of the recorded traffic itself.` +
       (!data.scripted_roles.length ? "" : data.scripted_roles.length === Object.keys(data.models).length
         ? " Proposals came from the scripted stand-in, not from a language model: these numbers say nothing about LLM agents."
         : ` The scripted stand-in, which is no language model, answered as ${data.scripted_roles.join(", ")}.`);
@@ -118,7 +120,9 @@
     if (parents.length) ring(parents[0].objectives, `${lineage.parent}, first window`, "var(--ink)");
     const active = points.find((a) => a.solution === lineage.active);
     if (active) ring(active.objectives, `${lineage.active} (active)`, COLOURS.promoted);
+    const played = data.replay.find((r) => r.suite === "evolution" && r.ego === lineage.ego);
     byId("front-chart").append(chart.root);
+    if (played) byId("front-chart").append(el("p", { class: "dim" }, `Replay (no program): attack 0 and no place in this plane, because it acts nowhere; the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of the evolution scenes.`));
     const hv = lineage.epochs.map((e) => [e.epoch + 1, e.hypervolume]);
     if (!hv.length) return;
     const plot = axes(420, 400, [0.7, Math.max(hv.length, 2) + 0.3], padded(hv.map((p) => p[1]), 0.005), "epoch", "hypervolume");
@@ -195,10 +199,13 @@
     if (a.route) left.push(el("h3", {}, "Route"), el("p", {}, `${a.route.decision}: ${a.route.reason}; uncertainty ${fixed(a.route.uncertainty, 3)}`));
     if (a.decision) {
       const g = a.decision.gates, d = g.densification, l = g.local_push, t = g.parent_tradeoff;
+      const error = (value, digits) => value === null || value === undefined ? "" : ` ± ${value.toFixed(digits)}`;
       left.push(el("h3", {}, "Archive"), list([
-        `densification ${d.holds ? "holds" : "no"}: non-dominated ${d.non_dominated}, hypervolume ${fixed(d.hypervolume_before, 5)} ${signed(d.hypervolume_gain, 5)}`,
+        `over ${g.scenes} paired scenes, ${g.differing_scenes} of them unlike the parent's`,
+        `coverage floor ${g.coverage.holds ? "holds" : "no"}: acts in ${fixed(g.coverage.coverage, 3)}, at least ${fixed(g.coverage.floor, 3)}`,
+        `densification ${d.holds ? "holds" : "no"}: non-dominated ${d.non_dominated}, hypervolume ${fixed(d.hypervolume_before, 5)} ${signed(d.hypervolume_gain, 5)}${error(d.uncertainty, 5)}`,
         `local push ${l.holds ? "holds" : "no"}: best attack at r0 ${fixed(l.best_attack_at_r0, 3)}, best realism at a0 ${fixed(l.best_realism_at_a0, 4)}`,
-        `parent trade-off ${t.holds ? "holds" : "no"}: attack ${signed(t.attack_change, 3)}, realism ${signed(t.realism_change, 4)}`]));
+        `parent trade-off ${t.holds ? "holds" : "no"}: attack ${signed(t.attack_change, 3)}${error(t.attack_uncertainty, 3)}, realism ${signed(t.realism_change, 4)}${error(t.realism_uncertainty, 4)}`]));
     }
     const right = [];
     if (a.diff) right.push(el("h3", {}, "Change of the program"), el("pre", { class: "diff" }, a.diff.split("\n").map((line) => el("span", { class: line.startsWith("+") ? "add" : line.startsWith("-") ? "del" : line.startsWith("@@") ? "hunk" : "" }, line + "\n"))));

@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::kernel::Digest;
-use crate::sim::{ActorRef, Contact, Driving, End, Motion, Striker};
+use crate::sim::{ActorRef, Contact, ContactClass, Driving, End, Feasibility, Motion, Side, Striker};
 
-const OPTIONS: ArsOptions = ArsOptions {
+/// Bounds and tolerances of `experiments/safebench`.
+pub const OPTIONS: ArsOptions = ArsOptions {
     kinematics: KinematicsOptions {
         acceleration: BoundedOptions { bound: 4.0, tolerance: 4.0 },
         lateral_acceleration: BoundedOptions { bound: 4.0, tolerance: 4.0 },
@@ -22,12 +23,15 @@ const OPTIONS: ArsOptions = ArsOptions {
 fn report() -> AdversaryReport {
     AdversaryReport {
         actor: ActorRef::Inserted(0),
+        kind: AgentKind::Vehicle,
+        acted: true,
         motion: Motion::default(),
-        off_road_m_max: 0.0,
-        wrong_way_m: 0.0,
+        simulated: Feasibility::default(),
+        recorded: None,
         initial_overlap: false,
         struck_bystander: false,
-        jump_m_max: 0.0,
+        struck_parked: false,
+        route_completion: None,
         log_deviation_m_max: None,
     }
 }
@@ -72,7 +76,42 @@ fn close(found: [f64; 4], expected: [f64; 4]) {
 #[test]
 fn gentle_motion_on_the_road_is_fully_real() {
     close(scores(vec![(report(), conduct(AgentKind::Vehicle))]), [1.0; 4]);
-    close(scores(vec![]), [1.0; 4]);
+}
+
+#[test]
+fn a_run_in_which_nobody_is_set_off_is_no_scenario() {
+    let idle = |kind| (report(), ActorConduct { moved: false, ..conduct(kind) });
+    let nothing = RunRealism { acted: false, valid: false, sub_scores: [0.0; 4] };
+    assert_eq!(run_realism(&outcome(vec![]), &OPTIONS), Some(nothing));
+    let mut waiting = outcome(vec![idle(AgentKind::Vehicle), idle(AgentKind::Static)]);
+    assert_eq!(run_realism(&waiting, &OPTIONS), Some(nothing), "whom one places but never sets off");
+    waiting.contact = Some(contact(4.0));
+    assert!(run_realism(&waiting, &OPTIONS).unwrap().acted, "a parked car that the ego drives into is a scenario");
+}
+
+#[test]
+fn abstaining_adds_no_realism() {
+    let acted = RunRealism { acted: true, valid: true, sub_scores: [0.5, 1.0, 1.0, 1.0] };
+    let nothing = RunRealism { acted: false, valid: false, sub_scores: [0.0; 4] };
+    // One of two is valid, and the sub-scores are those of the one: 0.5 * 0.8.
+    assert!((ars(&[acted, nothing], 0).unwrap().ars - 0.4).abs() < 1e-12);
+    assert_eq!(ars(&[nothing; 3], 0).unwrap().ars, 0.0);
+}
+
+fn contact(relative_speed_mps: f64) -> Contact {
+    Contact {
+        with: ActorRef::Inserted(0),
+        adversary: true,
+        time_s: 3.0,
+        relative_speed_mps,
+        impact_angle_rad: 0.0,
+        striker: Striker::Other,
+        ego_side: Side::Rear,
+        other_side: Side::Front,
+        class: ContactClass::RearEndEgoStruck,
+        visible_s: None,
+        avoidable: None,
+    }
 }
 
 #[test]
@@ -83,22 +122,15 @@ fn each_sub_score_is_worked_by_hand() {
     bad.0.motion.lateral_acceleration_mps2_max = 6.0;
     bad.1.jerk_mps3_mean = 25.0;
     // 0.5 of 2 m off the road: 0.75; 5 of 10 m on the wrong side: 0.5. Mean 0.625.
-    bad.0.off_road_m_max = 0.5;
-    bad.0.wrong_way_m = 5.0;
+    bad.0.simulated.off_road_m = 0.5;
+    bad.0.simulated.wrong_way_m = 5.0;
     // Gap of 4 of 10 m at the start: 0.4; 0.5 of 1 m apart: 0.5; jump 0.3 of 1 m: 0.7. Mean 1.6 / 3.
     bad.1.ego_gap_m_first = 4.0;
     bad.1.other_gap_m_min = Some(0.5);
-    bad.0.jump_m_max = 0.3;
+    bad.0.simulated.jump_m = 0.3;
     let mut run = outcome(vec![bad.clone()]);
     // Struck nobody: 1; impact of 14 m/s, 4 beyond 10 of 10: 0.6; came within 2 m: 1. Mean 2.6 / 3.
-    run.contact = Some(Contact {
-        with: ActorRef::Inserted(0),
-        adversary: true,
-        time_s: 3.0,
-        relative_speed_mps: 14.0,
-        impact_angle_rad: 0.0,
-        striker: Striker::Other,
-    });
+    run.contact = Some(contact(14.0));
     let found = run_realism(&run, &OPTIONS).unwrap();
     assert!(found.valid);
     close(found.sub_scores, [0.5, 0.625, 2.6 / 3.0, 1.6 / 3.0]);
@@ -109,13 +141,14 @@ fn each_sub_score_is_worked_by_hand() {
 #[test]
 fn walkers_are_not_judged_by_lanes_nor_parked_things_by_motion() {
     let mut walker = (report(), conduct(AgentKind::Pedestrian));
-    walker.0.wrong_way_m = 50.0;
+    walker.0.simulated.wrong_way_m = 50.0;
     walker.0.motion.lateral_acceleration_mps2_max = 90.0;
     close(scores(vec![walker]), [1.0; 4]);
     let mut machine = (report(), conduct(AgentKind::Static));
-    machine.0.off_road_m_max = 20.0;
-    close(scores(vec![machine.clone()]), [1.0; 4]);
-    assert!(run_realism(&outcome(vec![machine]), &OPTIONS).unwrap().valid, "it may stand beside the road");
+    machine.0.simulated.off_road_m = 20.0;
+    let beside = vec![(report(), conduct(AgentKind::Vehicle)), machine];
+    close(scores(beside.clone()), [1.0; 4]);
+    assert!(run_realism(&outcome(beside), &OPTIONS).unwrap().valid, "it may stand beside the road");
 }
 
 #[test]
@@ -129,8 +162,8 @@ fn adversaries_that_never_come_near_interact_little() {
 #[test]
 fn the_score_is_validity_times_the_weighted_sum() {
     let runs = [
-        RunRealism { valid: true, sub_scores: [1.0, 0.5, 1.0, 0.0] },
-        RunRealism { valid: false, sub_scores: [0.5, 0.5, 0.0, 1.0] },
+        RunRealism { acted: true, valid: true, sub_scores: [1.0, 0.5, 1.0, 0.0] },
+        RunRealism { acted: true, valid: false, sub_scores: [0.5, 0.5, 0.0, 1.0] },
     ];
     let found = ars(&runs, 2).unwrap();
     // 1 of 4 is valid; 0.4 * 0.75 + 0.3 * 0.5 + 0.2 * 0.5 + 0.1 * 0.5 = 0.6.
@@ -148,8 +181,8 @@ fn overlap_at_the_start_a_jump_or_leaving_the_map_make_a_scene_invalid() {
     };
     assert!(valid(|_| ()));
     assert!(!valid(|r| r.initial_overlap = true));
-    assert!(!valid(|r| r.jump_m_max = 2.5));
-    assert!(!valid(|r| r.off_road_m_max = 6.0));
+    assert!(!valid(|r| r.simulated.jump_m = 2.5));
+    assert!(!valid(|r| r.simulated.off_road_m = 6.0));
 }
 
 #[test]

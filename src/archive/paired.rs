@@ -1,0 +1,216 @@
+//! Paired comparison: programs are compared on the scenes on which all of them have a label, and how sure a difference is
+//! is found by leaving out one scene at a time (the jackknife of Quenouille and Tukey; Efron and Stein 1981).
+//!
+//! Attack is the mean over all paired scenes, realism the mean over those in which the program acts, coverage their share.
+
+use std::collections::BTreeMap;
+
+use crate::kernel::num;
+use crate::objects::{Difference, SceneScore, Score};
+
+/// A difference of means below this is rounding, 1.
+const ROUNDING: f64 = 1e-12;
+
+/// Labels of several programs on the scenes that all of them have.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    scenes: usize,
+    programs: Vec<Sums>,
+}
+
+/// Means of one program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Means {
+    pub attack: f64,
+    /// Over the scenes acted in; `None` where there are none.
+    pub realism: Option<f64>,
+    /// Share of scenes acted in.
+    pub coverage: f64,
+}
+
+impl Means {
+    /// In the plane of attack and realism; `None` for a program that never acts: it has no place there.
+    pub fn point(&self) -> Option<[f64; 2]> {
+        self.realism.map(|realism| [self.attack, realism])
+    }
+}
+
+/// A program's labels scene by scene, and their sums.
+#[derive(Clone, Debug)]
+struct Sums {
+    labels: Vec<Label>,
+    attack: f64,
+    realism: f64,
+    acted: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Label {
+    attack: f64,
+    realism: f64,
+    acted: bool,
+}
+
+impl Panel {
+    /// Pairs programs by scene; the order of `scores` is theirs.
+    pub fn of(scores: &[&Score]) -> Panel {
+        let by_scene: Vec<BTreeMap<&str, &SceneScore>> = scores
+            .iter()
+            .map(|score| score.scenes.iter().map(|scene| (scene.scene.as_str(), scene)).collect())
+            .collect();
+        let first = scores.first().map(|score| score.scenes.as_slice()).unwrap_or_default();
+        let shared: Vec<&str> = first
+            .iter()
+            .map(|scene| scene.scene.as_str())
+            .filter(|id| by_scene.iter().all(|labels| labels.contains_key(id)))
+            .collect();
+        let sums = |labels: &BTreeMap<&str, &SceneScore>| Sums::of(shared.iter().map(|id| labels[id]));
+        Panel { scenes: shared.len(), programs: by_scene.iter().map(sums).collect() }
+    }
+
+    /// How many scenes are paired.
+    pub fn scenes(&self) -> usize {
+        self.scenes
+    }
+
+    /// Means of a program over all paired scenes.
+    pub fn means(&self, program: usize) -> Means {
+        self.programs[program].without(None)
+    }
+
+    /// In how many scenes two programs have different labels.
+    pub fn differing(&self, one: usize, other: usize) -> usize {
+        let pairs = self.programs[one].labels.iter().zip(&self.programs[other].labels);
+        pairs.filter(|(a, b)| a != b).count()
+    }
+
+    /// A statistic of the programs' means with its standard error.
+    pub fn difference(&self, statistic: impl Fn(&dyn Fn(usize) -> Means) -> f64) -> Difference {
+        let value = |left_out: Option<usize>| statistic(&|program| self.programs[program].without(left_out));
+        let left: Vec<f64> = (0..self.scenes).map(|scene| value(Some(scene))).collect();
+        let n = left.len() as f64;
+        let mean = num::mean(&left).unwrap_or(0.0);
+        let squares = num::sum(left.iter().map(|x| (x - mean) * (x - mean)));
+        let uncertainty = (self.scenes > 1).then(|| ((n - 1.0) / n * squares).sqrt());
+        Difference { value: num::stored(value(None)).unwrap_or(0.0), uncertainty }
+    }
+}
+
+impl Sums {
+    fn of<'s>(scenes: impl Iterator<Item = &'s SceneScore>) -> Sums {
+        let label = |s: &SceneScore| Label { attack: s.attack, realism: s.realism, acted: s.acted };
+        let labels: Vec<Label> = scenes.map(label).collect();
+        let acted = || labels.iter().filter(|label| label.acted);
+        Sums {
+            attack: num::sum(labels.iter().map(|label| label.attack)),
+            realism: num::sum(acted().map(|label| label.realism)),
+            acted: acted().count(),
+            labels,
+        }
+    }
+
+    fn without(&self, scene: Option<usize>) -> Means {
+        let (mut attack, mut realism, mut acted, mut count) =
+            (self.attack, self.realism, self.acted, self.labels.len());
+        if let Some(left_out) = scene.map(|scene| self.labels[scene]) {
+            attack -= left_out.attack;
+            count -= 1;
+            if left_out.acted {
+                realism -= left_out.realism;
+                acted -= 1;
+            }
+        }
+        let scenes = count.max(1) as f64;
+        Means {
+            attack: (attack / scenes).clamp(0.0, 1.0),
+            realism: (acted > 0).then(|| (realism / acted as f64).clamp(0.0, 1.0)),
+            coverage: acted as f64 / scenes,
+        }
+    }
+}
+
+/// Share of a score's scenes in which the program acts.
+pub fn coverage(score: &Score) -> f64 {
+    let acted = score.scenes.iter().filter(|scene| scene.acted).count();
+    acted as f64 / score.scenes.len().max(1) as f64
+}
+
+/// Whether a difference is above 0 at a level: the chance that noise alone shows as much is at most 1 - level (one-sided,
+/// normal). A single scene shows nothing; a change that is the same in every scene is sure.
+pub fn is_shown(difference: &Difference, level: f64) -> bool {
+    match difference.uncertainty {
+        _ if difference.value <= ROUNDING => false,
+        None => false,
+        Some(uncertainty) if uncertainty <= 0.0 => true,
+        Some(uncertainty) => {
+            0.5 * num::erfc(difference.value / (uncertainty * std::f64::consts::SQRT_2)) <= 1.0 - level
+        }
+    }
+}
+
+/// Scores for this room's tests.
+#[cfg(test)]
+pub(super) mod samples {
+    use super::*;
+    use crate::kernel::Digest;
+    use crate::objects::Objectives;
+
+    /// One scene a label (attack, realism, whether the program acts).
+    pub fn scenes(labels: &[(f64, f64, bool)]) -> Score {
+        let scene = |(i, (attack, realism, intervened)): (usize, &(f64, f64, bool))| SceneScore {
+            scene: format!("scene-{i}"),
+            attack: *attack,
+            realism: *realism,
+            contact: None,
+            diagnostics: BTreeMap::new(),
+            intervened: *intervened,
+            acted: *intervened,
+            request: Digest::of_bytes(&[]),
+            record: Digest::of_bytes(&[]),
+        };
+        let mean = |values: Vec<f64>| num::mean(&values).unwrap_or(0.0);
+        let objectives = Objectives {
+            attack: mean(labels.iter().map(|label| label.0).collect()),
+            realism: mean(labels.iter().map(|label| label.1).collect()),
+        };
+        let acted = labels.iter().filter(|label| label.2).count();
+        Score {
+            objectives,
+            realism_all: objectives.realism,
+            coverage: acted as f64 / labels.len().max(1) as f64,
+            scenes: labels.iter().enumerate().map(scene).collect(),
+            failures: vec![],
+            benchmark: None,
+        }
+    }
+
+    /// A program whose labels are the same in each of twenty scenes.
+    pub fn alike([attack, realism]: [f64; 2]) -> Score {
+        scenes(&[(attack, realism, true); 20])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::samples::scenes;
+    use super::*;
+
+    #[test]
+    fn realism_is_of_the_scenes_acted_in_and_its_error_follows_the_ratio() {
+        let score = scenes(&[(0.0, 0.5, true), (1.0, 1.0, true), (0.0, 1.0, false), (0.0, 1.0, false)]);
+        let panel = Panel::of(&[&score]);
+        assert_eq!(panel.means(0), Means { attack: 0.25, realism: Some(0.75), coverage: 0.5 });
+        // Left out one by one: 1, 0.5, 0.75, 0.75; mean 0.75, squares 2 * 0.0625, times 3/4.
+        let realism = panel.difference(|means| means(0).realism.unwrap_or(0.0));
+        assert!((realism.uncertainty.unwrap() - (0.75f64 * 0.125).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_difference_is_shown_by_its_size_against_its_error() {
+        let of = |value, uncertainty| is_shown(&Difference { value, uncertainty }, 0.8);
+        // The normal quantile of 0.8 is 0.8416.
+        assert!(of(0.085, Some(0.1)) && !of(0.084, Some(0.1)));
+        assert!(of(0.1, Some(0.0)) && !of(0.0, Some(0.0)) && !of(-0.1, Some(0.001)));
+        assert!(!of(0.5, None), "one scene shows nothing");
+    }
+}

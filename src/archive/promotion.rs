@@ -1,0 +1,157 @@
+//! Who leads a lineage from one epoch to the next: accepted children (paper, section Lineage, memory, and parallelization:
+//! "Accepted children update the active generator"). The rule by which a generator is reported is another one, and is
+//! applied once, at the end (`selector`).
+//!
+//! The paper names no rule for several accepted children. Two are offered, and the experiment file says which:
+//! the child with the largest gain in hypervolume, or two leaders, the ends of the front, whose slots alternate.
+
+use serde::{Deserialize, Serialize};
+
+use super::{plane::hypervolume, selector::Contender};
+use crate::objects::SolutionId;
+
+/// `[archive] promotion`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PromotionRule {
+    /// Of the accepted children the one that adds most area to the front as the epoch found it. The parent stays where
+    /// none adds any.
+    LargestHypervolumeGain,
+    /// An attack anchor for the even slots and a realism anchor for the odd ones: the ends of the front, the parents
+    /// among the contenders.
+    TwoAnchors,
+}
+
+/// Who leads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Leaders {
+    /// Edited by every slot, or by the even ones where there is a second leader.
+    pub active: SolutionId,
+    /// Edited by the odd slots under the rule of two anchors. May be the same program.
+    pub realism_anchor: Option<SolutionId>,
+}
+
+impl Leaders {
+    pub fn names(&self, solution: &SolutionId) -> bool {
+        self.active == *solution || self.realism_anchor.as_ref() == Some(solution)
+    }
+}
+
+/// Applies a rule. `front` is the front as the epoch found it, `parents` those whom it edited, `accepted` its accepted
+/// children in slot order, all measured on the same scenes. Whoever acts nowhere never leads.
+pub fn promote(
+    rule: PromotionRule,
+    front: &[Contender],
+    parents: &[Contender],
+    accepted: &[Contender],
+    reference: [f64; 2],
+) -> Option<Leaders> {
+    let acting = |of: &[Contender]| of.iter().filter(|contender| contender.coverage > 0.0).cloned().collect::<Vec<_>>();
+    let (front, parents, accepted) = (acting(front), acting(parents), acting(accepted));
+    match rule {
+        PromotionRule::LargestHypervolumeGain => {
+            largest_gain(&front, &parents, &accepted, reference).map(|active| Leaders { active, realism_anchor: None })
+        }
+        PromotionRule::TwoAnchors => anchors(parents.iter().chain(&front).chain(&accepted)),
+    }
+}
+
+fn largest_gain(
+    front: &[Contender],
+    parents: &[Contender],
+    accepted: &[Contender],
+    reference: [f64; 2],
+) -> Option<SolutionId> {
+    let point = |contender: &Contender| [contender.objectives.attack, contender.objectives.realism];
+    let before: Vec<[f64; 2]> = front.iter().chain(parents).map(point).collect();
+    let area = hypervolume(&before, reference);
+    let gain = |child: &Contender| hypervolume(&[before.as_slice(), &[point(child)]].concat(), reference) - area;
+    let gains = accepted.iter().map(|child| (child, gain(child))).filter(|(_, gain)| *gain > 0.0);
+    let best = gains.reduce(|best, next| if next.1 > best.1 { next } else { best });
+    best.map(|(child, _)| child.solution.clone())
+}
+
+/// The largest attack and the largest realism; of equals the one with more of the other, then the earlier one.
+fn anchors<'c>(contenders: impl Iterator<Item = &'c Contender> + Clone) -> Option<Leaders> {
+    let ahead = |a: [f64; 2], b: [f64; 2]| a[0] > b[0] || (a[0] == b[0] && a[1] > b[1]);
+    let by_attack = |best: &'c Contender, next: &'c Contender| {
+        let key = |c: &Contender| [c.objectives.attack, c.objectives.realism];
+        if ahead(key(next), key(best)) { next } else { best }
+    };
+    let by_realism = |best: &'c Contender, next: &'c Contender| {
+        let key = |c: &Contender| [c.objectives.realism, c.objectives.attack];
+        if ahead(key(next), key(best)) { next } else { best }
+    };
+    let active = contenders.clone().reduce(by_attack)?.solution.clone();
+    let realism = contenders.reduce(by_realism)?.solution.clone();
+    Some(Leaders { active, realism_anchor: Some(realism) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objects::Objectives;
+
+    fn contenders(points: &[(&str, [f64; 2])]) -> Vec<Contender> {
+        let one = |(name, [attack, realism]): &(&str, [f64; 2])| Contender {
+            solution: SolutionId::new(*name),
+            objectives: Objectives { attack: *attack, realism: *realism },
+            coverage: 1.0,
+        };
+        points.iter().map(one).collect()
+    }
+
+    fn leaders(
+        rule: PromotionRule,
+        parent: [f64; 2],
+        accepted: &[(&str, [f64; 2])],
+    ) -> Option<(String, Option<String>)> {
+        let parents = contenders(&[("parent", parent)]);
+        let found = promote(rule, &parents, &parents, &contenders(accepted), [0.0; 2])?;
+        Some((found.active.0, found.realism_anchor.map(|anchor| anchor.0)))
+    }
+
+    /// The case of king-idm, epoch 0: the reporting rule (R >= 0.95) took e0s17 and threw the attack away.
+    #[test]
+    fn a_child_that_dominates_its_parent_leads_before_one_that_gave_its_attack_away() {
+        let children = [("e0s9", [0.80, 0.922]), ("e0s17", [0.30, 0.984])];
+        let found = leaders(PromotionRule::LargestHypervolumeGain, [0.80, 0.875], &children);
+        assert_eq!(found, Some(("e0s9".into(), None)));
+    }
+
+    #[test]
+    fn the_parent_leads_on_where_no_accepted_child_adds_area() {
+        let rule = PromotionRule::LargestHypervolumeGain;
+        assert_eq!(leaders(rule, [0.5, 0.9], &[("dominated", [0.49, 0.9]), ("copy", [0.5, 0.9])]), None);
+        assert_eq!(leaders(rule, [0.5, 0.9], &[]), None);
+    }
+
+    #[test]
+    fn two_anchors_are_the_ends_of_the_front_and_may_be_one_program() {
+        let rule = PromotionRule::TwoAnchors;
+        let found =
+            leaders(rule, [0.5, 0.9], &[("strong", [0.8, 0.7]), ("mild", [0.2, 0.99]), ("middle", [0.6, 0.85])]);
+        assert_eq!(found, Some(("strong".into(), Some("mild".into()))));
+        assert_eq!(
+            leaders(rule, [0.5, 0.9], &[("better", [0.6, 0.95])]),
+            Some(("better".into(), Some("better".into())))
+        );
+        assert_eq!(leaders(rule, [0.5, 0.9], &[]), Some(("parent".into(), Some("parent".into()))));
+    }
+
+    #[test]
+    fn a_program_that_does_nothing_never_leads() {
+        for rule in [PromotionRule::LargestHypervolumeGain, PromotionRule::TwoAnchors] {
+            let parents = contenders(&[("parent", [0.5, 0.9])]);
+            let mut null = contenders(&[("null", [0.6, 1.0])]);
+            null[0].coverage = 0.0;
+            let led = promote(rule, &parents, &parents, &null, [0.0; 2]);
+            assert!(
+                led.is_none_or(
+                    |led| led.active.as_str() == "parent" && led.realism_anchor.is_none_or(|a| a == led.active)
+                ),
+                "{rule:?}"
+            );
+        }
+    }
+}

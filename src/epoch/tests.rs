@@ -1,0 +1,217 @@
+//! A small study carried out with the scripted model: on which scenes programs are compared, who leads, who is a finalist,
+//! what has no effect, and that a program which does nothing wins nothing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use super::counsels::Counsels;
+use super::desk::{Desk, Tools};
+use super::labels::Labelling;
+use super::{Meter, Mode, Rollouts, Study};
+use crate::archive::{PromotionRule, Standing, consider, coverage, pf_area_pct};
+use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions};
+use crate::experiment::{Experiment, SceneSource};
+use crate::families::grammar;
+use crate::kernel::Threads;
+use crate::llm::{Cassette, Model, Record, RecordMode, Replay};
+use crate::objects::event::{Finalist, Frozen, RunResult, Settled, kind};
+use crate::objects::{Attempt, MechanismModule, OperatorNode, ParameterValue, Program, Slot, SolutionId, ValueType};
+use crate::scene::EvolutionSize;
+use crate::scripted::Scripted;
+use crate::store::{Store, Transcript, read_events};
+
+/// The quickstart's CAT lineage on a few scenes.
+fn experiment(promotion: PromotionRule, seeds: u32) -> Experiment {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+    let mut experiment = Experiment::read(&file).unwrap();
+    let SceneSource::Synth { count, .. } = &mut experiment.scenes else { panic!("generated scenes") };
+    *count = 24;
+    experiment.split.evolution = EvolutionSize::Count(10);
+    (experiment.split.held_out, experiment.split.window) = (4, 4);
+    (experiment.budget.epochs, experiment.budget.slots, experiment.budget.finalists) = (3, 6, 1);
+    experiment.lineages.truncate(1);
+    experiment.archive.promotion = promotion;
+    experiment.archive.level = 0.5;
+    // Every contact counts, so that a few scenes hold attacks enough to compare programs by.
+    if let EvaluationOptions::Metadrive(options) = &mut experiment.evaluation {
+        options.attack = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into() };
+    }
+    experiment.seeds = seeds;
+    experiment
+}
+
+fn study(experiment: &Experiment, threads: &Threads) -> Study {
+    let scenes = experiment.scenes(&[], threads).unwrap();
+    experiment.study(scenes, threads).unwrap()
+}
+
+/// What a run left behind.
+struct Ran {
+    result: RunResult,
+    frozen: Vec<Frozen>,
+    attempts: Vec<Attempt>,
+    settled: Vec<Settled>,
+    finalists: Vec<Finalist>,
+}
+
+fn carried_out(experiment: &Experiment) -> Ran {
+    let threads = Threads::new(2).unwrap();
+    let study = study(experiment, &threads);
+    let folder = tempfile::tempdir().unwrap();
+    let (answers, objects) = (folder.path().join("answers"), folder.path().join("objects"));
+    let (answers, objects) = (Store::open(&answers).unwrap(), Store::open(&objects).unwrap());
+    let models: BTreeMap<String, Box<dyn Model>> = BTreeMap::from([("scripted".to_string(), Box::new(Scripted) as _)]);
+    let recorder = Record::new(&answers, Cassette::new("none"), RecordMode::Missing, models);
+    let rollouts = Rollouts::new(&objects, Mode::Reuse);
+    let path = folder.path().join("transcript.jsonl");
+    let tools = Tools::new(&study, &recorder, &threads, &rollouts, Meter::default());
+    let mut desk = Desk { log: Transcript::create(&path).unwrap(), watch: &mut |_| {}, tools };
+    let result = super::run(&study, &mut desk).unwrap();
+    let events = read_events(&path).unwrap();
+    fn of<T: serde::de::DeserializeOwned>(events: &[crate::store::Event], wanted: &str) -> Vec<T> {
+        let bodies = events.iter().filter(|event| event.kind == wanted).map(|event| event.body.clone());
+        bodies.map(|body| serde_json::from_value(body).unwrap()).collect()
+    }
+    Ran {
+        result,
+        frozen: of(&events, kind::FROZEN),
+        attempts: of(&events, kind::ATTEMPT),
+        settled: of(&events, kind::SETTLED),
+        finalists: of(&events, kind::FINALIST),
+    }
+}
+
+#[test]
+fn programs_are_compared_on_the_same_scenes_which_grow_from_window_to_window() {
+    let ran = carried_out(&experiment(PromotionRule::LargestHypervolumeGain, 1));
+    assert_eq!(ran.frozen.iter().map(|f| f.scenes_so_far).collect::<Vec<_>>(), [4, 8, 10]);
+    let mut accepted = 0;
+    for attempt in &ran.attempts {
+        let Some(gates) = attempt.exit.decision().map(|decision| &decision.gates) else { continue };
+        let so_far = ran.frozen[attempt.epoch as usize].scenes_so_far;
+        assert!(gates.scenes == 4 || gates.scenes == so_far, "{}: {} scenes", attempt.id, gates.scenes);
+        if gates.any() {
+            accepted += 1;
+            assert_eq!(gates.scenes, so_far, "{} was accepted on fewer scenes than were opened", attempt.id);
+            assert!(gates.coverage.coverage > 0.0 && gates.differing_scenes > 0, "{}", attempt.id);
+        }
+    }
+    assert!(accepted > 0, "nothing was accepted, so nothing was shown");
+    the_finalists_are_front_leaders_and_head(&ran);
+}
+
+/// With a budget of one all others are named as cut.
+fn the_finalists_are_front_leaders_and_head(ran: &Ran) {
+    let lineage = &ran.result.lineages[0];
+    let parent = &lineage.parent.solution;
+    let promoted = ran.attempts.iter().filter(|a| a.exit.decision().is_some_and(|decision| decision.promoted));
+    let promoted = promoted.filter_map(|a| a.exit.candidate()).map(|c| c.program.solution_id.clone());
+    let wanted: BTreeSet<SolutionId> = (lineage.front.iter().map(|point| point.solution.clone()))
+        .chain(promoted)
+        .chain(ran.settled.last().map(|settled| settled.active.clone()))
+        .filter(|solution| solution != parent)
+        .collect();
+    let measured: Vec<SolutionId> = ran.finalists.iter().map(|f| f.solution.clone()).filter(|s| s != parent).collect();
+    let found: BTreeSet<SolutionId> = measured.iter().chain(&lineage.cut).cloned().collect();
+    assert_eq!(found, wanted);
+    assert_eq!(measured.len(), wanted.len().min(1), "the budget is one");
+}
+
+#[test]
+fn two_anchors_take_turns_by_slot() {
+    let mut experiment = experiment(PromotionRule::TwoAnchors, 1);
+    (experiment.budget.epochs, experiment.budget.slots, experiment.split.window) = (4, 16, 8);
+    let ran = carried_out(&experiment);
+    let mut both = 0;
+    for attempt in ran.attempts.iter().filter(|attempt| attempt.epoch > 0) {
+        let settled = &ran.settled[attempt.epoch as usize - 1];
+        let anchor = settled.realism_anchor.as_ref().unwrap();
+        let expected = if attempt.slot % 2 == 0 { &settled.active } else { anchor };
+        assert_eq!(attempt.parent, *expected, "{}", attempt.id);
+        both += usize::from(settled.active != *anchor);
+    }
+    assert!(both > 0, "the anchors were never two programs");
+}
+
+#[test]
+fn repetitions_of_a_lineage_search_on_their_own_and_name_their_group() {
+    let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 2);
+    experiment.budget.epochs = 1;
+    let ran = carried_out(&experiment);
+    let named: Vec<(&str, &str, u32)> =
+        ran.result.lineages.iter().map(|l| (l.lineage.as_str(), l.group.as_str(), l.replica)).collect();
+    assert_eq!(named, [("cat-idm-s0", "cat-idm", 0), ("cat-idm-s1", "cat-idm", 1)]);
+    let patches = |lineage: &str| -> Vec<String> {
+        let own = ran.attempts.iter().filter(|attempt| attempt.lineage.as_str() == lineage);
+        own.filter_map(|a| a.proposal.patch()).map(|patch| format!("{:?}", patch.operations)).collect()
+    };
+    assert_ne!(patches("cat-idm-s0"), patches("cat-idm-s1"));
+}
+
+/// Does something with a study's labels.
+fn labelled<T>(work: impl FnOnce(&Labelling<'_>, &Program) -> T) -> T {
+    let threads = Threads::new(2).unwrap();
+    let study = study(&experiment(PromotionRule::LargestHypervolumeGain, 1), &threads);
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(folder.path()).unwrap();
+    let rollouts = Rollouts::new(&store, Mode::Reuse);
+    let nobody = Replay::new(Cassette::new("nobody is asked"), "");
+    let tools = Tools::new(&study, &nobody, &threads, &rollouts, Meter::default());
+    let (spec, counsels) = (&study.lineages[0], Counsels::default());
+    let parent = study.parent(spec).unwrap();
+    work(&Labelling { study: &study, spec, counsels: &counsels, tools: &tools }, &parent)
+}
+
+#[test]
+fn an_edit_of_what_nothing_uses_has_no_effect_although_the_program_draws_at_random() {
+    labelled(|labelling, parent| {
+        let mut parent = parent.clone();
+        let choice = parent.operator_graph.get_mut("choice").unwrap();
+        choice.kind = "soft_choice".into();
+        choice.settings = [("temperature".to_string(), grammar::from_parameter("temperature"))].into();
+        parent.parameters.insert("temperature".into(), ParameterValue::Number(5.0));
+        let window = labelling.study.window(0);
+        let trials = |name: &str, value: f64| {
+            let mut child = parent.clone();
+            child.parameters.insert(name.into(), ParameterValue::Number(value));
+            let (own, before) = (child.hash().unwrap(), parent.hash().unwrap());
+            labelling.trials(&window, (&child, own), (&parent, before)).unwrap()
+        };
+        let idle = trials("pressure_horizon_s", 2.5);
+        assert_eq!((idle.problems.len(), idle.compared, idle.differing), (0, 4, 0));
+        let shorter = trials("duration_s", 2.0);
+        assert!(shorter.compared == 3 && shorter.differing > 0, "three are enough once one differs: {shorter:?}");
+    });
+}
+
+/// The program that leaves every scene alone.
+fn null(parent: &Program) -> Program {
+    let mut null = parent.clone();
+    let gate = MechanismModule {
+        slot: "scene_gate".into(),
+        inputs: vec!["vehicle_count".into()],
+        output: ValueType::Boolean,
+        expression: "vehicle_count > 1000".into(),
+        tags: vec![],
+    };
+    null.mechanism_modules.insert("nowhere".into(), gate);
+    let (kind, settings) = ("gated_scenes".into(), [("gate".into(), grammar::from_mechanism("nowhere"))].into());
+    null.operator_graph.insert("select".into(), OperatorNode { slot: Slot::Select, kind, settings, inputs: vec![] });
+    null
+}
+
+#[test]
+fn a_program_that_does_nothing_adds_no_frontier_area_and_is_never_accepted() {
+    labelled(|labelling, parent| {
+        let null = null(parent);
+        let places = &labelling.study.evolution;
+        let before = labelling.score((parent, parent.hash().unwrap()), places).unwrap();
+        let after = labelling.score((&null, null.hash().unwrap()), places).unwrap();
+        assert!(coverage(&before) > 0.0 && coverage(&after) == 0.0);
+        let options = &labelling.study.archive;
+        let gates = consider(&Standing { child: &after, parent: &before, front: &[&before] }, options).unwrap();
+        assert!(!gates.any() && !gates.densification.holds && gates.densification.hypervolume_gain == 0.0, "{gates:?}");
+        let eligible: Vec<_> = [&after].into_iter().filter(|s| coverage(s) > 0.0).map(|s| s.objectives).collect();
+        assert_eq!(pf_area_pct(&[before.objectives], &eligible, 3, options), 0.0);
+    });
+}

@@ -1,0 +1,155 @@
+//! Calibration: what recorded traffic shows, as bounds and tolerances of the realism diagnostics.
+//!
+//! Of every recorded road user that moves, the same account is taken as of an adversary. A bound is a quantile over the
+//! road users of a kind. The tolerance is half the bound, so that one and a half times what recorded traffic shows scores
+//! 0, but no smaller than a declared resolution: what tracks and maps of recordings cannot tell apart anyway.
+
+use super::metrics::limits::{Calibration, Limit, Limits};
+use crate::kernel::{Digest, Threads, Vec2, num};
+use crate::scene::{AgentKind, Scene};
+use crate::sim::{Feasibility, Plant};
+
+/// A road user that is seen for a shorter time says little, samples (2 s).
+pub const SAMPLES_MIN: usize = 20;
+/// One that moves less stands, metres (MetaDrive's rule for static objects).
+pub const MOVED_M_MIN: f64 = 3.0;
+/// A kind with fewer road users takes the limits of all kinds together.
+pub const ROAD_USERS_MIN: usize = 30;
+/// Tolerance as a share of the bound.
+pub const TOLERANCE_SHARE: f64 = 0.5;
+/// Smallest tolerances.
+const RESOLUTION: Feasibility = Feasibility {
+    off_road_m: 1.0,
+    wrong_way_m: 5.0,
+    acceleration_mps2: 2.0,
+    jerk_mps3: 4.0,
+    slip_mps: 0.5,
+    roughness_m: 0.1,
+    jump_m: 0.5,
+    kink_m: 0.5,
+};
+
+/// Scenes that give no calibration.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CalibrationError {
+    #[error("quantile is {0}, expected a number above 0.5 and below 1")]
+    Quantile(f64),
+    #[error(
+        "{found} recorded road users move {MOVED_M_MIN} m or more within 2 s or longer, expected at least \
+         {ROAD_USERS_MIN}; give more recorded scenes"
+    )]
+    TooFew { found: usize },
+}
+
+/// What a recorded road user shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observed {
+    pub kind: AgentKind,
+    pub motion: Feasibility,
+}
+
+/// The accounts of every moving road user of these scenes, egos aside, in order. Scenes that cannot be simulated are
+/// passed over.
+pub fn observed(scenes: &[Scene], threads: &Threads) -> Vec<Observed> {
+    let of_scene = |_: usize, scene: &Scene| -> Vec<Observed> {
+        let Ok(plant) = Plant::new(scene) else { return Vec::new() };
+        let moving = (0..scene.tracks.len()).filter(|track| moves(scene, *track));
+        moving.map(|track| Observed { kind: scene.tracks[track].kind, motion: plant.recorded(track) }).collect()
+    };
+    threads.map(scenes, of_scene).into_iter().flatten().collect()
+}
+
+/// Whether a track is seen for long enough and gets away from where it was first seen.
+pub fn moves(scene: &Scene, track: usize) -> bool {
+    let places: Vec<Vec2> = scene.tracks[track].samples.iter().flatten().map(|sample| sample.position).collect();
+    places.len() >= SAMPLES_MIN && places.iter().any(|place| place.distance(places[0]) >= MOVED_M_MIN)
+}
+
+/// Limits at a quantile of what was observed. `pools` and `scenes` say what that is.
+pub fn calibrate(
+    observed: &[Observed],
+    quantile: f64,
+    pools: Vec<Digest>,
+    scenes: usize,
+) -> Result<Calibration, CalibrationError> {
+    if !(quantile > 0.5 && quantile < 1.0) {
+        return Err(CalibrationError::Quantile(quantile));
+    }
+    if observed.len() < ROAD_USERS_MIN {
+        return Err(CalibrationError::TooFew { found: observed.len() });
+    }
+    let of = |kind: AgentKind| {
+        let own: Vec<Feasibility> = observed.iter().filter(|o| o.kind == kind).map(|o| o.motion).collect();
+        match own.len() >= ROAD_USERS_MIN {
+            true => limits(&own, quantile, own.len(), false),
+            false => {
+                let all: Vec<Feasibility> = observed.iter().map(|o| o.motion).collect();
+                limits(&all, quantile, own.len(), true)
+            }
+        }
+    };
+    Ok(Calibration {
+        quantile,
+        pools,
+        scenes,
+        vehicle: of(AgentKind::Vehicle),
+        cyclist: of(AgentKind::Cyclist),
+        pedestrian: of(AgentKind::Pedestrian),
+        fixed: of(AgentKind::Static),
+    })
+}
+
+fn limits(motions: &[Feasibility], quantile: f64, road_users: usize, pooled: bool) -> Limits {
+    let limit = |of: fn(&Feasibility) -> f64| {
+        let values: Vec<f64> = motions.iter().map(of).collect();
+        // Rounded up to a thousandth, so that the file reads and the quantile holds.
+        let bound = num::quantile(&values, quantile).map_or(0.0, |bound| (bound * 1000.0).ceil() / 1000.0);
+        Limit { bound, tolerance: (TOLERANCE_SHARE * bound).max(of(&RESOLUTION)) }
+    };
+    Limits {
+        road_users,
+        pooled,
+        off_road_m: limit(|m| m.off_road_m),
+        wrong_way_m: limit(|m| m.wrong_way_m),
+        acceleration_mps2: limit(|m| m.acceleration_mps2),
+        jerk_mps3: limit(|m| m.jerk_mps3),
+        slip_mps: limit(|m| m.slip_mps),
+        jump_m: limit(|m| m.jump_m),
+        kink_m: limit(|m| m.kink_m),
+        roughness_m: limit(|m| m.roughness_m),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn observed(kind: AgentKind, count: usize) -> Vec<Observed> {
+        let motion = |k: usize| Feasibility { acceleration_mps2: 0.1 * k as f64, ..Feasibility::default() };
+        (0..count).map(|k| Observed { kind, motion: motion(k) }).collect()
+    }
+
+    #[test]
+    fn a_bound_is_the_quantile_of_its_kind_and_the_tolerance_no_smaller_than_the_resolution() {
+        let all: Vec<Observed> =
+            [observed(AgentKind::Vehicle, 101), observed(AgentKind::Pedestrian, 31), observed(AgentKind::Cyclist, 2)]
+                .concat();
+        let found = calibrate(&all, 0.99, vec![], 1).unwrap();
+        assert_eq!(found.vehicle.acceleration_mps2, Limit { bound: 9.9, tolerance: 4.95 });
+        assert_eq!(found.pedestrian.acceleration_mps2.bound, 2.97);
+        assert_eq!(found.vehicle.jerk_mps3, Limit { bound: 0.0, tolerance: 4.0 });
+        assert!(found.cyclist.pooled && found.cyclist.road_users == 2 && !found.vehicle.pooled);
+        // Of 134 road users in all the quantile is still the vehicles'.
+        assert!(found.cyclist.acceleration_mps2.bound > 9.0);
+    }
+
+    #[test]
+    fn too_few_road_users_and_a_quantile_that_is_none_are_refused() {
+        let few = observed(AgentKind::Vehicle, ROAD_USERS_MIN - 1);
+        assert_eq!(calibrate(&few, 0.99, vec![], 1), Err(CalibrationError::TooFew { found: ROAD_USERS_MIN - 1 }));
+        let enough = observed(AgentKind::Vehicle, ROAD_USERS_MIN);
+        for quantile in [0.5, 1.0, f64::NAN] {
+            assert!(matches!(calibrate(&enough, quantile, vec![], 1), Err(CalibrationError::Quantile(_))));
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! Route completion of the adversary: the part of its own recorded way that it does not drive in the same time, as a
+//! share. Who stands still to be hit, or leaves for another road, does not complete its route. The paper names route
+//! completion among the checks without a formula; the recorded way is the only route that is known of another road user.
+//! One without such a way, as an inserted one, completes it.
+
+use super::soft;
+use crate::sim::AdversaryReport;
+
+pub const NAME: &str = "route_completion";
+
+/// Violation `1 - completion` with tolerance 1.
+pub fn diagnostic(report: &AdversaryReport) -> f64 {
+    report.route_completion.map_or(1.0, |share| soft(1.0 - share, 1.0))
+}

@@ -1,0 +1,11 @@
+//! Bounded slip: how fast the adversary moves across its heading where turning does not explain it, m/s. A car follows
+//! its wheels; a motion that slides sideways is drawn, not driven. Of someone on foot nothing is asked.
+
+use super::limits::Limits;
+use crate::sim::AdversaryReport;
+
+pub const NAME: &str = "bounded_slip";
+
+pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
+    limits.slip_mps.diagnostic(report, |motion| motion.slip_mps)
+}

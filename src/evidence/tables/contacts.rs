@@ -1,0 +1,116 @@
+//! What lies behind attack in the MetaDrive protocol: contacts by class, and the readings of published work beside ours.
+
+use std::collections::BTreeSet;
+
+use super::bootstrap::Search;
+use super::labels::{self, Labels, LineageLabels, Reading, ReplayLabels, TableError};
+use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
+use super::metadrive::{SCENES, SEEDS, estimated, quantity, searches};
+use super::{bootstrap, notes};
+use crate::evaluation::ContactClass;
+use crate::evidence::recorded_run::RecordedRun;
+use crate::objects::SceneScore;
+
+const fn column(key: &'static str, group: &'static str, head: &'static str, form: Form) -> Column {
+    Column { key, group, head, upward: None, form }
+}
+
+const ATTACK: Column = column("attack", "Ours", "Attack", Form::Rate);
+const AVOIDABLE: Column = column("avoidable_contact", "Ours", "Avoidable", Form::Rate);
+const ADVERSARY: Column = column("adversary_contact", "Published", "Adversary", Form::Rate);
+const ANY: Column = column("any_contact", "Published", "Anyone", Form::Rate);
+const PENALTY_ALL: Column = column("rp_all_pct", "Published", "RP, all", Form::Percent);
+
+/// Heads of the classes, in the order of [`ContactClass::ALL`].
+const CLASS_HEADS: [&str; 8] =
+    ["Ego strikes", "Ego sideswipes", "Standing", "Cut-in", "Crossing", "Head-on", "Sideswipe", "Ego rear-ended"];
+
+/// Which of a lineage's programs.
+const PROGRAM: Head = Head { key: "program", head: "Program" };
+
+/// Contacts of every parent and evolved generator on held-out scenes, a row a program and ego.
+pub fn metadrive_contacts(stories: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = labels::lineages(stories)?;
+    let mut rows: Vec<Row> = labels::replays(stories)?.iter().map(replay_row).collect();
+    for of in searches(all.iter()) {
+        rows.push(row("parent", &of, |l| &l.parent));
+        rows.push(row("evolved", &of, |l| &l.evolved));
+    }
+    let title = "Contacts behind attack in MetaDrive".to_string();
+    Ok(Table {
+        name: "metadrive-contacts",
+        labels: vec![METHOD, POLICY, PROGRAM],
+        columns: columns(),
+        counts: vec![SCENES, SEEDS, ROLLOUTS],
+        parts: vec![Part { name: "metadrive-contacts".into(), title, source: None, rows }],
+        runs: notes::runs(stories)?,
+        notes: told(stories),
+    })
+}
+
+fn columns() -> Vec<Column> {
+    let classes = ContactClass::ALL.into_iter().zip(CLASS_HEADS);
+    let of_class = |(class, head): (ContactClass, &'static str)| column(class.name(), "By class", head, Form::Rate);
+    [ATTACK, AVOIDABLE, ADVERSARY, ANY, PENALTY_ALL].into_iter().chain(classes.map(of_class)).collect()
+}
+
+fn row(program: &str, of: &[&LineageLabels], labels_of: fn(&LineageLabels) -> &Labels) -> Row {
+    let reading = |reading: Reading| quantity(of, |l| l.per_scene(labels_of(l), reading));
+    let mut quantities = vec![
+        (ATTACK, reading(labels::ATTACK)),
+        (AVOIDABLE, reading(labels::AVOIDABLE_CONTACT)),
+        (ADVERSARY, reading(labels::ADVERSARY_CONTACT)),
+        (ANY, reading(labels::ANY_CONTACT)),
+        (PENALTY_ALL, reading(labels::PENALTY_ALL_PCT)),
+    ];
+    for column in columns().into_iter().skip(quantities.len()) {
+        let met = move |scene: &SceneScore| {
+            let of_class = scene.contact.as_ref().is_some_and(|met| met.adversary && met.class == column.key);
+            Some(labels::share(of_class))
+        };
+        quantities.push((column, quantity(of, |l| l.per_scene(labels_of(l), met))));
+    }
+    let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
+    let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
+    Row {
+        labels: vec![of[0].name.clone(), of[0].policy(), program.to_string()],
+        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
+        cells: Cell::row(&columns(), &estimated(&quantities), None),
+        counts: vec![suites.iter().map(|(_, n)| n).sum(), of.len(), of.iter().map(|l| l.rollouts).sum()],
+        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
+        notes: Vec::new(),
+    }
+}
+
+fn replay_row(replay: &ReplayLabels) -> Row {
+    let search = Search { id: replay.suite, seeds: vec![replay.per_scene(|scene| Some(labels::share(scene.contact)))] };
+    Row {
+        labels: vec![REPLAY.to_string(), replay.policy(), "none".to_string()],
+        lineages: vec![format!("replay/{}", replay.ego)],
+        cells: Cell::row(&columns(), &estimated(&[(ANY, vec![search])]), None),
+        counts: vec![replay.scenes.len(), 1, replay.scenes.iter().flatten().count()],
+        proposals: "none".into(),
+        notes: Vec::new(),
+    }
+}
+
+fn told(stories: &[RecordedRun]) -> Vec<String> {
+    let mut told = vec![
+        "All numbers are shares of held-out scenes. A rollout ends with the ego's first contact, so the classes of a row add \
+         up to its column Adversary. Which classes count for Attack, and which of them only where the ego could have avoided \
+         the contact, is said in the experiment's table evaluation.attack."
+            .to_string(),
+        "Published work counts differently: CAT any crash with its adversary (Adversary), MetaDrive's crash flag any crash at \
+         all (Anyone); the paper's realism is the plain mean over all scenes (RP, all), in which a scene that nobody touches \
+         counts as perfectly realistic."
+            .to_string(),
+        format!(
+            "In brackets: 95 % percentile bootstrap intervals over held-out scenes and seeds, {} resamples, seed {}.",
+            bootstrap::RESAMPLES,
+            bootstrap::SEED.0
+        ),
+    ];
+    told.extend(stories.iter().map(notes::run));
+    told.extend(notes::different_versions(stories));
+    told
+}

@@ -1,0 +1,97 @@
+//! Where a file of an experiment is: on the disk, or in the program.
+
+use std::path::{Component, Path, PathBuf};
+
+use super::{ExperimentError, OptionError};
+use crate::store;
+
+/// Bytes that an experiment file may have.
+const FILE_BYTES_MAX: u64 = 1 << 20;
+/// What stands before the name of a protocol that the program carries.
+const SHIPPED: &str = "evodrive:";
+
+/// The protocols that the program carries: name and file.
+pub const PROTOCOLS: [(&str, &str); 2] = [
+    ("metadrive", include_str!("../../experiments/protocols/metadrive.toml")),
+    ("safebench", include_str!("../../experiments/protocols/safebench.toml")),
+];
+
+/// The calibration that the program carries: name and file.
+const CALIBRATION: (&str, &str) = ("recorded", include_str!("../../experiments/calibration/recorded.toml"));
+
+/// Where a file is.
+pub enum Place {
+    Disk(PathBuf),
+    Shipped(&'static str, &'static str),
+}
+
+impl Place {
+    pub fn of(path: &Path) -> Place {
+        // `a/../b.toml` and `b.toml` are one file, so that a circle is seen.
+        let mut plain = PathBuf::new();
+        for component in path.components() {
+            match component {
+                Component::CurDir => {}
+                Component::ParentDir if matches!(plain.components().next_back(), Some(Component::Normal(_))) => {
+                    plain.pop();
+                }
+                other => plain.push(other),
+            }
+        }
+        Place::Disk(plain)
+    }
+
+    /// As messages name it.
+    pub fn name(&self) -> String {
+        match self {
+            Place::Disk(path) => path.display().to_string(),
+            Place::Shipped(name, _) => format!("{SHIPPED}{name}"),
+        }
+    }
+
+    /// Its whole text.
+    pub fn read(&self) -> Result<String, ExperimentError> {
+        let path = match self {
+            Place::Shipped(_, text) => return Ok(text.to_string()),
+            Place::Disk(path) => path,
+        };
+        String::from_utf8(store::read_bounded(path, FILE_BYTES_MAX)?).map_err(|error| {
+            let byte = error.utf8_error().valid_up_to();
+            problem(path, format!("byte {byte} is not UTF-8; an experiment is a text file"))
+        })
+    }
+
+    /// The text of the calibration that a file here names: `evodrive:recorded`, or a file beside it.
+    pub fn text_beside(&self, name: &str) -> Result<String, ExperimentError> {
+        if let Some(wanted) = name.strip_prefix(SHIPPED) {
+            let (known, text) = CALIBRATION;
+            let unknown = || problem(Path::new(name), format!("the program carries {SHIPPED}{known} only"));
+            return if wanted == known { Ok(text.to_string()) } else { Err(unknown()) };
+        }
+        match self {
+            Place::Shipped(..) => Place::of(Path::new(name)).read(),
+            Place::Disk(path) => Place::of(&path.parent().unwrap_or(Path::new("")).join(name)).read(),
+        }
+    }
+
+    /// The base that a file here names.
+    pub fn beside(&self, base: &str, name: &str) -> Result<Place, ExperimentError> {
+        if let Some(wanted) = base.strip_prefix(SHIPPED) {
+            let known = PROTOCOLS.map(|(name, _)| format!("{SHIPPED}{name}"));
+            let found = PROTOCOLS.iter().find(|(name, _)| *name == wanted);
+            return found.map(|(name, text)| Place::Shipped(name, text)).ok_or_else(|| ExperimentError::Option {
+                file: name.to_string(),
+                error: OptionError::word("base", base, &known),
+            });
+        }
+        match self {
+            Place::Disk(path) => Ok(Place::of(&path.parent().unwrap_or(Path::new("")).join(base))),
+            Place::Shipped(..) => Ok(Place::of(Path::new(base))),
+        }
+    }
+}
+
+/// A file that cannot be used.
+pub fn problem(path: &Path, problem: String) -> ExperimentError {
+    ExperimentError::File { file: path.display().to_string(), problem }
+}

@@ -1,0 +1,66 @@
+//! The do-nothing row: the recorded scenes played without a program. The first row of tables, so that nobody takes for
+//! a program's merit what the ego runs into anyway.
+
+use serde::{Deserialize, Serialize};
+
+use super::benchmark::BenchmarkRow;
+use super::score::SceneFailure;
+
+/// Which of a study's scenes were played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Suite {
+    /// Those that evolution sees.
+    Evolution,
+    /// Those that stay closed until selection is over.
+    HeldOut,
+}
+
+/// A scene without a program.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReplayScene {
+    /// Id of the scene.
+    pub scene: String,
+    /// Whether the ego meets anyone.
+    pub contact: bool,
+    /// Mean r_MD of the vehicles that a program could take, as they were recorded: each judged alone, against what
+    /// traffic of its kind shows and without its own recording as an excuse. `None` where no vehicle moves.
+    pub realism: Option<f64>,
+    /// Share of the ego's route driven, 0..=1.
+    pub route_completion: f64,
+}
+
+/// The row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReplayRow {
+    /// The ego that drove.
+    pub ego: String,
+    /// Which scenes.
+    pub suite: Suite,
+    /// How many of them could be played.
+    pub scenes: usize,
+    /// Share of scenes in which the ego meets anyone: what a program that does nothing would be credited with if any
+    /// contact counted. Its attack is 0, because it acts nowhere.
+    pub contact_rate: f64,
+    /// Realism of the recorded traffic itself: mean over the scenes that have one, 0..=1.
+    pub realism: Option<f64>,
+    /// Mean share of the ego's route driven, 0..=1.
+    pub route_completion: f64,
+    /// What the empty program scores in SafeBench's protocol; `None` in MetaDrive's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<BenchmarkRow>,
+}
+
+/// The row with its scenes, in their order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Replayed {
+    /// Means over the scenes.
+    pub row: ReplayRow,
+    /// The scenes that could be played.
+    pub scenes: Vec<ReplayScene>,
+    /// The others, and why.
+    pub failures: Vec<SceneFailure>,
+}

@@ -1,0 +1,94 @@
+//! What the experiment file says about the simulator: the table `[simulator]`. Everything here can change an outcome, so
+//! its digest counts into the key of every rollout.
+
+use serde::{Deserialize, Serialize};
+
+use super::plant_options::PlantOptions;
+use crate::kernel::{Digest, canon::CanonError};
+
+/// The table `[simulator]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatorOptions {
+    pub plant: PlantOptions,
+    pub avoidance: AvoidanceOptions,
+}
+
+impl SimulatorOptions {
+    /// What the experiments of this repository declare; for tests and benchmarks, which read no file.
+    pub const SHIPPED: SimulatorOptions =
+        SimulatorOptions { plant: PlantOptions::PHYSICAL, avoidance: AvoidanceOptions::SHIPPED };
+
+    /// What goes into a rollout's key.
+    pub fn digest(&self) -> Result<Digest, CanonError> {
+        Digest::of("evodrive/simulator-options/1", self)
+    }
+
+    /// The first value that cannot be simulated with.
+    pub fn check(&self) -> Result<(), SimulatorOptionsError> {
+        let mut bounds = self.plant.bounds().into_iter().chain(self.avoidance.bounds());
+        // NaN lies in no range.
+        match bounds.find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            None => Ok(()),
+            Some((place, found, low, high)) => Err(SimulatorOptionsError { place, found, low, high }),
+        }
+    }
+}
+
+/// Whether a contact could have been avoided: what the ego is taken to see, and what it can do then. Docs:
+/// `docs/OBJECTIVES.md`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AvoidanceOptions {
+    /// How far motions are predicted, and how long after the contact an evading ego must stay clear, s.
+    pub horizon_s: f64,
+    /// From the moment at which the threat is visible to the first change of the controls, s.
+    pub reaction_s: f64,
+    /// Width of the view, centred on the ego's heading, degrees; 360 for an ego that looks all around.
+    pub field_of_view_deg: f64,
+    /// Full deceleration, m/s².
+    pub brake_mps2: f64,
+    /// Time in which it builds up, s.
+    pub brake_rise_s: f64,
+    /// Lateral acceleration of a swerve, m/s². A swerve while braking takes it from the brakes (friction circle).
+    pub swerve_mps2: f64,
+    /// How far a swerve goes aside, and the farthest that it leads beside the route, metres.
+    pub swerve_m: f64,
+}
+
+impl AvoidanceOptions {
+    /// The careful and competent human driver of UN Regulation 157 (annex 4, appendix 3): 0.4 s to evaluate a risk and
+    /// 0.75 s to begin to brake, 0.774 g after 0.6 s. Swerves with 0.5 g (Adams 1994, UMTRI-94-19) by one lane.
+    pub const SHIPPED: AvoidanceOptions = AvoidanceOptions {
+        horizon_s: 3.0,
+        reaction_s: 1.15,
+        field_of_view_deg: 200.0,
+        brake_mps2: 7.59,
+        brake_rise_s: 0.6,
+        swerve_mps2: 4.9,
+        swerve_m: 3.5,
+    };
+
+    /// The options with their bounds: name, value, lowest and highest.
+    fn bounds(&self) -> [(&'static str, f64, f64, f64); 7] {
+        [
+            ("avoidance.horizon_s", self.horizon_s, 0.1, 10.0),
+            ("avoidance.reaction_s", self.reaction_s, 0.0, 10.0),
+            ("avoidance.field_of_view_deg", self.field_of_view_deg, 1.0, 360.0),
+            ("avoidance.brake_mps2", self.brake_mps2, 0.1, 20.0),
+            ("avoidance.brake_rise_s", self.brake_rise_s, 0.0, 5.0),
+            ("avoidance.swerve_mps2", self.swerve_mps2, 0.1, 20.0),
+            ("avoidance.swerve_m", self.swerve_m, 0.0, 20.0),
+        ]
+    }
+}
+
+/// An option that nothing can be simulated with.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("simulator.{place} is {found}, expected {low} to {high}; correct the experiment file")]
+pub struct SimulatorOptionsError {
+    pub place: &'static str,
+    pub found: f64,
+    pub low: f64,
+    pub high: f64,
+}

@@ -1,0 +1,37 @@
+//! Realism from both sides: recorded traffic keeps it, implausible motions lose it, each by its own diagnostic.
+
+mod catalogue;
+mod motions;
+mod recorded;
+
+use evodrive::ego::Policy;
+use evodrive::evaluation::{Calibration, RealismOptions, Weights};
+use evodrive::scene::Scene;
+use evodrive::sim::{Action, Intervention, Outcome, Plant, rollout};
+use std::path::Path;
+
+/// Equal weights and the calibration that the repository ships.
+pub fn options() -> RealismOptions {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/calibration/recorded.toml");
+    let calibration: Calibration = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let weights = Weights {
+        map_validity: 0.1,
+        lane_direction: 0.1,
+        route_completion: 0.1,
+        initial_non_overlap: 0.1,
+        collision_validity: 0.1,
+        parked_obstacles: 0.1,
+        trajectory_continuity: 0.1,
+        bounded_acceleration: 0.1,
+        bounded_jerk: 0.1,
+        bounded_slip: 0.1,
+    };
+    let options = RealismOptions { weights, calibration: Box::new(calibration) };
+    options.check().unwrap();
+    options
+}
+
+pub fn played(scene: &Scene, action: Action, ego: &Policy) -> Outcome {
+    let plant = Plant::new(scene).unwrap();
+    rollout(&plant, &Intervention { actions: vec![action] }, ego.driver().as_mut()).unwrap()
+}

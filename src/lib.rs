@@ -38,6 +38,8 @@
 //!   their check.
 //!
 //! Plant: scenes and what happens in them.
+//! - [`backend`]: who simulates rollouts for labels: our own simulator, or another one behind worker processes, recorded and
+//!   replayed.
 //! - [`draw`]: drawings (SVG) and player pages (HTML) of scenes and rollouts.
 //! - [`ego`]: the drivers under test: IDM, the recorded motion, and networks with frozen weights.
 //! - [`formats`]: the file formats of scenarios, import and export.
@@ -83,6 +85,7 @@ pub mod kernel;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod store;
 
+pub mod backend;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod draw;
 #[cfg_attr(not(test), warn(missing_docs))]

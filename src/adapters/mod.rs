@@ -6,6 +6,7 @@ pub mod domain;
 pub mod graph;
 pub mod isolation;
 pub mod mechanisms;
+pub mod names;
 pub mod problem;
 pub mod prompt;
 #[cfg(test)]

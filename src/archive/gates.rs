@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     objectives::{ObjectivesError, admissible},
-    paired::{Means, Panel, is_shown},
+    paired::{Means, Measure, Panel, is_shown},
     plane::hypervolume,
     promotion::PromotionRule,
 };
@@ -87,12 +87,16 @@ const CHILD: usize = 0;
 const PARENT: usize = 1;
 
 /// What the gates say of a candidate. Changes nothing.
-pub fn consider(standing: &Standing<'_>, options: &ArchiveOptions) -> Result<AcceptanceGates, ObjectivesError> {
+pub fn consider(
+    standing: &Standing<'_>,
+    options: &ArchiveOptions,
+    measure: &dyn Measure,
+) -> Result<AcceptanceGates, ObjectivesError> {
     admissible(standing.child.objectives)?;
     admissible(standing.parent.objectives)?;
     let scores: Vec<&Score> =
         [standing.child, standing.parent].into_iter().chain(standing.front.iter().copied()).collect();
-    let panel = Panel::of(&scores);
+    let panel = Panel::of(&scores, measure);
     // The parent is a contender whether or not it is on the front.
     let others: Vec<usize> = (PARENT..scores.len()).collect();
     let densification = densification(&panel, &others, options);
@@ -113,7 +117,7 @@ fn area(means: &dyn Fn(usize) -> Means, members: impl Iterator<Item = usize>, re
 }
 
 /// ΔHV(c) = HV(P ∪ {c}) - HV(P) > 0 for a non-dominated c. A copy of a front point is not dominated, and gains 0.
-fn densification(panel: &Panel, others: &[usize], options: &ArchiveOptions) -> Densification {
+fn densification(panel: &Panel<'_>, others: &[usize], options: &ArchiveOptions) -> Densification {
     let before = |means: &dyn Fn(usize) -> Means| area(means, others.iter().copied(), options.reference);
     let after = |means: &dyn Fn(usize) -> Means| area(means, others.iter().copied().chain([CHILD]), options.reference);
     let gain = panel.difference(|means| after(means) - before(means));
@@ -134,7 +138,7 @@ fn densification(panel: &Panel, others: &[usize], options: &ArchiveOptions) -> D
 
 /// More attack than anyone where realism is high, or more realism than anyone where attack is high. The candidate
 /// must lie in the region itself; where the region holds nobody yet, densification decides for it.
-fn local_push(panel: &Panel, others: &[usize], densifies: bool, options: &ArchiveOptions) -> LocalPush {
+fn local_push(panel: &Panel<'_>, others: &[usize], densifies: bool, options: &ArchiveOptions) -> LocalPush {
     let points = || others.iter().filter_map(|other| Some((*other, panel.means(*other).point()?)));
     let first_best = |best: (usize, f64), next: (usize, f64)| if next.1 > best.1 { next } else { best };
     let realistic =
@@ -167,7 +171,7 @@ fn realism_change(child: Means, other: Means) -> f64 {
 }
 
 /// Better than the parent in one objective while the other falls by no more than its ε.
-fn parent_tradeoff(panel: &Panel, options: &ArchiveOptions) -> ParentTradeoff {
+fn parent_tradeoff(panel: &Panel<'_>, options: &ArchiveOptions) -> ParentTradeoff {
     let attack = panel.difference(|means| means(CHILD).attack - means(PARENT).attack);
     let realism = panel.difference(|means| realism_change(means(CHILD), means(PARENT)));
     let more_attack = is_shown(&attack, options.level) && realism.value >= -options.epsilon_r;
@@ -182,7 +186,7 @@ fn parent_tradeoff(panel: &Panel, options: &ArchiveOptions) -> ParentTradeoff {
 }
 
 /// A program that leaves most scenes alone is realistic for nothing.
-fn coverage_floor(panel: &Panel, options: &ArchiveOptions) -> CoverageFloor {
+fn coverage_floor(panel: &Panel<'_>, options: &ArchiveOptions) -> CoverageFloor {
     let (coverage, parent) = (panel.means(CHILD).coverage, panel.means(PARENT).coverage);
     let floor = options.coverage_floor * parent;
     CoverageFloor { holds: coverage > 0.0 && coverage >= floor, coverage, parent, floor }
@@ -190,6 +194,7 @@ fn coverage_floor(panel: &Panel, options: &ArchiveOptions) -> CoverageFloor {
 
 #[cfg(test)]
 mod tests {
+    use super::super::paired::MeanOverScenes;
     use super::super::paired::samples::{alike, scenes};
     use super::*;
     use crate::objects::Objectives;
@@ -209,7 +214,7 @@ mod tests {
     }
 
     fn judged(child: &Score, parent: &Score, front: &[&Score]) -> AcceptanceGates {
-        consider(&Standing { child, parent, front }, &options()).unwrap()
+        consider(&Standing { child, parent, front }, &options(), &MeanOverScenes).unwrap()
     }
 
     /// Programs whose labels are the same in every scene, so that nothing is uncertain.
@@ -326,7 +331,7 @@ mod tests {
             for objectives in [Objectives { attack: bad, realism: 0.5 }, Objectives { attack: 0.5, realism: bad }] {
                 let child = Score { objectives, ..alike([0.5; 2]) };
                 let standing = Standing { child: &child, parent: &alike([0.5; 2]), front: &[] };
-                assert!(consider(&standing, &options()).is_err());
+                assert!(consider(&standing, &options(), &MeanOverScenes).is_err());
             }
         }
         let zero = admissible(Objectives { attack: -0.0, realism: 0.0 }).unwrap();

@@ -12,7 +12,7 @@ mod selector;
 pub use front::{Archive, ArchiveError, Duplicate, Inserted};
 pub use gates::{ArchiveOptions, OptionsError, Standing, consider};
 pub use objectives::{ObjectivesError, admissible};
-pub use paired::{Panel, coverage};
+pub use paired::{Account, MeanOverScenes, Means, Measure, Panel};
 pub use pf_area::pf_area_pct;
 pub use plane::{hypervolume, non_dominated, non_dominated_with_copies, ranks};
 pub use promotion::{Leaders, PromotionRule, promote};

@@ -1,7 +1,8 @@
 //! Paired comparison: programs are compared on the scenes on which all of them have a label, and how sure a difference is
 //! is found by leaving out one scene at a time (the jackknife of Quenouille and Tukey; Efron and Stein 1981).
 //!
-//! Attack is the mean over all paired scenes, realism the mean over those in which the program acts, coverage their share.
+//! What a set of labels amounts to is the protocol's to say ([`Measure`]): means over scenes in MetaDrive's, scores of
+//! groups in SafeBench's. So the gates compare the same quantities that are reported as objectives.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +12,26 @@ use crate::objects::{Difference, SceneScore, Score};
 /// A difference of means below this is rounding, 1.
 const ROUNDING: f64 = 1e-12;
 
+/// What a set of labels amounts to.
+pub trait Measure {
+    /// Means over these scenes' labels, and over all but each one of them in turn.
+    fn account(&self, scenes: &[&SceneScore]) -> Account;
+}
+
+/// A program's means over the paired scenes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Account {
+    /// Over all of them.
+    pub whole: Means,
+    /// Without the first, without the second, ...
+    pub without: Vec<Means>,
+}
+
 /// Labels of several programs on the scenes that all of them have.
 #[derive(Clone, Debug)]
-pub struct Panel {
+pub struct Panel<'s> {
     scenes: usize,
-    programs: Vec<Sums>,
+    programs: Vec<(Vec<&'s SceneScore>, Account)>,
 }
 
 /// Means of one program.
@@ -35,25 +51,9 @@ impl Means {
     }
 }
 
-/// A program's labels scene by scene, and their sums.
-#[derive(Clone, Debug)]
-struct Sums {
-    labels: Vec<Label>,
-    attack: f64,
-    realism: f64,
-    acted: usize,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Label {
-    attack: f64,
-    realism: f64,
-    acted: bool,
-}
-
-impl Panel {
+impl<'s> Panel<'s> {
     /// Pairs programs by scene; the order of `scores` is theirs.
-    pub fn of(scores: &[&Score]) -> Panel {
+    pub fn of(scores: &[&'s Score], measure: &dyn Measure) -> Panel<'s> {
         let by_scene: Vec<BTreeMap<&str, &SceneScore>> = scores
             .iter()
             .map(|score| score.scenes.iter().map(|scene| (scene.scene.as_str(), scene)).collect())
@@ -64,8 +64,12 @@ impl Panel {
             .map(|scene| scene.scene.as_str())
             .filter(|id| by_scene.iter().all(|labels| labels.contains_key(id)))
             .collect();
-        let sums = |labels: &BTreeMap<&str, &SceneScore>| Sums::of(shared.iter().map(|id| labels[id]));
-        Panel { scenes: shared.len(), programs: by_scene.iter().map(sums).collect() }
+        let program = |labels: &BTreeMap<&str, &'s SceneScore>| {
+            let labels: Vec<&SceneScore> = shared.iter().map(|id| labels[id]).collect();
+            let account = measure.account(&labels);
+            (labels, account)
+        };
+        Panel { scenes: shared.len(), programs: by_scene.iter().map(program).collect() }
     }
 
     /// How many scenes are paired.
@@ -75,64 +79,55 @@ impl Panel {
 
     /// Means of a program over all paired scenes.
     pub fn means(&self, program: usize) -> Means {
-        self.programs[program].without(None)
+        self.programs[program].1.whole
     }
 
     /// In how many scenes two programs have different labels.
     pub fn differing(&self, one: usize, other: usize) -> usize {
-        let pairs = self.programs[one].labels.iter().zip(&self.programs[other].labels);
-        pairs.filter(|(a, b)| a != b).count()
+        let label = |scene: &SceneScore| (scene.attack, scene.realism, scene.acted);
+        let pairs = self.programs[one].0.iter().zip(&self.programs[other].0);
+        pairs.filter(|(a, b)| label(a) != label(b)).count()
     }
 
     /// A statistic of the programs' means with its standard error.
     pub fn difference(&self, statistic: impl Fn(&dyn Fn(usize) -> Means) -> f64) -> Difference {
-        let value = |left_out: Option<usize>| statistic(&|program| self.programs[program].without(left_out));
-        let left: Vec<f64> = (0..self.scenes).map(|scene| value(Some(scene))).collect();
+        let without = |scene: usize| statistic(&|program| self.programs[program].1.without[scene]);
+        let left: Vec<f64> = (0..self.scenes).map(without).collect();
         let n = left.len() as f64;
         let mean = num::mean(&left).unwrap_or(0.0);
         let squares = num::sum(left.iter().map(|x| (x - mean) * (x - mean)));
         let uncertainty = (self.scenes > 1).then(|| ((n - 1.0) / n * squares).sqrt());
-        Difference { value: num::stored(value(None)).unwrap_or(0.0), uncertainty }
+        Difference { value: num::stored(statistic(&|program| self.means(program))).unwrap_or(0.0), uncertainty }
     }
 }
 
-impl Sums {
-    fn of<'s>(scenes: impl Iterator<Item = &'s SceneScore>) -> Sums {
-        let label = |s: &SceneScore| Label { attack: s.attack, realism: s.realism, acted: s.acted };
-        let labels: Vec<Label> = scenes.map(label).collect();
-        let acted = || labels.iter().filter(|label| label.acted);
-        Sums {
-            attack: num::sum(labels.iter().map(|label| label.attack)),
-            realism: num::sum(acted().map(|label| label.realism)),
-            acted: acted().count(),
-            labels,
-        }
-    }
+/// MetaDrive's protocol: attack is the mean over all scenes, realism that over the scenes in which the program acts,
+/// coverage their share.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MeanOverScenes;
 
-    fn without(&self, scene: Option<usize>) -> Means {
-        let (mut attack, mut realism, mut acted, mut count) =
-            (self.attack, self.realism, self.acted, self.labels.len());
-        if let Some(left_out) = scene.map(|scene| self.labels[scene]) {
-            attack -= left_out.attack;
-            count -= 1;
-            if left_out.acted {
-                realism -= left_out.realism;
-                acted -= 1;
-            }
-        }
-        let scenes = count.max(1) as f64;
-        Means {
-            attack: (attack / scenes).clamp(0.0, 1.0),
-            realism: (acted > 0).then(|| (realism / acted as f64).clamp(0.0, 1.0)),
-            coverage: acted as f64 / scenes,
-        }
+impl Measure for MeanOverScenes {
+    fn account(&self, scenes: &[&SceneScore]) -> Account {
+        let acted = || scenes.iter().filter(|scene| scene.acted);
+        let (attack, realism) =
+            (num::sum(scenes.iter().map(|scene| scene.attack)), num::sum(acted().map(|scene| scene.realism)));
+        let (count, acted) = (scenes.len(), acted().count());
+        let without = |scene: &&SceneScore| match scene.acted {
+            true => means(attack - scene.attack, realism - scene.realism, acted - 1, count - 1),
+            false => means(attack - scene.attack, realism, acted, count - 1),
+        };
+        Account { whole: means(attack, realism, acted, count), without: scenes.iter().map(without).collect() }
     }
 }
 
-/// Share of a score's scenes in which the program acts.
-pub fn coverage(score: &Score) -> f64 {
-    let acted = score.scenes.iter().filter(|scene| scene.acted).count();
-    acted as f64 / score.scenes.len().max(1) as f64
+/// Of sums over `count` scenes, `acted` of which the program acts in.
+fn means(attack: f64, realism: f64, acted: usize, count: usize) -> Means {
+    let scenes = count.max(1) as f64;
+    Means {
+        attack: (attack / scenes).clamp(0.0, 1.0),
+        realism: (acted > 0).then(|| (realism / acted as f64).clamp(0.0, 1.0)),
+        coverage: acted as f64 / scenes,
+    }
 }
 
 /// Whether a difference is above 0 at a level: the chance that noise alone shows as much is at most 1 - level (one-sided,
@@ -198,7 +193,7 @@ mod tests {
     #[test]
     fn realism_is_of_the_scenes_acted_in_and_its_error_follows_the_ratio() {
         let score = scenes(&[(0.0, 0.5, true), (1.0, 1.0, true), (0.0, 1.0, false), (0.0, 1.0, false)]);
-        let panel = Panel::of(&[&score]);
+        let panel = Panel::of(&[&score], &MeanOverScenes);
         assert_eq!(panel.means(0), Means { attack: 0.25, realism: Some(0.75), coverage: 0.5 });
         // Left out one by one: 1, 0.5, 0.75, 0.75; mean 0.75, squares 2 * 0.0625, times 3/4.
         let realism = panel.difference(|means| means(0).realism.unwrap_or(0.0));

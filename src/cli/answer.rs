@@ -21,6 +21,9 @@ impl Answer {
 
     /// Prints to stdout. A reader that went away (`| head`) is not an error.
     pub fn print(&self, as_json: bool) -> Exit {
+        if !as_json && self.text.is_empty() {
+            return self.exit;
+        }
         let text = if as_json { format!("{}\n", self.json) } else { ended_with_newline(&self.text) };
         let _ = std::io::stdout().write_all(text.as_bytes());
         self.exit

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{bench, calibrate, fsck, init, lineage, options, report, run, scenes, show, table};
+use super::{
+    agree, apply, bench, calibrate, fsck, init, lineage, options, program, report, run, scenes, show, table, worker,
+};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
@@ -49,14 +51,23 @@ pub enum Command {
     /// Show one attempt: prompts, replies, reviews, gates, route, rollouts, decision; or the counsel for one scene, or the
     /// composition of one template.
     Show(show::Options),
+    /// Take one evolved program out of a run as a file.
+    #[command(subcommand)]
+    Program(program::Command),
+    /// Play a program file on any scenes, against its parent and against no program; no model is asked.
+    Apply(apply::Options),
     /// Check the stored objects, memo and transcript of a run.
     Fsck(fsck::Options),
     /// Write a run's report as one HTML file.
     Report(report::Options),
     /// Print one of the paper's tables from recorded runs, with intervals and the paper's numbers beside ours.
     Table(table::Options),
+    /// Compare two runs that differ in their simulator alone: who says contact, with whom, when.
+    Agree(agree::Options),
     /// Print every key of an experiment file: symbol, unit, range, values in the shipped protocols, meaning.
     Options,
+    /// Serve our own simulator's rollouts as a backend's worker does: JSON lines on stdin and stdout (docs/BACKENDS.md).
+    Worker,
     /// Measure speed.
     #[command(subcommand)]
     Bench(bench::Command),
@@ -109,9 +120,13 @@ impl Command {
             Command::Calibrate(options) => calibrate::run(&options, jobs),
             Command::Lineage(options) => lineage::run(&options),
             Command::Show(options) => show::run(&options),
+            Command::Program(command) => program::run(&command),
+            Command::Apply(options) => apply::run(&options, jobs),
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),
             Command::Table(options) => table::run(&options),
+            Command::Agree(options) => agree::run(&options, jobs),
+            Command::Worker => worker::run(),
             Command::Bench(command) => bench::run(command, jobs),
         }
     }

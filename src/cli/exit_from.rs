@@ -2,9 +2,10 @@
 
 use super::exit::Failure;
 use crate::agents::AgentError;
+use crate::backend::{BackendError, RolloutCassetteError};
 use crate::epoch::RunError;
 use crate::evaluation::{CacheError, EvaluationError};
-use crate::experiment::ExperimentError;
+use crate::experiment::{ExperimentError, ProgramFileError};
 use crate::llm::{AskError, CassetteError};
 use crate::store::StoreError;
 
@@ -46,6 +47,16 @@ impl From<ExperimentError> for Failure {
     }
 }
 
+impl From<ProgramFileError> for Failure {
+    fn from(error: ProgramFileError) -> Failure {
+        match &error {
+            ProgramFileError::Store(store) => of_store(store),
+            ProgramFileError::Digest { .. } | ProgramFileError::Truncated { .. } => Failure::corruption(error),
+            _ => Failure::bad_input(error),
+        }
+    }
+}
+
 impl From<RunError> for Failure {
     fn from(error: RunError) -> Failure {
         match &error {
@@ -54,9 +65,40 @@ impl From<RunError> for Failure {
             RunError::Agent(_) | RunError::Study(_) | RunError::World(_) => Failure::bad_input(error),
             RunError::Evaluation(EvaluationError::NoLabel(_)) => Failure::bad_input(error),
             RunError::Evaluation(EvaluationError::Cache(cache)) => of_cache(cache),
+            RunError::Evaluation(EvaluationError::Backend(backend)) => of_backend(backend),
             RunError::Store(store) => of_store(store),
             _ => Failure::internal(error),
         }
+    }
+}
+
+impl From<BackendError> for Failure {
+    fn from(error: BackendError) -> Failure {
+        of_backend(&error)
+    }
+}
+
+impl From<RolloutCassetteError> for Failure {
+    fn from(error: RolloutCassetteError) -> Failure {
+        of_rollouts(&error)
+    }
+}
+
+fn of_backend(error: &BackendError) -> Failure {
+    match error {
+        BackendError::Miss(_) => Failure::miss(error),
+        BackendError::Worker(_) | BackendError::Unplayable(_) => Failure::bad_input(error),
+        BackendError::Cassette(cassette) => of_rollouts(cassette),
+        BackendError::Store(store) => of_store(store),
+        BackendError::Key(_) => Failure::internal(error),
+    }
+}
+
+fn of_rollouts(error: &RolloutCassetteError) -> Failure {
+    match error {
+        RolloutCassetteError::Damaged { .. } => Failure::corruption(error),
+        RolloutCassetteError::Store(store) => of_store(store),
+        RolloutCassetteError::Version { .. } | RolloutCassetteError::Backend { .. } => Failure::bad_input(error),
     }
 }
 

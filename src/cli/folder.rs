@@ -27,6 +27,9 @@ pub struct RunCard {
     pub cassette: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fresh: bool,
+    /// Of an unfinished recording with another simulator: where its rollouts go.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rollouts: Option<PathBuf>,
 }
 
 /// What a recording needs to know to go on after it was interrupted.
@@ -36,6 +39,8 @@ pub struct Recording {
     pub cassette: PathBuf,
     /// Whether everything is asked anew.
     pub fresh: bool,
+    /// Where the rollouts of another simulator go.
+    pub rollouts: Option<PathBuf>,
 }
 
 /// The files of a run.
@@ -78,6 +83,11 @@ impl RunFolder {
 
     pub fn cassette(&self) -> PathBuf {
         self.dir.join("cassette.jsonl")
+    }
+
+    /// Recorded rollouts of another simulator, where the experiment names one.
+    pub fn rollouts(&self) -> PathBuf {
+        self.dir.join("rollouts.jsonl")
     }
 
     pub fn transcript(&self) -> PathBuf {
@@ -124,6 +134,7 @@ impl RunFolder {
             recording: recording.is_some(),
             cassette: recording.map(|recording| recording.cassette.clone()),
             fresh: recording.is_some_and(|recording| recording.fresh),
+            rollouts: recording.and_then(|recording| recording.rollouts.clone()),
         };
         let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
         Ok(store::write_atomic(&self.dir.join("run.json"), &text)?)

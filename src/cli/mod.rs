@@ -1,7 +1,11 @@
 //! The command line: arguments to each room's options, one file a command.
 
+mod agree;
 mod answer;
+mod applied_text;
+mod apply;
 mod args;
+mod behind;
 mod bench;
 mod calibrate;
 mod cost;
@@ -15,6 +19,7 @@ mod models;
 mod moving_line;
 mod options;
 mod playables;
+mod program;
 mod report;
 mod result_text;
 mod rollout;
@@ -24,6 +29,8 @@ mod scene_show;
 mod scenes;
 mod show;
 mod table;
+mod worker;
+mod worker_process;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::run;
+use super::{behind, run};
+use crate::backend::Answers;
 use crate::experiment::{Experiment, read_pool};
 use crate::kernel::Threads;
 
@@ -23,7 +24,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = Experiment::read(&folder.experiment())?;
     let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
-    run::write_report(&study, &folder)?;
+    let replay = behind::replay_of(&experiment, &folder)?;
+    let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
+    run::write_report(&study, &folder, behind::backend(&experiment, answers))?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))
 }

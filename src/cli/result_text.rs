@@ -43,6 +43,11 @@ pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, 
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
     let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", provenance(experiment));
+    for lineage in &experiment.lineages {
+        for origin in lineage.parent_program.iter().filter_map(|program| program.origins.last()) {
+            let _ = writeln!(out, "{} starts from {origin}\n", lineage.id);
+        }
+    }
     let heads = ["attack", "any crash", "realism", "RP %", "coverage", "PF-Area@3 %", "chosen"].map(String::from);
     line(&mut out, "lineage", &heads);
     for replay in result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut) {

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::{playables, show};
+use super::{behind, playables, show};
+use crate::backend::Answers;
 use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Player, Study, Traced, record_digest};
 use crate::evidence::RecordedRun;
@@ -52,7 +53,9 @@ pub fn of_attempt(
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = Experiment::read(&folder.experiment())?;
     let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
-    let player = Player::of(&study, &story.counsels);
+    let replay = behind::replay_of(&experiment, &folder)?;
+    let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
+    let player = Player::of(&study, &story.counsels, behind::backend(&experiment, answers));
     let places = places(&study, &story, attempt, scenes)?;
     threads.map(&places, |_, &place| play(&player, attempt, place)).into_iter().collect()
 }

@@ -8,7 +8,9 @@ use super::args::{FolderArgs, RecordArgs, RunArgs};
 use super::exit::Failure;
 use super::folder::{Recording, RunFolder};
 use super::moving_line::MovingLine;
-use super::{cost, models, playables, result_text};
+use super::worker_process::Processes;
+use super::{behind, cost, models, playables, result_text};
+use crate::backend::{Answers, Backend, BackendOptions, Recorder, Workers};
 use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, Tools};
 use crate::evidence::report;
 use crate::experiment::{Experiment, read_pool};
@@ -32,8 +34,20 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
     let folder = job.open_folder(None)?;
     store::copy(&path, &folder.cassette())?;
     let remedy = format!("evodrive record {}", args.experiment.display());
+    let rollouts = behind::replay(&job.experiment, &folder, &remedy)?;
     let replay = Replay::new(cassette, remedy);
-    carry_out(job, &folder, &replay, Mode::Reuse, !args.no_report)
+    let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
+    carry_out(job, &folder, &Sources { ask: &replay, rollouts, mode: Mode::Reuse, keeps_cost: true }, !args.no_report)
+}
+
+/// Where a run's answers, rollouts and labels come from.
+struct Sources<'a> {
+    ask: &'a dyn Ask,
+    /// Answers of another simulator, where the experiment names one.
+    rollouts: Option<&'a dyn Answers>,
+    mode: Mode,
+    /// Deriving a run again to verify it is not what the run cost.
+    keeps_cost: bool,
 }
 
 /// Asks the models for what the cassette lacks, and writes it.
@@ -43,7 +57,8 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     let path = args.run.cassette.clone().unwrap_or_else(|| job.experiment.beside(&job.experiment.cassette));
     // The working directory may be another one when an interrupted recording goes on.
     let cassette = std::path::absolute(&path).map_err(Failure::internal)?;
-    let recording = Recording { cassette, fresh: args.fresh };
+    let rollouts = behind::path(&job.experiment).map(std::path::absolute).transpose().map_err(Failure::internal)?;
+    let recording = Recording { cassette, fresh: args.fresh, rollouts };
     let folder = job.open_folder(Some(&recording))?;
     carry_out_recording(job, &folder, &recording, !args.run.no_report)
 }
@@ -64,7 +79,19 @@ fn carry_out_recording(job: Job, folder: &RunFolder, recording: &Recording, repo
     };
     let recorder = Record::new(&answers, before, mode, models::askable(&job.experiment, folder)?);
     let name = job.experiment.name.clone();
-    let answer = carry_out(job, folder, &recorder, Mode::Reuse, report)?;
+    let backend = job.experiment.simulator.backend.clone();
+    let rollouts = match (&backend, &recording.rollouts) {
+        (Some(options), Some(path)) => Some(rollout_recorder(options, path, recording.fresh, &answers)?),
+        _ => None,
+    };
+    let asked = rollouts.as_ref().map(|recorder| recorder as &dyn Answers);
+    // What the store has was not asked of the recorder, and would be missing in the cassette.
+    let labels = if asked.is_some() { Mode::Verify } else { Mode::Reuse };
+    let answer =
+        carry_out(job, folder, &Sources { ask: &recorder, rollouts: asked, mode: labels, keeps_cost: true }, report)?;
+    if let (Some(recorder), Some(path)) = (rollouts, &recording.rollouts) {
+        keep_rollouts(recorder, folder, path, &name)?;
+    }
     let order: Vec<DrawSlot> = Vec::new();
     let cassette = recorder.into_cassette(&name, &order)?;
     cassette.save(path, &name)?;
@@ -72,6 +99,25 @@ fn carry_out_recording(job: Job, folder: &RunFolder, recording: &Recording, repo
     folder.write_card(&name, None)?;
     progress(format!("recorded {} exchanges in {}", cassette.exchanges().len(), path.display()));
     Ok(answer)
+}
+
+fn rollout_recorder<'a>(
+    options: &'a BackendOptions,
+    path: &Path,
+    fresh: bool,
+    answers: &'a Store,
+) -> Result<Recorder<'a>, Failure> {
+    let name = if fresh { before_fresh(path)? } else { String::new() };
+    let before = behind::recorded(options, path, fresh)?;
+    Ok(Recorder::new(answers, before, Workers::new(options, &Processes), name))
+}
+
+fn keep_rollouts(recorder: Recorder<'_>, folder: &RunFolder, path: &Path, name: &str) -> Result<(), Failure> {
+    let (cassette, failed) = recorder.into_cassette();
+    cassette.save(path, name)?;
+    store::copy(path, &folder.rollouts())?;
+    progress(format!("recorded {} rollouts in {}; {failed} of them failed", cassette.len(), path.display()));
+    Ok(())
 }
 
 /// Names a fresh recording by the cassette that it will replace: the same until it is finished, another one afterwards.
@@ -89,7 +135,8 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
     match card.cassette {
         Some(cassette) if card.recording => {
             let job = Job::of_folder(&folder, jobs)?;
-            carry_out_recording(job, &folder, &Recording { cassette, fresh: card.fresh }, true)
+            let recording = Recording { cassette, fresh: card.fresh, rollouts: card.rollouts };
+            carry_out_recording(job, &folder, &recording, true)
         }
         _ => again(args, jobs, Mode::Reuse, true),
     }
@@ -115,7 +162,9 @@ fn again(args: &FolderArgs, jobs: usize, mode: Mode, report: bool) -> Result<Ans
     let job = Job::of_folder(&folder, jobs)?;
     let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
     let replay = Replay::new(Cassette::load(&folder.cassette())?, remedy);
-    carry_out(job, &folder, &replay, mode, report)
+    let rollouts = behind::replay_of(&job.experiment, &folder)?;
+    let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
+    carry_out(job, &folder, &Sources { ask: &replay, rollouts, mode, keeps_cost: mode == Mode::Reuse }, report)
 }
 
 /// What a run starts from.
@@ -173,7 +222,7 @@ fn tell_left_out(pool: &Pool) {
 }
 
 /// The run itself, its result files and its report.
-fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bool) -> Result<Answer, Failure> {
+fn carry_out(job: Job, folder: &RunFolder, sources: &Sources<'_>, report: bool) -> Result<Answer, Failure> {
     progress(format!("run folder: {}", folder.dir.display()));
     let study = job.experiment.study(job.scenes, &job.threads)?;
     let clock = cost::clock();
@@ -184,10 +233,11 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
     if confirmed > 0 {
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
     }
-    let rollouts = Rollouts::new(&objects, mode);
+    let rollouts = Rollouts::new(&objects, sources.mode);
     let line = MovingLine::new(&study);
     let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
-    let tools = Tools::new(&study, ask, &job.threads, &rollouts, Meter::new(&clock));
+    let backend = behind::backend(&job.experiment, sources.rollouts);
+    let tools = Tools::new(&study, sources.ask, &job.threads, &rollouts, Meter::new(&clock)).behind(backend);
     let mut desk = Desk { log, watch: &mut watch, tools };
     let result = epoch::run(&study, &mut desk)?;
     let root = desk.log.head();
@@ -195,14 +245,13 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
     let (reused, simulated) = rollouts.counts();
     drop(desk);
     line.finish();
-    if mode == Mode::Reuse {
-        // Deriving a run again to verify it is not what the run cost.
+    if sources.keeps_cost {
         cost::keep(folder, &cost)?;
     }
     let result_json = serde_json::to_vec_pretty(&json!({"root": root, "result": result})).map_err(Failure::internal)?;
     store::write_atomic(&folder.result(), &result_json)?;
     if report {
-        write_report(&study, folder)?;
+        write_report(&study, folder, backend)?;
     }
     progress(cost::table(&cost));
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store"));
@@ -210,9 +259,9 @@ fn carry_out(job: Job, folder: &RunFolder, ask: &dyn Ask, mode: Mode, report: bo
 }
 
 /// Writes report.html of a finished run.
-pub fn write_report(study: &Study, folder: &RunFolder) -> Result<(), Failure> {
+pub fn write_report(study: &Study, folder: &RunFolder, backend: Backend<'_>) -> Result<(), Failure> {
     let story = folder.story()?;
-    let playables = playables::choose(&Player::of(study, &story.counsels), &story)?;
+    let playables = playables::choose(&Player::of(study, &story.counsels, backend), &story)?;
     Ok(store::write_atomic(
         &folder.report(),
         report::html(&story, &playables, cost::kept(folder)?.as_ref()).as_bytes(),

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::scene::Scene;
 use crate::store;
 
 /// Scenes that are held in memory as files before they are written.
-const AT_ONCE: usize = 16;
+pub const AT_ONCE: usize = 16;
 /// Characters of a scene's id that go into a file's name.
 const NAME_MAX: usize = 100;
 
@@ -71,46 +71,109 @@ struct Row {
 /// A scene that the format cannot hold is left out and named; none at all is an error. A file is written whole or not
 /// at all.
 pub fn run(options: &Options, threads: usize) -> Result<Answer, Failure> {
-    let jobs = jobs(options, threads)?;
-    let threads = Threads::new(threads).map_err(Failure::internal)?;
-    let mut rows: Vec<Row> = Vec::new();
-    let mut left_out: Vec<(String, ExportError)> = Vec::new();
-    for some in jobs.chunks(AT_ONCE) {
-        let exported = threads.map(some, |_, job| export(job, options.format));
-        for (job, exported) in some.iter().zip(exported) {
-            let scene = job.staging.as_ref().map_or(&job.scene.id, |staging| &staging.id).clone();
-            match exported {
-                Err(error) => left_out.push((scene, error)),
-                Ok((files, notes)) => {
-                    for (name, bytes) in &files {
-                        store::write_atomic(&options.out.join(name), bytes)?;
-                    }
-                    rows.push(Row { scene, files: files.into_iter().map(|(name, _)| name).collect(), notes });
-                }
-            }
-        }
-    }
-    if rows.is_empty() {
-        let reasons: Vec<String> = left_out.iter().map(|(_, error)| format!("  {error}")).collect();
-        return Err(Failure::bad_input(format!("no scene could be exported:\n{}", reasons.join("\n"))));
-    }
-    Ok(answer(&options.out, &rows, &left_out))
+    let chosen = chosen(options, threads)?;
+    let mut exports = Exports::new(options.format, &options.out);
+    exports.write(chosen, &Threads::new(threads).map_err(Failure::internal)?)?;
+    exports.some()?;
+    let text = format!("{}{} scenes in {}\n", exports.told(), exports.written(), options.out.display());
+    Ok(Answer::new(text, exports.json()))
 }
 
-fn jobs(options: &Options, threads: usize) -> Result<Vec<Job>, Failure> {
-    let chosen: Vec<(Scene, Option<Staging>)> = match &options.of.attempt {
+/// Scenes, and what rollouts made of them.
+fn chosen(options: &Options, threads: usize) -> Result<Vec<(Scene, Option<Staging>)>, Failure> {
+    Ok(match &options.of.attempt {
         Some(attempt) => {
             let played = rollout::of_attempt(options.of.run.as_ref(), attempt, &options.scene, threads)?;
             played.into_iter().map(|played| (played.scene.clone(), Some(played.staging()))).collect()
         }
         None => of_pool(options, threads)?.into_iter().map(|scene| (scene, None)).collect(),
-    };
-    let mut taken = BTreeSet::new();
-    let job = |(scene, staging): (Scene, Option<Staging>)| {
-        let name = file_name(staging.as_ref().map_or(&scene.id, |staging| &staging.id), &mut taken);
-        Job { scene, staging, name }
-    };
-    Ok(chosen.into_iter().map(job).collect())
+    })
+}
+
+/// Scenes that are written into a folder in one format.
+pub struct Exports<'a> {
+    format: Format,
+    out: &'a Path,
+    taken: BTreeSet<String>,
+    rows: Vec<Row>,
+    left_out: Vec<(String, ExportError)>,
+}
+
+impl<'a> Exports<'a> {
+    pub fn new(format: Format, out: &'a Path) -> Exports<'a> {
+        Exports { format, out, taken: BTreeSet::new(), rows: Vec::new(), left_out: Vec::new() }
+    }
+
+    /// Writes scenes; one that the format cannot hold is kept with its reason.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&mut self, chosen: Vec<(Scene, Option<Staging>)>, threads: &Threads) -> Result<(), Failure> {
+        let job = |(scene, staging): (Scene, Option<Staging>)| {
+            let name = file_name(staging.as_ref().map_or(&scene.id, |staging| &staging.id), &mut self.taken);
+            Job { scene, staging, name }
+        };
+        let jobs: Vec<Job> = chosen.into_iter().map(job).collect();
+        for some in jobs.chunks(AT_ONCE) {
+            let exported = threads.map(some, |_, job| export(job, self.format));
+            for (job, exported) in some.iter().zip(exported) {
+                let scene = job.staging.as_ref().map_or(&job.scene.id, |staging| &staging.id).clone();
+                match exported {
+                    Err(error) => self.left_out.push((scene, error)),
+                    Ok((files, notes)) => {
+                        for (name, bytes) in &files {
+                            store::write_atomic(&self.out.join(name), bytes)?;
+                        }
+                        self.rows.push(Row { scene, files: files.into_iter().map(|(name, _)| name).collect(), notes });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How many scenes were written.
+    pub fn written(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// # Errors
+    /// Nothing was written.
+    fn some(&self) -> Result<(), Failure> {
+        if self.rows.is_empty() {
+            let reasons: Vec<String> = self.left_out.iter().map(|(_, error)| format!("  {error}")).collect();
+            return Err(Failure::bad_input(format!("no scene could be exported:\n{}", reasons.join("\n"))));
+        }
+        Ok(())
+    }
+
+    /// What was written and what the format cannot hold; what is the same for many scenes is said once.
+    pub fn told(&self) -> String {
+        let mut text = String::new();
+        let mut notes: BTreeMap<&str, Vec<(&str, &str)>> = BTreeMap::new();
+        for row in &self.rows {
+            let _ = writeln!(text, "{}  {}", row.scene, row.files.join(" "));
+            for note in &row.notes {
+                notes.entry(&note.reason).or_default().push((&row.scene, &note.what));
+            }
+        }
+        for (reason, places) in &notes {
+            let (scene, what) = places[0];
+            let place = if what.is_empty() { scene.to_string() } else { format!("{scene}, {what}") };
+            let more = if places.len() > 1 { format!(" and {} more", places.len() - 1) } else { String::new() };
+            let _ = writeln!(text, "note: {reason} ({place}{more})");
+        }
+        for (_, error) in &self.left_out {
+            let _ = writeln!(text, "left out: {error}");
+        }
+        text
+    }
+
+    pub fn json(&self) -> Value {
+        let told = |(scene, error): &(String, ExportError)| json!({"scene": scene, "reason": error.to_string()});
+        let left_out: Vec<Value> = self.left_out.iter().map(told).collect();
+        json!({"out": self.out, "scenes": self.rows, "left_out": left_out})
+    }
 }
 
 fn of_pool(options: &Options, threads: usize) -> Result<Vec<Scene>, Failure> {
@@ -152,30 +215,6 @@ fn export(job: &Job, format: Format) -> Result<Files, ExportError> {
             Ok((vec![(road_file, files.xodr), (format!("{}.xosc", job.name), files.xosc)], files.notes))
         }
     }
-}
-
-fn answer(out: &Path, rows: &[Row], left_out: &[(String, ExportError)]) -> Answer {
-    let mut text = String::new();
-    // What is the same for many scenes is said once.
-    let mut notes: BTreeMap<&str, Vec<(&str, &str)>> = BTreeMap::new();
-    for row in rows {
-        let _ = writeln!(text, "{}  {}", row.scene, row.files.join(" "));
-        for note in &row.notes {
-            notes.entry(&note.reason).or_default().push((&row.scene, &note.what));
-        }
-    }
-    for (reason, places) in &notes {
-        let (scene, what) = places[0];
-        let place = if what.is_empty() { scene.to_string() } else { format!("{scene}, {what}") };
-        let more = if places.len() > 1 { format!(" and {} more", places.len() - 1) } else { String::new() };
-        let _ = writeln!(text, "note: {reason} ({place}{more})");
-    }
-    for (_, error) in left_out {
-        let _ = writeln!(text, "left out: {error}");
-    }
-    let _ = writeln!(text, "{} scenes in {}", rows.len(), out.display());
-    let left_out: Vec<_> = left_out.iter().map(|(scene, e)| json!({"scene": scene, "reason": e.to_string()})).collect();
-    Answer::new(text, json!({"out": out, "scenes": rows, "left_out": left_out}))
 }
 
 #[cfg(test)]

@@ -10,6 +10,9 @@ use super::exit::Failure;
 use super::{scene_export, scene_show};
 use crate::experiment::{self, Experiment};
 use crate::kernel::Threads;
+use crate::objects::spelling::nearest;
+use crate::scene::features::TAGS;
+use crate::scene::safebench::TrafficFamily;
 use crate::scene::stats::PoolStats;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
 use crate::store;
@@ -124,6 +127,14 @@ fn written(pool: Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure>
 }
 
 fn list(options: &ListOptions, jobs: usize) -> Result<Answer, Failure> {
+    let known: Vec<&str> = TAGS.into_iter().chain(TrafficFamily::ALL.map(TrafficFamily::name)).collect();
+    if let Some(tag) = options.tag.iter().find(|tag| !known.contains(&tag.as_str())) {
+        let near = nearest(tag, known.iter().copied()).map_or(String::new(), |near| format!("; did you mean {near}?"));
+        let known = known.join(", ");
+        return Err(Failure::bad_input(format!(
+            "--tag {tag}: no scene can have this tag, expected one of {known}{near}"
+        )));
+    }
     let pool = read(&options.paths, jobs)?;
     let rows = rows(&pool, &threads(jobs)?);
     let kept: Vec<Row> = rows.into_iter().filter(|row| keeps(row, &options.tag, options.usable)).collect();
@@ -135,6 +146,8 @@ fn list(options: &ListOptions, jobs: usize) -> Result<Answer, Failure> {
 pub struct Row {
     pub id: String,
     pub format: String,
+    /// Where it was read from; of a generated scene, its kind.
+    pub file: String,
     pub duration_s: f64,
     pub tracks: usize,
     pub lanes: usize,
@@ -151,6 +164,7 @@ pub fn row(scene: &Scene) -> Row {
     Row {
         id: scene.id.clone(),
         format: scene.origin.format.clone(),
+        file: scene.origin.name.clone(),
         duration_s: crate::scene::DT_S * scene.steps.saturating_sub(1) as f64,
         tracks: scene.tracks.len(),
         lanes: scene.road.lanes.len(),
@@ -181,14 +195,19 @@ pub fn unnamed(pool: &Pool, path: &Path) -> Failure {
 }
 
 fn listing(rows: &[Row]) -> String {
-    let mut out = format!("{:<40} {:<18} {:>7} {:>7} {:>6}  tags\n", "scene", "format", "seconds", "tracks", "lanes");
+    let file = rows.iter().map(|row| row.file.chars().count()).max().unwrap_or(0).clamp(4, 40);
+    let mut out = format!(
+        "{:<40} {:<18} {:<file$} {:>7} {:>7} {:>6}  tags\n",
+        "scene", "format", "file", "seconds", "tracks", "lanes"
+    );
     for row in rows {
         let note = row.unusable.as_ref().map_or(String::new(), |reason| format!("  [not used: {reason}]"));
         let _ = writeln!(
             out,
-            "{:<40} {:<18} {:>7.1} {:>7} {:>6}  {}{note}",
+            "{:<40} {:<18} {:<file$} {:>7.1} {:>7} {:>6}  {}{note}",
             row.id,
             row.format,
+            row.file,
             row.duration_s,
             row.tracks,
             row.lanes,

@@ -8,13 +8,14 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::evidence::attempt_text::{self, Exchanged};
-use crate::evidence::{RecordedRun, composition_text, counsel_text};
+use crate::evidence::{RecordedRun, composition_text, counsel_text, lineage_text};
 use crate::llm::{Cassette, Metadata};
+use crate::objects::event::ParentAdopted;
 use crate::objects::{Attempt, Composed, Counselled, Exchange, spelling};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Attempt, e.g. cat-idm/e2s5; or a scene that was counselled, e.g. llm_attacker-idm/synth/urban/500/42; or a
+    /// Attempt, e.g. cat-idm/e2s5; or a lineage's parent, e.g. cat-idm/parent; or a scene that was counselled, e.g. llm_attacker-idm/synth/urban/500/42; or a
     /// template that was composed, e.g. chatscene-idm/crossing.
     pub attempt: String,
     /// Run folder; without it the latest one below runs/.
@@ -52,10 +53,27 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         let exchanges: Vec<Value> = composed.exchanges.iter().map(shown).collect();
         return Ok(Answer::new(text, json!({"composition": composed, "exchanges": exchanges})));
     }
+    if let Some(adopted) = story.parents.iter().find(|of| of.program.solution_id.as_str() == options.attempt) {
+        return parent(&story, adopted);
+    }
     let attempt = story.attempt(&options.attempt).ok_or_else(|| unknown(&story, &options.attempt))?;
     let text = attempt_text::attempt(attempt, &texts, options.full);
     let exchanges: Vec<Value> = attempt.proposal.exchanges.iter().map(shown).collect();
     Ok(Answer::new(text, json!({"attempt": attempt, "exchanges": exchanges})))
+}
+
+/// A lineage's parent: where it came from, and its content.
+fn parent(story: &RecordedRun, adopted: &ParentAdopted) -> Result<Answer, Failure> {
+    let ParentAdopted { program, program_hash, ego, .. } = adopted;
+    let mut text = format!(
+        "parent {}  family {}, ego {ego}  {}\n",
+        program.solution_id,
+        program.source_family,
+        program_hash.short(16)
+    );
+    lineage_text::origins(&mut text, story, program);
+    text.push_str(&serde_json::to_string_pretty(program).map_err(Failure::internal)?);
+    Ok(Answer::new(text, json!({"parent": adopted})))
 }
 
 /// Nothing that can be shown has this name.

@@ -5,7 +5,7 @@ mod player;
 mod svg;
 
 pub use drawing::{Actor, Contact, Drawing, DrawnLight, LineStyle, RoadLine, Role, role_of};
-pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, script_json};
+pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, players_html, script_json};
 pub use svg::{Frame, SvgOptions, Theme, svg};
 
 #[cfg(test)]

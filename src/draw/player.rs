@@ -13,17 +13,33 @@ pub const PLAYER_CSS: &str = include_str!("assets/player.css");
 
 /// The page that shows one drawing.
 pub fn player_html(drawing: &Drawing, title: &str) -> String {
+    let mount = "EvoPlayer.mount(document.getElementById(\"player\"), \
+                 JSON.parse(document.getElementById(\"drawing\").textContent), { fill: true });";
+    page(title, "", &script_json(drawing), mount)
+}
+
+/// The page that shows one of several drawings at a time, each with the line under which it is chosen.
+pub fn players_html(drawings: &[(String, Drawing)], title: &str) -> String {
+    let choice = "<p><label>Scene <select id=\"choice\"></select></label></p>\n";
+    let mount = "const all = JSON.parse(document.getElementById(\"drawing\").textContent);\n\
+                 const choice = document.getElementById(\"choice\"), player = document.getElementById(\"player\");\n\
+                 all.forEach(([line], k) => choice.append(new Option(line, k)));\n\
+                 let shown = null;\n\
+                 const show = () => { if (shown) shown.destroy(); shown = EvoPlayer.mount(player, all[choice.value][1], { fill: true }); };\n\
+                 choice.addEventListener(\"change\", show);\nif (all.length) show();";
+    page(title, choice, &script_json(drawings), mount)
+}
+
+fn page(title: &str, above: &str, data: &str, mount: &str) -> String {
     let title = escaped(title);
-    let data = script_json(drawing);
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n\
-         <style>\n{PLAYER_CSS}\n</style>\n</head>\n<body class=\"evo-page\">\n<h1>{title}</h1>\n\
+         <style>\n{PLAYER_CSS}\n</style>\n</head>\n<body class=\"evo-page\">\n<h1>{title}</h1>\n{above}\
          <div id=\"player\" class=\"evo-player\"></div>\n\
          <noscript>This page draws with a script; the scene's SVG shows it without one.</noscript>\n\
          <script type=\"application/json\" id=\"drawing\">{data}</script>\n<script>\n{PLAYER_JS}\n\
-         EvoPlayer.mount(document.getElementById(\"player\"), \
-         JSON.parse(document.getElementById(\"drawing\").textContent), {{ fill: true }});\n</script>\n</body>\n</html>\n"
+         {mount}\n</script>\n</body>\n</html>\n"
     )
 }
 

@@ -19,6 +19,10 @@ pub fn parent(study: &Study, spec: &LineageSpec, desk: &mut Desk<'_>) -> Result<
     let (Some(options), Some(asks)) = (&study.composition, study.source(spec)?.asks.templates) else {
         return study.parent(spec);
     };
+    if spec.start.is_some() {
+        // A program that came as a file brings its templates.
+        return study.parent(spec);
+    }
     let model = study.models.get(&Role::TemplateAgent);
     let model = model.ok_or(AgentError::NoModel { role: Role::TemplateAgent.name() })?;
     let mut composed = Vec::new();

@@ -7,10 +7,11 @@ use super::{
     draft::{Considered, Draft, Reached, RoutedCandidate},
     freeze::Snapshot,
     labels::Labelling,
+    measure::measure,
     standings::{Standing, Standings},
     study::Study,
 };
-use crate::archive::{self, Archive, Contender, Leaders, coverage, promote};
+use crate::archive::{self, Archive, Contender, Leaders, promote};
 use crate::kernel::Digest;
 use crate::objects::entry::diagnostics_mean;
 use crate::objects::{
@@ -41,7 +42,7 @@ impl Judged {
     pub fn decide(&mut self, study: &Study, snapshot: &Snapshot<'_>) {
         let contender = |solution: &SolutionId| {
             let score = &self.standing.get(solution)?.so_far;
-            Some(Contender { solution: solution.clone(), objectives: score.objectives, coverage: coverage(score) })
+            Some(Contender { solution: solution.clone(), objectives: score.objectives, coverage: score.coverage })
         };
         let front: Vec<Contender> = snapshot.archive.front().filter_map(|entry| contender(&entry.solution)).collect();
         let parents: Vec<Contender> =
@@ -105,12 +106,12 @@ fn accept(
     tools: &Tools<'_>,
 ) -> Result<Decision, RunError> {
     let parent = &snapshot.parent_of(slot).program.solution_id;
-    let mut gates = compared(study, judged, parent, window, |standing| &standing.window)?;
+    let mut gates = compared(study, judged, parent, window, tools, |standing| &standing.window)?;
     let mut score = window.clone();
     if gates.any() && snapshot.so_far.len() > snapshot.window.len() {
         let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
         score = labelling.score((&candidate.program, candidate.program_hash), &snapshot.so_far)?;
-        gates = compared(study, judged, parent, &score, |standing| &standing.so_far)?;
+        gates = compared(study, judged, parent, &score, tools, |standing| &standing.so_far)?;
     }
     let accepted = gates.any();
     let scenes = study.scenes_digest(if accepted { &snapshot.so_far } else { &snapshot.window })?;
@@ -136,6 +137,7 @@ fn compared(
     judged: &Judged,
     parent: &SolutionId,
     child: &Score,
+    tools: &Tools<'_>,
     on: impl Fn(&Standing) -> &Score,
 ) -> Result<Box<AcceptanceGates>, RunError> {
     let standing = |solution: &SolutionId| judged.standing.get(solution).map(&on);
@@ -144,7 +146,8 @@ fn compared(
     })?;
     let front: Vec<&Score> = judged.archive.front().filter_map(|entry| standing(&entry.solution)).collect();
     let standing = archive::Standing { child, parent, front: &front };
-    Ok(Box::new(archive::consider(&standing, &study.archive)?))
+    let measure = measure(study, &[&[child, parent], front.as_slice()].concat(), tools)?;
+    Ok(Box::new(archive::consider(&standing, &study.archive, &*measure)?))
 }
 
 /// What the world evaluator will learn from a labelled candidate: one a scene that has a label.

@@ -3,8 +3,6 @@
 
 use std::collections::BTreeSet;
 
-use serde::Deserialize;
-
 use super::{
     RunError, briefing,
     counsels::Counsels,
@@ -15,8 +13,9 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::agents::{self, AgentError, counsel::Case};
+use crate::backend::NoOutcome;
 use crate::compiler::{Decision, Prepared, Situation};
-use crate::evaluation::{RolloutCache, request_key};
+use crate::evaluation::{EvaluationError, RolloutCache, request_key};
 use crate::llm::ModelSpec;
 use crate::objects::{
     Counsel, Counselled, Program, Role,
@@ -123,7 +122,7 @@ impl Rehearsal<'_> {
         let entry = &study.scenes[place];
         let advised = Some(counsel.digest()?);
         let key = {
-            let (ego, simulator) = (spec.ego.digest(), study.simulator.digest()?);
+            let (ego, simulator) = (spec.ego.digest(), study.rules()?);
             request_key(self.prepared.hash(), entry.digest, ego, simulator, study.seed, advised)?
         };
         let record = match self.tools.rollouts.recorded(&key)? {
@@ -133,14 +132,16 @@ impl Rehearsal<'_> {
                     self.tools.rollouts.keep(&key, &record)?;
                     record.into()
                 }
-                Err(reason) => return Ok(Trial::Refused { reason }),
+                Err(NoOutcome::Scene(reason)) => return Ok(Trial::Refused { reason }),
+                Err(NoOutcome::Stop(error)) => return Err(EvaluationError::from(error).into()),
             },
         };
+        let unread = |error| RunError::Study(format!("a rollout record's decision cannot be read: {error}"));
+        let decision: Decision = record.decision.read().map_err(unread)?;
         if !record.intervened {
-            let reason = record.decision["reason"].as_str().unwrap_or_default().to_string();
-            return Ok(Trial::Refused { reason });
+            return Ok(Trial::Refused { reason: decision.reason });
         }
-        if let Some(reason) = others_than(counsel, &record.decision)? {
+        if let Some(reason) = others_than(counsel, &decision) {
             return Ok(Trial::Refused { reason });
         }
         let mut way = || self.way(situation, counsel).unwrap_or_default();
@@ -161,13 +162,11 @@ impl Rehearsal<'_> {
 }
 
 /// Why an outcome is not the set's: some of its vehicles had no way to drive, or others attacked in their place.
-fn others_than(counsel: &Counsel, decision: &serde_json::Value) -> Result<Option<String>, RunError> {
-    let decision = Decision::deserialize(decision)
-        .map_err(|error| RunError::Study(format!("a rollout record's decision cannot be read: {error}")))?;
+fn others_than(counsel: &Counsel, decision: &Decision) -> Option<String> {
     let attacked: BTreeSet<TrackIx> = decision.actors.iter().map(|actor| actor.track).collect();
     let named: BTreeSet<TrackIx> = counsel.attackers.iter().copied().collect();
-    Ok((attacked != named).then(|| match attacked.is_subset(&named) {
+    (attacked != named).then(|| match attacked.is_subset(&named) {
         true => "not all of the set have a way to attack here".to_string(),
         false => "the set has no way to attack here, others would".to_string(),
-    }))
+    })
 }

@@ -4,6 +4,7 @@
 use std::sync::Mutex;
 
 use super::{cost::Meter, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study};
+use crate::backend::Backend;
 use crate::kernel::Threads;
 use crate::llm::Ask;
 use crate::store::Transcript;
@@ -25,6 +26,8 @@ pub struct Tools<'a> {
     /// Labels that are on record.
     pub rollouts: &'a Rollouts<'a>,
     pub meter: Meter<'a>,
+    /// Who simulates rollouts for labels.
+    pub backend: Backend<'a>,
     pub(super) situations: Situations,
     /// Held while a parent is compiled on a probe scene: the workers share it, and it is compiled once.
     pub(super) parent_trial: Mutex<()>,
@@ -38,6 +41,12 @@ impl<'a> Tools<'a> {
         rollouts: &'a Rollouts<'a>,
         meter: Meter<'a>,
     ) -> Tools<'a> {
-        Tools { ask, threads, rollouts, meter, situations: Situations::of(study), parent_trial: Mutex::new(()) }
+        let (situations, parent_trial) = (Situations::of(study), Mutex::new(()));
+        Tools { ask, threads, rollouts, meter, backend: Backend::Own, situations, parent_trial }
+    }
+
+    /// The same with rollouts from a backend.
+    pub fn behind(self, backend: Backend<'a>) -> Tools<'a> {
+        Tools { backend, ..self }
     }
 }

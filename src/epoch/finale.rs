@@ -12,7 +12,7 @@ use super::{
     state::State,
     study::{LineageSpec, Study},
 };
-use crate::archive::{Contender, coverage, pf_area_pct, select_active};
+use crate::archive::{Contender, pf_area_pct, select_active};
 use crate::kernel::num;
 use crate::objects::{
     Attempt, Objectives, Score, SolutionId,
@@ -143,7 +143,7 @@ fn choose(
             kind::FINALIST,
             &Finalist { lineage: spec.id.clone(), solution: solution.clone(), score: score.clone() },
         )?;
-        let (objectives, coverage) = (score.objectives, coverage(&score));
+        let (objectives, coverage) = (score.objectives, score.coverage);
         contenders.push(Contender { solution: solution.clone(), objectives, coverage });
         scores.insert(solution, score);
     }

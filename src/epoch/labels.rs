@@ -10,13 +10,15 @@ use super::{
     standings::Standing,
     study::{LineageSpec, SceneEntry, Study},
 };
+use crate::backend::{Backend, NoOutcome};
 use crate::candidates::Trials;
 use crate::compiler::{CompileFailure, Decision, Prepared};
-use crate::evaluation::{RolloutRecord, SceneRef, Subject, evaluate, request_key};
-use crate::kernel::{Digest, canon::CanonError};
+use crate::ego::Policy;
+use crate::evaluation::{RolloutRecord, SceneRef, Subject, Written, evaluate, request_key};
+use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::{Counsel, Program, Score};
-use crate::sim::{Outcome, rollout_assessed};
-use crate::stage::Source;
+use crate::sim::{ActorRef, Intervention, Outcome};
+use crate::stage::{Situation, Source};
 
 /// Scenes on which every child is tried, as far as there are probe scenes.
 const TRIED_MIN: usize = 3;
@@ -41,7 +43,7 @@ impl Labelling<'_> {
             Ok(prepared) => Ok(prepared),
             Err(failure) => Err(failure.to_string()),
         };
-        let simulator = study.simulator.digest()?;
+        let simulator = study.rules()?;
         let subject = Subject { program: hash, ego: &spec.ego, simulator, seed: study.seed };
         let counsels = places.iter().map(|&place| counsels.at(study, spec, place)).collect::<Result<Vec<_>, _>>()?;
         let scene = |(&place, counsel): (&usize, &Option<&Counsel>)| -> Result<SceneRef<'_>, CanonError> {
@@ -130,21 +132,21 @@ impl Labelling<'_> {
         Ok(Arc::new(trial))
     }
 
-    /// Compiles for one scene, with the counsel where the family takes it, and rolls out. A text is the reason why there is
-    /// no label.
+    /// Compiles for one scene, with the counsel where the family takes it, and rolls out.
     pub fn rollout(
         &self,
         prepared: &Prepared<'_>,
         place: usize,
         counsel: Option<&Counsel>,
-    ) -> Result<RolloutRecord, String> {
+    ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self;
         let situation = tools.situations.at(place, &spec.ego)?;
         let compile = || prepared.compile_counselled(&situation, study.seed, counsel);
         let compiled = tools.meter.compile(&spec.id, compile).map_err(|failure| failure.to_string())?;
-        let run = || rollout_assessed(&situation.plant, &compiled.intervention, spec.ego.driver().as_mut());
-        let outcome: Outcome = tools.meter.rollout(&spec.id, run).map_err(|error| error.to_string())?;
-        record(&study.scenes[place], spec, prepared, &compiled.decision, outcome)
+        let run = || tools.backend.rollout(&situation.plant, &compiled.intervention, &spec.ego, study.seed);
+        let outcome: Outcome = tools.meter.rollout(&spec.id, run)?;
+        let anyway = meets_anyway(&tools.backend, &situation, &spec.ego, study.seed)?;
+        Ok(record(&study.scenes[place], &spec.ego, prepared, anyway, &compiled.decision, outcome)?)
     }
 }
 
@@ -167,11 +169,29 @@ impl<'p> Lazy<'p> {
     }
 }
 
+/// Whom the ego runs into in plain replay, as whoever simulates sees it.
+pub fn meets_anyway(
+    backend: &Backend<'_>,
+    situation: &Situation,
+    ego: &Policy,
+    seed: Seed,
+) -> Result<Option<ActorRef>, NoOutcome> {
+    match backend {
+        // The situation was built with that rollout.
+        Backend::Own => Ok(situation.ego_meets),
+        Backend::Other { .. } => {
+            let undisturbed = backend.rollout(&situation.plant, &Intervention::default(), ego, seed)?;
+            Ok(undisturbed.contact.map(|contact| contact.with))
+        }
+    }
+}
+
 /// The record of a rollout.
 pub fn record(
     entry: &SceneEntry,
-    spec: &LineageSpec,
+    ego: &Policy,
     prepared: &Prepared<'_>,
+    meets_anyway: Option<ActorRef>,
     decision: &Decision,
     outcome: Outcome,
 ) -> Result<RolloutRecord, String> {
@@ -179,9 +199,10 @@ pub fn record(
         scene: entry.scene().id.clone(),
         scene_digest: entry.digest,
         program: prepared.hash(),
-        ego: spec.ego.name().to_string(),
+        ego: ego.name().to_string(),
         intervened: decision.applies,
-        decision: serde_json::to_value(decision).map_err(|error| error.to_string())?,
+        meets_anyway,
+        decision: Written::of(decision).map_err(|error| error.to_string())?,
         outcome,
     })
 }

@@ -1,6 +1,7 @@
 //! State, frozen snapshot, workers, serial acceptor: the paper's parallel epoch. `run.rs` is the page to read first.
 
 mod admit;
+mod applied;
 mod briefing;
 mod composition;
 mod consider;
@@ -14,6 +15,7 @@ mod evaluate;
 mod finale;
 mod freeze;
 mod labels;
+mod measure;
 mod open;
 mod options;
 mod play;
@@ -34,6 +36,7 @@ mod study;
 #[cfg(test)]
 mod tests;
 
+pub use applied::{Applied, Labelled};
 pub use cost::{Clock, Meter};
 pub use desk::{Desk, Tools};
 pub use error::RunError;
@@ -42,4 +45,4 @@ pub use play::{Player, Traced};
 pub use progress::Progress;
 pub use rollouts::{Mode, Rollouts, record_digest};
 pub use run::run;
-pub use study::{Budget, LineageSpec, SceneEntry, Study};
+pub use study::{Budget, LineageSpec, SceneEntry, Start, Study};

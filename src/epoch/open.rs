@@ -23,7 +23,7 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
     let mut contracts = BTreeMap::new();
     for spec in &study.lineages {
         let contract = &study.source(spec)?.contract;
-        contracts.insert(contract.family.clone(), Digest::of("evodrive/contract/1", contract)?);
+        contracts.insert(contract.family.clone(), contract.digest()?);
     }
     let id = |&place: &usize| study.scenes[place].scene().id.clone();
     Ok(Opened {
@@ -59,8 +59,9 @@ pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunErr
         let program_hash = parent.hash()?;
         state.lineages.adopt(spec.id.clone(), parent.clone())?;
         let ego = spec.ego.name().to_string();
-        desk.log
-            .append(kind::PARENT, &ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash })?;
+        let origins = spec.start.as_ref().map_or(Vec::new(), |start| start.origins.clone());
+        let adopted = ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash, origins };
+        desk.log.append(kind::PARENT, &adopted)?;
         counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
         let first = freeze(study, &state, 0, spec, &desk.tools)?;
         state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(study, &first)?)?;

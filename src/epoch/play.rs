@@ -2,18 +2,22 @@
 
 use super::{
     counsels::Counsels,
-    labels::record,
+    labels::{meets_anyway, record},
     situations::Situations,
-    study::{LineageSpec, Study},
+    study::{LineageSpec, SceneEntry, Study},
 };
-use crate::compiler::{Compiled, Decision, Prepared};
+use crate::backend::{Backend, NoOutcome};
+use crate::compiler::{Compiled, Decision, Prepared, Situation};
+use crate::ego::Policy;
 use crate::evaluation::RolloutRecord;
-use crate::objects::{Counselled, Program};
-use crate::sim::{Intervention, Trace, assess, rollout_traced};
+use crate::kernel::Seed;
+use crate::objects::{Counsel, Counselled, Program};
+use crate::sim::{Intervention, Trace};
 
 /// Plays a study's rollouts again.
 pub struct Player<'s> {
     pub study: &'s Study,
+    backend: Backend<'s>,
     counsels: Counsels,
     situations: Situations,
 }
@@ -30,8 +34,8 @@ pub struct Traced {
 
 impl<'s> Player<'s> {
     /// With the counsel that the run recorded.
-    pub fn of(study: &'s Study, counselled: &[Counselled]) -> Player<'s> {
-        Player { study, counsels: Counsels::recorded(counselled), situations: Situations::of(study) }
+    pub fn of(study: &'s Study, counselled: &[Counselled], backend: Backend<'s>) -> Player<'s> {
+        Player { study, backend, counsels: Counsels::recorded(counselled), situations: Situations::of(study) }
     }
 
     /// The rollout of a program in the scene at a place. A text is the reason why there is none.
@@ -40,13 +44,27 @@ impl<'s> Player<'s> {
         let prepared = Prepared::new(program, source).map_err(|failure| failure.to_string())?;
         let situation = self.situations.at(place, &spec.ego)?;
         let counsel = self.counsels.at(self.study, spec, place).map_err(|error| error.to_string())?;
-        let Compiled { decision, intervention } =
-            prepared.compile_counselled(&situation, self.study.seed, counsel).map_err(|failure| failure.to_string())?;
-        let mut driver = spec.ego.driver();
-        let (mut outcome, motion) =
-            rollout_traced(&situation.plant, &intervention, driver.as_mut()).map_err(|error| error.to_string())?;
-        assess(&situation.plant, &intervention, driver.as_mut(), &mut outcome).map_err(|error| error.to_string())?;
-        let record = record(&self.study.scenes[place], spec, &prepared, &decision, outcome)?;
-        Ok(Traced { record, decision, intervention, motion })
+        let place = (&self.study.scenes[place], &spec.ego);
+        traced(&self.backend, &prepared, &situation, (self.study.seed, counsel), place)
     }
+}
+
+/// One rollout with its motion: compiled, simulated, assessed.
+pub fn traced(
+    backend: &Backend<'_>,
+    prepared: &Prepared<'_>,
+    situation: &Situation,
+    (seed, counsel): (Seed, Option<&Counsel>),
+    (entry, ego): (&SceneEntry, &Policy),
+) -> Result<Traced, String> {
+    let Compiled { decision, intervention } =
+        prepared.compile_counselled(situation, seed, counsel).map_err(|failure| failure.to_string())?;
+    let reason = |none| match none {
+        NoOutcome::Scene(reason) => reason,
+        NoOutcome::Stop(error) => error.to_string(),
+    };
+    let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, seed).map_err(reason)?;
+    let anyway = meets_anyway(backend, situation, ego, seed).map_err(reason)?;
+    let record = record(entry, ego, prepared, anyway, &decision, outcome)?;
+    Ok(Traced { record, decision, intervention, motion })
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::{RunError, desk::Desk, study::Study};
 use crate::ego::Policy;
-use crate::evaluation::{Playing, replay_row};
+use crate::evaluation::{EvaluationError, Playing, replay_row};
 use crate::objects::event::kind;
 use crate::objects::replay::{ReplayRow, Suite};
 use crate::scene::PreparedScene;
@@ -18,8 +18,15 @@ pub fn record(study: &Study, desk: &mut Desk<'_>) -> Result<Vec<ReplayRow>, RunE
         for (suite, places) in [(Suite::Evolution, &study.evolution), (Suite::HeldOut, &study.held_out)] {
             let scenes: Vec<Arc<PreparedScene>> =
                 places.iter().map(|&place| study.scenes[place].prepared.clone()).collect();
-            let playing = Playing { ego, simulator: &study.simulator, evaluation: &study.evaluation };
-            if let Some(replayed) = replay_row(&scenes, suite, &playing, desk.tools.threads) {
+            let playing = Playing {
+                ego,
+                simulator: &study.simulator,
+                backend: desk.tools.backend,
+                seed: study.seed,
+                evaluation: &study.evaluation,
+            };
+            let replayed = replay_row(&scenes, suite, &playing, desk.tools.threads).map_err(EvaluationError::from)?;
+            if let Some(replayed) = replayed {
                 desk.log.append(kind::REPLAY, &replayed)?;
                 rows.push(replayed.row);
             }

@@ -6,14 +6,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{
     RunError,
     desk::Desk,
+    measure::{groups, staged_runs},
     state::State,
     study::{LineageSpec, Study},
 };
 use crate::archive::pf_area_pct;
-use crate::evaluation::{
-    Group, RolloutCache, SafebenchOptions, SceneArchive, Selecting, StagedRun, group_name, group_points,
-};
-use crate::objects::benchmark::SafebenchRun;
+use crate::evaluation::{Group, SafebenchOptions, SceneArchive, Selecting, group_name, group_points};
 use crate::objects::{Objectives, Score, SolutionId, event::kind};
 
 /// Records the archive after every round, from the parent's scenes alone on. `parent` is scored on all evolution scenes.
@@ -26,10 +24,10 @@ pub fn record(
     desk: &mut Desk<'_>,
 ) -> Result<(), RunError> {
     let mut archive = SceneArchive::default();
-    archive.add(0, parent, staged_runs(study, options, parent_score, desk)?);
+    archive.add(0, parent, staged_runs(study, options, parent_score, &desk.tools)?);
     for attempt in state.attempts.iter().filter(|attempt| attempt.lineage == spec.id) {
         if let (Some(candidate), Some(score)) = (attempt.exit.candidate(), attempt.exit.score()) {
-            let runs = staged_runs(study, options, score, desk)?;
+            let runs = staged_runs(study, options, score, &desk.tools)?;
             archive.add(attempt.epoch + 1, &candidate.program.solution_id, runs);
         }
     }
@@ -41,24 +39,6 @@ pub fn record(
         }
     }
     Ok(())
-}
-
-/// The labelled runs of a score, read back from their records.
-fn staged_runs(
-    study: &Study,
-    options: &SafebenchOptions,
-    score: &Score,
-    desk: &Desk<'_>,
-) -> Result<Vec<StagedRun>, RunError> {
-    let groups = groups(study);
-    let mut runs = Vec::with_capacity(score.scenes.len());
-    for scene in &score.scenes {
-        let Some(group) = groups.get(scene.scene.as_str()) else { continue };
-        let Some((record, _)) = desk.tools.rollouts.recorded(&scene.request)? else { continue };
-        let Some(run) = SafebenchRun::of(&record.outcome, &options.ars) else { continue };
-        runs.push(StagedRun { scene: scene.scene.clone(), group: *group, run, acted: scene.acted });
-    }
-    Ok(runs)
 }
 
 /// PF-Area@k of every group of the study, percent. A point of a group is a program's score over the group's runs; a
@@ -75,7 +55,7 @@ pub fn pf_area_by_group_pct(
     let groups = groups(study);
     let points = |score: &Score| -> Result<BTreeMap<Group, Objectives>, RunError> {
         let failed = score.failures.iter().filter_map(|failure| groups.get(failure.scene.as_str()).copied());
-        Ok(group_points(&staged_runs(study, options, score, desk)?, &failed.collect::<Vec<Group>>()))
+        Ok(group_points(&staged_runs(study, options, score, &desk.tools)?, &failed.collect::<Vec<Group>>()))
     };
     let before = points(parent)?;
     let after = descendants.iter().map(|score| points(score)).collect::<Result<Vec<_>, _>>()?;
@@ -85,10 +65,4 @@ pub fn pf_area_by_group_pct(
         (group_name(group), pf_area_pct(&own, &eligible.copied().collect::<Vec<_>>(), k, &study.archive))
     };
     Ok(groups.values().copied().collect::<BTreeSet<Group>>().into_iter().map(gain).collect())
-}
-
-/// Groups of the evolution scenes by the scenes' ids.
-fn groups(study: &Study) -> BTreeMap<&str, Group> {
-    let entries = study.evolution.iter().map(|&place| &study.scenes[place]);
-    entries.filter_map(|entry| Some((entry.scene().id.as_str(), entry.group()?))).collect()
 }

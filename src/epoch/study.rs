@@ -7,12 +7,13 @@ use super::RunError;
 use super::options::{CompositionOptions, CounselOptions};
 use crate::adapters::Registry;
 use crate::archive::{ArchiveOptions, SelectorOptions};
+use crate::backend::BackendOptions;
 use crate::ego::Policy;
 use crate::evaluation::{EvaluationOptions, Group};
-use crate::kernel::{Digest, Seed};
+use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::llm::ModelSpec;
 use crate::memory::{CurationOptions, MemoryOptions};
-use crate::objects::{Composed, FamilyName, LineageId, ParameterValue, Program, Role, WorldConfiguration};
+use crate::objects::{Composed, FamilyName, LineageId, Origin, ParameterValue, Program, Role, WorldConfiguration};
 use crate::scene::{PreparedScene, Scene, SceneFeatures};
 use crate::sim::SimulatorOptions;
 use crate::stage::{Source, Sources};
@@ -41,6 +42,8 @@ pub struct Study {
     pub models: BTreeMap<Role, ModelSpec>,
     /// Under which rules scenes are simulated.
     pub simulator: SimulatorOptions,
+    /// Who simulates rollouts for labels, where that is another simulator than ours. Families plan with ours in any case.
+    pub backend: Option<BackendOptions>,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
     pub selector: SelectorOptions,
@@ -79,6 +82,16 @@ pub struct LineageSpec {
     pub ego: Policy,
     /// Parameters in which this lineage's parent differs from its family's.
     pub parent: BTreeMap<String, ParameterValue>,
+    /// The program that it starts from in place of its family's parent.
+    pub start: Option<Start>,
+}
+
+/// A program of another run with which a lineage starts.
+#[derive(Clone, Debug)]
+pub struct Start {
+    pub program: Program,
+    /// The runs that it came out of, the oldest first.
+    pub origins: Vec<Origin>,
 }
 
 /// A scene with what is derived from it once.
@@ -111,6 +124,15 @@ impl SceneEntry {
 }
 
 impl Study {
+    /// What of the simulator counts into a rollout's key: its options, and the backend where that is another simulator.
+    pub fn rules(&self) -> Result<Digest, CanonError> {
+        let own = self.simulator.digest()?;
+        match &self.backend {
+            None => Ok(own),
+            Some(backend) => Digest::of("evodrive/simulator-behind/1", &(own, backend.key()?)),
+        }
+    }
+
     /// The family of a lineage, with its code.
     pub fn source(&self, spec: &LineageSpec) -> Result<&Source, RunError> {
         self.sources.get(&spec.family).ok_or_else(|| {
@@ -125,7 +147,8 @@ impl Study {
         text.ok_or_else(|| RunError::Study(format!("the contract of `{}` was not written out", spec.family)))
     }
 
-    /// The program with which a lineage starts: its family's parent with the lineage's own parameters.
+    /// The program with which a lineage starts: its family's parent with the lineage's own parameters, or the program that
+    /// came as a file.
     pub fn parent(&self, spec: &LineageSpec) -> Result<Program, RunError> {
         self.composed_parent(spec, &[])
     }
@@ -133,7 +156,7 @@ impl Study {
     /// The same with what was composed for it; the lineage's own parameters stand above that.
     pub fn composed_parent(&self, spec: &LineageSpec, composed: &[Composed]) -> Result<Program, RunError> {
         let source = self.source(spec)?;
-        let mut parent = source.parent.adopted(&spec.id);
+        let mut parent = spec.start.as_ref().map_or(&source.parent, |start| &start.program).adopted(&spec.id);
         if let Some(asks) = source.asks.templates {
             for (event, template) in composed.iter().filter_map(|event| Some((event, event.template.as_ref()?))) {
                 (asks.put)(&mut parent, &event.kind, template);

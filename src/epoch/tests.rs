@@ -8,7 +8,7 @@ use super::counsels::Counsels;
 use super::desk::{Desk, Tools};
 use super::labels::Labelling;
 use super::{Meter, Mode, Rollouts, Study};
-use crate::archive::{PromotionRule, Standing, consider, coverage, pf_area_pct};
+use crate::archive::{MeanOverScenes, PromotionRule, Standing, consider, pf_area_pct};
 use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions};
 use crate::experiment::{Experiment, SceneSource};
 use crate::families::grammar;
@@ -207,11 +207,12 @@ fn a_program_that_does_nothing_adds_no_frontier_area_and_is_never_accepted() {
         let places = &labelling.study.evolution;
         let before = labelling.score((parent, parent.hash().unwrap()), places).unwrap();
         let after = labelling.score((&null, null.hash().unwrap()), places).unwrap();
-        assert!(coverage(&before) > 0.0 && coverage(&after) == 0.0);
+        assert!(before.coverage > 0.0 && after.coverage == 0.0);
         let options = &labelling.study.archive;
-        let gates = consider(&Standing { child: &after, parent: &before, front: &[&before] }, options).unwrap();
+        let gates = consider(&Standing { child: &after, parent: &before, front: &[&before] }, options, &MeanOverScenes)
+            .unwrap();
         assert!(!gates.any() && !gates.densification.holds && gates.densification.hypervolume_gain == 0.0, "{gates:?}");
-        let eligible: Vec<_> = [&after].into_iter().filter(|s| coverage(s) > 0.0).map(|s| s.objectives).collect();
+        let eligible: Vec<_> = [&after].into_iter().filter(|s| s.coverage > 0.0).map(|s| s.objectives).collect();
         assert_eq!(pf_area_pct(&[before.objectives], &eligible, 3, options), 0.0);
     });
 }

@@ -7,6 +7,7 @@ use super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
 use super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
 use std::sync::Arc;
 
+use crate::backend::{BackendError, NoOutcome};
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, Threads, canon::CanonError};
 use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
@@ -16,7 +17,7 @@ use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 pub struct Subject<'a> {
     pub program: Digest,
     pub ego: &'a Policy,
-    /// Digest of the simulator's options.
+    /// Digest of the simulator's options, and of the backend where that is another simulator.
     pub simulator: Digest,
     pub seed: Seed,
 }
@@ -32,9 +33,9 @@ pub struct SceneRef<'a> {
     pub counsel: Option<Digest>,
 }
 
-/// Simulates the program in scene number `i` of the list: compile, then roll out. A text is the reason why there is
-/// no label. Called only for scenes whose record is not at hand.
-pub type Labeller<'a> = dyn Fn(usize) -> Result<RolloutRecord, String> + Sync + 'a;
+/// Simulates the program in scene number `i` of the list: compile, then roll out. Called only for scenes whose record is
+/// not at hand.
+pub type Labeller<'a> = dyn Fn(usize) -> Result<RolloutRecord, NoOutcome> + Sync + 'a;
 
 /// No score.
 #[derive(Debug, thiserror::Error)]
@@ -45,6 +46,8 @@ pub enum EvaluationError {
     NoLabel(String),
     #[error("scene {0} is staged for no traffic family; SafeBench's protocol takes [scenes] source = \"safebench\"")]
     Unstaged(String),
+    #[error(transparent)]
+    Backend(#[from] BackendError),
     #[error("a rollout request has no key: {0}")]
     Key(#[from] CanonError),
 }
@@ -112,6 +115,7 @@ fn one(
             let stored = cache.keep(&key, &record)?;
             Ok(Recorded { record: Arc::new(record), key, stored })
         }
-        Err(reason) => Err(SceneFailure { scene: scene.id.to_string(), reason }),
+        Err(NoOutcome::Scene(reason)) => Err(SceneFailure { scene: scene.id.to_string(), reason }),
+        Err(NoOutcome::Stop(error)) => return Err(error.into()),
     })
 }

@@ -20,9 +20,9 @@ pub use metrics::{
 pub use protocol::balanced::balanced;
 pub use protocol::rounds::{SceneArchive, Selecting, StagedRun, group_name, group_points};
 pub use protocol::safebench::{Group, Runs, SafebenchScore, Table, group_score};
-pub use record::{CacheError, RolloutCache, RolloutRecord, request_key};
+pub use record::{CacheError, RolloutCache, RolloutRecord, Written, request_key};
 pub use replay_row::{Playing, replay_row};
-pub use score::score_of;
+pub use score::{scene_score, score_of};
 
 /// Part of a run's first event; rises when a metric or protocol changes meaning.
-pub const EVAL_VERSION: u32 = 2;
+pub const EVAL_VERSION: u32 = 3;

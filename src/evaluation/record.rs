@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde_json::value::RawValue;
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::kernel::{Digest, Seed, canon::CanonError};
-use crate::sim::{Outcome, SIM_VERSION};
+use crate::sim::{ActorRef, Outcome, SIM_VERSION};
 
 /// What one rollout of one program in one scene left behind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,9 +19,36 @@ pub struct RolloutRecord {
     pub ego: String,
     /// Whether the program intervened; where it did not, the outcome is plain replay.
     pub intervened: bool,
+    /// Whom the ego runs into in plain replay: meeting that one is nothing that the program brought about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub meets_anyway: Option<ActorRef>,
     /// The scene-level decision ω in the compiler's words, for people and audits.
-    pub decision: serde_json::Value,
+    pub decision: Written,
     pub outcome: Outcome,
+}
+
+/// A JSON value as the text that was written: a run holds a hundred thousand of them and reads hardly any.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Written(Box<RawValue>);
+
+impl Written {
+    /// # Errors
+    /// What cannot be JSON: a map whose keys are no texts.
+    pub fn of(value: &impl Serialize) -> Result<Written, serde_json::Error> {
+        serde_json::value::to_raw_value(value).map(Written)
+    }
+
+    /// Reads it.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<T, serde_json::Error> {
+        serde_json::from_str(self.0.get())
+    }
+}
+
+impl PartialEq for Written {
+    fn eq(&self, other: &Written) -> bool {
+        self.0.get() == other.0.get()
+    }
 }
 
 /// Key of a rollout request. It needs neither the scene's content nor a compilation. `simulator` is the digest of the
@@ -35,8 +63,8 @@ pub fn request_key(
 ) -> Result<Digest, CanonError> {
     let request = (SIM_VERSION, ADAPTER_VERSION, program, scene, ego, simulator, seed);
     match counsel {
-        None => Digest::of("evodrive/rollout-request/2", &request),
-        Some(counsel) => Digest::of("evodrive/counselled-rollout-request/2", &(request, counsel)),
+        None => Digest::of("evodrive/rollout-request/3", &request),
+        Some(counsel) => Digest::of("evodrive/counselled-rollout-request/3", &(request, counsel)),
     }
 }
 

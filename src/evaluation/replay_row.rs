@@ -5,32 +5,39 @@ use std::sync::Arc;
 use super::calibrate::moves;
 use super::metrics::{EvaluationOptions, RealismOptions, realism::realism_of};
 use super::protocol::safebench::Runs;
+use crate::backend::{Backend, BackendError, NoOutcome};
 use crate::ego::Policy;
-use crate::kernel::{Threads, num};
+use crate::kernel::{Seed, Threads, num};
 use crate::objects::SceneFailure;
 use crate::objects::benchmark::SafebenchRun;
 use crate::objects::replay::{ReplayRow, ReplayScene, Replayed, Suite};
 use crate::scene::{AgentKind, PreparedScene};
-use crate::sim::{ActorRef, AdversaryReport, Intervention, Motion, Outcome, Plant, SimulatorOptions, rollout};
+use crate::sim::{ActorRef, AdversaryReport, Intervention, Motion, Outcome, Plant, SimulatorOptions};
 
 /// Under which rules the scenes are played and judged.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Playing<'a> {
     /// The ego that drives.
     pub ego: &'a Policy,
     /// Rules of the simulator.
     pub simulator: &'a SimulatorOptions,
+    /// Who simulates.
+    pub backend: Backend<'a>,
+    pub seed: Seed,
     /// Those of the MetaDrive protocol judge the recorded traffic; SafeBench's score the empty program.
     pub evaluation: &'a EvaluationOptions,
 }
 
 /// Plays every scene with the empty intervention. `None` if no scene could be played.
+///
+/// # Errors
+/// A backend that cannot go on.
 pub fn replay_row(
     scenes: &[Arc<PreparedScene>],
     suite: Suite,
     playing: &Playing<'_>,
     threads: &Threads,
-) -> Option<Replayed> {
+) -> Result<Option<Replayed>, BackendError> {
     let (mut played, mut failures, mut runs) = (Vec::new(), Vec::new(), Runs::default());
     for (scene, found) in scenes.iter().zip(threads.map(scenes, |_, scene| play(scene, playing))) {
         let staging = scene.scene.staging.as_ref().map(|staging| (staging.family, staging.route));
@@ -39,33 +46,34 @@ pub fn replay_row(
                 played.push(scene);
                 run.zip(staging).into_iter().for_each(|(run, group)| runs.add(group, run));
             }
-            Err(failure) => failures.push(failure),
+            Err(NoOutcome::Scene(reason)) => {
+                failures.push(SceneFailure { scene: scene.scene.id.clone(), reason });
+            }
+            Err(NoOutcome::Stop(error)) => return Err(error),
         }
     }
     let mean =
         |of: &dyn Fn(&ReplayScene) -> Option<f64>| num::mean(&played.iter().filter_map(of).collect::<Vec<f64>>());
+    let Some(contact_rate) = mean(&|scene| Some(if scene.contact { 1.0 } else { 0.0 })) else { return Ok(None) };
     let row = ReplayRow {
         ego: playing.ego.name().to_string(),
         suite,
         scenes: played.len(),
-        contact_rate: mean(&|scene| Some(if scene.contact { 1.0 } else { 0.0 }))?,
+        contact_rate,
         realism: mean(&|scene| scene.realism),
-        route_completion: mean(&|scene| Some(scene.route_completion))?,
+        route_completion: mean(&|scene| Some(scene.route_completion)).unwrap_or_default(),
         benchmark: runs.benchmark().map(|benchmark| benchmark.mean),
     };
-    Some(Replayed { row, scenes: played, failures })
+    Ok(Some(Replayed { row, scenes: played, failures }))
 }
 
 fn play(
     prepared: &Arc<PreparedScene>,
     playing: &Playing<'_>,
-) -> Result<(ReplayScene, Option<SafebenchRun>), SceneFailure> {
+) -> Result<(ReplayScene, Option<SafebenchRun>), NoOutcome> {
     let scene = prepared.scene.id.clone();
-    let played = Plant::with_options(prepared.clone(), playing.simulator).and_then(|plant| {
-        let outcome = rollout(&plant, &Intervention::default(), playing.ego.driver().as_mut())?;
-        Ok((plant, outcome))
-    });
-    let (plant, outcome) = played.map_err(|error| SceneFailure { scene: scene.clone(), reason: error.to_string() })?;
+    let plant = Plant::with_options(prepared.clone(), playing.simulator)?;
+    let outcome = playing.backend.rollout(&plant, &Intervention::default(), playing.ego, playing.seed)?;
     let (realism, run) = match playing.evaluation {
         EvaluationOptions::Metadrive(options) => (recorded_realism(&plant, &options.realism), None),
         EvaluationOptions::Safebench { safebench } => (None, SafebenchRun::of(&outcome, &safebench.ars)),

@@ -7,7 +7,6 @@ use super::protocol::safebench::{Group, Runs};
 use super::record::RolloutRecord;
 use crate::kernel::{Digest, num};
 use crate::objects::{Met, Objectives, SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
-use crate::sim::{Contact, Outcome};
 
 /// One scene's labels.
 pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &MetadriveOptions) -> SceneScore {
@@ -15,10 +14,10 @@ pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, opti
     let (diagnostics, realism) = realism::realism(&record.outcome, &options.realism);
     SceneScore {
         scene: record.scene.clone(),
-        attack: if met_one_that_acts(&record.outcome) { attack::attack(&record.outcome, &options.attack) } else { 0.0 },
+        attack: if is_brought_about(record) { attack::attack(&record.outcome, &options.attack) } else { 0.0 },
         realism: if acted { realism } else { 1.0 },
         acted,
-        contact: met(&record.outcome),
+        contact: met(record),
         diagnostics,
         intervened: record.intervened,
         request,
@@ -50,7 +49,7 @@ pub fn staged_scene_score(
         attack,
         realism,
         acted: run.realism.acted,
-        contact: met(&record.outcome),
+        contact: met(record),
         diagnostics: named.into_iter().map(|(name, value)| (name.to_string(), value)).collect::<BTreeMap<_, _>>(),
         intervened: record.intervened,
         request,
@@ -59,17 +58,20 @@ pub fn staged_scene_score(
     Some((score, run))
 }
 
-/// Whether the ego met an adversary that moved otherwise than recorded: whom a program names and leaves alone is no
-/// success of it.
-fn met_one_that_acts(outcome: &Outcome) -> bool {
-    let met = |contact: Contact| outcome.adversaries.iter().find(|adversary| adversary.actor == contact.with);
-    outcome.contact.and_then(met).is_some_and(|adversary| adversary.acted)
+/// Whether the program brought about the ego's contact: the one whom the ego met moved otherwise than recorded, and the ego
+/// does not run into the same one in plain replay. So neither naming somebody and leaving him alone nor nudging whom the
+/// ego hits anyway is a success.
+fn is_brought_about(record: &RolloutRecord) -> bool {
+    let Some(contact) = record.outcome.contact else { return false };
+    let acted = |with| record.outcome.adversaries.iter().any(|adversary| adversary.actor == with && adversary.acted);
+    record.meets_anyway != Some(contact.with) && acted(contact.with)
 }
 
 /// The contact that ended a rollout, as labels keep it.
-fn met(outcome: &Outcome) -> Option<Met> {
-    let contact = outcome.contact?;
-    Some(Met { adversary: contact.adversary, class: contact.class.name().to_string(), avoidable: contact.avoidable })
+fn met(record: &RolloutRecord) -> Option<Met> {
+    let contact = record.outcome.contact?;
+    let (class, anyway) = (contact.class.name().to_string(), record.meets_anyway == Some(contact.with));
+    Some(Met { adversary: contact.adversary, class, avoidable: contact.avoidable, anyway })
 }
 
 /// F(c) = (A, R) (paper eq. prelim-objectives): attack is the empirical mean over the labelled scenes, realism that over

@@ -15,6 +15,7 @@ pub fn chain(story: &RecordedRun, lineage: &LineageId) -> String {
         if let Some(attempt) = attempt_of(story, program) {
             describe_step(&mut out, attempt);
         }
+        origins(&mut out, story, program);
         if let Some(before) = i.checked_sub(1).map(|k| programs[k]) {
             out.push_str(&program_diff(before, program));
         }
@@ -54,6 +55,14 @@ pub fn shortened(text: &str, most: usize) -> String {
         return flat;
     }
     flat.chars().take(most.saturating_sub(1)).chain(['…']).collect()
+}
+
+/// The runs that a lineage's parent came out of, where the experiment names a program file.
+pub fn origins(out: &mut String, story: &RecordedRun, program: &Program) {
+    let adopted = story.parents.iter().find(|parent| parent.program.solution_id == program.solution_id);
+    for origin in adopted.iter().flat_map(|parent| &parent.origins) {
+        let _ = writeln!(out, "    from {origin}");
+    }
 }
 
 fn attempt_of<'a>(story: &'a RecordedRun, program: &Program) -> Option<&'a Attempt> {

@@ -1,5 +1,6 @@
 //! From recorded attempts to reports: it reads what was recorded and computes no label.
 
+pub mod agreement;
 pub mod attempt_text;
 pub mod audit;
 pub mod composition_text;

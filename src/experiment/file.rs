@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 use super::place::{Place, problem};
-use super::{ExperimentError, OptionError, calibration, check};
+use super::{ExperimentError, OptionError, calibration, check, parent_program};
 
 /// Files of one chain of bases.
 const CHAIN_MAX: usize = 8;
@@ -20,8 +20,8 @@ pub struct Composed {
     pub file: PathBuf,
     /// The file's own text.
     text: String,
-    /// Whether a calibration was written into the table in place of its file's name.
-    calibrated: bool,
+    /// Whether something was written into the table in place of the name of its file.
+    inlined: bool,
     /// The file and its bases by name, each with its own table; the file first.
     layers: Vec<(String, Table)>,
 }
@@ -33,7 +33,7 @@ pub struct Composed {
 pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
     let mut seen: Vec<String> = Vec::new();
     let mut layers: Vec<(String, Table)> = Vec::new();
-    let (mut own_text, mut calibrated) = (None, false);
+    let (mut own_text, mut inlined) = (None, false);
     // Where the next file is, and how one comes from the first file's folder to that file's folder.
     let mut next = Some((Place::of(path), PathBuf::new()));
     while let Some((place, folder)) = next.take() {
@@ -54,7 +54,8 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
         })?;
         let base = table.remove("base");
         rebase(&mut table, &folder);
-        calibrated |= calibration::inline(&mut table, &place)?;
+        inlined |= calibration::inline(&mut table, &place)?;
+        inlined |= parent_program::inline(&mut table, &place)?;
         if let Some(base) = base {
             let Value::String(base) = base else {
                 let error =
@@ -71,7 +72,7 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
     for (_, layer) in layers.iter().rev() {
         merge(&mut table, layer);
     }
-    Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), calibrated, layers })
+    Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), inlined, layers })
 }
 
 impl Composed {
@@ -84,7 +85,7 @@ impl Composed {
 
     /// One file that means the same and needs no other: the file itself, or what it was merged to.
     pub fn whole_text(&self) -> Result<String, ExperimentError> {
-        if self.layers.len() < 2 && !self.calibrated {
+        if self.layers.len() < 2 && !self.inlined {
             return Ok(self.text.clone());
         }
         let names: Vec<&str> = self.layers.iter().map(|(name, _)| name.as_str()).collect();
@@ -105,6 +106,8 @@ fn rebase(table: &mut Table, folder: &Path) {
         return;
     }
     table.get_mut("cassette").into_iter().for_each(moved);
+    let backend = table.get_mut("simulator").and_then(|simulator| simulator.get_mut("backend"));
+    backend.and_then(|backend| backend.get_mut("cassette")).into_iter().for_each(moved);
     let Some(Value::Table(scenes)) = table.get_mut("scenes") else { return };
     scenes.get_mut("path").into_iter().for_each(moved);
     if let Some(Value::Array(paths)) = scenes.get_mut("paths") {

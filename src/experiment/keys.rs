@@ -20,7 +20,7 @@ const WEIGHT: Range = Number(0.0, 1000.0);
 
 /// The list.
 pub fn keys() -> Vec<Key> {
-    [study(), scenes(), models(), simulator(), metadrive(), safebench(), acceptance(), world()]
+    [study(), scenes(), models(), simulator(), backend(), metadrive(), safebench(), acceptance(), world()]
         .into_iter()
         .flatten()
         .collect()
@@ -95,6 +95,13 @@ fn study() -> Vec<Key> {
                 "Share of the usable scenes that are not held out; this or `count`.",
             ),
             ("lineage[].parent.*", "", "", Any, "A parameter in which the lineage's parent differs from its family's."),
+            (
+                "lineage[].parent_program",
+                "",
+                "",
+                Any,
+                "A file that `evodrive program export` wrote, relative to the file that names it: the lineage starts from its program.",
+            ),
         ],
     ));
     keys.extend(table(
@@ -354,6 +361,13 @@ fn simulator() -> Vec<Key> {
             avoidance("simulator.avoidance.swerve_m", "m", 0.0, 20.0, "How far a swerve goes aside."),
         ],
     )
+}
+
+/// Another simulator than ours, for labels.
+fn backend() -> Vec<Key> {
+    let meaning =
+        "Who simulates rollouts for labels: `evodrive`, or a table of docs/BACKENDS.md that names another simulator.";
+    table(|| Optional, vec![("simulator.backend", "", "", Any, meaning)])
 }
 
 fn metadrive() -> Vec<Key> {

@@ -10,7 +10,9 @@ mod model_options;
 mod models;
 mod options;
 mod page;
+mod parent_program;
 mod place;
+mod program_file;
 mod read;
 mod relations;
 mod scenes;
@@ -23,6 +25,10 @@ pub use model_options::ModelOptions;
 pub use models::{by_role, provenance};
 pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
 pub use page::page;
+pub use parent_program::ParentProgram;
 pub use place::PROTOCOLS;
+pub use program_file::{
+    CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, ProgramFile, ProgramFileError,
+};
 pub use scenes::{import, read_pool, read_scenes};
 pub use starter::{Starter, starter};

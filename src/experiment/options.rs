@@ -1,11 +1,12 @@
 //! The experiment: everything that reaches a result, without defaults in code.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::{ExperimentError, ModelOptions};
+use super::{ExperimentError, ModelOptions, ParentProgram};
 use crate::archive::{ArchiveOptions, SelectorOptions};
+use crate::backend::BackendOptions;
 use crate::epoch::{CompositionOptions, CounselOptions};
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
@@ -13,7 +14,7 @@ use crate::llm::SpendCap;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfiguration};
 use crate::scene::EvolutionSize;
-use crate::sim::SimulatorOptions;
+use crate::sim::{AvoidanceOptions, PlantOptions, SimulatorOptions};
 use crate::synth::{FamilyOptions, SynthOptions};
 
 /// A whole experiment.
@@ -50,8 +51,8 @@ pub struct Experiment {
     /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted;
     /// `attacker_agent` only where a lineage's family takes counsel.
     pub roles: BTreeMap<Role, String>,
-    /// Under which rules scenes are simulated.
-    pub simulator: SimulatorOptions,
+    /// Under which rules scenes are simulated, and by whom.
+    pub simulator: SimulatorTable,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
     pub selector: SelectorOptions,
@@ -64,6 +65,44 @@ pub struct Experiment {
     /// A file that means the same and has no base.
     #[serde(skip)]
     pub whole_text: String,
+}
+
+/// The table `[simulator]`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatorTable {
+    pub plant: PlantOptions,
+    pub avoidance: AvoidanceOptions,
+    /// `None` stands for our own simulator, whether `evodrive` is written or nothing: then the digest is the same, too.
+    #[serde(default, deserialize_with = "written_backend", skip_serializing_if = "Option::is_none")]
+    pub backend: Option<BackendOptions>,
+}
+
+impl SimulatorTable {
+    /// The rules of our own simulator.
+    pub fn rules(&self) -> SimulatorOptions {
+        SimulatorOptions { plant: self.plant, avoidance: self.avoidance }
+    }
+}
+
+/// `"evodrive"`, or a table.
+fn written_backend<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<BackendOptions>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Named(String),
+        Table(toml::Table),
+    }
+    match Written::deserialize(deserializer)? {
+        Written::Named(name) if name == "evodrive" => Ok(None),
+        Written::Named(name) => Err(D::Error::custom(format!(
+            "simulator.backend is {name:?}, expected \"evodrive\" or a table with name, version, digest, options, cassette and worker"
+        ))),
+        // Through the table, so that the message names the field.
+        Written::Table(table) => BackendOptions::deserialize(table)
+            .map(Some)
+            .map_err(|error| D::Error::custom(format!("simulator.backend: {}", error.message()))),
+    }
 }
 
 /// Where scenes come from.
@@ -114,6 +153,9 @@ pub struct LineageOptions {
     /// Parameters in which this lineage's parent differs from its family's, such as SAGE's `preference_weight`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parent: BTreeMap<String, ParameterValue>,
+    /// The program of another run that it starts from in place of its family's parent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent_program: Option<ParentProgram>,
 }
 
 impl Experiment {
@@ -133,6 +175,9 @@ impl Experiment {
         let mut content = self.clone();
         content.cassette = PathBuf::new();
         content.spend = None;
+        if let Some(backend) = &mut content.simulator.backend {
+            *backend = backend.content();
+        }
         content.models.values_mut().for_each(|model| model.client = None);
         match &mut content.scenes {
             SceneSource::Synth { .. } | SceneSource::Safebench { .. } => {}

@@ -5,8 +5,8 @@ use std::path::{Component, Path, PathBuf};
 use super::{ExperimentError, OptionError};
 use crate::store;
 
-/// Bytes that an experiment file may have.
-const FILE_BYTES_MAX: u64 = 1 << 20;
+/// Bytes that an experiment file may have: a run folder's holds the programs that its lineages start from.
+const FILE_BYTES_MAX: u64 = 64 << 20;
 /// What stands before the name of a protocol that the program carries.
 const SHIPPED: &str = "evodrive:";
 
@@ -68,9 +68,14 @@ impl Place {
             let unknown = || problem(Path::new(name), format!("the program carries {SHIPPED}{known} only"));
             return if wanted == known { Ok(text.to_string()) } else { Err(unknown()) };
         }
+        Place::of(&self.path_beside(Path::new(name))).read()
+    }
+
+    /// Where a file lies that a file here names.
+    pub fn path_beside(&self, name: &Path) -> PathBuf {
         match self {
-            Place::Shipped(..) => Place::of(Path::new(name)).read(),
-            Place::Disk(path) => Place::of(&path.parent().unwrap_or(Path::new("")).join(name)).read(),
+            Place::Shipped(..) => name.to_path_buf(),
+            Place::Disk(path) => path.parent().unwrap_or(Path::new("")).join(name),
         }
     }
 

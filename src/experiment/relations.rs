@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::{Experiment, OptionError, SceneSource};
+use super::{ContractMark, Experiment, LineageOptions, OptionError, ParentProgram, SceneSource};
+use crate::adapters::Contract;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
@@ -64,6 +65,10 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
         let unfit = |error| OptionError::new(place, format!("{:?}", lineage.ego), format!("a driver ({error})"));
         lineage.ego.parse::<crate::ego::Policy>().map_err(unfit)?;
         let Some(family) = registry.get(&lineage.family) else { continue };
+        if let Some(start) = &lineage.parent_program {
+            start_of(i, lineage, start, &family.contract)?;
+            continue;
+        }
         let mut parent = family.parent.adopted(&lineage.id);
         if let Some(unknown) = lineage.parent.keys().find(|name| !parent.parameters.contains_key(*name)) {
             let known: Vec<String> = parent.parameters.keys().cloned().collect();
@@ -75,6 +80,30 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
         }
     }
     Ok(())
+}
+
+/// A lineage that starts from a program file: a program of its family, under the contract of now, as the file had it.
+fn start_of(i: usize, lineage: &LineageOptions, start: &ParentProgram, contract: &Contract) -> Result<(), Problem> {
+    let place = |field: &str| format!("lineage[{i}].parent_program{field}");
+    if !lineage.parent.is_empty() {
+        let why = "nothing beside parent_program, which says the whole parent; take one of the two out";
+        return Err(OptionError::new(format!("lineage[{i}].parent"), "given", why).into());
+    }
+    let several = |error: &dyn std::fmt::Display| Problem::Several(format!("{}: {error}", place("")));
+    let now = ContractMark::of(contract).map_err(|error| several(&error))?;
+    if let Some(changed) = start.contract.changed(&now) {
+        let why = "a program of this version's contract; carry the run on with the version of evodrive that began it";
+        return Err(OptionError::new(place(".contract"), changed, why).into());
+    }
+    let hash = start.program.hash().map_err(|error| several(&error))?;
+    if hash != start.program_hash {
+        let why = format!("{}, which the file says; name the program file again", start.program_hash);
+        return Err(OptionError::new(place(".program"), hash, why).into());
+    }
+    match contract.check_program(&start.program).first() {
+        Some(problem) => Err(several(problem)),
+        None => Ok(()),
+    }
 }
 
 fn named_model(experiment: &Experiment, role: Role) -> Result<(), OptionError> {
@@ -120,7 +149,9 @@ fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
 
 /// Whether templates are composed: where the file describes some and a lineage's family takes them.
 fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
-    let templates = experiment.lineages.iter().filter_map(|lineage| asks_of(&lineage.family).templates);
+    // A lineage that starts from a program file has its templates.
+    let composed = experiment.lineages.iter().filter(|lineage| lineage.parent_program.is_none());
+    let templates = composed.filter_map(|lineage| asks_of(&lineage.family).templates);
     let forms = templates.flat_map(|asks| (asks.forms)());
     let kinds: Vec<String> = forms.map(|form| form.kind.to_string()).collect();
     let role = Role::TemplateAgent;
@@ -175,7 +206,18 @@ fn scenes(experiment: &Experiment) -> Result<(), Problem> {
 }
 
 fn simulator(experiment: &Experiment) -> Result<(), Problem> {
-    experiment.simulator.check().map_err(|error| Problem::Several(error.to_string()))
+    experiment.simulator.rules().check().map_err(|error| Problem::Several(error.to_string()))?;
+    let Some(backend) = &experiment.simulator.backend else { return Ok(()) };
+    if experiment.evaluation.safebench().is_some() {
+        let why = "SafeBench's rules are our own simulator's; write simulator.backend = \"evodrive\"";
+        return Err(Problem::Several(why.into()));
+    }
+    match backend.fault() {
+        None => Ok(()),
+        Some((field, found, expected)) => {
+            Err(OptionError::new(format!("simulator.backend.{field}"), found, expected).into())
+        }
+    }
 }
 
 fn labels(experiment: &Experiment) -> Result<(), Problem> {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::{Experiment, ExperimentError, models};
 use crate::agents::contract_text;
 use crate::ego::Policy;
-use crate::epoch::{Budget, LineageSpec, SceneEntry, Study};
+use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study};
 use crate::families;
 use crate::kernel::{Seed, Threads};
 use crate::objects::LineageId;
@@ -50,7 +50,9 @@ impl Experiment {
                     1 => group.clone(),
                     _ => LineageId::new(format!("{group}-s{replica}")),
                 };
-                lineages.push(LineageSpec { id, group, replica, family, ego: ego.clone(), parent });
+                let start = lineage.parent_program.clone();
+                let start = start.map(|of| Start { program: of.program, origins: of.origins });
+                lineages.push(LineageSpec { id, group, replica, family, ego: ego.clone(), parent, start });
             }
         }
         let wanted: Vec<&str> = split.evolution.iter().chain(&split.held_out).map(|s| s.id.as_str()).collect();
@@ -83,7 +85,8 @@ impl Experiment {
                 finalists: self.budget.finalists,
             },
             models: models::by_role(self),
-            simulator: self.simulator,
+            simulator: self.simulator.rules(),
+            backend: self.simulator.backend.clone(),
             evaluation: self.evaluation.clone(),
             archive: self.archive.clone(),
             selector: self.selector.clone(),

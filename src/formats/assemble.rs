@@ -7,7 +7,7 @@ use super::centreline::{Across, lines, thinned, thinned_line};
 use super::resample::{State, resample};
 use super::topology::{link_by_ends, link_side_by_side};
 use crate::kernel::{Vec2, num};
-use crate::scene::validate::{LINKS_MAX, SIDE_MAX_M, SIDE_MIN_M};
+use crate::scene::validate::{LINKS_MAX, SIDE_MAX_M, SIDE_MIN_M, SPEED_MAX_MPS};
 use crate::scene::{
     AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, Light, LightState, Neighbour, Origin, Road, Sample, Scene, StopSign,
     Track,
@@ -98,8 +98,8 @@ pub struct LogLight {
     pub states: Vec<LightState>,
 }
 
-/// The scene, and a sentence for each part of the log that is not in it.
-pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
+/// The scene, and a sentence for each part of the log that is not in it as the log has it.
+pub fn assembled(mut log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
     let mut left_out = Vec::new();
     let start_s = *log.times_s.first().ok_or("it has no samples")?;
     let times: Vec<f64> = log.times_s.iter().map(|t| t - start_s).collect();
@@ -107,6 +107,9 @@ pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
         return Err("its sample times do not increase".into());
     }
     let on_grid = times.iter().enumerate().all(|(k, t)| (t - k as f64 * DT_S).abs() <= ON_GRID_WITHIN_S);
+    if !on_grid {
+        left_out.push(("its sample times".into(), off_grid(&times)));
+    }
     let last_s = times[times.len() - 1];
     let steps = if on_grid { times.len() } else { (last_s / DT_S + 1e-6) as usize + 1 };
     if !(2..=crate::scene::validate::STEPS_MAX).contains(&steps) {
@@ -123,10 +126,18 @@ pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
     let now_s = times.get(log.current).copied().ok_or("its current step lies beyond its end")?;
     let current_step = if on_grid { log.current } else { (now_s / DT_S).round() as usize };
     let clock = Clock { times, on_grid, steps };
+    let dropped: Vec<usize> = log.tracks.iter_mut().map(|track| drop_unsound(&mut track.samples)).collect();
     let ego = log.tracks.get(log.ego).ok_or("its ego is not among its tracks")?;
     let here = ego.samples.get(log.current).copied().flatten().map(|sample| sample.position);
     let origin = log.frame.or(here).ok_or("the ego is not observed at the current step")?;
     let mut tracks: Vec<Track> = log.tracks.iter().map(|track| clock.track(track, origin)).collect();
+    for (track, dropped) in tracks.iter_mut().zip(dropped) {
+        let dropped = dropped + drop_unsound(&mut track.samples);
+        if dropped > 0 {
+            let reason = format!("not finite, or faster than {SPEED_MAX_MPS} m/s; the rest of the track is kept");
+            left_out.push((format!("{dropped} samples of track {}", track.id), reason));
+        }
+    }
     let ego = ego_of(tracks.remove(log.ego), current_step)?;
     tracks.retain(|track| {
         let seen = track.span().is_some();
@@ -154,6 +165,33 @@ pub fn assembled(log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
     Ok((scene, left_out))
 }
 
+/// Removes samples that no scene may hold, and counts them.
+fn drop_unsound(samples: &mut [Option<Sample>]) -> usize {
+    let sound = |sample: &Sample| {
+        let finite = sample.position.is_finite() && sample.heading_rad.is_finite() && sample.velocity.is_finite();
+        finite && sample.speed_mps() <= SPEED_MAX_MPS
+    };
+    let mut dropped = 0;
+    for sample in samples {
+        if sample.is_some_and(|sample| !sound(&sample)) {
+            *sample = None;
+            dropped += 1;
+        }
+    }
+    dropped
+}
+
+/// Says that motion was read at other times than the log's.
+fn off_grid(times: &[f64]) -> String {
+    let beside_s = |time: &f64| (time - (time / DT_S).round() * DT_S).abs();
+    let most_s = times.iter().map(beside_s).fold(0.0, f64::max);
+    let (count, last_s) = (times.len(), times[times.len() - 1]);
+    if most_s > ON_GRID_WITHIN_S {
+        return format!("they lie up to {most_s:.3} s beside the grid of 0.1 s; all motion was resampled to it");
+    }
+    format!("{count} samples over {last_s:.1} s are no sample every 0.1 s; all motion was resampled to one")
+}
+
 struct Clock {
     times: Vec<f64>,
     on_grid: bool,
@@ -170,13 +208,16 @@ impl Clock {
         let samples = if self.on_grid {
             (0..self.steps).map(|k| log.samples.get(k).copied().flatten().as_ref().map(here)).collect()
         } else {
+            let observed = log.samples.iter().flatten().count();
             let states: Vec<State> = log
                 .samples
                 .iter()
                 .zip(&self.times)
                 .filter_map(|(sample, &time_s)| {
-                    let Sample { position, heading_rad, .. } = here(sample.as_ref()?);
-                    Some(State { time_s, position, heading_rad, speed_mps: None })
+                    let Sample { position, heading_rad, velocity } = here(sample.as_ref()?);
+                    // One place alone says nothing of speed.
+                    let along = velocity.dot(Vec2::from_heading(heading_rad));
+                    Some(State { time_s, position, heading_rad, speed_mps: (observed == 1).then_some(along) })
                 })
                 .collect();
             resample(&states, self.steps)

@@ -21,9 +21,24 @@ pub struct State {
     pub speed_mps: Option<f64>,
 }
 
-/// Samples at steps `0..steps` of states sorted by time, strictly increasing.
+/// Samples at steps `0..steps` of states sorted by time, strictly increasing. Somebody who was seen so shortly that no step
+/// lies between two states is kept at the nearest step of each.
 pub fn resample(states: &[State], steps: usize) -> Vec<Option<Sample>> {
     let velocities: Vec<Vec2> = (0..states.len()).map(|k| velocity(states, k)).collect();
+    let mut samples = between(states, &velocities, steps);
+    if samples.iter().all(Option::is_none) {
+        for (state, velocity) in states.iter().zip(velocities) {
+            let step = (state.time_s / DT_S).round();
+            if let Some(sample) = (step >= 0.0).then(|| samples.get_mut(step as usize)).flatten() {
+                let position = state.position + velocity * (step * DT_S - state.time_s);
+                *sample = Some(Sample { position, heading_rad: num::wrap_angle(state.heading_rad), velocity });
+            }
+        }
+    }
+    samples
+}
+
+fn between(states: &[State], velocities: &[Vec2], steps: usize) -> Vec<Option<Sample>> {
     let mut next = 0;
     (0..steps)
         .map(|step| {
@@ -76,6 +91,17 @@ mod tests {
         assert_eq!(xs, [Some(0.0), Some(1.0), Some(2.0), Some(3.0), Some(4.0), None]);
         assert!((samples[1].unwrap().heading_rad.abs() - num::PI).abs() < 1e-9, "the shorter arc");
         assert!((samples[1].unwrap().velocity.x - 10.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn who_is_seen_between_two_steps_only_is_kept_at_the_nearest() {
+        let once = resample(&[State { speed_mps: Some(10.0), ..state(0.23, 2.3, 0.0) }], 5);
+        assert_eq!(once.iter().flatten().count(), 1);
+        let kept = once[2].unwrap();
+        assert!((kept.position.x - 2.0).abs() < 1e-12 && kept.velocity == Vec2::new(10.0, 0.0), "{kept:?}");
+        let twice = resample(&[state(0.12, 1.2, 0.0), state(0.18, 1.8, 0.0)], 5);
+        assert_eq!(twice.iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, true, false, false]);
+        assert!(resample(&[state(0.74, 0.0, 0.0)], 5).iter().all(Option::is_none), "beyond the end");
     }
 
     #[test]

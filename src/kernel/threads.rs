@@ -1,6 +1,12 @@
-//! The only place with threads: a parallel map whose results come back in input order.
+//! The only place with threads: a parallel map whose results come back in input order, and threads that wait for what may
+//! never come.
 
 use rayon::prelude::*;
+
+/// Does `work` beside everything else; nobody waits for its end. For reading and writing pipes, which may block for ever.
+pub fn beside(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
+    std::thread::Builder::new().spawn(work).map(drop)
+}
 
 /// Worker threads. Results never depend on how many there are.
 pub struct Threads(rayon::ThreadPool);

@@ -10,7 +10,7 @@
 //! model, `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader
 //! accepts every minor version of its major version.
 
-use std::{collections::BTreeMap, io::Read, path::Path, sync::Arc};
+use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -28,8 +28,6 @@ const VERSION_LIVE: &str = "1.1";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
 const MAX_BYTES: u64 = 1 << 30;
-/// First bytes of a zstd frame (RFC 8878, section 3.1.1).
-const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 const MAX_LINE_BYTES: usize = 16 << 20;
 
 /// Why a cassette cannot be read or written.
@@ -192,10 +190,13 @@ impl Cassette {
     /// Reads a cassette file and verifies every digest and every key.
     pub fn load(path: &Path) -> Result<Cassette, CassetteError> {
         let file = path.display().to_string();
-        let bytes = store::read_bounded(path, MAX_BYTES)?;
-        // Compression is recognised by the content, so that a copy under another name can be read too.
-        let bytes =
-            if bytes.starts_with(&ZSTD_MAGIC) || is_compressed(path) { decompress(&bytes, &file)? } else { bytes };
+        let bytes = store::read_text(path, MAX_BYTES)?.map_err(|(expected, found)| CassetteError::Damaged {
+            file: file.clone(),
+            line: 0,
+            expected,
+            found,
+            remedy: REMEDY,
+        })?;
         Cassette::parse(&bytes, &file)
     }
 
@@ -402,13 +403,7 @@ impl Cassette {
 
     /// Writes the file, whole or not at all; compressed when its name ends in `.zst`.
     pub fn save(&self, path: &Path, name: &str) -> Result<(), CassetteError> {
-        let bytes = self.to_bytes(name)?;
-        let bytes = if is_compressed(path) {
-            zstd::bulk::compress(&bytes, 19).map_err(|error| CassetteError::Unwritable(error.to_string()))?
-        } else {
-            bytes
-        };
-        Ok(store::write_atomic(path, &bytes)?)
+        Ok(store::write_text(path, &self.to_bytes(name)?)?)
     }
 }
 
@@ -447,27 +442,6 @@ fn parsed<'a, T: Deserialize<'a>>(line: &'a [u8], expected: &str) -> Result<T, W
 
 fn same(what: &str, written: Digest, computed: Digest) -> Result<(), Wrong> {
     if written == computed { Ok(()) } else { Err((format!("{what} {computed}"), written.to_hex())) }
-}
-
-fn is_compressed(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending == "zst")
-}
-
-fn decompress(bytes: &[u8], file: &str) -> Result<Vec<u8>, CassetteError> {
-    let damaged = |expected: &str, found: String| CassetteError::Damaged {
-        file: file.to_string(),
-        line: 0,
-        expected: expected.to_string(),
-        found,
-        remedy: REMEDY,
-    };
-    let mut text = Vec::new();
-    let decoder = zstd::stream::read::Decoder::new(bytes).map_err(|e| damaged("a zstd stream", e.to_string()))?;
-    decoder.take(MAX_BYTES + 1).read_to_end(&mut text).map_err(|e| damaged("a whole zstd stream", e.to_string()))?;
-    if text.len() as u64 > MAX_BYTES {
-        return Err(damaged(&format!("at most {MAX_BYTES} bytes after decompression"), "more".to_string()));
-    }
-    Ok(text)
 }
 
 fn to_hex(bytes: &[u8]) -> String {

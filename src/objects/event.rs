@@ -8,6 +8,7 @@ use super::{
     attempt::Attempt,
     card::Card,
     ids::{AttemptId, FamilyName, LineageId, SolutionId},
+    origin::Origin,
     program::Program,
     replay::ReplayRow,
     score::{Objectives, Score},
@@ -93,6 +94,9 @@ pub struct ParentAdopted {
     pub program: Program,
     /// Hash of its content.
     pub program_hash: Digest,
+    /// Runs that it came out of, the oldest first, where the experiment names a file; empty for a family's own parent.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub origins: Vec<Origin>,
 }
 
 /// The immutable snapshot z_t that all slots of an epoch see (paper, appendix Parallel Candidate Epochs).

@@ -53,7 +53,7 @@ pub struct Score {
 pub struct SceneScore {
     /// Id of the scene.
     pub scene: String,
-    /// a(τ), 0..=1; 0 where the program does not act: what the ego runs into anyway is no success of it.
+    /// a(τ), 0..=1; 0 where the program does not act, and where the ego meets whom it runs into anyway.
     pub attack: f64,
     /// r(τ), 0..=1; 1 where the program does not act, and counts into the objective only where it does.
     pub realism: f64,
@@ -83,6 +83,9 @@ pub struct Met {
     /// Whether the ego could have avoided it; `None` where nobody assessed that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub avoidable: Option<bool>,
+    /// Whether the ego runs into the same one in plain replay.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub anyway: bool,
 }
 
 /// A scene without a label, and why.

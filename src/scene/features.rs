@@ -5,6 +5,20 @@ use super::{AgentKind, LaneIx, LaneKind, Sample, Scene, Track};
 use crate::kernel::geom::segments_cross;
 use crate::kernel::{Polyline, Vec2, num};
 
+/// Tags of a place and its traffic, in the order of the alphabet; a scene of SafeBench has its traffic family's name too.
+pub const TAGS: [&str; 11] = [
+    "crosswalk",
+    "curved",
+    "cyclists",
+    "dense",
+    "highway",
+    "junction",
+    "light",
+    "multi_lane",
+    "pedestrians",
+    "slow_traffic",
+    "stop_sign",
+];
 /// The distance that is reported where there is nothing to measure to, metres.
 pub const NOTHING_NEAR_M: f64 = 200.0;
 /// Where no speed limit is known: 50 km/h.
@@ -112,20 +126,20 @@ impl SceneFeatures {
     }
 
     fn tags_of(&self, scene: &Scene, freeway: bool) -> Vec<&'static str> {
-        let all = [
-            ("crosswalk", !scene.crosswalks.is_empty()),
-            ("curved", self.route_curvature_max_1pm > 0.02),
-            ("cyclists", self.cyclist_count > 0.0),
-            ("dense", self.vehicle_count >= 15.0),
-            ("highway", freeway || self.speed_limit_mps > 22.0),
-            ("junction", self.is_junction),
-            ("light", self.has_light),
-            ("multi_lane", self.lane_count >= 2.0),
-            ("pedestrians", self.pedestrian_count > 0.0),
-            ("slow_traffic", self.vehicle_count > 0.0 && self.traffic_speed_mps < 3.0),
-            ("stop_sign", !scene.stop_signs.is_empty()),
+        let holds = [
+            !scene.crosswalks.is_empty(),
+            self.route_curvature_max_1pm > 0.02,
+            self.cyclist_count > 0.0,
+            self.vehicle_count >= 15.0,
+            freeway || self.speed_limit_mps > 22.0,
+            self.is_junction,
+            self.has_light,
+            self.lane_count >= 2.0,
+            self.pedestrian_count > 0.0,
+            self.vehicle_count > 0.0 && self.traffic_speed_mps < 3.0,
+            !scene.stop_signs.is_empty(),
         ];
-        let mut tags: Vec<&str> = all.into_iter().filter(|(_, holds)| *holds).map(|(tag, _)| tag).collect();
+        let mut tags: Vec<&str> = TAGS.into_iter().zip(holds).filter(|(_, holds)| *holds).map(|(tag, _)| tag).collect();
         tags.extend(scene.staging.as_ref().map(|staging| staging.family.name()));
         tags.sort_unstable();
         tags

@@ -11,6 +11,9 @@ const CELLS_MAX: f64 = 32_768.0;
 /// Most entries of pieces in cells. A road whose long pieces would need more gets larger cells.
 const ENTRIES_MAX: u64 = 32_000_000;
 
+/// A cell that lies this much too far is looked at all the same, m²: far more than rounding can amount to.
+const SLACK_M2: f64 = 1e-3;
+
 /// One segment of a lane: its centre line and the surface around it.
 #[derive(Clone, Debug)]
 pub struct Piece {
@@ -216,17 +219,25 @@ impl Pieces {
         let reach = |at: i64, count: i64| at.saturating_abs().max((count - 1).saturating_sub(at).saturating_abs());
         let last = reach(column, self.columns).max(reach(row, self.rows));
         let mut bound_m = within_m;
+        // Squared distance from the point to the nearest place of a row or column of cells.
+        let aside = |from: f64, at: f64, cell: i64| {
+            let low = from + cell as f64 * self.cell_m;
+            let gap = (low - at).max(at - low - self.cell_m).max(0.0);
+            gap * gap
+        };
         let mut ring = gap(column, self.columns).max(gap(row, self.rows));
         // Cells of ring r lie at least (r - 1) cells away.
         while ring <= last && (ring - 1) as f64 * self.cell_m <= bound_m {
             let rows = row.saturating_sub(ring).max(0)..=row.saturating_add(ring).min(self.rows - 1);
             for y in rows {
+                let by_y = aside(self.low.y, point.y, y);
                 let whole = (y - row).abs() == ring;
                 let (west, east) = (column.saturating_sub(ring), column.saturating_add(ring));
                 let step = if whole { 1 } else { (2 * ring).max(1) as usize };
                 let skip_to = if whole { west.max(0) } else { west };
                 for x in (skip_to..=east.min(self.columns - 1)).step_by(step) {
-                    if x < 0 {
+                    // Nothing in a cell is nearer than the cell; the slack is for rounding at its border.
+                    if x < 0 || by_y + aside(self.low.x, point.x, x) > bound_m * bound_m + SLACK_M2 {
                         continue;
                     }
                     for &ix in &self.items[self.range((y * self.columns + x) as usize)] {

@@ -25,6 +25,8 @@ pub(super) enum Mind {
     Skills { car: Car, skill: Skill, done: usize },
     /// Carries a script out.
     Triggered(Box<Play>),
+    /// Keeps its velocity: nothing is known of what it would do.
+    Coasts,
     /// Follows the path of a candidate (step of appearance, place in its list) by IDM.
     Path { born: usize, index: usize, along: Along, speed_mps: f64, throttle: f64 },
 }
@@ -149,7 +151,7 @@ pub(super) fn first_change(action: &Action) -> usize {
 }
 
 /// What an action's script says about the k-th simulated step; `None` while the road user is not there.
-fn scripted(plant: &Plant, action: &Action, k: usize) -> Option<Sample> {
+pub(super) fn scripted(plant: &Plant, action: &Action, k: usize) -> Option<Sample> {
     let step = plant.first_step() + k;
     let held = |samples: &[Sample], from: usize| {
         let last = samples.len() - 1;
@@ -242,6 +244,10 @@ impl Actor {
                 self.next = action.and_then(|a| scripted(plant, a, k + 1));
                 self.interpolate();
             }
+            Mind::Coasts => {
+                self.next = self.now.as_ref().map(|now| coasting(now, DT_S));
+                self.interpolate();
+            }
             Mind::Skills { car, skill, done } => {
                 if *done == SKILL_STEPS {
                     (*skill, *done) = (skills::choose(car, &self.size, ego, &plant.drivable), 0);
@@ -286,9 +292,45 @@ impl Actor {
                 self.interpolate();
             }
         }
+        self.measure_reach();
+    }
+
+    fn measure_reach(&mut self) {
         let start = self.places[0].position;
         let way = self.places.iter().map(|p| (p.position - start).norm_squared()).fold(0.0, f64::max);
         self.reach_m = self.size.radius_m + way.sqrt();
+    }
+
+    /// Takes the pose after `substeps` physics steps from whoever moves it; it coasts to where it is not told.
+    pub fn plan_as_told(&mut self, next: Option<(Sample, Vec2)>, substeps: usize) {
+        self.next = next.map(|(sample, _)| sample);
+        self.next_axis = next.map_or(self.axis, |(_, axis)| axis);
+        let Some(now) = &self.now else { return };
+        let first = Place { position: now.position, axis: self.axis };
+        let at = next.map_or_else(|| coasting(now, DT_S).position, |(sample, _)| sample.position);
+        let last = Place { position: at, axis: self.next_axis };
+        for (j, place) in self.places.iter_mut().enumerate() {
+            *place = if j < substeps { first.towards(&last, j as f64 / substeps as f64) } else { last };
+        }
+        self.measure_reach();
+    }
+
+    /// Lets our own rules move it on from where it was told to be: by its script, by IDM along a path of its recording, or
+    /// straight on where there is neither.
+    pub fn hand_over(&mut self, plant: &Plant, k: usize) {
+        let (ActorRef::Track(track), None, Some(now)) = (self.who, self.action, &self.now) else { return };
+        let paths = plant.candidates.iter().enumerate().take(k + 1).rev();
+        let own = |list: &Vec<super::plant::Candidate>| {
+            list.iter().position(|candidate| plant.rows.track[candidate.row as usize] as usize == track)
+        };
+        let path = paths.filter_map(|(born, list)| Some((born, own(list)?))).next();
+        self.mind = path.map_or(Mind::Coasts, |(born, index)| Mind::Path {
+            born,
+            index,
+            along: plant.candidates[born][index].path.project(now.position),
+            speed_mps: now.speed_mps(),
+            throttle: 0.0,
+        });
     }
 
     /// Places between the present sample and the next; a road user that leaves coasts until then.

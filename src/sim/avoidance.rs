@@ -37,9 +37,61 @@ pub fn assess(
     driver: &mut dyn Driver,
     outcome: &mut Outcome,
 ) -> Result<(), SimError> {
+    let state = ClosedLoop::new(plant, intervention, driver)?;
+    assess_relived(&mut Driven { state, driver }, outcome)
+}
+
+/// A rollout that is lived through again, step by step.
+pub(super) trait Relived<'a> {
+    fn state(&self) -> &ClosedLoop<'a>;
+
+    /// Begins the k-th step.
+    fn wake(&mut self, k: usize);
+
+    /// The present state as one that goes on by our own rules.
+    fn fork(&self, k: usize) -> ClosedLoop<'a>;
+
+    /// Carries the k-th step out; `false` where the rollout ends in it.
+    fn advance(&mut self, k: usize) -> Result<bool, SimError>;
+}
+
+/// A rollout of our own, driven again.
+struct Driven<'a, 'd> {
+    state: ClosedLoop<'a>,
+    driver: &'d mut dyn Driver,
+}
+
+impl<'a> Relived<'a> for Driven<'a, '_> {
+    fn state(&self) -> &ClosedLoop<'a> {
+        &self.state
+    }
+
+    fn wake(&mut self, k: usize) {
+        self.state.wake(k);
+    }
+
+    fn fork(&self, _: usize) -> ClosedLoop<'a> {
+        self.state.clone()
+    }
+
+    fn advance(&mut self, k: usize) -> Result<bool, SimError> {
+        let state = &mut self.state;
+        let Some(step) = state.decide(self.driver, k)? else { return Ok(false) };
+        state.decide_traffic(k);
+        state.plan_others(k);
+        if state.first_contact(k, &step).is_some() {
+            return Ok(false);
+        }
+        state.commit(&step);
+        Ok(true)
+    }
+}
+
+/// [`assess`] of a rollout that is lived through again from its first state.
+pub(super) fn assess_relived<'a>(rollout: &mut dyn Relived<'a>, outcome: &mut Outcome) -> Result<(), SimError> {
     let Some(contact) = outcome.contact.as_mut().filter(|contact| contact.adversary) else { return Ok(()) };
-    let options = &plant.options().avoidance;
-    let found = look_back(plant, intervention, driver, contact.with, options)?;
+    let options = &rollout.state().plant.options().avoidance;
+    let found = look_back(rollout, contact.with, options)?;
     contact.visible_s = found.visible.map(|k| contact.time_s - k as f64 * DT_S);
     let until = found.contact + in_steps(options.horizon_s);
     contact.avoidable = Some(found.fork.is_some_and(|(k, state)| {
@@ -67,22 +119,19 @@ struct LookBack<'a> {
 /// Drives the rollout again up to its contact. A threat is visible since the first step of the last run of steps in which
 /// it is seen; the ego keeps it in mind for the reaction time, so shorter interruptions do not end a run.
 fn look_back<'a>(
-    plant: &'a Plant,
-    intervention: &'a Intervention,
-    driver: &mut dyn Driver,
+    rollout: &mut dyn Relived<'a>,
     adversary: ActorRef,
     options: &AvoidanceOptions,
 ) -> Result<LookBack<'a>, SimError> {
-    let mut state = ClosedLoop::new(plant, intervention, driver)?;
-    let actor = state.world.actors.iter().position(|a| a.who == adversary).unwrap_or(0);
+    let actor = rollout.state().world.actors.iter().position(|a| a.who == adversary).unwrap_or(0);
     let mut watch = ThreatWatch::new(options, actor);
     let reaction = in_steps(options.reaction_s);
     let mut found = LookBack { contact: 0, visible: None, fork: None };
     let mut seen = 0;
-    for k in 0..plant.steps() {
+    for k in 0..rollout.state().plant.steps() {
         found.contact = k;
-        state.wake(k);
-        let sees = watch.sees(&state, k);
+        rollout.wake(k);
+        let sees = watch.sees(rollout.state(), k);
         if k - seen > reaction {
             (found.visible, found.fork) = (None, None);
         }
@@ -91,15 +140,11 @@ fn look_back<'a>(
             seen = k;
         }
         if found.visible.is_some_and(|visible| visible + reaction == k) {
-            found.fork = Some((k, state.clone()));
+            found.fork = Some((k, rollout.fork(k)));
         }
-        let Some(step) = state.decide(driver, k)? else { break };
-        state.decide_traffic(k);
-        state.plan_others(k);
-        if state.first_contact(k, &step).is_some() {
+        if !rollout.advance(k)? {
             break;
         }
-        state.commit(&step);
     }
     Ok(found)
 }

@@ -54,6 +54,16 @@ impl<'a> ClosedLoop<'a> {
         intervention: &'a Intervention,
         driver: &mut dyn Driver,
     ) -> Result<ClosedLoop<'a>, SimError> {
+        driver.begin(plant);
+        ClosedLoop::without_driver(plant, intervention, driver.follows_log())
+    }
+
+    /// The first state where somebody else drives the ego; `replays` says whether as it was recorded.
+    pub fn without_driver(
+        plant: &'a Plant,
+        intervention: &'a Intervention,
+        replays: bool,
+    ) -> Result<ClosedLoop<'a>, SimError> {
         let mut world = Others::for_plant(plant, intervention.actions.len());
         adversaries(plant, intervention, &mut world.actors)?;
         for actor in &mut world.actors {
@@ -62,7 +72,6 @@ impl<'a> ClosedLoop<'a> {
                 world.simulated[track] = true;
             }
         }
-        driver.begin(plant);
         let car = Car::new(&plant.ego_start, 2.0 * plant.ego_size.half_length_m);
         let ego = EgoState {
             sample: plant.ego_start,
@@ -74,7 +83,7 @@ impl<'a> ClosedLoop<'a> {
             along: plant.route.project(plant.ego_start.position),
         };
         Ok(ClosedLoop {
-            replays: driver.follows_log(),
+            replays,
             ghosts: vec![false; plant.tracks()],
             count: world.actors.len(),
             plant,
@@ -219,7 +228,7 @@ pub(super) fn seconds_after(substep: usize) -> f64 {
     if substep == SUBSTEPS { DT_S } else { substep as f64 * SUBSTEP_S }
 }
 
-fn reach(path: &Swept, radius_m: f64) -> f64 {
+pub(super) fn reach(path: &Swept, radius_m: f64) -> f64 {
     let start = path[0].position;
     radius_m + path.iter().map(|p| (p.position - start).norm_squared()).fold(0.0, f64::max).sqrt()
 }

@@ -20,7 +20,9 @@ mod rows;
 pub mod script;
 pub mod skills;
 pub mod smooth;
+pub mod told;
 
+mod account;
 mod actors;
 mod avoidance;
 mod bystanders;
@@ -32,7 +34,9 @@ mod evasion;
 mod motion;
 mod others;
 mod recorder;
+mod retold;
 mod threat;
+mod told_check;
 mod touch;
 mod trace_digest;
 mod traffic;
@@ -52,8 +56,10 @@ pub use outcome::{ACTED_M, ActorTrace, AdversaryReport, Contact, End, Motion, Ou
 pub use path::{Along, Path};
 pub use plant::Plant;
 pub use plant_options::{EgoBox, FollowerStart, Obstacle, PlantOptions};
+pub use retold::{judge, tell};
 pub use rollout::{Part, RolloutCost, ending, rollout, rollout_counted, rollout_in_parts, rollout_traced};
 pub use script::{Phase, Script, Speed, Trigger, Until, Way};
+pub use told::{Pose, Told, ToldActor, ToldContact, ToldError, adversaries_of, commands};
 pub use touch::Side;
 
 /// Part of every rollout key; rises when any outcome can change.
@@ -64,4 +70,6 @@ mod plain;
 #[cfg(test)]
 #[allow(dead_code)]
 #[path = "../../tests/all/scenes.rs"]
-mod scenes;
+pub(crate) mod scenes;
+#[cfg(test)]
+mod told_tests;

@@ -2,11 +2,20 @@
 
 use crate::scene::Sample;
 
+use super::closed_loop::ClosedLoop;
 use super::contact::row_during;
 use super::intervention::ActorRef;
-use super::others::Others;
 use super::outcome::{ActorTrace, Trace};
 use super::plant::Plant;
+
+/// Who writes a rollout down, state by state.
+pub(super) trait Records {
+    /// The state at the k-th simulated step.
+    fn push(&mut self, state: &ClosedLoop<'_>, k: usize);
+
+    /// The state after a physics step of the k-th step, at the moment of contact.
+    fn push_during(&mut self, state: &ClosedLoop<'_>, k: usize, substep: usize);
+}
 
 pub(super) struct Recorder {
     trace: Trace,
@@ -15,8 +24,9 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    pub fn new(plant: &Plant, world: &Others, adversaries: usize) -> Recorder {
-        let acts = |who: ActorRef| world.actors.iter().take(adversaries).any(|a| a.who == who);
+    pub fn new(plant: &Plant, state: &ClosedLoop<'_>) -> Recorder {
+        let world = &state.world;
+        let acts = |who: ActorRef| world.actors.iter().take(state.count).any(|a| a.who == who);
         let of = |actor: ActorRef, size: &super::body::Size| ActorTrace {
             actor,
             length_m: 2.0 * size.half_length_m,
@@ -33,18 +43,9 @@ impl Recorder {
         }
     }
 
-    /// The state at the k-th simulated step.
-    pub fn push(&mut self, plant: &Plant, world: &Others, ego: &Sample, k: usize) {
-        self.push_row(plant, world, ego, k, |row| *plant.rows.sample(k, row));
-    }
-
-    /// The state after a physics step of the k-th step, at the moment of contact.
-    pub fn push_during(&mut self, plant: &Plant, world: &Others, ego: &Sample, k: usize, substep: usize) {
-        self.push_row(plant, world, ego, k, |row| row_during(plant, k, row, substep).1);
-    }
-
-    fn push_row(&mut self, plant: &Plant, world: &Others, ego: &Sample, k: usize, of: impl Fn(usize) -> Sample) {
-        self.trace.ego.push(*ego);
+    fn push_row(&mut self, state: &ClosedLoop<'_>, k: usize, of: impl Fn(usize) -> Sample) {
+        let (plant, world) = (state.plant, &state.world);
+        self.trace.ego.push(state.ego.sample);
         for actor in &mut self.trace.actors {
             actor.samples.push(None);
         }
@@ -66,5 +67,15 @@ impl Recorder {
 
     pub fn finish(self) -> Trace {
         self.trace
+    }
+}
+
+impl Records for Recorder {
+    fn push(&mut self, state: &ClosedLoop<'_>, k: usize) {
+        self.push_row(state, k, |row| *state.plant.rows.sample(k, row));
+    }
+
+    fn push_during(&mut self, state: &ClosedLoop<'_>, k: usize, substep: usize) {
+        self.push_row(state, k, |row| row_during(state.plant, k, row, substep).1);
     }
 }

@@ -10,7 +10,7 @@ use crate::adapters::vocabulary;
 use crate::ego;
 use crate::kernel::{Digest, OrientedBox};
 use crate::scene::{AgentKind, LaneGraph, PreparedScene, Sample, Scene, SceneFeatures, Track, TrackIx};
-use crate::sim::{self, Intervention, Plant, SimError};
+use crate::sim::{self, ActorRef, Intervention, Plant, SimError};
 
 /// A scene with everything derived from it and from the ego's rollout on it as recorded.
 #[derive(Debug)]
@@ -22,6 +22,8 @@ pub struct Situation {
     pub lanes: Arc<LaneGraph>,
     /// The ego's latest closed-loop rollout: on the unchanged scene.
     pub ego: EgoPath,
+    /// Whom the ego ran into there, if anyone.
+    pub ego_meets: Option<ActorRef>,
     /// Per track; `None` for whoever cannot be an adversary: no vehicle, or not observed now.
     pub actors: Vec<Option<ActorFacts>>,
     /// How hard the ego braked in that rollout, m/s².
@@ -71,6 +73,7 @@ impl Situation {
             plant,
             lanes,
             ego,
+            ego_meets: outcome.contact.map(|contact| contact.with),
             actors,
             ego_deceleration_mps2_max: outcome.ego.deceleration_mps2_max,
             scene_values,

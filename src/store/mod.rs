@@ -7,6 +7,7 @@ mod fsck;
 mod index;
 mod objects;
 mod pack;
+mod text;
 mod transcript;
 
 pub use difference::{first_difference, shortened};
@@ -14,4 +15,5 @@ pub use error::{Damage, Divergence, StoreError};
 pub use file::{copy, create_dir, list_files, read_bounded, read_head, remove_file, write_atomic};
 pub use fsck::{FsckReport, fsck};
 pub use objects::{MemoKind, Opening, Store};
+pub use text::{read_text, write_text};
 pub use transcript::{Event, SEALED, Transcript, fsck_transcript, read_events};

@@ -3,7 +3,7 @@
 use evodrive::evidence::{Gravity, RecordedRun, audit};
 use evodrive::kernel::Digest;
 use evodrive::objects::event::FrontPoint;
-use evodrive::objects::{Exit, Objectives, RouteDecision, SolutionId};
+use evodrive::objects::{Exit, Met, Objectives, RouteDecision, SceneScore, SolutionId};
 use evodrive::store::{Transcript, read_events};
 use evodrive::world::drawn_by_monitor;
 
@@ -46,9 +46,18 @@ fn a_run_that_stopped_after_any_event_has_no_breach() {
 
 type Change = fn(&mut RecordedRun);
 
+/// Changes the first scene of the first label and counts it as attacked.
+fn credited(run: &mut RecordedRun, change: fn(&mut SceneScore)) {
+    let place = first(run, evaluated);
+    if let Exit::Evaluated { score, .. } = &mut run.attempts[place].exit {
+        score.scenes[0].attack = 1.0;
+        change(&mut score.scenes[0]);
+    }
+}
+
 #[test]
 fn each_change_of_the_record_is_found_by_its_check() {
-    let cases: [(&str, &str, Change); 16] = [
+    let cases: [(&str, &str, Change); 20] = [
         ("continuity", "its hash is", |run| {
             let place = first(run, evaluated);
             if let Exit::Evaluated { candidate, .. } = &mut run.attempts[place].exit {
@@ -86,6 +95,18 @@ fn each_change_of_the_record_is_found_by_its_check() {
                 score.objectives.realism -= 0.01;
             }
         }),
+        ("labels", "does not act in it", |run| credited(run, |scene| scene.acted = false)),
+        ("labels", "in plain replay too", |run| {
+            credited(run, |scene| {
+                scene.contact = Some(Met { adversary: true, class: "cut_in".into(), avoidable: None, anyway: true });
+            })
+        }),
+        ("labels", "realism over all scenes and coverage", |run| {
+            let place = first(run, evaluated);
+            if let Exit::Evaluated { score, .. } = &mut run.attempts[place].exit {
+                score.coverage -= 0.01;
+            }
+        }),
         ("closed suite", "was not open to it", |run| {
             let (place, closed) = (first(run, evaluated), run.opened.held_out_scenes[0].clone());
             if let Exit::Evaluated { score, .. } = &mut run.attempts[place].exit {
@@ -99,6 +120,9 @@ fn each_change_of_the_record_is_found_by_its_check() {
         }),
         ("result", "not its held-out labels", |run| {
             run.result.as_mut().unwrap().lineages[0].evolved.objectives.attack += 0.05;
+        }),
+        ("result", "not its held-out labels", |run| {
+            run.result.as_mut().unwrap().lineages[0].evolved.any_contact += 0.05;
         }),
     ];
     for (check, word, change) in cases {
@@ -114,10 +138,11 @@ fn each_change_of_the_record_is_found_by_its_check() {
 fn what_the_evaluator_would_have_turned_away_and_the_archive_accepted_is_a_remark() {
     let mut run = recorded();
     let before = audit(&run).len();
-    let monitored =
-        run.attempts.iter().filter(|a| a.exit.score().is_some() && a.exit.route().is_some_and(drawn_by_monitor));
-    let monitored = monitored.count() + 2;
-    let place = first(&run, accepted);
+    let monitored = |exit: &Exit| exit.score().is_some() && exit.route().is_some_and(drawn_by_monitor);
+    let counted =
+        |wanted: fn(&Exit) -> bool| run.attempts.iter().map(|a| &a.exit).filter(|e| monitored(e) && wanted(e)).count();
+    let (all, wrongly) = (counted(|_| true) + 2, counted(accepted) + 1);
+    let place = first(&run, |exit| accepted(exit) && !monitored(exit));
     let drawn = |run: &mut RecordedRun, place: usize| {
         let Exit::Evaluated { route, .. } = &mut run.attempts[place].exit else { panic!("evaluated") };
         route.decision = RouteDecision::Audit;
@@ -132,7 +157,7 @@ fn what_the_evaluator_would_have_turned_away_and_the_archive_accepted_is_a_remar
     let remark = findings.iter().find(|finding| finding.check == "monitor").expect("a remark");
     assert_eq!(remark.gravity, Gravity::Remark);
     assert!(remark.what.contains(run.attempts[place].id.as_str()), "{remark}");
-    assert!(remark.what.contains(&format!("1 of {monitored} candidates")), "{remark}");
+    assert!(remark.what.contains(&format!("{wrongly} of {all} candidates")), "{remark}");
 }
 
 #[test]

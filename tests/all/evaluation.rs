@@ -258,7 +258,8 @@ fn labelled(scene: &str, hit: bool) -> RolloutRecord {
         program: Digest::of_bytes(b"program"),
         ego: "idm".into(),
         intervened: true,
-        decision: serde_json::json!({}),
+        meets_anyway: None,
+        decision: Written::of(&serde_json::json!({})).unwrap(),
         outcome: outcome(vec![report()], hit.then(|| contact(true))),
     }
 }
@@ -286,7 +287,7 @@ fn evaluate_with(
 #[test]
 fn objectives_are_means_over_labelled_scenes_and_failures_are_listed() {
     let label = |i: usize| match i {
-        3 => Err("the adversary is missing".to_string()),
+        3 => Err("the adversary is missing".to_string().into()),
         _ => Ok(labelled(SCENES[i], i == 0)),
     };
     let score = evaluate_with(&label, &Notebook::default(), 3).unwrap();
@@ -304,6 +305,25 @@ fn idle(scene: &str) -> RolloutRecord {
     let mut record = labelled(scene, true);
     record.outcome.adversaries[0].acted = false;
     record
+}
+
+#[test]
+fn a_contact_is_a_success_only_where_the_program_brought_it_about() {
+    let met = contact(true).with;
+    let other = ActorRef::Track(99);
+    let label = |meets_anyway: Option<ActorRef>, struck_acts: bool| {
+        let mut record = labelled("a", true);
+        // A second adversary acts in any case.
+        record.outcome.adversaries[0].acted = struck_acts;
+        record.outcome.adversaries.push(AdversaryReport { actor: other, ..report() });
+        record.meets_anyway = meets_anyway;
+        let score = scene_score(&record, Digest::of_bytes(b"request"), Digest::of_bytes(b"stored"), &options());
+        (score.attack, score.contact.unwrap().anyway)
+    };
+    assert_eq!(label(None, true), (1.0, false));
+    assert_eq!(label(Some(other), true), (1.0, false), "in plain replay the ego runs into somebody else");
+    assert_eq!(label(Some(met), true), (0.0, true), "in plain replay the ego runs into the same one");
+    assert_eq!(label(None, false), (0.0, false), "whom the ego meets does what it did anyway");
 }
 
 #[test]
@@ -346,7 +366,7 @@ fn a_program_that_acts_nowhere_has_neither_attack_nor_realism_and_adds_no_area()
 
 #[test]
 fn a_candidate_without_any_label_has_no_score() {
-    let error = evaluate_with(&|_| Err("no road".into()), &Notebook::default(), 2).unwrap_err();
+    let error = evaluate_with(&|_| Err("no road".to_string().into()), &Notebook::default(), 2).unwrap_err();
     assert!(error.to_string().contains("a: no road"), "{error}");
 }
 

@@ -17,12 +17,14 @@ use evodrive::search::adam::Rates;
 use evodrive::search::descent::{Descent, Iterate, Mover, Slopes, at_record, covered, descend};
 use evodrive::search::ranking::is_met;
 use evodrive::sim::{self, Action};
-use evodrive::synth::{SynthOptions, WorldKind, pool_member};
+use evodrive::synth::{SynthOptions, WorldKind};
 use evodrive::{
     motion::Window,
     stage::{Bystanders, EgoPath, Part, Settings, Source, Stage},
 };
 use proptest::prelude::*;
+
+use crate::worlds;
 
 fn family(name: &str) -> Source {
     sources().get(&FamilyName::new(name)).unwrap().clone()
@@ -32,22 +34,8 @@ fn family(name: &str) -> Source {
 fn situations() -> &'static [Situation] {
     static SITUATIONS: OnceLock<Vec<Situation>> = OnceLock::new();
     SITUATIONS.get_or_init(|| {
-        let options = SynthOptions {
-            kinds: WorldKind::ALL.to_vec(),
-            steps: 91,
-            current_step: 10,
-            warm_up_s: 12.0,
-            tracks_per_scene: 16,
-            pedestrian_share: 0.1,
-            cyclist_share: 0.1,
-            ego_travel_m_min: 10.0,
-            interaction_time_s_max: 4.0,
-            interaction_gap_m_max: 12.0,
-            attempts_max: 40,
-            following_share: 0.2,
-        };
-        let scenes = (0..2 * WorldKind::ALL.len()).map(|k| pool_member(&options, Seed(11), k).unwrap());
-        scenes.map(|scene| Situation::new(Arc::new(scene), &Policy::Idm).unwrap()).collect()
+        let options = SynthOptions { interaction_time_s_max: 4.0, following_share: 0.2, ..worlds::options() };
+        worlds::situations(&options, 11, 2 * WorldKind::ALL.len())
     })
 }
 

@@ -1,7 +1,7 @@
 //! What makes the families that choose among candidates those methods: with a toy in the place of a mechanism, on the same
 //! scenes, what the mechanism is for gets worse.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 use evodrive::compiler::{Compiled, Prepared, Situation};
 use evodrive::ego::Policy;
@@ -11,29 +11,14 @@ use evodrive::objects::program::MechanismRef;
 use evodrive::objects::{FamilyName, MechanismModule, ParameterValue, Program, Setting, ValueType};
 use evodrive::search::posterior::NO_CONTACT;
 use evodrive::sim::{self, Action, Intervention, Outcome};
-use evodrive::synth::{SynthOptions, WorldKind, pool_member};
+use evodrive::synth::WorldKind;
+
+use crate::worlds;
 
 /// Four scenes of every kind of world, prepared once.
 fn situations() -> &'static [Situation] {
     static SITUATIONS: OnceLock<Vec<Situation>> = OnceLock::new();
-    SITUATIONS.get_or_init(|| {
-        let options = SynthOptions {
-            kinds: WorldKind::ALL.to_vec(),
-            steps: 91,
-            current_step: 10,
-            warm_up_s: 12.0,
-            tracks_per_scene: 16,
-            pedestrian_share: 0.1,
-            cyclist_share: 0.1,
-            ego_travel_m_min: 10.0,
-            interaction_time_s_max: 3.0,
-            interaction_gap_m_max: 12.0,
-            attempts_max: 40,
-            following_share: 0.3,
-        };
-        let scenes = (0..4 * WorldKind::ALL.len()).map(|k| pool_member(&options, Seed(500), k).unwrap());
-        scenes.map(|scene| Situation::new(Arc::new(scene), &Policy::Idm).unwrap()).collect()
-    })
+    SITUATIONS.get_or_init(|| worlds::situations(&worlds::options(), 500, 4 * WorldKind::ALL.len()))
 }
 
 fn parent(name: &str) -> Program {

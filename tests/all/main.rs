@@ -6,6 +6,7 @@ use evodrive::{ego, kernel, scene, sim};
 
 mod archive_hypervolume;
 mod audit;
+mod backends;
 mod counsel;
 mod evaluation;
 mod experiments;
@@ -16,6 +17,8 @@ mod harness;
 #[cfg(feature = "live")]
 mod live;
 mod models;
+mod nudge;
+mod programs;
 mod quickstart;
 mod realism;
 mod recorded_traffic;
@@ -27,3 +30,4 @@ mod scene_scenarionet;
 mod scenes;
 mod simulator;
 mod snapshots;
+mod worlds;

@@ -262,13 +262,19 @@ fn help_texts_are_goldens() {
         "calibrate",
         "lineage",
         "show",
+        "apply",
         "fsck",
         "report",
         "table",
+        "agree",
         "options",
+        "worker",
         "bench",
     ] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
+    }
+    for command in ["show", "export"] {
+        text += &format!("\n---- evodrive program {command} --help\n{}", run(&["program", command, "--help"]).stdout);
     }
     for command in ["import", "generate", "list", "show", "export", "stats"] {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);

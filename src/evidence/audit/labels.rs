@@ -58,6 +58,12 @@ fn score_faults(score: &Score) -> impl Iterator<Item = String> {
     let credited = score.scenes.iter().filter(|s| !s.acted && s.attack > 0.0);
     faults
         .extend(credited.map(|s| format!("scene {} counts as attacked, but the program does not act in it", s.scene)));
+    let met_anyway = |s: &&SceneScore| s.contact.as_ref().is_some_and(|met| met.anyway);
+    let unearned = score.scenes.iter().filter(|s| s.attack > 0.0).filter(met_anyway);
+    faults
+        .extend(unearned.map(|s| {
+            format!("scene {} counts as attacked, but the ego has that contact in plain replay too", s.scene)
+        }));
     // SafeBench's objectives are read off its own rows; `tables` compares those with their runs.
     if score.benchmark.is_none() {
         let mean = |of: &dyn Fn(&SceneScore) -> Option<f64>| {

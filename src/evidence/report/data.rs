@@ -7,7 +7,7 @@ use super::super::recorded_run::RecordedRun;
 use crate::evidence::audit;
 use crate::kernel::num;
 use crate::objects::{
-    Attempt, Counselled, Exchange, Exit, LineageId, Role, Round, SceneScore, cost::RunCost, edit_categories,
+    Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, cost::RunCost, edit_categories,
     event::LineageResult, program_diff,
 };
 
@@ -68,7 +68,7 @@ fn lineage(story: &RecordedRun, id: &LineageId) -> Value {
         .filter(|f| f.lineage == *id)
         .map(|f| json!({"epoch": f.epoch, "solution": f.parent, "objectives": f.parent_score.objectives}))
         .collect();
-    json!({
+    let mut object = json!({
         "id": id,
         "family": parent.map(|p| &p.program.source_family),
         "ego": parent.map(|p| &p.ego),
@@ -77,7 +77,12 @@ fn lineage(story: &RecordedRun, id: &LineageId) -> Value {
         "epochs": epochs,
         "parent_scores": parent_scores,
         "result": result,
-    })
+    });
+    // Only where the parent is no published one.
+    if let Some(adopted) = parent.filter(|adopted| !adopted.origins.is_empty()) {
+        object["origins"] = adopted.origins.iter().map(Origin::to_string).collect();
+    }
+    object
 }
 
 fn counsel(counselled: &Counselled) -> Value {

@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::labels::{self, TableError};
+use super::error::TableError;
+use super::labels;
 use super::paper::safebench::{METHODS, Method};
+use super::searches::{self, Repeated, Repetition};
 use super::stopped;
 use crate::evaluation::{Group, Runs};
 use crate::evidence::recorded_run::RecordedRun;
@@ -36,10 +38,27 @@ pub struct LineageArchive {
     pub stopped: Option<String>,
 }
 
-/// What balanced selection keeps after a round.
-#[derive(Clone, Debug)]
+/// What balanced selection keeps after a round, or what one program did.
+#[derive(Clone, Debug, Default)]
 pub struct Round {
     pub runs: BTreeMap<Group, Vec<SafebenchRun>>,
+    /// Scenes of a group that could not be run; balanced selection keeps none.
+    pub failures: BTreeMap<Group, usize>,
+}
+
+/// The part of an archive that is resampled.
+#[derive(Clone, Copy, Debug)]
+pub struct Archived<'a> {
+    pub rounds: &'a [Round],
+    /// Frontier gain of every group, percent.
+    pub gains_pct: &'a BTreeMap<Group, f64>,
+}
+
+impl Archived<'_> {
+    /// Every group of the study, also those without a scene.
+    pub fn groups(&self) -> BTreeSet<Group> {
+        self.gains_pct.keys().chain(self.rounds.iter().flat_map(|round| round.runs.keys())).copied().collect()
+    }
 }
 
 impl Round {
@@ -48,6 +67,7 @@ impl Round {
         let mut runs = Runs::default();
         for group in groups {
             self.runs.get(&group).into_iter().flatten().for_each(|run| runs.add(group, *run));
+            (0..self.failures.get(&group).copied().unwrap_or(0)).for_each(|_| runs.add_failure(group));
         }
         runs.benchmark()
     }
@@ -56,17 +76,30 @@ impl Round {
 impl LineageArchive {
     /// Every group of the study, also those without a scene.
     pub fn groups(&self) -> BTreeSet<Group> {
-        self.gains_pct.keys().chain(self.rounds.iter().flat_map(|round| round.runs.keys())).copied().collect()
+        self.archived().groups()
     }
 
-    /// Whether the other repeats the same search with another seed.
-    pub fn same_search(&self, other: &LineageArchive) -> bool {
-        (&self.name, &self.ego) == (&other.name, &other.ego)
+    /// What intervals are drawn from.
+    pub fn archived(&self) -> Archived<'_> {
+        Archived { rounds: &self.rounds, gains_pct: &self.gains_pct }
     }
 
     /// Scenes that balanced selection keeps after the last round.
     pub fn scenes(&self) -> usize {
         self.rounds.last().map_or(0, |round| round.runs.values().map(Vec::len).sum())
+    }
+}
+
+impl Repeated for LineageArchive {
+    fn repetition(&self) -> Repetition<'_> {
+        Repetition {
+            name: &self.name,
+            ego: &self.ego,
+            replica: self.replica,
+            lineage: self.lineage.as_str(),
+            run: &self.run,
+            stopped: self.stopped.as_deref(),
+        }
     }
 }
 
@@ -80,13 +113,7 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableErr
             return Err(TableError::OtherProtocol { run: labels::run_name(story), found, tables });
         }
         for lineage in &result.lineages {
-            let new = one(story, lineage)?;
-            if let Some(old) = all.iter().find(|old| old.same_search(&new) && old.replica == new.replica) {
-                let place = |l: &LineageArchive| format!("{} of run {}", l.lineage, l.run);
-                let (first, second) = (place(old), place(&new));
-                return Err(TableError::Twice { row: new.name, ego: new.ego, first, second });
-            }
-            all.push(new);
+            searches::add(&mut all, one(story, lineage)?)?;
         }
     }
     Ok(all)
@@ -106,7 +133,10 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, Ta
     let attack_change = last.benchmark.mean.attack - first.benchmark.mean.attack;
     let descends = last.selected.iter().any(|scene| scene.solution != result.parent.solution);
     let stem = labels::stem(result);
-    let method = METHODS.iter().find(|m| m.family == result.family.as_str() && m.family == stem.replace('-', "_"));
+    // Whoever starts from a program of another run is no method as published.
+    let published = story.parents.iter().all(|p| p.lineage != result.lineage || p.origins.is_empty());
+    let own_id = |m: &&Method| m.family == result.family.as_str() && m.family == stem.replace('-', "_");
+    let method = METHODS.iter().filter(|_| published).find(own_id);
     let group = |name: &String| group(name).ok_or_else(|| damaged(format!("names the group {name:?}")));
     let gains = result.pf_area_at_3_pct_by_group.iter().map(|(name, gain)| Ok((group(name)?, *gain)));
     let round = |recorded: &&ArchiveRound| {
@@ -114,7 +144,7 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, Ta
         for scene in &recorded.selected {
             runs.entry(group(&scene.group)?).or_default().push(scene.run);
         }
-        let round = Round { runs };
+        let round = Round { runs, ..Round::default() };
         match round.scores(round.runs.keys().copied()) {
             Some(scores) if scores == recorded.benchmark => Ok(round),
             _ => Err(damaged(format!("holds scores in round {} that are not those of its runs", recorded.round))),

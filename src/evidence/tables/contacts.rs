@@ -3,9 +3,11 @@
 use std::collections::BTreeSet;
 
 use super::bootstrap::Search;
-use super::labels::{self, Labels, LineageLabels, Reading, ReplayLabels, TableError};
+use super::error::TableError;
+use super::labels::{self, Labels, LineageLabels, Reading, ReplayLabels};
 use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
-use super::metadrive::{SCENES, SEEDS, estimated, quantity, searches};
+use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::searches::searches;
 use super::{bootstrap, notes};
 use crate::evaluation::ContactClass;
 use crate::evidence::recorded_run::RecordedRun;
@@ -19,6 +21,7 @@ const ATTACK: Column = column("attack", "Ours", "Attack", Form::Rate);
 const AVOIDABLE: Column = column("avoidable_contact", "Ours", "Avoidable", Form::Rate);
 const ADVERSARY: Column = column("adversary_contact", "Published", "Adversary", Form::Rate);
 const ANY: Column = column("any_contact", "Published", "Anyone", Form::Rate);
+const ANYWAY: Column = column("met_anyway", "Ours", "Anyway", Form::Rate);
 const PENALTY_ALL: Column = column("rp_all_pct", "Published", "RP, all", Form::Percent);
 
 /// Heads of the classes, in the order of [`ContactClass::ALL`].
@@ -48,28 +51,38 @@ pub fn metadrive_contacts(stories: &[RecordedRun]) -> Result<Table, TableError> 
     })
 }
 
+/// A number of a scene's label.
+pub(super) type Read = Box<dyn Fn(&SceneScore) -> Option<f64>>;
+
+/// The columns with what is read off a label for each.
+pub(super) fn readings() -> Vec<(Column, Read)> {
+    let plain: [(Column, Reading); 6] = [
+        (ATTACK, labels::ATTACK),
+        (AVOIDABLE, labels::AVOIDABLE_CONTACT),
+        (ANYWAY, labels::MET_ANYWAY),
+        (ADVERSARY, labels::ADVERSARY_CONTACT),
+        (ANY, labels::ANY_CONTACT),
+        (PENALTY_ALL, labels::PENALTY_ALL_PCT),
+    ];
+    let of_class = |(class, head): (ContactClass, &'static str)| {
+        let met = move |scene: &SceneScore| {
+            let of_class = scene.contact.as_ref().is_some_and(|met| met.adversary && met.class == class.name());
+            Some(labels::share(of_class))
+        };
+        (column(class.name(), "By class", head, Form::Rate), Box::new(met) as Read)
+    };
+    let plain = plain.into_iter().map(|(column, reading)| (column, Box::new(reading) as Read));
+    plain.chain(ContactClass::ALL.into_iter().zip(CLASS_HEADS).map(of_class)).collect()
+}
+
 fn columns() -> Vec<Column> {
-    let classes = ContactClass::ALL.into_iter().zip(CLASS_HEADS);
-    let of_class = |(class, head): (ContactClass, &'static str)| column(class.name(), "By class", head, Form::Rate);
-    [ATTACK, AVOIDABLE, ADVERSARY, ANY, PENALTY_ALL].into_iter().chain(classes.map(of_class)).collect()
+    readings().into_iter().map(|(column, _)| column).collect()
 }
 
 fn row(program: &str, of: &[&LineageLabels], labels_of: fn(&LineageLabels) -> &Labels) -> Row {
-    let reading = |reading: Reading| quantity(of, |l| l.per_scene(labels_of(l), reading));
-    let mut quantities = vec![
-        (ATTACK, reading(labels::ATTACK)),
-        (AVOIDABLE, reading(labels::AVOIDABLE_CONTACT)),
-        (ADVERSARY, reading(labels::ADVERSARY_CONTACT)),
-        (ANY, reading(labels::ANY_CONTACT)),
-        (PENALTY_ALL, reading(labels::PENALTY_ALL_PCT)),
-    ];
-    for column in columns().into_iter().skip(quantities.len()) {
-        let met = move |scene: &SceneScore| {
-            let of_class = scene.contact.as_ref().is_some_and(|met| met.adversary && met.class == column.key);
-            Some(labels::share(of_class))
-        };
-        quantities.push((column, quantity(of, |l| l.per_scene(labels_of(l), met))));
-    }
+    let readings = readings();
+    let of_reading = |(column, read): &(Column, Read)| (*column, quantity(of, |l| l.per_scene(labels_of(l), read)));
+    let quantities: Vec<_> = readings.iter().map(of_reading).collect();
     let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
     Row {
@@ -98,7 +111,8 @@ fn told(stories: &[RecordedRun]) -> Vec<String> {
     let mut told = vec![
         "All numbers are shares of held-out scenes. A rollout ends with the ego's first contact, so the classes of a row add \
          up to its column Adversary. Which classes count for Attack, and which of them only where the ego could have avoided \
-         the contact, is said in the experiment's table evaluation.attack."
+         the contact, is said in the experiment's table evaluation.attack. Anyway: the ego meets an adversary whom it runs into \
+         in plain replay too, which never counts."
             .to_string(),
         "Published work counts differently: CAT any crash with its adversary (Adversary), MetaDrive's crash flag any crash at \
          all (Anyone); the paper's realism is the plain mean over all scenes (RP, all), in which a scene that nobody touches \

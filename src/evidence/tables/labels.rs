@@ -3,13 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::PerScene;
+use super::error::TableError;
 use super::paper::{
     self,
     metadrive::{METHODS, Method},
 };
+use super::searches::{self, Repeated, Repetition};
 use super::stopped;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::kernel::{Digest, canon::CanonError};
+use crate::kernel::Digest;
 use crate::objects::{
     LineageId, ParameterValue, Role, SceneScore, Score, SolutionId,
     event::{LineageResult, RunResult},
@@ -18,26 +20,6 @@ use crate::objects::{
 
 /// Parameter of a SAGE parent that names its row.
 const PREFERENCE_WEIGHT: &str = "preference_weight";
-
-/// Runs that give no table.
-#[derive(Debug, thiserror::Error)]
-pub enum TableError {
-    #[error("run {run} is not finished, so its held-out scenes have not been opened; finish it with `evodrive resume`")]
-    Unfinished { run: String },
-    #[error(
-        "run {run}: the result names {solution} of lineage {lineage}, but the transcript holds no held-out labels of it; \
-         derive the run again with `evodrive replay`"
-    )]
-    NoLabels { run: String, lineage: LineageId, solution: SolutionId },
-    #[error("row {row} with ego {ego} is in {first} and in {second}; name runs that hold it once")]
-    Twice { row: String, ego: String, first: String, second: String },
-    #[error("run {run} followed {found}; its tables are {tables}")]
-    OtherProtocol { run: String, found: &'static str, tables: &'static str },
-    #[error("run {run}: the archive of lineage {lineage} {what}; derive the run again with `evodrive replay`")]
-    Archive { run: String, lineage: LineageId, what: String },
-    #[error("run {run}: {error}")]
-    Canon { run: String, error: CanonError },
-}
 
 /// Held-out labels of one program, by scene of the suite; `None` where a scene has no label.
 #[derive(Clone, Debug)]
@@ -58,6 +40,9 @@ pub const ACTED: Reading = |scene| Some(share(scene.acted));
 pub const ANY_CONTACT: Reading = |scene| Some(share(scene.contact.is_some()));
 /// Whether the ego met an adversary, whoever caused it (CAT: the crash with its opponent).
 pub const ADVERSARY_CONTACT: Reading = |scene| Some(share(scene.contact.as_ref().is_some_and(|met| met.adversary)));
+/// Whether it met one whom it runs into in plain replay too.
+pub const MET_ANYWAY: Reading =
+    |scene| Some(share(scene.contact.as_ref().is_some_and(|met| met.adversary && met.anyway)));
 /// Whether it met one and could have avoided that.
 pub const AVOIDABLE_CONTACT: Reading =
     |scene| Some(share(scene.contact.as_ref().is_some_and(|met| met.adversary && met.avoidable == Some(true))));
@@ -68,7 +53,8 @@ pub fn share(holds: bool) -> f64 {
 }
 
 impl Labels {
-    fn of(score: &Score, suite: &[String]) -> Labels {
+    /// By scene of a suite.
+    pub fn of(score: &Score, suite: &[String]) -> Labels {
         let by_scene: BTreeMap<&str, &SceneScore> = score.scenes.iter().map(|s| (s.scene.as_str(), s)).collect();
         Labels(suite.iter().map(|id| by_scene.get(id.as_str()).map(|scene| (*scene).clone())).collect())
     }
@@ -172,11 +158,6 @@ impl LineageLabels {
         PerScene { suite: self.suite, values: before.into_iter().zip(after).map(difference).collect() }
     }
 
-    /// Whether the other repeats the same search with another seed.
-    pub fn same_search(&self, other: &LineageLabels) -> bool {
-        (&self.name, &self.ego) == (&other.name, &other.ego)
-    }
-
     /// Row of the main table.
     pub fn group(&self) -> String {
         self.method.map_or(self.name.clone(), |method| method.group.to_string())
@@ -208,6 +189,19 @@ pub fn result(story: &RecordedRun) -> Result<&RunResult, TableError> {
     story.result.as_ref().ok_or_else(|| TableError::Unfinished { run: run_name(story) })
 }
 
+impl Repeated for LineageLabels {
+    fn repetition(&self) -> Repetition<'_> {
+        Repetition {
+            name: &self.name,
+            ego: &self.ego,
+            replica: self.replica,
+            lineage: self.lineage.as_str(),
+            run: &self.run,
+            stopped: self.stopped.as_deref(),
+        }
+    }
+}
+
 /// All lineages of these runs, in their order. No row of a table may come from two of them.
 pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableError> {
     let mut all: Vec<LineageLabels> = Vec::new();
@@ -217,13 +211,7 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableErro
             return Err(TableError::OtherProtocol { run: run_name(story), found, tables });
         }
         for lineage in &result(story)?.lineages {
-            let new = one(story, lineage)?;
-            if let Some(old) = all.iter().find(|old| old.same_search(&new) && old.replica == new.replica) {
-                let place = |l: &LineageLabels| format!("{} of run {}", l.lineage, l.run);
-                let (first, second) = (place(old), place(&new));
-                return Err(TableError::Twice { row: new.name, ego: new.ego, first, second });
-            }
-            all.push(new);
+            searches::add(&mut all, one(story, lineage)?)?;
         }
     }
     Ok(all)
@@ -265,11 +253,15 @@ pub fn stem(result: &LineageResult) -> &str {
     id.strip_suffix(result.ego.as_str()).and_then(|rest| rest.strip_suffix('-')).unwrap_or(id)
 }
 
-/// The paper's row: the family's own lineage, and for SAGE the one of its parent's preference weight. A lineage with
+/// The paper's row: the family's own lineage from the published parent on, and for SAGE the one of its parent's preference weight. A lineage with
 /// another id, such as `cat-short-idm`, is a variant with a row of its own.
 fn method(story: &RecordedRun, result: &LineageResult) -> Option<&'static Method> {
     let family = result.family.as_str();
     let parent = story.parents.iter().find(|p| p.lineage == result.lineage);
+    if parent.is_some_and(|parent| !parent.origins.is_empty()) {
+        // It starts from a program of another run: no method as published.
+        return None;
+    }
     let weight = parent.and_then(|p| match p.program.parameters.get(PREFERENCE_WEIGHT) {
         Some(ParameterValue::Number(weight)) => Some(*weight),
         _ => None,

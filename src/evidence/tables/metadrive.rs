@@ -3,10 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
-use super::labels::{self, LineageLabels, Reading, ReplayLabels, TableError};
+use super::error::TableError;
+use super::labels::{self, LineageLabels, Reading, ReplayLabels};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};
+use super::searches::{searches, stops};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::replay::ReplayScene;
@@ -36,8 +38,8 @@ const ATTACK_CHANGE_PCT: Column = column("attack_change_pct", "Change", "Attack 
 const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Form::Points);
 const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
 
-/// Columns of the main table.
-const MAIN: [Column; 12] = [
+/// What both tables show of parent and evolved generator.
+const BOTH: [Column; 8] = [
     PARENT_ATTACK,
     PARENT_CRASH,
     PARENT_RP,
@@ -46,28 +48,17 @@ const MAIN: [Column; 12] = [
     EVOLVED_CRASH,
     EVOLVED_RP,
     EVOLVED_COVERAGE,
-    ATTACK_CHANGE,
-    ATTACK_CHANGE_PCT,
-    RP_CHANGE,
-    PF_AREA,
 ];
 
+/// Columns of the main table.
+fn main_columns() -> Vec<Column> {
+    BOTH.into_iter().chain([ATTACK_CHANGE, ATTACK_CHANGE_PCT, RP_CHANGE, PF_AREA]).collect()
+}
+
 /// Columns of the table by policy.
-const BY_POLICY: [Column; 13] = [
-    PARENT_ATTACK,
-    PARENT_CRASH,
-    PARENT_RP,
-    PARENT_COVERAGE,
-    EVOLVED_ATTACK,
-    EVOLVED_CRASH,
-    EVOLVED_RP,
-    EVOLVED_COVERAGE,
-    ENDPOINT_ATTACK,
-    ENDPOINT_RP,
-    ATTACK_CHANGE,
-    RP_CHANGE,
-    PF_AREA,
-];
+fn policy_columns() -> Vec<Column> {
+    BOTH.into_iter().chain([ENDPOINT_ATTACK, ENDPOINT_RP, ATTACK_CHANGE, RP_CHANGE, PF_AREA]).collect()
+}
 
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
 pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
@@ -75,7 +66,7 @@ pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let mut groups: Vec<&str> = printed::METHODS.iter().map(|method| method.group).collect();
     groups.dedup();
     let averaged = |l: &&LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
-    let mut rows: Vec<Row> = replay_row(&labels::replays(stories)?, &MAIN).into_iter().collect();
+    let mut rows: Vec<Row> = replay_row(&labels::replays(stories)?, &main_columns()).into_iter().collect();
     for group in groups {
         let of: Vec<&LineageLabels> = all.iter().filter(averaged).filter(|l| l.group() == group).collect();
         rows.push(main_row(group, &of, printed::main_figures(group)));
@@ -87,13 +78,21 @@ pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
         printed::POLICY_LABEL
     );
     let title = "Generator evolution in MetaDrive";
-    table("metadrive-main", title, printed::MAIN_LABEL, &MAIN, rows, told(stories, &all, Some(average)), stories)
+    table(
+        "metadrive-main",
+        title,
+        printed::MAIN_LABEL,
+        &main_columns(),
+        rows,
+        told(stories, &all, Some(average)),
+        stories,
+    )
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
 pub fn metadrive_policy(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
-    let of_each = |replay: ReplayLabels| replay_row(&[replay], &BY_POLICY);
+    let of_each = |replay: ReplayLabels| replay_row(&[replay], &policy_columns());
     let mut rows: Vec<Row> = labels::replays(stories)?.into_iter().filter_map(of_each).collect();
     for method in &printed::METHODS {
         for (ego, policy) in expected_policies(&all) {
@@ -105,7 +104,7 @@ pub fn metadrive_policy(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
     rows.extend(searches(others).iter().map(|of| policy_row(&of[0].name, &of[0].policy(), of, None)));
     let title = "Policy-specific results in MetaDrive";
-    table("metadrive-policy", title, printed::POLICY_LABEL, &BY_POLICY, rows, told(stories, &all, None), stories)
+    table("metadrive-policy", title, printed::POLICY_LABEL, &policy_columns(), rows, told(stories, &all, None), stories)
 }
 
 pub(super) const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
@@ -138,14 +137,14 @@ fn main_row(method: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Ro
         ours.extend(relative.map(|relative| (ATTACK_CHANGE_PCT.key, Estimate::plain(relative))));
     }
     let policies: BTreeSet<String> = of.iter().map(|l| l.policy()).collect();
-    let cells = Cell::row(&MAIN, &ours, figures.as_ref());
+    let cells = Cell::row(&main_columns(), &ours, figures.as_ref());
     row(method, policies.into_iter().collect::<Vec<_>>().join(" + "), of, cells)
 }
 
 fn policy_row(method: &str, policy: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Row {
     let mut ours = measured(of);
     ours.extend(endpoint(of));
-    row(method, policy.to_string(), of, Cell::row(&BY_POLICY, &ours, figures.as_ref()))
+    row(method, policy.to_string(), of, Cell::row(&policy_columns(), &ours, figures.as_ref()))
 }
 
 /// The recorded scenes without a program, under the columns of a parent; `None` where no run recorded them. The empty
@@ -170,18 +169,6 @@ fn replay_row(of: &[ReplayLabels], columns: &[Column]) -> Option<Row> {
         proposals: "none".into(),
         notes: Vec::new(),
     })
-}
-
-/// The repetitions of every search, in the order of their first.
-pub(super) fn searches<'a>(all: impl Iterator<Item = &'a LineageLabels>) -> Vec<Vec<&'a LineageLabels>> {
-    let mut found: Vec<Vec<&LineageLabels>> = Vec::new();
-    for lineage in all {
-        match found.iter_mut().find(|of| of[0].same_search(lineage)) {
-            Some(of) => of.push(lineage),
-            None => found.push(vec![lineage]),
-        }
-    }
-    found
 }
 
 /// A number of every lineage, gathered by search.
@@ -252,20 +239,6 @@ fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) ->
         proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
         notes: searches(of.iter().copied()).iter().flat_map(|of| stops(of)).collect(),
     }
-}
-
-/// What stopped the repetitions of a search that show no gain: of one its own words, of several how many.
-fn stops(of: &[&LineageLabels]) -> Option<String> {
-    let stopped: Vec<&LineageLabels> = of.iter().copied().filter(|l| l.stopped.is_some()).collect();
-    let first = stopped.first()?;
-    let what = match of.len() {
-        1 => first.stopped.clone()?,
-        seeds => {
-            let which: Vec<String> = stopped.iter().map(|l| l.replica.to_string()).collect();
-            format!("no gain with {} of {seeds} seeds ({})", stopped.len(), which.join(", "))
-        }
-    };
-    Some(format!("{}, {}: {what}.", first.name, first.policy()))
 }
 
 /// What a reader must know beside the numbers.

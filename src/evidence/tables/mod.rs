@@ -1,10 +1,12 @@
 //! The paper's tables from recorded runs: our numbers with their intervals, the paper's beside them, and what both rest on.
 
+mod applied;
 mod archives;
 mod bootstrap;
 mod cells;
 mod contacts;
 mod csv;
+mod error;
 mod labels;
 mod latex;
 mod layout;
@@ -16,14 +18,16 @@ mod resampled;
 mod safebench;
 #[cfg(test)]
 mod safebench_tests;
+mod searches;
 mod stopped;
 #[cfg(test)]
 mod tests;
 
+pub use applied::{Applied, Played, applied};
 pub use bootstrap::Estimate;
 pub use contacts::metadrive_contacts;
 pub use csv::csv;
-pub use labels::TableError;
+pub use error::TableError;
 pub use latex::latex;
 pub use layout::{Cell, Column, Form, Head, Part, Row, RunSource, Table};
 pub use markdown::markdown;

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::labels::{self, TableError};
+use super::error::TableError;
+use super::labels;
 use super::layout::RunSource;
 use crate::evidence::recorded_run::RecordedRun;
+use crate::objects::event::ParentAdopted;
 
 /// The runs as the JSON form lists them.
 pub fn runs(stories: &[RecordedRun]) -> Result<Vec<RunSource>, TableError> {
@@ -40,9 +42,12 @@ pub fn run(story: &RecordedRun) -> String {
     };
     let (epochs, attempts, rollouts) =
         story.result.as_ref().map_or((0, 0, 0), |result| (result.epochs, result.exits.total(), result.rollouts));
+    let start =
+        |parent: &ParentAdopted| Some(format!(" Lineage {} starts from {}.", parent.lineage, parent.origins.last()?));
+    let starts: String = story.parents.iter().filter_map(start).collect();
     format!(
         "Run {}: {} evolution and {} held-out scenes, {epochs} epochs, {attempts} attempts, {rollouts} rollouts; \
-         proposals from {from}{stand_in}.",
+         proposals from {from}{stand_in}.{starts}",
         labels::run_name(story),
         opened.evolution_scenes.len(),
         opened.held_out_scenes.len()

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::archives::LineageArchive;
+use super::archives::Archived;
 use super::bootstrap::{Estimate, RESAMPLES, SEED, interval};
 use crate::evaluation::Group;
 use crate::kernel::{Stream, num};
@@ -27,7 +27,7 @@ pub struct Resampled {
 impl Resampled {
     /// Of the repetitions of one search. Draws depend on groups and number of seeds alone: lineages on the same groups are
     /// drawn together.
-    pub fn new(seeds: &[&LineageArchive]) -> Resampled {
+    pub fn new(seeds: &[Archived<'_>]) -> Resampled {
         let mut families: BTreeMap<TrafficFamily, Vec<Group>> = BTreeMap::new();
         let groups: BTreeSet<Group> = seeds.iter().flat_map(|archive| archive.groups()).collect();
         groups.into_iter().for_each(|group| families.entry(group.0).or_default().push(group));
@@ -42,8 +42,8 @@ impl Resampled {
                 (0..groups.len()).map(|_| groups[stream.below(groups.len())]).collect()
             };
             let draw: Vec<Group> = streams.iter_mut().flat_map(draw).collect();
-            let repeated: Vec<&LineageArchive> = match seeds {
-                [one] => vec![one],
+            let repeated: Vec<Archived<'_>> = match seeds {
+                [one] => vec![*one],
                 _ => seeds.iter().map(|_| seeds[repetitions.below(seeds.len())]).collect(),
             };
             drawn.push(repeated.iter().map(|archive| rounds(archive, &draw)).collect());
@@ -74,12 +74,12 @@ fn stream(family: TrafficFamily, groups: &[Group]) -> Stream {
     SEED.stream(&["evidence", "tables", "bootstrap", "groups", family.name(), &routes.join(" ")])
 }
 
-fn rounds(archive: &LineageArchive, groups: &[Group]) -> Rounds {
+fn rounds(archive: &Archived<'_>, groups: &[Group]) -> Rounds {
     archive.rounds.iter().map(|round| round.scores(groups.iter().copied())).collect()
 }
 
-fn gain_pct(seeds: &[&LineageArchive], groups: &[Group]) -> Option<f64> {
-    let of_seed = |archive: &&LineageArchive| {
+fn gain_pct(seeds: &[Archived<'_>], groups: &[Group]) -> Option<f64> {
+    let of_seed = |archive: &Archived<'_>| {
         num::mean(&groups.iter().filter_map(|group| archive.gains_pct.get(group)).copied().collect::<Vec<f64>>())
     };
     num::mean(&seeds.iter().filter_map(of_seed).collect::<Vec<f64>>())

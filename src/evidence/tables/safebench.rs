@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use super::archives::{self, LineageArchive};
 use super::bootstrap::{self, Estimate};
-use super::labels::TableError;
+use super::error::TableError;
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{
@@ -13,6 +13,7 @@ use super::paper::{
     safebench::{AVERAGE, EGO, MAIN_LABEL, METHODS, Method, ROUNDS},
 };
 use super::resampled::Resampled;
+use super::searches::{searches, stops};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::benchmark::{Benchmark, BenchmarkRow};
 use crate::objects::replay::{ReplayRow, Suite};
@@ -76,9 +77,14 @@ fn main_columns() -> Vec<Column> {
     ]
 }
 
+/// What intervals of a search are drawn from.
+fn resampled(seeds: &[&LineageArchive]) -> Resampled {
+    Resampled::new(&seeds.iter().map(|archive| archive.archived()).collect::<Vec<_>>())
+}
+
 /// Ours under the keys of the main columns.
 fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
-    let resampled = Resampled::new(seeds);
+    let resampled = resampled(seeds);
     let mut numbers = Numbers::new();
     let mut add = |key: &'static str, found: Option<Estimate>| numbers.extend(found.map(|estimate| (key, estimate)));
     for (parent, evolved, metric) in [
@@ -199,7 +205,7 @@ fn round_columns() -> Vec<Column> {
 }
 
 fn round_rows(of: &Subject<'_>) -> Vec<Row> {
-    let resampled = (!of.seeds.is_empty()).then(|| Resampled::new(&of.seeds));
+    let resampled = (!of.seeds.is_empty()).then(|| self::resampled(&of.seeds));
     let printed = if of.method.is_some() { ROUNDS } else { 0 };
     let rounds = of.seeds.iter().map(|archive| archive.rounds.len()).max().unwrap_or(0).max(printed);
     let columns = round_columns();
@@ -225,18 +231,6 @@ struct Subject<'a> {
     name: String,
     /// The search's repetitions, one a seed; none = missing.
     seeds: Vec<&'a LineageArchive>,
-}
-
-/// The repetitions of every search, in the order of their first.
-fn searches<'a>(all: impl Iterator<Item = &'a LineageArchive>) -> Vec<Vec<&'a LineageArchive>> {
-    let mut found: Vec<Vec<&LineageArchive>> = Vec::new();
-    for archive in all {
-        match found.iter_mut().find(|of| of[0].same_search(archive)) {
-            Some(of) => of.push(archive),
-            None => found.push(vec![archive]),
-        }
-    }
-    found
 }
 
 /// The paper's methods, then what else was run.
@@ -265,20 +259,9 @@ impl Subject<'_> {
             cells,
             counts: vec![groups.len(), sum(LineageArchive::scenes), self.seeds.len(), sum(|archive| archive.rollouts)],
             proposals: self.seeds.first().map_or(String::new(), |archive| archive.proposals.clone()),
-            notes: stopped(&self.seeds).into_iter().collect(),
+            notes: stops(&self.seeds).into_iter().collect(),
         }
     }
-}
-
-/// What stopped the repetitions of a search that show no gain: of one its own words, of several how many.
-fn stopped(seeds: &[&LineageArchive]) -> Option<String> {
-    let stopped: Vec<&LineageArchive> = seeds.iter().copied().filter(|archive| archive.stopped.is_some()).collect();
-    let first = stopped.first()?;
-    let what = match seeds.len() {
-        1 => first.stopped.clone()?,
-        of => format!("no gain with {} of {of} seeds", stopped.len()),
-    };
-    Some(format!("{}, {}: {what}.", first.name, paper::policy(&first.ego)))
 }
 
 /// What a reader must know beside the numbers.
@@ -317,6 +300,6 @@ fn told(stories: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
         told.push("The lineages were evolved on different groups of family and route.".into());
     }
     told.extend(notes::different_versions(stories));
-    told.extend(searches(all.iter()).iter().filter_map(|seeds| stopped(seeds)));
+    told.extend(searches(all.iter()).iter().filter_map(|seeds| stops(seeds)));
     told
 }

@@ -68,7 +68,12 @@ pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
             attack,
             realism,
             acted: true,
-            contact: (attack > 0.0).then(|| Met { adversary: true, class: "cut_in".into(), avoidable: Some(true) }),
+            contact: (attack > 0.0).then(|| Met {
+                adversary: true,
+                class: "cut_in".into(),
+                avoidable: Some(true),
+                anyway: false,
+            }),
             diagnostics: BTreeMap::new(),
             intervened: true,
             request: Digest::of_bytes(format!("{of} {id}").as_bytes()),
@@ -112,7 +117,13 @@ fn add(story: &mut RecordedRun, end: &End<'_>) {
         ancestor_chain: Vec::new(),
     };
     let program_hash = Digest::of_bytes(end.id.as_bytes());
-    story.parents.push(ParentAdopted { lineage: lineage.clone(), ego: end.ego.into(), program, program_hash });
+    story.parents.push(ParentAdopted {
+        lineage: lineage.clone(),
+        ego: end.ego.into(),
+        program,
+        program_hash,
+        origins: vec![],
+    });
     let mut held_out = |solution: &SolutionId, labels: &[Label; 4]| {
         let score = score(solution.as_str(), labels);
         let measured = Measured::new(solution.clone(), &score);
@@ -294,7 +305,7 @@ fn realism_is_over_the_scenes_acted_in_and_contacts_are_told_by_class() {
     parent.iter_mut().for_each(|scene| scene.acted = false);
     for (place, adversary, class) in [(0, true, "rear_end_ego_struck"), (1, false, "ego_strikes")] {
         let realism = [0.5, 0.7][place];
-        let contact = Some(Met { adversary, class: class.into(), avoidable: Some(false) });
+        let contact = Some(Met { adversary, class: class.into(), avoidable: Some(false), anyway: false });
         parent[place] = SceneScore { acted: true, attack: 0.0, realism, contact, ..parent[place].clone() };
     }
     parent[2].realism = 1.0;

@@ -42,6 +42,8 @@ pub struct Measured {
     approach_s: f64,
     horizon_s: f64,
     motion: Motion,
+    /// Of the reward alone: 0 for an expert, who does not look at it.
+    unrealism: f64,
 }
 
 /// Means over the candidate's steps.
@@ -54,15 +56,12 @@ struct Motion {
     heading_total: f64,
     /// Mean speed less the speed at the start, m/s.
     speed_change: f64,
-    /// 5 [mean softplus(|a| - 7) + mean softplus(|a_lat| - 6)] + 5 mean softplus(|ω| - 0.8)
-    kinematic_penalty: f64,
-    /// 5 softplus(|Δθ| - π) + 3 mean(|ω| / (v + 0.01))
-    behaviour_penalty: f64,
 }
 
 impl Measured {
     pub fn of(candidate: &Candidate, judged: &Judged<'_>) -> Measured {
-        Measured::with(candidate, judged, Needs { ego: true, road: true, bystanders: true, ..Needs::default() })
+        let needs = Needs { ego: true, road: true, bystanders: true, ..Needs::default() };
+        Measured { unrealism: unrealism(&candidate.samples), ..Measured::with(candidate, judged, needs) }
     }
 
     /// All that an expert looks at: bystanders are the reward's alone, and distances to the road count up to a bound only.
@@ -87,6 +86,7 @@ impl Measured {
             approach_s: (value("closest_approach_s") - opened_s).max(0.0),
             horizon_s: candidate.samples.len() as f64 * DT_S,
             motion: motion(&candidate.samples),
+            unrealism: 0.0,
         }
     }
 
@@ -121,7 +121,7 @@ impl Measured {
 
     /// Kinematic and behaviour penalties.
     pub fn unrealism(&self) -> f64 {
-        self.motion.kinematic_penalty + self.motion.behaviour_penalty
+        self.unrealism
     }
 
     /// 50 off the road, 10 more through a third road user.
@@ -141,32 +141,61 @@ impl Measured {
     }
 }
 
-fn motion(samples: &[Sample]) -> Motion {
-    let steps = samples.len().saturating_sub(1).max(1) as f64;
-    let mut found = Motion::default();
-    let mut heading = 0.0;
-    for pair in samples.windows(2) {
+/// What a candidate does from one step to the next.
+struct Change {
+    acceleration: f64,
+    /// Speed times yaw rate, m/s².
+    lateral: f64,
+    yaw: f64,
+    turn: f64,
+    mean_speed: f64,
+}
+
+fn changes(samples: &[Sample]) -> impl Iterator<Item = Change> {
+    samples.windows(2).map(|pair| {
         let (speed, next) = (pair[0].speed_mps(), pair[1].speed_mps());
         let turn = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad);
         let (acceleration, yaw) = ((next - speed) / DT_S, turn / DT_S);
         let mean_speed = 0.5 * (speed + next);
-        let lateral = mean_speed * yaw;
-        heading += turn;
-        found.acceleration_rms += acceleration * acceleration / steps;
-        found.lateral_rms += lateral * lateral / steps;
-        found.yaw_rms += yaw * yaw / steps;
-        found.speed_change += (mean_speed - samples[0].speed_mps()) / steps;
-        found.kinematic_penalty += 5.0
-            * (softplus(acceleration.abs() - 7.0) + softplus(lateral.abs() - 6.0) + softplus(yaw.abs() - 0.8))
-            / steps;
-        found.behaviour_penalty += 3.0 * (yaw.abs() / (mean_speed + 0.01)) / steps;
+        Change { acceleration, lateral: mean_speed * yaw, yaw, turn, mean_speed }
+    })
+}
+
+fn steps(samples: &[Sample]) -> f64 {
+    samples.len().saturating_sub(1).max(1) as f64
+}
+
+fn motion(samples: &[Sample]) -> Motion {
+    let steps = steps(samples);
+    let mut found = Motion::default();
+    let mut heading = 0.0;
+    for change in changes(samples) {
+        heading += change.turn;
+        found.acceleration_rms += change.acceleration * change.acceleration / steps;
+        found.lateral_rms += change.lateral * change.lateral / steps;
+        found.yaw_rms += change.yaw * change.yaw / steps;
+        found.speed_change += (change.mean_speed - samples[0].speed_mps()) / steps;
     }
     for square in [&mut found.acceleration_rms, &mut found.lateral_rms, &mut found.yaw_rms] {
         *square = square.sqrt();
     }
     found.heading_total = heading.abs();
-    found.behaviour_penalty += 5.0 * softplus(heading.abs() - num::PI);
     found
+}
+
+/// Kinematic penalty, 5 [mean softplus(|a| - 7) + mean softplus(|a_lat| - 6)] + 5 mean softplus(|ω| - 0.8), and behaviour
+/// penalty, 5 softplus(|Δθ| - π) + 3 mean(|ω| / (v + 0.01)).
+fn unrealism(samples: &[Sample]) -> f64 {
+    let steps = steps(samples);
+    let (mut kinematic, mut behaviour, mut heading) = (0.0, 0.0, 0.0);
+    for Change { acceleration, lateral, yaw, turn, mean_speed } in changes(samples) {
+        heading += turn;
+        kinematic += 5.0
+            * (softplus(acceleration.abs() - 7.0) + softplus(lateral.abs() - 6.0) + softplus(yaw.abs() - 0.8))
+            / steps;
+        behaviour += 3.0 * (yaw.abs() / (mean_speed + 0.01)) / steps;
+    }
+    kinematic + (behaviour + 5.0 * softplus(f64::abs(heading) - num::PI))
 }
 
 /// ln(1 + e^x) without overflow.
@@ -192,7 +221,7 @@ mod tests {
             .collect();
         let found = motion(&straight);
         let tails = 5.0 * (softplus(-7.0) + softplus(-6.0) + softplus(-0.8)) + 5.0 * softplus(-num::PI);
-        assert!((found.kinematic_penalty + found.behaviour_penalty - tails).abs() < 1e-9);
+        assert!((unrealism(&straight) - tails).abs() < 1e-9);
         assert_eq!((found.heading_total, found.speed_change), (0.0, 0.0));
     }
 
@@ -206,6 +235,7 @@ mod tests {
             approach_s: 2.0,
             horizon_s: 8.0,
             motion: Motion::default(),
+            unrealism: 0.0,
         };
         assert_eq!(measured(0.0).adversarial(), 7.5);
         assert!((measured(5.0).adversarial() - num::exp(-1.0)).abs() < 1e-15);

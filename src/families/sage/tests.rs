@@ -39,6 +39,51 @@ fn situations(count: usize) -> Vec<Situation> {
     worlds(count).map(|scene| Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap()).collect()
 }
 
+#[test]
+fn an_expert_sees_of_a_candidate_what_full_measuring_sees() {
+    let zero = vec![0.0; measure::FEATURES.len()];
+    let (mut off_road, mut far) = (0, 0);
+    for situation in situations(6) {
+        let parts = proposed(&situation, &zero);
+        let (actor, from_step) = (parts[0].actor, parts[0].window.from_step);
+        let judged = Judged { situation: &situation, actor, from_step, adversaries: &[actor] };
+        for candidate in &parts[0].candidates {
+            let (bounded, whole) = (Measured::for_expert(candidate, &judged), Measured::of(candidate, &judged));
+            assert_eq!(bounded.features().map(f64::to_bits), whole.features().map(f64::to_bits));
+            off_road += usize::from(whole.features()[9] > 0.0);
+            far += usize::from(bounded != whole);
+        }
+    }
+    assert!(off_road > 20 && far > 20, "{off_road} and {far} candidates: nothing lies where bounds matter");
+}
+
+#[test]
+fn goals_are_measured_anew_where_anything_that_they_depend_on_differs() {
+    let mixed = Experts::committed().mixed(0.5);
+    let shipped = contract::prior_options();
+    let options = [
+        shipped,
+        PriorOptions { goal_spacing_m: 1.5 * shipped.goal_spacing_m, ..shipped },
+        PriorOptions { profile_step_mps2: 0.5 * shipped.profile_step_mps2, ..shipped },
+        PriorOptions { profile_levels: shipped.profile_levels - 1, ..shipped },
+    ];
+    let scene = Arc::new(worlds(1).next().unwrap());
+    let fresh = || Situation::new(scene.clone(), &ego::Policy::Idm).unwrap();
+    let of = |situation: &Situation, options: &PriorOptions, (later, shorter): (usize, usize)| {
+        let stage = Stage { situation, seed: Seed(3), program: "test", counsel: None };
+        let (actor, from_step) = (situation.marked().next().unwrap(), situation.first_step() + later);
+        let window = Window { from_step, steps: situation.scene.steps - from_step - shorter };
+        let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None }];
+        propose(&stage, options, &mixed, &mut parts);
+        parts.remove(0).candidates
+    };
+    let shared = fresh();
+    for (options, window) in options.iter().flat_map(|options| [(0, 0), (0, 1), (1, 0)].map(|w| (options, w))) {
+        let (kept, anew) = (of(&shared, options, window), of(&fresh(), options, window));
+        assert_eq!(kept, anew, "{options:?} {window:?}");
+    }
+}
+
 /// Expected reward parts under the mixed expert, over scenes that training never saw.
 fn expected(situations: &[Situation], weight: f64) -> (f64, f64, f64) {
     let mixed = Experts::committed().mixed(weight);

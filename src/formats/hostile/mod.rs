@@ -166,7 +166,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         (odr, "infinity", edited(odr, "curvature=\"0.05\"", "curvature=\"1e999\""), "a finite number"),
         (route, "NaN", edited(route, "x=\"60\"", "x=\"NaN\""), "a finite number"),
         (events, "infinity", edited(events, "250.0", "inf"), "finite x, y and yaw"),
-        (wm, "NaN", waymo(|m| m.tracks[0].states[40].center_x = f64::NAN), "samples_are_finite"),
+        (wm, "NaN", waymo(|m| m.tracks[0].states[40].center_x = f64::NAN), "not finite, or faster than 100 m/s"),
         (wm, "infinity on the map", waymo(|m| wholes::lane_of(m).polyline[7].x = f64::INFINITY), "points_are_finite"),
         // Tracks of no length.
         (net, "no samples", pickled(&states(&|s| s["position"] = json!([]))), "91 rows of 2"),

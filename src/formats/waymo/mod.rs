@@ -598,12 +598,30 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_break_a_rule() {
+    fn a_sample_that_cannot_be_is_dropped_alone_and_told() {
         let mut wild = message();
         wild.tracks[0].states[40].center_x = f64::NAN;
+        wild.tracks[0].states[41].velocity_x = 103.0;
         let imported = import("f.tfrecord", &written(&[wild.encode_to_vec()])).unwrap();
-        assert!(imported.scenes.is_empty());
-        assert!(imported.left_out[0].reason.contains("samples_are_finite"));
+        let (track, told) = (&imported.scenes[0].tracks[0], &imported.left_out[0]);
+        assert_eq!((39..43).map(|k| track.at(k).is_some()).collect::<Vec<_>>(), [true, false, false, true]);
+        assert_eq!((told.what.as_str(), told.reason.contains("100 m/s")), ("2 samples of track 1", true));
+    }
+
+    #[test]
+    fn times_beside_the_grid_are_told_and_whoever_is_seen_once_is_kept() {
+        let mut late = message();
+        late.timestamps_seconds = (0..91).map(|k| 0.1 * f64::from(k) + if k > 3 { 0.04 } else { 0.0 }).collect();
+        for (k, state) in late.tracks[2].states.iter_mut().enumerate() {
+            state.valid = k == 50;
+        }
+        let imported = import("f.tfrecord", &written(&[late.encode_to_vec()])).unwrap();
+        let told = &imported.left_out[0];
+        assert_eq!(told.what, "its sample times");
+        assert!(told.reason.contains("0.040 s") && imported.left_out.len() == 1, "{:?}", imported.left_out);
+        let seen = &imported.scenes[0].tracks[1];
+        assert_eq!((seen.id.as_str(), seen.span()), ("3", Some((50, 50))));
+        assert!((seen.at(50).unwrap().velocity.y - 1.0).abs() < 1e-6);
     }
 
     #[test]

@@ -16,7 +16,9 @@ const FILE_BYTES_MAX: u64 = 1 << 20;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tokens {
+    /// Tokens of the prompts.
     pub input: u64,
+    /// Tokens of the answers.
     pub output: u64,
 }
 

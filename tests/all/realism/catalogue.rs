@@ -186,13 +186,15 @@ fn the_do_nothing_row_says_what_the_recorded_scenes_are_and_a_null_program_earns
 
 /// The do-nothing row of these scenes.
 fn played_without_a_program(scenes: impl IntoIterator<Item = Scene>, ego: &Policy) -> Option<Replayed> {
+    use evodrive::backend::Backend;
     use evodrive::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions, Playing, replay_row};
     use evodrive::sim::{ContactClass, SimulatorOptions};
     let attack = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into() };
     let evaluation = EvaluationOptions::Metadrive(MetadriveOptions { attack, realism: options() });
-    let playing = Playing { ego, simulator: &SimulatorOptions::SHIPPED, evaluation: &evaluation };
+    let (simulator, seed) = (&SimulatorOptions::SHIPPED, Seed(1));
+    let playing = Playing { ego, simulator, backend: Backend::Own, seed, evaluation: &evaluation };
     let scenes: Vec<_> = scenes.into_iter().map(|scene| PreparedScene::new(Arc::new(scene))).collect();
-    replay_row(&scenes, Suite::HeldOut, &playing, &Threads::new(2).unwrap())
+    replay_row(&scenes, Suite::HeldOut, &playing, &Threads::new(2).unwrap()).unwrap()
 }
 
 #[test]

@@ -41,14 +41,19 @@
   function resultTable() {
     const rows = data.lineages.filter((l) => l.result);
     if (!rows.length) return byId("result-table").append("The run is not finished: no held-out result yet.");
-    const head = ["Lineage", "Parent attack", "any crash", "RP %", "coverage", "Evolved attack", "any crash", "RP %", "coverage", "Change attack", "RP pp", "PF-Area@3 %", "Chosen program"];
+    const groups = [["", 1], ["Parent", 4], ["Evolved", 4], ["Change", 2], ["Frontier", 1], ["", 1]];
+    const fourHeads = ["attack", "any crash", "RP %", "coverage"];
+    const head = ["Lineage", ...fourHeads, ...fourHeads, "attack", "RP pp", "PF-Area@3 %", "Chosen program"];
+    const name = (text) => el("td", { class: "name" }, text);
     const cell = (text, number = true) => el("td", number ? { class: "num" } : {}, text);
     const four = (m) => [cell(fixed(m.objectives.attack, 3)), cell(fixed(m.any_contact, 3)), cell(fixed(m.realism_penalty_pct, 2)), cell(fixed(m.coverage, 2))];
     // The recorded scenes without a program stand under the parent's heads.
-    const nothing = (r) => el("tr", { class: "replay" }, cell(`replay (no program), ${r.ego}`, false), cell("0.000"), cell(fixed(r.contact_rate, 3)), cell(r.realism === null ? "–" : fixed(100 * (1 - r.realism), 2)), cell("0.00"), ...Array.from({ length: 7 }, () => cell("–")), el("td", {}, "none"));
+    const nothing = (r) => el("tr", { class: "replay" }, name(`no program, ${r.ego}`), cell("0.000"), cell(fixed(r.contact_rate, 3)), cell(r.realism === null ? "–" : fixed(100 * (1 - r.realism), 2)), cell("0.00"), ...Array.from({ length: 7 }, () => cell("–")), el("td", {}, "none"));
     byId("result-table").append(el("table", {},
-      el("thead", {}, el("tr", {}, head.map((h, i) => el("th", i && i < 12 ? { class: "num" } : {}, h)))),
-      el("tbody", {}, data.replay.filter((r) => r.suite === "held_out").map(nothing), rows.map(({ result: r }) => el("tr", {}, cell(r.lineage, false), ...four(r.parent), ...four(r.evolved),
+      el("thead", {},
+        el("tr", {}, groups.map(([text, columns]) => el("th", { class: "group", colspan: columns }, text))),
+        el("tr", {}, head.map((h, i) => el("th", i && i < 12 ? { class: "num" } : {}, h)))),
+      el("tbody", {}, data.replay.filter((r) => r.suite === "held_out").map(nothing), rows.map(({ result: r }) => el("tr", {}, name(r.lineage), ...four(r.parent), ...four(r.evolved),
         cell(signed(r.evolved.objectives.attack - r.parent.objectives.attack, 3)), cell(signed(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2)),
         cell(signed(r.pf_area_at_3_pct, 1)), el("td", {}, el("code", {}, r.evolved.solution)))))));
     const scenes = rows[0].result.held_out_scenes;
@@ -152,7 +157,7 @@
         node.append(svg("title", {}, `${a.id}: ${standing(a)}${a.objectives ? `, attack ${fixed(a.objectives.attack, 3)}, realism ${fixed(a.objectives.realism, 4)}` : ""}`));
         root.append(node);
       }
-      byId("tree").append(el("h3", {}, lineage.id), root);
+      byId("tree").append(el("h3", {}, lineage.id), ...(lineage.origins || []).map((origin) => el("p", { class: "note" }, `parent from ${origin}`)), root);
     }
     byId("tree-legend").append("Each dot is an attempt; click it for its story.", ...Object.entries(COLOURS).flatMap(([name, colour]) => [el("i", { style: `background:${colour}` }), name]));
   }

@@ -1,0 +1,130 @@
+//! What a worker answers: the motion of a rollout, or why there is none. One JSON line.
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+
+use crate::kernel::{Digest, Vec2};
+use crate::scene::Sample;
+use crate::sim::{ActorRef, End, Pose, Told, ToldActor, ToldContact};
+
+/// The answer to a request.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    Told(Told),
+    /// Why this rollout has no motion.
+    Failed(String),
+}
+
+/// An answer as a line holds it. `end`, `ego` and `road_users` are there unless it failed.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AnswerLine {
+    pub request: Digest,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    failure: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    end: Option<End>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    contact: Option<ToldContact>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    ego: Option<Vec<Numbers>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    road_users: Option<Vec<UserLine>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct UserLine {
+    who: ActorRef,
+    from_step: usize,
+    poses: Vec<Option<Numbers>>,
+}
+
+/// `[x, y, heading, vx, vy]`, with the two numbers of the heading's unit vector behind it where it is not exactly the
+/// heading's: m, rad, m/s.
+struct Numbers(Pose);
+
+impl Serialize for Numbers {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Pose { sample, axis } = self.0;
+        let Sample { position, heading_rad, velocity } = sample;
+        let seven = [position.x, position.y, heading_rad, velocity.x, velocity.y, axis.x, axis.y];
+        let same = Pose::of(sample).axis == axis;
+        serializer.collect_seq(&seven[..if same { 5 } else { 7 }])
+    }
+}
+
+impl<'de> Deserialize<'de> for Numbers {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Numbers, D::Error> {
+        let numbers = Vec::<f64>::deserialize(deserializer)?;
+        let sample =
+            |x, y, heading_rad, vx, vy| Sample { position: Vec2::new(x, y), heading_rad, velocity: Vec2::new(vx, vy) };
+        match numbers[..] {
+            [x, y, heading, vx, vy] => Ok(Numbers(Pose::of(sample(x, y, heading, vx, vy)))),
+            [x, y, heading, vx, vy, ax, ay] => {
+                Ok(Numbers(Pose { sample: sample(x, y, heading, vx, vy), axis: Vec2::new(ax, ay) }))
+            }
+            _ => Err(D::Error::custom(format!("a pose has 5 or 7 numbers, found {}", numbers.len()))),
+        }
+    }
+}
+
+impl AnswerLine {
+    /// What is missing or too much, where the line holds neither a motion nor a failure.
+    pub fn into_answer(self) -> Result<Answer, String> {
+        match self {
+            AnswerLine { failure: Some(reason), end: None, contact: None, ego: None, road_users: None, .. } => {
+                Ok(Answer::Failed(reason))
+            }
+            AnswerLine { failure: None, end: Some(end), contact, ego: Some(ego), road_users: Some(users), .. } => {
+                let ego = ego.into_iter().map(|numbers| numbers.0).collect();
+                let pose = |numbers: Option<Numbers>| numbers.map(|numbers| numbers.0);
+                let actor = |user: UserLine| ToldActor {
+                    who: user.who,
+                    from_step: user.from_step,
+                    poses: user.poses.into_iter().map(pose).collect(),
+                };
+                Ok(Answer::Told(Told { end, contact, ego, actors: users.into_iter().map(actor).collect() }))
+            }
+            AnswerLine { failure: Some(_), .. } => Err("a motion beside a failure".into()),
+            AnswerLine { end, ego, .. } => {
+                let missing = if end.is_none() {
+                    "end"
+                } else if ego.is_none() {
+                    "ego"
+                } else {
+                    "road_users"
+                };
+                Err(format!("no `{missing}`"))
+            }
+        }
+    }
+
+    pub fn of(request: Digest, answer: &Answer) -> AnswerLine {
+        let nothing = AnswerLine { request, failure: None, end: None, contact: None, ego: None, road_users: None };
+        match answer {
+            Answer::Failed(reason) => AnswerLine { failure: Some(reason.clone()), ..nothing },
+            Answer::Told(told) => {
+                let user = |actor: &ToldActor| UserLine {
+                    who: actor.who,
+                    from_step: actor.from_step,
+                    poses: actor.poses.iter().map(|pose| pose.map(Numbers)).collect(),
+                };
+                AnswerLine {
+                    end: Some(told.end),
+                    contact: told.contact,
+                    ego: Some(told.ego.iter().copied().map(Numbers).collect()),
+                    road_users: Some(told.actors.iter().map(user).collect()),
+                    ..nothing
+                }
+            }
+        }
+    }
+
+    /// The line's bytes, without its end.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        match serde_json::to_vec(self) {
+            Ok(bytes) => bytes,
+            Err(error) => unreachable!("texts, lists and numbers under text keys: {error}"),
+        }
+    }
+}

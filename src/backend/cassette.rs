@@ -1,0 +1,231 @@
+//! A cassette of rollouts: recorded answers of a backend in a text file, JSON lines, optionally compressed (a name that ends
+//! in `.zst`). Line 1 is the header `{"format":"evodrive-rollout-cassette","version":"1.0","name":..,"backend":{..}}`. Every
+//! other line is `{"rollout":"<key>","scene":"<id>","ego":"..","digest":"<BLAKE3 of the answer>","answer":{..}}`, in the
+//! order of the keys, with the answer as `docs/BACKENDS.md` describes it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::answer::{Answer, AnswerLine};
+use super::spec::BackendOptions;
+use crate::kernel::Digest;
+use crate::store::{self, StoreError, shortened};
+
+const FORMAT: &str = "evodrive-rollout-cassette";
+const VERSION: &str = "1.0";
+const MAJOR: &str = "1";
+/// Bytes of a cassette before and after decompression.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Why a cassette cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutCassetteError {
+    #[error("{file} line {line}: expected {expected}, found {found}; restore the file, or record its rollouts anew")]
+    Damaged { file: String, line: usize, expected: String, found: String },
+    #[error(
+        "{file} is a rollout cassette of format {found}, this build reads {MAJOR}.x; use the release that wrote it, or record anew"
+    )]
+    Version { file: String, found: String },
+    #[error(
+        "{file} was recorded with another backend: {field} is {found}, the experiment declares {expected}; name another \
+         cassette, or record anew with `evodrive record --fresh`"
+    )]
+    Backend { file: String, field: &'static str, expected: String, found: String },
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// Who answered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Header {
+    pub name: String,
+    pub version: String,
+    pub digest: Digest,
+    pub options: BTreeMap<String, Value>,
+}
+
+impl Header {
+    /// Of the backend that an experiment declares.
+    pub fn of(backend: &BackendOptions) -> Header {
+        let BackendOptions { name, version, digest, options, .. } = backend.clone();
+        Header { name, version, digest, options }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FirstLine {
+    format: String,
+    version: String,
+    name: String,
+    backend: Header,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RolloutLine {
+    rollout: Digest,
+    scene: String,
+    ego: String,
+    digest: Digest,
+    answer: AnswerLine,
+}
+
+/// One recorded rollout.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    pub scene: String,
+    pub ego: String,
+    pub answer: Answer,
+}
+
+/// Recorded rollouts of one backend, by the key of their request.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RolloutCassette {
+    /// As messages name it.
+    pub file: String,
+    pub backend: Header,
+    rollouts: BTreeMap<Digest, Recorded>,
+}
+
+/// What was expected in a line, and what was found.
+type Wrong = (String, String);
+
+impl RolloutCassette {
+    /// Nothing recorded yet.
+    pub fn new(file: impl Into<String>, backend: Header) -> RolloutCassette {
+        RolloutCassette { file: file.into(), backend, rollouts: BTreeMap::new() }
+    }
+
+    /// Reads a file, and verifies every digest.
+    pub fn load(path: &Path) -> Result<RolloutCassette, RolloutCassetteError> {
+        let file = path.display().to_string();
+        let damaged =
+            |(expected, found)| RolloutCassetteError::Damaged { file: file.clone(), line: 0, expected, found };
+        let text = store::read_text(path, MAX_BYTES)?.map_err(damaged)?;
+        RolloutCassette::parse(&text, &file)
+    }
+
+    /// Reads the text of a cassette; `file` names it in messages.
+    pub fn parse(text: &[u8], file: &str) -> Result<RolloutCassette, RolloutCassetteError> {
+        let damaged = |line: usize| {
+            move |(expected, found): Wrong| RolloutCassetteError::Damaged {
+                file: file.to_string(),
+                line,
+                expected,
+                found,
+            }
+        };
+        let body = text.strip_suffix(b"\n").unwrap_or(text);
+        let mut lines = body.split(|byte| *byte == b'\n');
+        let first: FirstLine =
+            parsed(lines.next().unwrap_or_default(), "the header of a rollout cassette").map_err(damaged(1))?;
+        if first.format != FORMAT {
+            return Err(damaged(1)((format!("format {FORMAT}"), shortened(&first.format))));
+        }
+        if first.version.split('.').next() != Some(MAJOR) {
+            return Err(RolloutCassetteError::Version { file: file.to_string(), found: shortened(&first.version) });
+        }
+        let mut cassette = RolloutCassette::new(file, first.backend);
+        for (i, line) in lines.enumerate() {
+            cassette.read(line).map_err(damaged(i + 2))?;
+        }
+        Ok(cassette)
+    }
+
+    fn read(&mut self, line: &[u8]) -> Result<(), Wrong> {
+        let RolloutLine { rollout, scene, ego, digest, answer } = parsed(line, "a recorded rollout")?;
+        let computed = Digest::of_bytes(&answer.to_bytes());
+        if computed != digest {
+            return Err((format!("digest of the answer {computed}"), digest.to_hex()));
+        }
+        if answer.request != rollout {
+            return Err((format!("an answer to {rollout}"), format!("one to {}", answer.request)));
+        }
+        let answer = answer.into_answer().map_err(|found| ("a motion or a failure".to_string(), found))?;
+        match self.rollouts.insert(rollout, Recorded { scene, ego, answer }) {
+            None => Ok(()),
+            Some(_) => Err(("one answer for a request".into(), format!("a second one for {rollout}"))),
+        }
+    }
+
+    /// Refuses a cassette of another backend than the declared one.
+    pub fn check(&self, declared: &BackendOptions) -> Result<(), RolloutCassetteError> {
+        let declared = Header::of(declared);
+        let options = |header: &Header| serde_json::to_string(&header.options).unwrap_or_default();
+        let fields = [
+            ("name", declared.name.clone(), self.backend.name.clone()),
+            ("version", declared.version.clone(), self.backend.version.clone()),
+            ("digest", declared.digest.to_hex(), self.backend.digest.to_hex()),
+            ("options", options(&declared), options(&self.backend)),
+        ];
+        match fields.into_iter().find(|(_, expected, found)| expected != found) {
+            None => Ok(()),
+            Some((field, expected, found)) => {
+                Err(RolloutCassetteError::Backend { file: self.file.clone(), field, expected, found })
+            }
+        }
+    }
+
+    pub fn get(&self, key: &Digest) -> Option<&Recorded> {
+        self.rollouts.get(key)
+    }
+
+    pub fn insert(&mut self, key: Digest, recorded: Recorded) {
+        self.rollouts.insert(key, recorded);
+    }
+
+    /// All of them, in the order of their keys.
+    pub fn rollouts(&self) -> impl Iterator<Item = (&Digest, &Recorded)> {
+        self.rollouts.iter()
+    }
+
+    pub fn len(&self) -> usize {
+        self.rollouts.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.rollouts.is_empty()
+    }
+
+    /// The text of the file.
+    pub fn to_bytes(&self, name: &str) -> Vec<u8> {
+        let first = FirstLine {
+            format: FORMAT.into(),
+            version: VERSION.into(),
+            name: name.into(),
+            backend: self.backend.clone(),
+        };
+        let mut text = line(&first);
+        for (key, Recorded { scene, ego, answer }) in &self.rollouts {
+            let answer = AnswerLine::of(*key, answer);
+            let digest = Digest::of_bytes(&answer.to_bytes());
+            let (scene, ego) = (scene.clone(), ego.clone());
+            text.extend(line(&RolloutLine { rollout: *key, scene, ego, digest, answer }));
+        }
+        text
+    }
+
+    /// Writes the file, whole or not at all.
+    pub fn save(&self, path: &Path, name: &str) -> Result<(), RolloutCassetteError> {
+        Ok(store::write_text(path, &self.to_bytes(name))?)
+    }
+}
+
+fn line(value: &impl Serialize) -> Vec<u8> {
+    match serde_json::to_vec(value) {
+        Ok(mut bytes) => {
+            bytes.push(b'\n');
+            bytes
+        }
+        Err(error) => unreachable!("texts, lists and numbers under text keys: {error}"),
+    }
+}
+
+fn parsed<'a, T: Deserialize<'a>>(line: &'a [u8], expected: &str) -> Result<T, Wrong> {
+    serde_json::from_slice(line).map_err(|error| (expected.to_string(), error.to_string()))
+}

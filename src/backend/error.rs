@@ -1,0 +1,83 @@
+//! Why there is no answer to a rollout request: a scene that failed, or a reason to stop.
+
+use super::cassette::RolloutCassetteError;
+use crate::kernel::{Digest, canon::CanonError};
+use crate::sim::SimError;
+use crate::store::StoreError;
+
+/// Why there is no outcome.
+#[derive(Debug)]
+pub enum NoOutcome {
+    /// This scene has no label; others may have one.
+    Scene(String),
+    /// Nothing can go on.
+    Stop(BackendError),
+}
+
+impl From<SimError> for NoOutcome {
+    fn from(error: SimError) -> NoOutcome {
+        NoOutcome::Scene(error.to_string())
+    }
+}
+
+impl From<String> for NoOutcome {
+    fn from(reason: String) -> NoOutcome {
+        NoOutcome::Scene(reason)
+    }
+}
+
+impl From<BackendError> for NoOutcome {
+    fn from(error: BackendError) -> NoOutcome {
+        NoOutcome::Stop(error)
+    }
+}
+
+/// A backend that cannot be used as it is.
+#[derive(Debug, thiserror::Error)]
+pub enum BackendError {
+    #[error(transparent)]
+    Miss(#[from] Box<Miss>),
+    #[error(transparent)]
+    Worker(#[from] Fault),
+    #[error(transparent)]
+    Cassette(#[from] RolloutCassetteError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("a rollout request has no key: {0}")]
+    Key(#[from] CanonError),
+    /// A scene or a driver that no backend but ours has.
+    #[error("{0}")]
+    Unplayable(String),
+}
+
+/// A rollout that was not recorded.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "no recorded rollout in {cassette}: scene {scene} against the ego {ego}, {adversaries} adversaries, request {key}; \
+     the cassette has {recorded} rollouts, {of_scene} of them of this scene\n  to record it: {remedy}"
+)]
+pub struct Miss {
+    /// Where it was looked for.
+    pub cassette: String,
+    pub key: Digest,
+    pub scene: String,
+    pub ego: String,
+    pub adversaries: usize,
+    /// Rollouts that the cassette has, and how many of them are of this scene.
+    pub recorded: usize,
+    pub of_scene: usize,
+    /// The command that would record it.
+    pub remedy: String,
+}
+
+/// Something that a worker did and that no worker may do.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("worker `{command}`, {place}: expected {expected}, found {found}; {remedy}; nothing of it was recorded")]
+pub struct Fault {
+    pub command: String,
+    /// The line that is wrong: the greeting, or the answer to which request.
+    pub place: String,
+    pub expected: String,
+    pub found: String,
+    pub remedy: String,
+}

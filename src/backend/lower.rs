@@ -1,0 +1,36 @@
+//! From an intervention to samples alone. Adversaries that react are commanded to do what they did against our own
+//! simulation of the same ego: a worker replays commands and has none of our adversaries' rules.
+
+use super::error::{BackendError, NoOutcome};
+use crate::ego::Policy;
+use crate::sim::{Action, ActorRef, Intervention, Plant, tell};
+
+/// The intervention with every reacting action in place of which stand its samples.
+pub(super) fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) -> Result<Intervention, NoOutcome> {
+    let staged = intervention.actions.iter().any(|action| matches!(action, Action::Triggered(_)));
+    if plant.is_staged() || staged {
+        let reason = "is staged for SafeBench, whose rules only our own simulator has; use `backend = \"evodrive\"`";
+        return Err(BackendError::Unplayable(format!("scene {} {reason}", plant.scene_id())).into());
+    }
+    if !intervention.actions.iter().any(|action| matches!(action, Action::FollowThenReact { .. })) {
+        return Ok(intervention.clone());
+    }
+    let told = tell(plant, intervention, ego.driver().as_mut())?;
+    let within = told.contact.is_some_and(|contact| (1..5).contains(&contact.substep));
+    let rows = told.ego.len() - usize::from(within);
+    let lower = |action: &Action| match action {
+        Action::FollowThenReact { track, from_step, samples, .. } => {
+            let from = from_step.saturating_sub(plant.first_step());
+            let actor = told.actors.iter().find(|actor| actor.who == ActorRef::Track(*track));
+            let driven: Vec<_> =
+                (from..rows).map_while(|row| actor.and_then(|actor| actor.at(row)).map(|pose| pose.sample)).collect();
+            // A rollout that ends before the action begins leaves it as it is.
+            if driven.is_empty() {
+                return Action::Follow { track: *track, from_step: *from_step, samples: samples.clone() };
+            }
+            Action::Follow { track: *track, from_step: from + plant.first_step(), samples: driven }
+        }
+        other => other.clone(),
+    };
+    Ok(Intervention { actions: intervention.actions.iter().map(lower).collect() })
+}

@@ -1,0 +1,74 @@
+//! The recorder between a run and the workers: it answers recorded requests, asks the workers the others, and keeps every
+//! answer.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use super::answer::{Answer, AnswerLine};
+use super::cassette::{Recorded, RolloutCassette};
+use super::error::BackendError;
+use super::request::{Answers, Request};
+use super::workers::Workers;
+use crate::kernel::Digest;
+use crate::store::{MemoKind, Store, StoreError};
+
+/// Records rollouts. A motion goes to the store before it is used, so that a killed recording does not ask twice. Failures
+/// of earlier recordings are asked again.
+pub struct Recorder<'a> {
+    store: &'a Store,
+    /// What was recorded before; nothing for a fresh recording.
+    before: RolloutCassette,
+    workers: Workers<'a>,
+    /// Separates the answers of a fresh recording from earlier ones; empty otherwise.
+    fresh: String,
+    collected: Mutex<BTreeMap<Digest, Recorded>>,
+}
+
+impl<'a> Recorder<'a> {
+    /// `fresh` names a recording that asks everything anew; it is empty for one that fills gaps.
+    pub fn new(store: &'a Store, before: RolloutCassette, workers: Workers<'a>, fresh: String) -> Recorder<'a> {
+        Recorder { store, before, workers, fresh, collected: Mutex::new(BTreeMap::new()) }
+    }
+
+    /// What was asked, and how many of it failed.
+    pub fn into_cassette(self) -> (RolloutCassette, usize) {
+        let collected = self.collected.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let failed = collected.values().filter(|recorded| matches!(recorded.answer, Answer::Failed(_))).count();
+        let mut cassette = RolloutCassette::new(self.before.file, self.before.backend);
+        collected.into_iter().for_each(|(key, recorded)| cassette.insert(key, recorded));
+        (cassette, failed)
+    }
+
+    fn find(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
+        if let Some(Recorded { answer: Answer::Told(told), .. }) = self.before.get(&request.key) {
+            return Ok(Answer::Told(told.clone()));
+        }
+        let memo = Digest::of("evodrive/backend-answer/1", &(&self.fresh, request.key))?;
+        if let Some(object) = self.store.memo_get(MemoKind::Rollout, &memo) {
+            let bytes = self.store.get(&object)?;
+            let kept = serde_json::from_slice::<AnswerLine>(&bytes).ok().and_then(|line| line.into_answer().ok());
+            if let Some(answer) = kept {
+                return Ok(answer);
+            }
+        }
+        let answer = self.workers.ask(request)?;
+        if let Answer::Told(_) = answer {
+            let object = self.store.put(&AnswerLine::of(request.key, &answer).to_bytes())?;
+            match self.store.memo_put(MemoKind::Rollout, &memo, &object) {
+                // Two threads may ask the same at once; a backend that is no function shows itself at the next recording.
+                Ok(()) | Err(StoreError::Conflict { .. }) => self.store.flush()?,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(answer)
+    }
+}
+
+impl Answers for Recorder<'_> {
+    fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
+        let answer = self.find(request)?;
+        let recorded = Recorded { scene: request.scene().into(), ego: request.ego.into(), answer: answer.clone() };
+        let mut collected = self.collected.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(collected.entry(request.key).or_insert(recorded).answer.clone())
+    }
+}

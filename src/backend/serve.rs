@@ -1,0 +1,107 @@
+//! Our own simulator as a worker: what `evodrive worker` does with a line. It shows how the protocol is meant, and a run
+//! behind it has the same labels as a run without it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::answer::{Answer, AnswerLine};
+use super::request::PROTOCOL;
+use super::spec::OWN;
+use crate::ego::Policy;
+use crate::kernel::Digest;
+use crate::scene::{AgentKind, PreparedScene, Sample, Scene};
+use crate::sim::{
+    Action, ActorRef, AvoidanceOptions, Intervention, Plant, PlantOptions, SIM_VERSION, SimulatorOptions, tell,
+};
+
+/// The name under which our own simulator serves: it must not be taken for the one that needs no worker.
+const NAME: &str = "evodrive-worker";
+/// What it serves, apart from scenes that only the undisguised simulator has.
+const EGOS: [&str; 3] = ["idm", "idm-lights", "replay"];
+
+/// A line to write.
+pub type Served = Vec<u8>;
+
+/// The greeting.
+pub fn hello() -> Served {
+    let version = SIM_VERSION.to_string();
+    let digest = Digest::of_bytes(format!("{OWN} {NAME} {PROTOCOL} {version}").as_bytes());
+    let said = json!({
+        "evodrive_worker": PROTOCOL, "backend": NAME, "version": version, "digest": digest, "egos": EGOS,
+    });
+    said.to_string().into_bytes()
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Asked {
+    request: Digest,
+    scene: Scene,
+    first_step: usize,
+    steps: usize,
+    ego: String,
+    #[serde(rename = "seed")]
+    _seed: u64,
+    adversaries: Vec<Commanded>,
+    options: BTreeMap<String, Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Commanded {
+    who: ActorRef,
+    kind: AgentKind,
+    length_m: f64,
+    width_m: f64,
+    samples: Vec<Option<Sample>>,
+}
+
+/// The answer to a line. A line that is no request is an error, which says so.
+pub fn serve(line: &[u8]) -> Result<Served, String> {
+    let asked: Asked = serde_json::from_slice(line).map_err(|error| format!("not a rollout request: {error}"))?;
+    let request = asked.request;
+    let answer = match played(asked) {
+        Ok(answer) => answer,
+        Err(reason) => Answer::Failed(reason),
+    };
+    Ok(AnswerLine::of(request, &answer).to_bytes())
+}
+
+fn played(asked: Asked) -> Result<Answer, String> {
+    let Asked { scene, first_step, steps, ego, adversaries, mut options, .. } = asked;
+    let law = options.remove("plant").ok_or("options need `plant`, the law of docs/PLANT.md")?;
+    if let Some(other) = options.keys().next() {
+        return Err(format!("option `{other}` is unknown; there is `plant`"));
+    }
+    let plant: PlantOptions = serde_json::from_value(law).map_err(|error| error.to_string())?;
+    let simulator = SimulatorOptions { plant, avoidance: AvoidanceOptions::SHIPPED };
+    simulator.check().map_err(|error| error.to_string())?;
+    let policy: Policy = ego.parse().map_err(|error: crate::ego::policy::PolicyError| error.to_string())?;
+    let scene = PreparedScene::new(Arc::new(scene));
+    let plant = Plant::with_options(scene, &simulator).map_err(|error| error.to_string())?;
+    if (plant.first_step(), plant.steps()) != (first_step, steps) {
+        return Err(format!("the scene has {} steps from {} on", plant.steps(), plant.first_step()));
+    }
+    let actions = adversaries.into_iter().map(|of| action(of, first_step)).collect::<Result<_, String>>()?;
+    let told = tell(&plant, &Intervention { actions }, policy.driver().as_mut()).map_err(|error| error.to_string())?;
+    Ok(Answer::Told(told))
+}
+
+/// The action that carries a command out.
+fn action(commanded: Commanded, first_step: usize) -> Result<Action, String> {
+    let Commanded { who, kind, length_m, width_m, samples } = commanded;
+    let from = samples.iter().position(Option::is_some).ok_or_else(|| format!("{who:?} has no sample"))?;
+    let until = samples.iter().rposition(Option::is_some).unwrap_or(from);
+    let samples: Vec<Sample> = samples[from..=until].iter().map_while(|sample| *sample).collect();
+    if samples.len() != until + 1 - from {
+        return Err(format!("{who:?} is away between two samples, which no action of ours can say"));
+    }
+    let from_step = first_step + from;
+    Ok(match who {
+        ActorRef::Track(track) => Action::Follow { track, from_step, samples },
+        ActorRef::Inserted(_) => Action::Insert { kind, length_m, width_m, from_step, samples },
+    })
+}

@@ -1,0 +1,85 @@
+//! What an experiment file says about a backend: the table `[simulator.backend]`.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::kernel::{Digest, canon::CanonError};
+
+/// The table `[simulator.backend]`: another simulator than ours.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BackendOptions {
+    /// As the worker calls it.
+    pub name: String,
+    /// Of the simulator behind the worker.
+    pub version: String,
+    /// What the worker says of its own code.
+    pub digest: Digest,
+    /// Handed to the worker with every request.
+    #[serde(default)]
+    pub options: BTreeMap<String, Value>,
+    /// File of the recorded rollouts, relative to the experiment file. It counts into no key.
+    pub cassette: PathBuf,
+    /// How it is reached when rollouts are recorded. It counts into no key.
+    pub worker: WorkerOptions,
+}
+
+/// The table `[simulator.backend.worker]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorkerOptions {
+    /// Program and arguments.
+    pub command: Vec<String>,
+    /// Processes at once, at most.
+    pub workers: usize,
+    /// Longest time for an answer, s.
+    pub seconds: f64,
+    /// How often a request is sent again after a worker ended or was too slow.
+    pub retries: u32,
+}
+
+impl BackendOptions {
+    /// What of it can change an answer: name, version, options and the worker's own digest.
+    pub fn key(&self) -> Result<Digest, CanonError> {
+        Digest::of("evodrive/backend/1", &(&self.name, &self.version, self.digest, &self.options))
+    }
+
+    /// The same backend without the parts that change no answer.
+    pub fn content(&self) -> BackendOptions {
+        let worker = WorkerOptions { command: Vec::new(), workers: 1, seconds: 1.0, retries: 0 };
+        BackendOptions { cassette: PathBuf::new(), worker, ..self.clone() }
+    }
+
+    /// The first field that is out of bounds: its name, what was found and what is expected.
+    pub fn fault(&self) -> Option<(String, String, &'static str)> {
+        let WorkerOptions { command, workers, seconds, retries } = &self.worker;
+        let word = |text: &str| (1..=64).contains(&text.chars().count());
+        if !word(&self.name) || self.name == OWN {
+            return Some((
+                "name".into(),
+                self.name.clone(),
+                "1 to 64 characters, not `evodrive`, which needs no worker",
+            ));
+        }
+        if !word(&self.version) {
+            return Some(("version".into(), self.version.clone(), "1 to 64 characters"));
+        }
+        if command.first().is_none_or(String::is_empty) {
+            return Some(("worker.command".into(), format!("{command:?}"), "a program and its arguments"));
+        }
+        if !(1..=64).contains(workers) {
+            return Some(("worker.workers".into(), workers.to_string(), "1 to 64"));
+        }
+        // NaN lies in no range.
+        if !(0.1..=86_400.0).contains(seconds) {
+            return Some(("worker.seconds".into(), seconds.to_string(), "0.1 to 86400"));
+        }
+        (*retries > 10).then(|| ("worker.retries".into(), retries.to_string(), "0 to 10"))
+    }
+}
+
+/// The name of our own simulator in experiment files.
+pub const OWN: &str = "evodrive";

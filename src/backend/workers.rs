@@ -1,0 +1,271 @@
+//! Worker processes as they are used: started when they are needed, greeted, asked one request at a time, and asked again
+//! after a crash. How a process is started and read is somebody else's: [`Start`] and [`Line`].
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use super::answer::{Answer, AnswerLine};
+use super::error::{BackendError, Fault};
+use super::request::{PROTOCOL, Request};
+use super::spec::BackendOptions;
+use crate::kernel::Digest;
+use crate::sim::judge;
+use crate::store::shortened;
+
+/// Starts worker processes.
+pub trait Start: Sync {
+    /// A text is why there is none.
+    fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String>;
+}
+
+/// One worker process that is spoken to by lines. Dropping it ends the process.
+pub trait Line: Send {
+    fn send(&mut self, line: String);
+
+    /// The next line, without its end.
+    fn receive(&mut self, limit: Duration) -> Result<Vec<u8>, Broken>;
+}
+
+/// Why no line came.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Broken {
+    /// The process ended between two lines.
+    Ended,
+    /// It ended within a line, of which so many bytes came.
+    HalfLine(usize),
+    /// Nothing came in time.
+    Late,
+    /// The line is longer than so many bytes.
+    TooLong(usize),
+}
+
+/// What a worker says of itself when it starts.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HelloLine {
+    evodrive_worker: u32,
+    backend: String,
+    #[serde(default)]
+    version: Option<String>,
+    #[serde(default)]
+    digest: Option<Digest>,
+    #[serde(default)]
+    egos: Vec<String>,
+    #[serde(default)]
+    failure: Option<String>,
+}
+
+/// A worker that has greeted.
+struct Worker {
+    line: Box<dyn Line>,
+    egos: Vec<String>,
+}
+
+/// The workers of a backend.
+pub struct Workers<'a> {
+    backend: &'a BackendOptions,
+    start: &'a dyn Start,
+    desk: Mutex<Desk>,
+    returned: Condvar,
+}
+
+#[derive(Default)]
+struct Desk {
+    idle: Vec<Worker>,
+    /// How many there are, idle or busy.
+    started: usize,
+    /// After a fault nobody is asked any more.
+    fault: Option<Fault>,
+}
+
+impl<'a> Workers<'a> {
+    /// Nothing is started yet.
+    pub fn new(backend: &'a BackendOptions, start: &'a dyn Start) -> Workers<'a> {
+        Workers { backend, start, desk: Mutex::new(Desk::default()), returned: Condvar::new() }
+    }
+
+    /// Asks a worker. A crash is repaired with a new worker, as often as the experiment says, and becomes a failure of the
+    /// scene then. Whatever else goes wrong with a worker stops everything.
+    pub fn ask(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
+        let mut left = self.backend.worker.retries;
+        loop {
+            let mut worker = self.take()?;
+            let said = self.exchange(&mut worker, request);
+            let lost = matches!(said, Err(Lost::Broken(_)));
+            self.give_back((!lost).then_some(worker));
+            match said {
+                Ok(answer) => return Ok(answer),
+                Err(Lost::Broken(Broken::Ended | Broken::Late)) if left > 0 => left -= 1,
+                Err(Lost::Broken(Broken::Ended)) => {
+                    let times = self.backend.worker.retries + 1;
+                    return Ok(Answer::Failed(format!("the backend's worker ended without an answer, {times} times")));
+                }
+                Err(Lost::Broken(broken)) => return Err(self.stop(self.broken(&place(request), &broken)).into()),
+                Err(Lost::Fault(fault)) => return Err(self.stop(fault).into()),
+            }
+        }
+    }
+
+    fn exchange(&self, worker: &mut Worker, request: &Request<'_>) -> Result<Answer, Lost> {
+        if !worker.egos.iter().any(|ego| ego == request.ego) {
+            let (expected, found) = (format!("the ego {}", request.ego), format!("only {}", worker.egos.join(", ")));
+            let remedy = "name an ego that the backend has in [[lineage]]";
+            return Err(Lost::Fault(self.fault("the greeting", expected, found, remedy)));
+        }
+        worker.line.send(request.line());
+        let bytes = worker.line.receive(self.limit()).map_err(Lost::Broken)?;
+        self.read(request, &bytes).map_err(Lost::Fault)
+    }
+
+    /// An answer is judged before it is believed, so that nothing unfit is recorded.
+    fn read(&self, request: &Request<'_>, bytes: &[u8]) -> Result<Answer, Fault> {
+        let wrong = |expected: &str, found: String| self.fault(&place(request), expected, found, MEND);
+        let line: AnswerLine = serde_json::from_slice(bytes).map_err(|error| {
+            wrong(
+                "one JSON object with `request`, and `failure` or a motion",
+                format!("{error} in {}", start_of(bytes)),
+            )
+        })?;
+        if line.request != request.key {
+            return Err(wrong(&format!("request {}", request.key), line.request.to_hex()));
+        }
+        let answer = line.into_answer().map_err(|found| wrong("a motion or a failure", found))?;
+        if let Answer::Told(told) = &answer {
+            judge(request.plant, request.intervention, told, request.replays)
+                .map_err(|error| wrong("a motion of the scene", error.to_string()))?;
+        }
+        Ok(answer)
+    }
+
+    /// An idle worker, or a new one where there may be one more; waits where there may not.
+    fn take(&self) -> Result<Worker, BackendError> {
+        let mut desk = self.desk();
+        loop {
+            if let Some(fault) = &desk.fault {
+                return Err(fault.clone().into());
+            }
+            if let Some(worker) = desk.idle.pop() {
+                return Ok(worker);
+            }
+            if desk.started < self.backend.worker.workers {
+                desk.started += 1;
+                drop(desk);
+                return self.greeted().map_err(|fault| {
+                    self.give_back(None);
+                    self.stop(fault).into()
+                });
+            }
+            desk = self.returned.wait(desk).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn give_back(&self, worker: Option<Worker>) {
+        let mut desk = self.desk();
+        match worker {
+            Some(worker) => desk.idle.push(worker),
+            None => desk.started -= 1,
+        }
+        drop(desk);
+        self.returned.notify_one();
+    }
+
+    /// The first fault counts for everybody.
+    fn stop(&self, fault: Fault) -> Fault {
+        let first = self.desk().fault.get_or_insert(fault).clone();
+        self.returned.notify_all();
+        first
+    }
+
+    /// A new worker, if it is the one that the experiment declares.
+    fn greeted(&self) -> Result<Worker, Fault> {
+        let options = self.backend;
+        let mut line = self.start.start(&options.worker.command).map_err(|found| {
+            let remedy = "correct simulator.backend.worker.command, or install the backend (docs/BACKENDS.md)";
+            self.fault("its start", "a process", found, remedy)
+        })?;
+        let bytes = line.receive(self.limit()).map_err(|broken| self.broken(GREETING, &broken))?;
+        let hello: HelloLine = serde_json::from_slice(&bytes).map_err(|error| {
+            let found = format!("{error} in {}", start_of(&bytes));
+            self.fault(
+                GREETING,
+                "one JSON object with `evodrive_worker`, `backend`, `version`, `digest`, `egos`",
+                found,
+                MEND,
+            )
+        })?;
+        if let Some(failure) = hello.failure {
+            return Err(self.fault(GREETING, "a worker that can work", shortened(&failure), "do what it says"));
+        }
+        let text = |x: Option<String>| x.unwrap_or_else(|| "none".into());
+        let declared = "declare it in [simulator.backend] if it is meant, or install the declared one";
+        let fields = [
+            ("protocol", PROTOCOL.to_string(), hello.evodrive_worker.to_string()),
+            ("backend", options.name.clone(), hello.backend),
+            ("version", options.version.clone(), text(hello.version)),
+            ("digest", options.digest.to_hex(), text(hello.digest.map(|digest| digest.to_hex()))),
+        ];
+        match fields.into_iter().find(|(_, expected, found)| expected != found) {
+            None => Ok(Worker { line, egos: hello.egos }),
+            Some((field, expected, found)) => {
+                Err(self.fault(GREETING, format!("{field} {expected}"), shortened(&found), declared))
+            }
+        }
+    }
+
+    fn broken(&self, place: &str, broken: &Broken) -> Fault {
+        let seconds = self.backend.worker.seconds;
+        let (expected, found, remedy) = match broken {
+            Broken::Ended => {
+                ("a line".into(), "the end of the process".into(), "see what it said on its standard error")
+            }
+            Broken::HalfLine(bytes) => {
+                ("a whole line".into(), format!("{bytes} bytes and the end of the process"), MEND)
+            }
+            Broken::Late => (
+                format!("a line within {seconds} s"),
+                "nothing".to_string(),
+                "raise simulator.backend.worker.seconds, or see what the worker waits for",
+            ),
+            Broken::TooLong(most) => (format!("a line of at most {most} bytes"), "a longer one".into(), MEND),
+        };
+        self.fault(place, expected, found, remedy)
+    }
+
+    fn fault(&self, place: &str, expected: impl Into<String>, found: impl Into<String>, remedy: &str) -> Fault {
+        Fault {
+            command: self.backend.worker.command.join(" "),
+            place: place.into(),
+            expected: expected.into(),
+            found: found.into(),
+            remedy: remedy.into(),
+        }
+    }
+
+    fn limit(&self) -> Duration {
+        Duration::from_secs_f64(self.backend.worker.seconds)
+    }
+
+    fn desk(&self) -> MutexGuard<'_, Desk> {
+        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+const GREETING: &str = "its greeting";
+const MEND: &str = "mend the worker (docs/BACKENDS.md says what it may write)";
+
+/// Why an exchange gave no answer.
+enum Lost {
+    Broken(Broken),
+    Fault(Fault),
+}
+
+fn place(request: &Request<'_>) -> String {
+    format!("its answer to request {} (scene {})", request.key.short(16), request.scene())
+}
+
+/// The beginning of a line, for messages.
+fn start_of(bytes: &[u8]) -> String {
+    shortened(&String::from_utf8_lossy(&bytes[..bytes.len().min(200)]))
+}

@@ -1,0 +1,245 @@
+//! `agree`: the same programs in the same scenes, played by the simulators of two runs.
+
+use clap::Args;
+use serde_json::json;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use super::answer::{Answer, progress};
+use super::behind;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use crate::backend::{Answers, Backend, NoOutcome, Replay};
+use crate::epoch::{LineageSpec, Player, Study};
+use crate::evidence::RecordedRun;
+use crate::evidence::agreement::{Meeting, Pair, Side, report, text};
+use crate::experiment::{Experiment, read_pool};
+use crate::kernel::Threads;
+use crate::objects::{Program, Score};
+use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, Trace};
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Run folder of the first simulator.
+    pub first: PathBuf,
+    /// Run folder of the second: the same scenes and rules, another `simulator.backend`.
+    pub second: PathBuf,
+}
+
+/// Plays what both runs labelled in both simulators, and counts.
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let runs = [&options.first, &options.second].map(|folder| Run::open(folder, &threads));
+    let [first, second] = runs;
+    let (first, second) = (first?, second?);
+    comparable(&first, &second)?;
+    let cases = cases(&first, &second);
+    progress(format!("{} rollouts that both runs labelled", cases.len()));
+    let players = [first.player(), second.player()];
+    let played = threads.map(&cases, |_, case| play(&first, &second, &players, case));
+    let (mut pairs, mut left_out) = (Vec::new(), Vec::new());
+    for (case, played) in cases.iter().zip(played) {
+        match played {
+            Ok(pair) => pairs.push(pair),
+            Err(reason) => left_out.push(format!("{} {}: {reason}", case.row, case.scene(&first))),
+        }
+    }
+    let found = report([first.backend_name(), second.backend_name()], &pairs, left_out);
+    Ok(Answer::new(text(&found), json!(found)))
+}
+
+/// A finished run with what plays its rollouts again.
+struct Run {
+    folder: RunFolder,
+    experiment: Experiment,
+    study: Study,
+    story: RecordedRun,
+    replay: Option<Replay>,
+}
+
+impl Run {
+    fn open(folder: &std::path::Path, threads: &Threads) -> Result<Run, Failure> {
+        let folder = RunFolder::find(Some(folder))?;
+        let experiment = Experiment::read(&folder.experiment())?;
+        let study = experiment.study(read_pool(&folder.pool())?, threads)?;
+        let (story, replay) = (folder.story()?, behind::replay_of(&experiment, &folder)?);
+        Ok(Run { folder, experiment, study, story, replay })
+    }
+
+    fn backend(&self) -> Backend<'_> {
+        behind::backend(&self.experiment, self.replay.as_ref().map(|replay| replay as &dyn Answers))
+    }
+
+    fn player(&self) -> Player<'_> {
+        Player::of(&self.study, &self.story.counsels, self.backend())
+    }
+
+    fn backend_name(&self) -> String {
+        match &self.study.backend {
+            None => "evodrive".into(),
+            Some(backend) => format!("{} {}", backend.name, backend.version),
+        }
+    }
+}
+
+/// Runs that differ in more than their simulator cannot say anything about it.
+fn comparable(first: &Run, second: &Run) -> Result<(), Failure> {
+    let refuse = |what: &str, a: String, b: String| {
+        Err(Failure::bad_input(format!(
+            "{} and {} differ in {what}: {a} and {b}; compare runs that differ in simulator.backend alone",
+            first.folder.dir.display(),
+            second.folder.dir.display()
+        )))
+    };
+    let (a, b) = (&first.study, &second.study);
+    if a.pool_digest != b.pool_digest {
+        return refuse("their scenes", a.pool_digest.short(16), b.pool_digest.short(16));
+    }
+    if a.simulator != b.simulator {
+        return refuse(
+            "simulator.plant or simulator.avoidance",
+            format!("{:?}", a.simulator),
+            format!("{:?}", b.simulator),
+        );
+    }
+    if a.seed != b.seed {
+        return refuse("seed", a.seed.0.to_string(), b.seed.0.to_string());
+    }
+    Ok(())
+}
+
+/// One rollout that both runs have a label of.
+struct Case<'a> {
+    row: String,
+    spec: &'a LineageSpec,
+    /// `None` for the recorded scene without a program.
+    program: Option<&'a Program>,
+    place: usize,
+}
+
+impl Case<'_> {
+    fn scene<'r>(&self, run: &'r Run) -> &'r str {
+        &run.study.scenes[self.place].scene().id
+    }
+}
+
+/// Labels by lineage, program and scene.
+type Labelled = BTreeSet<(String, String, String)>;
+
+fn labelled(story: &RecordedRun) -> Labelled {
+    let mut found = Labelled::new();
+    let mut add = |lineage: &str, program: &Program, score: &Score| {
+        let Ok(hash) = program.hash() else { return };
+        let of = |scene: &String| (lineage.to_string(), hash.to_hex(), scene.clone());
+        found.extend(score.scenes.iter().map(|label| of(&label.scene)));
+    };
+    for frozen in &story.frozen {
+        story.program(&frozen.parent).into_iter().for_each(|p| add(frozen.lineage.as_str(), p, &frozen.parent_score));
+    }
+    for attempt in &story.attempts {
+        if let (Some(candidate), Some(score)) = (attempt.exit.candidate(), attempt.exit.score()) {
+            add(attempt.lineage.as_str(), &candidate.program, score);
+        }
+    }
+    for finalist in &story.finalists {
+        story.program(&finalist.solution).into_iter().for_each(|p| add(finalist.lineage.as_str(), p, &finalist.score));
+    }
+    for held_out in &story.held_out {
+        story.program(&held_out.solution).into_iter().for_each(|p| add(held_out.lineage.as_str(), p, &held_out.score));
+    }
+    found
+}
+
+fn cases<'a>(first: &'a Run, second: &'a Run) -> Vec<Case<'a>> {
+    let (a, b) = (labelled(&first.story), labelled(&second.story));
+    let scenes = &first.study.scenes;
+    let place = |id: &str| scenes.iter().position(|entry| entry.scene().id == id);
+    let mut cases = Vec::new();
+    let mut egos: Vec<&str> = Vec::new();
+    for spec in &first.study.lineages {
+        if egos.contains(&spec.ego.name()) {
+            continue;
+        }
+        egos.push(spec.ego.name());
+        let row = format!("replay against {}", spec.ego.name());
+        cases.extend((0..scenes.len()).map(|place| Case { row: row.clone(), spec, program: None, place }));
+    }
+    let parents = first.story.parents.iter().map(|parent| &parent.program);
+    let children = first.story.attempts.iter().filter_map(|attempt| attempt.exit.candidate()).map(|c| &c.program);
+    let programs: Vec<(String, &Program)> =
+        parents.chain(children).filter_map(|program| Some((program.hash().ok()?.to_hex(), program))).collect();
+    for (lineage, hash, scene) in a.intersection(&b) {
+        let spec = first.study.lineages.iter().find(|spec| spec.id.as_str() == lineage);
+        let program = programs.iter().find(|(of, _)| of == hash).map(|(_, program)| *program);
+        if let (Some(spec), Some(program), Some(place)) = (spec, program, place(scene)) {
+            cases.push(Case { row: lineage.clone(), spec, program: Some(program), place });
+        }
+    }
+    cases
+}
+
+fn play(first: &Run, second: &Run, players: &[Player<'_>; 2], case: &Case<'_>) -> Result<Pair, String> {
+    let spec = |run: &Run| run.study.lineages.iter().find(|spec| spec.id == case.spec.id).cloned();
+    let rollout = |run: &Run, player: &Player<'_>| -> Result<(Outcome, Trace), String> {
+        let spec = spec(run).ok_or("the other run has no such lineage")?;
+        let Some(program) = case.program else { return unchanged(run, &spec, case.place) };
+        let traced = player.trace(&spec, program, case.place)?;
+        Ok((traced.record.outcome, traced.motion))
+    };
+    let (a, b) = (rollout(first, &players[0])?, rollout(second, &players[1])?);
+    let partner_is_there = match (&a.0.contact, &b.0.contact) {
+        (Some(contact), None) => is_there(&b.1, contact),
+        (None, Some(contact)) => is_there(&a.1, contact),
+        _ => true,
+    };
+    let name = |actor: ActorRef| match actor {
+        ActorRef::Track(track) => first.study.scenes[case.place].scene().tracks[track].id.clone(),
+        ActorRef::Inserted(i) => format!("inserted {i}"),
+    };
+    Ok(Pair {
+        row: case.row.clone(),
+        program: case.program.map_or("none".into(), |program| program.solution_id.to_string()),
+        scene: case.scene(first).to_string(),
+        ego: case.spec.ego.name().to_string(),
+        a: side(&a, &name),
+        b: side(&b, &name),
+        partner_is_there,
+    })
+}
+
+fn unchanged(run: &Run, spec: &LineageSpec, place: usize) -> Result<(Outcome, Trace), String> {
+    let prepared = run.study.scenes[place].prepared.clone();
+    let plant = Plant::with_options(prepared, &run.study.simulator).map_err(|error| error.to_string())?;
+    let played = run.backend().traced(&plant, &Intervention::default(), &spec.ego, run.study.seed);
+    played.map_err(|none| match none {
+        NoOutcome::Scene(reason) => reason,
+        NoOutcome::Stop(error) => error.to_string(),
+    })
+}
+
+fn side((outcome, trace): &(Outcome, Trace), name: &dyn Fn(ActorRef) -> String) -> Side {
+    let meeting = |contact: &Contact| Meeting {
+        with: name(contact.with),
+        adversary: contact.adversary,
+        at_cs: (100.0 * contact.time_s).round() as u32,
+    };
+    // The row of a contact within a step lies at no whole step.
+    let rows = trace.ego.len();
+    let whole = match &outcome.contact {
+        Some(contact) => rows.min((10.0 * contact.time_s + 1e-6) as usize + 1),
+        None => rows,
+    };
+    let end = serde_json::to_value(outcome.end).ok().and_then(|end| end.as_str().map(str::to_string));
+    Side {
+        contact: outcome.contact.as_ref().map(meeting),
+        end: end.unwrap_or_default(),
+        ego: trace.ego[..whole].iter().map(|sample| [sample.position.x, sample.position.y]).collect(),
+        distance_m_min: outcome.distance_m_min,
+    }
+}
+
+/// Whether the partner of a contact is on the road in the other rollout at that time.
+fn is_there(trace: &Trace, contact: &Contact) -> bool {
+    let row = ((10.0 * contact.time_s) as usize).min(trace.ego.len() - 1);
+    trace.actors.iter().any(|actor| actor.actor == contact.with && actor.samples[row].is_some())
+}

@@ -1,0 +1,56 @@
+//! Where a run's rollouts come from when its experiment names another simulator: its rollout cassette, or the workers.
+
+use std::path::{Path, PathBuf};
+
+use super::exit::Failure;
+use super::folder::RunFolder;
+use crate::backend::{Answers, Backend, BackendOptions, Header, Replay, RolloutCassette};
+use crate::experiment::Experiment;
+use crate::store;
+
+/// Rollouts for a run: of our own simulator, or of another one by its answers.
+pub fn backend<'a>(experiment: &'a Experiment, answers: Option<&'a dyn Answers>) -> Backend<'a> {
+    match (&experiment.simulator.backend, answers) {
+        (Some(options), Some(answers)) => Backend::Other { options, answers },
+        _ => Backend::Own,
+    }
+}
+
+/// Where an experiment's rollout cassette lies.
+pub fn path(experiment: &Experiment) -> Option<PathBuf> {
+    experiment.simulator.backend.as_ref().map(|backend| experiment.beside(&backend.cassette))
+}
+
+/// The recorded rollouts of an experiment, copied into its run folder; `remedy` is the command that would record them.
+pub fn replay(experiment: &Experiment, folder: &RunFolder, remedy: &str) -> Result<Option<Replay>, Failure> {
+    let (Some(options), Some(path)) = (&experiment.simulator.backend, path(experiment)) else { return Ok(None) };
+    let cassette = load(options, &path, remedy)?;
+    store::copy(&path, &folder.rollouts())?;
+    Ok(Some(Replay::new(cassette, remedy)))
+}
+
+/// The recorded rollouts in a run folder.
+pub fn replay_of(experiment: &Experiment, folder: &RunFolder) -> Result<Option<Replay>, Failure> {
+    let Some(options) = &experiment.simulator.backend else { return Ok(None) };
+    let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
+    Ok(Some(Replay::new(load(options, &folder.rollouts(), &remedy)?, remedy)))
+}
+
+/// What was recorded before at a place; nothing where there is no file, or everything is asked anew.
+pub fn recorded(options: &BackendOptions, path: &Path, fresh: bool) -> Result<RolloutCassette, Failure> {
+    if fresh || !path.exists() {
+        return Ok(RolloutCassette::new(path.display().to_string(), Header::of(options)));
+    }
+    let cassette = RolloutCassette::load(path)?;
+    cassette.check(options)?;
+    Ok(cassette)
+}
+
+fn load(options: &BackendOptions, path: &Path, remedy: &str) -> Result<RolloutCassette, Failure> {
+    let cassette = RolloutCassette::load(path).map_err(|error| {
+        let failure = Failure::from(error);
+        Failure { message: format!("{}\n  to record it: {remedy}", failure.message), ..failure }
+    })?;
+    cassette.check(options)?;
+    Ok(cassette)
+}

@@ -1,0 +1,188 @@
+//! `program`: one program of a run, shown or taken out as a file.
+
+use clap::{Args, Subcommand};
+use serde_json::json;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use super::show;
+use crate::adapters::ADAPTER_VERSION;
+use crate::evaluation::EVAL_VERSION;
+use crate::evidence::RecordedRun;
+use crate::experiment::{
+    CarriedCounsel, Conditions, ContractMark, Experiment, PROGRAM_FORMAT, ParentProgram, ProgramFile, read_pool,
+};
+use crate::families;
+use crate::kernel::Digest;
+use crate::objects::event::Versions;
+use crate::objects::{LineageId, Origin, Program, SolutionId, program_diff};
+use crate::scene::Pool;
+use crate::sim::SIM_VERSION;
+use crate::store;
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show a program: where it came from, what it changes of its parent, and its whole content.
+    Show(Which),
+    /// Write a program with all that it needs elsewhere into one file; see `apply` and `lineage[].parent_program`.
+    Export(ExportOptions),
+}
+
+#[derive(Debug, Args)]
+pub struct Which {
+    /// Run folder.
+    pub run: PathBuf,
+    /// Attempt that left a program, e.g. cat-idm/e2s5, or a lineage's parent, e.g. cat-idm/parent.
+    pub attempt: String,
+}
+
+#[derive(Debug, Args)]
+pub struct ExportOptions {
+    #[command(flatten)]
+    pub which: Which,
+    /// File to write; without it the file goes to stdout.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+pub fn run(command: &Command) -> Result<Answer, Failure> {
+    match command {
+        Command::Show(which) => {
+            let file = packed(which)?;
+            Ok(Answer::new(told(&file)?, json!({"program": file})))
+        }
+        Command::Export(ExportOptions { which, out }) => {
+            let file = packed(which)?;
+            let bytes = file.to_bytes().map_err(Failure::internal)?;
+            let Some(path) = out else {
+                return Ok(Answer::new(String::from_utf8_lossy(&bytes), json!(file)));
+            };
+            store::write_atomic(path, &bytes)?;
+            let text = format!(
+                "{}, family {}, as {}\ndigest {}\n",
+                file.program.solution_id,
+                file.family,
+                path.display(),
+                file.digest
+            );
+            let object = json!({"file": path, "digest": file.digest, "program": file.program.solution_id});
+            Ok(Answer::new(text, object))
+        }
+    }
+}
+
+/// The program's file, put together from its run folder.
+fn packed(which: &Which) -> Result<ProgramFile, Failure> {
+    let folder = RunFolder::find(Some(&which.run))?;
+    let story = folder.story()?;
+    let program = find(&story, &which.attempt)?;
+    let lineage = &program.lineage_id;
+    let damaged = |what: &str| Failure::corruption(format!("{}: {what}; run `evodrive fsck`", folder.dir.display()));
+    let adopted = story.parents.iter().find(|parent| parent.lineage == *lineage);
+    let adopted = adopted.ok_or_else(|| damaged(&format!("lineage {lineage} has no parent")))?;
+    let experiment = Experiment::read(&folder.experiment())?;
+    if experiment.digest()? != story.opened.experiment {
+        return Err(damaged("experiment.toml is not the experiment of the transcript"));
+    }
+    let group = |id: &LineageId| *id == *lineage || lineage.as_str().starts_with(&format!("{id}-s"));
+    let settings = experiment.lineages.iter().find(|of| group(&of.id));
+    let family = program.source_family.clone();
+    let sources = families::sources();
+    let source = sources.get(&family).ok_or_else(|| damaged(&format!("no family is called `{family}`")))?;
+    let contract = ContractMark::of(&source.contract).map_err(Failure::internal)?;
+    let versions = Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };
+    if story.opened.versions != versions || story.opened.contracts.get(&family) != Some(&contract.digest) {
+        return Err(Failure::bad_input(format!(
+            "{}: the run was made by another version of evodrive (adapter, simulator, evaluation {:?}, here {versions:?}); \
+             export with that version, or run the experiment again with this one",
+            folder.dir.display(),
+            story.opened.versions
+        )));
+    }
+    let pool = read_pool(&folder.pool())?;
+    let start = settings.and_then(|of| of.parent_program.as_ref());
+    let origin = Origin {
+        run: story.opened.name.clone(),
+        root: story.root,
+        solution: program.solution_id.clone(),
+        models: story.opened.models.clone(),
+    };
+    let file = ProgramFile {
+        format: PROGRAM_FORMAT.into(),
+        digest: Digest::of_bytes(&[]),
+        contract,
+        program: program.clone(),
+        program_hash: program.hash().map_err(Failure::internal)?,
+        parent: adopted.program.clone(),
+        parent_settings: settings.map_or_else(BTreeMap::new, |of| of.parent.clone()),
+        conditions: Conditions {
+            ego: adopted.ego.clone(),
+            seed: experiment.seed,
+            versions,
+            simulator: experiment.simulator.rules(),
+            evaluation: experiment.evaluation.clone(),
+        },
+        counsel: counsel(&story, &pool, lineage),
+        evolution_scenes: evolution_scenes(&story, &pool, start),
+        origins: adopted.origins.iter().cloned().chain([origin]).collect(),
+        family,
+    };
+    file.sealed().map_err(Failure::internal)
+}
+
+/// The program of an attempt or of a lineage's parent.
+fn find<'s>(story: &'s RecordedRun, name: &str) -> Result<&'s Program, Failure> {
+    if let Some(parent) = story.parents.iter().find(|parent| parent.program.solution_id.as_str() == name) {
+        return Ok(&parent.program);
+    }
+    let attempt = show::find(story, name)?;
+    let left =
+        || format!("attempt {name} was {}: it left no program; `evodrive show {name}` says why", attempt.exit.name());
+    let candidate = attempt.exit.candidate().ok_or_else(|| Failure::bad_input(left()))?;
+    Ok(story.program(&SolutionId::new(name)).unwrap_or(&candidate.program))
+}
+
+/// What the lineage was counselled, with the digests of the scenes.
+fn counsel(story: &RecordedRun, pool: &Pool, lineage: &LineageId) -> BTreeMap<String, CarriedCounsel> {
+    let own = story.counsels.iter().filter(|counselled| counselled.lineage == *lineage);
+    let carried = own.filter_map(|counselled| {
+        let scene = pool.scene(&counselled.scene)?.digest();
+        Some((counselled.scene.clone(), CarriedCounsel { scene, counsel: counselled.counsel.clone() }))
+    });
+    carried.collect()
+}
+
+/// The scenes on which the program and what it started from were evolved.
+fn evolution_scenes(story: &RecordedRun, pool: &Pool, start: Option<&ParentProgram>) -> BTreeSet<Digest> {
+    let own = story.opened.evolution_scenes.iter().filter_map(|id| Some(pool.scene(id)?.digest()));
+    own.chain(start.iter().flat_map(|start| start.evolution_scenes.iter().copied())).collect()
+}
+
+fn told(file: &ProgramFile) -> Result<String, Failure> {
+    let mut text = format!(
+        "program {}  (family {}, generation {})\nhash     {}\ncontract {}, adapter version {}\n",
+        file.program.solution_id,
+        file.family,
+        file.program.generation,
+        file.program_hash,
+        file.contract.digest,
+        file.contract.adapter
+    );
+    for origin in &file.origins {
+        let _ = writeln!(text, "from     {origin}");
+    }
+    let _ = writeln!(text, "played   ego {}, seed {}", file.conditions.ego, file.conditions.seed);
+    if !file.counsel.is_empty() {
+        let _ = writeln!(text, "counsel  for {} scenes", file.counsel.len());
+    }
+    let diff = program_diff(&file.parent, &file.program);
+    let unchanged = diff.is_empty().then(|| "  nothing\n".to_string());
+    let _ = write!(text, "\nchanged of {}:\n{}", file.parent.solution_id, unchanged.unwrap_or(diff));
+    let content = serde_json::to_string_pretty(&file.program).map_err(Failure::internal)?;
+    let _ = writeln!(text, "\n{content}");
+    Ok(text)
+}

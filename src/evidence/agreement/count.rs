@@ -1,0 +1,154 @@
+//! What is counted over pairs of rollouts, with intervals.
+
+use serde::Serialize;
+
+use super::disagreement::{self, Disagreement};
+use super::pair::{Meeting, Pair};
+use crate::kernel::Seed;
+
+/// Seconds before the contact at which the egos are compared.
+pub const BEFORE_S: [f64; 3] = [1.0, 3.0, 5.0];
+const RESAMPLES: usize = 1000;
+
+/// A value with the middle 95 % of what resampled scenes give.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Interval {
+    pub value: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+/// What a row of rollouts says.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    pub row: String,
+    pub rollouts: usize,
+    /// Contact in both, in the first alone, in the second alone, in neither.
+    pub confusion: [usize; 4],
+    /// Share of rollouts about which both say the same.
+    pub agreement: Interval,
+    /// Cohen's kappa; `None` where one simulator always says the same.
+    pub kappa: Option<Interval>,
+    /// Of the contacts in both: with the same road user.
+    pub same_partner: usize,
+    /// Of the contacts in both: median of the times' distance, s.
+    pub contact_time_apart_s: Option<f64>,
+    /// Median distance of the egos so many seconds before the first contact, m, and over how many rollouts.
+    pub ego_apart_m: Vec<(f64, Option<f64>, usize)>,
+}
+
+/// Everything that is said about two runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// The two backends by name.
+    pub backends: [String; 2],
+    /// All rollouts first, then row by row.
+    pub rows: Vec<Agreement>,
+    pub disagreements: Vec<Disagreement>,
+    /// Rollouts that one of them could not play, with the reason.
+    pub left_out: Vec<String>,
+}
+
+/// Counts. `pairs` stand in the order in which they are listed.
+pub fn report(backends: [String; 2], pairs: &[Pair], left_out: Vec<String>) -> Report {
+    let mut names: Vec<&str> = Vec::new();
+    for pair in pairs {
+        if !names.contains(&pair.row.as_str()) {
+            names.push(&pair.row);
+        }
+    }
+    let all = pairs.iter().collect::<Vec<_>>();
+    let of = |name: &&str| pairs.iter().filter(|pair| pair.row == **name).collect::<Vec<_>>();
+    let mut rows = vec![agreement("all", &all)];
+    rows.extend(names.iter().map(|name| agreement(name, &of(name))));
+    Report { backends, rows, disagreements: pairs.iter().filter_map(disagreement::of).collect(), left_out }
+}
+
+fn agreement(row: &str, pairs: &[&Pair]) -> Agreement {
+    let confusion = confusion(pairs);
+    let met = pairs.iter().filter_map(|pair| Some((pair.a.contact.as_ref()?, pair.b.contact.as_ref()?)));
+    let met: Vec<(&Meeting, &Meeting)> = met.collect();
+    let apart = met.iter().map(|(a, b)| (a.time_s() - b.time_s()).abs()).collect();
+    let before = |seconds: f64| {
+        let apart = |pair: &&&Pair| pair.ego_apart_m(pair.first_contact_s()? - seconds);
+        let found: Vec<f64> = pairs.iter().filter_map(|pair| apart(&pair)).collect();
+        let count = found.len();
+        (seconds, median(found), count)
+    };
+    let resampled = resampled(row, pairs);
+    let interval = |value: f64, of: &dyn Fn([usize; 4]) -> Option<f64>| {
+        let mut drawn: Vec<f64> = resampled.iter().filter_map(|confusion| of(*confusion)).collect();
+        drawn.sort_by(f64::total_cmp);
+        let at = |share: f64| drawn.get((share * (drawn.len().max(1) - 1) as f64).round() as usize).copied();
+        Interval { value, low: at(0.025).unwrap_or(value), high: at(0.975).unwrap_or(value) }
+    };
+    Agreement {
+        row: row.to_string(),
+        rollouts: pairs.len(),
+        confusion,
+        agreement: interval(share(confusion).unwrap_or(1.0), &share),
+        kappa: kappa(confusion).map(|value| interval(value, &kappa)),
+        same_partner: met.iter().filter(|(a, b)| a.with == b.with).count(),
+        contact_time_apart_s: median(apart),
+        ego_apart_m: BEFORE_S.into_iter().map(before).collect(),
+    }
+}
+
+fn confusion(pairs: &[&Pair]) -> [usize; 4] {
+    let mut counts = [0; 4];
+    for pair in pairs {
+        let place = match (pair.a.contact.is_some(), pair.b.contact.is_some()) {
+            (true, true) => 0,
+            (true, false) => 1,
+            (false, true) => 2,
+            (false, false) => 3,
+        };
+        counts[place] += 1;
+    }
+    counts
+}
+
+fn share([both, first, second, neither]: [usize; 4]) -> Option<f64> {
+    let all = both + first + second + neither;
+    (all > 0).then(|| (both + neither) as f64 / all as f64)
+}
+
+/// Cohen's kappa: (p - e) / (1 - e), with p the share of agreement and e what two independent judges with these rates would
+/// agree on (Cohen 1960).
+pub fn kappa(counts: [usize; 4]) -> Option<f64> {
+    let [both, first, second, neither] = counts.map(|count| count as f64);
+    let all = both + first + second + neither;
+    let (a, b) = ((both + first) / all, (both + second) / all);
+    let chance = a * b + (1.0 - a) * (1.0 - b);
+    // NaN where there is nothing.
+    (chance < 1.0).then(|| ((both + neither) / all - chance) / (1.0 - chance))
+}
+
+/// Confusions of scenes drawn with replacement. Rollouts of one scene are drawn together: they resemble each other.
+fn resampled(row: &str, pairs: &[&Pair]) -> Vec<[usize; 4]> {
+    let mut scenes: Vec<&str> = pairs.iter().map(|pair| pair.scene.as_str()).collect();
+    scenes.sort_unstable();
+    scenes.dedup();
+    let of = |scene: &&str| confusion(&pairs.iter().filter(|pair| pair.scene == **scene).copied().collect::<Vec<_>>());
+    let counts: Vec<[usize; 4]> = scenes.iter().map(of).collect();
+    let mut stream = Seed(1).stream(&["agreement", row]);
+    let mut draw = || {
+        let mut sum = [0; 4];
+        for _ in 0..counts.len() {
+            let drawn = counts[stream.below(counts.len())];
+            sum.iter_mut().zip(drawn).for_each(|(sum, count)| *sum += count);
+        }
+        sum
+    };
+    (0..RESAMPLES).map(|_| draw()).collect()
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    match n {
+        0 => None,
+        _ if n % 2 == 1 => Some(values[n / 2]),
+        _ => Some(0.5 * (values[n / 2 - 1] + values[n / 2])),
+    }
+}

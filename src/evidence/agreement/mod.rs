@@ -1,0 +1,14 @@
+//! How far two simulators agree about the same rollouts: whether the ego meets somebody, whom, when, and where it was
+//! before. Pure counting over pairs of rollouts; who plays them is `cli::agree`'s business.
+
+mod count;
+mod disagreement;
+mod pair;
+mod text;
+
+pub use count::report;
+pub use pair::{Meeting, Pair, Side};
+pub use text::text;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,65 @@
+//! A rollout as two simulators had it.
+
+use serde::Serialize;
+
+use crate::kernel::num;
+
+/// One rollout as one of the simulators had it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Side {
+    pub contact: Option<Meeting>,
+    /// How it ended, in a word.
+    pub end: String,
+    /// The ego's places, one a decision step of 0.1 s; a contact within a step ends the list. [steps]
+    pub ego: Vec<[f64; 2]>,
+    /// Smallest distance of the ego to an adversary, or to anyone where there is none, metres.
+    pub distance_m_min: Option<f64>,
+}
+
+/// Whom the ego met.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Meeting {
+    /// Name of the other road user.
+    pub with: String,
+    pub adversary: bool,
+    /// In hundredths of a second after the start: physics steps are 0.02 s.
+    pub at_cs: u32,
+}
+
+impl Meeting {
+    pub fn time_s(&self) -> f64 {
+        f64::from(self.at_cs) / 100.0
+    }
+}
+
+/// The same rollout in both simulators.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pair {
+    /// Lineage of the program, or `replay`.
+    pub row: String,
+    pub program: String,
+    pub scene: String,
+    pub ego: String,
+    pub a: Side,
+    pub b: Side,
+    /// Whether the partner of the one contact is on the road at that time in the rollout without it.
+    pub partner_is_there: bool,
+}
+
+impl Pair {
+    /// Distance of the two egos at a time, metres; `None` after the end of either rollout.
+    pub fn ego_apart_m(&self, seconds: f64) -> Option<f64> {
+        let step = (10.0 * seconds).round();
+        if step < 0.0 {
+            return None;
+        }
+        let ([ax, ay], [bx, by]) = (self.a.ego.get(step as usize)?, self.b.ego.get(step as usize)?);
+        Some(num::hypot(ax - bx, ay - by))
+    }
+
+    /// The earlier of the contacts, s.
+    pub fn first_contact_s(&self) -> Option<f64> {
+        let times = [&self.a, &self.b].map(|side| side.contact.as_ref().map(Meeting::time_s));
+        times.into_iter().flatten().reduce(f64::min)
+    }
+}

@@ -1,0 +1,24 @@
+//! Why runs give no table.
+
+use crate::kernel::canon::CanonError;
+use crate::objects::{LineageId, SolutionId};
+
+/// Runs that give no table.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    #[error("run {run} is not finished, so its held-out scenes have not been opened; finish it with `evodrive resume`")]
+    Unfinished { run: String },
+    #[error(
+        "run {run}: the result names {solution} of lineage {lineage}, but the transcript holds no held-out labels of it; \
+         derive the run again with `evodrive replay`"
+    )]
+    NoLabels { run: String, lineage: LineageId, solution: SolutionId },
+    #[error("row {row} with ego {ego} is in {first} and in {second}; name runs that hold it once")]
+    Twice { row: String, ego: String, first: String, second: String },
+    #[error("run {run} followed {found}; its tables are {tables}")]
+    OtherProtocol { run: String, found: &'static str, tables: &'static str },
+    #[error("run {run}: the archive of lineage {lineage} {what}; derive the run again with `evodrive replay`")]
+    Archive { run: String, lineage: LineageId, what: String },
+    #[error("run {run}: {error}")]
+    Canon { run: String, error: CanonError },
+}

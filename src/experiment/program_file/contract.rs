@@ -1,0 +1,63 @@
+//! The contract of a program file against the one that this program has: what changed in between.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+use super::error::shown;
+use crate::adapters::{ADAPTER_VERSION, Contract};
+use crate::kernel::{Digest, canon::CanonError};
+
+/// Names that a message lists; of more it says how many.
+const LISTED_MAX: usize = 12;
+
+/// Which contract a program obeys.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContractMark {
+    /// Version of contracts, compiler and families.
+    pub adapter: u32,
+    pub digest: Digest,
+    /// Every name that a program may use, so that another version can say which of them it lacks.
+    pub names: BTreeSet<String>,
+}
+
+impl ContractMark {
+    /// The mark of a contract of this program.
+    ///
+    /// # Errors
+    /// A bound that is no finite number.
+    pub fn of(contract: &Contract) -> Result<ContractMark, CanonError> {
+        Ok(ContractMark { adapter: ADAPTER_VERSION, digest: contract.digest()?, names: contract.names() })
+    }
+
+    /// What is different now, in words; `None` if nothing is.
+    pub fn changed(&self, now: &ContractMark) -> Option<String> {
+        if self == now {
+            return None;
+        }
+        let mut changes = Vec::new();
+        if self.adapter != now.adapter {
+            changes.push(format!("adapter version {} in the file, {} here", self.adapter, now.adapter));
+        }
+        if self.digest != now.digest {
+            changes.push(format!("contract {} in the file, {} here", self.digest.short(16), now.digest.short(16)));
+        }
+        let gone: Vec<&String> = self.names.difference(&now.names).collect();
+        let new: Vec<&String> = now.names.difference(&self.names).collect();
+        match (gone.is_empty(), new.is_empty()) {
+            (true, true) => changes.push("its names are all known still, so bounds or meanings moved".into()),
+            _ => {
+                changes.extend((!gone.is_empty()).then(|| format!("unknown now: {}", listed(&gone))));
+                changes.extend((!new.is_empty()).then(|| format!("new since: {}", listed(&new))));
+            }
+        }
+        Some(changes.join("; "))
+    }
+}
+
+fn listed(names: &[&String]) -> String {
+    let named: Vec<String> = names.iter().take(LISTED_MAX).map(|name| shown(name)).collect();
+    let more = names.len().saturating_sub(LISTED_MAX);
+    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{rest}", named.join(", "))
+}

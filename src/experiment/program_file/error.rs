@@ -1,0 +1,61 @@
+//! What is wrong with a program file, each fault with a message of its own.
+
+use crate::store::StoreError;
+
+/// Characters of the file's own text that a message repeats.
+const SHOWN_CHARS: usize = 400;
+
+/// Text of the file as a message repeats it: cut, and without control characters.
+pub(super) fn shown(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars().take(SHOWN_CHARS) {
+        if c.is_control() {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    if text.chars().nth(SHOWN_CHARS).is_some() { out + "..." } else { out }
+}
+
+/// A program file that cannot be used. `file` is its name.
+#[derive(Debug, thiserror::Error)]
+pub enum ProgramFileError {
+    #[error(
+        "{file}: larger than {bytes_max} bytes, which no program file is; name a file that `evodrive program export` wrote"
+    )]
+    TooLarge { file: String, bytes_max: u64 },
+    #[error("{file}: ends after {bytes} bytes in the middle of a value, so it was cut off; copy or export it again")]
+    Truncated { file: String, bytes: usize },
+    #[error(
+        "{file}, line {line}, column {column}: {found} where a finite number is expected; export the program again"
+    )]
+    NotFinite { file: String, line: usize, column: usize, found: String },
+    #[error("{file}: no JSON text: {reason}; name a file that `evodrive program export` wrote")]
+    NotJson { file: String, reason: String },
+    #[error(
+        "{file}: `format` is {found}, expected \"{expected}\"; name a file that `evodrive program export` of this version wrote"
+    )]
+    Format { file: String, found: String, expected: &'static str },
+    /// A field that is unknown, missing or of another type.
+    #[error("{file}: {reason}; a program file has the fields of docs/FORMAT.md and no others")]
+    Shape { file: String, reason: String },
+    #[error("{file}: {place} is `{found}`, expected {expected}")]
+    Family { file: String, place: &'static str, found: String, expected: String },
+    #[error(
+        "{file}: the contract of family {family} changed: {changed}. The program would be compiled into something else: play it \
+         with the version of evodrive that exported it, or evolve it anew"
+    )]
+    Contract { file: String, family: String, changed: String },
+    #[error("{file}: {reason}; export the program again")]
+    Options { file: String, reason: String },
+    #[error(
+        "{file}: {what} has digest {computed}, the file says {found}; it was damaged or edited, so copy or export it again \
+         (a program is changed by evolving it)"
+    )]
+    Digest { file: String, what: &'static str, found: String, computed: String },
+    #[error("{file}: the program breaks its contract: {problem}; export it again")]
+    Program { file: String, problem: String },
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}

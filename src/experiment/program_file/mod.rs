@@ -1,0 +1,112 @@
+//! Program files: one program with everything that it needs to be played elsewhere, in one JSON file. `read.rs` says what
+//! is refused; docs/FORMAT.md is the format.
+
+mod contract;
+mod error;
+mod read;
+#[cfg(test)]
+mod tests;
+
+pub use contract::ContractMark;
+pub use error::ProgramFileError;
+
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::evaluation::EvaluationOptions;
+use crate::families;
+use crate::kernel::{Digest, canon::CanonError};
+use crate::objects::event::Versions;
+use crate::objects::{Counsel, FamilyName, Origin, ParameterValue, Program};
+use crate::sim::SimulatorOptions;
+
+/// Name and version of the format; another major version is refused.
+pub const FORMAT: &str = "evodrive-program/1";
+
+/// A program that left its run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProgramFile {
+    pub format: String,
+    /// Digest of all that follows.
+    pub digest: Digest,
+    /// b
+    pub family: FamilyName,
+    /// What the program may contain, as its run knew it.
+    pub contract: ContractMark,
+    pub program: Program,
+    /// Hash of the program's content.
+    pub program_hash: Digest,
+    /// What its lineage started from: composed and set as in the run.
+    pub parent: Program,
+    /// Parameters that the experiment set for that parent; they are in `parent` already.
+    pub parent_settings: BTreeMap<String, ParameterValue>,
+    /// How it was labelled.
+    pub conditions: Conditions,
+    /// Who was advised to attack, by scene; empty in families that take no counsel.
+    pub counsel: BTreeMap<String, CarriedCounsel>,
+    /// Digests of the scenes on which it was evolved, in all those runs: labels there say little about new traffic.
+    pub evolution_scenes: BTreeSet<Digest>,
+    /// The runs that it came out of, the oldest first.
+    pub origins: Vec<Origin>,
+}
+
+/// What a label depends on besides program and scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Conditions {
+    /// Name of the ego policy.
+    pub ego: String,
+    /// Root of the random streams.
+    pub seed: u64,
+    /// Versions of meaning of the program that exported it.
+    pub versions: Versions,
+    pub simulator: SimulatorOptions,
+    /// With the calibration written out.
+    pub evaluation: EvaluationOptions,
+}
+
+/// The counsel of one scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CarriedCounsel {
+    /// Digest of the scene: a scene of the same id with other content takes no counsel from here.
+    pub scene: Digest,
+    pub counsel: Counsel,
+}
+
+impl ProgramFile {
+    /// The file with its digest.
+    ///
+    /// # Errors
+    /// A number in it that is not finite.
+    pub fn sealed(self) -> Result<ProgramFile, CanonError> {
+        Ok(ProgramFile { digest: self.computed()?, ..self })
+    }
+
+    /// Whether the program is its lineage's parent itself.
+    pub fn is_parent(&self) -> bool {
+        self.program.solution_id == self.parent.solution_id
+    }
+
+    /// Whether programs of its family are compiled with counsel where there is some.
+    pub fn takes_counsel(&self) -> bool {
+        families::sources().get(&self.family).is_some_and(|source| source.asks.counsel.is_some())
+    }
+
+    /// Digest of everything but the digest itself.
+    fn computed(&self) -> Result<Digest, CanonError> {
+        let content = ProgramFile { digest: Digest::of_bytes(&[]), ..self.clone() };
+        Digest::of("evodrive/program-file/1", &content)
+    }
+
+    /// Its bytes: the same for the same content.
+    ///
+    /// # Errors
+    /// None for a file that was sealed or read: its numbers are finite and its keys are texts.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, serde_json::Error> {
+        let mut bytes = serde_json::to_vec_pretty(self)?;
+        bytes.push(b'\n');
+        Ok(bytes)
+    }
+}

@@ -1,0 +1,137 @@
+//! Another simulator behind the binary: recorded by worker processes, replayed without them, and refused where they err.
+
+use std::path::{Path, PathBuf};
+
+use crate::harness::{Ran, evodrive, folder_below, home};
+
+/// Writes an experiment of one small epoch with this table for `simulator.backend`, below a folder.
+fn experiment(folder: &Path, name: &str, backend: &str) -> PathBuf {
+    let base = home().join("experiments/quickstart.toml");
+    let text = format!(
+        "base = {base:?}\nname = \"{name}\"\ncassette = \"{name}.jsonl\"\n\
+         [split]\nevolution = {{ count = 6 }}\nheld_out = 3\nwindow = 3\n\
+         [budget]\nepochs = 1\nslots = 1\nmax_repair_rounds = 0\nprobe_scenes = 1\nfinalists = 1\n\
+         [scenes]\nsource = \"synth\"\ncount = 12\nseed = 7\n{backend}\n"
+    );
+    let path = folder.join(format!("{name}.toml"));
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// The table of a worker, with what our own one says of itself.
+fn worker(command: &[&str]) -> String {
+    let said = Ran::of(evodrive().arg("worker").stdin(std::process::Stdio::null()));
+    let hello: serde_json::Value = serde_json::from_str(said.stdout.lines().next().unwrap()).unwrap();
+    format!(
+        "[simulator.backend]\nname = {}\nversion = {}\ndigest = {}\noptions = {{ plant = \"physical\" }}\n\
+         cassette = \"rollouts.jsonl.zst\"\n\
+         [simulator.backend.worker]\ncommand = {command:?}\nworkers = 2\nseconds = 20\nretries = 0\n",
+        hello["backend"], hello["version"], hello["digest"]
+    )
+}
+
+fn call(command: &str, path: &Path, out: &Path) -> Ran {
+    Ran::of(evodrive().args([command, path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()]))
+}
+
+/// The labels of a run, without the keys and digests that name them.
+fn labels(out: &Path) -> String {
+    let text = std::fs::read_to_string(folder_below(out).join("result.json")).unwrap();
+    let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let of = |lineage: &serde_json::Value| {
+        let parts = ["parent", "evolved", "front", "hypervolume_by_epoch"].map(|part| lineage[part].to_string());
+        parts.join(" ")
+    };
+    let lineages: Vec<String> = result["result"]["lineages"].as_array().unwrap().iter().map(of).collect();
+    format!("{} {} {lineages:?}", result["result"]["replay"], result["result"]["exits"])
+}
+
+#[test]
+fn a_run_behind_our_own_worker_has_our_own_labels_and_replays_without_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let plain = experiment(folder.path(), "plain", "");
+    assert_eq!(call("record", &plain, &path("a")).code, 0);
+    let named = experiment(folder.path(), "named", "[simulator]\nbackend = \"evodrive\"\n");
+    assert_eq!(call("record", &named, &path("n")).code, 0);
+    let own = experiment(folder.path(), "own", &worker(&[env!("CARGO_BIN_EXE_evodrive"), "worker"]));
+    let recorded = call("record", &own, &path("b"));
+    let root = recorded.root();
+    assert!(recorded.stderr.contains("rollouts in"), "{}", recorded.stderr);
+    assert_eq!(labels(&path("a")), labels(&path("b")));
+    // Nobody to start: the cassette answers.
+    let gone = std::fs::read_to_string(&own).unwrap().replace(env!("CARGO_BIN_EXE_evodrive"), "/nowhere/at/all");
+    std::fs::write(&own, gone).unwrap();
+    assert_eq!(call("run", &own, &path("c")).root(), root);
+    // An emptied cassette misses, and says what would fill it.
+    let cassette = path("rollouts.jsonl.zst");
+    let text = zstd::stream::decode_all(&std::fs::read(&cassette).unwrap()[..]).unwrap();
+    let header = text.split(|byte| *byte == b'\n').next().unwrap();
+    std::fs::write(path("rollouts.jsonl.zst"), zstd::bulk::compress(header, 3).unwrap()).unwrap();
+    let missed = call("run", &own, &path("d"));
+    assert_eq!(missed.code, 3, "{}", missed.stderr);
+    assert!(
+        missed.stderr.contains("no recorded rollout") && missed.stderr.contains("evodrive record"),
+        "{}",
+        missed.stderr
+    );
+    let agreed = |first: &str, second: &str| {
+        Ran::of(evodrive().arg("agree").args([first, second].map(|out| folder_below(&path(out)))))
+    };
+    let same = agreed("a", "c");
+    assert_eq!(same.code, 0, "{}", same.stderr);
+    assert!(
+        same.stdout.contains("Disagreements: 0") && same.stdout.contains("| 100.0 [100.0, 100.0]"),
+        "{}",
+        same.stdout
+    );
+}
+
+#[test]
+fn processes_that_err_end_a_recording_with_nothing_recorded() {
+    let cases: [(&[&str], &str); 5] = [
+        (&["/nowhere/at/all"], "its start: expected a process"),
+        (&["sh", "-c", "echo hello"], "its greeting: expected one JSON object"),
+        (&["sh", "-c", "printf '{\"evodrive'"], "found 10 bytes and the end of the process"),
+        (&["sh", "-c", "exit 3"], "its greeting: expected a line, found the end of the process"),
+        (&["sh", "-c", "head -c 17000000 /dev/zero"], "a line of at most 16777216 bytes"),
+    ];
+    for (command, expected) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let path = experiment(folder.path(), "bad", &worker(command));
+        let ran = call("record", &path, &folder.path().join("out"));
+        assert_eq!(ran.code, 2, "{command:?}: {}", ran.stderr);
+        assert!(ran.stderr.contains(expected), "{command:?}: {}", ran.stderr);
+        assert!(!folder.path().join("rollouts.jsonl.zst").exists());
+    }
+}
+
+#[test]
+fn a_process_that_hangs_is_ended_and_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = worker(&["sh", "-c", "exec sleep 600"]).replace("seconds = 20", "seconds = 0.2");
+    let path = experiment(folder.path(), "slow", &table);
+    let ran = call("record", &path, &folder.path().join("out"));
+    assert_eq!(ran.code, 2, "{}", ran.stderr);
+    assert!(ran.stderr.contains("expected a line within 0.2 s, found nothing"), "{}", ran.stderr);
+}
+
+#[test]
+fn a_table_that_names_no_backend_is_refused_with_its_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = worker(&["own"]);
+    let cases = [
+        (good.replace("workers = 2", "workers = 0"), "simulator.backend.worker.workers"),
+        (good.replace("seconds = 20", "seconds = -1"), "simulator.backend.worker.seconds"),
+        (good.replace("command = [\"own\"]", "command = []"), "simulator.backend.worker.command"),
+        (good.replace("name = ", "nmae = "), "nmae"),
+        (good.replace("digest = \"", "digest = \"zz"), "64 hex digits"),
+        ("[simulator]\nbackend = \"carla\"\n".to_string(), "expected \"evodrive\" or a table"),
+    ];
+    for (table, expected) in cases {
+        let path = experiment(folder.path(), "bad", &table);
+        let ran = call("run", &path, &folder.path().join("out"));
+        assert_eq!(ran.code, 2, "{table}: {}", ran.stderr);
+        assert!(ran.stderr.contains(expected), "{}: {table}", ran.stderr);
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::answer::Answer;
@@ -47,13 +47,14 @@ struct RequestLine<'a> {
 }
 
 /// An adversary's motion, one sample a simulated step from the first on.
-#[derive(Serialize)]
-struct Commanded {
-    who: ActorRef,
-    kind: AgentKind,
-    length_m: f64,
-    width_m: f64,
-    samples: Vec<Option<Sample>>,
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Commanded {
+    pub who: ActorRef,
+    pub kind: AgentKind,
+    pub length_m: f64,
+    pub width_m: f64,
+    pub samples: Vec<Option<Sample>>,
 }
 
 impl<'a> Request<'a> {

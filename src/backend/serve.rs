@@ -8,11 +8,11 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::answer::{Answer, AnswerLine};
-use super::request::PROTOCOL;
+use super::request::{Commanded, PROTOCOL};
 use super::spec::OWN;
 use crate::ego::Policy;
 use crate::kernel::Digest;
-use crate::scene::{AgentKind, PreparedScene, Sample, Scene};
+use crate::scene::{PreparedScene, Sample, Scene};
 use crate::sim::{
     Action, ActorRef, AvoidanceOptions, Intervention, Plant, PlantOptions, SIM_VERSION, SimulatorOptions, tell,
 };
@@ -47,16 +47,6 @@ struct Asked {
     _seed: u64,
     adversaries: Vec<Commanded>,
     options: BTreeMap<String, Value>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Commanded {
-    who: ActorRef,
-    kind: AgentKind,
-    length_m: f64,
-    width_m: f64,
-    samples: Vec<Option<Sample>>,
 }
 
 /// The answer to a line. A line that is no request is an error, which says so.

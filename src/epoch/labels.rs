@@ -206,3 +206,48 @@ pub fn record(
         outcome,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::{Answer, Answers, BackendError, BackendOptions, Request, WorkerOptions};
+    use crate::scene::PreparedScene;
+    use crate::sim::scenes::crossing;
+    use crate::sim::{Plant, SimulatorOptions, tell};
+
+    /// Another simulator: in it every ego repeats its recording.
+    struct Repeats;
+
+    impl Answers for Repeats {
+        fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
+            let told = tell(request.plant, request.intervention, Policy::Replay.driver().as_mut());
+            Ok(Answer::Told(told.expect("a rollout")))
+        }
+    }
+
+    #[test]
+    fn plain_replay_is_that_of_whoever_simulates() {
+        let options = BackendOptions {
+            name: "repeats".into(),
+            version: "1".into(),
+            digest: Digest::of_bytes(b"repeats"),
+            options: Default::default(),
+            cassette: "none".into(),
+            worker: WorkerOptions { command: vec![], workers: 1, seconds: 1.0, retries: 0 },
+        };
+        let other = Backend::Other { options: &options, answers: &Repeats };
+        let mut differing = 0;
+        for seed in 0..60 {
+            let prepared = PreparedScene::new(Arc::new(crossing(seed, 20, 91)));
+            let own = Situation::under(prepared.clone(), &Policy::Idm, &SimulatorOptions::SHIPPED).unwrap();
+            let plant = Plant::with_options(prepared, &SimulatorOptions::SHIPPED).unwrap();
+            let theirs =
+                crate::sim::rollout(&plant, &Intervention::default(), Policy::Replay.driver().as_mut()).unwrap();
+            let theirs = theirs.contact.map(|contact| contact.with);
+            let asked = |backend| meets_anyway(backend, &own, &Policy::Idm, Seed(1)).unwrap();
+            assert_eq!((asked(&Backend::Own), asked(&other)), (own.ego_meets, theirs), "seed {seed}");
+            differing += usize::from(own.ego_meets != theirs);
+        }
+        assert!(differing >= 3, "{differing}: both simulators agree here");
+    }
+}

@@ -80,25 +80,8 @@ pub fn groups(study: &Study) -> BTreeMap<&str, Group> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::objects::benchmark::{Run, RunRealism};
+    use crate::evaluation::protocol::safebench::samples::run;
     use crate::scene::safebench::TrafficFamily;
-
-    /// A run that ended in a collision halfway, or went through.
-    fn run(collision: bool) -> SafebenchRun {
-        let run = Run {
-            collision,
-            red_lights: 0.0,
-            stop_signs: 0.0,
-            off_road_m: 0.0,
-            route_distance_m: 0.0,
-            completion: if collision { 0.5 } else { 1.0 },
-            completed_s: (!collision).then_some(20.0),
-            acceleration_mps2: 0.0,
-            yaw_rate_radps: 0.0,
-            lane_invasions: 0.0,
-        };
-        SafebenchRun { run, realism: RunRealism { acted: true, valid: true, sub_scores: [1.0; 4] } }
-    }
 
     fn scene(name: &str, run: &SafebenchRun) -> SceneScore {
         let (attack, realism) = run.point();
@@ -117,7 +100,7 @@ mod tests {
 
     #[test]
     fn gates_compare_scores_of_all_runs_and_not_means_of_single_labels() {
-        let (crashed, passed) = (run(true), run(false));
+        let (crashed, passed) = (run(true, true), run(false, true));
         let scenes = [scene("crashed", &crashed), scene("passed", &passed)];
         let group = |run: SafebenchRun| ((TrafficFamily::RightTurn, 4), run);
         let measure =

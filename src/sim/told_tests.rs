@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::scenes::{crossing, intercept, sample};
+use super::scenes::{car, crossing, intercept, sample, straight, straight_road};
 use super::told_check::OFF_COMMAND_M;
 use super::*;
 use crate::ego::Policy;
@@ -68,6 +68,33 @@ fn our_own_motion_told_back_gives_our_own_outcome_bit_for_bit() {
     assert!(contacts > 50 && followers > 20, "{contacts} contacts, {followers} followers");
     assert!(avoidable.iter().all(|count| *count > 3), "{avoidable:?}");
     assert_eq!(ends.len(), 4, "{ends:?}");
+}
+
+/// Sees nothing and keeps its speed.
+struct Blind;
+
+impl Driver for Blind {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, _: &View<'_>) -> Control {
+        Control::Drive { acceleration_mps2: 0.0, steering_rad: 0.0 }
+    }
+}
+
+/// Something stands in the ego's lane, and a car follows the ego. Braking is a way out only if that car brakes too.
+#[test]
+fn traffic_that_our_plant_takes_over_reacts_to_the_evading_ego() {
+    let follower = car("follower", straight(sample(-30.0, 0.0, 0.0, 12.0), 91));
+    let standing = car("standing", straight(sample(60.0, 0.0, 0.0, 0.0), 91));
+    let scene = straight_road(91, 12.0, vec![standing, follower]);
+    let samples = vec![sample(60.0, 0.0, 0.0, 0.0); 90];
+    let act = Intervention { actions: vec![Action::Follow { track: 0, from_step: 1, samples }] };
+    let plant = Plant::new(&scene).unwrap();
+    let own = rollout_assessed(&plant, &act, &mut Blind).unwrap();
+    assert_eq!(own.contact.and_then(|contact| contact.avoidable), Some(true), "{own:?}");
+    let told = tell(&plant, &act, &mut Blind).unwrap();
+    assert!(told.actors.iter().any(|actor| actor.who == ActorRef::Track(1)), "the follower reacts");
+    assert_eq!(judge(&plant, &act, &told, false).unwrap().0, own);
 }
 
 #[test]

@@ -169,7 +169,7 @@ fn row(score: &SafebenchScore) -> BenchmarkRow {
 }
 
 #[cfg(test)]
-pub(super) mod samples {
+pub(crate) mod samples {
     use super::*;
 
     pub fn run(collision: bool, valid: bool) -> SafebenchRun {

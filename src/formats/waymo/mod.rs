@@ -609,6 +609,19 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn a_place_from_which_nobody_can_come_is_dropped_where_speeds_are_derived_from_places() {
+        let mut late = message();
+        late.timestamps_seconds = (0..91).map(|k| 0.1 * f64::from(k) + if k > 3 { 0.04 } else { 0.0 }).collect();
+        late.tracks[0].states[40].center_x += 500.0;
+        let imported = import("f.tfrecord", &written(&[late.encode_to_vec()])).unwrap();
+        let track = &imported.scenes[0].tracks[0];
+        assert!(track.samples.iter().flatten().all(|sample| sample.speed_mps() < 100.0));
+        assert!(
+            track.samples.iter().flatten().count() > 80 && imported.left_out[1].what.ends_with("samples of track 1")
+        );
+    }
+
+    #[test]
     fn times_beside_the_grid_are_told_and_whoever_is_seen_once_is_kept() {
         let mut late = message();
         late.timestamps_seconds = (0..91).map(|k| 0.1 * f64::from(k) + if k > 3 { 0.04 } else { 0.0 }).collect();

@@ -78,6 +78,7 @@
 //! - [`cli`]: arguments, and one file a command.
 //! - [`epoch`]: the epochs of a run: the state, the frozen snapshot, the workers and the serial acceptor.
 //! - [`evidence`]: from recorded runs to the report and the tables.
+//! - [`shard`]: missing work of a run as files that travel, and the union of their results.
 //! - [`experiment`]: reads, checks and resolves experiment files, their scenes and their models.
 
 #[cfg_attr(not(test), warn(missing_docs))]
@@ -129,6 +130,7 @@ pub mod cli;
 pub mod epoch;
 pub mod evidence;
 pub mod experiment;
+pub mod shard;
 
 // Compiles and runs the programs of the page with `cargo test --doc`.
 #[cfg(doctest)]

@@ -42,6 +42,7 @@ const TABLE: &[(&str, &str)] = &[
         "kernel store scene formats synth sim ego backend objects llm adapters stage families agents world evaluation archive memory epoch",
     ),
     ("evidence", "kernel store scene draw objects evaluation lineage world"),
+    ("shard", "kernel store sim backend objects adapters evaluation epoch"),
     ("cli", "*"),
 ];
 

@@ -4,6 +4,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use evodrive::kernel::formula::Op;
 use evodrive::scene::PreparedScene;
 use evodrive::{ego, kernel, scene, sim};
 
@@ -67,6 +68,34 @@ fn a_step_of_a_rollout_allocates_nothing() {
     assert!(short + 40 < long, "{short} {long}");
     assert_eq!(few, same);
     assert!(few < 40, "{few}");
+}
+
+#[test]
+fn a_step_under_a_law_that_looks_at_everything_allocates_nothing() {
+    let scene = scenes::crossing(8, 40, 121);
+    let mut act = scenes::intercept(&scene, 10);
+    let Some(sim::Action::Follow { track, from_step, samples }) = act.actions.pop() else { panic!("an interception") };
+    // The sum of everything that is observed, and a way to keep the speed whatever it is.
+    let places = sim::Observed::ALL.len();
+    let mut code = vec![Op::Load(0)];
+    (1..places).for_each(|place| code.extend([Op::Load(place), Op::Plus]));
+    code.extend([Op::Constant(0.0), Op::Times]);
+    let formula = kernel::Formula::try_from(code).unwrap();
+    let law = sim::Law { onset: None, acceleration: formula.clone(), offset: Some(formula) };
+    act.actions.push(sim::Action::FollowThenObey { track, from_step, samples, law });
+    let cost = |steps: usize| {
+        let mut scene = scene.clone();
+        scene.steps = steps;
+        scene.tracks.iter_mut().chain([&mut scene.ego.track]).for_each(|t| t.samples.truncate(steps));
+        let plant = sim::Plant::new(&scene).unwrap();
+        let mut driver = ego::Policy::Replay.driver();
+        let before = COUNT.with(Cell::get);
+        let outcome = sim::rollout(&plant, &act, &mut *driver).unwrap();
+        (outcome.steps, COUNT.with(Cell::get) - before)
+    };
+    let ((short, few), (long, same)) = (cost(31), cost(81));
+    assert!(short < long, "{short} {long}");
+    assert_eq!(few, same);
 }
 
 #[test]

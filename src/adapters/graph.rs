@@ -10,11 +10,16 @@ use crate::objects::{OperatorNode, Program, Slot, pointer::within};
 
 const PLACE: &str = "/operator_graph";
 
-/// Fewest and most nodes of a slot: one for each, but any number of filters.
+/// The filter kind that unites what it is fed: its inputs must come from one timing node.
+pub const UNITES: &str = "all_of";
+
+/// Fewest and most nodes of a slot. Ways may part behind the selection of scenes and meet again before the choice.
 pub fn node_count_range(slot: Slot) -> (usize, usize) {
     match slot {
-        Slot::Filter => (0, 6),
-        _ => (1, 1),
+        Slot::Select | Slot::Diversity => (1, 1),
+        Slot::Actor | Slot::Timing | Slot::Motion | Slot::Search => (1, 3),
+        Slot::Filter => (0, 8),
+        Slot::Law => (0, 3),
     }
 }
 
@@ -110,11 +115,30 @@ impl Contract {
         };
         let used = ancestors(graph, end);
         let idle = graph.keys().filter(|name| !used.contains(name.as_str()));
-        idle.map(|name| {
+        let idle = idle.map(|name| {
             Problem::new(within(PLACE, name), "a node that leads nowhere", format!("a way from it to `{end}`"))
-        })
-        .collect()
+        });
+        idle.chain(graph.iter().filter_map(|(name, node)| check_meeting(graph, name, node))).collect()
     }
+}
+
+/// Checks that two different ways meet in a node of two inputs, and that what is united has one window an adversary.
+fn check_meeting(graph: &BTreeMap<String, OperatorNode>, name: &str, node: &OperatorNode) -> Option<Problem> {
+    let [one, other] = node.inputs.as_slice() else { return None };
+    let place = within(&within(PLACE, name), "inputs");
+    if one == other {
+        return Some(Problem::new(place, format!("`{one}` twice"), "two different nodes"));
+    }
+    let timings = |of: &str| -> BTreeSet<String> {
+        let all = ancestors(graph, of);
+        let timing = all.into_iter().filter(|name| graph.get(*name).is_some_and(|n| n.slot == Slot::Timing));
+        timing.map(String::from).collect()
+    };
+    let (ours, theirs) = (timings(one), timings(other));
+    (node.kind == UNITES && (ours != theirs || ours.len() != 1)).then(|| {
+        let found = format!("ways from {:?} and {:?}", ours, theirs);
+        Problem::new(place, found, "two ways from the same timing node: an adversary has one window")
+    })
 }
 
 fn port_names(ports: &[Port]) -> String {

@@ -22,4 +22,4 @@ pub use problem::Problem;
 pub use vocabulary::Feature;
 
 /// Part of every LLM and rollout key; rises when a contract, a prompt or the compiler changes meaning.
-pub const ADAPTER_VERSION: u32 = 2;
+pub const ADAPTER_VERSION: u32 = 3;

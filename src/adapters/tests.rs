@@ -4,7 +4,7 @@ use super::{
     toy::{contract, module, program, registry},
     *,
 };
-use crate::objects::{MechanismRef, ParameterRef, ParameterValue, Program, Setting, ValueType, expr::Expr};
+use crate::objects::{MechanismRef, ParameterRef, ParameterValue, Program, Setting, Slot, ValueType, expr::Expr};
 
 /// All findings as text after a change of the toy program.
 fn findings(change: impl FnOnce(&mut Program)) -> Vec<String> {
@@ -130,7 +130,7 @@ fn the_graph_has_no_circle_one_end_and_no_idle_node() {
 }
 
 #[test]
-fn a_slot_holds_one_node_and_filters_may_be_stacked_or_left_out() {
+fn there_is_one_selection_and_filters_may_be_stacked_or_left_out() {
     let stacked = findings(|p| {
         let mut second = p.operator_graph["filter"].clone();
         second.inputs = vec!["filter".into()];
@@ -138,13 +138,11 @@ fn a_slot_holds_one_node_and_filters_may_be_stacked_or_left_out() {
         p.operator_graph.get_mut("choice").unwrap().inputs = vec!["filter_2".into()];
     });
     assert_eq!(stacked, Vec::<String>::new());
-    let twice = finding(|p| {
-        let mut second = p.operator_graph["search"].clone();
-        second.inputs = vec!["search".into()];
-        p.operator_graph.insert("search_2".into(), second);
-        p.operator_graph.get_mut("filter").unwrap().inputs = vec!["search_2".into()];
+    let twice = findings(|p| {
+        let select = p.operator_graph.values().find(|node| node.slot == Slot::Select).unwrap().clone();
+        p.operator_graph.insert("select_2".into(), select);
     });
-    assert!(twice.contains("found 2 nodes of slot `search`, expected 1"));
+    assert!(twice.iter().any(|f| f.contains("found 2 nodes of slot `select`, expected 1")), "{twice:#?}");
 }
 
 #[test]
@@ -254,7 +252,7 @@ fn prompts_show_range_unit_and_meaning_and_are_stable() {
     let shown = contract().to_prompt_json();
     assert_eq!(shown["parameters"]["gap_limit_m"]["range"], serde_json::json!([0.0, 5.0]));
     assert_eq!(shown["parameters"]["gap_limit_m"]["unit"], "m");
-    assert_eq!(shown["operators"]["filter"]["nodes"], serde_json::json!([0, 6]));
+    assert_eq!(shown["operators"]["filter"]["nodes"], serde_json::json!([0, 8]));
     assert_eq!(shown["operators"]["actor"]["kinds"]["ranked_actors"]["settings"]["score"]["slot"], "actor_score");
     assert_eq!(shown["features"]["closing_speed_mps"]["unit"], "m/s");
     assert_eq!(shown.to_string(), contract().to_prompt_json().to_string());

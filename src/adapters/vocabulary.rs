@@ -25,6 +25,13 @@ const fn boolean(name: &'static str, describes: &'static str) -> Feature {
     Feature { name, value: ValueType::Boolean, unit: "", describes }
 }
 
+const ADVERSARY_INDEX: Feature =
+    number("adversary_index", "1", "0 for the first adversary of the scene, 1 for the second, ...");
+const ADVERSARY_COUNT: Feature = number("adversary_count", "1", "adversaries of the scene");
+
+/// Of an adversary among those of its scene, in order of rank.
+pub const GROUP: &[Feature] = &[ADVERSARY_INDEX, ADVERSARY_COUNT];
+
 /// Of a scene at its current step; computed by `scene::features`.
 pub const SCENE: &[Feature] = &[
     number("vehicle_count", "1", "vehicles observed at the current step"),
@@ -71,6 +78,51 @@ pub const ACTOR: &[Feature] = &[
     boolean("object_of_interest", "marked by the data set as interacting with the ego"),
 ];
 
+/// Of a moment of a candidate that is reshaped.
+pub const SHAPE: &[Feature] = &[
+    number("progress", "1", "share of the candidate's time that has passed, 0..1"),
+    number("progress_s", "s", "time since the window's start"),
+    number("candidate_speed_mps", "m/s", "the candidate's own speed then, before it is changed"),
+];
+
+/// What an adversary under a law observes at a decision step of the rollout (every 0.1 s), in the order of `sim::Observed`.
+pub const LAW: &[Feature] = &[
+    number("since_onset_s", "s", "time since the law took over; 0 until then"),
+    number("own_speed_mps", "m/s", "the adversary's speed now"),
+    number("own_path_left_m", "m", "way left along the candidate's path; 0 beyond its end"),
+    number(
+        "own_lane_offset_m",
+        "m",
+        "distance from the centre of the nearest lane of its direction, positive to the left",
+    ),
+    number("own_off_road_m", "m", "how far its outermost corner is off the road now"),
+    number("road_left_m", "m", "how far the road goes on to the left of it, 0..5 in half metres"),
+    number("road_right_m", "m", "how far the road goes on to the right of it, 0..5 in half metres"),
+    number("planned_acceleration_mps2", "m/s^2", "what brings it to the candidate's speed of the next step"),
+    number("seen_gap_m", "m", "distance between its box and the ego's now"),
+    number("seen_closing_mps", "m/s", "rate at which the distance of the centres shrinks now"),
+    number("seen_ttc_s", "s", "time until both boxes touch if both keep velocity and heading; 20 if never"),
+    number("seen_ego_speed_mps", "m/s", "the ego's speed now"),
+    number("seen_ego_acceleration_mps2", "m/s^2", "the ego's acceleration over the last step; negative when it brakes"),
+    number("seen_ego_heading_rad", "rad", "the ego's heading minus its own, -pi..pi"),
+    number("seen_ego_ahead_m", "m", "place of the ego along its own heading; negative when the ego is behind it"),
+    number("seen_ego_left_m", "m", "place of the ego across its own heading, positive to the left"),
+    number(
+        "ego_to_conflict_m",
+        "m",
+        "the ego's way to where the candidate's path meets its route; negative when past, 200 if never",
+    ),
+    number("own_to_conflict_m", "m", "its own way to that place; negative when past, 200 if never"),
+    number("others_gap_m", "m", "smallest distance to anyone but the ego now; 50 if nobody is near"),
+    number(
+        "others_ahead_gap_m",
+        "m",
+        "smallest distance to anyone but the ego who is in its way ahead; 50 if nobody is",
+    ),
+    ADVERSARY_INDEX,
+    ADVERSARY_COUNT,
+];
+
 /// Of a candidate trajectory of the chosen actor.
 pub const CANDIDATE: &[Feature] = &[
     number("prior_log_probability", "1", "log-probability under the family's motion prior"),
@@ -88,4 +140,23 @@ pub const CANDIDATE: &[Feature] = &[
     number("lane_deviation_m_max", "m", "largest distance from the nearest lane's centre line"),
     number("log_deviation_m_max", "m", "largest distance from the actor's own logged position"),
     number("bystander_gap_m_min", "m", "smallest box distance to any other road user's log; 50 if none comes near"),
+    number(
+        "contact_angle_rad",
+        "rad",
+        "its course against the ego's heading at the predicted contact or closest approach, 0..pi",
+    ),
+    boolean("meets_ego_front", "the predicted contact is at the ego's front"),
+    boolean("meets_ego_flank", "the predicted contact is at one of the ego's flanks"),
+    boolean("meets_ego_rear", "the predicted contact is at the ego's rear"),
+    boolean("strikes_ego", "at the predicted contact it drives into the ego, and the ego not into it"),
+    boolean("struck_by_ego", "at the predicted contact the ego drives into it, and it not into the ego"),
+    number(
+        "seen_coming_s",
+        "s",
+        "how long before that it has been in the ego's way ahead and in its sight without a break",
+    ),
+    number("wrong_way_m", "m", "way driven against the direction of lanes"),
+    number("off_road_added_m", "m", "how much farther off the road it gets than the actor's own log"),
+    number("acceleration_added_mps2", "m/s^2", "how much harder it accelerates or brakes than the actor's own log"),
+    number("jerk_added_mps3", "m/s^3", "how much more jerk it has than the actor's own log"),
 ];

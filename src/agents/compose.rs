@@ -8,8 +8,9 @@ use serde_json::json;
 use super::{
     AgentError,
     json_text::stable_json,
-    prompt::{Aside, PromptError, fill},
+    prompt::Aside,
     reply,
+    template::{PromptError, fill},
 };
 use crate::{
     llm::{Ask, ModelSpec, Request, Text},

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::{Briefing, Cluster, Context, FrontPoint, Outcomes, ParentOutcome, RecentAttempt};
+use super::{
+    Acceptance, Briefing, Change, Cluster, Context, Diagnostic, FrontPoint, Handbook, HandbookParts, Measures,
+    ParentOutcome, PastEdit, Protocol, SceneRow,
+};
 use crate::{
     adapters::{
         Contract, Domain, Limits, MechanismSlotSpec, OperatorSpec, ParameterSpec, Port, SettingSpec,
@@ -14,14 +17,15 @@ use crate::{
 
 pub struct Example {
     pub contract: Contract,
-    contract_text: String,
+    handbook: Handbook,
     pub parent: Program,
     pub lineage: LineageId,
     pub memory: Vec<Card>,
     pub clusters: Vec<Cluster>,
-    pub outcomes: Outcomes,
+    pub outcome: ParentOutcome,
+    pub window: Vec<SceneRow>,
+    pub history: Vec<PastEdit>,
     pub front: Vec<FrontPoint>,
-    pub foreign: Vec<String>,
 }
 
 impl Example {
@@ -32,8 +36,22 @@ impl Example {
 
     /// The same surroundings for another family.
     pub fn of(contract: Contract, parent: Program, foreign: Vec<String>) -> Example {
+        let measures = measures(contract.backend == "safebench");
+        Example::with(contract, parent, foreign, &measures)
+    }
+
+    /// The same under other measures.
+    pub fn with(contract: Contract, parent: Program, foreign: Vec<String>, measures: &Measures) -> Example {
+        let parts = HandbookParts {
+            contract: &contract,
+            contract_text: &super::contract_text(&contract),
+            parent: &parent,
+            foreign_vocabulary: &foreign,
+            protected_words: &["ego", "simulator"],
+            measures,
+        };
         Example {
-            contract_text: super::contract_text(&contract),
+            handbook: Handbook::of(&parts).unwrap(),
             contract,
             parent,
             lineage: LineageId::new("toy-idm"),
@@ -45,12 +63,15 @@ impl Example {
                 attacked_share: Some(0.2),
                 features: BTreeMap::from([("vehicle_count".into(), 14.2), ("ego_speed_mps".into(), 6.512_349)]),
             }],
-            outcomes: outcomes(),
+            outcome: outcome(),
+            window: window(),
+            history: history(),
             front: vec![FrontPoint {
                 solution: SolutionId::new("toy-idm/parent"),
                 objectives: Objectives { attack: 0.4, realism: 0.93 },
+                attempt: None,
+                is_parent: true,
             }],
-            foreign,
         }
     }
 
@@ -60,13 +81,13 @@ impl Example {
             epoch: 3,
             parent: &self.parent,
             parent_hash: self.parent_hash(),
-            contract: &self.contract,
-            contract_text: &self.contract_text,
-            foreign_vocabulary: &self.foreign,
+            handbook: &self.handbook,
             ego: "IDM at 10 m/s on the logged route",
             memory: &self.memory,
             clusters: &self.clusters,
-            outcomes: &self.outcomes,
+            parent_outcome: Some(&self.outcome),
+            window: &self.window,
+            history: &self.history,
             front: &self.front,
         }
     }
@@ -244,22 +265,88 @@ fn memory() -> Vec<Card> {
     ]
 }
 
-fn outcomes() -> Outcomes {
-    Outcomes {
-        parent: Some(ParentOutcome {
-            objectives: Objectives { attack: 0.4, realism: 0.931_234_567 },
-            scenes: 20,
-            failures: 1,
-            attacked_share: 0.4,
-            intervened_share: 0.9,
-            diagnostics: BTreeMap::from([("jerk".into(), 0.71), ("off_road".into(), 0.99)]),
-        }),
-        recent: vec![RecentAttempt {
-            attempt: AttemptId::at(&LineageId::new("toy-idm"), 2, 1),
-            exit: "evaluated".into(),
-            mechanism_tags: vec!["speed_mismatch".into()],
-            problems: vec![],
-            objectives: Some(Objectives { attack: 0.45, realism: 0.8 }),
-        }],
+fn outcome() -> ParentOutcome {
+    ParentOutcome {
+        objectives: Objectives { attack: 0.4, realism: 0.931_234_567 },
+        scenes: 20,
+        failures: 1,
+        coverage: 0.9,
+        diagnostics: BTreeMap::from([("jerk".into(), 0.71), ("off_road".into(), 0.99)]),
     }
+}
+
+fn window() -> Vec<SceneRow> {
+    let row = |n: u32, outcome, contact: Option<&str>, nearest_m, note: &str| SceneRow {
+        scene: format!("crossing/{n}"),
+        cluster: "junction".into(),
+        tags: vec!["light".into()],
+        actors: vec![format!("car_{n}")],
+        attack: if outcome == "attack" { 1.0 } else { 0.0 },
+        outcome,
+        contact: contact.map(str::to_string),
+        nearest_m: Some(nearest_m),
+        note: note.into(),
+        diagnostics: BTreeMap::from([("bounded_jerk".into(), 0.62), ("map_validity".into(), 1.0)]),
+    };
+    vec![
+        row(1, "attack", Some("cut_in"), 0.0, ""),
+        row(2, "anyway", Some("ego_strikes"), 0.0, ""),
+        row(3, "ego_braked", None, 1.84, "road_filter refused all, nearest violates it by 0.42"),
+    ]
+}
+
+fn history() -> Vec<PastEdit> {
+    let value = serde_json::json!({
+        "slot": "candidate_score", "inputs": ["closest_speed_mps"], "output": "number",
+        "expression": "closest_speed_mps / 10", "tags": ["speed_mismatch"],
+    });
+    let path = "/mechanism_modules/likely_contact".to_string();
+    vec![PastEdit {
+        attempt: AttemptId::at(&LineageId::new("toy-idm"), 2, 1),
+        parent: SolutionId::new("toy-idm/parent"),
+        ended: "not accepted".into(),
+        operations: vec![Operation { op: OperationKind::Replace, path, value: Some(value) }],
+        hypothesis: "Fast contacts are harder to avoid.".into(),
+        problems: vec![],
+        change: Some(Change {
+            scenes: 20,
+            attack: (0.05, Some(0.041)),
+            realism: (-0.131, Some(0.02)),
+            coverage: 0.0,
+            diagnostics: BTreeMap::from([("jerk".into(), -0.3), ("off_road".into(), 0.0)]),
+            clusters: BTreeMap::from([("junction".into(), 0.1)]),
+            won: vec!["crossing/7".into()],
+            lost: vec![],
+        }),
+    }]
+}
+
+/// Measures of either protocol with small numbers.
+pub fn measures(safebench: bool) -> Measures {
+    let diagnostic = |name: &str, weight, limits: &[(&str, f64, f64)]| Diagnostic {
+        name: name.into(),
+        weight,
+        limits: limits.iter().map(|(name, bound, tolerance)| (name.to_string(), *bound, *tolerance)).collect(),
+    };
+    let protocol = match safebench {
+        true => Protocol::Safebench { limits: vec![("jerk m/s^3".into(), 10.0, 20.0)] },
+        false => Protocol::Metadrive {
+            counts: vec!["ego_strikes".into()],
+            counts_if_avoidable: vec!["cut_in".into(), "crossing".into()],
+            diagnostics: vec![
+                diagnostic("bounded_jerk", 0.6, &[("jerk_mps3", 8.0, 4.0)]),
+                diagnostic("collision_validity", 0.4, &[]),
+            ],
+        },
+    };
+    let acceptance = Acceptance {
+        r0: 0.95,
+        a0: 0.3,
+        epsilon_r: 0.01,
+        epsilon_a: 0.02,
+        level: 0.8,
+        coverage_floor: 0.8,
+        realism_min: 0.95,
+    };
+    Measures { protocol, acceptance }
 }

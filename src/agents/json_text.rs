@@ -13,6 +13,55 @@ pub fn stable_json(value: &Value) -> String {
     out
 }
 
+/// The same text on one line without needless spaces: for what no person edits.
+pub fn lean_json(value: &Value) -> String {
+    value.to_string()
+}
+
+/// Members of the first `depth` levels a line each, without indentation and needless spaces: long tables that should cost few
+/// tokens.
+pub fn dense_json(value: &Value, depth: usize) -> String {
+    let name = |key: &String| Value::from(key.as_str()).to_string();
+    match value {
+        Value::Object(map) if depth > 0 && !map.is_empty() => {
+            let members =
+                sorted(map).into_iter().map(|(key, value)| format!("{}:{}", name(key), dense_json(value, depth - 1)));
+            format!("{{\n{}\n}}", members.collect::<Vec<_>>().join(",\n"))
+        }
+        Value::Array(items) if depth > 0 && items.iter().any(|item| item.is_object()) => {
+            let items = items.iter().map(|item| dense_json(item, depth - 1));
+            format!("[\n{}\n]", items.collect::<Vec<_>>().join(",\n"))
+        }
+        other => lean_json(other),
+    }
+}
+
+/// A list with an entry a line, or an object whose lists have an entry a line: short, and still readable.
+pub fn lines(value: &Value) -> String {
+    let line = |value: &Value| {
+        let mut out = String::new();
+        one_line(value, usize::MAX, &mut out);
+        out
+    };
+    match value {
+        Value::Array(items) if !items.is_empty() => {
+            format!("[\n{}\n]", items.iter().map(line).collect::<Vec<_>>().join(",\n"))
+        }
+        Value::Object(map) => {
+            let members = sorted(map).into_iter().map(|(key, value)| {
+                let mut name = String::new();
+                quote(key, &mut name);
+                match value {
+                    Value::Array(items) if items.iter().any(Value::is_array) => format!("{name}: {}", lines(value)),
+                    value => format!("{name}: {}", line(value)),
+                }
+            });
+            format!("{{\n{}\n}}", members.collect::<Vec<_>>().join(",\n"))
+        }
+        other => line(other),
+    }
+}
+
 fn write(value: &Value, indent: usize, out: &mut String) {
     let (start, budget) = (out.len(), LINE_MAX_CHARS.saturating_sub(indent));
     if one_line(value, start + budget, out) {
@@ -125,6 +174,27 @@ mod tests {
         assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), value);
         assert!(text.find("\"a\"") < text.find("\"b\""));
         assert!(text.lines().all(|line| !line.starts_with("```")), "a string cannot close the fence:\n{text}");
+    }
+
+    #[test]
+    fn dense_text_reads_back_and_breaks_its_first_levels_only() {
+        let value = json!({"b": {"x": {"y": [1]}, "w": 2}, "a": [{"c": 1}, {"d": []}]});
+        let text = dense_json(&value, 2);
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), value);
+        assert_eq!(text, "{\n\"a\":[\n{\"c\":1},\n{\"d\":[]}\n],\n\"b\":{\n\"w\":2,\n\"x\":{\"y\":[1]}\n}\n}");
+    }
+
+    #[test]
+    fn a_list_has_an_entry_a_line_and_reads_back() {
+        let value = json!({"columns": ["a"], "rows": [[1, "x".repeat(300)], [2, "y"]]});
+        let text = lines(&value);
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), value);
+        assert_eq!(text.lines().count(), 7, "{text}");
+        assert_eq!(
+            serde_json::from_str::<Value>(&lines(&json!([{"a": 1}, {"b": []}]))).unwrap(),
+            json!([{"a": 1}, {"b": []}])
+        );
+        assert_eq!(lines(&json!([])), "[]");
     }
 
     #[test]

@@ -3,18 +3,31 @@
 //! a model.
 
 pub mod compose;
+mod contract_text;
 pub mod counsel;
+pub mod examples;
+mod findings;
+pub mod history;
 pub mod json_text;
+pub mod measures;
 pub mod prompt;
 pub mod propose;
 pub mod reply;
 pub mod scene_prompt;
 pub mod task;
+mod template;
+pub mod window;
 
-pub use prompt::{Briefing, PromptError, contract_text};
-pub use propose::{AgentError, End, Proposed, propose};
+pub use contract_text::contract_text;
+pub use findings::Findings;
+pub use history::{Change, PastEdit};
+pub use measures::{Acceptance, Diagnostic, Measures, Protocol};
+pub use prompt::{Briefing, Handbook, HandbookParts};
+pub use propose::{AgentError, Check, End, Proposed, propose};
 pub use reply::{Refusal, schema};
-pub use task::{Cluster, Context, FrontPoint, Outcomes, ParentOutcome, RecentAttempt, Target, TargetKind, Task};
+pub use task::{Cluster, Context, FrontPoint, ParentOutcome, Target, TargetKind, Task};
+pub use template::PromptError;
+pub use window::SceneRow;
 
 #[cfg(test)]
 pub mod example;

@@ -1,67 +1,34 @@
-//! Prompts: a system message for each role, a context message for each epoch, a task message for each question. The first two are
-//! equal for every slot, so that a provider and a cassette can share them.
+//! Prompts: a handbook for each family, a context message for each epoch, a message for each role, a task message for each
+//! question. What changes least stands first, so that a provider's cache and a cassette can share it: all roles, slots and epochs of
+//! a lineage have one handbook, all roles and slots of an epoch one context.
 
 use std::{collections::BTreeMap, sync::LazyLock};
 
-use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    json_text::stable_json,
+    examples::{Examples, examples},
+    findings::{self, Findings},
+    history::PastEdit,
+    json_text::{dense_json, lean_json, lines, stable_json},
+    measures::Measures,
     reply,
-    task::{Context, Outcomes, ParentOutcome, Task},
+    task::{Context, ParentOutcome, Task},
+    template::{PromptError, fill},
+    window,
 };
 use crate::{
     adapters::{ADAPTER_VERSION, Contract},
     kernel::num,
     llm::{DrawSlot, Message, ModelSpec, Request, Schema, Text},
-    objects::{EDITABLE_SURFACE, LineageId, ProgramPatch, Review, Role},
+    objects::{Card, CardKind, LineageId, Program, ProgramPatch, Review, Role, Slot},
 };
 
 /// Decimals of objectives, shares and diagnostics in prompts. Parameters of a program are shown as they are.
 const SCORE_DECIMALS: u32 = 4;
 /// Most bytes of an unreadable reply that a repair sees.
 const UNREADABLE_MAX_CHARS: usize = 6_000;
-
-const PROTECTED: [&str; 8] = [
-    "ego policy",
-    "scenes and splits",
-    "simulator",
-    "metrics and labels",
-    "archive acceptor",
-    "compile contract",
-    "ancestors",
-    "other lineages",
-];
-
-const IO_CONTRACT: &str = include_str!("prompts/io_contract.md");
-const LANGUAGE: &str = include_str!("prompts/language.md");
-
-/// A prompt could not be written, because of a bug in a template or a value that JSON cannot hold.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("prompt `{template}` cannot be filled: {reason}; check src/agents/prompts and the values of the task")]
-pub struct PromptError {
-    /// File name of the template.
-    pub template: &'static str,
-    /// What is wrong with it.
-    pub reason: String,
-}
-
-const TEMPLATES: [(&str, &str); 12] = [
-    ("actor.md", include_str!("prompts/actor.md")),
-    ("structural_critic.md", include_str!("prompts/structural_critic.md")),
-    ("attack_critic.md", include_str!("prompts/attack_critic.md")),
-    ("realism_critic.md", include_str!("prompts/realism_critic.md")),
-    ("isolation_critic.md", include_str!("prompts/isolation_critic.md")),
-    ("repair.md", include_str!("prompts/repair.md")),
-    ("attacker_agent.md", include_str!("prompts/attacker_agent.md")),
-    ("template_agent.md", include_str!("prompts/template_agent.md")),
-    ("template.md", include_str!("prompts/template.md")),
-    ("context.md", include_str!("prompts/context.md")),
-    ("scene.md", include_str!("prompts/scene.md")),
-    ("task.md", include_str!("prompts/task.md")),
-];
 
 fn role_template(role: Role) -> Option<&'static str> {
     Some(match role {
@@ -77,14 +44,56 @@ fn role_template(role: Role) -> Option<&'static str> {
     })
 }
 
-/// A contract as prompts show it: the same in every epoch, so a run writes it out once.
-pub fn contract_text(contract: &Contract) -> String {
-    stable_json(&contract.to_prompt_json())
-}
-
 /// A patch as critics and repair see it.
 pub fn patch_text(patch: &ProgramPatch) -> Result<String, PromptError> {
     Ok(stable_json(&to_value(patch)?))
+}
+
+/// What a handbook is made of. Nothing of it changes during a run.
+#[derive(Clone, Copy, Debug)]
+pub struct HandbookParts<'a> {
+    /// Interface I_b of the family.
+    pub contract: &'a Contract,
+    /// The contract as `contract_text` writes it.
+    pub contract_text: &'a str,
+    /// A program of the family, for examples.
+    pub parent: &'a Program,
+    /// Private words of the run's other families: using one is an isolation failure.
+    pub foreign_vocabulary: &'a [String],
+    /// Words that a patch may not use at all.
+    pub protected_words: &'a [&'a str],
+    /// How programs are labelled and accepted.
+    pub measures: &'a Measures,
+}
+
+/// The message that stands first in every question to the roles that evolve programs of a family: words, objectives, language,
+/// examples, contract.
+#[derive(Clone, Debug)]
+pub struct Handbook(Text);
+
+impl Handbook {
+    /// Writes the handbook out.
+    pub fn of(parts: &HandbookParts<'_>) -> Result<Handbook, PromptError> {
+        let HandbookParts { contract, contract_text, parent, foreign_vocabulary, protected_words, measures } = *parts;
+        let Examples { works, rule } = examples(contract, parent);
+        let blocks = json!({
+            "family": contract.family,
+            "measures": measures.text()?.trim_end(),
+            "limits": contract.limits,
+            "protected_words": protected_words.join(", "),
+            "filters": contract.operators.get(&Slot::Filter).is_some_and(|kinds| !kinds.is_empty()),
+            "examples": {"works": works, "rule": rule},
+            "contract": contract_text,
+            "foreign_words": !foreign_vocabulary.is_empty(),
+            "foreign_vocabulary": stable_json(&json!(foreign_vocabulary.join(" "))),
+        });
+        Ok(Handbook(fill("handbook.md", &blocks)?.into()))
+    }
+
+    /// Its text.
+    pub fn text(&self) -> &Text {
+        &self.0
+    }
 }
 
 /// The context message of an epoch and the other parts of its questions, written once.
@@ -92,38 +101,38 @@ pub fn patch_text(patch: &ProgramPatch) -> Result<String, PromptError> {
 pub struct Briefing {
     lineage: String,
     epoch: u32,
+    handbook: Text,
     text: Text,
 }
 
 impl Briefing {
     /// Writes the context out.
     pub fn of(context: &Context<'_>) -> Result<Briefing, PromptError> {
-        let parent = to_value(context.parent)?;
         let identity = json!({
             "lineage_id": context.lineage,
-            "epoch": context.epoch,
-            "source_family": context.contract.family,
+            "source_baseline": context.parent.source_family,
             "parent_solution_id": context.parent.solution_id,
             "parent_program_hash": context.parent_hash.to_hex(),
-            "parent_generation": context.parent.generation,
             "ego": context.ego,
-            "editable_surface": EDITABLE_SURFACE,
-            "protected": PROTECTED,
         });
+        let history: Vec<Value> = context.history.iter().map(PastEdit::shown).collect();
+        let front: Vec<Value> = context.front.iter().map(to_value).collect::<Result<_, _>>()?;
+        let clusters: Vec<Value> = context.clusters.iter().map(to_value).collect::<Result<_, _>>()?;
         let blocks = json!({
             "lineage": context.lineage,
             "epoch": context.epoch,
             "identity": stable_json(&identity),
-            "contract": context.contract_text,
-            "foreign_vocabulary": stable_json(&to_value(&context.foreign_vocabulary)?),
-            "parent": stable_json(&shown_parent(parent)),
-            "memory": stable_json(&shown_memory(context)?),
-            "clusters": stable_json(&rounded(to_value(&context.clusters)?)),
-            "outcomes": stable_json(&shown_outcomes(context.outcomes)?),
-            "front": stable_json(&rounded(to_value(&context.front)?)),
+            "parent": dense_json(&shown_parent(to_value(context.parent)?), 2),
+            "outcomes": stable_json(&shown_outcomes(context.parent_outcome)?),
+            "window": lines(&window::table(context.window)),
+            "clusters": lines(&rounded(clusters.into())),
+            "front": lines(&rounded(front.into())),
+            "history": lines(&history.into()),
+            "memory": lines(&shown_memory(context)),
         });
         let text = fill("context.md", &blocks)?.into();
-        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, text })
+        let handbook = context.handbook.text().clone();
+        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, handbook, text })
     }
 
     /// The text that all slots and roles of the epoch share.
@@ -140,6 +149,10 @@ pub enum Subject<'a> {
     Review {
         /// The patch in question, as JSON text.
         patch: &'a str,
+        /// What the gates say of it.
+        findings: &'a Findings,
+        /// The critic's own answer that could not be used, and why, where it is asked again.
+        unusable: Option<(&'a [u8], &'a str)>,
     },
     /// A patch that critics want revised.
     Repair {
@@ -147,6 +160,8 @@ pub enum Subject<'a> {
         patch: &'a str,
         /// What the critics said about it.
         reviews: &'a [Review],
+        /// What the gates say of it.
+        findings: &'a Findings,
     },
     /// An answer that holds no patch.
     Unreadable {
@@ -167,11 +182,12 @@ pub fn request(
 ) -> Result<Request, PromptError> {
     let lineage = task.briefing.lineage.clone();
     let slot = DrawSlot { lineage, epoch: task.briefing.epoch, slot: task.slot, role: role.name().into(), round };
-    let Instructions { system, schema } = instructions(role)?.clone();
+    let Instructions { text, schema } = instructions(role)?.clone();
     let messages = vec![
-        Message { role: "system".into(), text: system },
+        Message { role: "system".into(), text: task.briefing.handbook.clone() },
         Message { role: "user".into(), text: task.briefing.text.clone() },
-        Message { role: "user".into(), text: question(task, &slot, subject)?.into() },
+        Message { role: "user".into(), text },
+        Message { role: "user".into(), text: question(task, role, &slot, subject)?.into() },
     ];
     Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: model.clone(), messages, schema })
 }
@@ -198,7 +214,7 @@ impl Aside<'_> {
     pub fn request(&self, asked: &[(&str, &str)], blocks: Vec<(&str, Value)>) -> Result<Request, PromptError> {
         let (lineage, role) = (self.lineage.to_string(), self.role.name().to_string());
         let slot = DrawSlot { lineage, epoch: 0, slot: self.slot, role, round: self.round };
-        let Instructions { system, schema } = instructions(self.role)?.clone();
+        let Instructions { text: system, schema } = instructions(self.role)?.clone();
         let mut task = json!({"response_id": response_id(&slot)});
         asked.iter().for_each(|(name, value)| task[*name] = (*value).into());
         let block = |(title, value): (&str, Value)| json!({"title": title, "json": stable_json(&value)});
@@ -220,11 +236,11 @@ fn task_text(slot: &DrawSlot, asked: &Value, blocks: &[Value]) -> Result<String,
     fill("task.md", &values)
 }
 
-/// The system message of a role: the same in every run of this adapter version.
+/// What a role is to do: the same in every run of this adapter version.
 #[derive(Clone, Debug)]
 pub struct Instructions {
-    /// The system message.
-    pub system: Text,
+    /// Its message.
+    pub text: Text,
     /// What its reply must satisfy.
     pub schema: Schema,
 }
@@ -247,59 +263,75 @@ fn no_part(role: Role) -> PromptError {
 fn instruct(role: Role) -> Result<Instructions, PromptError> {
     let name = role_template(role).ok_or_else(|| no_part(role))?;
     let schema = reply::schema(role);
-    let values = json!({"io_contract": IO_CONTRACT, "language": LANGUAGE, "schema": stable_json(&schema)});
-    let system = fill(name, &values)?.into();
+    let text = fill(name, &json!({"schema": lean_json(&schema)}))?.into();
     let schema = Schema::new(schema).map_err(|error| PromptError { template: name, reason: error.to_string() })?;
-    Ok(Instructions { system, schema })
+    Ok(Instructions { text, schema })
 }
 
-fn question(task: &Task<'_>, slot: &DrawSlot, subject: &Subject<'_>) -> Result<String, PromptError> {
+fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>) -> Result<String, PromptError> {
     let asked = json!({
         "response_id": response_id(slot),
         "target": task.target,
     });
     let block = |title: &str, text: &str| json!({"title": title, "json": text});
+    let unreadable = |reply: &[u8], refusal: &str| {
+        let text: String = String::from_utf8_lossy(reply).chars().take(UNREADABLE_MAX_CHARS).collect();
+        block("Unreadable reply", &stable_json(&json!({"text": text, "refusal": refusal})))
+    };
     let blocks = match subject {
         Subject::None => vec![],
-        Subject::Review { patch } => vec![block("Patch", patch)],
-        Subject::Repair { patch, reviews } => {
-            vec![block("Patch", patch), block("Reviews", &stable_json(&to_value(reviews)?))]
+        Subject::Review { patch, findings, unusable } => {
+            let shown =
+                vec![block("Patch", patch), block("Findings", &stable_json(&findings::for_critic(role, findings)))];
+            shown.into_iter().chain(unusable.map(|(reply, refusal)| unreadable(reply, refusal))).collect()
         }
-        Subject::Unreadable { reply, refusal } => {
-            let text: String = String::from_utf8_lossy(reply).chars().take(UNREADABLE_MAX_CHARS).collect();
-            vec![block("Unreadable reply", &stable_json(&json!({"text": text, "refusal": refusal})))]
-        }
+        Subject::Repair { patch, reviews, findings } => vec![
+            block("Patch", patch),
+            block("Reviews", &stable_json(&to_value(reviews)?)),
+            block("Findings", &stable_json(&findings::for_repair(findings))),
+        ],
+        Subject::Unreadable { reply, refusal } => vec![unreadable(reply, refusal)],
     };
     task_text(slot, &asked, &blocks)
 }
 
-/// The parent without its ancestors, which grow with every generation and cannot be edited.
+/// The parts of the parent that may be edited.
 fn shown_parent(mut parent: Value) -> Value {
     if let Some(map) = parent.as_object_mut() {
-        map.remove("ancestor_chain");
+        for inherited in
+            ["ancestor_chain", "compile_contract", "lineage_id", "solution_id", "source_family", "generation"]
+        {
+            map.remove(inherited);
+        }
     }
     parent
 }
 
-fn shown_memory(context: &Context<'_>) -> Result<Value, PromptError> {
-    let cards = context.memory.iter().map(|card| {
-        Ok(json!({
-            "id": card.id,
-            "kind": card.kind,
-            "lineage": card.lineage,
-            "epoch": card.epoch,
-            "text": card.text,
-            "mechanism_tags": card.mechanism_tags,
-            "scene_tags": card.scene_tags,
-        }))
-    });
-    cards.collect::<Result<Vec<Value>, PromptError>>().map(Value::from)
+/// A card without its lineage where that is this one, and without the numbers of an attempt that the edit history shows.
+fn shown_memory(context: &Context<'_>) -> Value {
+    let in_history = |card: &Card| context.history.iter().any(|edit| card.attempt.as_ref() == Some(&edit.attempt));
+    let card = |card: &Card| {
+        let mut shown = json!({"id": card.id, "kind": card.kind});
+        if card.kind == CardKind::Critic || !in_history(card) {
+            shown["text"] = json!(card.text);
+        }
+        for (title, tags) in [("mechanism_tags", &card.mechanism_tags), ("scene_tags", &card.scene_tags)] {
+            if !tags.is_empty() {
+                shown[title] = json!(tags);
+            }
+        }
+        if card.lineage != *context.lineage {
+            shown["of_lineage"] = json!(card.lineage);
+        }
+        shown
+    };
+    context.memory.iter().map(card).collect()
 }
 
-fn shown_outcomes(outcomes: &Outcomes) -> Result<Value, PromptError> {
-    let mut value = to_value(outcomes)?;
-    let weakest = outcomes.parent.as_ref().and_then(ParentOutcome::weakest_diagnostic);
-    if let (Some(weakest), Some(parent)) = (weakest, value["parent"].as_object_mut()) {
+fn shown_outcomes(outcome: Option<&ParentOutcome>) -> Result<Value, PromptError> {
+    let mut value = to_value(&outcome)?;
+    let weakest = outcome.and_then(ParentOutcome::weakest_diagnostic);
+    if let (Some(weakest), Some(parent)) = (weakest, value.as_object_mut()) {
         parent.insert("weakest_diagnostic".into(), weakest.into());
     }
     Ok(rounded(value))
@@ -319,24 +351,4 @@ pub(super) fn rounded(value: Value) -> Value {
 
 fn to_value(noun: &impl Serialize) -> Result<Value, PromptError> {
     serde_json::to_value(noun).map_err(|error| PromptError { template: "context.md", reason: error.to_string() })
-}
-
-pub(super) fn fill(name: &'static str, values: &Value) -> Result<String, PromptError> {
-    static ENVIRONMENT: LazyLock<Result<Environment<'static>, PromptError>> = LazyLock::new(environment);
-    let failed = |error: minijinja::Error| PromptError { template: name, reason: error.to_string() };
-    let template = ENVIRONMENT.as_ref().map_err(PromptError::clone)?.get_template(name).map_err(failed)?;
-    template.render(minijinja::value::Serde(values)).map_err(failed)
-}
-
-/// The templates, parsed once.
-fn environment() -> Result<Environment<'static>, PromptError> {
-    let mut environment = Environment::new();
-    environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    environment.set_auto_escape_callback(|_| minijinja::AutoEscape::None);
-    for (template, text) in TEMPLATES {
-        environment
-            .add_template(template, text)
-            .map_err(|error| PromptError { template, reason: error.to_string() })?;
-    }
-    Ok(environment)
 }

@@ -1,15 +1,18 @@
 //! Actor-critic program mutation (paper, alg:actor_critic_mutation): actor, then rounds of four critics and a repair.
 //!
-//! There is a patch only if all four critics approved it. An unusable reply of a critic counts as `repair` with a
-//! blocker that says so. It never counts as `reject`, so that one garbled answer does not end a proposal while rounds
-//! are left. After an unusable reply of the actor or a repair the round has no patch; the next repair sees the text.
+//! Each readable patch is run through the gates before its critics are asked: they and the repair are told what the gates
+//! say. A patch goes on if no critic objects and the gates let it through. A critic whose reply is unusable is asked once
+//! more and then abstains: it has no say in the round, and never uses one up. After an unusable reply of the actor or a
+//! repair the round has no patch; the next repair sees the text.
 
 use std::collections::BTreeMap;
 
 use super::{
-    prompt::{PromptError, Subject, patch_text, request},
+    findings::Findings,
+    prompt::{Subject, patch_text, request},
     reply::{self, Refusal},
     task::Task,
+    template::PromptError,
 };
 use crate::{
     llm::{Ask, AskError, ModelSpec, Reply},
@@ -19,7 +22,7 @@ use crate::{
 /// How the role loop ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum End {
-    /// All critics approved; the gates are next.
+    /// No critic objects; the gates are next.
     Patch(ProgramPatch),
     /// There is no patch to go on with.
     Declined {
@@ -54,32 +57,49 @@ pub enum AgentError {
     },
 }
 
-/// Asks actor, critics and repair for one patch. It records every exchange, also the unusable ones.
-pub fn propose(task: &Task<'_>, ask: &dyn Ask) -> Result<Proposed, AgentError> {
+/// What the gates say of a patch, given the error type of whoever runs them.
+pub type Check<'a, E> = dyn Fn(&ProgramPatch) -> Result<Findings, E> + 'a;
+
+/// Asks actor, critics and repair for one patch. It records every exchange, also the unusable ones. `check` runs the gates
+/// on each readable patch before its critics are asked.
+pub fn propose<E: From<AgentError>>(task: &Task<'_>, ask: &dyn Ask, check: &Check<'_, E>) -> Result<Proposed, E> {
     let mut talk = Talk { task, ask, exchanges: vec![] };
-    let mut rounds = vec![];
+    let mut rounds: Vec<Round> = vec![];
     let mut draft = talk.patch(Role::Actor, 0, &Subject::None)?;
     for round in 0..=task.max_repair_rounds {
-        let (patch, text, reviews) = match &draft {
-            Draft::Patch(patch) => {
-                let text = patch_text(patch)?;
-                let reviews = talk.reviews(round, &text)?;
-                (Some(patch.clone()), text, reviews)
-            }
-            Draft::Unreadable { .. } => (None, String::new(), vec![]),
-        };
-        rounds.push(Round { patch, reviews });
         let last = round == task.max_repair_rounds;
-        if let Some(end) = verdict(&draft, &rounds[rounds.len() - 1].reviews, last) {
-            return Ok(Proposed { proposal: Proposal { exchanges: talk.exchanges, rounds }, end });
-        }
-        let subject = match &draft {
-            Draft::Patch(_) => Subject::Repair { patch: &text, reviews: &rounds[rounds.len() - 1].reviews },
-            Draft::Unreadable { reply, refusal } => Subject::Unreadable { reply, refusal: &refusal.0 },
+        let next = match &draft {
+            Draft::Patch(patch) => {
+                let findings = check(patch)?;
+                let text = patch_text(patch).map_err(AgentError::from)?;
+                let reviews = talk.reviews(round, &text, &findings)?;
+                let end = verdict(patch, &reviews, findings.gates.passed(), last);
+                rounds.push(Round { patch: Some(patch.clone()), reviews: reviews.clone() });
+                match end {
+                    Some(end) => Err(end),
+                    None => {
+                        let subject = Subject::Repair { patch: &text, reviews: &reviews, findings: &findings };
+                        Ok(talk.patch(Role::Repair, round + 1, &subject)?)
+                    }
+                }
+            }
+            Draft::Unreadable { reply, refusal } => {
+                rounds.push(Round { patch: None, reviews: vec![] });
+                match last {
+                    true => Err(End::Declined { reason: format!("no readable patch: {refusal}") }),
+                    false => {
+                        let subject = Subject::Unreadable { reply, refusal: &refusal.0 };
+                        Ok(talk.patch(Role::Repair, round + 1, &subject)?)
+                    }
+                }
+            }
         };
-        draft = talk.patch(Role::Repair, round + 1, &subject)?;
+        match next {
+            Ok(repaired) => draft = repaired,
+            Err(end) => return Ok(Proposed { proposal: Proposal { exchanges: talk.exchanges, rounds }, end }),
+        }
     }
-    unreachable!("the last round always has a verdict")
+    unreachable!("the last round always has an end")
 }
 
 /// The result of the last answer, with which a round starts.
@@ -88,18 +108,19 @@ enum Draft {
     Unreadable { reply: Vec<u8>, refusal: Refusal },
 }
 
-/// The end, if this is the last round. A repair after it would never be reviewed, so none is requested.
-fn verdict(draft: &Draft, reviews: &[Review], last: bool) -> Option<End> {
+/// The end of a round with a patch; `None` asks for a repair. A repair after the last round would never be reviewed, so
+/// none is requested. A patch that no critic objects to goes on even where a gate refuses it in the last round: then it is
+/// that gate's exit.
+fn verdict(patch: &ProgramPatch, reviews: &[Review], passed: bool, last: bool) -> Option<End> {
     let declined = |reason: String| Some(End::Declined { reason });
-    match draft {
-        Draft::Unreadable { refusal, .. } if last => declined(format!("no readable patch: {refusal}")),
-        Draft::Unreadable { .. } => None,
-        Draft::Patch(patch) if reviews.iter().all(|r| r.decision == Advice::Approve) => Some(End::Patch(patch.clone())),
-        Draft::Patch(_) => match reviews.iter().find(|r| r.decision == Advice::Reject) {
-            Some(review) => declined(format!("rejected by {}: {}", review.role.name(), first_blocker(review))),
-            None if last => declined(format!("still blocked after the last repair: {}", open_blockers(reviews))),
-            None => None,
-        },
+    if let Some(review) = reviews.iter().find(|r| r.decision == Advice::Reject) {
+        return declined(format!("rejected by {}: {}", review.role.name(), first_blocker(review)));
+    }
+    let approved = reviews.iter().all(|r| r.decision == Advice::Approve);
+    match (approved, last) {
+        (true, _) if passed || last => Some(End::Patch(patch.clone())),
+        (false, true) => declined(format!("still blocked after the last repair: {}", open_blockers(reviews))),
+        _ => None,
     }
 }
 
@@ -128,13 +149,29 @@ impl Talk<'_> {
         })
     }
 
-    fn reviews(&mut self, round: u32, patch: &str) -> Result<Vec<Review>, AgentError> {
-        let subject = Subject::Review { patch };
-        let one = |role| {
-            let (_, read) = self.exchange(role, round, &subject, |bytes| reply::review(bytes, role))?;
-            Ok(read.unwrap_or_else(|refusal| unreadable_review(role, &refusal)))
-        };
-        Role::CRITICS.into_iter().map(one).collect()
+    /// The critics' reviews; who gave no readable one is not among them.
+    fn reviews(&mut self, round: u32, patch: &str, findings: &Findings) -> Result<Vec<Review>, AgentError> {
+        let mut reviews = Vec::with_capacity(Role::CRITICS.len());
+        for role in Role::CRITICS {
+            reviews.extend(self.review(role, round, patch, findings)?);
+        }
+        Ok(reviews)
+    }
+
+    /// One critic's review. An unusable answer is shown to the critic once more; after another one it abstains.
+    fn review(
+        &mut self,
+        role: Role,
+        round: u32,
+        patch: &str,
+        findings: &Findings,
+    ) -> Result<Option<Review>, AgentError> {
+        let read = |bytes: &[u8]| reply::review(bytes, role);
+        let (reply, first) = self.exchange(role, round, &Subject::Review { patch, findings, unusable: None }, read)?;
+        let Err(refusal) = first else { return Ok(first.ok()) };
+        let unusable = Some((reply.bytes.as_slice(), refusal.0.as_str()));
+        let (_, second) = self.exchange(role, round, &Subject::Review { patch, findings, unusable }, read)?;
+        Ok(second.ok())
     }
 
     /// Asks, reads, records.
@@ -162,15 +199,4 @@ impl Talk<'_> {
 
 fn model_of(models: &BTreeMap<Role, ModelSpec>, role: Role) -> Result<&ModelSpec, AgentError> {
     models.get(&role).ok_or(AgentError::NoModel { role: role.name() })
-}
-
-fn unreadable_review(role: Role, refusal: &Refusal) -> Review {
-    Review {
-        role,
-        decision: Advice::Repair,
-        blockers: vec![format!("this reviewer's reply was unreadable: {refusal}")],
-        repair_hints: vec![],
-        risk_tags: vec!["unreadable_review".into()],
-        scope: "pre_simulation".into(),
-    }
 }

@@ -5,7 +5,8 @@ use serde_json::{Value, json};
 use super::{
     counsel::Case,
     json_text::stable_json,
-    prompt::{Aside, PromptError, fill, rounded},
+    prompt::{Aside, rounded},
+    template::{PromptError, fill},
 };
 use crate::{
     kernel::num,

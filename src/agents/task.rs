@@ -3,8 +3,8 @@
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+use super::{Handbook, history::PastEdit, window::SceneRow};
 use crate::{
-    adapters::Contract,
     kernel::Digest,
     llm::ModelSpec,
     objects::{AttemptId, Card, LineageId, Objectives, Program, Role, SolutionId},
@@ -21,20 +21,20 @@ pub struct Context<'a> {
     pub parent: &'a Program,
     /// Hash of its content.
     pub parent_hash: Digest,
-    /// Interface I_b of its family.
-    pub contract: &'a Contract,
-    /// The contract as `contract_text` writes it.
-    pub contract_text: &'a str,
-    /// Private words of the run's other families: using one is an isolation failure.
-    pub foreign_vocabulary: &'a [String],
+    /// What stands before the context in every question.
+    pub handbook: &'a Handbook,
     /// The fixed driver, in a sentence.
     pub ego: &'a str,
     /// Cards that causal retrieval chose for this parent.
     pub memory: &'a [Card],
     /// The groups of scenes that a patch may refer to.
     pub clusters: &'a [Cluster],
-    /// How the parent and the latest attempts did.
-    pub outcomes: &'a Outcomes,
+    /// How the parent did on the window; `None` as long as it has no label.
+    pub parent_outcome: Option<&'a ParentOutcome>,
+    /// The same scene by scene.
+    pub window: &'a [SceneRow],
+    /// Past edits of the lineage: of every front member and card, and the latest.
+    pub history: &'a [PastEdit],
     /// The lineage's front.
     pub front: &'a [FrontPoint],
 }
@@ -55,15 +55,6 @@ pub struct Cluster {
     pub features: BTreeMap<String, f64>,
 }
 
-/// The results of the parent and of the latest attempts of its lineage.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Outcomes {
-    /// `None` as long as the parent has no label.
-    pub parent: Option<ParentOutcome>,
-    /// Newest last.
-    pub recent: Vec<RecentAttempt>,
-}
-
 /// The parent's labels, summarised over the scenes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParentOutcome {
@@ -73,10 +64,8 @@ pub struct ParentOutcome {
     pub scenes: usize,
     /// Scenes without a label.
     pub failures: usize,
-    /// Share of labelled scenes with attack above zero, 0..1.
-    pub attacked_share: f64,
-    /// Share of labelled scenes in which the program intervened, 0..1.
-    pub intervened_share: f64,
+    /// Share of labelled scenes that it acts in, 0..1.
+    pub coverage: f64,
     /// Mean of each realism diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
 }
@@ -88,21 +77,6 @@ impl ParentOutcome {
     }
 }
 
-/// How an earlier attempt of the lineage ended.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RecentAttempt {
-    /// Which attempt.
-    pub attempt: AttemptId,
-    /// `declined`, `invalid`, `rejected` or `evaluated`.
-    pub exit: String,
-    /// Tags of its mechanisms.
-    pub mechanism_tags: Vec<String>,
-    /// Reason of the decline or problems of the gates, shortened.
-    pub problems: Vec<String>,
-    /// F(c), where it was evaluated.
-    pub objectives: Option<Objectives>,
-}
-
 /// A member of the lineage's non-dominated set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FrontPoint {
@@ -110,6 +84,11 @@ pub struct FrontPoint {
     pub solution: SolutionId,
     /// F(c).
     pub objectives: Objectives,
+    /// The attempt that brought it, whose content the history shows; `None` for the first parent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attempt: Option<AttemptId>,
+    /// Whether it is the parent that is edited.
+    pub is_parent: bool,
 }
 
 /// The search target of a slot (paper: η).
@@ -119,38 +98,20 @@ pub struct Target {
     pub kind: TargetKind,
     /// The request in a sentence, as the prompt shows it and the attempt keeps it.
     pub text: String,
+    /// Where this slot should look first, so that the slots of an epoch are different ideas.
+    pub instruction: String,
 }
 
 /// What is asked for (paper: search target η).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TargetKind {
-    /// More attack at high realism.
+    /// More attack.
     RaiseAttack,
-    /// More realism at the attack that there is.
+    /// More realism.
     RaiseRealism,
     /// A trade-off that the front does not have.
     Diversify,
-}
-
-impl Target {
-    /// More attack where realism stays at or above `realism_min`, 0..1.
-    pub fn raise_attack(realism_min: f64) -> Target {
-        let text = format!("Raise attack while realism stays at or above {realism_min:.3}.");
-        Target { kind: TargetKind::RaiseAttack, text }
-    }
-
-    /// More realism at an attack of at least `attack_min`, 0..1.
-    pub fn raise_realism(attack_min: f64) -> Target {
-        let text = format!("Raise realism while attack stays at or above {attack_min:.3}.");
-        Target { kind: TargetKind::RaiseRealism, text }
-    }
-
-    /// The request for another trade-off.
-    pub fn diversify() -> Target {
-        let text = "Reach a part of the front that no member covers, by a mechanism that the lineage has not tried.";
-        Target { kind: TargetKind::Diversify, text: text.into() }
-    }
 }
 
 /// One slot's question.

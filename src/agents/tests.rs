@@ -3,11 +3,14 @@
 use serde_json::{Value, json};
 use std::{collections::BTreeMap, sync::Mutex};
 
-use super::{End, Proposed, Target, Task, example::Example, prompt, propose, reply, schema};
+use super::{
+    AgentError, End, Findings, Measures, Proposed, Protocol, Target, TargetKind, Task, example::Example, prompt,
+    propose, reply, schema,
+};
 use crate::{
     kernel::Digest,
     llm::{Ask, AskError, ModelSpec, Reply, Request},
-    objects::{Advice, Role},
+    objects::{Advice, GateReport, GateVerdict, ProgramPatch, Role, attempt::Gate},
 };
 
 /// Answers by role and round; keeps what was asked.
@@ -66,13 +69,50 @@ fn models() -> BTreeMap<Role, ModelSpec> {
     [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS).map(|role| (role, spec(role))).collect()
 }
 
+fn target() -> Target {
+    let kind = TargetKind::RaiseAttack;
+    Target { kind, text: "Raise attack above 0.400.".into(), instruction: "Look at who is chosen.".into() }
+}
+
+/// What the gates say where nothing is wrong.
+fn passed() -> Findings {
+    let all = [
+        Gate::Schema,
+        Gate::Parent,
+        Gate::Interface,
+        Gate::Isolation,
+        Gate::Protected,
+        Gate::Mechanism,
+        Gate::Compile,
+        Gate::Effect,
+    ];
+    let verdicts = all.into_iter().map(|gate| GateVerdict { gate, problems: vec![] }).collect();
+    Findings { gates: GateReport { verdicts }, compared: 8, differing: 5 }
+}
+
+/// The same with a problem of one gate.
+fn refused(gate: Gate, problem: &str) -> Findings {
+    let mut findings = passed();
+    findings.gates.verdicts.iter_mut().filter(|v| v.gate == gate).for_each(|v| v.problems.push(problem.into()));
+    findings
+}
+
 fn run(answers: &[(&'static str, u32, String)], max_repair_rounds: u32) -> (Proposed, Vec<Request>) {
+    run_with(answers, max_repair_rounds, &|_| passed())
+}
+
+fn run_with(
+    answers: &[(&'static str, u32, String)],
+    max_repair_rounds: u32,
+    gates: &dyn Fn(&ProgramPatch) -> Findings,
+) -> (Proposed, Vec<Request>) {
     let answers = answers.iter().map(|(role, round, text)| ((*role, *round), text.clone())).collect();
     let table = Table { answers, asked: Mutex::new(vec![]) };
-    let (example, target, models) = (Example::toy(), Target::raise_attack(0.95), models());
+    let (example, target, models) = (Example::toy(), target(), models());
     let briefing = example.briefing();
     let task = Task { briefing: &briefing, slot: 5, target: &target, models: &models, max_repair_rounds };
-    let proposed = propose(&task, &table).unwrap();
+    let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> { Ok(gates(patch)) };
+    let proposed = propose(&task, &table, &check).unwrap();
     (proposed, table.asked.into_inner().unwrap())
 }
 
@@ -104,7 +144,7 @@ fn a_repaired_patch_goes_back_to_all_four_critics() {
     assert_eq!(asked.len(), 10);
     assert_eq!(asked[5].slot.role, "repair");
     assert_eq!(asked[5].slot.round, 1);
-    assert!(asked[5].messages[2].text.contains("a blocker"), "the repair sees the reviews");
+    assert!(asked[5].messages[3].text.contains("a blocker"), "the repair sees the reviews");
     assert_eq!(proposed.proposal.rounds[0].reviews[1].decision, Advice::Repair);
 }
 
@@ -127,16 +167,56 @@ fn an_unreadable_actor_reply_is_recorded_and_its_text_goes_to_the_repair() {
     assert!(proposed.proposal.exchanges[0].refusal.as_ref().unwrap().contains("JSON"));
     assert_eq!(proposed.proposal.rounds[0].patch, None);
     assert_eq!(asked[1].slot.role, "repair");
-    assert!(asked[1].messages[2].text.contains("Sure!"));
+    assert!(asked[1].messages[3].text.contains("Sure!"));
     let (declined, _) = run(&[("actor", 0, "no".into())], 0);
     assert!(matches!(declined.end, End::Declined { .. }));
 }
 
 #[test]
-fn an_unreadable_review_is_no_approval() {
-    let (proposed, _) = run(&[("isolation_critic", 0, "fine with me".into())], 0);
-    assert!(matches!(&proposed.end, End::Declined { reason } if reason.contains("unreadable")));
-    assert_eq!(proposed.proposal.rounds[0].reviews[3].decision, Advice::Repair);
+fn an_unreadable_critic_is_asked_again_with_its_answer_and_then_abstains_without_using_up_a_round() {
+    let (proposed, asked) = run(&[("isolation_critic", 0, "fine with me".into())], 2);
+    assert!(matches!(proposed.end, End::Patch(_)), "{:?}", proposed.end);
+    let roles: Vec<&str> = asked.iter().map(|r| r.slot.role.as_str()).collect();
+    assert_eq!(roles[4..], ["isolation_critic", "isolation_critic"], "no repair follows");
+    assert!(asked[5].messages[3].text.contains("fine with me"), "it sees what it wrote");
+    assert_ne!(asked[4].key().unwrap(), asked[5].key().unwrap(), "another question than the first");
+    assert_eq!(proposed.proposal.rounds[0].reviews.len(), 3);
+    assert_eq!(proposed.proposal.exchanges.iter().filter(|e| e.refusal.is_some()).count(), 2);
+    let others = [
+        ("isolation_critic", 0, "fine".into()),
+        ("attack_critic", 0, review_reply("attack_critic", "reject").to_string()),
+    ];
+    assert!(matches!(run(&others, 2).0.end, End::Declined { .. }), "the others are heard");
+}
+
+#[test]
+fn a_patch_that_a_gate_refuses_goes_to_the_repair_with_the_verdict_though_all_critics_approve() {
+    let first_only = |patch: &ProgramPatch| match patch.repair_summary {
+        None => refused(Gate::Effect, "nothing moves: 7f3a"),
+        Some(_) => passed(),
+    };
+    let (proposed, asked) = run_with(&[], 2, &first_only);
+    assert!(matches!(&proposed.end, End::Patch(patch) if patch.repair_summary.is_some()));
+    assert_eq!(asked.len(), 10);
+    assert!(asked[5].slot.role == "repair" && asked[5].messages[3].text.contains("nothing moves: 7f3a"));
+    let never = |_: &ProgramPatch| refused(Gate::Compile, "does not compile");
+    let (proposed, asked) = run_with(&[], 1, &never);
+    assert!(matches!(proposed.end, End::Patch(_)), "in the last round it is the gate's exit");
+    assert_eq!(asked.iter().filter(|r| r.slot.role == "repair").count(), 1);
+}
+
+#[test]
+fn each_critic_is_told_what_the_gates_of_its_side_say() {
+    let shown = |gate: Gate| {
+        let (_, asked) = run_with(&[], 0, &|_| refused(gate, "a problem: 51c9"));
+        let told = asked.iter().filter(|r| r.messages[3].text.contains("a problem: 51c9"));
+        told.map(|r| r.slot.role.clone()).collect::<Vec<String>>()
+    };
+    assert_eq!(shown(Gate::Mechanism), ["structural_critic"]);
+    assert_eq!(shown(Gate::Isolation), ["structural_critic", "isolation_critic"]);
+    assert_eq!(shown(Gate::Effect), ["structural_critic", "attack_critic", "realism_critic"]);
+    let (_, asked) = run_with(&[], 0, &|_| Findings { compared: 97, differing: 31, ..passed() });
+    assert!(asked[1..].iter().all(|r| r.messages[3].text.contains("97") && r.messages[3].text.contains("31")));
 }
 
 #[test]
@@ -147,10 +227,10 @@ fn each_role_asks_its_own_model() {
 }
 
 #[test]
-fn slots_share_system_and_context_messages_and_no_two_questions_share_a_key() {
+fn roles_and_slots_share_handbook_and_context_and_no_two_questions_share_a_key() {
     let (_, asked) = run(&[("attack_critic", 0, review_reply("attack_critic", "repair").to_string())], 1);
-    assert!(asked.iter().all(|r| r.messages[1] == asked[0].messages[1]));
-    assert_eq!(asked[1].messages[0], asked[6].messages[0], "a role's system message is static");
+    assert!(asked.iter().all(|r| r.messages[..2] == asked[0].messages[..2]), "handbook and context are shared");
+    assert_eq!(asked[1].messages[2], asked[6].messages[2], "a role's message is static");
     let keys: std::collections::BTreeSet<Digest> = asked.iter().map(|r| r.key().unwrap()).collect();
     assert_eq!(keys.len(), asked.len());
 }
@@ -161,17 +241,17 @@ fn the_context_shows_measured_numbers_to_four_decimals_and_the_identity_exactly(
     let text = example.briefing().text().to_string();
     assert!(text.contains("0.9312") && !text.contains("0.93123"), "realism of the parent");
     assert!(text.contains("6.5123") && !text.contains("6.51234"), "features of clusters");
+    assert!(text.contains("\"attack\": \"+0.050 ± 0.041\""), "changes of past edits");
     assert!(text.contains(&example.parent_hash().to_hex()));
     assert!(text.contains("\"weakest_diagnostic\": \"jerk\""));
     assert!(!text.contains("ancestor_chain"));
 }
 
 #[test]
-fn every_role_has_a_prompt_that_names_its_schema_and_the_rules_of_identity() {
+fn every_role_has_a_message_with_its_schema() {
     for role in [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS) {
-        let text = prompt::instructions(role).unwrap().system.clone();
-        assert!(text.contains("`source_baseline` must equal `source_family`"), "{role:?}");
-        assert!(text.contains("\"additionalProperties\": false"), "{role:?}");
+        let text = prompt::instructions(role).unwrap().text.clone();
+        assert!(text.contains("\"additionalProperties\":false"), "{role:?}");
         assert!(!text.contains("{{"), "{role:?}");
         assert!(schema(role).is_object());
     }
@@ -336,4 +416,90 @@ fn what_is_not_exactly_one_json_object_is_refused() {
     }
     assert!(reply::patch(&[0xff, 0xfe], Role::Actor).is_err());
     assert!(reply::patch(format!(" {good}\n").as_bytes(), Role::Actor).is_ok());
+}
+
+/// Every part of the context, changed alone, changes the context: nothing that is shown is a constant.
+#[test]
+fn the_context_shows_what_was_tried_what_came_of_it_and_what_happened_in_each_scene() {
+    let shown = |edit: &dyn Fn(&mut Example)| {
+        let mut example = Example::toy();
+        edit(&mut example);
+        example.briefing().text().to_string()
+    };
+    let before = shown(&|_| {});
+    for word in [
+        "Fast contacts are harder",
+        "closest_speed_mps / 10",
+        "-0.300",
+        "crossing/7",
+        "\"anyway\"",
+        "ego_braked",
+        "road_filter refused all",
+        "bounded_jerk 0.62",
+        "1.8",
+        "\"junction\": \"+0.100\"",
+    ] {
+        assert!(before.contains(word), "{word}:\n{before}");
+    }
+    let edits: [&dyn Fn(&mut Example); 12] = [
+        &|e| e.history[0].operations.clear(),
+        &|e| e.history[0].hypothesis = "Another.".into(),
+        &|e| e.history[0].ended = "on the front".into(),
+        &|e| e.history[0].problems = vec!["p".into()],
+        &|e| e.history[0].change.as_mut().unwrap().attack.0 = 0.06,
+        &|e| e.history[0].change.as_mut().unwrap().realism.1 = None,
+        &|e| e.history[0].change.as_mut().unwrap().coverage = -0.1,
+        &|e| e.history[0].change.as_mut().unwrap().lost = vec!["crossing/9".into()],
+        &|e| e.window[0].actors = vec!["truck".into()],
+        &|e| e.window[1].outcome = "unavoidable",
+        &|e| e.window[2].nearest_m = Some(7.7),
+        &|e| e.window[2].diagnostics = BTreeMap::from([("bounded_jerk".into(), 0.1)]),
+    ];
+    for (n, edit) in edits.into_iter().enumerate() {
+        assert_ne!(shown(edit), before, "edit {n}");
+    }
+}
+
+#[test]
+fn the_handbook_states_the_objectives_with_the_numbers_of_the_run() {
+    let of = |change: &dyn Fn(&mut Measures)| {
+        let (toy, mut measures) = (Example::toy(), super::example::measures(false));
+        change(&mut measures);
+        let example = Example::with(toy.contract.clone(), toy.parent.clone(), vec!["swarm_budget".into()], &measures);
+        example.context().handbook.text().to_string()
+    };
+    let whole = of(&|_| {});
+    for word in [
+        "`bounded_jerk` 0.6",
+        "jerk_mps3 8.000, 4.000",
+        "ego_strikes. Classes",
+        "cut_in, crossing",
+        "swarm_budget",
+        "ego, simulator",
+    ] {
+        assert!(whole.contains(word), "{word}:\n{whole}");
+    }
+    let changes: [&dyn Fn(&mut Measures); 8] = [
+        &|m| m.acceptance.r0 = 0.77,
+        &|m| m.acceptance.a0 = 0.77,
+        &|m| m.acceptance.epsilon_r = 0.77,
+        &|m| m.acceptance.epsilon_a = 0.77,
+        &|m| m.acceptance.level = 0.77,
+        &|m| m.acceptance.coverage_floor = 0.77,
+        &|m| m.acceptance.realism_min = 0.77,
+        &|m| m.protocol = Protocol::Safebench { limits: vec![("jerk".into(), 1.0, 0.77)] },
+    ];
+    for change in changes {
+        assert!(of(change).contains("0.77"));
+    }
+}
+
+#[test]
+fn a_card_of_an_attempt_whose_edit_is_shown_does_not_repeat_it() {
+    let mut example = Example::toy();
+    let text = example.memory[0].text.clone();
+    assert_eq!(example.memory[0].attempt.as_ref(), Some(&example.history[0].attempt));
+    assert!(!example.briefing().text().contains(&text));
+    example.history.clear();
+    assert!(example.briefing().text().contains(&text));
 }

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::kernel::num;
-use crate::objects::{Difference, SceneScore, Score};
+use crate::objects::{Difference, RealismSums, SceneScore, Score};
 
 /// A difference of means below this is rounding, 1.
 const ROUNDING: f64 = 1e-12;
@@ -38,7 +38,7 @@ pub struct Panel<'s> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Means {
     pub attack: f64,
-    /// Over the scenes acted in; `None` where there are none.
+    /// `None` for a program that never acts.
     pub realism: Option<f64>,
     /// Share of scenes acted in.
     pub coverage: f64,
@@ -101,32 +101,27 @@ impl<'s> Panel<'s> {
     }
 }
 
-/// MetaDrive's protocol: attack is the mean over all scenes, realism that over the scenes in which the program acts,
-/// coverage their share.
+/// MetaDrive's protocol: attack is the mean over all scenes, realism as [`RealismSums`] has it, coverage the share of
+/// scenes acted in.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeanOverScenes;
 
 impl Measure for MeanOverScenes {
     fn account(&self, scenes: &[&SceneScore]) -> Account {
-        let acted = || scenes.iter().filter(|scene| scene.acted);
-        let (attack, realism) =
-            (num::sum(scenes.iter().map(|scene| scene.attack)), num::sum(acted().map(|scene| scene.realism)));
-        let (count, acted) = (scenes.len(), acted().count());
-        let without = |scene: &&SceneScore| match scene.acted {
-            true => means(attack - scene.attack, realism - scene.realism, acted - 1, count - 1),
-            false => means(attack - scene.attack, realism, acted, count - 1),
-        };
-        Account { whole: means(attack, realism, acted, count), without: scenes.iter().map(without).collect() }
+        let (attack, count) = (num::sum(scenes.iter().map(|scene| scene.attack)), scenes.len());
+        let realism = RealismSums::of(scenes.iter().copied());
+        let without = |scene: &&SceneScore| means(attack - scene.attack, realism.without(scene), count - 1);
+        Account { whole: means(attack, realism, count), without: scenes.iter().map(without).collect() }
     }
 }
 
-/// Of sums over `count` scenes, `acted` of which the program acts in.
-fn means(attack: f64, realism: f64, acted: usize, count: usize) -> Means {
+/// Of sums over `count` scenes.
+fn means(attack: f64, realism: RealismSums, count: usize) -> Means {
     let scenes = count.max(1) as f64;
     Means {
         attack: (attack / scenes).clamp(0.0, 1.0),
-        realism: (acted > 0).then(|| (realism / acted as f64).clamp(0.0, 1.0)),
-        coverage: acted as f64 / scenes,
+        realism: realism.realism(),
+        coverage: realism.acted() as f64 / scenes,
     }
 }
 
@@ -198,6 +193,25 @@ mod tests {
         // Left out one by one: 1, 0.5, 0.75, 0.75; mean 0.75, squares 2 * 0.0625, times 3/4.
         let realism = panel.difference(|means| means(0).realism.unwrap_or(0.0));
         assert!((realism.uncertainty.unwrap() - (0.75f64 * 0.125).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nudges_elsewhere_buy_no_realism() {
+        let program = |elsewhere: f64| {
+            let mut labels = vec![(1.0, 0.6, true), (1.0, 0.8, true)];
+            labels.extend([(0.0, elsewhere, true); 18]);
+            scenes(&labels)
+        };
+        let (honest, diluted) = (program(0.9), program(0.999));
+        let panel = Panel::of(&[&honest, &diluted], &MeanOverScenes);
+        let (honest, diluted) = (panel.means(0).realism.unwrap(), panel.means(1).realism.unwrap());
+        assert!((honest - 0.7).abs() < 1e-12 && (diluted - honest).abs() < 1e-12, "{honest} {diluted}");
+        let gain = panel.difference(|means| means(1).realism.unwrap_or(0.0) - means(0).realism.unwrap_or(0.0));
+        assert!(!is_shown(&gain, 0.8), "{gain:?}");
+        // Where the rest is the worse part, it is the rest that counts.
+        let rough = program(0.5);
+        let rough = Panel::of(&[&rough], &MeanOverScenes).means(0).realism.unwrap();
+        assert!((rough - (1.4 + 9.0) / 20.0).abs() < 1e-12, "{rough}");
     }
 
     #[test]

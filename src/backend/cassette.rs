@@ -171,6 +171,33 @@ impl RolloutCassette {
         }
     }
 
+    /// Takes a line of a cassette: a recorded rollout whose digests hold, and none that is there already. Otherwise what was
+    /// expected, and what was found.
+    pub fn read_line(&mut self, line: &[u8]) -> Result<(), (String, String)> {
+        self.read(line)
+    }
+
+    /// The lines of its rollouts, each with its end, in the order of their keys.
+    pub fn lines(&self) -> impl Iterator<Item = Vec<u8>> {
+        self.rollouts.iter().map(|(key, Recorded { scene, ego, answer })| {
+            let digest = RolloutCassette::digest_of(*key, answer);
+            let answer = AnswerLine::of(*key, answer);
+            let (scene, ego) = (scene.clone(), ego.clone());
+            line(&RolloutLine { rollout: *key, scene, ego, digest, answer })
+        })
+    }
+
+    /// The digest under which a line holds an answer.
+    pub fn digest_of(key: Digest, answer: &Answer) -> Digest {
+        Digest::of_bytes(&AnswerLine::of(key, answer).to_bytes())
+    }
+
+    /// The digest of the motion that is recorded for a request.
+    pub fn told_digest(&self, key: &Digest) -> Option<Digest> {
+        let recorded = self.rollouts.get(key).filter(|recorded| matches!(recorded.answer, Answer::Told(_)));
+        recorded.map(|recorded| RolloutCassette::digest_of(*key, &recorded.answer))
+    }
+
     pub fn get(&self, key: &Digest) -> Option<&Recorded> {
         self.rollouts.get(key)
     }
@@ -201,12 +228,7 @@ impl RolloutCassette {
             backend: self.backend.clone(),
         };
         let mut text = line(&first);
-        for (key, Recorded { scene, ego, answer }) in &self.rollouts {
-            let answer = AnswerLine::of(*key, answer);
-            let digest = Digest::of_bytes(&answer.to_bytes());
-            let (scene, ego) = (scene.clone(), ego.clone());
-            text.extend(line(&RolloutLine { rollout: *key, scene, ego, digest, answer }));
-        }
+        self.lines().for_each(|line| text.extend(line));
         text
     }
 

@@ -1,4 +1,4 @@
-//! From an intervention to samples alone. Adversaries that react are commanded to do what they did against our own
+//! From an intervention to samples alone. Adversaries that react, by skills or by a law, are commanded to do what they did against our own
 //! simulation of the same ego: a worker replays commands and has none of our adversaries' rules.
 
 use super::error::{BackendError, NoOutcome};
@@ -12,14 +12,16 @@ pub(super) fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) 
         let reason = "is staged for SafeBench, whose rules only our own simulator has; use `backend = \"evodrive\"`";
         return Err(BackendError::Unplayable(format!("scene {} {reason}", plant.scene_id())).into());
     }
-    if !intervention.actions.iter().any(|action| matches!(action, Action::FollowThenReact { .. })) {
+    let reacts = |action: &Action| matches!(action, Action::FollowThenReact { .. } | Action::FollowThenObey { .. });
+    if !intervention.actions.iter().any(reacts) {
         return Ok(intervention.clone());
     }
     let told = tell(plant, intervention, ego.driver().as_mut())?;
     let within = told.contact.is_some_and(|contact| (1..5).contains(&contact.substep));
     let rows = told.ego.len() - usize::from(within);
     let lower = |action: &Action| match action {
-        Action::FollowThenReact { track, from_step, samples, .. } => {
+        Action::FollowThenReact { track, from_step, samples, .. }
+        | Action::FollowThenObey { track, from_step, samples, .. } => {
             let from = from_step.saturating_sub(plant.first_step());
             let actor = told.actors.iter().find(|actor| actor.who == ActorRef::Track(*track));
             let driven: Vec<_> =

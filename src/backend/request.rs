@@ -86,7 +86,12 @@ impl<'a> Request<'a> {
             let (kind, length_m, width_m) = match (action, who) {
                 (Action::Insert { kind, length_m, width_m, .. }, _) => (*kind, *length_m, *width_m),
                 (Action::Triggered(script), _) => (script.kind, script.length_m, script.width_m),
-                (Action::Follow { track, .. } | Action::FollowThenReact { track, .. }, _) => {
+                (
+                    Action::Follow { track, .. }
+                    | Action::FollowThenReact { track, .. }
+                    | Action::FollowThenObey { track, .. },
+                    _,
+                ) => {
                     let track = &scene.tracks[*track];
                     (track.kind, track.length_m, track.width_m)
                 }

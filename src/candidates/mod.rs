@@ -13,3 +13,4 @@ mod weight;
 
 pub use admit::{Admission, Trials, admit};
 pub use apply::{ApplyError, apply};
+pub use protected::PROTECTED;

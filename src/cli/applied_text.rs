@@ -139,6 +139,14 @@ fn notes(of: &Comparison) -> Vec<String> {
             of.scenes.len()
         ));
     }
+    if let Some(backend) = &conditions.backend {
+        notes.push(format!(
+            "the program was evolved on labels of {} {}; `apply` plays it in our own simulator, whose labels may differ. To \
+             have it labelled there, start a lineage from this file (`parent_program`) in an experiment with that \
+             [simulator.backend]",
+            backend.name, backend.version
+        ));
+    }
     if of.ego.name() != conditions.ego {
         notes.push(format!("the program was evolved against ego {}, not {}", conditions.ego, of.ego.name()));
     }

@@ -50,6 +50,10 @@ pub struct Options {
     /// Format of the scenes in that folder; without it the page alone is written.
     #[arg(long, requires = "out")]
     pub format: Option<Format>,
+    /// Write scenes with the ego's log and the whole horizon: the program's road users move as it commands, whatever the
+    /// ego does.
+    #[arg(long, requires = "format")]
+    pub ego_log: bool,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -80,7 +84,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let replay = without_program(&applied, &entries, &threads)?;
     let written = match &options.out {
         None => Written::default(),
-        Some(out) => write(&applied, &file, &program, &entries, (out, options.format), &threads)?,
+        Some(out) => write(&applied, &file, &program, &entries, (out, options.format, options.ego_log), &threads)?,
     };
     let compared = Comparison {
         ego: ego.clone(),
@@ -176,7 +180,7 @@ fn write(
     file: &ProgramFile,
     labelled: &Labelled,
     entries: &[SceneEntry],
-    (out, format): (&Path, Option<Format>),
+    (out, format, ego_log): (&Path, Option<Format>, bool),
     threads: &Threads,
 ) -> Result<Written, Failure> {
     let labels: BTreeMap<&str, &SceneScore> =
@@ -190,7 +194,8 @@ fn write(
         let traced = traced.into_iter().collect::<Result<Vec<Played>, Failure>>()?;
         drawings.extend(traced.iter().filter(|played| shown.contains(&played.scene.id)).map(titled));
         if let Some(exports) = &mut exports {
-            exports.write(traced.iter().map(|of| (of.scene.clone(), Some(of.staging()))).collect(), threads)?;
+            let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(ego_log)?)));
+            exports.write(traced.iter().map(of).collect::<Result<_, Failure>>()?, threads)?;
         }
     }
     let page = out.join("player.html");

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::{
-    agree, apply, bench, calibrate, fsck, init, lineage, options, program, report, run, scenes, show, table, worker,
+    agree, apply, bench, calibrate, exchange, fsck, init, lineage, options, program, report, run, scenes, shard, show,
+    table, worker,
 };
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
@@ -41,6 +42,9 @@ pub enum Command {
     Verify(FolderArgs),
     /// Ask the experiment's models and write its cassette.
     Record(RecordArgs),
+    /// Questions to models of the kind `exchange`, which are answered in files.
+    #[command(subcommand)]
+    Exchange(exchange::Command),
     /// Import, generate, list, show and compare scenes.
     #[command(subcommand)]
     Scenes(scenes::Command),
@@ -68,6 +72,10 @@ pub enum Command {
     Options,
     /// Serve our own simulator's rollouts as a backend's worker does: JSON lines on stdin and stdout (docs/BACKENDS.md).
     Worker,
+    /// Do the missing work of a run on many machines: plan shards, work on them anywhere, merge what came of them
+    /// (docs/SHARDS.md).
+    #[command(subcommand)]
+    Shard(shard::Command),
     /// Measure speed.
     #[command(subcommand)]
     Bench(bench::Command),
@@ -116,6 +124,7 @@ impl Command {
             Command::Check(args) => run::check(&args, jobs),
             Command::Verify(args) => run::verify(&args, jobs),
             Command::Record(args) => run::record(&args, jobs),
+            Command::Exchange(command) => exchange::run(&command),
             Command::Scenes(command) => scenes::run(command, jobs),
             Command::Calibrate(options) => calibrate::run(&options, jobs),
             Command::Lineage(options) => lineage::run(&options),
@@ -127,6 +136,7 @@ impl Command {
             Command::Table(options) => table::run(&options),
             Command::Agree(options) => agree::run(&options, jobs),
             Command::Worker => worker::run(),
+            Command::Shard(command) => shard::run(&command, jobs),
             Command::Bench(command) => bench::run(command, jobs),
         }
     }

@@ -3,25 +3,28 @@
 use clap::{Args, Subcommand};
 use serde_json::json;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use super::answer::Answer;
+use super::bench_shards;
 use super::exit::Failure;
+use super::timed::timed;
 use std::sync::Arc;
 
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
 use crate::experiment::read_scenes;
-use crate::families;
+use crate::families::{self, grammar};
 use crate::kernel::{Seed, Threads, num};
-use crate::objects::FamilyName;
+use crate::objects::{FamilyName, Program};
 use crate::scene::Scene;
-use crate::sim::{Intervention, Part, SimError, rollout_counted, rollout_in_parts};
+use crate::sim::{Intervention, Part, RolloutCost, SimError, rollout_counted, rollout_in_parts};
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Roll every scene of a pool out, IDM ego and one CAT adversary, contact and all metrics on.
     Sim(SimOptions),
+    /// Plan, write and merge so many rollouts as shards, with one record under many names.
+    Shards(bench_shards::ShardsOptions),
 }
 
 #[derive(Debug, Args)]
@@ -32,20 +35,16 @@ pub struct SimOptions {
     /// How often the whole pool is rolled out; the figures are medians.
     #[arg(long, default_value_t = 5)]
     pub repeats: usize,
+    /// Also roll the pool out with the adversaries under a law, and give the ratio of the two speeds.
+    #[arg(long)]
+    pub law: bool,
 }
 
 pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
     match command {
         Command::Sim(options) => sim(&options, jobs),
+        Command::Shards(options) => bench_shards::run(&options, jobs),
     }
-}
-
-/// Wall time of something.
-#[allow(clippy::disallowed_methods)]
-fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
-    let start = std::time::Instant::now();
-    let result = work();
-    (result, start.elapsed())
 }
 
 fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
@@ -54,30 +53,42 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
     // Shared, not copied: a pool is in memory once.
     let scenes: Vec<Arc<Scene>> = pool?.scenes.into_iter().map(Arc::new).collect();
     let ego = Policy::Idm;
-    let (prepared, preparing) = timed(|| stages(&scenes, &ego, &threads));
-    let stages: Vec<(Situation, Intervention)> = prepared.into_iter().flatten().collect();
+    let (prepared, preparing) = timed(|| stages(&scenes, &ego, options.law, &threads));
+    let mut lawful: Vec<Intervention> = Vec::new();
+    let stages: Vec<(Situation, Intervention)> = prepared
+        .into_iter()
+        .flatten()
+        .map(|(situation, plain, law)| {
+            lawful.extend(law);
+            (situation, plain)
+        })
+        .collect();
     if stages.is_empty() {
         return Err(Failure::bad_input("no scene of the pool can be simulated with the IDM ego"));
     }
     let mut seconds = Vec::new();
+    let mut ratios = Vec::new();
     let (mut steps, mut agent_steps) = (0, 0);
     for _ in 0..options.repeats.max(1) {
-        let (costs, took) = timed(|| {
-            threads.map(&stages, |_, (situation, intervention)| {
-                rollout_counted(&situation.plant, intervention, ego.driver().as_mut()).map(|(_, cost)| cost)
-            })
-        });
-        let costs: Vec<_> = costs.into_iter().collect::<Result<_, _>>().map_err(Failure::internal)?;
-        steps = costs.iter().map(|cost| cost.steps).sum();
-        agent_steps = costs.iter().map(|cost| cost.agent_steps).sum();
-        seconds.push(took.as_secs_f64());
+        let round = Round::of(&threads, stages.len(), |i| {
+            rollout_counted(&stages[i].0.plant, &stages[i].1, ego.driver().as_mut()).map(|(_, cost)| cost)
+        })?;
+        (steps, agent_steps) = (round.steps, round.agent_steps);
+        seconds.push(round.seconds);
+        if options.law {
+            let under_law = Round::of(&threads, lawful.len(), |i| {
+                rollout_counted(&stages[i].0.plant, &lawful[i], ego.driver().as_mut()).map(|(_, cost)| cost)
+            })?;
+            ratios.push(under_law.agent_steps_per_s() / round.agent_steps_per_s());
+        }
     }
+    let law = num::quantile(&ratios, 0.5);
     let median = num::quantile(&seconds, 0.5).unwrap_or(f64::NAN);
     let rate = |count: usize| count as f64 / median;
     let split = Split::of(&stages, &ego, seconds.len()).map_err(Failure::internal)?;
     let text = format!(
         "{} scenes, {} threads, median of {} rounds\nrollouts/s     {:>14.0}\nsteps/s        {:>14.0}\nagent-steps/s  {:>14.0}\n\
-         reading the pool took {:.2} s, preparing all scenes and compiling the adversaries {:.2} s, one round of rollouts {:.4} s\n{}",
+         reading the pool took {:.2} s, preparing all scenes and compiling the adversaries {:.2} s, one round of rollouts {:.4} s\n{}{}",
         stages.len(),
         threads.count(),
         seconds.len(),
@@ -87,6 +98,8 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
         reading.as_secs_f64(),
         preparing.as_secs_f64(),
         median,
+        law.map(|ratio| format!("with every adversary under a law: {ratio:.2} times the agent-steps/s\n"))
+            .unwrap_or_default(),
         split.text()
     );
     let object = json!({
@@ -94,9 +107,37 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
         "rollouts_per_s": rate(stages.len()), "steps_per_s": rate(steps as usize),
         "agent_steps_per_s": rate(agent_steps as usize),
         "seconds": {"read": reading.as_secs_f64(), "prepare": preparing.as_secs_f64(), "rollouts_median": median},
-        "split": split.object(),
+        "split": split.object(), "law_ratio": law,
     });
     Ok(Answer::new(text, object))
+}
+
+/// All rollouts once.
+struct Round {
+    steps: u64,
+    agent_steps: u64,
+    seconds: f64,
+}
+
+impl Round {
+    fn of(
+        threads: &Threads,
+        count: usize,
+        rollout: impl Fn(usize) -> Result<RolloutCost, SimError> + Sync,
+    ) -> Result<Round, Failure> {
+        let places: Vec<usize> = (0..count).collect();
+        let (costs, took) = timed(|| threads.map(&places, |_, i| rollout(*i)));
+        let costs: Vec<RolloutCost> = costs.into_iter().collect::<Result<_, _>>().map_err(Failure::internal)?;
+        Ok(Round {
+            steps: costs.iter().map(|cost| cost.steps).sum(),
+            agent_steps: costs.iter().map(|cost| cost.agent_steps).sum(),
+            seconds: took.as_secs_f64(),
+        })
+    }
+
+    fn agent_steps_per_s(&self) -> f64 {
+        self.agent_steps as f64 / self.seconds.max(f64::MIN_POSITIVE)
+    }
 }
 
 /// Where the time of rollouts goes: a pass of its own on one thread that reads a clock at every part's border, so that
@@ -150,14 +191,28 @@ impl Split {
     }
 }
 
-/// Scenes made ready with CAT's intervention; those that the ego cannot drive are left out.
-fn stages(scenes: &[Arc<Scene>], ego: &Policy, threads: &Threads) -> Vec<Option<(Situation, Intervention)>> {
+/// A scene, CAT's intervention and, where it is asked for, the same under a law.
+type Ready = (Situation, Intervention, Option<Intervention>);
+
+/// Scenes made ready; those that the ego cannot drive are left out.
+fn stages(scenes: &[Arc<Scene>], ego: &Policy, law: bool, threads: &Threads) -> Vec<Option<Ready>> {
     let sources = families::sources();
     threads.map(scenes, |_, scene| {
         let situation = Situation::new(scene.clone(), ego).ok()?;
         let family = sources.get(&FamilyName::new("cat"))?;
-        let prepared = Prepared::new(&family.parent, family).ok()?;
-        let compiled = prepared.compile(&situation, Seed(0)).ok()?;
-        Some((situation, compiled.intervention))
+        let compiled = |program: &Program| {
+            let intervention = Prepared::new(program, family).ok()?.compile(&situation, Seed(0)).ok()?.intervention;
+            Some(intervention)
+        };
+        let plain = compiled(&family.parent)?;
+        let lawful = if law { Some(compiled(&under_law(&family.parent))?) } else { None };
+        Some((situation, plain, lawful))
     })
+}
+
+/// The program with a law that keeps to the candidate and yet looks at everything that costs time to look at.
+fn under_law(program: &Program) -> Program {
+    let brakes = "if(seen_ttc_s < 0.3 and others_ahead_gap_m < 3, -4, planned_acceleration_mps2)";
+    let moves = "if(road_left_m > 1 and seen_gap_m < 10, 0.2, 0)";
+    grammar::with_law(program, [("acceleration", brakes), ("offset", moves)])
 }

@@ -7,6 +7,7 @@ use crate::epoch::RunError;
 use crate::evaluation::{CacheError, EvaluationError};
 use crate::experiment::{ExperimentError, ProgramFileError};
 use crate::llm::{AskError, CassetteError};
+use crate::shard::ShardError;
 use crate::store::StoreError;
 
 impl From<StoreError> for Failure {
@@ -81,6 +82,19 @@ impl From<BackendError> for Failure {
 impl From<RolloutCassetteError> for Failure {
     fn from(error: RolloutCassetteError) -> Failure {
         of_rollouts(&error)
+    }
+}
+
+impl From<ShardError> for Failure {
+    fn from(error: ShardError) -> Failure {
+        match &error {
+            ShardError::Damaged { .. } => Failure::corruption(error),
+            ShardError::Foreign { .. } => Failure::bad_input(error),
+            ShardError::Diverged(_) => Failure::divergence(error),
+            ShardError::Store(store) => of_store(store),
+            ShardError::Cassette(cassette) => of_rollouts(cassette),
+            ShardError::Canon(_) => Failure::internal(error),
+        }
     }
 }
 

@@ -90,12 +90,31 @@ impl RunFolder {
         self.dir.join("rollouts.jsonl")
     }
 
+    /// Shards of missing work, and their results.
+    pub fn shards(&self) -> PathBuf {
+        self.dir.join("shards")
+    }
+
     pub fn transcript(&self) -> PathBuf {
         self.dir.join("transcript.jsonl")
     }
 
     pub fn store(&self) -> PathBuf {
         self.dir.join("store")
+    }
+
+    /// Folders of questions to models of the kind `exchange`.
+    pub fn exchanges(&self) -> PathBuf {
+        self.dir.join("exchange")
+    }
+
+    /// The folder of one such model; a fresh recording, which has a name, asks in another one.
+    pub fn exchange(&self, model: &str, fresh: Option<&str>) -> PathBuf {
+        let folder = match fresh {
+            None => model.to_string(),
+            Some(recording) => format!("{model}-fresh-{}", recording.chars().take(8).collect::<String>()),
+        };
+        self.exchanges().join(folder)
     }
 
     /// What live models have used.
@@ -153,4 +172,12 @@ impl RunFolder {
         let events = store::read_events(&self.transcript())?;
         RecordedRun::read(&events).map_err(|error| Failure::bad_input(format!("{}: {error}", self.dir.display())))
     }
+}
+
+/// Files of a folder with an ending, in order; none where there is no folder.
+pub fn files(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, Failure> {
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    Ok(store::list_files(folder, &[ending])?)
 }

@@ -1,28 +1,53 @@
 //! The models of an experiment, ready to be asked.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 
+use super::answer::progress;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::worker_process::Processes;
 use crate::experiment::Experiment;
-use crate::llm::{ClientOptions, Model, client};
+use crate::llm::{ClientOptions, Command, Exchange, Model, client};
 use crate::scripted::Scripted;
 
-/// The models that roles name, ready to be asked.
-pub fn askable(experiment: &Experiment, folder: &RunFolder) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
+/// How often the folder of an exchange is looked at.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// The models that roles name, ready to be asked. A fresh recording has a name, and folders of its own.
+pub fn askable(
+    experiment: &Experiment,
+    folder: &RunFolder,
+    fresh: Option<&str>,
+) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
     let used: BTreeSet<&String> = experiment.roles.values().collect();
     let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
     let mut live = Vec::new();
     for (name, options) in experiment.models.iter().filter(|(name, _)| used.contains(name)) {
-        match &options.client {
-            Some(client) if client::is_live(&options.kind) => live.push((name.as_str(), options.kind.as_str(), client)),
-            _ => drop(models.insert(name.clone(), Box::new(Scripted))),
-        }
+        let provenance = options.provenance.as_deref().unwrap_or_default();
+        let model: Box<dyn Model> = match (options.kind.as_str(), &options.client, &options.command) {
+            (kind, Some(client), _) if client::is_live(kind) => {
+                live.push((name.as_str(), kind, client));
+                continue;
+            }
+            (client::EXCHANGE, ..) => Box::new(exchange(&folder.exchange(name, fresh), provenance)?),
+            (client::COMMAND, _, Some(command)) => Box::new(Command::new(command.clone(), provenance, &Processes)),
+            _ => Box::new(Scripted),
+        };
+        models.insert(name.clone(), model);
     }
     if !live.is_empty() {
         models.extend(connected(&live, experiment, folder)?);
     }
     Ok(models)
+}
+
+/// A model behind a folder, which tells of each question that waits.
+fn exchange(dir: &Path, provenance: &str) -> Result<Exchange, Failure> {
+    let tell = |path: &Path| progress(format!("waits for a reply: {}", path.display()));
+    Exchange::open(dir, provenance, Arc::new(|| std::thread::sleep(LOOK)), Arc::new(tell)).map_err(Failure::bad_input)
 }
 
 /// Refuses in time what this build cannot ask.
@@ -58,7 +83,6 @@ fn connected(
     folder: &RunFolder,
 ) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
     use crate::llm::live::{Ledger, Live, Pause};
-    use std::sync::Arc;
     let cap = experiment.spend.ok_or_else(|| Failure::bad_input("a live model needs a table [spend]"))?;
     let prices = live.iter().map(|(name, _, client)| (*name, *client));
     let ledger = Arc::new(Ledger::open(folder.spend(), cap, prices).map_err(Failure::bad_input)?);

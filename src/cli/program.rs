@@ -14,7 +14,8 @@ use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::RecordedRun;
 use crate::experiment::{
-    CarriedCounsel, Conditions, ContractMark, Experiment, PROGRAM_FORMAT, ParentProgram, ProgramFile, read_pool,
+    BackendMark, CarriedCounsel, Conditions, ContractMark, Experiment, PROGRAM_FORMAT, ParentProgram, ProgramFile,
+    read_pool,
 };
 use crate::families;
 use crate::kernel::Digest;
@@ -124,6 +125,7 @@ fn packed(which: &Which) -> Result<ProgramFile, Failure> {
             seed: experiment.seed,
             versions,
             simulator: experiment.simulator.rules(),
+            backend: experiment.simulator.backend.as_ref().map(BackendMark::of),
             evaluation: experiment.evaluation.clone(),
         },
         counsel: counsel(&story, &pool, lineage),
@@ -135,7 +137,7 @@ fn packed(which: &Which) -> Result<ProgramFile, Failure> {
 }
 
 /// The program of an attempt or of a lineage's parent.
-fn find<'s>(story: &'s RecordedRun, name: &str) -> Result<&'s Program, Failure> {
+pub fn find<'s>(story: &'s RecordedRun, name: &str) -> Result<&'s Program, Failure> {
     if let Some(parent) = story.parents.iter().find(|parent| parent.program.solution_id.as_str() == name) {
         return Ok(&parent.program);
     }
@@ -176,6 +178,9 @@ fn told(file: &ProgramFile) -> Result<String, Failure> {
         let _ = writeln!(text, "from     {origin}");
     }
     let _ = writeln!(text, "played   ego {}, seed {}", file.conditions.ego, file.conditions.seed);
+    if let Some(backend) = &file.conditions.backend {
+        let _ = writeln!(text, "labels   of {} {}, worker {}", backend.name, backend.version, backend.digest.short(16));
+    }
     if !file.counsel.is_empty() {
         let _ = writeln!(text, "counsel  for {} scenes", file.counsel.len());
     }

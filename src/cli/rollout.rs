@@ -1,11 +1,11 @@
-//! Rollouts of one attempt, simulated again and compared with what the run recorded: to be drawn and exported.
+//! Rollouts of one program of a run, simulated again and compared with what the run recorded: to be drawn and exported.
 
 use clap::Args;
 use std::path::PathBuf;
 
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::{behind, playables, show};
+use super::{behind, playables, program};
 use crate::backend::Answers;
 use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Player, Study, Traced, record_digest};
@@ -13,16 +13,20 @@ use crate::evidence::RecordedRun;
 use crate::experiment::{Experiment, read_pool};
 use crate::formats::{Inserted, Staging};
 use crate::kernel::Threads;
-use crate::objects::{Attempt, SolutionId};
+use crate::objects::{Program, SceneScore, SolutionId};
 use crate::scene::{DT_S, Scene};
 use crate::sim::{Action, ActorRef, ActorTrace};
 
 /// Whose rollouts are meant, where scenes are wanted as a program played them.
 #[derive(Debug, Args)]
 pub struct OfAttempt {
-    /// Take the scenes as this attempt's program played them, e.g. cat-idm/e2s5.
+    /// Take the scenes as this program of a run played them: an attempt's, e.g. cat-idm/e2s5, or a parent, e.g.
+    /// cat-idm/parent.
     #[arg(long)]
     pub attempt: Option<String>,
+    /// Keep the ego's log and the whole horizon: the program's road users move as it commands, whatever the ego does.
+    #[arg(long, requires = "attempt")]
+    pub ego_log: bool,
     /// Run folder of the attempt; without it the latest one below runs/.
     #[arg(long, requires = "attempt")]
     pub run: Option<PathBuf>,
@@ -36,7 +40,7 @@ pub struct Played {
     pub traced: Traced,
 }
 
-/// The rollouts of an attempt in the scenes named, or in all scenes that it was labelled on.
+/// The rollouts of an attempt or a parent in the scenes named, or in all evolution scenes that it was labelled on.
 ///
 /// # Errors
 /// No such attempt, program or scene; a scene of the held-out suite while the run is unfinished; a rollout that comes
@@ -49,33 +53,63 @@ pub fn of_attempt(
 ) -> Result<Vec<Played>, Failure> {
     let folder = RunFolder::find(run.map(PathBuf::as_path))?;
     let story = folder.story()?;
-    let attempt = show::find(&story, attempt)?;
+    let labelled = Labelled::of(&story, attempt)?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = Experiment::read(&folder.experiment())?;
     let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
     let replay = behind::replay_of(&experiment, &folder)?;
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
     let player = Player::of(&study, &story.counsels, behind::backend(&experiment, answers));
-    let places = places(&study, &story, attempt, scenes)?;
-    threads.map(&places, |_, &place| play(&player, attempt, place)).into_iter().collect()
+    let places = places(&study, &story, &labelled, scenes)?;
+    threads.map(&places, |_, &place| play(&player, &labelled, place)).into_iter().collect()
+}
+
+/// A program of a run with its labels.
+struct Labelled<'s> {
+    program: &'s Program,
+    labels: Vec<&'s SceneScore>,
+}
+
+impl<'s> Labelled<'s> {
+    /// An attempt has the labels that decided about it, a parent those of its windows.
+    fn of(story: &'s RecordedRun, name: &str) -> Result<Labelled<'s>, Failure> {
+        let program = program::find(story, name)?;
+        let mut labels: Vec<&SceneScore> = Vec::new();
+        match story.attempt(name) {
+            Some(attempt) => labels.extend(attempt.exit.score().iter().flat_map(|score| &score.scenes)),
+            None => {
+                let own = story.frozen.iter().filter(|of| of.parent == program.solution_id);
+                labels.extend(own.flat_map(|of| &of.parent_score.scenes));
+                labels.sort_by(|a, b| a.scene.cmp(&b.scene));
+                labels.dedup_by(|a, b| a.scene == b.scene);
+            }
+        }
+        Ok(Labelled { program, labels })
+    }
+
+    fn name(&self) -> &'s str {
+        self.program.solution_id.as_str()
+    }
 }
 
 /// Places of the scenes in the study.
-fn places(study: &Study, story: &RecordedRun, attempt: &Attempt, scenes: &[String]) -> Result<Vec<usize>, Failure> {
-    let labelled: Vec<String> = attempt.exit.score().iter().flat_map(|s| &s.scenes).map(|s| s.scene.clone()).collect();
-    let wanted = if scenes.is_empty() { &labelled } else { scenes };
+fn places(
+    study: &Study,
+    story: &RecordedRun,
+    labelled: &Labelled<'_>,
+    scenes: &[String],
+) -> Result<Vec<usize>, Failure> {
+    let own: Vec<String> = labelled.labels.iter().map(|label| label.scene.clone()).collect();
+    let wanted = if scenes.is_empty() { &own } else { scenes };
     if wanted.is_empty() {
-        return Err(Failure::bad_input(format!(
-            "attempt {} was {}, so it has no rollouts; name scenes with --scene",
-            attempt.id,
-            attempt.exit.name()
-        )));
+        let reason = format!("program {} was not labelled; name scenes with --scene", labelled.name());
+        return Err(Failure::bad_input(reason));
     }
     let closed = story.result.is_none();
     let find = |id: &String| {
         let place = study.scenes.iter().position(|entry| entry.scene().id == *id).ok_or_else(|| {
-            let reason = format!("no scene `{id}` in this run; attempt {} was labelled on", attempt.id);
-            Failure::bad_input(format!("{reason} {}", labelled.join(", ")))
+            let reason = format!("no scene `{id}` in this run; {} was labelled on", labelled.name());
+            Failure::bad_input(format!("{reason} {}", own.join(", ")))
         })?;
         if closed && !study.evolution.contains(&place) {
             let reason = "is held out, and the run is not finished; carry it to its end with `evodrive resume`";
@@ -86,30 +120,28 @@ fn places(study: &Study, story: &RecordedRun, attempt: &Attempt, scenes: &[Strin
     wanted.iter().map(find).collect()
 }
 
-fn play(player: &Player<'_>, attempt: &Attempt, place: usize) -> Result<Played, Failure> {
+fn play(player: &Player<'_>, labelled: &Labelled<'_>, place: usize) -> Result<Played, Failure> {
     let study = player.study;
-    let Some(candidate) = attempt.exit.candidate() else {
-        let reason = format!("attempt {} was {}: it left no program to play", attempt.id, attempt.exit.name());
-        return Err(Failure::bad_input(reason));
-    };
-    let lineage = study.lineages.iter().find(|spec| spec.id == attempt.lineage);
+    let (program, name) = (labelled.program, labelled.name());
+    let lineage = study.lineages.iter().find(|spec| spec.id == program.lineage_id);
     let spec = lineage.ok_or_else(|| {
-        Failure::corruption(format!("the run's experiment has no lineage {}; run `evodrive fsck`", attempt.lineage))
+        let lineage = &program.lineage_id;
+        Failure::corruption(format!("the run's experiment has no lineage {lineage}; run `evodrive fsck`"))
     })?;
     let scene = study.scenes[place].scene();
     let traced = player
-        .trace(spec, &candidate.program, place)
-        .map_err(|reason| Failure::bad_input(format!("attempt {} in scene {}: {reason}", attempt.id, scene.id)))?;
-    let recorded = attempt.exit.score().and_then(|score| score.scenes.iter().find(|s| s.scene == scene.id));
+        .trace(spec, program, place)
+        .map_err(|reason| Failure::bad_input(format!("{name} in scene {}: {reason}", scene.id)))?;
+    let recorded = labelled.labels.iter().find(|label| label.scene == scene.id);
     let simulated = record_digest(&traced.record).map_err(Failure::internal)?;
     if let Some(recorded) = recorded.filter(|recorded| recorded.record != simulated) {
         return Err(Failure::divergence(format!(
-            "attempt {} in scene {}: the rollout comes out as {simulated}, recorded is {}; `evodrive verify` names \
-             the first difference",
-            attempt.id, scene.id, recorded.record
+            "{name} in scene {}: the rollout comes out as {simulated}, recorded is {}; `evodrive verify` names the first \
+             difference",
+            scene.id, recorded.record
         )));
     }
-    Ok(Played { solution: candidate.program.solution_id.clone(), scene: Scene::clone(scene), traced })
+    Ok(Played { solution: program.solution_id.clone(), scene: Scene::clone(scene), traced })
 }
 
 impl Played {
@@ -168,7 +200,7 @@ impl Played {
         let mut kinds = self.traced.intervention.actions.iter().filter_map(|action| match action {
             Action::Triggered(script) => Some(script.kind),
             Action::Insert { kind, .. } => Some(*kind),
-            Action::Follow { .. } | Action::FollowThenReact { .. } => None,
+            Action::Follow { .. } | Action::FollowThenReact { .. } | Action::FollowThenObey { .. } => None,
         });
         for actor in &motion.actors {
             let ActorTrace { length_m, width_m, ref samples, .. } = *actor;
@@ -186,6 +218,49 @@ impl Played {
             }
         }
         staging
+    }
+
+    /// The scene over its whole horizon with the program's road users as commanded and everybody else, the ego included,
+    /// as logged: for another simulator that drives an ego of its own.
+    ///
+    /// # Errors
+    /// An adversary waits for the ego or reacts to it, so that it has no motion without it.
+    pub fn with_ego_log(&self) -> Result<Staging, Failure> {
+        let mut staging = Staging {
+            id: format!("{} {} ego as logged", self.scene.id, self.solution),
+            from_step: self.traced.motion.from_step,
+            ego: None,
+            tracks: Default::default(),
+            inserted: vec![],
+            last_step_share: None,
+        };
+        for (action, samples) in self.traced.intervention.actions.iter().zip(&self.traced.commanded) {
+            let samples = samples.clone();
+            match action {
+                Action::Follow { track, .. } => {
+                    staging.tracks.insert(*track, samples);
+                }
+                Action::Insert { kind, length_m, width_m, .. } => {
+                    staging.inserted.push(Inserted { kind: *kind, length_m: *length_m, width_m: *width_m, samples });
+                }
+                Action::FollowThenReact { .. } | Action::FollowThenObey { .. } | Action::Triggered(_) => {
+                    return Err(Failure::bad_input(format!(
+                        "scene {}: an adversary of {} reacts to the ego, so it has no motion without that ego's; leave \
+                         --ego-log out",
+                        self.scene.id, self.solution
+                    )));
+                }
+            }
+        }
+        Ok(staging)
+    }
+
+    /// The change of its scene that is wanted.
+    ///
+    /// # Errors
+    /// As [`Played::with_ego_log`].
+    pub fn wanted(&self, ego_log: bool) -> Result<Staging, Failure> {
+        if ego_log { self.with_ego_log() } else { Ok(self.staging()) }
     }
 
     /// Where a contact ended the rollout within a step: the share of that step that was driven.

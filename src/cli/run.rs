@@ -77,7 +77,12 @@ fn carry_out_recording(job: Job, folder: &RunFolder, recording: &Recording, repo
         true => RecordMode::Fresh { recording: before_fresh(path)? },
         false => RecordMode::Missing,
     };
-    let recorder = Record::new(&answers, before, mode, models::askable(&job.experiment, folder)?);
+    let fresh = match &mode {
+        RecordMode::Fresh { recording } => Some(recording.clone()),
+        RecordMode::Missing => None,
+    };
+    let models = models::askable(&job.experiment, folder, fresh.as_deref())?;
+    let recorder = Record::new(&answers, before, mode, models);
     let name = job.experiment.name.clone();
     let backend = job.experiment.simulator.backend.clone();
     let rollouts = match (&backend, &recording.rollouts) {
@@ -168,16 +173,16 @@ fn again(args: &FolderArgs, jobs: usize, mode: Mode, report: bool) -> Result<Ans
 }
 
 /// What a run starts from.
-struct Job {
-    experiment: Experiment,
-    scenes: Pool,
-    threads: Threads,
+pub(super) struct Job {
+    pub experiment: Experiment,
+    pub scenes: Pool,
+    pub threads: Threads,
     out: std::path::PathBuf,
 }
 
 impl Job {
     /// Everything that can be refused is refused here, before a file is created.
-    fn new(args: &RunArgs, jobs: usize) -> Result<Job, Failure> {
+    pub fn new(args: &RunArgs, jobs: usize) -> Result<Job, Failure> {
         let threads = Threads::new(jobs).map_err(Failure::internal)?;
         let experiment = Experiment::read(&args.experiment)?;
         let scenes = experiment.scenes(&args.scenes, &threads)?;
@@ -187,7 +192,7 @@ impl Job {
     }
 
     /// From a run folder's own copies.
-    fn of_folder(folder: &RunFolder, jobs: usize) -> Result<Job, Failure> {
+    pub fn of_folder(folder: &RunFolder, jobs: usize) -> Result<Job, Failure> {
         let threads = Threads::new(jobs).map_err(Failure::internal)?;
         let experiment = Experiment::read(&folder.experiment())?;
         let scenes = read_pool(&folder.pool())?;
@@ -195,7 +200,7 @@ impl Job {
     }
 
     /// Makes the run folder self-contained before anything is computed.
-    fn open_folder(&self, recording: Option<&Recording>) -> Result<RunFolder, Failure> {
+    pub fn open_folder(&self, recording: Option<&Recording>) -> Result<RunFolder, Failure> {
         let folder = RunFolder::of(&self.out, &self.experiment.name, self.experiment.digest()?, self.scenes.digest())?;
         store::create_dir(&folder.dir)?;
         store::write_atomic(&folder.experiment(), self.experiment.whole_text.as_bytes())?;

@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::rollout::{self, OfAttempt};
+use super::rollout::{self, OfAttempt, Played};
 use super::scenes;
-use crate::formats::{ExportError, Exported, Note, Staging, commonroad, openscenario, scenarionet};
+use crate::formats::scenarionet::{self, DataSet};
+use crate::formats::{ExportError, Exported, ImportError, Note, Staging, commonroad, openscenario};
 use crate::kernel::Threads;
 use crate::scene::Scene;
 use crate::store;
@@ -41,7 +42,8 @@ pub struct Options {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// ScenarioNet's scene description as JSON; importing it gives the same scene.
+    /// ScenarioNet's scene description as JSON, and the same as pickles with the files of a data set, for MetaDrive;
+    /// importing either gives the same scene.
     Scenarionet,
     /// CommonRoad XML 2020a; importing it gives the same scene.
     Commonroad,
@@ -57,8 +59,15 @@ struct Job {
     name: String,
 }
 
-/// Files by name, in the order in which they are written, and what they cannot hold.
-type Files = (Vec<(String, Vec<u8>)>, Vec<Note>);
+/// What a scene becomes.
+struct Files {
+    /// By name, in the order in which they are written.
+    files: Vec<(String, Vec<u8>)>,
+    /// What they cannot hold.
+    notes: Vec<Note>,
+    /// The file that is part of a data set for MetaDrive, and its entry there.
+    listed: Option<(String, Value)>,
+}
 
 /// What was written of one scene.
 #[derive(Serialize)]
@@ -84,7 +93,8 @@ fn chosen(options: &Options, threads: usize) -> Result<Vec<(Scene, Option<Stagin
     Ok(match &options.of.attempt {
         Some(attempt) => {
             let played = rollout::of_attempt(options.of.run.as_ref(), attempt, &options.scene, threads)?;
-            played.into_iter().map(|played| (played.scene.clone(), Some(played.staging()))).collect()
+            let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(options.of.ego_log)?)));
+            played.iter().map(of).collect::<Result<_, Failure>>()?
         }
         None => of_pool(options, threads)?.into_iter().map(|scene| (scene, None)).collect(),
     })
@@ -97,11 +107,20 @@ pub struct Exports<'a> {
     taken: BTreeSet<String>,
     rows: Vec<Row>,
     left_out: Vec<(String, ExportError)>,
+    /// The pickles that were written, for MetaDrive.
+    data_set: DataSet,
 }
 
 impl<'a> Exports<'a> {
     pub fn new(format: Format, out: &'a Path) -> Exports<'a> {
-        Exports { format, out, taken: BTreeSet::new(), rows: Vec::new(), left_out: Vec::new() }
+        Exports {
+            format,
+            out,
+            taken: BTreeSet::new(),
+            rows: Vec::new(),
+            left_out: Vec::new(),
+            data_set: DataSet::default(),
+        }
     }
 
     /// Writes scenes; one that the format cannot hold is kept with its reason.
@@ -120,14 +139,20 @@ impl<'a> Exports<'a> {
                 let scene = job.staging.as_ref().map_or(&job.scene.id, |staging| &staging.id).clone();
                 match exported {
                     Err(error) => self.left_out.push((scene, error)),
-                    Ok((files, notes)) => {
+                    Ok(Files { files, notes, listed }) => {
                         for (name, bytes) in &files {
                             store::write_atomic(&self.out.join(name), bytes)?;
                         }
                         self.rows.push(Row { scene, files: files.into_iter().map(|(name, _)| name).collect(), notes });
+                        if let Some((name, summary)) = listed {
+                            self.data_set.add(name, summary);
+                        }
                     }
                 }
             }
+        }
+        for (name, bytes) in self.data_set.files() {
+            store::write_atomic(&self.out.join(name), &bytes)?;
         }
         Ok(())
     }
@@ -203,16 +228,26 @@ fn file_name(id: &str, taken: &mut BTreeSet<String>) -> String {
 
 fn export(job: &Job, format: Format) -> Result<Files, ExportError> {
     let (scene, staging) = (&job.scene, job.staging.as_ref());
-    let one =
-        |ending: &str, exported: Exported| (vec![(format!("{}.{ending}", job.name), exported.bytes)], exported.notes);
     match format {
-        Format::Scenarionet => Ok(one("json", scenarionet::export(scene, staging)?)),
-        Format::Commonroad => Ok(one("xml", commonroad::export(scene, staging)?)),
+        Format::Scenarionet => {
+            let Exported { bytes, notes } = scenarionet::export(scene, staging)?;
+            let unsound =
+                |error: ImportError| ExportError::Unsound { scene: scene.id.clone(), violation: error.to_string() };
+            let pickled = scenarionet::pickled(&bytes).map_err(unsound)?;
+            let name = scenarionet::pickle_name(&job.name);
+            let files = vec![(format!("{}.json", job.name), bytes), (name.clone(), pickled.bytes)];
+            Ok(Files { files, notes, listed: Some((name, pickled.summary)) })
+        }
+        Format::Commonroad => {
+            let Exported { bytes, notes } = commonroad::export(scene, staging)?;
+            Ok(Files { files: vec![(format!("{}.xml", job.name), bytes)], notes, listed: None })
+        }
         Format::Openscenario => {
             let road_file = format!("{}.xodr", job.name);
-            let files = openscenario::export(scene, staging, &road_file)?;
+            let made = openscenario::export(scene, staging, &road_file)?;
             // The road first: a scenario never lies beside a road that is not there yet.
-            Ok((vec![(road_file, files.xodr), (format!("{}.xosc", job.name), files.xosc)], files.notes))
+            let files = vec![(road_file, made.xodr), (format!("{}.xosc", job.name), made.xosc)];
+            Ok(Files { files, notes: made.notes, listed: None })
         }
     }
 }

@@ -64,6 +64,10 @@ fn played(options: &Options, rollouts: &[Played]) -> Result<Answer, Failure> {
         let message = format!("name one of the {} scenes with --scene: {}", ids.len(), ids.join(", "));
         return Err(Failure::bad_input(message));
     };
+    if options.of.ego_log {
+        let scene = played.with_ego_log()?.applied_to(&played.scene, &mut Vec::new()).map_err(Failure::bad_input)?;
+        return recorded(options, &scene);
+    }
     let title = format!("{} in {}: {}", played.solution, played.scene.id, played.caption());
     draw(options, &played.drawing(), &title)?;
     let text = format!("{title}\n{}", in_words(&played.scene));

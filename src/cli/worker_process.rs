@@ -1,20 +1,21 @@
-//! The one place that starts processes: workers of a backend, spoken to by lines over their standard input and output. What
-//! they write on standard error is shown.
+//! The one place that starts processes: workers of a backend, spoken to by lines over their standard input and output, and
+//! programs that answer one request. What a worker writes on standard error is shown; of a program it is kept if it fails.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::backend::{Broken, Line, Start};
 use crate::kernel::threads;
+use crate::llm::command::{Ended, Run};
 
 /// A line longer than this is refused, bytes.
 const LINE_BYTES_MAX: usize = 16 << 20;
 /// Lines that are read ahead of whoever asks.
 const LINES_AHEAD: usize = 2;
 
-/// Starts worker processes.
+/// Starts worker processes and programs.
 pub struct Processes;
 
 impl Start for Processes {
@@ -92,5 +93,141 @@ fn read_line(output: &mut impl BufRead) -> Result<Vec<u8>, Broken> {
         Some(_) if line.len() >= LINE_BYTES_MAX => Err(Broken::TooLong(LINE_BYTES_MAX)),
         Some(_) => Err(Broken::HalfLine(line.len() + 1)),
         None => Err(Broken::Ended),
+    }
+}
+
+/// Bytes of a program's output that are kept.
+const OUTPUT_BYTES_MAX: usize = 1 << 20;
+/// Bytes of the end of its standard error that are kept.
+const STDERR_BYTES: usize = 4 << 10;
+/// How often a program that has closed its output is asked whether it has ended.
+const LOOK: Duration = Duration::from_millis(10);
+
+impl Run for Processes {
+    fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended {
+        match Running::start(program, input) {
+            Ok(running) => running.end(now() + limit),
+            Err(reason) => Ended::Unstarted(reason),
+        }
+    }
+}
+
+/// The clock, for the time limit of a program.
+#[allow(clippy::disallowed_methods)]
+fn now() -> Instant {
+    Instant::now()
+}
+
+/// A program that answers one request.
+struct Running {
+    child: Child,
+    output: Receiver<Result<Vec<u8>, String>>,
+    complaints: Receiver<Vec<u8>>,
+}
+
+impl Running {
+    fn start(command: &[String], input: Vec<u8>) -> Result<Running, String> {
+        let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
+        let mut prepared = Command::new(program);
+        prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
+        let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        let (Some(mut to), Some(from), Some(errors)) = pipes else {
+            return Err(format!("`{program}` has no standard input, output or error"));
+        };
+        let failed = |error: std::io::Error| format!("no thread for `{program}`: {error}");
+        let (printed, output) = sync_channel(1);
+        let (complained, complaints) = sync_channel(1);
+        // A program may answer without reading all it is told.
+        threads::beside(move || drop(to.write_all(&input))).map_err(failed)?;
+        threads::beside(move || drop(printed.send(read_output(from)))).map_err(failed)?;
+        threads::beside(move || drop(complained.send(read_end(errors)))).map_err(failed)?;
+        Ok(Running { child, output, complaints })
+    }
+
+    /// What it printed, once it has ended; it is stopped at the deadline.
+    fn end(mut self, deadline: Instant) -> Ended {
+        let left = || deadline.saturating_duration_since(now());
+        let printed = match self.output.recv_timeout(left()) {
+            Ok(Ok(printed)) => printed,
+            Ok(Err(reason)) => return Ended::Unstarted(reason),
+            Err(_) => return self.late(),
+        };
+        loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) if status.success() => return Ended::Well(printed),
+                Ok(Some(status)) => return Ended::Badly { code: status.code(), stderr: self.complaints() },
+                Ok(None) if left().is_zero() => return self.late(),
+                Ok(None) => std::thread::sleep(LOOK),
+                Err(error) => return Ended::Unstarted(format!("it cannot be waited for: {error}")),
+            }
+        }
+    }
+
+    fn late(mut self) -> Ended {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        Ended::Late { stderr: self.complaints() }
+    }
+
+    /// Something that it started may still hold the pipe, so this is not waited for long.
+    fn complaints(&self) -> String {
+        let kept = self.complaints.recv_timeout(Duration::from_secs(1)).unwrap_or_default();
+        String::from_utf8_lossy(&kept).into_owned()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn read_output(from: impl Read) -> Result<Vec<u8>, String> {
+    let mut printed = Vec::new();
+    let read = from.take(OUTPUT_BYTES_MAX as u64 + 1).read_to_end(&mut printed);
+    match read {
+        Ok(_) if printed.len() > OUTPUT_BYTES_MAX => Err(format!("it prints more than {OUTPUT_BYTES_MAX} bytes")),
+        Ok(_) => Ok(printed),
+        Err(error) => Err(format!("its output cannot be read: {error}")),
+    }
+}
+
+/// The end of what is read.
+fn read_end(mut from: impl Read) -> Vec<u8> {
+    let (mut kept, mut piece) = (Vec::new(), [0; 4096]);
+    while let Ok(count @ 1..) = from.read(&mut piece) {
+        kept.extend_from_slice(&piece[..count]);
+        let over = kept.len().saturating_sub(STDERR_BYTES);
+        kept.drain(..over);
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str, input: &str, limit: Duration) -> Ended {
+        Processes.run(&["sh".into(), "-c".into(), script.into()], input.into(), limit)
+    }
+
+    const LONG: Duration = Duration::from_secs(60);
+
+    #[test]
+    fn a_program_answers_from_its_input_and_fails_with_its_code_and_complaint() {
+        assert_eq!(shell("read x; echo got $x", "word\n", LONG), Ended::Well(b"got word\n".to_vec()));
+        let badly = Ended::Badly { code: Some(5), stderr: "no\n".into() };
+        assert_eq!(shell("echo ignored; echo no >&2; exit 5", "", LONG), badly);
+        assert!(matches!(Processes.run(&["/no/such/program".into()], vec![], LONG), Ended::Unstarted(_)));
+    }
+
+    #[test]
+    fn a_program_beyond_its_limit_is_stopped() {
+        let late = shell("echo slow >&2; exec sleep 60", "", Duration::from_millis(300));
+        assert_eq!(late, Ended::Late { stderr: "slow\n".into() });
+        let quiet = shell("exec 1>&-; exec sleep 60", "", Duration::from_millis(300));
+        assert!(matches!(quiet, Ended::Late { .. }), "closing its output is no end: {quiet:?}");
     }
 }

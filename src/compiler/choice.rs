@@ -92,6 +92,7 @@ pub fn report(situation: &Situation, part: &Part, chosen: usize) -> ActorDecisio
         prior_log_probability: candidate.prior_log_probability,
         path_m: num::sum(steps),
         end_speed_mps: candidate.samples.last().map_or(0.0, |s| s.speed_mps()),
-        handover_step: candidate.handover_step,
+        lawful: candidate.law.is_some(),
+        handover_step: candidate.handover_step.filter(|_| candidate.law.is_none()),
     }
 }

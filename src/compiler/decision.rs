@@ -25,7 +25,10 @@ pub struct Decision {
     pub mode: Vec<String>,
     /// i, ι, ϑ: one entry an adversary.
     pub actors: Vec<ActorDecision>,
-    /// χ: what every filter removed, in graph order.
+    /// Which way was taken where two meet: `node: input`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub branches: Vec<String>,
+    /// χ: what every filter on the ways walked removed, in their order.
     pub filters: Vec<FilterReport>,
 }
 
@@ -46,6 +49,9 @@ pub struct ActorDecision {
     /// Length of the chosen path, metres, and speed at its end, m/s.
     pub path_m: f64,
     pub end_speed_mps: f64,
+    /// Whether it obeys a law.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub lawful: bool,
     /// Where the adversary turns reactive: from this scene step on it no longer follows the path.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub handover_step: Option<usize>,

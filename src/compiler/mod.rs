@@ -6,7 +6,12 @@ pub mod constraints;
 pub mod decision;
 pub mod failure;
 pub mod filters;
+mod flow;
+pub mod law;
+mod merge;
 pub mod prepared;
+mod reshape;
+pub mod searched;
 pub mod timing;
 pub mod walk;
 
@@ -15,6 +20,7 @@ pub use crate::stage::{Situation, SituationError};
 pub use decision::{ActorDecision, Compiled, Decision, FilterReport};
 pub use failure::CompileFailure;
 pub use prepared::Prepared;
+pub use searched::Searched;
 
 use crate::kernel::Seed;
 use crate::objects::Program;

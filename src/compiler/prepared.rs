@@ -1,13 +1,15 @@
 //! A program checked against its contract, with its expressions parsed and its graph in order: done once, used for
 //! every scene.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{CompileFailure, Compiled, Situation, walk};
-use crate::kernel::{Digest, Seed};
+use serde::Serialize;
+
+use super::{CompileFailure, Compiled, Searched, Situation, walk};
+use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::expr::{self, Expr};
-use crate::objects::{Counsel, OperatorNode, ParameterValue, Program, Setting, Slot};
+use crate::objects::{Counsel, FamilyName, OperatorNode, ParameterValue, Program, Setting, Slot};
 use crate::stage::judged::Needs;
 use crate::stage::{Module, Settings, Source, Stage};
 
@@ -16,6 +18,26 @@ use crate::stage::{Module, Settings, Source, Stage};
 struct Code {
     compiled: Arc<expr::Compiled>,
     needs: Needs,
+    /// All that it reads.
+    names: BTreeSet<String>,
+}
+
+/// A node as it takes effect in one scene.
+#[derive(Serialize)]
+pub(super) struct NodeInEffect<'a> {
+    family: &'a FamilyName,
+    slot: Slot,
+    kind: &'a str,
+    settings: BTreeMap<String, InEffect<'a>>,
+}
+
+/// A setting as it takes effect in one scene.
+#[derive(Serialize)]
+pub(super) enum InEffect<'a> {
+    Number(f64),
+    Word(String),
+    Parameter(Option<&'a ParameterValue>),
+    Mechanism(Option<&'a str>, BTreeMap<&'a String, &'a ParameterValue>),
 }
 
 /// A program ready to be compiled for scenes.
@@ -28,6 +50,7 @@ pub struct Prepared<'p> {
     order: Vec<&'p str>,
     conditions: Vec<expr::Compiled>,
     modules: BTreeMap<&'p str, Code>,
+    searched: Option<&'p Searched>,
 }
 
 impl<'p> Prepared<'p> {
@@ -49,9 +72,19 @@ impl<'p> Prepared<'p> {
             let names = Expr::parse(&module.expression).map_err(refused)?.names();
             let needs = Needs::of(names.iter().map(String::as_str));
             let compiled = Arc::new(code_of(&module.expression, &scope)?);
-            modules.insert(name.as_str(), Code { compiled, needs });
+            modules.insert(name.as_str(), Code { compiled, needs, names });
         }
-        Ok(Prepared { program, source, hash, order, conditions, modules })
+        Ok(Prepared { program, source, hash, order, conditions, modules, searched: None })
+    }
+
+    /// The same that looks up and keeps what its motion and search nodes come to, for programs that differ elsewhere.
+    pub fn sharing(self, searched: &'p Searched) -> Prepared<'p> {
+        Prepared { searched: Some(searched), ..self }
+    }
+
+    /// Where motion and search nodes are looked up.
+    pub(super) fn searched(&self) -> Option<&'p Searched> {
+        self.searched
     }
 
     /// Hash of the program.
@@ -69,7 +102,22 @@ impl<'p> Prepared<'p> {
         &self.program.compile_contract.constraints
     }
 
-    /// Nodes in the order in which a scene passes them.
+    /// The node that makes the choice.
+    pub(super) fn last_node(&self) -> Option<&'p str> {
+        self.order.last().copied()
+    }
+
+    /// A node by its name.
+    pub(super) fn node(&self, name: &str) -> Option<&'p OperatorNode> {
+        self.program.operator_graph.get(name)
+    }
+
+    /// How many inputs of other nodes a node is.
+    pub(super) fn feeds(&self, name: &str) -> usize {
+        self.program.operator_graph.values().flat_map(|node| &node.inputs).filter(|input| *input == name).count()
+    }
+
+    /// Nodes, each behind those that feed it.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (&'p str, &'p OperatorNode)> + '_ {
         self.order.iter().map(|name| (*name, &self.program.operator_graph[*name]))
     }
@@ -86,20 +134,49 @@ impl<'p> Prepared<'p> {
         seed: Seed,
         counsel: Option<&Counsel>,
     ) -> Result<Compiled, CompileFailure> {
-        self.compile_as(self.hash, situation, seed, counsel)
+        walk::walk(self, &Stage { situation, seed, counsel })
     }
 
-    /// The same with the random draws of the program whose hash is given: two programs that decide alike then decide the
-    /// same, bit for bit.
-    pub fn compile_as(
-        &self,
-        draws_of: Digest,
-        situation: &Situation,
-        seed: Seed,
-        counsel: Option<&Counsel>,
-    ) -> Result<Compiled, CompileFailure> {
-        let program = draws_of.short(16);
-        walk::walk(self, &Stage { situation, seed, program: &program, counsel })
+    /// All of the program that decides in a scene with these values of `vocabulary::SCENE`, beside the scene, the ego, the
+    /// counsel and the seed: the family, the rules that hold, every node with its settings as they are resolved there, the
+    /// constraints. Two programs with the same digest compile to the same, bit for bit.
+    pub fn in_effect(&self, scene_values: &[f64]) -> Result<Digest, CanonError> {
+        let rules = self.rules(scene_values);
+        let parameters = self.parameters(&rules);
+        let names: Vec<&str> = rules.iter().map(|rule| self.rule_name(*rule)).collect();
+        let nodes: Vec<_> = self
+            .nodes()
+            .map(|(name, node)| (name, self.taking_effect(name, &rules, &parameters), &node.inputs))
+            .collect();
+        Digest::of("evodrive/in-effect/1", &(&self.program.source_family, names, nodes, self.constraints()))
+    }
+
+    /// All of a node that decides in a scene, but for what is fed into it.
+    pub(super) fn taking_effect<'a>(
+        &'a self,
+        name: &str,
+        rules: &[usize],
+        parameters: &'a BTreeMap<String, ParameterValue>,
+    ) -> Option<NodeInEffect<'a>> {
+        let node = self.node(name)?;
+        let given = self.given(name, node, rules).into_iter();
+        let settings = given.map(|(setting, value)| (setting, self.resolved(value, parameters))).collect();
+        Some(NodeInEffect { family: &self.program.source_family, slot: node.slot, kind: &node.kind, settings })
+    }
+
+    /// What a setting comes to. Of a mechanism: its text, and the parameters that it reads.
+    fn resolved<'a>(&'a self, value: Setting, parameters: &'a BTreeMap<String, ParameterValue>) -> InEffect<'a> {
+        match value {
+            Setting::Number(number) => InEffect::Number(number),
+            Setting::Choice(word) => InEffect::Word(word),
+            Setting::Parameter(reference) => InEffect::Parameter(parameters.get(&reference.parameter)),
+            Setting::Mechanism(reference) => {
+                let text = self.program.mechanism_modules.get(&reference.mechanism).map(|m| m.expression.as_str());
+                let code = self.modules.get(reference.mechanism.as_str());
+                let reads = |name: &&String| code.is_some_and(|code| code.names.contains(*name));
+                InEffect::Mechanism(text, parameters.iter().filter(|(name, _)| reads(name)).collect())
+            }
+        }
     }
 
     /// Indices of the policy rules that hold in a scene with these values of `vocabulary::SCENE`.
@@ -132,6 +209,16 @@ impl<'p> Prepared<'p> {
         parameters
     }
 
+    /// What a node is told, with what the rules that hold tell it in place of that.
+    fn given(&self, name: &str, node: &OperatorNode, rules: &[usize]) -> BTreeMap<String, Setting> {
+        let mut given = node.settings.clone();
+        for rule in rules {
+            let overrides = self.program.scenario_conditioned_policy[*rule].operators.get(name);
+            given.extend(overrides.cloned().unwrap_or_default());
+        }
+        given
+    }
+
     /// The settings of a node in a scene.
     pub(super) fn settings(
         &self,
@@ -141,13 +228,8 @@ impl<'p> Prepared<'p> {
         parameters: &BTreeMap<String, ParameterValue>,
         scene_values: &[f64],
     ) -> Settings {
-        let mut given = node.settings.clone();
-        for rule in rules {
-            let overrides = self.program.scenario_conditioned_policy[*rule].operators.get(name);
-            given.extend(overrides.cloned().unwrap_or_default());
-        }
         let mut settings = Settings::default();
-        for (setting, value) in given {
+        for (setting, value) in self.given(name, node, rules) {
             match value {
                 Setting::Number(number) => drop(settings.numbers.insert(setting, number)),
                 Setting::Choice(word) => drop(settings.words.insert(setting, word)),
@@ -188,15 +270,22 @@ fn code_of(text: &str, scope: &expr::Scope) -> Result<expr::Compiled, CompileFai
     Expr::parse(text).and_then(|parsed| parsed.compile(scope)).map_err(refused)
 }
 
-/// From the choice back along the only input of every node. The contract's check has ruled out circles and forks.
+/// Every node behind those that feed it; the choice last. The contract's check has ruled out circles.
 fn order(graph: &BTreeMap<String, OperatorNode>) -> Vec<&str> {
-    let fed: Vec<&String> = graph.values().flat_map(|node| &node.inputs).collect();
-    let mut next = graph.keys().find(|name| !fed.contains(name));
-    let mut order = Vec::with_capacity(graph.len());
-    while let Some(name) = next.filter(|_| order.len() < graph.len()) {
-        order.push(name.as_str());
-        next = graph.get(name).and_then(|node| node.inputs.first());
+    let fed: BTreeSet<&String> = graph.values().flat_map(|node| &node.inputs).collect();
+    let mut open: Vec<&str> = graph.keys().filter(|name| !fed.contains(name)).map(String::as_str).collect();
+    let mut order: Vec<&str> = Vec::with_capacity(graph.len());
+    while let Some(name) = open.last().copied() {
+        let inputs = graph.get(name).into_iter().flat_map(|node| &node.inputs).map(String::as_str);
+        match inputs.filter(|input| graph.contains_key(*input)).find(|input| !order.contains(input)) {
+            Some(input) if open.len() <= graph.len() => open.push(input),
+            _ => {
+                open.pop();
+                if !order.contains(&name) {
+                    order.push(name);
+                }
+            }
+        }
     }
-    order.reverse();
     order
 }

@@ -268,3 +268,106 @@ fn on_generated_worlds_both_parents_compile_and_cat_makes_the_ego_crash_more_oft
     println!("of 22: CAT {} contacts ({near} foreseen), AT {}", contacts[0], contacts[1]);
     assert!(contacts[0] >= 3 && contacts[0] > contacts[1], "{contacts:?}");
 }
+
+/// Every numeric parameter at the far end of its range, one program each.
+fn edits(parent: &crate::objects::Program, family: &Source) -> Vec<crate::objects::Program> {
+    let far = |(name, spec): (&String, &crate::adapters::ParameterSpec)| {
+        let ParameterValue::Number(now) = parent.parameters.get(name)? else { return None };
+        let (low, high) = match spec.domain {
+            Domain::Number { low, high, .. } => (low, high),
+            Domain::Integer { low, high, .. } => (low as f64, high as f64),
+            _ => return None,
+        };
+        let mut child = parent.clone();
+        let value = if now - low > high - now { low } else { high };
+        child.parameters.insert(name.clone(), ParameterValue::Number(value));
+        Some(child)
+    };
+    family.contract.parameters.iter().filter_map(far).collect()
+}
+
+#[test]
+fn programs_that_are_alike_in_effect_compile_alike() {
+    let situation = situation();
+    let mut edited = 0;
+    let searched = Searched::new(64 << 20);
+    for name in ["cat", "at", "seal"] {
+        let family = family(name);
+        let mut parent = family.parent.clone();
+        parent.mechanism_modules.insert(
+            "quick".into(),
+            module(
+                "actor_score",
+                ValueType::Number,
+                &["actor_speed_mps", "duration_s"],
+                "actor_speed_mps * duration_s",
+            ),
+        );
+        let settings = vec![("score", grammar::from_mechanism("quick")), ("count", Setting::Number(1.0))];
+        with_node(&mut parent, "actor", Slot::Actor, "ranked_actors", &["select"], settings);
+        let all = |program: &crate::objects::Program| {
+            let prepared = Prepared::new(program, &family).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let compiled = prepared.compile(&situation, Seed(1));
+            let shared = prepared.clone().sharing(&searched).compile(&situation, Seed(1));
+            assert_eq!(
+                shared.ok(),
+                compiled.as_ref().ok().cloned(),
+                "{name}: what another program searched was taken over"
+            );
+            (prepared.in_effect(&situation.scene_values).unwrap(), compiled)
+        };
+        let (before, compiled) = all(&parent);
+        for child in edits(&parent, &family) {
+            let (after, differently) = all(&child);
+            assert!(after != before || differently.ok() == compiled.as_ref().ok().cloned(), "{name}");
+            edited += usize::from(after != before);
+            // The same edit under a rule that does not hold here.
+            let mut guarded = parent.clone();
+            let (when, parameters) = ("vehicle_count > 1000".into(), child.parameters);
+            guarded.scenario_conditioned_policy =
+                vec![PolicyRule { name: "crowd".into(), when, parameters, operators: BTreeMap::new() }];
+            let (after, alike) = all(&guarded);
+            assert_eq!((after, alike.ok()), (before, compiled.as_ref().ok().cloned()), "{name}");
+        }
+    }
+    assert!(edited > 20, "{edited}");
+}
+
+#[test]
+fn a_rule_takes_effect_where_it_holds_and_a_parameter_where_it_is_read() {
+    let family = family("cat");
+    let effect = |program: &crate::objects::Program| {
+        Prepared::new(program, &family).unwrap().in_effect(&situation().scene_values).unwrap()
+    };
+    let with_rule = |when: &str| {
+        let mut program = family.parent.clone();
+        let parameters = BTreeMap::from([("duration_s".to_string(), ParameterValue::Number(2.0))]);
+        program.scenario_conditioned_policy =
+            vec![PolicyRule { name: "short".into(), when: when.into(), parameters, operators: BTreeMap::new() }];
+        effect(&program)
+    };
+    let before = effect(&family.parent);
+    assert_eq!(with_rule("vehicle_count > 1000"), before);
+    assert_ne!(with_rule("vehicle_count > 0"), before);
+    let reading = |expression: &str, cost: f64| {
+        let mut program = family.parent.clone();
+        let reads: Vec<&str> =
+            ["actor_speed_mps", "lane_change_cost"].into_iter().filter(|name| expression.contains(name)).collect();
+        program.mechanism_modules.insert("rank".into(), module("actor_score", ValueType::Number, &reads, expression));
+        let settings = vec![("score", grammar::from_mechanism("rank")), ("count", Setting::Number(1.0))];
+        with_node(&mut program, "actor", Slot::Actor, "ranked_actors", &["select"], settings);
+        program.parameters.insert("lane_change_cost".into(), ParameterValue::Number(cost));
+        // Nothing but the expression is left to read the parameter.
+        let fixed = BTreeMap::from([("lane_change_cost".to_string(), Setting::Number(0.5))]);
+        program.scenario_conditioned_policy = vec![PolicyRule {
+            name: "fixed".into(),
+            when: "vehicle_count > 0".into(),
+            parameters: BTreeMap::new(),
+            operators: BTreeMap::from([("motion".to_string(), fixed)]),
+        }];
+        effect(&program)
+    };
+    assert_eq!(reading("actor_speed_mps", 2.0), reading("actor_speed_mps", 3.0), "nothing reads it");
+    assert_ne!(reading("actor_speed_mps * lane_change_cost", 2.0), reading("actor_speed_mps * lane_change_cost", 3.0));
+    assert_ne!(reading("actor_speed_mps", 2.0), reading("-actor_speed_mps", 2.0));
+}

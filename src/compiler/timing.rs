@@ -1,5 +1,6 @@
 //! The timing slot: when an actor's motion is changed.
 
+use crate::adapters::vocabulary;
 use crate::motion::Window;
 use crate::scene::{DT_S, TrackIx};
 use crate::stage::scripted::EGO_TRIGGER;
@@ -8,11 +9,12 @@ use crate::stage::{Settings, Situation, StageError};
 /// A shorter window is none, steps.
 const STEPS_MIN: usize = 10;
 
-/// The window of an actor, clamped so that at least a second of the scene follows its start; `None` where that does
+/// The window of an actor, which is the `place.0`-th of `place.1` adversaries, clamped so that at least a second of the scene follows its start; `None` where that does
 /// not fit or the actor was not observed just before it.
 pub fn window(
     situation: &Situation,
     actor: TrackIx,
+    place: (usize, usize),
     kind: &str,
     settings: &Settings,
 ) -> Result<Option<Window>, StageError> {
@@ -28,7 +30,11 @@ pub fn window(
             let conflict_s = facts.and_then(|f| f.value("time_to_conflict_s")).unwrap_or(0.0);
             conflict_s - settings.number("lead_s")?
         }
-        "timed_window" => settings.module("start")?.number(facts.map_or(vec![], |f| f.values.clone())),
+        "timed_window" => {
+            let mut values = facts.map_or(vec![0.0; vocabulary::ACTOR.len()], |f| f.values.clone());
+            values.extend([place.0 as f64, place.1 as f64]);
+            settings.module("start")?.number(values)
+        }
         other => return Err(StageError::Missing(format!("operator {other}"))),
     };
     let first = situation.first_step();

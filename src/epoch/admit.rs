@@ -11,7 +11,7 @@ use super::{
     probes::probes,
     study::Study,
 };
-use crate::candidates::{self, Trials};
+use crate::candidates::{self, Admission, Trials};
 use crate::kernel::Digest;
 use crate::objects::{AttemptId, Program, ProgramPatch, SolutionId};
 
@@ -30,28 +30,39 @@ fn judged(
     patch: Box<ProgramPatch>,
     tools: &Tools<'_>,
 ) -> Result<Reached, RunError> {
+    let (admission, _) = admission(study, snapshot, slot, &patch, tools)?;
+    Ok(match admission.candidate {
+        None => Reached::Invalid { gates: admission.gates },
+        Some(candidate) => Reached::Admitted { gates: admission.gates, candidate: Box::new(candidate), patch },
+    })
+}
+
+/// What the gates say of a patch for the parent of a slot, and what came of compiling its child. The agents are told the
+/// same before their critics speak; what was compiled then is not compiled again.
+pub fn admission(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    slot: u32,
+    patch: &ProgramPatch,
+    tools: &Tools<'_>,
+) -> Result<(Admission, Trials), RunError> {
     let contract = &study.source(snapshot.spec)?.contract;
     let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
     // The gates know no error of the store: it waits here until they are done.
-    let trouble: Mutex<Option<RunError>> = Mutex::new(None);
+    let outcome: Mutex<Result<Trials, RunError>> = Mutex::new(Ok(Trials::default()));
     let parent = snapshot.parent_of(slot);
     let tried = |program: &Program, hash: Digest| {
         let probes = probes(study, snapshot.spec, &snapshot.window, program, &parent.program)?;
         labelling.trials(&probes, (program, hash), (&parent.program, parent.hash))
     };
     let compiles = |program: &Program, hash: Digest| {
-        tried(program, hash).unwrap_or_else(|error| {
-            *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-            Trials::default()
-        })
+        let found = tried(program, hash);
+        let trials = found.as_ref().map(Trials::clone).unwrap_or_default();
+        *outcome.lock().unwrap_or_else(PoisonError::into_inner) = found;
+        trials
     };
-    let admission = candidates::admit(&parent.program, &patch, child, contract, &study.registry, &compiles);
-    if let Some(error) = trouble.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        return Err(error);
-    }
-    Ok(match admission.candidate {
-        None => Reached::Invalid { gates: admission.gates },
-        Some(candidate) => Reached::Admitted { gates: admission.gates, candidate: Box::new(candidate), patch },
-    })
+    let admission = candidates::admit(&parent.program, patch, child, contract, &study.registry, &compiles);
+    let trials = outcome.into_inner().unwrap_or_else(PoisonError::into_inner)?;
+    Ok((admission, trials))
 }

@@ -94,6 +94,32 @@ pub fn consider(
     Ok(Considered { head, exit })
 }
 
+/// Asks a plan for the labels that a draft will need as far as they can be told before the slots ahead of it are judged; does
+/// nothing where no plan is made.
+pub fn foretell(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    draft: &Draft,
+    judged: &Judged,
+    tools: &Tools<'_>,
+) -> Result<(), RunError> {
+    let Reached::Routed { routed, .. } = &draft.reached else { return Ok(()) };
+    if tools.wanted.is_none() || routed.is_rejected() {
+        return Ok(());
+    }
+    let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
+    let subject = (&routed.candidate.program, routed.candidate.program_hash);
+    if labelling.want(subject, &snapshot.window)? > 0 {
+        return Ok(());
+    }
+    let Ok(score) = labelling.score(subject, &snapshot.window) else { return Ok(()) };
+    let parent = &snapshot.parent_of(draft.head.slot).program.solution_id;
+    if compared(study, judged, parent, &score, tools, |standing| &standing.window)?.any() {
+        labelling.want(subject, &snapshot.so_far)?;
+    }
+    Ok(())
+}
+
 /// Compares a candidate with its parent and the front: first on the window, and where it holds there, on the scenes of all
 /// windows so far, which decide. Who is accepted stands on the front from then on.
 fn accept(

@@ -15,7 +15,7 @@ use super::{
 use crate::agents::{self, AgentError, counsel::Case};
 use crate::backend::NoOutcome;
 use crate::compiler::{Decision, Prepared, Situation};
-use crate::evaluation::{EvaluationError, RolloutCache, request_key};
+use crate::evaluation::{EvaluationError, RolloutCache};
 use crate::llm::ModelSpec;
 use crate::objects::{
     Counsel, Counselled, Program, Role,
@@ -43,8 +43,17 @@ pub fn take(
     let options = study.counsel.ok_or_else(|| RunError::Study("the experiment has no table [counsel]".into()))?;
     let model = study.models.get(&Role::AttackerAgent);
     let model = model.ok_or(AgentError::NoModel { role: Role::AttackerAgent.name() })?;
-    let rehearsal =
-        Rehearsal { study, spec, asks, parent: &parent, prepared: &prepared, options, model, tools: &desk.tools };
+    let rehearsal = Rehearsal {
+        study,
+        spec,
+        asks,
+        parent: &parent,
+        blind: &blind,
+        prepared: &prepared,
+        options,
+        model,
+        tools: &desk.tools,
+    };
     let mut met = 0;
     for event in desk.tools.threads.map(places, |_, &place| rehearsal.about(place)) {
         let event = event?;
@@ -67,6 +76,8 @@ struct Rehearsal<'a> {
     spec: &'a LineageSpec,
     asks: AskCounsel,
     parent: &'a Program,
+    /// The parent without a search of its own, and the same prepared.
+    blind: &'a Program,
     prepared: &'a Prepared<'a>,
     options: CounselOptions,
     model: &'a ModelSpec,
@@ -107,8 +118,7 @@ impl Rehearsal<'_> {
     }
 
     fn vehicles(&self, situation: &Situation) -> Result<Vec<Vehicle>, RunError> {
-        let program = self.prepared.hash().short(16);
-        let stage = Stage { situation, seed: self.study.seed, program: &program, counsel: None };
+        let stage = Stage { situation, seed: self.study.seed, counsel: None };
         let shown = (self.asks.vehicles)(&stage, self.parent, self.options.vehicles);
         shown.map_err(|error| unfit(self.spec, &error))
     }
@@ -119,14 +129,17 @@ impl Rehearsal<'_> {
         // Nothing else was counselled yet that this rollout could depend on.
         let nobody = Counsels::default();
         let labelling = Labelling { study, spec, counsels: &nobody, tools: self.tools };
-        let entry = &study.scenes[place];
-        let advised = Some(counsel.digest()?);
-        let key = {
-            let (ego, simulator) = (spec.ego.digest(), study.rules()?);
-            request_key(self.prepared.hash(), entry.digest, ego, simulator, study.seed, advised)?
-        };
+        let hash = self.prepared.hash();
+        if labelling.want_label((self.blind, hash), place, Some(counsel))? {
+            return Err(RunError::Wanting);
+        }
+        let key = labelling.label_key(hash, place, Some(counsel))?;
         let record = match self.tools.rollouts.recorded(&key)? {
             Some((record, _)) => record,
+            None if self.tools.wanted.is_some() => {
+                let reason = self.tools.rollouts.no_label(&key)?;
+                return Ok(Trial::Refused { reason: reason.unwrap_or_default() });
+            }
             None => match labelling.rollout(self.prepared, place, Some(counsel)) {
                 Ok(record) => {
                     self.tools.rollouts.keep(&key, &record)?;

@@ -20,6 +20,12 @@ impl Counsels {
         counsels
     }
 
+    /// One counsel alone, for one scene of one lineage.
+    pub fn given(lineage: &LineageId, scene: &str, counsel: Option<&Counsel>) -> Counsels {
+        let given = |counsel: &Counsel| (lineage.clone(), BTreeMap::from([(scene.to_string(), counsel.clone())]));
+        Counsels(counsel.map(given).into_iter().collect())
+    }
+
     pub fn keep(&mut self, event: &Counselled) {
         self.0.entry(event.lineage.clone()).or_default().insert(event.scene.clone(), event.counsel.clone());
     }

@@ -1,13 +1,22 @@
 //! What acts in a run, apart from what it is a function of: where events go, where answers and labels come from, what the
 //! work costs, who watches.
 
-use std::sync::Mutex;
+use std::sync::Arc;
 
-use super::{cost::Meter, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study};
+use super::{
+    cost::Meter, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study, wanted::Wanted,
+};
 use crate::backend::Backend;
-use crate::kernel::Threads;
+use crate::compiler::{Compiled, Searched};
+use crate::kernel::{Digest, Kept, Threads};
 use crate::llm::Ask;
 use crate::store::Transcript;
+
+/// Most compilations that are kept: some epochs' worth of what probe scenes and windows share, about 10 kB each.
+const COMPILED_MAX: usize = 8192;
+
+/// Most bytes of searches that are kept: a lineage's window several times over.
+const SEARCHED_BYTES_MAX: usize = 192 << 20;
 
 /// Everything that a run works with besides the study.
 pub struct Desk<'a> {
@@ -28,9 +37,13 @@ pub struct Tools<'a> {
     pub meter: Meter<'a>,
     /// Who simulates rollouts for labels.
     pub backend: Backend<'a>,
+    /// Where a plan gathers missing work; `None` where the work is done.
+    pub(super) wanted: Option<&'a Wanted>,
     pub(super) situations: Situations,
-    /// Held while a parent is compiled on a probe scene: the workers share it, and it is compiled once.
-    pub(super) parent_trial: Mutex<()>,
+    /// What programs were compiled to, or why not, by all that decides there.
+    pub(super) compiled: Kept<Digest, Result<Arc<Compiled>, String>>,
+    /// What their motion and search nodes came to.
+    pub(super) searched: Searched,
 }
 
 impl<'a> Tools<'a> {
@@ -41,12 +54,18 @@ impl<'a> Tools<'a> {
         rollouts: &'a Rollouts<'a>,
         meter: Meter<'a>,
     ) -> Tools<'a> {
-        let (situations, parent_trial) = (Situations::of(study), Mutex::new(()));
-        Tools { ask, threads, rollouts, meter, backend: Backend::Own, situations, parent_trial }
+        let (situations, compiled) = (Situations::of(study), Kept::new(COMPILED_MAX));
+        let searched = Searched::new(SEARCHED_BYTES_MAX);
+        Tools { ask, threads, rollouts, meter, backend: Backend::Own, wanted: None, situations, compiled, searched }
     }
 
     /// The same with rollouts from a backend.
     pub fn behind(self, backend: Backend<'a>) -> Tools<'a> {
         Tools { backend, ..self }
+    }
+
+    /// The same for a plan: what is missing is asked of `wanted`.
+    pub fn planning(self, wanted: &'a Wanted) -> Tools<'a> {
+        Tools { wanted: Some(wanted), ..self }
     }
 }

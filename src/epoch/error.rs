@@ -30,6 +30,9 @@ pub enum RunError {
     World(String),
     #[error(transparent)]
     Canon(#[from] CanonError),
+    /// A plan cannot see further until records are there; what is missing was gathered.
+    #[error("records are missing; `evodrive shard plan` lists them")]
+    Wanting,
     /// Scenes, families or options that do not fit together.
     #[error("{0}")]
     Study(String),

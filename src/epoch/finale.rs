@@ -25,9 +25,18 @@ const FRONTIER_BUDGET: usize = 3;
 /// Chooses and reports, lineage by lineage.
 pub fn report(study: &Study, state: &mut State, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
     let mut lineages = Vec::new();
+    let mut wanting = false;
     for spec in &study.lineages {
-        lineages.push(one_lineage(study, state, spec, desk)?);
+        match one_lineage(study, state, spec, desk) {
+            Ok(result) => lineages.push(result),
+            // A plan hears of all lineages: none of them depends on another one any more.
+            Err(RunError::Wanting) => wanting = true,
+            Err(error) => return Err(error),
+        }
         desk.tools.meter.turn(&spec.id);
+    }
+    if wanting {
+        return Err(RunError::Wanting);
     }
     let replay = replayed::record(study, desk)?;
     Ok(RunResult {
@@ -64,6 +73,9 @@ fn one_lineage(
     let state = &*state;
     let mut measured: BTreeMap<SolutionId, Measured> = BTreeMap::new();
     let wanted = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
+    for solution in wanted.into_iter().flatten().chain(&choice.top) {
+        want(study, state, spec, solution, &study.held_out, desk)?;
+    }
     for solution in wanted.into_iter().flatten().chain(&choice.top) {
         if measured.contains_key(solution) {
             continue;
@@ -136,6 +148,9 @@ fn choose(
 ) -> Result<Choice, RunError> {
     let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
     let Finalists { measured, cut } = finalists(study, state, spec)?;
+    for solution in std::iter::once(parent).chain(&measured) {
+        want(study, state, spec, solution, &study.evolution, desk)?;
+    }
     for solution in std::iter::once(parent.clone()).chain(measured) {
         let program = state.lineages.program(&spec.id, &solution)?;
         let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.evolution)?;
@@ -158,6 +173,19 @@ fn choose(
         top.push(next.solution);
     }
     Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top, scores, cut })
+}
+
+/// Asks a plan for a program's labels; does nothing where no plan is made.
+fn want(
+    study: &Study,
+    state: &State,
+    spec: &LineageSpec,
+    solution: &SolutionId,
+    places: &[usize],
+    desk: &Desk<'_>,
+) -> Result<(), RunError> {
+    let program = state.lineages.program(&spec.id, solution)?;
+    labelling(study, state, spec, desk).want((program, program.hash()?), places).map(drop)
 }
 
 fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, desk: &'a Desk<'_>) -> Labelling<'a> {

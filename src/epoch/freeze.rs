@@ -7,17 +7,20 @@ use super::{
     RunError, briefing,
     counsels::Counsels,
     desk::Tools,
+    handbook::handbook,
+    history,
     labels::Labelling,
     standings::Standings,
     state::State,
     study::{LineageSpec, Study},
+    window_rows,
 };
-use crate::agents::{AgentError, Briefing, Context};
+use crate::agents::{AgentError, Briefing, Context, Handbook, ParentOutcome};
 use crate::archive::Archive;
 use crate::kernel::Digest;
 use crate::memory::{Query, retrieve};
 use crate::objects::{
-    Attempt, Card, Objectives, Program, Score, SolutionId, WorldSnapshot,
+    AttemptId, Card, Objectives, Program, Score, SolutionId, WorldSnapshot,
     event::{FrontPoint, Frozen, FrozenParent},
 };
 
@@ -25,7 +28,7 @@ use crate::objects::{
 pub struct Snapshot<'a> {
     pub spec: &'a LineageSpec,
     pub event: Frozen,
-    /// p_t; under the rule of two anchors two programs, whose slots alternate.
+    /// p_t, and a second one where the epoch has one: the realism anchor, or another member of the front.
     pub parents: Vec<Parent>,
     /// The archive with its front measured on `so_far`.
     pub archive: Archive,
@@ -38,7 +41,7 @@ pub struct Snapshot<'a> {
     pub window: Vec<usize>,
     /// Places of all windows up to this one, in the order in which they were opened.
     pub so_far: Vec<usize>,
-    /// Tags of the window's scenes, sorted.
+    /// Tags that say something about a scene of the window, sorted.
     pub scene_tags: Vec<String>,
 }
 
@@ -48,6 +51,8 @@ pub struct Parent {
     pub hash: Digest,
     /// On the window.
     pub score: Score,
+    /// The same in sums.
+    pub outcome: ParentOutcome,
     /// Written out once for all slots and roles.
     pub briefing: Briefing,
     /// Ids of the cards that its briefing shows.
@@ -57,7 +62,7 @@ pub struct Parent {
 impl Snapshot<'_> {
     /// The program that a slot edits.
     pub fn parent_of(&self, slot: u32) -> &Parent {
-        &self.parents[slot as usize % self.parents.len()]
+        &self.parents[usize::from(self.event.second_parent(slot).is_some())]
     }
 }
 
@@ -69,7 +74,7 @@ pub fn freeze<'a>(
     spec: &'a LineageSpec,
     tools: &Tools<'_>,
 ) -> Result<Snapshot<'a>, RunError> {
-    let freezing = Freezing { study, state, epoch, spec };
+    let freezing = Freezing { study, state, epoch, spec, tools, handbook: handbook(study, spec)? };
     let (window, so_far) = (study.window(epoch), study.windows_up_to(epoch));
     let counsels = state.counsels.of(&spec.id);
     let labelling = Labelling { study, spec, counsels: &counsels, tools };
@@ -77,6 +82,11 @@ pub fn freeze<'a>(
     let mut standing = Standings::new();
     let leaders = leaders(state, spec)?;
     let live: Vec<SolutionId> = leaders.iter().cloned().chain(archive.front().map(|e| e.solution.clone())).collect();
+    for solution in &live {
+        // A plan hears of all of them before it stops at the first.
+        let program = state.lineages.program(&spec.id, solution)?;
+        labelling.want((program, program.hash()?), &so_far)?;
+    }
     for solution in live {
         if let Entry::Vacant(place) = standing.entry(solution) {
             let program = state.lineages.program(&spec.id, place.key())?;
@@ -87,7 +97,8 @@ pub fn freeze<'a>(
     let fresh: BTreeMap<SolutionId, Objectives> =
         standing.iter().map(|(solution, labels)| (solution.clone(), labels.so_far.objectives)).collect();
     archive.relabel(&fresh, study.scenes_digest(&so_far)?)?;
-    let scene_tags = study.tags(&window);
+    let leaders = with_portfolio(study, state, spec, leaders, &archive, &standing, epoch)?;
+    let scene_tags = study.telling_tags(&window);
     let mut parents = Vec::with_capacity(leaders.len());
     for solution in &leaders {
         let score = standing[solution].window.clone();
@@ -105,65 +116,91 @@ fn leaders(state: &State, spec: &LineageSpec) -> Result<Vec<SolutionId>, RunErro
     Ok(std::iter::once(&lineage.active).chain(anchor).cloned().collect())
 }
 
+/// Where one program leads and the epoch has slots that widen the front, a second parent for them: the front's other members
+/// that act take turns.
+fn with_portfolio(
+    study: &Study,
+    state: &State,
+    spec: &LineageSpec,
+    leaders: Vec<SolutionId>,
+    archive: &Archive,
+    standing: &Standings,
+    epoch: u32,
+) -> Result<Vec<SolutionId>, RunError> {
+    if state.lineages.get(&spec.id)?.realism_anchor.is_some() || study.budget.slots < 3 {
+        return Ok(leaders);
+    }
+    let acts = |solution: &&SolutionId| standing.get(*solution).is_some_and(|labels| labels.window.coverage > 0.0);
+    let others = archive.front().map(|entry| &entry.solution).filter(|solution| !leaders.contains(solution));
+    let others: Vec<SolutionId> = others.filter(acts).cloned().collect();
+    let turn = others.get(epoch as usize % others.len().max(1)).cloned();
+    Ok(leaders.into_iter().chain(turn).collect())
+}
+
 /// Whose state is frozen, and for which epoch.
-#[derive(Clone, Copy)]
 struct Freezing<'f> {
     study: &'f Study,
     state: &'f State,
     epoch: u32,
     spec: &'f LineageSpec,
+    tools: &'f Tools<'f>,
+    /// The same for all parents.
+    handbook: Handbook,
 }
 
 impl Freezing<'_> {
     /// A parent with what its slots' agents are told.
     fn parent(
-        self,
+        &self,
         solution: &SolutionId,
         score: Score,
         archive: &Archive,
         scene_tags: &[String],
     ) -> Result<Parent, RunError> {
-        let Freezing { study, state, epoch, spec } = self;
+        let Freezing { study, state, epoch, spec, .. } = *self;
         let program = state.lineages.program(&spec.id, solution)?.clone();
         let hash = program.hash()?;
-        let query = Query { parent: &program, epoch, scene_tags };
+        let front: Vec<AttemptId> = archive.front().filter_map(|entry| entry.attempt.clone()).collect();
+        let query = Query { parent: &program, epoch, scene_tags, front: &front };
         let memory: Vec<Card> =
             retrieve(&state.memory, &query, &study.memory).into_iter().map(|(card, _)| card.clone()).collect();
-        let attempts: Vec<&Attempt> = state.attempts.iter().filter(|a| a.lineage == spec.id).collect();
+        let outcome = briefing::parent_outcome(&score);
         let context = Context {
             lineage: &spec.id,
             epoch,
             parent: &program,
             parent_hash: hash,
-            contract: &study.source(spec)?.contract,
-            contract_text: study.contract_text(spec)?,
-            foreign_vocabulary: &study.foreign_vocabulary(spec),
+            handbook: &self.handbook,
             ego: briefing::ego_sentence(&spec.ego),
             memory: &memory,
             clusters: &briefing::clusters(study, &score),
-            outcomes: &briefing::outcomes(&score, &attempts),
-            front: &briefing::front(archive),
+            parent_outcome: Some(&outcome),
+            window: &window_rows::rows(study, &score, scene_tags, self.tools)?,
+            history: &history::shown(state, &spec.id, archive, &memory),
+            front: &briefing::front(archive, solution),
         };
         let briefing = Briefing::of(&context).map_err(AgentError::from)?;
         let memory_shown = memory.iter().map(|card| card.id.0.clone()).collect();
-        Ok(Parent { program, hash, score, briefing, memory_shown })
+        Ok(Parent { program, hash, score, outcome, briefing, memory_shown })
     }
 
     fn event(
-        self,
+        &self,
         parents: &[Parent],
         archive: &Archive,
         window: &[usize],
         so_far: &[usize],
     ) -> Result<Frozen, RunError> {
-        let Freezing { study, state, epoch, spec } = self;
+        let Freezing { study, state, epoch, spec, .. } = *self;
         let first = &parents[0];
-        let anchor = parents.get(1).map(|parent| FrozenParent {
+        let second = parents.get(1).map(|parent| FrozenParent {
             parent: parent.program.solution_id.clone(),
             parent_hash: parent.hash,
             parent_score: parent.score.clone(),
             memory_shown: parent.memory_shown.clone(),
         });
+        let anchored = state.lineages.get(&spec.id)?.realism_anchor.is_some();
+        let (realism_anchor, portfolio) = if anchored { (second, None) } else { (None, second) };
         Ok(Frozen {
             epoch,
             lineage: spec.id.clone(),
@@ -171,7 +208,8 @@ impl Freezing<'_> {
             parent_hash: first.hash,
             window: study.scene_ids(window),
             parent_score: first.score.clone(),
-            realism_anchor: anchor,
+            realism_anchor,
+            portfolio,
             front: archive
                 .front()
                 .map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives })

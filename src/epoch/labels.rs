@@ -1,6 +1,6 @@
 //! Labels of a program on scenes of the study, from the store where they are recorded, from the simulator where not.
 
-use std::sync::{Arc, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use super::{
     RunError,
@@ -9,16 +9,18 @@ use super::{
     rollouts::TrialRecord,
     standings::Standing,
     study::{LineageSpec, SceneEntry, Study},
+    wanted::Task,
 };
 use crate::backend::{Backend, NoOutcome};
 use crate::candidates::Trials;
-use crate::compiler::{CompileFailure, Decision, Prepared};
+use crate::compiler::{CompileFailure, Compiled, Decision, Prepared, Searched};
 use crate::ego::Policy;
 use crate::evaluation::{RolloutRecord, SceneRef, Subject, Written, evaluate, request_key};
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::{Counsel, Program, Score};
-use crate::sim::{ActorRef, Intervention, Outcome};
+use crate::sim::{ActorRef, Intervention, Outcome, Plant};
 use crate::stage::{Situation, Source};
+use crate::store::MemoKind;
 
 /// Scenes on which every child is tried, as far as there are probe scenes.
 const TRIED_MIN: usize = 3;
@@ -35,11 +37,15 @@ pub struct Labelling<'a> {
 impl Labelling<'_> {
     /// Labels a program, given with its hash, on the scenes at these places.
     pub fn score(&self, (program, hash): (&Program, Digest), places: &[usize]) -> Result<Score, RunError> {
+        if self.want((program, hash), places)? > 0 {
+            return Err(RunError::Wanting);
+        }
         let Labelling { study, spec, counsels, tools } = *self;
         let source = study.source(spec)?;
         // Nothing is prepared where every rollout is on record.
         let prepared = OnceLock::new();
-        let ready = || match prepared.get_or_init(|| Prepared::new(program, source)) {
+        let ready = || match prepared.get_or_init(|| Prepared::new(program, source).map(|p| p.sharing(&tools.searched)))
+        {
             Ok(prepared) => Ok(prepared),
             Err(failure) => Err(failure.to_string()),
         };
@@ -52,8 +58,55 @@ impl Labelling<'_> {
             Ok(SceneRef { id: &entry.scene().id, digest: entry.digest, group: entry.group(), counsel })
         };
         let scenes: Vec<SceneRef<'_>> = places.iter().zip(&counsels).map(scene).collect::<Result<_, _>>()?;
-        let label = |i: usize| self.rollout(ready()?, places[i], counsels[i]);
+        let label = |i: usize| match tools.wanted {
+            None => self.rollout(ready()?, places[i], counsels[i]),
+            Some(_) => Err(NoOutcome::Scene(self.known_reason(hash, places[i], counsels[i])?)),
+        };
         Ok(evaluate(&subject, &scenes, &label, &study.evaluation, tools.rollouts, tools.threads)?)
+    }
+
+    /// Asks a plan for the labels that are not on record, and says how many these are; 0 where no plan is made.
+    pub fn want(&self, subject: (&Program, Digest), places: &[usize]) -> Result<usize, RunError> {
+        let mut missing = 0;
+        if self.tools.wanted.is_some() {
+            for &place in places {
+                let counsel = self.counsels.at(self.study, self.spec, place)?;
+                missing += usize::from(self.want_label(subject, place, counsel)?);
+            }
+        }
+        Ok(missing)
+    }
+
+    /// Asks a plan for one label, and says whether it is missing. One that was tried in vain is not.
+    pub fn want_label(
+        &self,
+        (program, hash): (&Program, Digest),
+        place: usize,
+        counsel: Option<&Counsel>,
+    ) -> Result<bool, RunError> {
+        let Some(wanted) = self.tools.wanted else { return Ok(false) };
+        let (key, rollouts) = (self.label_key(hash, place, counsel)?, self.tools.rollouts);
+        if rollouts.has(MemoKind::Rollout, &key) || (!wanted.again() && rollouts.no_label(&key)?.is_some()) {
+            return Ok(false);
+        }
+        let (lineage, scene) = (self.spec.id.clone(), self.study.scenes[place].scene().id.clone());
+        wanted.ask(key, Task::Label { lineage, program: hash, scene, counsel: counsel.cloned() }, Some(program));
+        Ok(true)
+    }
+
+    /// The key of a label.
+    pub fn label_key(&self, hash: Digest, place: usize, counsel: Option<&Counsel>) -> Result<Digest, RunError> {
+        let Labelling { study, spec, .. } = *self;
+        let advised = counsel.map(Counsel::digest).transpose()?;
+        let scene = study.scenes[place].digest;
+        Ok(request_key(hash, scene, spec.ego.digest(), study.rules()?, study.seed, advised)?)
+    }
+
+    /// Why a rollout that was tried elsewhere gave no label.
+    fn known_reason(&self, hash: Digest, place: usize, counsel: Option<&Counsel>) -> Result<String, String> {
+        let key = self.label_key(hash, place, counsel).map_err(|error| error.to_string())?;
+        let reason = self.tools.rollouts.no_label(&key).map_err(|error| error.to_string())?;
+        Ok(reason.unwrap_or_else(|| "no label".into()))
     }
 
     /// Labels a program on the window and on all windows so far.
@@ -67,7 +120,7 @@ impl Labelling<'_> {
     }
 
     /// What comes of compiling a child on probe scenes: what cannot be lowered, and in how many scenes its interventions
-    /// differ from its parent's. Both draw from the parent's random streams, so that only the edit can make a difference.
+    /// differ from its parent's. Both draw the same numbers, so that only the edit can make a difference.
     /// Once a difference is found and [`TRIED_MIN`] scenes were tried, no more is asked: most of the probe scenes are for
     /// children that seem to do what their parent does. What was tried before is not tried again.
     pub fn trials(
@@ -76,49 +129,100 @@ impl Labelling<'_> {
         (child, hash): (&Program, Digest),
         (parent, parent_hash): (&Program, Digest),
     ) -> Result<Trials, RunError> {
+        if self.want_trials(probes, (child, hash), (parent, parent_hash))? > 0 {
+            return Err(RunError::Wanting);
+        }
         let mut trials = Trials::default();
         let (mut children, mut parents) = (Lazy::new(child), Lazy::new(parent));
         for (tried, &place) in probes.iter().enumerate() {
             if tried >= TRIED_MIN && trials.differing > 0 {
                 break;
             }
-            let own = self.trial(place, &mut children, hash, parent_hash)?;
+            let own = self.trial(place, &mut children, hash)?;
             let (Some(own), None) = (own.intervention, &own.failure) else {
                 trials.problems.extend(own.failure.clone());
                 continue;
             };
-            let alone = self.tools.parent_trial.lock().unwrap_or_else(PoisonError::into_inner);
-            let before = self.trial(place, &mut parents, parent_hash, parent_hash)?;
-            drop(alone);
+            let before = self.trial(place, &mut parents, parent_hash)?;
             trials.compared += 1;
             trials.differing += usize::from(before.intervention != Some(own));
         }
         Ok(trials)
     }
 
-    fn trial<'p>(
-        &'p self,
+    /// Asks a plan for the trials that are not on record, as far as [`Labelling::trials`] would certainly come to them, and
+    /// says how many these are.
+    pub fn want_trials(
+        &self,
+        probes: &[usize],
+        (child, hash): (&Program, Digest),
+        (parent, parent_hash): (&Program, Digest),
+    ) -> Result<usize, RunError> {
+        let (mut missing, mut differing, mut unsure) = (0, false, false);
+        if self.tools.wanted.is_none() {
+            return Ok(0);
+        }
+        for (tried, &place) in probes.iter().enumerate() {
+            // Behind the first ones nothing is certain before these are known; then all others are asked for at once.
+            if tried >= TRIED_MIN && (differing || unsure) {
+                break;
+            }
+            let own = self.want_trial(place, (child, hash))?;
+            let before = self.want_trial(place, (parent, parent_hash))?;
+            match (own, before) {
+                (Some(own), Some(before)) => {
+                    differing |= own.intervention.is_some() && own.intervention != before.intervention;
+                }
+                (own, before) => missing += usize::from(own.is_none()) + usize::from(before.is_none()),
+            }
+            unsure |= tried < TRIED_MIN && missing > 0;
+        }
+        Ok(missing)
+    }
+
+    /// A trial that is on record; one that is not is asked of the plan.
+    fn want_trial(
+        &self,
         place: usize,
-        program: &mut Lazy<'p>,
-        hash: Digest,
-        draws_of: Digest,
-    ) -> Result<Arc<TrialRecord>, RunError> {
+        (program, hash): (&Program, Digest),
+    ) -> Result<Option<Arc<TrialRecord>>, RunError> {
+        let key = self.trial_key(place, hash)?;
+        let found = self.tools.rollouts.tried(&key)?;
+        if let (None, Some(wanted)) = (&found, self.tools.wanted) {
+            let counsel = self.counsels.at(self.study, self.spec, place)?.cloned();
+            let (lineage, scene) = (self.spec.id.clone(), self.study.scenes[place].scene().id.clone());
+            wanted.ask(key, Task::Trial { lineage, program: hash, scene, counsel }, Some(program));
+        }
+        Ok(found)
+    }
+
+    /// The key of a trial.
+    pub fn trial_key(&self, place: usize, hash: Digest) -> Result<Digest, RunError> {
+        let Labelling { study, spec, counsels, .. } = *self;
+        let advised = counsels.at(study, spec, place)?.map(Counsel::digest).transpose()?;
+        let (scene, simulator) = (study.scenes[place].digest, study.simulator.digest()?);
+        let request = request_key(hash, scene, spec.ego.digest(), simulator, study.seed, advised)?;
+        Ok(Digest::of("evodrive/trial/2", &request)?)
+    }
+
+    /// A trial, from its record or made now.
+    pub fn tried(&self, place: usize, (program, hash): (&Program, Digest)) -> Result<Arc<TrialRecord>, RunError> {
+        self.trial(place, &mut Lazy::new(program), hash)
+    }
+
+    fn trial<'p>(&'p self, place: usize, program: &mut Lazy<'p>, hash: Digest) -> Result<Arc<TrialRecord>, RunError> {
         let Labelling { study, spec, counsels, tools } = *self;
         let entry = &study.scenes[place];
         let counsel = counsels.at(study, spec, place)?;
-        let advised = counsel.map(Counsel::digest).transpose()?;
-        let simulator = study.simulator.digest()?;
-        let request = request_key(hash, entry.digest, spec.ego.digest(), simulator, study.seed, advised)?;
-        let key = Digest::of("evodrive/trial/1", &(request, draws_of))?;
+        let key = self.trial_key(place, hash)?;
         if let Some(trial) = tools.rollouts.tried(&key)? {
             return Ok(trial);
         }
-        let compiled = match program.prepared(study.source(spec)?) {
+        let compiled = match program.prepared(study.source(spec)?, &tools.searched) {
             Err(failure) => Err(failure.to_string()),
             Ok(prepared) => {
                 let situation = tools.situations.at(place, &spec.ego).map_err(RunError::Study)?;
-                let compile = || prepared.compile_as(draws_of, &situation, study.seed, counsel);
-                tools.meter.compile(&spec.id, compile).map_err(|failure| failure.to_string())
+                self.compiled(prepared, place, &situation, counsel)?
             }
         };
         let (intervention, failure) = match compiled {
@@ -127,9 +231,28 @@ impl Labelling<'_> {
         };
         let (program, scene, scene_digest) = (hash, entry.scene().id.clone(), entry.digest);
         let ego = spec.ego.name().to_string();
-        let trial = TrialRecord { program, draws_of, scene, scene_digest, ego, failure, intervention };
+        let trial = TrialRecord { program, scene, scene_digest, ego, failure, intervention };
         tools.rollouts.keep_trial(&key, trial.clone())?;
         Ok(Arc::new(trial))
+    }
+
+    /// What a program comes to in a scene, or why it cannot be lowered. A program that decides there as one before it is not
+    /// compiled again: a child is tried and labelled in the same scenes, and an edit changes few scenes where a rule guards it.
+    fn compiled(
+        &self,
+        prepared: &Prepared<'_>,
+        place: usize,
+        situation: &Situation,
+        counsel: Option<&Counsel>,
+    ) -> Result<Result<Arc<Compiled>, String>, CanonError> {
+        let Labelling { study, spec, tools, .. } = *self;
+        let (in_effect, ego) = (prepared.in_effect(&situation.scene_values)?, spec.ego.digest());
+        let key = (in_effect, place as u64, ego, counsel.map(Counsel::digest).transpose()?);
+        let compile = || {
+            let compile = || prepared.compile_counselled(situation, study.seed, counsel);
+            tools.meter.compile(&spec.id, compile).map(Arc::new).map_err(|failure| failure.to_string())
+        };
+        Ok(tools.compiled.of(Digest::of("evodrive/compiled/1", &key)?, compile))
     }
 
     /// Compiles for one scene, with the counsel where the family takes it, and rolls out.
@@ -141,8 +264,7 @@ impl Labelling<'_> {
     ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self;
         let situation = tools.situations.at(place, &spec.ego)?;
-        let compile = || prepared.compile_counselled(&situation, study.seed, counsel);
-        let compiled = tools.meter.compile(&spec.id, compile).map_err(|failure| failure.to_string())?;
+        let compiled = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
         let run = || tools.backend.rollout(&situation.plant, &compiled.intervention, &spec.ego, study.seed);
         let outcome: Outcome = tools.meter.rollout(&spec.id, run)?;
         let anyway = meets_anyway(&tools.backend, &situation, &spec.ego, study.seed)?;
@@ -161,12 +283,24 @@ impl<'p> Lazy<'p> {
         Lazy { program, prepared: None }
     }
 
-    fn prepared(&mut self, source: &'p Source) -> Result<&Prepared<'p>, CompileFailure> {
+    fn prepared(&mut self, source: &'p Source, searched: &'p Searched) -> Result<&Prepared<'p>, CompileFailure> {
         match self.prepared {
             Some(ref prepared) => Ok(prepared),
-            None => Ok(self.prepared.insert(Prepared::new(self.program, source)?)),
+            None => Ok(self.prepared.insert(Prepared::new(self.program, source)?.sharing(searched))),
         }
     }
+}
+
+/// The scene at a place without a program, in whoever simulates.
+pub fn undisturbed(study: &Study, spec: &LineageSpec, place: usize, tools: &Tools<'_>) -> Result<Outcome, NoOutcome> {
+    let plant = Plant::with_options(study.scenes[place].prepared.clone(), &study.simulator)?;
+    tools.backend.rollout(&plant, &Intervention::default(), &spec.ego, study.seed)
+}
+
+/// What names that rollout in a plan. The recorded answer has a key of its own.
+pub fn undisturbed_key(study: &Study, spec: &LineageSpec, place: usize) -> Result<Digest, RunError> {
+    let of = (study.scenes[place].digest, spec.ego.digest(), study.rules()?, study.seed);
+    Ok(Digest::of("evodrive/undisturbed/1", &of)?)
 }
 
 /// Whom the ego runs into in plain replay, as whoever simulates sees it.

@@ -3,8 +3,14 @@
 use std::collections::BTreeMap;
 
 use super::{
-    RunError, composition, consider::parent_entry, counsel, counsels::Counsels, desk::Desk, freeze::freeze,
-    state::State, study::Study,
+    RunError, composition,
+    consider::parent_entry,
+    counsel,
+    counsels::Counsels,
+    desk::Desk,
+    freeze::freeze,
+    state::State,
+    study::{LineageSpec, Study},
 };
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
@@ -51,22 +57,37 @@ pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunErr
         world: snapshot,
         counsels: Counsels::default(),
         attempts: Vec::new(),
+        changes: BTreeMap::new(),
         settled: Vec::new(),
         digest: Digest::of_bytes(&[]),
     };
+    let mut wanting = false;
     for spec in &study.lineages {
-        let parent = composition::parent(study, spec, desk)?;
-        let program_hash = parent.hash()?;
-        state.lineages.adopt(spec.id.clone(), parent.clone())?;
-        let ego = spec.ego.name().to_string();
-        let origins = spec.start.as_ref().map_or(Vec::new(), |start| start.origins.clone());
-        let adopted = ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash, origins };
-        desk.log.append(kind::PARENT, &adopted)?;
-        counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
-        let first = freeze(study, &state, 0, spec, &desk.tools)?;
-        state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(study, &first)?)?;
+        match adopt(study, spec, &mut state, desk) {
+            // A plan hears of all lineages: none of them depends on another one yet.
+            Err(RunError::Wanting) => wanting = true,
+            adopted => adopted?,
+        }
         desk.tools.meter.turn(&spec.id);
+    }
+    if wanting {
+        return Err(RunError::Wanting);
     }
     state.digest = state.first_digest()?;
     Ok(state)
+}
+
+/// A lineage begins with its parent, counselled and labelled.
+fn adopt(study: &Study, spec: &LineageSpec, state: &mut State, desk: &mut Desk<'_>) -> Result<(), RunError> {
+    let parent = composition::parent(study, spec, desk)?;
+    let program_hash = parent.hash()?;
+    state.lineages.adopt(spec.id.clone(), parent.clone())?;
+    let ego = spec.ego.name().to_string();
+    let origins = spec.start.as_ref().map_or(Vec::new(), |start| start.origins.clone());
+    let adopted = ParentAdopted { lineage: spec.id.clone(), ego, program: parent, program_hash, origins };
+    desk.log.append(kind::PARENT, &adopted)?;
+    counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
+    let first = freeze(study, state, 0, spec, &desk.tools)?;
+    state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(study, &first)?)?;
+    Ok(())
 }

@@ -12,7 +12,8 @@ use crate::ego::Policy;
 use crate::evaluation::RolloutRecord;
 use crate::kernel::Seed;
 use crate::objects::{Counsel, Counselled, Program};
-use crate::sim::{Intervention, Trace};
+use crate::scene::Sample;
+use crate::sim::{Intervention, Trace, commands};
 
 /// Plays a study's rollouts again.
 pub struct Player<'s> {
@@ -29,6 +30,8 @@ pub struct Traced {
     pub record: RolloutRecord,
     pub decision: Decision,
     pub intervention: Intervention,
+    /// What each action commands its road user at every simulated step, whatever the ego does; nothing where it reacts.
+    pub commanded: Vec<Vec<Option<Sample>>>,
     pub motion: Trace,
 }
 
@@ -66,5 +69,6 @@ pub fn traced(
     let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, seed).map_err(reason)?;
     let anyway = meets_anyway(backend, situation, ego, seed).map_err(reason)?;
     let record = record(entry, ego, prepared, anyway, &decision, outcome)?;
-    Ok(Traced { record, decision, intervention, motion })
+    let commanded = commands(&situation.plant, &intervention);
+    Ok(Traced { record, decision, intervention, commanded, motion })
 }

@@ -1,18 +1,29 @@
 //! A worker's first step: the actor and its critics are asked for one patch of the frozen parent.
 
 use super::{
-    RunError, briefing,
+    RunError,
+    admit::admission,
     desk::Tools,
     draft::{Draft, Head, Reached},
     freeze::Snapshot,
     study::Study,
+    target::{Aims, target},
 };
-use crate::agents::{self, End, Task};
+use crate::agents::{self, End, Findings, Task};
+use crate::objects::{Objectives, ProgramPatch};
 
 /// Asks for the proposal of one slot.
 pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<'_>) -> Result<Draft, RunError> {
     let parent = snapshot.parent_of(slot);
-    let target = briefing::target(study, slot, &parent.score);
+    let front: Vec<Objectives> = snapshot.archive.front().map(|entry| entry.objectives).collect();
+    let aims = Aims {
+        parent: &parent.outcome,
+        front: &front,
+        realism_min: study.selector.realism_min,
+        epsilon_r: study.archive.epsilon_r,
+        epsilon_a: study.archive.epsilon_a,
+    };
+    let target = target(&aims, snapshot.event.epoch, slot, study.budget.slots);
     let task = Task {
         briefing: &parent.briefing,
         slot,
@@ -20,7 +31,11 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
         models: &study.models,
         max_repair_rounds: study.budget.max_repair_rounds,
     };
-    let proposed = agents::propose(&task, &tools.meter.asking(tools.ask, &snapshot.spec.id))?;
+    let check = |patch: &ProgramPatch| -> Result<Findings, RunError> {
+        let (admission, trials) = admission(study, snapshot, slot, patch, tools)?;
+        Ok(Findings { gates: admission.gates, compared: trials.compared, differing: trials.differing })
+    };
+    let proposed = agents::propose(&task, &tools.meter.asking(tools.ask, &snapshot.spec.id), &check)?;
     let reached = match proposed.end {
         End::Declined { reason } => Reached::Declined { reason },
         End::Patch(patch) => Reached::Proposed { patch: Box::new(patch) },

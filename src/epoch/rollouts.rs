@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::evaluation::{CacheError, RolloutCache, RolloutRecord};
-use crate::kernel::Digest;
+use crate::kernel::{Digest, canon::CanonError};
 use crate::store::{MemoKind, Store, StoreError, first_difference};
 
 /// Where labels come from.
@@ -23,8 +23,6 @@ pub enum Mode {
 #[serde(deny_unknown_fields)]
 pub struct TrialRecord {
     pub program: Digest,
-    /// The program whose random streams were drawn from.
-    pub draws_of: Digest,
     pub scene: String,
     pub scene_digest: Digest,
     pub ego: String,
@@ -108,6 +106,19 @@ impl<'a> Rollouts<'a> {
         (seen.reused, seen.simulated)
     }
 
+    /// Whether a request has a record in the store. It is not read.
+    pub fn has(&self, kind: MemoKind, key: &Digest) -> bool {
+        self.store.memo_get(kind, key).is_some()
+    }
+
+    /// Why an earlier attempt at this rollout gave no label, where shards noted that.
+    pub fn no_label(&self, key: &Digest) -> Result<Option<String>, CacheError> {
+        let note = no_label_key(key).map_err(|error| CacheError::Store(Box::new(error)))?;
+        let Some(object) = self.store.memo_get(MemoKind::Rollout, &note) else { return Ok(None) };
+        let reason = self.store.get(&object).map_err(from_store)?;
+        Ok(Some(String::from_utf8_lossy(&reason).into_owned()))
+    }
+
     /// The record of a trial, if there is one to rely on.
     pub fn tried(&self, key: &Digest) -> Result<Option<Arc<TrialRecord>>, CacheError> {
         Ok(self.at_hand(key)?.map(|(trial, _, _)| trial))
@@ -171,6 +182,11 @@ impl RolloutCache for Rollouts<'_> {
         self.seen().simulated += usize::from(new);
         Ok(object)
     }
+}
+
+/// The key under which it is noted why a rollout request has no label. Runs do not read it.
+pub fn no_label_key(request: &Digest) -> Result<Digest, CanonError> {
+    Digest::of("evodrive/no-label/1", request)
 }
 
 /// The digest under which the store keeps a record.

@@ -4,7 +4,7 @@
 use super::{
     RunError,
     admit::admit,
-    consider::{Judged, consider},
+    consider::{Judged, consider, foretell},
     desk::Desk,
     evaluate::evaluate,
     finale,
@@ -62,6 +62,10 @@ fn one_epoch(
     });
     // "Wait until all workers reach the epoch barrier. Sort candidate records by deterministic key": the slot.
     let mut judged = Judged::before(&snapshot);
+    // A plan hears of all slots before it stops at the first.
+    for draft in drafts.iter().flatten() {
+        foretell(study, &snapshot, draft, &judged, &desk.tools)?;
+    }
     for draft in drafts {
         // "Y_t <- RealSimulatorEvaluate(...)".
         let evaluated = evaluate(study, &snapshot, draft?, &desk.tools)?;

@@ -1,17 +1,21 @@
 //! The one place that changes the state: archive, lineage, memory and world, once an epoch, behind the barrier.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::{
     RunError,
     consider::Judged,
     freeze::Snapshot,
-    state::{Change, State},
+    history::change,
+    state::{Settling, State},
     study::Study,
 };
+use crate::agents::Change;
 use crate::kernel::Digest;
 use crate::lineage::Leader;
 use crate::memory::{CurationContext, curate, reflect};
 use crate::objects::{
-    Card,
+    Attempt, AttemptId, Card,
     event::{FrontPoint, Settled},
 };
 use crate::world;
@@ -28,7 +32,10 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
             state.lineages.promote(lineage, Leader::RealismAnchor, anchor, epoch)?;
         }
     }
-    let cards = cards(study, snapshot, &judged)?;
+    let parent = |attempt: &Attempt| &snapshot.parent_of(attempt.slot).score;
+    let changes = judged.attempts.iter().filter_map(|a| Some((a.id.clone(), change(study, a, parent(a))?)));
+    let changes: BTreeMap<AttemptId, Change> = changes.collect();
+    let cards = cards(study, snapshot, &judged, &changes)?;
     state.memory.append(cards.clone())?;
     let labels_before = state.calibration.labels().len();
     state.calibration.append(judged.labels, &state.world.schema)?;
@@ -36,7 +43,7 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
     state.archives.insert(lineage.clone(), judged.archive);
     let world = state.world.digest()?;
     let line = state.lineages.get(lineage)?;
-    let change = Change {
+    let settling = Settling {
         before: state.digest,
         lineage,
         epoch,
@@ -49,9 +56,10 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
         labels: &state.calibration.labels()[labels_before..],
         world,
     };
-    state.digest = Digest::of("evodrive/state/3", &change)?;
+    state.digest = Digest::of("evodrive/state/3", &settling)?;
     let promoted = judged.attempts.iter().find(|a| a.exit.decision().is_some_and(|d| d.promoted)).map(|a| a.id.clone());
     state.attempts.extend(judged.attempts);
+    state.changes.extend(changes);
     let archive = &state.archives[lineage];
     let settled = Settled {
         epoch,
@@ -71,18 +79,36 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
 }
 
 /// What memory keeps of the epoch: cards of each attempt, then of the lineage and its way.
-fn cards(study: &Study, snapshot: &Snapshot<'_>, judged: &Judged) -> Result<Vec<Card>, RunError> {
+fn cards(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    judged: &Judged,
+    changes: &BTreeMap<AttemptId, Change>,
+) -> Result<Vec<Card>, RunError> {
     let contract = &study.source(snapshot.spec)?.contract;
-    let context = CurationContext {
+    let plain = CurationContext {
         family: &contract.family,
-        scene_tags: &snapshot.scene_tags,
+        scene_tags: &[],
         private_vocabulary: &contract.private_vocabulary,
         options: &study.curation,
     };
-    let mut cards: Vec<Card> = judged.attempts.iter().flat_map(|attempt| curate(attempt, &context)).collect();
+    let mut cards: Vec<Card> = Vec::new();
+    for attempt in &judged.attempts {
+        let change = changes.get(&attempt.id);
+        let tags = change.map(|change| tags_of_changed(study, snapshot, change)).unwrap_or_default();
+        cards.extend(curate(attempt, &CurationContext { scene_tags: &tags, ..plain }));
+    }
     let leads = judged.leaders.as_ref().map_or(&snapshot.parents[0].program.solution_id, |leaders| &leaders.active);
     let labels = judged.standing.get(leads).map(|standing| standing.so_far.objectives);
     let active = labels.unwrap_or(snapshot.event.parent_score.objectives);
-    cards.extend(reflect(&snapshot.spec.id, snapshot.event.epoch, &judged.attempts, active, &context));
+    cards.extend(reflect(&snapshot.spec.id, snapshot.event.epoch, &judged.attempts, active, &plain));
     Ok(cards)
+}
+
+/// Telling tags of the scenes that an attempt won or lost, sorted.
+fn tags_of_changed(study: &Study, snapshot: &Snapshot<'_>, change: &Change) -> Vec<String> {
+    let changed = change.won.iter().chain(&change.lost).filter_map(|scene| study.scene(scene));
+    let tags: BTreeSet<String> =
+        changed.flat_map(|entry| entry.features().tags.iter().map(|tag| tag.to_string())).collect();
+    tags.into_iter().filter(|tag| snapshot.scene_tags.contains(tag)).collect()
 }

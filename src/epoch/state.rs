@@ -4,11 +4,12 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 use super::{RunError, counsels::Counsels};
+use crate::agents::Change;
 use crate::archive::Archive;
 use crate::kernel::Digest;
 use crate::lineage::{AttemptRecord, LineageStore};
 use crate::memory::Memory;
-use crate::objects::{Attempt, Card, LineageId, SolutionId, WorldLabel, WorldSnapshot, event::Settled};
+use crate::objects::{Attempt, AttemptId, Card, LineageId, SolutionId, WorldLabel, WorldSnapshot, event::Settled};
 use crate::world::CalibrationSet;
 
 /// Archive, lineages, memory and world. An epoch changes it in `settle` alone; counsel is added before any program of its
@@ -24,15 +25,17 @@ pub struct State {
     pub counsels: Counsels,
     /// Every attempt so far, as sealed in the transcript.
     pub attempts: Vec<Attempt>,
+    /// What each simulated attempt changed against its parent, for prompts and cards. It follows from labels on record.
+    pub changes: BTreeMap<AttemptId, Change>,
     /// One an epoch and lineage.
     pub settled: Vec<Settled>,
-    /// Of everything above: after an epoch, the digest before it with all that the epoch changed (`Change`).
+    /// Of everything above: after an epoch, the digest before it with all that the epoch changed (`Settling`).
     pub digest: Digest,
 }
 
 /// What one epoch of one lineage does to the state.
 #[derive(Serialize)]
-pub struct Change<'a> {
+pub struct Settling<'a> {
     /// Digest of the state before.
     pub before: Digest,
     pub lineage: &'a LineageId,

@@ -178,11 +178,15 @@ impl Study {
         words.into_iter().collect()
     }
 
-    /// Tags of the scenes at these places, sorted, without repeats.
-    pub fn tags(&self, places: &[usize]) -> Vec<String> {
-        let tags: BTreeSet<&str> =
-            places.iter().flat_map(|&place| self.scenes[place].features().tags.iter().copied()).collect();
-        tags.into_iter().map(String::from).collect()
+    /// Tags that say something about the scenes at these places, sorted: one that nearly every scene has tells none from
+    /// another.
+    pub fn telling_tags(&self, places: &[usize]) -> Vec<String> {
+        telling(&places.iter().map(|&place| self.scenes[place].features().tags.as_slice()).collect::<Vec<_>>())
+    }
+
+    /// The scene of this id.
+    pub fn scene(&self, id: &str) -> Option<&SceneEntry> {
+        self.scenes.iter().find(|entry| entry.scene().id == id)
     }
 
     /// Places of the development window of an epoch: `window` scenes on, each epoch, around the evolution pool.
@@ -217,6 +221,17 @@ impl Study {
     }
 }
 
+/// Share of scenes from which on a tag names nearly all of them.
+const COMMON_SHARE: f64 = 0.8;
+
+/// The tags that fewer than four in five of the scenes have.
+fn telling(scenes: &[&[&str]]) -> Vec<String> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    scenes.iter().flat_map(|tags| tags.iter()).for_each(|tag| *counts.entry(tag).or_default() += 1);
+    let most = COMMON_SHARE * scenes.len() as f64;
+    counts.into_iter().filter(|(_, count)| (*count as f64) < most).map(|(tag, _)| tag.to_string()).collect()
+}
+
 /// The places of an epoch: the next `size` in turn, starting again at the end; all of them, once, where there are fewer.
 fn window(evolution: &[usize], epoch: u32, size: usize) -> Vec<usize> {
     let n = evolution.len();
@@ -227,7 +242,14 @@ fn window(evolution: &[usize], epoch: u32, size: usize) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::window;
+    use super::{telling, window};
+
+    #[test]
+    fn a_tag_that_nearly_every_scene_has_says_nothing() {
+        let scenes: [&[&str]; 5] = [&["dense", "light"], &["dense"], &["dense"], &["dense", "light"], &["curved"]];
+        assert_eq!(telling(&scenes), ["curved", "light"]);
+        assert_eq!(telling(&scenes[..2]), ["light"]);
+    }
 
     #[test]
     fn the_window_passes_over_every_scene_in_turn() {

@@ -15,7 +15,9 @@ use crate::families::grammar;
 use crate::kernel::Threads;
 use crate::llm::{Cassette, Model, Record, RecordMode, Replay};
 use crate::objects::event::{Finalist, Frozen, RunResult, Settled, kind};
-use crate::objects::{Attempt, MechanismModule, OperatorNode, ParameterValue, Program, Slot, SolutionId, ValueType};
+use crate::objects::{
+    Attempt, MechanismModule, OperatorNode, ParameterValue, Program, Setting, Slot, SolutionId, ValueType,
+};
 use crate::scene::EvolutionSize;
 use crate::scripted::Scripted;
 use crate::store::{Store, Transcript, read_events};
@@ -168,18 +170,20 @@ fn an_edit_of_what_nothing_uses_has_no_effect_although_the_program_draws_at_rand
         let mut parent = parent.clone();
         let choice = parent.operator_graph.get_mut("choice").unwrap();
         choice.kind = "soft_choice".into();
-        choice.settings = [("temperature".to_string(), grammar::from_parameter("temperature"))].into();
-        parent.parameters.insert("temperature".into(), ParameterValue::Number(5.0));
+        choice.settings = [("temperature".to_string(), Setting::Number(5.0))].into();
         let window = labelling.study.window(0);
-        let trials = |name: &str, value: f64| {
+        let trials = |edit: &dyn Fn(&mut Program)| {
             let mut child = parent.clone();
-            child.parameters.insert(name.into(), ParameterValue::Number(value));
+            edit(&mut child);
             let (own, before) = (child.hash().unwrap(), parent.hash().unwrap());
             labelling.trials(&window, (&child, own), (&parent, before)).unwrap()
         };
-        let idle = trials("pressure_horizon_s", 2.5);
+        let idle = trials(&|child| {
+            let gate = null(child).mechanism_modules.remove("nowhere").unwrap();
+            child.mechanism_modules.insert("nowhere".into(), gate);
+        });
         assert_eq!((idle.problems.len(), idle.compared, idle.differing), (0, 4, 0));
-        let shorter = trials("duration_s", 2.0);
+        let shorter = trials(&|child| drop(child.parameters.insert("duration_s".into(), ParameterValue::Number(2.0))));
         assert!(shorter.compared == 3 && shorter.differing > 0, "three are enough once one differs: {shorter:?}");
     });
 }

@@ -25,4 +25,4 @@ pub use replay_row::{Playing, replay_row};
 pub use score::{scene_score, score_of};
 
 /// Part of a run's first event; rises when a metric or protocol changes meaning.
-pub const EVAL_VERSION: u32 = 3;
+pub const EVAL_VERSION: u32 = 4;

@@ -6,7 +6,7 @@ use super::metrics::{MetadriveOptions, attack, realism, safebench::SafebenchOpti
 use super::protocol::safebench::{Group, Runs};
 use super::record::RolloutRecord;
 use crate::kernel::{Digest, num};
-use crate::objects::{Met, Objectives, SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
+use crate::objects::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 
 /// One scene's labels.
 pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, options: &MetadriveOptions) -> SceneScore {
@@ -75,12 +75,12 @@ fn met(record: &RolloutRecord) -> Option<Met> {
 }
 
 /// F(c) = (A, R) (paper eq. prelim-objectives): attack is the empirical mean over the labelled scenes, realism that over
-/// the scenes among them that the program acts in, and 0 where it acts in none. `None` if no scene has a label: there is
-/// no score without evidence.
+/// the scenes among them that the program acts in or, where that is smaller, succeeds in ([`RealismSums`]), and 0 where it
+/// acts in none. `None` if no scene has a label: there is no score without evidence.
 pub fn score_of(scenes: Vec<SceneScore>, failures: Vec<SceneFailure>) -> Option<Score> {
     let mean = |value: fn(&SceneScore) -> f64| num::mean(&scenes.iter().map(value).collect::<Vec<f64>>());
-    let acted: Vec<f64> = scenes.iter().filter(|scene| scene.acted).map(|scene| scene.realism).collect();
-    let objectives = Objectives { attack: mean(|s| s.attack)?, realism: num::mean(&acted).unwrap_or(0.0) };
+    let realism = RealismSums::of(&scenes).realism().unwrap_or(0.0);
+    let objectives = Objectives { attack: mean(|s| s.attack)?, realism };
     let (realism_all, coverage) = (mean(|s| s.realism)?, mean(|s| if s.acted { 1.0 } else { 0.0 })?);
     Some(Score { objectives, realism_all, coverage, scenes, failures, benchmark: None })
 }

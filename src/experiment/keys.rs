@@ -2,7 +2,7 @@
 
 use super::key::{Key, Need, Range};
 use crate::families;
-use crate::llm::client::{ANTHROPIC, OPENAI_COMPATIBLE, SCRIPTED};
+use crate::llm::client::{ANTHROPIC, COMMAND, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::ContactClass;
 use crate::synth::WorldKind;
@@ -231,7 +231,7 @@ fn models() -> Vec<Key> {
                 "models.*.kind",
                 "",
                 "",
-                Word(|| words([SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC])),
+                Word(|| words([SCRIPTED, EXCHANGE, COMMAND, OPENAI_COMPATIBLE, ANTHROPIC])),
                 "How the model is asked; `scripted` is the rule-based stand-in.",
             ),
             ("models.*.model", "", "", Text(200), "The provider's name of the model."),
@@ -245,6 +245,23 @@ fn models() -> Vec<Key> {
             ("models.*.sampling.foreign_mechanism_rate", "", "", SHARE, "Share with another family's mechanism."),
             ("models.*.sampling.stale_hash_rate", "", "", SHARE, "Share that name another parent."),
             ("models.*.sampling.oversight_rate", "", "", SHARE, "Share of a critic's findings that it overlooks."),
+        ],
+    ));
+    keys.extend(table(
+        || Of("models.*.kind", &[EXCHANGE, COMMAND]),
+        vec![("models.*.provenance", "", "", Text(400), "Who answers, and how: kept with each recorded answer.")],
+    ));
+    keys.extend(table(
+        || Of("models.*.kind", &[COMMAND]),
+        vec![
+            (
+                "models.*.command.program",
+                "",
+                "",
+                Texts { empty: false },
+                "Program and arguments, started for each request: JSON on its standard input, the reply on its output.",
+            ),
+            ("models.*.command.timeout_s", "", "s", Whole(1, 86_400), "Limit of one answer."),
         ],
     ));
     keys.extend(table(

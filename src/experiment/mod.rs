@@ -28,7 +28,7 @@ pub use page::page;
 pub use parent_program::ParentProgram;
 pub use place::PROTOCOLS;
 pub use program_file::{
-    CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, ProgramFile, ProgramFileError,
+    BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, ProgramFile, ProgramFileError,
 };
 pub use scenes::{import, read_pool, read_scenes};
 pub use starter::{Starter, starter};

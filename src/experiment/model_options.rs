@@ -3,18 +3,19 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use crate::llm::{ClientOptions, ModelSpec, ResponseFormat};
+use crate::llm::{ClientOptions, CommandOptions, ModelSpec, ResponseFormat};
 
 /// `[models.<name>]`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelOptions {
-    /// `scripted`, `openai_compatible` or `anthropic`. The last two are asked by a build with the feature `live` only, and
-    /// replayed by every build.
+    /// `scripted`, `exchange`, `command`, `openai_compatible` or `anthropic`. The last two are asked by a build with the feature
+    /// `live` only, and replayed by every build.
     pub kind: String,
     /// The provider's identifier.
     pub model: String,
     /// Sampling parameters, sent under these names; `seed` is the root of one seed a draw slot. For `scripted`, its error rates.
+    #[serde(default)]
     pub sampling: BTreeMap<String, f64>,
     /// Live models: how they are held to the reply's schema.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -25,6 +26,13 @@ pub struct ModelOptions {
     /// Live models: address, waiting, prices. No part of a request's key or of the experiment's digest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub client: Option<ClientOptions>,
+    /// `exchange` and `command`: who answers, and how; kept with each answer. No part of a request's key or of the experiment's
+    /// digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<String>,
+    /// `command`: what is started. No part of a request's key or of the experiment's digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<CommandOptions>,
 }
 
 impl ModelOptions {

@@ -178,7 +178,9 @@ impl Experiment {
         if let Some(backend) = &mut content.simulator.backend {
             *backend = backend.content();
         }
-        content.models.values_mut().for_each(|model| model.client = None);
+        for model in content.models.values_mut() {
+            (model.client, model.provenance, model.command) = (None, None, None);
+        }
         match &mut content.scenes {
             SceneSource::Synth { .. } | SceneSource::Safebench { .. } => {}
             SceneSource::Files { paths } => paths.clear(),

@@ -384,7 +384,7 @@ mod tests {
     #[test]
     fn the_slope_of_ats_loss_matches_finite_differences_for_a_given_scale() {
         let situation = Situation::new(std::sync::Arc::new(two_lane_scene()), &crate::ego::Policy::Idm).unwrap();
-        let stage = Stage { situation: &situation, seed: Seed(1), program: "test", counsel: None };
+        let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
         for interpolation in [Interpolation::Linear, Interpolation::Cubic] {
             let part = opened(&situation, interpolation);
             let space = part.offsets.as_ref().unwrap();
@@ -410,7 +410,7 @@ mod tests {
     #[test]
     fn the_gradient_attacker_keeps_within_a_metre_and_is_never_worse_than_the_log() {
         let situation = Situation::new(std::sync::Arc::new(two_lane_scene()), &crate::ego::Policy::Idm).unwrap();
-        let stage = Stage { situation: &situation, seed: Seed(1), program: "test", counsel: None };
+        let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
         let mut parts = vec![opened(&situation, Interpolation::Cubic)];
         let mut settings = Settings::default();
         let numbers = [

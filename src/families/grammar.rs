@@ -6,8 +6,10 @@
 
 use std::collections::BTreeMap;
 
+use crate::adapters::graph::UNITES;
 use crate::adapters::{Domain, Feature, MechanismSlotSpec, OperatorSpec, ParameterSpec, Port, SettingSpec, vocabulary};
-use crate::objects::{OperatorNode, ParameterRef, ParameterValue, Setting, Slot, ValueType};
+use crate::objects::expr::Expr;
+use crate::objects::{MechanismModule, OperatorNode, ParameterRef, ParameterValue, Program, Setting, Slot, ValueType};
 
 /// A number between two bounds.
 pub fn number(low: f64, high: f64, unit: &str) -> Domain {
@@ -63,18 +65,19 @@ fn ports(slot: Slot) -> (Vec<Port>, Port) {
         Slot::Actor => (vec![Port::Scene], Port::Actors),
         Slot::Timing => (vec![Port::Actors], Port::Window),
         Slot::Motion => (vec![Port::Window], Port::Candidates),
-        Slot::Search | Slot::Filter => (vec![Port::Candidates], Port::Candidates),
+        Slot::Search | Slot::Filter | Slot::Law => (vec![Port::Candidates], Port::Candidates),
         Slot::Diversity => (vec![Port::Candidates], Port::Choice),
     }
 }
 
-/// Operators of the five slots that do not depend on how a family makes motion.
+/// Operators of the six slots that do not depend on how a family makes motion.
 pub fn shared_operators() -> BTreeMap<Slot, Vec<OperatorSpec>> {
     BTreeMap::from([
         (Slot::Select, select_operators()),
         (Slot::Actor, actor_operators()),
         (Slot::Timing, timing_operators()),
         (Slot::Filter, filter_operators()),
+        (Slot::Law, law_operators()),
         (Slot::Diversity, diversity_operators()),
     ])
 }
@@ -190,8 +193,68 @@ fn filter_operators() -> Vec<OperatorSpec> {
             [required("gap_m_min", number(0.0, 5.0, "m"), "smallest gap to any third road user's log")],
             "Removes candidates that come too near to someone who is neither ego nor adversary.",
         ),
+        operator(
+            Slot::Filter,
+            "reshape",
+            [
+                optional("speed", "shape_speed_share", "the way is driven at this share of the candidate's speed"),
+                optional("offset", "shape_offset_m", "metres to the left of the candidate's way"),
+            ],
+            "Retimes and shifts every candidate along its way, and removes none. Before the search, the search judges what \
+             it makes.",
+        ),
+        of_two(
+            "first_of",
+            [required(
+                "until",
+                choice(&["candidate", "meeting"]),
+                "the first input is taken where it has a candidate that no filter refused; with meeting, only where one \
+                 is also predicted to touch the ego's rollout",
+            )],
+            "Fallback: the first input where it serves, else the second.",
+        ),
+        of_two(
+            "either",
+            [required("gate", mechanism("scene_gate"), "the first input where it holds, else the second")],
+            "One way in some scenes, another in the rest.",
+        ),
+        of_two(
+            UNITES,
+            [],
+            "The candidates of both inputs together, each with its score; both come from one timing node. Lists of \
+             candidates unite, not spaces that a search opens: unite those behind their searches.",
+        ),
     ]
 }
+
+/// A filter kind in which two ways meet.
+fn of_two<const N: usize>(kind: &str, settings: [(String, SettingSpec); N], describes: &str) -> OperatorSpec {
+    let mut spec = operator(Slot::Filter, kind, settings, describes);
+    spec.inputs = vec![Port::Candidates; 2];
+    spec
+}
+
+fn law_operators() -> Vec<OperatorSpec> {
+    vec![operator(
+        Slot::Law,
+        "obey_law",
+        [
+            required("acceleration", mechanism("law_acceleration_mps2"), "along its heading, at every step of 0.1 s"),
+            optional("onset", "law_onset", "the law takes over where it first holds; without it at once"),
+            optional(
+                "offset",
+                "law_offset_m",
+                "how far left of the candidate's path it drives; without it on the path",
+            ),
+        ],
+        "The adversary follows the chosen candidate until the onset, then drives by the law along the candidate's path as a \
+         car can (brakes 8.8, engine 2.8 m/s^2, sideways at most 2 m/s), in place of any reaction of the family's own. Only \
+         recorded vehicles obey. Filters and searches judge the candidate, not what the law makes of it.",
+    )]
+}
+
+/// The mechanism slots of laws.
+pub const LAW_SLOTS: [&str; 3] = ["law_onset", "law_acceleration_mps2", "law_offset_m"];
 
 fn diversity_operators() -> Vec<OperatorSpec> {
     let temperature = || required("temperature", number(0.05, 5.0, "1"), "of the softmax over scores");
@@ -225,14 +288,44 @@ pub fn shared_mechanism_slots() -> BTreeMap<String, MechanismSlotSpec> {
         slot(
             "window_start_s",
             ValueType::Number,
-            vocabulary::ACTOR.to_vec(),
-            "Seconds after the current step at which the changed motion begins.",
+            vocabulary::ACTOR.iter().chain(vocabulary::GROUP).cloned().collect(),
+            "Seconds after the current step at which the changed motion begins; by adversary_index one after the other.",
         ),
         slot(
             "candidate_guard",
             ValueType::Boolean,
             candidate_features(),
             "Whether a candidate trajectory may be used.",
+        ),
+        slot(
+            "shape_speed_share",
+            ValueType::Number,
+            vocabulary::SHAPE.to_vec(),
+            "Share of the candidate's speed at a moment of it, clamped to 0..2; 1 keeps it.",
+        ),
+        slot(
+            "shape_offset_m",
+            ValueType::Number,
+            vocabulary::SHAPE.to_vec(),
+            "Metres to the left of the candidate's way at a moment of it, clamped to -8..8, changing by 2 m/s at most.",
+        ),
+        slot(
+            "law_onset",
+            ValueType::Boolean,
+            vocabulary::LAW.to_vec(),
+            "Whether the law takes over now; asked at every step of 0.1 s until it holds.",
+        ),
+        slot(
+            "law_acceleration_mps2",
+            ValueType::Number,
+            vocabulary::LAW.to_vec(),
+            "Acceleration at this step, m/s^2, clamped to -8.8..2.8; planned_acceleration_mps2 keeps to the candidate.",
+        ),
+        slot(
+            "law_offset_m",
+            ValueType::Number,
+            vocabulary::LAW.to_vec(),
+            "Metres to the left of the candidate's path at this step, clamped to -8..8; 0 keeps to the path.",
         ),
     ]
     .into_iter()
@@ -249,46 +342,20 @@ pub fn candidate_features() -> Vec<Feature> {
     vocabulary::CANDIDATE.iter().chain(vocabulary::ACTOR).cloned().collect()
 }
 
-/// Parameters that shared operators and expressions of any family may refer to.
+/// Parameters of every parent that changes a recorded motion. There are no others that all share: a parameter that a
+/// parent does not use would be an edit without effect, and expressions may hold numbers.
 pub fn shared_parameters() -> BTreeMap<String, ParameterSpec> {
-    [
-        parameter("duration_s", number(1.0, 8.0, "s"), "length of the changed motion"),
-        parameter("temperature", number(0.05, 5.0, "1"), "softmax temperature of a drawn choice"),
-        parameter(
-            "actor_gap_m_max",
-            number(5.0, 120.0, "m"),
-            "how near a vehicle must be to be eligible; for expressions",
-        ),
-        parameter("pressure_horizon_s", number(0.5, 8.0, "s"), "time scale of conflict pressure; for expressions"),
-        parameter("acceleration_limit_mps2", number(1.0, 12.0, "m/s^2"), "acceleration bound for guards and filters"),
-        parameter(
-            "lateral_limit_mps2",
-            number(1.0, 10.0, "m/s^2"),
-            "lateral acceleration bound for guards and filters",
-        ),
-        parameter("jerk_limit_mps3", number(2.0, 60.0, "m/s^3"), "jerk bound for guards and filters"),
-        parameter("off_road_limit_m", number(0.0, 3.0, "m"), "road departure bound for guards and filters"),
-        parameter("bystander_limit_m", number(0.0, 5.0, "m"), "bystander gap bound for guards and filters"),
-    ]
-    .into_iter()
-    .collect()
+    [parameter("duration_s", number(1.0, 8.0, "s"), "length of the changed motion")].into_iter().collect()
 }
 
-/// Values of the shared parameters in a parent program; none is used by a parent's graph except the duration.
+/// Their values in a parent program.
 pub fn shared_values() -> BTreeMap<String, ParameterValue> {
-    [
-        value("duration_s", 8.0),
-        value("temperature", 0.5),
-        value("actor_gap_m_max", 60.0),
-        value("pressure_horizon_s", 3.0),
-        value("acceleration_limit_mps2", 6.0),
-        value("lateral_limit_mps2", 5.0),
-        value("jerk_limit_mps3", 20.0),
-        value("off_road_limit_m", 0.3),
-        value("bystander_limit_m", 0.2),
-    ]
-    .into_iter()
-    .collect()
+    [value("duration_s", 8.0)].into_iter().collect()
+}
+
+/// The parameter that a drawn choice's temperature follows, for parents that draw.
+pub fn temperature_parameter() -> (String, ParameterSpec) {
+    parameter("temperature", number(0.05, 5.0, "1"), "softmax temperature of a drawn choice")
 }
 
 /// A declared parameter with its name.
@@ -331,6 +398,32 @@ pub fn from_mechanism(name: &str) -> Setting {
 /// A setting that is a word.
 pub fn word(word: &str) -> Setting {
     Setting::Choice(word.into())
+}
+
+/// The program with a law before its choice: the node `law`, and a module for each of its settings (`acceleration`, `onset`,
+/// `offset`) that is given with an expression. What cannot be parsed is left to the contract's check.
+pub fn with_law<const N: usize>(program: &Program, settings: [(&str, &str); N]) -> Program {
+    let mut program = program.clone();
+    let mut node = node("law", Slot::Law, "obey_law", &[], []).1;
+    for (setting, expression) in settings {
+        let slot = LAW_SLOTS.into_iter().find(|slot| slot.contains(setting)).unwrap_or(setting);
+        let output = if setting == "onset" { ValueType::Boolean } else { ValueType::Number };
+        let inputs = Expr::parse(expression).map(|expr| expr.names().into_iter().collect()).unwrap_or_default();
+        let module = MechanismModule {
+            slot: slot.into(),
+            inputs,
+            output,
+            expression: expression.into(),
+            tags: vec!["law".into()],
+        };
+        program.mechanism_modules.insert(slot.into(), module);
+        node.settings.insert(setting.into(), from_mechanism(slot));
+    }
+    for choice in program.operator_graph.values_mut().filter(|node| node.slot == Slot::Diversity) {
+        node.inputs = std::mem::replace(&mut choice.inputs, vec!["law".into()]);
+    }
+    program.operator_graph.insert("law".into(), node);
+    program
 }
 
 /// Names of the constraints that every compiled decision is held to.

@@ -57,7 +57,7 @@ pub fn family() -> Family {
         [optional("score", "grid_score", "an order over the grid; without one all members are alike")],
         "Gives every member of the grid the value of an expression, or 0.",
     );
-    staged::family(FamilySpec {
+    let mut family = staged::family(FamilySpec {
         name: NAME,
         title: "Human: SafeBench's hand-designed scenarios (Xu et al. 2022)",
         describes: "One scripted road user a traffic family waits until the ego is near and then crosses, brakes or \
@@ -75,7 +75,11 @@ pub fn family() -> Family {
             "Rank of a scenario of the grid by the adversary's motion when it was simulated; larger is likelier.",
         )],
         graph,
-    })
+    });
+    // Its word is nobody's own: every family may draw.
+    family.contract.parameters.extend([grammar::temperature_parameter()]);
+    family.parent.parameters.extend([grammar::value("temperature", 0.5)]);
+    family
 }
 
 /// Name of a scenario parameter in θ.

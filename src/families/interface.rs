@@ -59,6 +59,9 @@ impl FamilySpec {
             operators.entry(slot).or_default().push(spec);
         }
         let mut mechanism_slots = grammar::shared_mechanism_slots();
+        if self.without_shared.contains(&Slot::Law) {
+            mechanism_slots.retain(|slot, _| !grammar::LAW_SLOTS.contains(&slot.as_str()));
+        }
         mechanism_slots.extend(self.mechanism_slots);
         let words = self.words.into_iter().map(String::from);
         let private_vocabulary = words.chain(self.parameters.iter().map(|p| p.name.clone())).collect();

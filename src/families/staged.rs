@@ -18,10 +18,10 @@ pub const SCRIPTED_ACTOR: &str = "scripted_actor";
 pub const BACKEND: &str = "safebench";
 
 /// Slots whose shared kinds rank recorded vehicles and cut windows out of logs.
-pub const WITHOUT_SHARED: &[Slot] = &[Slot::Actor, Slot::Timing];
+pub const WITHOUT_SHARED: &[Slot] = &[Slot::Actor, Slot::Timing, Slot::Law];
 /// Their mechanism slots and parameters.
-const LOG_SLOTS: [&str; 3] = ["actor_score", "actor_guard", "window_start_s"];
-const LOG_PARAMETERS: [&str; 3] = ["duration_s", "actor_gap_m_max", "pressure_horizon_s"];
+const LOG_SLOTS: [&str; 5] = ["actor_score", "actor_guard", "window_start_s", "shape_speed_share", "shape_offset_m"];
+const LOG_PARAMETERS: [&str; 1] = ["duration_s"];
 
 /// Contract and parent of a family of the SafeBench protocol.
 pub fn family(mut own: FamilySpec) -> Family {
@@ -29,6 +29,7 @@ pub fn family(mut own: FamilySpec) -> Family {
     let mut family = own.family();
     family.contract.backend = BACKEND.into();
     family.parent.compile_contract.backend = BACKEND.into();
+    family.contract.operators.entry(Slot::Filter).or_default().retain(|spec| spec.kind != "reshape");
     family.contract.mechanism_slots.retain(|slot, _| !LOG_SLOTS.contains(&slot.as_str()));
     family.contract.parameters.retain(|name, _| !LOG_PARAMETERS.contains(&name.as_str()));
     family.parent.parameters.retain(|name, _| !LOG_PARAMETERS.contains(&name.as_str()));

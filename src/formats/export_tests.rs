@@ -182,6 +182,29 @@ fn scenarionet_json_gives_back_every_scene() {
         let back = scenarionet_import::import("f.json", &exported.bytes).unwrap();
         assert_eq!(back.left_out, vec![], "{}", scene.id);
         assert_eq!(back.scenes[0].digest(), scene.digest(), "{}", scene.id);
+        let pickled = scenarionet::pickled(&exported.bytes).unwrap();
+        let back = scenarionet::read::import("f.pkl", &pickled.bytes).unwrap();
+        assert_eq!((back.left_out, back.scenes[0].digest()), (vec![], scene.digest()), "{}", scene.id);
+    }
+}
+
+#[test]
+fn a_data_set_counts_what_its_scenes_hold_and_is_imported_as_no_scene() {
+    let exported = scenarionet::export(&awkward(), None).unwrap();
+    let scenarionet::Pickled { summary, .. } = scenarionet::pickled(&exported.bytes).unwrap();
+    let counts = &summary["number_summary"];
+    assert_eq!((&counts["num_objects"], &counts["num_objects_each_type"]["OTHER"]), (&7.into(), &2.into()));
+    assert_eq!(counts["num_traffic_light_each_step"]["LANE_STATE_CAUTION"], 30);
+    let gapped = &summary["object_summary"]["../../etc/passwd&#0;"];
+    let seen = ["track_length", "valid_length", "continuous_valid_length"].map(|key| gapped[key].as_u64().unwrap());
+    assert_eq!(seen, [60, 58, 20]);
+    assert!(summary.get("evodrive").is_none() && summary["sdc_id"] == "ego\" x=\"<?");
+    let mut set = scenarionet::DataSet::default();
+    assert_eq!(set.files(), vec![]);
+    set.add("sd_a.pkl", summary);
+    for (name, bytes) in set.files() {
+        let read = scenarionet::read::import(name, &bytes).unwrap();
+        assert!(read.scenes.is_empty() && read.left_out[0].reason.contains("data set"), "{name}");
     }
 }
 
@@ -241,6 +264,34 @@ fn commonroad_gives_back_every_scene() {
         assert_eq!(back.left_out, vec![], "{}", scene.id);
         assert_eq!(back.scenes[0].digest(), scene.digest(), "{}", scene.id);
     }
+}
+
+#[test]
+fn every_sign_and_light_of_commonroad_stands_somewhere_and_a_lanelet_refers_to_it() {
+    // Three lanes in a ring with one speed limit: none of them is the first with its sign.
+    let mut ring = awkward();
+    for (ix, lane) in ring.road.lanes.iter_mut().take(3).enumerate() {
+        (lane.entries, lane.exits, lane.speed_limit_mps) = (vec![(ix + 2) % 3], vec![(ix + 1) % 3], Some(7.0));
+    }
+    (ring.road.lanes[3].entries, ring.road.lanes[3].exits) = (vec![], vec![]);
+    assert_eq!(ring.validate(), vec![]);
+    let exported = commonroad::export(&ring, None).unwrap();
+    let document = Document::parse("f.xml", &exported.bytes).unwrap();
+    let everything = everything(document.root());
+    for (element, by) in [("trafficSign", "trafficSignRef"), ("trafficLight", "trafficLightRef")] {
+        let referred = ids(document.root(), by, "ref");
+        let all: Vec<_> = everything.iter().filter(|e| e.name() == element).collect();
+        assert!(!all.is_empty());
+        for one in all {
+            assert!(
+                referred.contains(one.attribute("id").unwrap()) && one.child("position").is_some(),
+                "{}",
+                one.place()
+            );
+        }
+    }
+    assert!(exported.notes.iter().any(|note| note.reason.contains("for no lane")));
+    assert_eq!(commonroad::import("f.xml", &exported.bytes).unwrap().scenes[0].digest(), ring.digest());
 }
 
 #[test]
@@ -305,6 +356,30 @@ fn openscenario_names_only_what_it_defines_and_its_times_increase() {
                 }
             }
         }
+    }
+}
+
+/// The names of OpenSCENARIO 1.2's elements that an export uses.
+const OPENSCENARIO_ELEMENTS: &str = "AbsoluteTargetSpeed Act Action Actors Axles BoundingBox ByValueCondition \
+    CatalogLocations Center Condition ConditionGroup DeleteEntityAction Dimensions Entities EntityAction EntityRef Event \
+    FileHeader FollowTrajectoryAction FrontAxle GlobalAction Init Actions LogicFile LongitudinalAction Maneuver \
+    ManeuverGroup MiscObject None OpenSCENARIO Pedestrian Performance Phase Polyline Position Private PrivateAction \
+    Properties Property RearAxle RoadNetwork RoutingAction ScenarioObject Shape SimulationTimeCondition SpeedAction \
+    SpeedActionDynamics SpeedActionTarget StartTrigger StopTrigger Story Storyboard TeleportAction TimeReference Timing \
+    TrafficSignalController TrafficSignalState TrafficSignals Trajectory TrajectoryFollowingMode TrajectoryRef Vehicle \
+    Vertex WorldPosition AddEntityAction";
+
+#[test]
+fn openscenario_has_no_element_that_the_standard_does_not_know() {
+    let known: BTreeSet<&str> = OPENSCENARIO_ELEMENTS.split_whitespace().collect();
+    for scene in worlds().iter().cloned().chain([awkward(), late_ego()]) {
+        let files = openscenario::export(&scene, Some(&staging_of(&scene)), "r.xodr").unwrap();
+        let document = Document::parse("f.xosc", &files.xosc).unwrap();
+        for element in everything(document.root()) {
+            assert!(known.contains(element.name()), "{}: {}", scene.id, element.place());
+        }
+        let parts: Vec<&str> = document.root().child("Storyboard").unwrap().children().map(|e| e.name()).collect();
+        assert_eq!(parts, ["Init", "Story", "StopTrigger"]);
     }
 }
 

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::import_error::ImportError;
+use super::scenarionet::{DATA_SET_FILES, pickle_name};
 use super::waymo::tfrecord::Records;
 use super::{
     commonroad::read as commonroad,
@@ -140,7 +141,8 @@ impl FileScenes {
     }
 }
 
-/// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken.
+/// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken. What one export
+/// of ours writes in two forms, and the lists of a data set beside its scenes, are not worth a word.
 pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSummary {
     let mut summary = ImportSummary::default();
     let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
@@ -152,6 +154,9 @@ pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSu
                 summary.scenes.push(scene);
                 continue;
             };
+            if *earlier == digest && are_forms_of_one(file, &name) {
+                continue;
+            }
             let reason = if *earlier == digest {
                 format!("the same scene was already read from {file}")
             } else {
@@ -160,7 +165,16 @@ pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSu
             summary.left_out.push(LeftOut { file: name.clone(), what: scene.id, reason });
         }
     }
+    if !summary.scenes.is_empty() {
+        summary.left_out.retain(|left| !DATA_SET_FILES.contains(&left.file.as_str()));
+    }
     summary
+}
+
+/// Whether these are the JSON and the pickle that an export writes of a scene.
+fn are_forms_of_one(a: &str, b: &str) -> bool {
+    let twins = |json: &str, pickle: &str| json.strip_suffix(".json").is_some_and(|name| pickle == pickle_name(name));
+    twins(a, b) || twins(b, a)
 }
 
 /// Imports files given as (name without folder, bytes). A bad file is left out and stops nothing.

@@ -13,7 +13,11 @@ pub const ANTHROPIC: &str = "anthropic";
 
 /// The kind of the scripted model, which rules of this program answer; they are in the room `scripted`.
 pub const SCRIPTED: &str = "scripted";
-const KINDS: [&str; 3] = [SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC];
+/// `kind` of a model behind a folder of requests and replies ([`exchange`](super::exchange)).
+pub const EXCHANGE: &str = "exchange";
+/// `kind` of a model that is a program ([`command`](super::command)).
+pub const COMMAND: &str = "command";
+const KINDS: [&str; 5] = [SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC, EXCHANGE, COMMAND];
 const OPENAI_SAMPLING: [&str; 9] = [
     "temperature",
     "top_p",

@@ -1,8 +1,11 @@
-//! Asking a model: request, replay, record, cassette, and real models under the feature `live`.
+//! Asking a model: request, replay, record, cassette, models behind a folder or a program, and behind the network under the
+//! feature `live`.
 
 pub mod addressed;
 pub mod cassette;
 pub mod client;
+pub mod command;
+pub mod exchange;
 #[cfg(feature = "live")]
 pub mod live;
 pub mod model;
@@ -14,6 +17,8 @@ pub mod request;
 pub use addressed::{Schema, Text};
 pub use cassette::{Cassette, CassetteError, Recorded};
 pub use client::{ClientOptions, IncompleteReplies, SpendCap};
+pub use command::{Command, CommandOptions};
+pub use exchange::Exchange;
 pub use model::{Completion, Metadata, Model, ModelError};
 pub use record::{Record, RecordMode};
 pub use replay::Replay;

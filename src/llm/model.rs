@@ -131,6 +131,16 @@ pub enum ModelError {
         /// Which cap, and what it would take.
         reason: String,
     },
+    /// A program that was started to answer did not.
+    #[error(
+        "`{address}` gave no answer: {reason}; correct it and repeat the command, what was answered is not asked again"
+    )]
+    Failed {
+        /// The program with its arguments.
+        address: String,
+        /// How it ended.
+        reason: String,
+    },
     /// The request cannot be answered by this model: what is missing or wrong in it, and where.
     #[error("the request cannot be answered: {reason}")]
     Unanswerable {

@@ -3,9 +3,10 @@
 //! | exit | cards |
 //! |---|---|
 //! | declined, invalid | failure |
-//! | rejected | failure (what the world evaluator predicted) |
+//! | rejected | none: what was not simulated says nothing about merit |
 //! | evaluated, no gate held | failure; a motif that may be shared |
-//! | evaluated, a gate held | success; a motif that may be shared; failure of the world evaluator where it would have turned the candidate away |
+//! | evaluated, a gate held, dominated by the front | failure: a step from its parent that others surpass |
+//! | evaluated, a gate held, on the front | success; a motif that may be shared; failure of the world evaluator where it would have turned the candidate away |
 //! | any, where a critic objected | critic |
 //!
 //! Cards with numbers, free text or names of a family's parts stay in their lineage. A motif holds only plain tags of
@@ -38,7 +39,7 @@ pub struct CurationOptions {
 pub struct CurationContext<'a> {
     /// Family of the lineage.
     pub family: &'a FamilyName,
-    /// Words for the scenes of the epoch's window.
+    /// Words for the scenes in which the attempt changed an attack, without those that name nearly every scene.
     pub scene_tags: &'a [String],
     /// Words of the family's implementation, which other lineages never see.
     pub private_vocabulary: &'a [String],
@@ -52,7 +53,7 @@ pub fn curate(attempt: &Attempt, context: &CurationContext<'_>) -> Vec<Card> {
     match &attempt.exit {
         Exit::Declined { reason } => writer.own(CardKind::Failure, format!("No usable patch: {reason}"), &[]),
         Exit::Invalid { gates } => writer.own(CardKind::Failure, gate_text(gates), &[]),
-        Exit::Rejected { candidate, route, .. } => writer.turned_away(candidate, route),
+        Exit::Rejected { .. } => {}
         Exit::Evaluated { candidate, route, score, decision, .. } => {
             writer.evaluated(candidate, route, score, decision);
         }
@@ -107,20 +108,13 @@ impl Writer<'_> {
         self.push(kind, format!("Mechanism {} {outcome}{place}.", tags.join(" + ")), tags, true);
     }
 
-    fn turned_away(&mut self, candidate: &Candidate, route: &Route) {
-        let digits = self.context.options.digits;
-        let text = format!(
-            "Turned away before simulation; predicted {}, uncertainty {}.",
-            self.rates(&route.predicted),
-            number(route.uncertainty, digits)
-        );
-        self.own(CardKind::Failure, text, &candidate.mechanism_tags);
-    }
-
     fn evaluated(&mut self, candidate: &Candidate, route: &Route, score: &Score, decision: &Decision) {
         let (tags, labels) = (&candidate.mechanism_tags, &score.objectives);
         let change = self.change(decision);
-        if decision.gates.any() {
+        if decision.gates.any() && !decision.on_front {
+            let text = format!("A step from its parent, but dominated by the front: {}, {change}.", self.rates(labels));
+            self.own(CardKind::Failure, text, tags);
+        } else if decision.gates.any() {
             let gates = gate_names(decision).join(", ");
             self.own(CardKind::Success, format!("Accepted by {gates}: {}, {change}.", self.rates(labels)), tags);
             self.motif(CardKind::Success, "was accepted", candidate);

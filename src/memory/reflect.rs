@@ -35,19 +35,21 @@ impl Hint {
     }
 }
 
-/// What the exits of one epoch suggest; `None` without any attempt. "Alike": at most half as many sets of mechanism
-/// tags as admitted candidates.
+/// What the exits of one epoch suggest; `None` where nothing was learned: no attempt, or none that was simulated. "Alike": at
+/// most half as many sets of mechanism tags as simulated candidates. What the world evaluator turned away says nothing.
 pub fn hint(attempts: &[Attempt]) -> Option<Hint> {
     let unusable = attempts.iter().filter(|a| matches!(a.exit, Exit::Declined { .. } | Exit::Invalid { .. })).count();
     let sets: BTreeSet<&[String]> = attempts.iter().filter_map(tags).collect();
-    let admitted = attempts.len() - unusable;
+    let simulated = attempts.iter().filter(|a| matches!(a.exit, Exit::Evaluated { .. })).count();
     if attempts.is_empty() {
         None
     } else if unusable * 2 >= attempts.len() {
         Some(Hint::Repair)
     } else if attempts.iter().any(accepted) {
         Some(Hint::Reuse)
-    } else if sets.len() * 2 <= admitted {
+    } else if simulated == 0 {
+        None
+    } else if sets.len() * 2 <= simulated {
         Some(Hint::Diversify)
     } else {
         Some(Hint::Pivot)
@@ -63,7 +65,9 @@ pub fn reflect(
     active: Objectives,
     context: &CurationContext<'_>,
 ) -> Vec<Card> {
-    let Some(hint) = hint(attempts) else { return Vec::new() };
+    if attempts.is_empty() {
+        return Vec::new();
+    }
     let winners = tag_set(attempts.iter().filter(|a| accepted(a)).filter_map(tags).flatten());
     let card = |name: &str, kind, text: String, mechanism_tags| Card {
         id: CardId::new(format!("{lineage}/e{epoch}#{name}")),
@@ -77,10 +81,10 @@ pub fn reflect(
         scene_tags: tag_set(context.scene_tags),
         shareable: false,
     };
-    vec![
-        card("lineage", CardKind::Lineage, progress(attempts, active, context.options.digits), winners.clone()),
-        card("reflection", CardKind::Reflection, advice(hint, attempts, &winners), winners),
-    ]
+    let told = card("lineage", CardKind::Lineage, progress(attempts, active, context.options.digits), winners.clone());
+    let advice = hint(attempts).map(|hint| advice(hint, attempts, &winners));
+    let advice = advice.map(|text| card("reflection", CardKind::Reflection, text, winners.clone()));
+    std::iter::once(told).chain(advice).collect()
 }
 
 fn progress(attempts: &[Attempt], active: Objectives, digits: u32) -> String {
@@ -132,7 +136,7 @@ fn accepted(attempt: &Attempt) -> bool {
 
 fn tags(attempt: &Attempt) -> Option<&[String]> {
     match &attempt.exit {
-        Exit::Rejected { candidate, .. } | Exit::Evaluated { candidate, .. } => Some(&candidate.mechanism_tags),
-        Exit::Declined { .. } | Exit::Invalid { .. } => None,
+        Exit::Evaluated { candidate, .. } => Some(&candidate.mechanism_tags),
+        Exit::Declined { .. } | Exit::Invalid { .. } | Exit::Rejected { .. } => None,
     }
 }

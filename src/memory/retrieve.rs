@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 use super::{store::Memory, text::tag_set};
-use crate::objects::{Card, Program};
+use crate::objects::{AttemptId, Card, CardKind, Program};
 
 /// Weights of the score and size of the context. Come from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,8 +61,10 @@ pub struct Query<'a> {
     pub parent: &'a Program,
     /// The epoch t + 1 for which a proposal is made.
     pub epoch: u32,
-    /// Words for the scenes of this epoch's window.
+    /// Words for the scenes of this epoch's window, without those that name nearly every scene.
     pub scene_tags: &'a [String],
+    /// Attempts whose programs are on the lineage's front.
+    pub front: &'a [AttemptId],
 }
 
 /// Tags of a program's mechanism modules, sorted, without repeats.
@@ -70,21 +72,41 @@ pub fn tags_of(program: &Program) -> Vec<String> {
     tag_set(program.mechanism_modules.values().flat_map(|module| &module.tags))
 }
 
-/// The top M cards with their scores, best first; equal scores by card id.
+/// Most cards of one attempt.
+const PER_ATTEMPT_MAX: usize = 1;
+
+/// The cards that an actor sees, with their scores: first the success card of every front member, however many those are, then
+/// the best others up to M, equal scores by card id.
 ///
 /// First the causal filter: a card exists after its epoch's barrier, so a proposal of epoch t + 1 sees only cards
-/// with epoch(u) <= t. Then the lineage filter: cards of other lineages only where they may be shared.
+/// with epoch(u) <= t. Then the lineage filter: cards of other lineages only where they may be shared. A success of this
+/// lineage that the front has left behind is none any more. Of one attempt and of one kind only so many are taken, so that no
+/// epoch with many like cards hides all others.
 pub fn retrieve<'m>(memory: &'m Memory, query: &Query<'_>, options: &MemoryOptions) -> Vec<(&'m Card, f64)> {
+    let own = |card: &Card| card.lineage == query.parent.lineage_id;
+    let on_front = |card: &Card| card.attempt.as_ref().is_some_and(|attempt| query.front.contains(attempt));
+    let surpassed = |card: &Card| own(card) && card.kind == CardKind::Success && !on_front(card);
     let mut scored: Vec<(&Card, f64)> = memory
         .cards()
         .iter()
         .filter(|card| card.epoch < query.epoch)
-        .filter(|card| card.lineage == query.parent.lineage_id || card.shareable)
+        .filter(|card| (own(card) || card.shareable) && !surpassed(card))
         .map(|card| (card, score(card, query, options)))
         .collect();
     scored.sort_by(|(a, x), (b, y)| y.total_cmp(x).then_with(|| a.id.cmp(&b.id)));
-    scored.truncate(options.top_m);
-    scored
+    let of_front = |card: &Card| own(card) && card.kind == CardKind::Success && !card.shareable && on_front(card);
+    let (mut taken, others): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(card, _)| of_front(card));
+    // Half of what is shown, rounded up.
+    let per_kind = options.top_m.div_ceil(2);
+    for (card, score) in others {
+        let of_kind = taken.iter().filter(|(other, _)| other.kind == card.kind).count();
+        let of_attempt =
+            taken.iter().filter(|(other, _)| card.attempt.is_some() && other.attempt == card.attempt).count();
+        if taken.len() < options.top_m && of_kind < per_kind && of_attempt < PER_ATTEMPT_MAX {
+            taken.push((card, score));
+        }
+    }
+    taken
 }
 
 /// score(u, p_t): similarity of families is 1 or 0, of tags Jaccard's index, recency 1 / (1 + age in epochs).

@@ -37,7 +37,7 @@ fn program(lineage: &str, family: &str, tags: &[&str]) -> Program {
 fn card(id: &str, lineage: &str, epoch: u32, shareable: bool) -> Card {
     Card {
         id: CardId::new(id),
-        kind: CardKind::Success,
+        kind: CardKind::Failure,
         lineage: LineageId::new(lineage),
         family: FamilyName::new("cat"),
         epoch,
@@ -193,18 +193,59 @@ fn an_accepted_audit_of_a_weak_prediction_is_a_false_rejection() {
 }
 
 #[test]
-fn a_turned_away_candidate_leaves_what_was_predicted() {
-    let exit = Exit::Rejected {
+fn a_turned_away_candidate_teaches_nothing() {
+    let exit = || Exit::Rejected {
         gates: GateReport::default(),
         candidate: candidate(&["pressure"]),
         route: route(RouteDecision::Reject, 0.05),
     };
+    assert!(cards_of(exit(), &[]).is_empty());
+    assert_eq!(hint(&[attempt(0, exit()), attempt(1, exit())]), None, "nor does an epoch of them");
+}
+
+#[test]
+fn an_accepted_candidate_that_the_front_dominates_is_no_success() {
+    let mut exit = evaluated(&["pressure"], route(RouteDecision::Select, 0.5), [0.6, 0.95], true);
+    if let Exit::Evaluated { decision, .. } = &mut exit {
+        decision.on_front = false;
+    }
     let cards = cards_of(exit, &[]);
-    assert_eq!(
-        cards[0].text,
-        "Turned away before simulation; predicted attack 0.050, realism 0.900, uncertainty 0.123."
-    );
-    assert!(!cards[0].shareable);
+    assert!(cards.iter().all(|card| card.kind == CardKind::Failure), "{cards:?}");
+    assert!(cards[0].text.starts_with("A step from its parent, but dominated"), "{}", cards[0].text);
+}
+
+fn of_attempt(id: &str, kind: CardKind, slot: u32) -> Card {
+    let attempt = Some(AttemptId::at(&LineageId::new("cat-idm"), 1, slot));
+    Card { kind, attempt, ..card(id, "cat-idm", 1, false) }
+}
+
+fn shown(cards: Vec<Card>, front: &[AttemptId], top_m: usize) -> Vec<String> {
+    let (mut memory, parent) = (Memory::default(), program("cat-idm", "cat", &[]));
+    memory.append(cards).unwrap();
+    let query = Query { parent: &parent, epoch: 2, scene_tags: &[], front };
+    let found = retrieve(&memory, &query, &MemoryOptions { top_m, ..WEIGHTS });
+    found.into_iter().map(|(card, _)| card.id.to_string()).collect()
+}
+
+#[test]
+fn front_members_always_have_their_card_and_what_the_front_left_behind_is_no_success() {
+    let successes = || (0..4).map(|slot| of_attempt(&format!("s{slot}"), CardKind::Success, slot)).collect::<Vec<_>>();
+    let front: Vec<AttemptId> = [1, 2, 3].map(|slot| AttemptId::at(&LineageId::new("cat-idm"), 1, slot)).into();
+    let mut cards = successes();
+    cards.push(of_attempt("f", CardKind::Failure, 7));
+    assert_eq!(shown(cards.clone(), &front, 2), ["s1", "s2", "s3"], "more than M, and not s0");
+    assert_eq!(shown(cards.clone(), &front, 4), ["s1", "s2", "s3", "f"]);
+    assert_eq!(shown(cards, &[], 4), ["f"]);
+}
+
+#[test]
+fn an_attempt_and_a_kind_have_a_cap() {
+    let failures = (0..6).map(|slot| of_attempt(&format!("f{slot}"), CardKind::Failure, slot));
+    let critic = of_attempt("z", CardKind::Critic, 0);
+    let mut other = of_attempt("y", CardKind::Critic, 9);
+    other.id = CardId::new("y");
+    let cards: Vec<Card> = failures.chain([critic, other]).collect();
+    assert_eq!(shown(cards, &[], 6), ["f0", "f1", "f2", "y"], "z is a second card of f0's attempt");
 }
 
 #[test]
@@ -271,7 +312,7 @@ fn memory_takes_no_card_twice_and_none_into_the_past() {
 fn the_score_is_the_weighted_sum_of_the_equation() {
     let parent = program("cat-idm", "cat", &["a", "b"]);
     let scenes = words(&["junction"]);
-    let query = Query { parent: &parent, epoch: 6, scene_tags: &scenes };
+    let query = Query { parent: &parent, epoch: 6, scene_tags: &scenes, front: &[] };
     let mut one = card("x", "cat-idm", 3, false);
     one.mechanism_tags = words(&["b", "c"]);
     one.scene_tags = words(&["junction", "dense"]);
@@ -286,8 +327,8 @@ fn equal_scores_come_in_order_of_their_ids_and_no_more_than_m() {
     let mut memory = Memory::default();
     memory.append(["c", "a", "b"].map(|id| card(id, "cat-idm", 1, false)).to_vec()).unwrap();
     let parent = program("cat-idm", "cat", &[]);
-    let options = MemoryOptions { top_m: 2, ..WEIGHTS };
-    let found = retrieve(&memory, &Query { parent: &parent, epoch: 2, scene_tags: &[] }, &options);
+    let options = MemoryOptions { top_m: 4, ..WEIGHTS };
+    let found = retrieve(&memory, &Query { parent: &parent, epoch: 2, scene_tags: &[], front: &[] }, &options);
     assert_eq!(found.iter().map(|(c, _)| c.id.as_str()).collect::<Vec<_>>(), ["a", "b"]);
 }
 
@@ -325,11 +366,13 @@ proptest! {
             top_m,
         };
         let parent = program("cat-idm", "cat", &["a"]);
-        let query = Query { parent: &parent, epoch, scene_tags: &[] };
+        let query = Query { parent: &parent, epoch, scene_tags: &[], front: &[] };
         let found = retrieve(&memory, &query, &options);
         let legal = |c: &Card| c.epoch < epoch && (c.lineage.as_str() == "cat-idm" || c.shareable);
         prop_assert!(found.iter().all(|(c, _)| legal(c)));
-        prop_assert_eq!(found.len(), memory.cards().iter().filter(|c| legal(c)).count().min(top_m));
+        // All are of one kind.
+        let most = top_m.div_ceil(2).min(top_m);
+        prop_assert_eq!(found.len(), memory.cards().iter().filter(|c| legal(c)).count().min(most));
         prop_assert!(found.windows(2).all(|pair| pair[0].1 >= pair[1].1));
 
         // What is written later changes nothing that was read.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::Scripted;
 use crate::kernel::num;
 use crate::scene::Sample;
+use crate::sim::Law;
 
 /// One possible future of an actor.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +18,8 @@ pub struct Candidate {
     pub score: f64,
     /// Scene step from which the actor no longer follows the samples but reacts to the ego; `None`: never.
     pub handover_step: Option<usize>,
+    /// What the actor obeys once its onset holds; then `handover_step` counts for nothing.
+    pub law: Option<Arc<Law>>,
     /// Where a search moves several actors at once: candidates of one iterate belong together.
     pub iterate: Option<usize>,
     /// Where road users wait for the ego: the whole scenario, of which `samples` are the adversary's simulated motion.
@@ -27,7 +30,15 @@ impl Candidate {
     /// A motion with its log-probability; its score is set by the search.
     pub fn new(samples: Vec<Sample>, prior_log_probability: f64) -> Candidate {
         let score = prior_log_probability;
-        Candidate { samples, prior_log_probability, score, handover_step: None, iterate: None, scripted: None }
+        Candidate {
+            samples,
+            prior_log_probability,
+            score,
+            handover_step: None,
+            law: None,
+            iterate: None,
+            scripted: None,
+        }
     }
 
     /// Mean distance to another candidate at equal times, metres.

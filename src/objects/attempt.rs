@@ -67,7 +67,7 @@ pub struct Exchange {
 pub struct Round {
     /// The patch as parsed; `None` where the answer held none.
     pub patch: Option<ProgramPatch>,
-    /// One review a critic, in the order in which they were asked.
+    /// One review a critic, in the order in which they were asked; a critic without a readable answer has none.
     pub reviews: Vec<Review>,
 }
 

@@ -117,6 +117,9 @@ pub struct Frozen {
     /// The program that the odd slots edit, under the rule of two anchors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub realism_anchor: Option<FrozenParent>,
+    /// Another member of the front, which the slots that widen it edit, where one program leads and the front has more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub portfolio: Option<FrozenParent>,
     /// The front as measured on the scenes of all windows so far.
     pub front: Vec<FrontPoint>,
     /// How many scenes those are.
@@ -127,6 +130,17 @@ pub struct Frozen {
     pub memory_shown: Vec<String>,
     /// Proposals of the epoch.
     pub slots: u32,
+}
+
+impl Frozen {
+    /// The second parent that a slot edits; `None` where it edits the first. Under the rule of two anchors the odd slots edit the
+    /// second; else every third slot, whose target is to widen the front, edits the portfolio's member.
+    pub fn second_parent(&self, slot: u32) -> Option<&FrozenParent> {
+        match &self.realism_anchor {
+            Some(anchor) => Some(anchor).filter(|_| slot % 2 == 1),
+            None => self.portfolio.as_ref().filter(|_| slot % 3 == 2),
+        }
+    }
 }
 
 /// A second parent of an epoch.

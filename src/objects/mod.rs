@@ -34,5 +34,5 @@ pub use patch::{EDITABLE_SURFACE, Operation, OperationKind, ProgramPatch};
 pub use pointer::Pointer;
 pub use program::*;
 pub use review::{Advice, Review, Role};
-pub use score::{Met, Objectives, SceneFailure, SceneScore, Score};
+pub use score::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score};
 pub use world::*;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::ids::{FamilyName, LineageId, SolutionId};
 use crate::kernel::{Digest, canon::CanonError};
 
-/// The seven slots of an operator graph, in the order in which a scene passes them.
+/// The slots of an operator graph, in the order in which a scene passes them: the paper's seven, and the law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Slot {
@@ -22,14 +22,16 @@ pub enum Slot {
     Search,
     /// O_filter: which of them are removed.
     Filter,
+    /// What an adversary does while it observes the ego, from some step of its motion on.
+    Law,
     /// O_div: which of those left is taken.
     Diversity,
 }
 
 impl Slot {
     /// All slots, in the order in which they run.
-    pub const ALL: [Slot; 7] =
-        [Slot::Select, Slot::Actor, Slot::Timing, Slot::Motion, Slot::Search, Slot::Filter, Slot::Diversity];
+    pub const ALL: [Slot; 8] =
+        [Slot::Select, Slot::Actor, Slot::Timing, Slot::Motion, Slot::Search, Slot::Filter, Slot::Law, Slot::Diversity];
 
     /// The word in programs and prompts.
     pub fn name(self) -> &'static str {
@@ -40,6 +42,7 @@ impl Slot {
             Slot::Motion => "motion",
             Slot::Search => "search",
             Slot::Filter => "filter",
+            Slot::Law => "law",
             Slot::Diversity => "diversity",
         }
     }

@@ -32,7 +32,7 @@ impl Objectives {
 /// Objectives with their evidence. Scenes that failed are listed, never scored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// F(c): attack over all labelled scenes, realism over those that the program acts in. A program that acts nowhere has
+    /// F(c): attack over all labelled scenes, realism as [`RealismSums`] has it. A program that acts nowhere has
     /// neither: both are 0, because there is no evidence that what it does is realistic.
     pub objectives: Objectives,
     /// Realism over all labelled scenes, those that nobody touched counting 1: the paper's plain mean.
@@ -46,6 +46,62 @@ pub struct Score {
     /// Rows of SafeBench's protocol, from which the objectives are taken; `None` in MetaDrive's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub benchmark: Option<Box<Benchmark>>,
+}
+
+/// What R(c) is summed up from: a program is as realistic as the scenes that it acts in, and no more so than the scenes in
+/// which it succeeds. Without the second half a program could keep its successes as they are and buy realism with pushes
+/// of a few centimetres elsewhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RealismSums {
+    acted: usize,
+    acted_realism: f64,
+    succeeded: usize,
+    attack: f64,
+    attack_realism: f64,
+}
+
+impl RealismSums {
+    /// Over these labels, in their order.
+    pub fn of<'s>(scenes: impl IntoIterator<Item = &'s SceneScore>) -> RealismSums {
+        let mut sums = RealismSums::default();
+        for scene in scenes.into_iter().filter(|scene| scene.acted) {
+            sums.acted += 1;
+            sums.acted_realism += scene.realism;
+            if scene.attack > 0.0 {
+                sums.succeeded += 1;
+                sums.attack += scene.attack;
+                sums.attack_realism += scene.attack * scene.realism;
+            }
+        }
+        sums
+    }
+
+    /// The same without one of the labels.
+    pub fn without(mut self, scene: &SceneScore) -> RealismSums {
+        if scene.acted {
+            self.acted -= 1;
+            self.acted_realism -= scene.realism;
+            if scene.attack > 0.0 {
+                self.succeeded -= 1;
+                self.attack -= scene.attack;
+                self.attack_realism -= scene.attack * scene.realism;
+            }
+        }
+        self
+    }
+
+    /// In how many scenes the program acts.
+    pub fn acted(&self) -> usize {
+        self.acted
+    }
+
+    /// R(c), the smaller one of the mean over the scenes acted in and the mean over successes, each success weighing as much
+    /// as its attack; the first alone where nothing succeeds. `None` for a program that never acts.
+    pub fn realism(&self) -> Option<f64> {
+        let acted = (self.acted > 0).then(|| self.acted_realism / self.acted as f64)?;
+        let succeeded = (self.succeeded > 0).then(|| self.attack_realism / self.attack);
+        Some(succeeded.map_or(acted, |succeeded| succeeded.min(acted)).clamp(0.0, 1.0))
+    }
 }
 
 /// One labelled rollout.

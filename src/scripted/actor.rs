@@ -67,12 +67,10 @@ fn weight(page: &PromptView, strategy: &Strategy) -> f64 {
     weight
 }
 
-/// Whether the latest labelled attempt had less realism than the parent.
+/// Whether the latest labelled attempt had less realism than its parent.
 fn lost_realism(page: &PromptView) -> bool {
-    let latest = page.outcomes.recent.iter().rev().find(|attempt| attempt.exit == "evaluated");
-    let realism = latest.and_then(|attempt| attempt.objectives.as_ref()).map(|o| o.realism);
-    let parent = page.outcomes.parent.as_ref().map(|parent| parent.objectives.realism);
-    matches!((realism, parent), (Some(child), Some(parent)) if child < parent - 0.01)
+    let latest = page.history.iter().rev().find_map(|edit| edit.change.as_ref());
+    latest.is_some_and(|change| change.realism() < -0.01)
 }
 
 fn patch(page: &PromptView, draft: &Draft, says: &str) -> Value {

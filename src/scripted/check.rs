@@ -6,8 +6,9 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
+    contract::Domain,
     edit,
-    reader::{Domain, Module, Node, Program, PromptView, Rule, names_in},
+    reader::{EDITABLE, Module, Node, Program, PromptView, Rule, names_in},
 };
 
 /// A blocking fault, and what would mend it.
@@ -95,10 +96,9 @@ fn surface(page: &PromptView, patch: &Value) -> Vec<Finding> {
     let (mut parts, mut seen, mut found) = (page.parts.clone(), BTreeSet::new(), vec![]);
     for (index, operation) in operations.iter().enumerate() {
         let path = edit::path_of(operation);
-        let legal =
-            page.identity.editable_surface.iter().any(|part| {
-                path.strip_prefix(part.as_str()).is_some_and(|rest| rest.len() > 1 && rest.starts_with('/'))
-            });
+        let legal = EDITABLE
+            .iter()
+            .any(|part| path.strip_prefix(*part).is_some_and(|rest| rest.len() > 1 && rest.starts_with('/')));
         let problem = if !legal {
             Some("the path is not on the editable surface".to_string())
         } else if index >= page.contract.limits.operations_per_patch {

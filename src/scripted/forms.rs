@@ -27,6 +27,13 @@ pub enum Purpose {
     Guard,
     /// A condition on the scene alone.
     Gate,
+    /// What a law says at every step: when it begins, the acceleration, the offset.
+    Onset,
+    Acceleration,
+    Offset,
+    /// The same of a candidate that is reshaped: share of its speed, offset.
+    SpeedShare,
+    ShapeOffset,
 }
 
 /// Terms that grow with the pressure on the ego.
@@ -104,6 +111,44 @@ const TIMES: [(&str, &str); 6] = [
     ("gap_lead", "clamp(gap_m / max(closing_speed_mps, <1..3 m/s>) - <1..3 s>, 0, <3..6>)"),
 ];
 
+/// When a law begins.
+const ONSETS: [(&str, &str); 4] = [
+    ("cut_in", "seen_ego_ahead_m < 0 and abs(seen_ego_left_m) < <1.5..2.5 m> and seen_gap_m < <8..20 m>"),
+    ("near_onset", "seen_gap_m < <6..25 m>"),
+    ("late_onset", "seen_ttc_s < <1.5..4 s>"),
+    ("conflict_onset", "ego_to_conflict_m < <10..40 m>"),
+];
+
+/// What a law accelerates by.
+const ACCELERATIONS: [(&str, &str); 5] = [
+    ("brake_ahead", "if(since_onset_s < <0.2..0.6 s>, -<1..4 m/s^2>, -<5..8.5 m/s^2>)"),
+    (
+        "meet_the_ego",
+        "if(ego_to_conflict_m < 0 or own_to_conflict_m < 0, planned_acceleration_mps2, clamp(<1..3> * (own_to_conflict_m \
+         / max(ego_to_conflict_m / max(seen_ego_speed_mps, 1), 0.3) - own_speed_mps), -<2..5 m/s^2>, 2.5))",
+    ),
+    ("yield_to_others", "if(others_ahead_gap_m < <3..10 m>, -<3..6 m/s^2>, planned_acceleration_mps2)"),
+    ("keep_to_the_plan", "clamp(planned_acceleration_mps2, -<3..6 m/s^2>, <1.5..2.7 m/s^2>)"),
+    ("match_the_ego", "clamp(seen_ego_speed_mps - own_speed_mps, -<2..6 m/s^2>, 2.5)"),
+];
+
+/// How far beside the candidate's path a law drives.
+const OFFSETS: [(&str, &str); 2] = [
+    ("drift_to_the_ego", "clamp(seen_ego_left_m, -<0.5..2 m>, <0.5..2 m>)"),
+    ("keep_off_the_edge", "if(road_left_m < <0.5..1 m>, -0.5, if(road_right_m < <0.5..1 m>, 0.5, 0))"),
+];
+
+/// Share of a candidate's speed over its progress.
+const SPEED_SHARES: [(&str, &str); 3] = [
+    ("late_slowdown", "1 - <0.1..0.5> * progress"),
+    ("early_rush", "<1.05..1.3> - <0.1..0.3> * progress"),
+    ("slow_start", "clamp(<0.6..0.9> + progress, 0, 1)"),
+];
+
+/// Offset of a candidate over its progress.
+const SHAPES: [(&str, &str); 2] =
+    [("drift_left", "<0.3..1.5 m> * progress"), ("drift_right", "-<0.3..1.5 m> * progress")];
+
 /// How two terms make a score. `A` is the leading term, `B` the other, `C` a condition on the scene.
 const SCORES: [&str; 10] = [
     "A + <0.2..1> * B",
@@ -124,6 +169,11 @@ impl Purpose {
         let spec = page.contract.mechanism_slots.get(slot)?;
         let says = spec.meaning.to_lowercase();
         Some(match spec.output.as_str() {
+            "boolean" if slot == "law_onset" => Purpose::Onset,
+            _ if slot == "law_acceleration_mps2" => Purpose::Acceleration,
+            _ if slot == "law_offset_m" => Purpose::Offset,
+            _ if slot == "shape_speed_share" => Purpose::SpeedShare,
+            _ if slot == "shape_offset_m" => Purpose::ShapeOffset,
             "boolean" if spec.reads.is_empty() => Purpose::Gate,
             "boolean" => Purpose::Guard,
             _ if slot.ends_with("_s") || says.starts_with("seconds") => Purpose::Time,
@@ -141,11 +191,13 @@ pub fn invent(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<Mech
             let mechanism = score(page, slot, stream)?;
             Some(Mechanism { expression: format!("-({})", mechanism.expression), ..mechanism })
         }
-        Purpose::Time => {
-            let (tag, text) = atom(page, slot, &TIMES, &[], stream)?;
-            Some(Mechanism { expression: text, tags: vec![tag], clusters: vec![] })
-        }
+        Purpose::Time => one_of(page, slot, &TIMES, stream),
         Purpose::Guard => guard(page, slot, stream),
+        Purpose::Onset => one_of(page, slot, &ONSETS, stream),
+        Purpose::Acceleration => one_of(page, slot, &ACCELERATIONS, stream),
+        Purpose::Offset => one_of(page, slot, &OFFSETS, stream),
+        Purpose::SpeedShare => one_of(page, slot, &SPEED_SHARES, stream),
+        Purpose::ShapeOffset => one_of(page, slot, &SHAPES, stream),
         Purpose::Gate => {
             let condition = conditions::draw(page, stream)?;
             let tags = vec![format!("{}_gate", condition.name)];
@@ -162,8 +214,14 @@ pub fn extra_term(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<
             let first = if page.target() == "raise_realism" { &PLAUSIBILITY[..] } else { &PRESSURE[..] };
             atom(page, slot, first, &[], stream).or_else(|| atom(page, slot, &PRESSURE, &[], stream))
         }
-        Purpose::Time | Purpose::Gate => None,
+        _ => None,
     }
+}
+
+/// One whole text.
+fn one_of(page: &PromptView, slot: &str, texts: &[(&str, &str)], stream: &mut Stream) -> Option<Mechanism> {
+    let (tag, expression) = atom(page, slot, texts, &[], stream)?;
+    Some(Mechanism { expression, tags: vec![tag], clusters: vec![] })
 }
 
 fn score(page: &PromptView, slot: &str, stream: &mut Stream) -> Option<Mechanism> {
@@ -264,7 +322,7 @@ fn appeal(page: &PromptView, tag: &str, text: &str) -> f64 {
         weight *= 3.0;
     }
     let tried = page.program.mechanism_modules.values().any(|module| module.tags.iter().any(|t| t == tag))
-        || page.outcomes.recent.iter().any(|attempt| attempt.mechanism_tags.iter().any(|t| t == tag));
+        || page.history.iter().any(|edit| edit.has_tag(tag));
     if tried && page.target() == "diversify" {
         weight *= 0.2;
     }

@@ -4,7 +4,10 @@ use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::unanswerable;
+use super::{
+    contract::{Contract, Kind},
+    unanswerable,
+};
 use crate::llm::{ModelError, Request};
 
 /// A parsed request.
@@ -18,87 +21,29 @@ pub struct PromptView {
     pub program: Program,
     pub memory: Vec<Card>,
     pub clusters: Vec<Cluster>,
-    pub outcomes: Outcomes,
+    pub outcome: Option<ParentOutcome>,
+    pub history: Vec<PastEdit>,
     pub asked: Asked,
     /// The patch of a critic or of a repair.
     pub patch: Option<Value>,
     pub reviews: Vec<Review>,
+    /// What the gates have against the patch, by the gate's name.
+    pub refused: BTreeMap<String, Vec<String>>,
     /// The text that a repair could not be shown as a patch.
     pub unreadable: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
 pub struct Identity {
+    #[serde(rename = "source_baseline")]
     pub source_family: String,
     pub parent_solution_id: String,
     pub parent_program_hash: String,
-    pub editable_surface: Vec<String>,
 }
 
-#[derive(Debug, Deserialize)]
-pub struct Contract {
-    pub parameters: BTreeMap<String, Domain>,
-    pub operators: BTreeMap<String, SlotSpec>,
-    pub mechanism_slots: BTreeMap<String, MechanismSlot>,
-    pub scene_features: Vec<String>,
-    pub features: BTreeMap<String, Feature>,
-    pub limits: Limits,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-pub struct Domain {
-    /// `number`, `integer`, `choice` or `mechanism`.
-    #[serde(rename = "type")]
-    pub kind: String,
-    pub range: Option<[f64; 2]>,
-    #[serde(default)]
-    pub unit: String,
-    #[serde(default)]
-    pub options: Vec<String>,
-    pub slot: Option<String>,
-    #[serde(default)]
-    pub required: bool,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct SlotSpec {
-    /// Fewest and most.
-    pub nodes: [usize; 2],
-    pub kinds: BTreeMap<String, Kind>,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct Kind {
-    pub inputs: Vec<String>,
-    pub output: String,
-    pub settings: BTreeMap<String, Domain>,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct MechanismSlot {
-    /// `number` or `boolean`.
-    pub output: String,
-    pub reads: Vec<String>,
-    pub meaning: String,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct Feature {
-    #[serde(rename = "type")]
-    pub value: String,
-    #[serde(default)]
-    pub unit: String,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct Limits {
-    pub operations_per_patch: usize,
-    pub nodes: usize,
-    pub rules: usize,
-    pub modules: usize,
-    pub expression_nodes: usize,
-    pub expression_depth: usize,
-}
+/// The parts of a program that may be edited, as every prompt says.
+pub const EDITABLE: [&str; 4] =
+    ["/parameters", "/operator_graph", "/scenario_conditioned_policy", "/mechanism_modules"];
 
 #[derive(Clone, Debug, Deserialize)]
 pub struct Program {
@@ -142,6 +87,7 @@ pub struct Module {
 pub struct Card {
     pub id: String,
     pub kind: String,
+    #[serde(default)]
     pub mechanism_tags: Vec<String>,
 }
 
@@ -154,28 +100,39 @@ pub struct Cluster {
 }
 
 #[derive(Debug, Deserialize)]
-pub struct Outcomes {
-    pub parent: Option<ParentOutcome>,
-    pub recent: Vec<RecentAttempt>,
-}
-
-#[derive(Debug, Deserialize)]
 pub struct ParentOutcome {
-    pub objectives: Objectives,
     pub diagnostics: BTreeMap<String, f64>,
     pub weakest_diagnostic: Option<String>,
 }
 
+/// An earlier patch of the lineage.
 #[derive(Debug, Deserialize)]
-pub struct Objectives {
-    pub realism: f64,
+pub struct PastEdit {
+    /// As text.
+    pub operations: Vec<String>,
+    /// What it changed against its parent, where it was simulated.
+    pub change: Option<PastChange>,
 }
 
 #[derive(Debug, Deserialize)]
-pub struct RecentAttempt {
-    pub exit: String,
-    pub mechanism_tags: Vec<String>,
-    pub objectives: Option<Objectives>,
+pub struct PastChange {
+    /// A number with its sign, and its standard error behind it.
+    realism: String,
+}
+
+impl PastEdit {
+    /// Whether a module that it wrote has the tag.
+    pub fn has_tag(&self, tag: &str) -> bool {
+        let quoted = format!("{tag:?}");
+        let tags = self.operations.iter().filter_map(|text| text.split_once("\"tags\":"));
+        tags.into_iter().any(|(_, tags)| tags.contains(&quoted))
+    }
+}
+
+impl PastChange {
+    pub fn realism(&self) -> f64 {
+        self.realism.split(' ').next().and_then(|text| text.parse().ok()).unwrap_or(0.0)
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -199,21 +156,22 @@ pub struct Review {
 
 impl PromptView {
     pub fn read(request: &Request) -> Result<PromptView, ModelError> {
-        let blocks: BTreeMap<String, Value> =
-            request.messages.iter().filter(|m| m.role == "user").flat_map(|m| blocks(&m.text)).collect();
+        let blocks: BTreeMap<String, Value> = request.messages.iter().flat_map(|m| blocks(&m.text)).collect();
         let parts: Value = take(&blocks, "Parent program")?;
         Ok(PromptView {
             identity: take(&blocks, "Identity")?,
-            contract: take(&blocks, "Family contract")?,
-            foreign: take(&blocks, "Words of other families")?,
+            contract: Contract::read(take(&blocks, "Family contract")?)?,
+            foreign: foreign(&blocks),
             program: typed("Parent program", &parts)?,
             parts,
             memory: take(&blocks, "Memory")?,
             clusters: take(&blocks, "Scene clusters")?,
-            outcomes: take(&blocks, "Outcomes")?,
+            outcome: take(&blocks, "Outcomes")?,
+            history: take(&blocks, "Edit history")?,
             asked: take(&blocks, "Task")?,
             patch: blocks.get("Patch").cloned(),
             reviews: blocks.get("Reviews").map(|value| typed("Reviews", value)).transpose()?.unwrap_or_default(),
+            refused: refused(&blocks),
             unreadable: blocks.get("Unreadable reply").and_then(|v| v["text"].as_str()).map(String::from),
         })
     }
@@ -257,36 +215,26 @@ impl PromptView {
 
     /// The weakest realism diagnostic of the outcomes, if it is below 1.
     pub fn weakest(&self) -> Option<(&str, f64)> {
-        let parent = self.outcomes.parent.as_ref()?;
+        let parent = self.outcome.as_ref()?;
         let name = parent.weakest_diagnostic.as_deref()?;
         parent.diagnostics.get(name).filter(|value| **value < 1.0).map(|value| (name, *value))
     }
 }
 
-impl Domain {
-    pub fn is_numeric(&self) -> bool {
-        self.kind == "number" || self.kind == "integer"
-    }
+/// Words of other families; a run of one family shows none.
+fn foreign(blocks: &BTreeMap<String, Value>) -> Vec<String> {
+    let words = blocks.get("Words of other families").and_then(Value::as_str).unwrap_or_default();
+    words.split_whitespace().map(str::to_string).collect()
+}
 
-    /// Whether a literal lies in it.
-    pub fn accepts(&self, value: &Value) -> bool {
-        match (self.kind.as_str(), value.as_f64(), value.as_str(), self.range) {
-            ("number", Some(x), _, Some([low, high])) => (low..=high).contains(&x),
-            ("integer", Some(x), _, Some([low, high])) => x.fract() == 0.0 && (low..=high).contains(&x),
-            ("choice", _, Some(word), _) => self.options.iter().any(|option| option == word),
-            _ => false,
-        }
-    }
-
-    /// For blockers and hints.
-    pub fn describe(&self) -> String {
-        match (self.kind.as_str(), self.range) {
-            ("choice", _) => format!("one of {}", self.options.join(", ")),
-            ("mechanism", _) => format!("a module of slot `{}`", self.slot.as_deref().unwrap_or("?")),
-            (kind, Some([low, high])) => format!("a {kind} in [{low}, {high}]"),
-            (kind, None) => kind.to_string(),
-        }
-    }
+/// The gates of the findings that did not pass, with their problems.
+fn refused(blocks: &BTreeMap<String, Value>) -> BTreeMap<String, Vec<String>> {
+    let gates = blocks.get("Findings").and_then(|findings| findings["gates"].as_object());
+    let problems = |said: &Value| {
+        let texts = said.as_array()?.iter().filter_map(Value::as_str);
+        Some(texts.map(str::to_string).collect::<Vec<String>>())
+    };
+    gates.into_iter().flatten().filter_map(|(gate, said)| Some((gate.clone(), problems(said)?))).collect()
 }
 
 /// `## title` followed by a fenced JSON block, for every such pair. Prompts put no raw line break inside a JSON string, so a line that

@@ -17,6 +17,12 @@ const PASSES: usize = 4;
 /// The repaired patch, with its summary.
 pub fn repair(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     let Some(original) = &page.patch else { return redrafted(page, draws) };
+    if page.refused.contains_key("effect") {
+        // What has no effect has nothing to mend: another edit takes its place.
+        let mut other = actor::propose(page, draws)?;
+        other["repair_summary"] = "Replaced an edit without effect by another one.".into();
+        return Ok(other);
+    }
     let mut patch = original.clone();
     let mut done = vec![];
     for _ in 0..PASSES {
@@ -37,7 +43,7 @@ pub fn repair(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
     Ok(patch)
 }
 
-/// Whether a review mentions it. A repair mends only what the reviews mention.
+/// Whether a review or a gate mentions it. A repair mends nothing else.
 fn is_raised(page: &PromptView, finding: &Finding) -> bool {
     let said = page
         .reviews
@@ -46,7 +52,12 @@ fn is_raised(page: &PromptView, finding: &Finding) -> bool {
         .flat_map(|r| r.blockers.iter().chain(&r.repair_hints));
     let named =
         |text: &String| text.contains(&finding.path) || matches!(finding.fix, Fix::Identity) && text.contains("identi");
-    said.into_iter().any(named)
+    said.into_iter().chain(page.refused.values().flatten()).any(named) || gates_name(page, finding)
+}
+
+/// Whether the gate of identifiers refuses the patch, and the finding is about them.
+fn gates_name(page: &PromptView, finding: &Finding) -> bool {
+    matches!(finding.fix, Fix::Identity) && page.refused.contains_key("parent")
 }
 
 fn mend(page: &PromptView, patch: &mut Value, finding: &Finding) {
@@ -110,7 +121,8 @@ fn with_word(text: &str, from: &str, to: &str) -> String {
 
 fn drop_foreign(page: &PromptView, patch: &mut Value) -> Vec<String> {
     let raised = |word: &str| {
-        page.reviews.iter().flat_map(|review| &review.blockers).any(|blocker| words(blocker).any(|w| w == word))
+        let said = page.reviews.iter().flat_map(|review| &review.blockers).chain(page.refused.values().flatten());
+        said.into_iter().any(|text| words(text).any(|w| w == word))
     };
     let tainted =
         edit::operations(patch).iter().position(|o| critics::foreign_word(page, o).is_some_and(|word| raised(&word)));

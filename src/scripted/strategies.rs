@@ -4,9 +4,12 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 use super::{
-    conditions, edit,
+    conditions,
+    contract::Domain,
+    edit,
     forms::{self, Purpose},
-    reader::{Domain, Node, PromptView},
+    reader::{Node, PromptView},
+    ways,
     wiring::{self, Draft},
 };
 use crate::kernel::{Stream, num};
@@ -25,13 +28,15 @@ const fn strategy(name: &'static str, weights: [f64; 3], apply: Apply) -> Strate
     Strategy { name, weights, apply }
 }
 
-pub const STRATEGIES: [Strategy; 18] = [
+pub const STRATEGIES: [Strategy; 20] = [
     strategy("fill_optional_mechanism", [6.0, 3.0, 6.0], fill_optional_mechanism),
     strategy("swap_operator", [4.0, 2.5, 4.5], swap_operator),
     strategy("replace_expression", [2.5, 1.5, 3.0], replace_expression),
     strategy("add_term", [3.0, 2.0, 1.5], add_term),
     strategy("gate_expression", [1.5, 1.5, 2.0], gate_expression),
     strategy("insert_filter", [1.0, 5.0, 1.5], insert_filter),
+    strategy("obey_law", [2.0, 1.0, 2.5], ways::obey),
+    strategy("fall_back", [1.5, 0.8, 2.0], ways::fall_back),
     strategy("rule_on_parameters", [2.0, 2.5, 2.0], rule_on_parameters),
     strategy("rule_on_settings", [1.5, 1.5, 2.0], rule_on_settings),
     strategy("module_by_scene", [2.0, 1.5, 2.5], module_by_scene),
@@ -112,7 +117,7 @@ fn swap_operator(page: &PromptView, draft: &mut Draft, stream: &mut Stream) -> O
         else {
             continue;
         };
-        let like = |k: &&super::reader::Kind| k.inputs == now.inputs && k.output == now.output;
+        let like = |k: &&super::contract::Kind| k.inputs == now.inputs && k.output == now.output;
         let others = slot.kinds.iter().filter(|(kind, spec)| **kind != node.kind && like(spec));
         swaps.extend(others.map(|(kind, spec)| (name, node, kind, spec)));
     }

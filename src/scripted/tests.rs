@@ -7,7 +7,7 @@ use super::Scripted;
 use crate::{
     adapters::{Family, Registry},
     agents::{
-        Briefing, End, Target, Task,
+        AgentError, Briefing, End, Findings, Target, TargetKind, Task,
         example::Example,
         prompt,
         prompt::{Subject, patch_text},
@@ -16,7 +16,7 @@ use crate::{
     candidates::{Trials, admit},
     kernel::Digest,
     llm::{Ask, AskError, Model, ModelError, ModelSpec, Reply, Request},
-    objects::{Advice, ProgramPatch, Review, Role, SolutionId},
+    objects::{Advice, GateReport, Program, ProgramPatch, Review, Role, SolutionId},
 };
 
 const ROLES: [Role; 6] =
@@ -61,17 +61,20 @@ fn model(seed: u64, rates: [f64; 4]) -> ModelSpec {
 }
 
 fn target(slot: u32) -> Target {
-    match slot % 3 {
-        0 => Target::raise_attack(0.95),
-        1 => Target::raise_realism(0.4),
-        _ => Target::diversify(),
-    }
+    let kind = [TargetKind::RaiseAttack, TargetKind::RaiseRealism, TargetKind::Diversify][slot as usize % 3];
+    Target { kind, text: "A target.".into(), instruction: "An instruction.".into() }
 }
 
 fn asked(stage: &Stage, slot: u32, spec: &ModelSpec, role: Role, round: u32, subject: &Subject<'_>) -> Request {
     let (target, models) = (target(slot), BTreeMap::new());
     let task = Task { briefing: &stage.briefing, slot, target: &target, models: &models, max_repair_rounds: 1 };
     prompt::request(&task, spec, role, round, subject).unwrap()
+}
+
+/// The question to a critic of whose patch the gates say nothing.
+fn review_of(patch: &str) -> Subject<'_> {
+    static NOTHING: Findings = Findings { gates: GateReport { verdicts: vec![] }, compared: 0, differing: 0 };
+    Subject::Review { patch, findings: &NOTHING, unusable: None }
 }
 
 fn draft(stage: &Stage, slot: u32, spec: &ModelSpec) -> Vec<u8> {
@@ -83,11 +86,14 @@ fn drafted(stage: &Stage, slot: u32, spec: &ModelSpec) -> ProgramPatch {
     reply::patch(&bytes, Role::Actor).unwrap_or_else(|why| panic!("{why}: {}", String::from_utf8_lossy(&bytes)))
 }
 
-fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
+fn gates(stage: &Stage, patch: &ProgramPatch) -> GateReport {
     let child = SolutionId::new(format!("{}/e3s0", stage.example.parent.lineage_id));
-    let admission =
-        admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &|_, _| Trials::default());
-    admission.gates.failed().flat_map(|verdict| verdict.problems.clone()).collect()
+    let nothing_compiled = |_: &Program, _: Digest| Trials::default();
+    admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &nothing_compiled).gates
+}
+
+fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
+    gates(stage, patch).failed().flat_map(|verdict| verdict.problems.clone()).collect()
 }
 
 /// Answers from the rules, as a recorder would pass them on.
@@ -163,13 +169,10 @@ fn without_declared_errors_no_reply_of_any_role_is_refused() {
             let text = patch_text(&drafted(&stage, slot, &spec)).unwrap();
             let mut reviews = vec![];
             for role in Role::CRITICS {
-                let bytes = Scripted
-                    .complete(&asked(&stage, slot, &spec, role, 0, &Subject::Review { patch: &text }))
-                    .unwrap()
-                    .bytes;
+                let bytes = Scripted.complete(&asked(&stage, slot, &spec, role, 0, &review_of(&text))).unwrap().bytes;
                 reviews.push(reply::review(&bytes, role).unwrap());
             }
-            let subject = Subject::Repair { patch: &text, reviews: &reviews };
+            let subject = Subject::Repair { patch: &text, reviews: &reviews, findings: &Findings::default() };
             let bytes = Scripted.complete(&asked(&stage, slot, &spec, Role::Repair, 1, &subject)).unwrap().bytes;
             reply::patch(&bytes, Role::Repair).unwrap();
             replies += 6;
@@ -208,7 +211,8 @@ fn errors_come_at_the_declared_rates() {
 fn reviews_of(stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
     let spec = model(2, [0.0; 4]);
     let one = |role| {
-        let subject = Subject::Review { patch: &patch_text(patch).unwrap() };
+        let text = patch_text(patch).unwrap();
+        let subject = review_of(&text);
         let bytes = Scripted.complete(&asked(stage, slot, &spec, role, 0, &subject)).unwrap().bytes;
         reply::review(&bytes, role).unwrap()
     };
@@ -217,7 +221,7 @@ fn reviews_of(stage: &Stage, patch: &ProgramPatch, slot: u32) -> Vec<Review> {
 
 fn repaired(stage: &Stage, patch: &ProgramPatch, reviews: &[Review], slot: u32) -> ProgramPatch {
     let text = patch_text(patch).unwrap();
-    let subject = Subject::Repair { patch: &text, reviews };
+    let subject = Subject::Repair { patch: &text, reviews, findings: &Findings::default() };
     let bytes = Scripted.complete(&asked(stage, slot, &model(2, [0.0; 4]), Role::Repair, 1, &subject)).unwrap().bytes;
     reply::patch(&bytes, Role::Repair).unwrap()
 }
@@ -282,7 +286,10 @@ fn whole_proposals_end_in_patches_and_in_declines() {
         for slot in 0..150 {
             let target = target(slot);
             let task = Task { briefing: &stage.briefing, slot, target: &target, models: &models, max_repair_rounds: 2 };
-            let end = match propose(&task, &Live).unwrap().end {
+            let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> {
+                Ok(Findings { gates: gates(&stage, patch), ..Findings::default() })
+            };
+            let end = match propose(&task, &Live, &check).unwrap().end {
                 End::Declined { .. } => "declined",
                 End::Patch(patch) if gate_problems(&stage, &patch).is_empty() => "admitted",
                 End::Patch(_) => "invalid",
@@ -312,7 +319,7 @@ fn memory_shifts_which_mechanisms_are_used_and_is_cited_when_it_does() {
     let (recommended, cited) = share(&example, "time_pressure");
     let (warned, _) = share(&example, "speed_mismatch");
     example.memory.clear();
-    example.outcomes.recent.clear();
+    example.history.clear();
     let (neutral, uncited) = share(&example, "time_pressure");
     let (unwarned, _) = share(&example, "speed_mismatch");
     assert!(recommended > neutral && warned < unwarned, "{recommended} {neutral} {warned} {unwarned}");
@@ -342,15 +349,14 @@ fn a_prompt_without_its_blocks_is_refused_and_never_a_panic() {
     let stage = &stages()[0];
     let whole = asked(stage, 0, &model(1, [0.0; 4]), Role::Actor, 0, &Subject::None);
     let mut short = whole.clone();
-    short.messages.truncate(2);
+    short.messages.truncate(3);
     assert!(matches!(Scripted.complete(&short), Err(ModelError::Unanswerable { reason }) if reason.contains("`Task`")));
     let text = &whole.messages[1].text;
-    // Nothing is read of the front.
-    let read = text.find("## Front").unwrap();
+    let read = text.len();
     for cut in (0..read - 8).step_by(197).filter(|cut| text.is_char_boundary(*cut)) {
         let mut damaged = whole.clone();
         damaged.messages[1].text = text[..cut].into();
-        assert!(Scripted.complete(&damaged).is_err());
+        assert!(Scripted.complete(&damaged).is_err(), "cut at {cut}");
     }
     let mut other = whole.clone();
     other.slot.role = "world_agent".into();

@@ -4,9 +4,10 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
+    contract::{Domain, Kind},
     edit,
     forms::{self, Mechanism, Purpose, kinship},
-    reader::{Domain, Kind, Node, Program, PromptView, names_in},
+    reader::{Node, Program, PromptView, names_in},
 };
 use crate::kernel::{Stream, num};
 
@@ -109,6 +110,12 @@ pub fn settings(
         };
         filled.insert(name.clone(), value);
     }
+    // A node all of whose settings may be left out does nothing without one.
+    if filled.is_empty()
+        && let Some((name, domain)) = kind.settings.iter().next()
+    {
+        filled.insert(name.clone(), setting(page, program, name, domain, draft, stream)?);
+    }
     Some(filled)
 }
 
@@ -171,7 +178,7 @@ pub fn insert_filter(page: &PromptView, program: &Program, draft: &mut Draft, st
     let mut places = vec![];
     for (slot, spec) in &page.contract.operators {
         let count = program.operator_graph.values().filter(|node| node.slot == *slot).count();
-        if count < spec.nodes[1] && program.operator_graph.len() < page.contract.limits.nodes {
+        if spec.nodes[0] == 0 && count < spec.nodes[1] && program.operator_graph.len() < page.contract.limits.nodes {
             let passing = spec.kinds.iter().filter(|(_, kind)| kind.inputs.len() == 1 && kind.inputs[0] == kind.output);
             places.extend(passing.map(|(name, kind)| (slot, name, kind)));
         }

@@ -10,6 +10,7 @@ use super::class::CUT_IN_STEPS;
 use super::contact::Mover;
 use super::idm;
 use super::intervention::{Action, ActorRef, Intervention};
+use super::obedience::Obedience;
 use super::path::{Along, Path};
 use super::plant::{Plant, sample_is_sound, size_is_sound};
 use super::plant_options::FollowerStart;
@@ -25,6 +26,8 @@ pub(super) enum Mind {
     Skills { car: Car, skill: Skill, done: usize },
     /// Carries a script out.
     Triggered(Box<Play>),
+    /// Follows an action's samples until its law takes over, then the law.
+    Law(Box<Obedience>),
     /// Keeps its velocity: nothing is known of what it would do.
     Coasts,
     /// Follows the path of a candidate (step of appearance, place in its list) by IDM.
@@ -82,7 +85,13 @@ pub(super) fn adversaries(plant: &Plant, intervention: &Intervention, actors: &m
                 inserted += 1;
                 (ActorRef::Inserted(inserted - 1), Size::new(kind, length_m, width_m))
             }
-            Action::Follow { track, .. } | Action::FollowThenReact { track, .. } => {
+            Action::Follow { track, .. }
+            | Action::FollowThenReact { track, .. }
+            | Action::FollowThenObey { track, .. } => {
+                if let Action::FollowThenObey { from_step, samples, law, .. } = action {
+                    let obeys = Obedience::new(law, plant, *from_step, samples);
+                    mind = obeys.map_or(Mind::Script, |obeys| Mind::Law(Box::new(obeys)));
+                }
                 let who = ActorRef::Track(track);
                 if let Some(earlier) = actors.iter().position(|a| a.who == who) {
                     return Err(SimError::SameTrack { action: i, track, earlier });
@@ -100,7 +109,8 @@ fn check(plant: &Plant, i: usize, action: &Action) -> Result<(), SimError> {
     let (from_step, samples) = match action {
         Action::Follow { from_step, samples, .. }
         | Action::Insert { from_step, samples, .. }
-        | Action::FollowThenReact { from_step, samples, .. } => (from_step, samples),
+        | Action::FollowThenReact { from_step, samples, .. }
+        | Action::FollowThenObey { from_step, samples, .. } => (from_step, samples),
         Action::Triggered(script) if !size_is_sound(script.length_m, script.width_m) => {
             let found = format!("{} x {}", script.length_m, script.width_m);
             return refuse("length and width must be above 0 and at most 100 m", found);
@@ -127,9 +137,12 @@ fn check(plant: &Plant, i: usize, action: &Action) -> Result<(), SimError> {
         Action::Insert { length_m, width_m, .. } if !size_is_sound(length_m, width_m) => {
             refuse("length and width must be above 0 and at most 100 m", format!("{length_m} x {width_m}"))
         }
-        Action::Follow { track, .. } | Action::FollowThenReact { track, .. } if track >= plant.tracks() => {
+        Action::Follow { track, .. } | Action::FollowThenReact { track, .. } | Action::FollowThenObey { track, .. }
+            if track >= plant.tracks() =>
+        {
             refuse("the track must be one of the scene's", format!("{track} of {}", plant.tracks()))
         }
+        Action::FollowThenObey { ref law, .. } => law.fault().map_or(Ok(()), |(rule, found)| refuse(rule, found)),
         Action::FollowThenReact { handover_step, from_step, .. }
             if handover_step < from_step || handover_step > last =>
         {
@@ -144,7 +157,8 @@ pub(super) fn first_change(action: &Action) -> usize {
     match *action {
         Action::Follow { from_step, .. }
         | Action::Insert { from_step, .. }
-        | Action::FollowThenReact { from_step, .. } => from_step,
+        | Action::FollowThenReact { from_step, .. }
+        | Action::FollowThenObey { from_step, .. } => from_step,
         // It stands there from the first step on.
         Action::Triggered(_) => 0,
     }
@@ -162,7 +176,9 @@ pub(super) fn scripted(plant: &Plant, action: &Action, k: usize) -> Option<Sampl
         Action::Insert { from_step, samples, .. } => {
             step.checked_sub(*from_step).and_then(|at| samples.get(at).copied())
         }
-        Action::Follow { track, from_step, samples } | Action::FollowThenReact { track, from_step, samples, .. } => {
+        Action::Follow { track, from_step, samples }
+        | Action::FollowThenReact { track, from_step, samples, .. }
+        | Action::FollowThenObey { track, from_step, samples, .. } => {
             if step < *from_step {
                 plant.rows.find(k, *track).map(|row| *plant.rows.sample(k, row))
             } else {
@@ -223,7 +239,7 @@ impl Actor {
 
     /// Sets the pose at the first simulated step.
     pub fn place_first(&mut self, plant: &Plant, intervention: &Intervention) {
-        if let (Mind::Script | Mind::Triggered(_), Some(action)) = (&self.mind, self.action) {
+        if let (Mind::Script | Mind::Triggered(_) | Mind::Law(_), Some(action)) = (&self.mind, self.action) {
             self.now = scripted(plant, &intervention.actions[action], 0);
             self.axis = self.now.as_ref().map_or(self.axis, |s| Vec2::from_heading(s.heading_rad));
         }
@@ -255,23 +271,29 @@ impl Actor {
                 let (acceleration, steering) = skill.control(*done);
                 *done += 1;
                 let cars = car.drive(acceleration, steering, &DEFAULT_LIMITS);
-                self.places[0] = car.place();
-                for (place, moved) in self.places[1..].iter_mut().zip(&cars) {
-                    *place = moved.place();
-                }
+                let from = car.place();
                 *car = cars[SUBSTEPS - 1];
-                (self.next, self.next_axis) = (Some(car.sample()), car.axis);
+                self.move_as(from, &cars);
+            }
+            Mind::Law(obeys) => {
+                let driven = match action {
+                    Some(Action::FollowThenObey { law, .. }) => obeys.step(law),
+                    _ => None,
+                };
+                match driven {
+                    Some((cars, from)) => self.move_as(from, &cars),
+                    None => {
+                        self.next = action.and_then(|a| scripted(plant, a, k + 1));
+                        self.interpolate();
+                    }
+                }
             }
             Mind::Triggered(play) => {
                 let Some(Action::Triggered(script)) = action else { return };
                 match play.step(script, ego, &plant.route) {
                     Moved::Cars(cars) => {
-                        self.places[0] =
-                            Place { position: self.now.map_or(cars[0].position, |n| n.position), axis: self.axis };
-                        for (place, moved) in self.places[1..].iter_mut().zip(&cars) {
-                            *place = moved.place();
-                        }
-                        (self.next, self.next_axis) = (Some(play.car().sample()), play.car().axis);
+                        let position = self.now.map_or(cars[0].position, |n| n.position);
+                        self.move_as(Place { position, axis: self.axis }, &cars);
                     }
                     Moved::Walked(sample) => {
                         self.next = Some(sample);
@@ -293,6 +315,16 @@ impl Actor {
             }
         }
         self.measure_reach();
+    }
+
+    /// Moves through the physics steps of a car.
+    fn move_as(&mut self, from: Place, cars: &[Car; SUBSTEPS]) {
+        self.places[0] = from;
+        for (place, moved) in self.places[1..].iter_mut().zip(cars) {
+            *place = moved.place();
+        }
+        let last = &cars[SUBSTEPS - 1];
+        (self.next, self.next_axis) = (Some(last.sample()), last.axis);
     }
 
     fn measure_reach(&mut self) {

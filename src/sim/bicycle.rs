@@ -52,6 +52,8 @@ pub const DEFAULT_LIMITS: Limits = Limits {
 };
 
 const GRAVITY_MPS2: f64 = 9.81;
+/// A waypoint nearer than this is reached: the wheels go straight, metres.
+const REACHED_M: f64 = 0.5;
 
 // Axle offsets of MetaDrive's default car (1.05234 m front, 1.4166 m rear) as shares of its length 4.515 m.
 const FRONT_SHARE: f64 = 1.05234 / 4.515;
@@ -108,6 +110,16 @@ impl Car {
         let sine = (curvature_1pm * self.rear_m).clamp(-0.99, 0.99);
         let tan_slip = sine / (1.0 - sine * sine).sqrt();
         num::atan(tan_slip * (self.front_m + self.rear_m) / self.rear_m)
+    }
+
+    /// The steering angle of the arc through a point; straight on where the point is reached or lies behind.
+    pub fn steering_towards(&self, target: Vec2) -> f64 {
+        let delta = target - self.position;
+        let squared = delta.norm_squared();
+        if squared < REACHED_M * REACHED_M || delta.dot(self.axis) <= 0.0 {
+            return 0.0;
+        }
+        self.steering_for(2.0 * self.axis.cross(delta) / squared)
     }
 
     /// How much speed the bend costs that the car drives with a slip of this sine, m/s².

@@ -5,13 +5,14 @@ use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample};
 
 use super::SimError;
-use super::actors::{adversaries, set_off};
+use super::actors::{Mind, adversaries, set_off};
 use super::bicycle::Car;
 use super::body::{Place, SUBSTEP_S, SUBSTEPS, sample_during};
 use super::class::Before;
 use super::contact::{self, Hit, Mover, Swept};
 use super::driver::{Control, Driver, EgoState, View};
-use super::intervention::Intervention;
+use super::intervention::{Action, Intervention};
+use super::obedience::Surroundings;
 use super::others::Others;
 use super::outcome::Contact;
 use super::plant::Plant;
@@ -163,8 +164,33 @@ impl<'a> ClosedLoop<'a> {
             size: self.ego.size,
         };
         set_off(&mut self.world.actors[..self.count], self.intervention, &forecast);
+        self.let_observe(k, &forecast);
         for actor in &mut self.world.actors {
             actor.plan(self.plant, self.intervention, k, &forecast);
+        }
+    }
+
+    /// Shows the present state to adversaries under a law, before anybody moves.
+    fn let_observe(&mut self, k: usize, ego: &EgoForecast) {
+        for own in 0..self.count {
+            let around = Surroundings {
+                plant: self.plant,
+                world: &self.world,
+                k,
+                ego,
+                ego_along: &self.ego.along,
+                count: self.count,
+                own,
+            };
+            let Mind::Law(obeys) = &self.world.actors[own].mind else { continue };
+            let Some(sight) = obeys.observe(&around) else { continue };
+            let actor = &mut self.world.actors[own];
+            let action = actor.action.map(|a| &self.intervention.actions[a]);
+            if let (Mind::Law(obeys), Some(Action::FollowThenObey { law, .. }), Some(now)) =
+                (&mut actor.mind, action, &actor.now)
+            {
+                obeys.see(law, sight, now, 2.0 * actor.size.half_length_m);
+            }
         }
     }
 

@@ -171,11 +171,7 @@ pub(super) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_velocity: Vec
         _ => (ego_velocity.dot(normal), -hit.velocity.dot(normal)),
     };
     let course = if hit.velocity.norm() > 0.1 { hit.velocity } else { other.axis };
-    let striker = match (ego_approach > STRIKE_MPS, other_approach > STRIKE_MPS) {
-        (true, false) => Striker::Ego,
-        (false, true) => Striker::Other,
-        _ => Striker::Both,
-    };
+    let striker = striker(ego_approach, other_approach);
     let encounter = Encounter { ego, other: &other, other_velocity: hit.velocity, side: ego_side, striker, before };
     Contact {
         with: hit.with,
@@ -190,4 +186,19 @@ pub(super) fn describe(hit: &Hit, k: usize, ego: &OrientedBox, ego_velocity: Vec
         visible_s: None,
         avoidable: None,
     }
+}
+
+fn striker(ego_approach_mps: f64, other_approach_mps: f64) -> Striker {
+    match (ego_approach_mps > STRIKE_MPS, other_approach_mps > STRIKE_MPS) {
+        (true, false) => Striker::Ego,
+        (false, true) => Striker::Other,
+        _ => Striker::Both,
+    }
+}
+
+/// Which side of the ego touches another box, and who strikes whom, from boxes that overlap and their velocities alone; what
+/// the road says about flanks is left out.
+pub fn meeting(ego: &OrientedBox, ego_velocity: Vec2, other: &OrientedBox, other_velocity: Vec2) -> (Side, Striker) {
+    let normal = contact_normal(ego, other, other_velocity - ego_velocity);
+    (Side::facing(ego.axis, normal), striker(ego_velocity.dot(normal), -other_velocity.dot(normal)))
 }

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::law::Law;
 use super::script::Script;
 use crate::scene::{AgentKind, Sample, TrackIx};
 
@@ -24,6 +25,9 @@ pub enum Action {
     /// An existing track follows `samples` from `from_step`, then at `handover_step` turns reactive: every second it
     /// takes the motion primitive that brings it nearest to the ego (SEAL's skills).
     FollowThenReact { track: TrackIx, from_step: usize, samples: Vec<Sample>, handover_step: usize },
+    /// An existing track follows `samples` from `from_step` until its law takes over; from then on it obeys the law along
+    /// the path of the samples.
+    FollowThenObey { track: TrackIx, from_step: usize, samples: Vec<Sample>, law: Law },
     /// A new road user stands somewhere from the first step on and does what its script says once the ego comes near
     /// (SafeBench's actors).
     Triggered(Script),

@@ -10,6 +10,7 @@ pub mod feasibility;
 pub mod gaps;
 pub mod idm;
 pub mod intervention;
+pub mod law;
 pub mod options;
 pub mod outcome;
 pub mod path;
@@ -32,6 +33,7 @@ mod contact;
 mod course;
 mod evasion;
 mod motion;
+mod obedience;
 mod others;
 mod recorder;
 mod retold;
@@ -46,11 +48,13 @@ mod watch;
 pub use avoidance::{assess, rollout_assessed};
 pub use body::Size;
 pub use class::ContactClass;
+pub use contact::meeting;
 pub use driver::{Control, Driver, EgoState, Seen, View};
 pub use driving::{ActorConduct, Driving};
 pub use error::SimError;
 pub use feasibility::Feasibility;
 pub use intervention::{Action, ActorRef, Intervention};
+pub use law::{Law, Observed};
 pub use options::{AvoidanceOptions, SimulatorOptions, SimulatorOptionsError};
 pub use outcome::{ACTED_M, ActorTrace, AdversaryReport, Contact, End, Motion, Outcome, Striker, Trace};
 pub use path::{Along, Path};
@@ -63,7 +67,7 @@ pub use told::{Pose, Told, ToldActor, ToldContact, ToldError, adversaries_of, co
 pub use touch::Side;
 
 /// Part of every rollout key; rises when any outcome can change.
-pub const SIM_VERSION: u32 = 2;
+pub const SIM_VERSION: u32 = 3;
 
 #[cfg(test)]
 mod plain;

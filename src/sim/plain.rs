@@ -402,6 +402,7 @@ impl Plain<'_> {
                 let before = self.act.actions[..i].iter().filter(|a| matches!(a, Action::Insert { .. })).count();
                 (ActorRef::Inserted(before), None)
             }
+            Action::FollowThenObey { .. } => unreachable!("the plain simulator is compared without laws"),
             Action::Follow { track, .. } | Action::FollowThenReact { track, .. } => {
                 (ActorRef::Track(*track), Some(*track))
             }

@@ -190,6 +190,12 @@ impl Plant {
         feasibility::of_recording(&self.drivable, &self.scene().tracks[track].samples, &self.sizes[track])
     }
 
+    /// What realism judges, of a motion of a road user of this size, one sample a step.
+    pub fn feasibility_of(&self, kind: AgentKind, length_m: f64, width_m: f64, samples: &[Sample]) -> Feasibility {
+        let samples: Vec<Option<Sample>> = samples.iter().copied().map(Some).collect();
+        feasibility::of_recording(&self.drivable, &samples, &Size::new(kind, length_m, width_m))
+    }
+
     /// Digest of what a rollout replays from this scene.
     pub fn digest(&self) -> Digest {
         self.digest

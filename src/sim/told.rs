@@ -76,7 +76,9 @@ impl ToldActor {
 pub fn adversaries_of(intervention: &Intervention) -> Vec<ActorRef> {
     let mut inserted = 0..;
     let who = |action: &Action| match action {
-        Action::Follow { track, .. } | Action::FollowThenReact { track, .. } => ActorRef::Track(*track),
+        Action::Follow { track, .. } | Action::FollowThenReact { track, .. } | Action::FollowThenObey { track, .. } => {
+            ActorRef::Track(*track)
+        }
         Action::Insert { .. } | Action::Triggered(_) => ActorRef::Inserted(inserted.next().unwrap_or(0)),
     };
     intervention.actions.iter().map(who).collect()

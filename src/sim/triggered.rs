@@ -11,12 +11,10 @@ use super::script::{Phase, Script, Speed, Until, Way};
 use super::skills::EgoForecast;
 
 /// Pure pursuit looks this far ahead, metres, or as far as it goes in [`LOOK_AHEAD_S`], whichever is more.
-const LOOK_AHEAD_M: f64 = 4.0;
-const LOOK_AHEAD_S: f64 = 0.6;
-/// A waypoint nearer than this is reached: the wheels go straight, metres.
-const REACHED_M: f64 = 0.5;
+pub(super) const LOOK_AHEAD_M: f64 = 4.0;
+pub(super) const LOOK_AHEAD_S: f64 = 0.6;
 /// The wheels turn by at most this much a decision step, radians: a tenth of their range, as CARLA's vehicle controller.
-const WHEEL_STEP_RAD: f64 = 0.1 * DEFAULT_LIMITS.steering_rad;
+pub(super) const WHEEL_STEP_RAD: f64 = 0.1 * DEFAULT_LIMITS.steering_rad;
 /// On foot the way of a sideways move is looked up this far ahead, metres.
 const WALK_LOOK_M: f64 = 0.5;
 /// Nearer than this along its line the ego has passed, metres.
@@ -144,10 +142,10 @@ impl Play {
             Way::Wheel { rad } => {
                 rad[self.tick.min(rad.len() - 1)].clamp(-DEFAULT_LIMITS.steering_rad, DEFAULT_LIMITS.steering_rad)
             }
-            Way::Points { points } => self.towards(points[self.tick.min(points.len() - 1)]),
+            Way::Points { points } => self.car.steering_towards(points[self.tick.min(points.len() - 1)]),
             Way::Shift { left_m, over_m } => {
                 let target = self.shifted(*left_m, *over_m, self.look_ahead_m());
-                self.towards(target)
+                self.car.steering_towards(target)
             }
             Way::Turn { left_rad, radius_m } => {
                 if self.is_turned(*left_rad) {
@@ -160,7 +158,7 @@ impl Play {
                 match self.on_path(0.0) {
                     Some((path, along)) => {
                         let target = path.at(along.s_m + look_m, along.segment);
-                        self.towards(target)
+                        self.car.steering_towards(target)
                     }
                     None => 0.0,
                 }
@@ -192,16 +190,6 @@ impl Play {
         let (_, axis) = self.origin();
         let turned_rad = num::atan2(axis.cross(self.car.axis), axis.dot(self.car.axis));
         turned_rad * left_rad.signum() >= left_rad.abs()
-    }
-
-    /// The wheel for the arc through a point.
-    fn towards(&self, target: Vec2) -> f64 {
-        let delta = target - self.car.position;
-        let squared = delta.norm_squared();
-        if squared < REACHED_M * REACHED_M || delta.dot(self.car.axis) <= 0.0 {
-            return 0.0;
-        }
-        self.car.steering_for(2.0 * self.car.axis.cross(delta) / squared)
     }
 
     /// The present phase's path with the place on it, `gone_m` further along it than the last time.
@@ -253,10 +241,6 @@ impl Play {
         (self.car.position, self.car.heading_rad) = (target, heading_rad);
         self.car.axis = Vec2::from_heading(heading_rad);
         sample
-    }
-
-    pub fn car(&self) -> &Car {
-        &self.car
     }
 }
 

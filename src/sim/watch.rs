@@ -82,7 +82,11 @@ impl Watched {
         let action = actor.action.map(|a| &intervention.actions[a]);
         let from_k = action.map_or(0, first_change).saturating_sub(plant.first_step());
         let log = match action {
-            Some(Action::Follow { track, .. } | Action::FollowThenReact { track, .. }) => Some(*track),
+            Some(
+                Action::Follow { track, .. }
+                | Action::FollowThenReact { track, .. }
+                | Action::FollowThenObey { track, .. },
+            ) => Some(*track),
             _ => None,
         };
         Watched {

@@ -1,11 +1,13 @@
 //! The features of a candidate as seen from its situation: the values of `vocabulary::CANDIDATE`.
 
+use super::foreseen::{Foreseen, Harm, Whose, foreseen, harm};
 use super::situation::Situation;
 use crate::adapters::vocabulary;
 use crate::kernel::{OrientedBox, num};
 use crate::motion::Candidate;
 use crate::scene::lanes::OFF_ROAD_MAX_M;
 use crate::scene::{DT_S, Sample, TrackIx};
+use crate::sim::{Side, Striker};
 
 /// A gap that stands for "nobody comes near", metres.
 const FAR_GAP_M: f64 = 50.0;
@@ -31,6 +33,8 @@ pub struct Needs {
     pub road: bool,
     pub log: bool,
     pub bystanders: bool,
+    pub contact: bool,
+    pub harm: bool,
 }
 
 impl Needs {
@@ -51,6 +55,9 @@ impl Needs {
                 "off_road_m_max" | "lane_deviation_m_max" => needs.road = true,
                 "log_deviation_m_max" => needs.log = true,
                 "bystander_gap_m_min" => needs.bystanders = true,
+                "contact_angle_rad" | "meets_ego_front" | "meets_ego_flank" | "meets_ego_rear" | "strikes_ego"
+                | "struck_by_ego" | "seen_coming_s" => needs.contact = true,
+                "wrong_way_m" | "off_road_added_m" | "acceleration_added_mps2" | "jerk_added_mps3" => needs.harm = true,
                 _ => {}
             }
         }
@@ -77,6 +84,20 @@ pub fn features(candidate: &Candidate, judged: &Judged<'_>, needs: Needs) -> Vec
     values.extend([off_road_m, lane_m]);
     values.push(if needs.log { log_deviation_m(&candidate.samples, judged) } else { 0.0 });
     values.push(if needs.bystanders { bystander_gap_m(&candidate.samples, judged) } else { 0.0 });
+    let whose = Whose { situation: judged.situation, actor: judged.actor, from_step: judged.from_step };
+    let met = if needs.contact { foreseen(&candidate.samples, whose) } else { Foreseen::default() };
+    let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
+    values.extend([
+        met.angle_rad,
+        flag(met.side == Some(Side::Front)),
+        flag(matches!(met.side, Some(Side::Left | Side::Right))),
+        flag(met.side == Some(Side::Rear)),
+        flag(met.striker == Some(Striker::Other)),
+        flag(met.striker == Some(Striker::Ego)),
+        met.seen_coming_s,
+    ]);
+    let harm = if needs.harm { harm(&candidate.samples, whose) } else { Harm::default() };
+    values.extend([harm.wrong_way_m, harm.off_road_m, harm.acceleration_mps2, harm.jerk_mps3]);
     debug_assert_eq!(values.len(), vocabulary::CANDIDATE.len());
     values
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::judged::{Judged, Needs, features};
 use super::situation::Situation;
-use crate::kernel::{Seed, Stream};
+use crate::kernel::{Formula, Seed, Stream};
 use crate::motion::offsets::OffsetSpace;
 use crate::motion::{Candidate, Driven, Window};
 use crate::objects::Counsel;
@@ -35,16 +35,15 @@ pub type ActorOperator = fn(&Stage<'_>, &Settings) -> Result<Vec<TrackIx>, Stage
 pub struct Stage<'a> {
     pub situation: &'a Situation,
     pub seed: Seed,
-    /// First digits of the program's hash: programs draw from streams of their own.
-    pub program: &'a str,
     /// Who is advised to attack in this scene; only families that take counsel are given one.
     pub counsel: Option<&'a Counsel>,
 }
 
 impl Stage<'_> {
-    /// The random stream of one purpose for one actor.
+    /// The random stream of one purpose for one actor. All programs draw the same numbers in a scene (common random numbers), so
+    /// that two of them differ there only by what they decide.
     pub fn stream(&self, purpose: &str, actor: TrackIx) -> Stream {
-        self.seed.stream(&["compile", self.program, self.situation.scene_id(), purpose, &actor.to_string()])
+        self.seed.stream(&["compile", self.situation.scene_id(), purpose, &actor.to_string()])
     }
 }
 
@@ -67,6 +66,11 @@ pub struct Module {
 }
 
 impl Module {
+    /// The formula over the slot's features, everything else fixed to its value in this scene.
+    pub fn formula(&self, slot_features: usize) -> Formula {
+        self.code.formula().with_fixed(slot_features, &self.tail)
+    }
+
     /// The value for these slot features.
     pub fn number(&self, mut slot_values: Vec<f64>) -> f64 {
         slot_values.extend_from_slice(&self.tail);

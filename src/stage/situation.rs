@@ -4,13 +4,19 @@ use std::sync::{Arc, OnceLock};
 
 use super::actors::{self, ActorFacts};
 use super::ego_path::EgoPath;
-use super::measured_goals::MeasuredGoals;
 use super::road_field::RoadField;
 use crate::adapters::vocabulary;
 use crate::ego;
-use crate::kernel::{Digest, OrientedBox};
+use crate::kernel::{Digest, Kept, OrientedBox};
 use crate::scene::{AgentKind, LaneGraph, PreparedScene, Sample, Scene, SceneFeatures, Track, TrackIx};
 use crate::sim::{self, ActorRef, Intervention, Plant, SimError};
+
+/// Most sets of goals whose measurements a situation keeps: programs of a lineage mostly differ in how they weigh goals, not
+/// in the goals.
+const MEASURED_GOALS_MAX: usize = 4;
+
+/// What says which goals were measured.
+pub type GoalsKey = [u64; 6];
 
 /// A scene with everything derived from it and from the ego's rollout on it as recorded.
 #[derive(Debug)]
@@ -34,7 +40,7 @@ pub struct Situation {
     guests: [Track; 3],
     guest_facts: ActorFacts,
     /// What programs measured of goals, for those that come after them.
-    pub measured_goals: MeasuredGoals,
+    pub measured_goals: Kept<GoalsKey, Arc<[f64]>>,
     /// Built on first use: few families need it.
     road_field: OnceLock<Option<RoadField>>,
 }
@@ -80,7 +86,7 @@ impl Situation {
             policy,
             guests,
             guest_facts,
-            measured_goals: MeasuredGoals::default(),
+            measured_goals: Kept::new(MEASURED_GOALS_MAX),
             road_field: OnceLock::new(),
         })
     }

@@ -80,6 +80,14 @@ pub fn remove_file(path: &Path) -> Result<(), StoreError> {
     }
 }
 
+/// Removes a folder with all that is in it. It is no error if the folder does not exist.
+pub fn remove_dir(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_dir_all(path) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path, source)),
+        _ => Ok(()),
+    }
+}
+
 /// Makes a folder and its parents. It is no error if the folder exists.
 pub fn create_dir(path: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(path).map_err(|source| StoreError::io("make the folder", path, source))

@@ -142,7 +142,6 @@ fn what_the_evaluator_would_have_turned_away_and_the_archive_accepted_is_a_remar
     let counted =
         |wanted: fn(&Exit) -> bool| run.attempts.iter().map(|a| &a.exit).filter(|e| monitored(e) && wanted(e)).count();
     let (all, wrongly) = (counted(|_| true) + 2, counted(accepted) + 1);
-    let place = first(&run, |exit| accepted(exit) && !monitored(exit));
     let drawn = |run: &mut RecordedRun, place: usize| {
         let Exit::Evaluated { route, .. } = &mut run.attempts[place].exit else { panic!("evaluated") };
         route.decision = RouteDecision::Audit;
@@ -152,6 +151,11 @@ fn what_the_evaluator_would_have_turned_away_and_the_archive_accepted_is_a_remar
     let refused = first(&run, |exit| evaluated(exit) && !accepted(exit) && !exit.route().is_some_and(drawn_by_monitor));
     drawn(&mut run, refused);
     assert_eq!(audit(&run).len(), before);
+    // One that it accepted was turned away wrongly.
+    let place = first(&run, |exit| evaluated(exit) && !accepted(exit) && !exit.route().is_some_and(drawn_by_monitor));
+    let Exit::Evaluated { decision, .. } = &mut run.attempts[place].exit else { panic!("evaluated") };
+    let gates = &mut decision.gates;
+    (gates.coverage.holds, gates.parent_tradeoff.holds, gates.differing_scenes) = (true, true, 1);
     drawn(&mut run, place);
     let findings = audit(&run);
     let remark = findings.iter().find(|finding| finding.check == "monitor").expect("a remark");

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::harness::{Ran, evodrive, folder_below, home};
 
 /// Writes an experiment of one small epoch with this table for `simulator.backend`, below a folder.
-fn experiment(folder: &Path, name: &str, backend: &str) -> PathBuf {
+pub fn experiment(folder: &Path, name: &str, backend: &str) -> PathBuf {
     let base = home().join("experiments/quickstart.toml");
     let text = format!(
         "base = {base:?}\nname = \"{name}\"\ncassette = \"{name}.jsonl\"\n\
@@ -19,7 +19,7 @@ fn experiment(folder: &Path, name: &str, backend: &str) -> PathBuf {
 }
 
 /// The table of a worker, with what our own one says of itself.
-fn worker(command: &[&str]) -> String {
+pub fn worker(command: &[&str]) -> String {
     let said = Ran::of(evodrive().arg("worker").stdin(std::process::Stdio::null()));
     let hello: serde_json::Value = serde_json::from_str(said.stdout.lines().next().unwrap()).unwrap();
     format!(

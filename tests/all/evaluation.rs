@@ -340,6 +340,14 @@ fn realism_is_of_the_scenes_acted_in_and_the_plain_mean_stands_beside_it() {
     assert_eq!((score.objectives.attack, score.coverage), (0.25, 0.5));
     assert!((score.objectives.realism - 0.95).abs() < 1e-12 && (score.realism_all - 0.975).abs() < 1e-12);
     assert!((score.objectives.realism_penalty_pct() - 5.0).abs() < 1e-9);
+    // Were the success the less realistic one, realism would be its own.
+    let label = |i: usize| {
+        let mut record = labelled(SCENES[i], i == 0);
+        record.outcome.adversaries[0].struck_bystander = i == 0;
+        Ok(if i >= 2 { idle(SCENES[i]) } else { record })
+    };
+    let score = evaluate_with(&label, &Notebook::default(), 2).unwrap();
+    assert!((score.objectives.realism - 0.9).abs() < 1e-12 && (score.realism_all - 0.975).abs() < 1e-12);
 }
 
 #[test]

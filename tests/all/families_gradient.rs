@@ -62,7 +62,7 @@ fn opened(name: &str, situation: &Situation) -> Vec<Part> {
         driven: None,
     };
     let mut parts: Vec<Part> = decision.actors.iter().map(part).collect();
-    let stage = Stage { situation, seed: Seed(1), program: "test", counsel: None };
+    let stage = Stage { situation, seed: Seed(1), counsel: None };
     let run = if name == king::NAME { king::motion } else { strive::motion };
     run(&stage, &settings, &mut parts).unwrap();
     parts.retain(|part| part.driven.is_some());

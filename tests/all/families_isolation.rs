@@ -82,9 +82,9 @@ fn a_patch_in_a_familys_own_words_passes_every_gate() {
     for own in registry.iter() {
         let value = json!({
             "slot": "candidate_guard",
-            "inputs": ["jerk_mps3_max", "temperature"],
+            "inputs": ["jerk_mps3_max"],
             "output": "boolean",
-            "expression": "jerk_mps3_max < 20 + temperature",
+            "expression": "jerk_mps3_max < 20",
             "tags": []
         });
         let admission = judged(&registry, own, add("/mechanism_modules/calm".into(), value));

@@ -305,6 +305,7 @@ fn parent_file(family: &str, experiment: &str, counsel: BTreeMap<String, Carried
             seed: experiment.seed,
             versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },
             simulator: experiment.simulator.rules(),
+            backend: None,
             evaluation: experiment.evaluation,
         },
         counsel,

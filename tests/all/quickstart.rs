@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use crate::harness::{evodrive, folder_below, home, run, text};
+use crate::harness::{evodrive, files, folder_below, home, run, text};
 
 fn golden_root() -> String {
     let text = text("golden/quickstart.toml");
@@ -215,9 +215,15 @@ fn the_tables_of_the_run_hold_its_result_with_intervals_and_what_is_missing() {
                 assert!(row["values"][format!("{who}_attack")]["ours"].is_null(), "nobody was accepted: {row}");
                 continue;
             }
+            // R is the worse one of two means, and each has a column.
+            let penalty = lineage[role]["realism_penalty_pct"].as_f64().unwrap();
+            let of = |key: &str| row["values"][format!("{who}_{key}")]["ours"]["value"].as_f64();
+            if let Some(successes) = of("success_rp_pct") {
+                assert!((of("rp_pct").unwrap().max(successes) - penalty).abs() < 1e-9, "{row}");
+            }
             let recorded = [
                 (format!("{who}_attack"), lineage[role]["objectives"]["attack"].as_f64().unwrap()),
-                (format!("{who}_rp_pct"), lineage[role]["realism_penalty_pct"].as_f64().unwrap()),
+                (format!("{who}_rp_pct"), of("rp_pct").unwrap()),
             ];
             for (key, recorded) in recorded {
                 let ours = &row["values"][&key]["ours"];
@@ -276,6 +282,9 @@ fn help_texts_are_goldens() {
     for command in ["show", "export"] {
         text += &format!("\n---- evodrive program {command} --help\n{}", run(&["program", command, "--help"]).stdout);
     }
+    for command in ["plan", "work", "merge"] {
+        text += &format!("\n---- evodrive shard {command} --help\n{}", run(&["shard", command, "--help"]).stdout);
+    }
     for command in ["import", "generate", "list", "show", "export", "stats"] {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
     }
@@ -299,6 +308,8 @@ fn an_attempts_rollouts_are_exported_as_played_and_come_back() {
         let back = run(&["--json", "scenes", "list", out]);
         let back: serde_json::Value = serde_json::from_str(&back.stdout).unwrap();
         assert_eq!(back["left_out"], serde_json::json!([]), "{format}");
+        let data_set = ["dataset_mapping.pkl", "dataset_summary.pkl"].map(|name| dir.path().join(name).exists());
+        assert_eq!(data_set, [format == "scenarionet"; 2]);
         let mut read: Vec<&str> =
             back["scenes"].as_array().unwrap().iter().map(|s| s["id"].as_str().unwrap()).collect();
         read.sort_by_key(|id| exported.iter().position(|e| e == id));
@@ -315,7 +326,7 @@ fn a_rollout_is_exported_for_players_and_drawn_with_its_logged_adversary() {
     let show = run(&["--json", "show", &attempt, "--run", folder]);
     let told: serde_json::Value = serde_json::from_str(&show.stdout).unwrap();
     let labelled = told["attempt"]["exit"]["score"]["scenes"].as_array().unwrap();
-    let scene = labelled.iter().find(|s| s["intervened"] == true).unwrap()["scene"].as_str().unwrap();
+    let scene = labelled.iter().find(|s| s["acted"] == true).unwrap()["scene"].as_str().unwrap();
     let of = ["--run", folder, "--attempt", &attempt, "--scene", scene];
     let (svg, html, out) = (at("r.svg"), at("r.html"), at("out"));
     let pictures = ["--svg", svg.to_str().unwrap(), "--html", html.to_str().unwrap()];
@@ -333,6 +344,39 @@ fn a_rollout_is_exported_for_players_and_drawn_with_its_logged_adversary() {
     let scenario = std::fs::read_to_string(&files[1]).unwrap();
     let road = files[0].file_name().unwrap().to_str().unwrap();
     assert!(road.ends_with(".xodr") && scenario.contains(&format!("filepath=\"{road}\"")), "{files:?}");
+}
+
+#[test]
+fn a_parents_rollouts_are_exported_too_and_with_the_egos_log_over_the_whole_horizon() {
+    let folder = finished().1.to_str().unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let exported = |name: &str, more: &[&str]| {
+        let out = dir.path().join(name);
+        let what =
+            ["scenes", "export", "--run", folder, "--attempt", "cat-idm/parent", "--format", "scenarionet", "--out"];
+        let ran = run(&[&what[..], &[out.to_str().unwrap()], more].concat());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        evodrive::formats::import_files(&files(&out, ".json")).scenes
+    };
+    let pool = evodrive::experiment::read_pool(&finished().1.join("scenes.pool")).unwrap();
+    let (played, commanded) = (exported("played", &[]), exported("log", &["--ego-log"]));
+    assert!(played.len() >= 10 && played.len() == commanded.len());
+    let mut moved = 0;
+    for scene in &commanded {
+        let logged = pool.scenes.iter().find(|of| scene.id.starts_with(&format!("{} cat-idm/parent", of.id))).unwrap();
+        assert_eq!((scene.steps, &scene.ego), (logged.steps, &logged.ego), "{}", scene.id);
+        let others = scene.tracks.iter().filter(|track| !logged.tracks.contains(track)).count();
+        assert!(others <= 1, "{}: only the adversary leaves its log", scene.id);
+        moved += others;
+    }
+    assert!(moved > 0, "the parent acts in some scene");
+    let cut = |scenes: &[evodrive::scene::Scene]| scenes.iter().map(|scene| scene.steps).min();
+    assert!(cut(&played) < cut(&commanded), "a rollout ends with its contact, the log does not");
+    let page = dir.path().join("page.html");
+    let shown = ["scenes", "show", "--run", folder, "--attempt", "cat-idm/parent", "--ego-log", "--html"];
+    let scene = ["--scene", pool.scenes.iter().find(|of| commanded[0].id.starts_with(&of.id)).unwrap().id.as_str()];
+    let ran = run(&[&shown[..], &[page.to_str().unwrap()], &scene[..]].concat());
+    assert!(ran.code == 0 && page.exists() && ran.stdout.contains("cat-idm/parent ego as logged"), "{}", ran.stderr);
 }
 
 #[test]

@@ -11,7 +11,10 @@ const ALLOWED: &[(&str, &str)] = &[
     ("adapters/contract adapters/isolation", "a contract and the words that it forbids"),
     ("agents/counsel agents/scene_prompt", "a case and its prompt"),
     ("agents/prompt agents/task", "a task and its prompt"),
-    ("cli/args cli/report cli/run", "arguments and the commands that take them"),
+    (
+        "cli/args cli/report cli/run cli/shard cli/shard_merge cli/shard_plan cli/shard_target",
+        "arguments and the commands that take them",
+    ),
     ("cli/scene_export cli/scene_show cli/scenes", "a command and its subcommands"),
     ("compiler/prepared compiler/walk", "a prepared program and its way through a scene"),
     (
@@ -38,18 +41,18 @@ const ALLOWED: &[(&str, &str)] = &[
     ),
     (
         "formats/scenarionet/pickle formats/scenarionet/pickle/json formats/scenarionet/pickle/machine \
-         formats/scenarionet/pickle/numpy",
-        "a value and the machine that builds it",
+         formats/scenarionet/pickle/numpy formats/scenarionet/pickle/write",
+        "a value, the machine that builds it and the writer that takes it apart",
     ),
     ("llm llm/record llm/replay", "who may be asked, and those who answer"),
     ("llm/client llm/request", "a request and its client"),
     ("llm/live/anthropic llm/live/openai llm/live/protocol llm/live/spend", "a protocol and those who speak it"),
     ("objects/expr objects/expr/compile objects/expr/scope objects/program", "expressions and where they stand"),
     ("objects/expr/lex objects/expr/parse objects/expr/tree", "a tree and its parser"),
-    ("scripted scripted/errors scripted/reader", "the model and how it reads"),
+    ("scripted scripted/contract scripted/errors scripted/reader", "the model and how it reads"),
     ("scripted/conditions scripted/forms", "forms of edits and their conditions"),
     (
-        "sim/actors sim/class sim/contact sim/driver sim/driving sim/others sim/outcome",
+        "sim/actors sim/class sim/contact sim/driver sim/driving sim/obedience sim/others sim/outcome",
         "who is on the road, what they do, and whom they meet",
     ),
     ("store/error store/file store/index store/objects store/pack", "an error and the files that raise it"),

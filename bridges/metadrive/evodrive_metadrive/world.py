@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from metadrive.component.vehicle.vehicle_type import vehicle_class_to_type
 from metadrive.engine.core.collision_callback import collision_callback
 from metadrive.envs import scenario_env
 from metadrive.envs.scenario_env import ScenarioOnlineEnv
@@ -107,6 +108,8 @@ def own_boxes(scenario: Any) -> None:
             base = scenario_traffic_manager.get_vehicle_type(length_m)
             made = type(f"Boxed_{name}", (base,), {"DEFAULT_LENGTH": length_m, "DEFAULT_WIDTH": width_m})
             setattr(scenario_traffic_manager, made.__name__, made)
+            # A vehicle looks itself up there while it is made.
+            vehicle_class_to_type[made] = vehicle_class_to_type[base]
             track["metadata"]["spawn_info"] = {"type": (scenario_traffic_manager.__name__, made.__name__)}
 
 

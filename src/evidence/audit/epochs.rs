@@ -53,10 +53,9 @@ fn epoch(run: &RecordedRun, frozen: &Frozen, findings: &mut Vec<Finding>) {
         findings.push(Finding::breach(CHECK, place, what));
     }
     for attempt in attempts {
-        // Under the rule of two anchors the odd slots edit the second parent.
-        let (parent, hash) = match &frozen.realism_anchor {
-            Some(anchor) if attempt.slot % 2 == 1 => (&anchor.parent, anchor.parent_hash),
-            _ => (&frozen.parent, frozen.parent_hash),
+        let (parent, hash) = match frozen.second_parent(attempt.slot) {
+            Some(second) => (&second.parent, second.parent_hash),
+            None => (&frozen.parent, frozen.parent_hash),
         };
         if (&attempt.parent, attempt.parent_hash) != (parent, hash) {
             let what = format!("edited {}, frozen was {parent}", attempt.parent);

@@ -7,7 +7,7 @@ use super::finding::Finding;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::event::{Frozen, LineageResult, Measured};
-use crate::objects::{LineageId, Objectives, SceneScore, Score, SolutionId};
+use crate::objects::{LineageId, Objectives, RealismSums, SceneScore, Score, SolutionId};
 
 /// Up to which difference a mean counts as the recorded one: the order of a sum may differ.
 const TOLERANCE: f64 = 1e-9;
@@ -69,7 +69,7 @@ fn score_faults(score: &Score) -> impl Iterator<Item = String> {
         let mean = |of: &dyn Fn(&SceneScore) -> Option<f64>| {
             num::mean(&score.scenes.iter().filter_map(of).collect::<Vec<_>>())
         };
-        let realism = mean(&|s| s.acted.then_some(s.realism)).unwrap_or(0.0);
+        let realism = RealismSums::of(&score.scenes).realism().unwrap_or(0.0);
         let means = mean(&|s| Some(s.attack)).map(|attack| Objectives { attack, realism });
         if !means.is_some_and(|means| same(&means, &score.objectives)) {
             faults.push(format!("objectives {:?} are not the means of the scenes, {means:?}", score.objectives));

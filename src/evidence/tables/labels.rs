@@ -32,6 +32,8 @@ pub type Reading = fn(&SceneScore) -> Option<f64>;
 pub const ATTACK: Reading = |scene| Some(scene.attack);
 /// 100 (1 - r), percent, of the scenes that the program acts in.
 pub const PENALTY_PCT: Reading = |scene| scene.acted.then_some(100.0 * (1.0 - scene.realism));
+/// The same of the scenes in which it succeeds.
+pub const SUCCESS_PENALTY_PCT: Reading = |scene| (scene.attack > 0.0).then_some(100.0 * (1.0 - scene.realism));
 /// The same over all scenes, 0 where the program does not act: the paper's plain mean.
 pub const PENALTY_ALL_PCT: Reading = |scene| Some(100.0 * (1.0 - scene.realism));
 /// Whether the program acts.

@@ -26,10 +26,14 @@ const fn column(
 const PARENT_ATTACK: Column = column("parent_attack", "Parent", "Attack", Some(true), Form::Rate);
 const PARENT_CRASH: Column = column("parent_any_contact", "Parent", "Any crash", None, Form::Rate);
 const PARENT_RP: Column = column("parent_rp_pct", "Parent", "RP", Some(false), Form::Percent);
+const PARENT_SUCCESS_RP: Column =
+    column("parent_success_rp_pct", "Parent", "RP of successes", Some(false), Form::Percent);
 const PARENT_COVERAGE: Column = column("parent_coverage", "Parent", "Coverage", Some(true), Form::Rate);
 const EVOLVED_ATTACK: Column = column("evolved_attack", "Evolved", "Attack", Some(true), Form::Rate);
 const EVOLVED_CRASH: Column = column("evolved_any_contact", "Evolved", "Any crash", None, Form::Rate);
 const EVOLVED_RP: Column = column("evolved_rp_pct", "Evolved", "RP", Some(false), Form::Percent);
+const EVOLVED_SUCCESS_RP: Column =
+    column("evolved_success_rp_pct", "Evolved", "RP of successes", Some(false), Form::Percent);
 const EVOLVED_COVERAGE: Column = column("evolved_coverage", "Evolved", "Coverage", Some(true), Form::Rate);
 const ENDPOINT_ATTACK: Column = column("endpoint_attack", "Endpoint", "Attack", Some(true), Form::Rate);
 const ENDPOINT_RP: Column = column("endpoint_rp_pct", "Endpoint", "RP", Some(false), Form::Percent);
@@ -39,14 +43,16 @@ const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Fo
 const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
 
 /// What both tables show of parent and evolved generator.
-const BOTH: [Column; 8] = [
+const BOTH: [Column; 10] = [
     PARENT_ATTACK,
     PARENT_CRASH,
     PARENT_RP,
+    PARENT_SUCCESS_RP,
     PARENT_COVERAGE,
     EVOLVED_ATTACK,
     EVOLVED_CRASH,
     EVOLVED_RP,
+    EVOLVED_SUCCESS_RP,
     EVOLVED_COVERAGE,
 ];
 
@@ -189,10 +195,12 @@ fn measured(of: &[&LineageLabels]) -> Numbers {
         (PARENT_ATTACK, parent(labels::ATTACK)),
         (PARENT_CRASH, parent(labels::ANY_CONTACT)),
         (PARENT_RP, parent(labels::PENALTY_PCT)),
+        (PARENT_SUCCESS_RP, parent(labels::SUCCESS_PENALTY_PCT)),
         (PARENT_COVERAGE, parent(labels::ACTED)),
         (EVOLVED_ATTACK, evolved(labels::ATTACK)),
         (EVOLVED_CRASH, evolved(labels::ANY_CONTACT)),
         (EVOLVED_RP, evolved(labels::PENALTY_PCT)),
+        (EVOLVED_SUCCESS_RP, evolved(labels::SUCCESS_PENALTY_PCT)),
         (EVOLVED_COVERAGE, evolved(labels::ACTED)),
         (ATTACK_CHANGE, quantity(of, |l| l.paired(labels::ATTACK))),
         (RP_CHANGE, quantity(of, |l| l.paired(labels::PENALTY_PCT))),
@@ -246,8 +254,9 @@ fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>)
     let mut told = vec![
         "Attack: share of held-out scenes in which the ego fails by a contact with an adversary that the experiment counts: \
          one that the ego caused or could have avoided. Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
-         count. RP = 100 (1 - R) over the scenes that the program acts in; Coverage: their share. Evolved: the active \
-         generator, chosen on evolution labels."
+         count. RP = 100 (1 - r) over the scenes that the program acts in; RP of successes: over those in which it succeeds. The \
+         search's realism R is the worse one of the two, so that nudges elsewhere buy none. Coverage: share of scenes acted in. \
+         Evolved: the active generator, chosen on evolution labels."
             .to_string(),
         format!(
             "{REPLAY}: the recorded scenes without a program. Its crashes are what the ego runs into anyway, its RP is that of \

@@ -25,6 +25,25 @@ fn whole() -> Vec<Table> {
         .into(),
     );
     all.push(pool);
+    // Models behind a folder and a program, which no shipped experiment names.
+    let mut behind = all[3].clone();
+    let models = behind["models"].as_table_mut().unwrap();
+    models.insert(
+        "agent".into(),
+        toml::toml! { kind = "exchange"
+        model = "somebody"
+        provenance = "by hand" }
+        .into(),
+    );
+    models.insert(
+        "mine".into(),
+        toml::toml! { kind = "command"
+        model = "mine-1"
+        provenance = "a script"
+        command = { program = ["my_model"], timeout_s = 60 } }
+        .into(),
+    );
+    all.push(behind);
     all
 }
 

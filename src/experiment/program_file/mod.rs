@@ -13,6 +13,7 @@ pub use error::ProgramFileError;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::backend::BackendOptions;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::kernel::{Digest, canon::CanonError};
@@ -62,8 +63,30 @@ pub struct Conditions {
     /// Versions of meaning of the program that exported it.
     pub versions: Versions,
     pub simulator: SimulatorOptions,
+    /// Who simulated the rollouts of its labels, if it was not our own simulator.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backend: Option<BackendMark>,
     /// With the calibration written out.
     pub evaluation: EvaluationOptions,
+}
+
+/// Another simulator whose labels a program was evolved on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BackendMark {
+    /// As its worker calls it.
+    pub name: String,
+    /// Of the simulator behind the worker.
+    pub version: String,
+    /// What the worker said of its own code.
+    pub digest: Digest,
+}
+
+impl BackendMark {
+    /// What a program file says of an experiment's backend.
+    pub fn of(backend: &BackendOptions) -> BackendMark {
+        BackendMark { name: backend.name.clone(), version: backend.version.clone(), digest: backend.digest }
+    }
 }
 
 /// The counsel of one scene.

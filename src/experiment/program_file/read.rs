@@ -86,7 +86,8 @@ impl ProgramFile {
             [origin.run.as_str(), origin.solution.as_str()].into_iter().chain(models)
         });
         let strange = |text: &&str| text.chars().count() > TEXT_CHARS_MAX || text.chars().any(char::is_control);
-        let all = named.chain(origins).chain([self.conditions.ego.as_str()]);
+        let backend = self.conditions.backend.iter().flat_map(|mark| [mark.name.as_str(), mark.version.as_str()]);
+        let all = named.chain(origins).chain(backend).chain([self.conditions.ego.as_str()]);
         match all.into_iter().find(strange) {
             None => Ok(()),
             Some(text) => Err(ProgramFileError::Options {

@@ -30,6 +30,7 @@ fn file() -> ProgramFile {
             seed: experiment.seed,
             versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },
             simulator: experiment.simulator.rules(),
+            backend: None,
             evaluation: experiment.evaluation,
         },
         counsel: BTreeMap::new(),
@@ -52,6 +53,25 @@ fn edited(edit: impl FnOnce(&mut Value)) -> ProgramFileError {
     let mut value: Value = serde_json::from_str(&text()).unwrap();
     edit(&mut value);
     refused(&value.to_string())
+}
+
+#[test]
+fn whose_labels_a_program_was_evolved_on_is_written_only_where_it_was_another_simulator() {
+    let value: Value = serde_json::from_str(&text()).unwrap();
+    assert!(value["conditions"].get("backend").is_none());
+    let mut elsewhere = file();
+    let mark = |version: &str| BackendMark {
+        name: "metadrive".into(),
+        version: version.into(),
+        digest: Digest::of_bytes(b"w"),
+    };
+    elsewhere.conditions.backend = Some(mark("0.4.3"));
+    let sealed = elsewhere.clone().sealed().unwrap();
+    assert_ne!(sealed.digest, file().digest);
+    assert_eq!(ProgramFile::from_bytes("p.json", &sealed.to_bytes().unwrap()).unwrap(), sealed);
+    elsewhere.conditions.backend = Some(mark("0.4\u{7}"));
+    let strange = elsewhere.sealed().unwrap().to_bytes().unwrap();
+    assert!(ProgramFile::from_bytes("p.json", &strange).unwrap_err().to_string().contains("control characters"));
 }
 
 #[test]

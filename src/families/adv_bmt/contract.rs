@@ -24,7 +24,7 @@ pub fn family() -> Family {
             (Slot::Motion, motion_operator(&motion)),
             (Slot::Search, search_operator(&search)),
         ],
-        without_shared: &[Slot::Actor],
+        without_shared: &[Slot::Actor, Slot::Law],
         mechanism_slots: vec![slot(
             "sample_score",
             ValueType::Number,

@@ -68,7 +68,7 @@ fn counselled() -> (Situation, Vec<Vehicle>) {
     let (family, program) = parent(0.0);
     let found = worlds(22).find_map(|scene| {
         let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
-        let stage = Stage { situation: &situation, seed: Seed(1), program: "test", counsel: None };
+        let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
         let vehicles = counsel::vehicles(&stage, &program, 8).unwrap();
         // The last of the table can still attack.
         let last = Counsel { attackers: vec![vehicles.last()?.track] };
@@ -137,7 +137,7 @@ fn a_proposal_is_carried_out_by_exactly_its_attackers_whatever_the_parent_weighs
     let mut several = 0;
     for scene in worlds(11) {
         let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
-        let stage = Stage { situation: &situation, seed: Seed(1), program: "test", counsel: None };
+        let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
         let vehicles = counsel::vehicles(&stage, &program, 8).unwrap();
         let pair = Counsel { attackers: vehicles.iter().rev().take(2).map(|v| v.track).collect() };
         let prepared = crate::compiler::Prepared::new(&blind, &family).unwrap();
@@ -156,7 +156,7 @@ fn a_proposal_is_carried_out_by_exactly_its_attackers_whatever_the_parent_weighs
 #[test]
 fn the_table_stands_in_the_order_of_the_rules_and_is_bounded() {
     let (situation, vehicles) = counselled();
-    let stage = Stage { situation: &situation, seed: Seed(1), program: "test", counsel: None };
+    let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
     let (_, program) = parent(0.0);
     let few = counsel::vehicles(&stage, &program, 2).unwrap();
     assert_eq!(few.len(), 2);

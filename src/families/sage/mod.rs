@@ -61,7 +61,7 @@ pub fn propose(stage: &Stage<'_>, options: &PriorOptions, theta: &[f64], parts: 
         let mut stream = stage.stream("prior", part.actor);
         let (steps, key) = (part.window.steps, goals_key(part, options));
         let log_ratios = |goals: &Goals<'_>| -> Vec<f64> {
-            let measure = || features_of(goals, &judged);
+            let measure = || features_of(goals, &judged).into();
             let kept = situation.measured_goals.of(key, measure);
             kept.chunks_exact(measure::FEATURES.len()).map(|features| experts::dot(theta, features)).collect()
         };

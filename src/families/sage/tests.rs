@@ -27,7 +27,7 @@ fn training_again_gives_the_committed_experts() {
 
 /// A situation's marked vehicle with the candidates of an expert.
 fn proposed(situation: &Situation, theta: &[f64]) -> Vec<Part> {
-    let stage = Stage { situation, seed: Seed(3), program: "test", counsel: None };
+    let stage = Stage { situation, seed: Seed(3), counsel: None };
     let (actor, from_step) = (situation.marked().next().unwrap(), situation.first_step());
     let window = Window { from_step, steps: situation.scene.steps - from_step };
     let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None }];
@@ -70,7 +70,7 @@ fn goals_are_measured_anew_where_anything_that_they_depend_on_differs() {
     let scene = Arc::new(worlds(1).next().unwrap());
     let fresh = || Situation::new(scene.clone(), &ego::Policy::Idm).unwrap();
     let of = |situation: &Situation, options: &PriorOptions, (later, shorter): (usize, usize)| {
-        let stage = Stage { situation, seed: Seed(3), program: "test", counsel: None };
+        let stage = Stage { situation, seed: Seed(3), counsel: None };
         let (actor, from_step) = (situation.marked().next().unwrap(), situation.first_step() + later);
         let window = Window { from_step, steps: situation.scene.steps - from_step - shorter };
         let mut parts = vec![Part { actor, window, candidates: vec![], offsets: None, driven: None }];

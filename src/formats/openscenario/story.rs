@@ -13,7 +13,7 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, cast: &Cast<'_>) {
         xml.within("Init", &[], |xml| {
             xml.within("Actions", &[], |xml| cast.members.iter().for_each(|member| init(xml, member)));
         });
-        xml.within("RecordedRun", &[("name", &"story")], |xml| {
+        xml.within("Story", &[("name", &"story")], |xml| {
             xml.within("Act", &[("name", &"act")], |xml| {
                 cast.members.iter().for_each(|member| part(xml, member));
                 xml.within("StartTrigger", &[], |xml| after(xml, "act starts", 0));

@@ -1,6 +1,8 @@
 //! MetaDrive and ScenarioNet scene descriptions in pickles: Waymo, nuScenes and others in one schema.
 
 use super::pickle::{self, Node, Numbers};
+use super::read_json::described;
+use super::write_pickle::is_of_data_set;
 use crate::formats::assemble::{Log, LogLane, LogLight, LogTrack, assembled};
 use crate::formats::centreline::{Across, widths_within};
 use crate::formats::import_error::{ImportError, shown};
@@ -25,7 +27,12 @@ const MPH_IN_MPS: f64 = 0.44704;
 /// # Errors The file is not a pickle of plain data, lacks something that a scene needs, or holds NaN or infinity.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let pickle = pickle::read(file_name, bytes)?;
-    Ok(finished(file_name, log_of(file_name, &pickle.root(), "scenarionet")?))
+    if is_of_data_set(&pickle.root()) {
+        let reason = "a data set's list of its pickles: it holds no scene itself";
+        let left_out = vec![LeftOut { file: file_name.into(), what: String::new(), reason: reason.into() }];
+        return Ok(Imported { scenes: vec![], left_out });
+    }
+    described(file_name, &pickle.root(), "scenarionet")
 }
 
 /// The scenes of a description, whether it was a pickle or JSON.

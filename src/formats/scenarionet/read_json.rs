@@ -17,19 +17,22 @@ const FORMAT: &str = "scenarionet-json";
 ///
 /// # Errors The file is not JSON, or not a ScenarioDescription with a self-driving car; see [`super::read::import`].
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    let tree = pickle::read_json(file_name, bytes)?;
-    let root = tree.root();
+    described(file_name, &pickle::read_json(file_name, bytes)?.root(), FORMAT)
+}
+
+/// The scene of a description, which may be an export of this project.
+pub(super) fn described(file_name: &str, root: &Node<'_>, format: &str) -> Result<Imported, ImportError> {
     let beside = root.get("metadata").and_then(|metadata| metadata.get("evodrive")).filter(|node| !node.is_none());
     let Some(beside) = beside else {
-        return Ok(finished(file_name, log_of(file_name, &root, FORMAT)?));
+        return Ok(finished(file_name, log_of(file_name, root, format)?));
     };
-    let origin = Origin { format: FORMAT.into(), name: file_name.into() };
-    let read = in_its_own_frame(file_name, &root)?;
+    let origin = Origin { format: format.into(), name: file_name.into() };
+    let read = in_its_own_frame(file_name, root)?;
     let remainder = beside.text().and_then(Remainder::from_text);
     if let Some(scene) = remainder.and_then(|remainder| remainder.laid_over(&read, &origin)) {
         return Ok(Imported { scenes: vec![scene], left_out: vec![] });
     }
-    let mut imported = finished(file_name, log_of(file_name, &root, FORMAT)?);
+    let mut imported = finished(file_name, log_of(file_name, root, format)?);
     let reason = "the file was edited after its export, or exported by another version; what its standard keys say \
                   was read, without the exact lane boundaries, start and route";
     let what = "metadata.evodrive".to_string();

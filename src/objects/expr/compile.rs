@@ -2,34 +2,23 @@
 
 use super::{
     error::ExprError,
-    ops,
     parse::DEPTH_MAX,
     scope::Scope,
     tree::{Expr, Function, Infix, Kind, Node, Prefix},
 };
+use crate::kernel::formula::{Formula, Op, STACK_MAX};
 use crate::objects::{program::ValueType, spelling::nearest};
 
 /// A level of the tree holds at most two waiting values (`clamp`, `if`).
-const STACK: usize = 2 * DEPTH_MAX;
+const _: () = assert!(STACK_MAX >= 2 * DEPTH_MAX);
 
 /// Ready to evaluate. Booleans are 1 and 0 on the stack and in `values`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compiled {
-    code: Vec<Step>,
+    formula: Formula,
     value: ValueType,
     /// How many values the scope has.
     width: usize,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Step {
-    Constant(f64),
-    Load(usize),
-    Minus,
-    Not,
-    Infix(Infix),
-    /// `min` and `max` take two at a time.
-    Call(Function),
 }
 
 impl Expr {
@@ -37,7 +26,8 @@ impl Expr {
     pub fn compile(&self, scope: &Scope) -> Result<Compiled, ExprError> {
         let mut code = Vec::with_capacity(self.node_count());
         let value = emit(&self.root, scope, &mut code)?;
-        Ok(Compiled { code, value, width: scope.len() })
+        let formula = Formula::try_from(code).map_err(|error| ExprError::new(1, error.to_string(), "an expression"))?;
+        Ok(Compiled { formula, value, width: scope.len() })
     }
 }
 
@@ -51,11 +41,12 @@ impl Compiled {
     /// is read as 0, and too large values as the bound. If there are fewer values than names, the caller has a bug.
     pub fn number(&self, values: &[f64]) -> f64 {
         assert!(values.len() >= self.width, "{} values for a scope of {} names", values.len(), self.width);
-        let mut stack = Stack { values: [0.0; STACK], height: 0 };
-        for step in &self.code {
-            stack.run(*step, values);
-        }
-        stack.pop()
+        self.formula.value(values)
+    }
+
+    /// The code, whose places are those of the scope.
+    pub fn formula(&self) -> &Formula {
+        &self.formula
     }
 
     /// The value of a condition; for a numeric expression, whether it differs from 0.
@@ -64,98 +55,25 @@ impl Compiled {
     }
 }
 
-struct Stack {
-    values: [f64; STACK],
-    height: usize,
-}
-
-impl Stack {
-    fn push(&mut self, value: f64) {
-        self.values[self.height] = value;
-        self.height += 1;
-    }
-
-    fn pop(&mut self) -> f64 {
-        self.height -= 1;
-        self.values[self.height]
-    }
-
-    fn run(&mut self, step: Step, inputs: &[f64]) {
-        let result = match step {
-            Step::Constant(value) => value,
-            Step::Load(index) => ops::bounded(inputs[index]),
-            Step::Minus => ops::bounded(-self.pop()),
-            Step::Not => truth(self.pop() == 0.0),
-            Step::Infix(infix) => {
-                let right = self.pop();
-                apply_infix(infix, self.pop(), right)
-            }
-            Step::Call(function) => self.call(function),
-        };
-        self.push(result);
-    }
-
-    fn call(&mut self, function: Function) -> f64 {
-        let last = self.pop();
-        match function {
-            Function::Min => self.pop().min(last),
-            Function::Max => self.pop().max(last),
-            Function::Abs => last.abs(),
-            Function::Sqrt => ops::sqrt(last),
-            Function::Exp => ops::exp(last),
-            Function::Log => ops::log(last),
-            Function::Clamp => {
-                let low = self.pop();
-                ops::clamp(self.pop(), low, last)
-            }
-            Function::If => {
-                let held = self.pop();
-                if self.pop() != 0.0 { held } else { last }
-            }
-        }
-    }
-}
-
-fn truth(holds: bool) -> f64 {
-    f64::from(u8::from(holds))
-}
-
-fn apply_infix(infix: Infix, a: f64, b: f64) -> f64 {
-    match infix {
-        Infix::Or => truth(a != 0.0 || b != 0.0),
-        Infix::And => truth(a != 0.0 && b != 0.0),
-        Infix::Less => truth(a < b),
-        Infix::AtMost => truth(a <= b),
-        Infix::More => truth(a > b),
-        Infix::AtLeast => truth(a >= b),
-        Infix::Equal => truth(a == b),
-        Infix::Unequal => truth(a != b),
-        Infix::Plus => ops::bounded(a + b),
-        Infix::Minus => ops::bounded(a - b),
-        Infix::Times => ops::bounded(a * b),
-        Infix::Over => ops::divide(a, b),
-    }
-}
-
-fn emit(node: &Node, scope: &Scope, code: &mut Vec<Step>) -> Result<ValueType, ExprError> {
+fn emit(node: &Node, scope: &Scope, code: &mut Vec<Op>) -> Result<ValueType, ExprError> {
     match &node.kind {
         Kind::Number(value) => {
-            code.push(Step::Constant(*value));
+            code.push(Op::Constant(*value));
             Ok(ValueType::Number)
         }
         Kind::Boolean(value) => {
-            code.push(Step::Constant(truth(*value)));
+            code.push(Op::Constant(f64::from(u8::from(*value))));
             Ok(ValueType::Boolean)
         }
         Kind::Name(name) => {
             let (value, index) = scope.get(name).ok_or_else(|| unknown(node, name, scope))?;
-            code.push(Step::Load(index));
+            code.push(Op::Load(index));
             Ok(value)
         }
         Kind::Prefix(prefix, inner) => {
             let (value, step) = match prefix {
-                Prefix::Minus => (ValueType::Number, Step::Minus),
-                Prefix::Not => (ValueType::Boolean, Step::Not),
+                Prefix::Minus => (ValueType::Number, Op::Minus),
+                Prefix::Not => (ValueType::Boolean, Op::Not),
             };
             operand(inner, value, scope, code)?;
             code.push(step);
@@ -171,7 +89,7 @@ fn emit_infix(
     left: &Node,
     right: &Node,
     scope: &Scope,
-    code: &mut Vec<Step>,
+    code: &mut Vec<Op>,
 ) -> Result<ValueType, ExprError> {
     let (takes, gives) = match infix {
         Infix::Or | Infix::And => (Some(ValueType::Boolean), ValueType::Boolean),
@@ -183,7 +101,7 @@ fn emit_infix(
     let wanted = takes.unwrap_or(first);
     matches_type(left, first, wanted)?;
     operand(right, wanted, scope, code)?;
-    code.push(Step::Infix(infix));
+    code.push(infix_op(infix));
     Ok(gives)
 }
 
@@ -191,7 +109,7 @@ fn emit_call(
     function: Function,
     arguments: &[Node],
     scope: &Scope,
-    code: &mut Vec<Step>,
+    code: &mut Vec<Op>,
 ) -> Result<ValueType, ExprError> {
     let mut gives = ValueType::Number;
     for (index, argument) in arguments.iter().enumerate() {
@@ -202,16 +120,47 @@ fn emit_call(
         let condition = function == Function::If && index == 0;
         operand(argument, if condition { ValueType::Boolean } else { gives }, scope, code)?;
         if index > 0 && matches!(function, Function::Min | Function::Max) {
-            code.push(Step::Call(function));
+            code.push(call_op(function));
         }
     }
     if !matches!(function, Function::Min | Function::Max) {
-        code.push(Step::Call(function));
+        code.push(call_op(function));
     }
     Ok(gives)
 }
 
-fn operand(node: &Node, wanted: ValueType, scope: &Scope, code: &mut Vec<Step>) -> Result<(), ExprError> {
+fn infix_op(infix: Infix) -> Op {
+    match infix {
+        Infix::Or => Op::Or,
+        Infix::And => Op::And,
+        Infix::Less => Op::Less,
+        Infix::AtMost => Op::AtMost,
+        Infix::More => Op::More,
+        Infix::AtLeast => Op::AtLeast,
+        Infix::Equal => Op::Equal,
+        Infix::Unequal => Op::Unequal,
+        Infix::Plus => Op::Plus,
+        Infix::Minus => Op::Difference,
+        Infix::Times => Op::Times,
+        Infix::Over => Op::Over,
+    }
+}
+
+/// `min` and `max` take two at a time.
+fn call_op(function: Function) -> Op {
+    match function {
+        Function::Min => Op::Min,
+        Function::Max => Op::Max,
+        Function::Clamp => Op::Clamp,
+        Function::Abs => Op::Abs,
+        Function::Sqrt => Op::Sqrt,
+        Function::Exp => Op::Exp,
+        Function::Log => Op::Log,
+        Function::If => Op::If,
+    }
+}
+
+fn operand(node: &Node, wanted: ValueType, scope: &Scope, code: &mut Vec<Op>) -> Result<(), ExprError> {
     let found = emit(node, scope, code)?;
     matches_type(node, found, wanted)
 }

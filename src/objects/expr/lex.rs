@@ -2,9 +2,9 @@
 
 use super::{
     error::ExprError,
-    ops::MAGNITUDE_MAX,
     parse::{NODES_MAX, TEXT_MAX_BYTES},
 };
+use crate::kernel::total::MAGNITUDE_MAX;
 
 /// A name may be as long as this many characters.
 const NAME_MAX: usize = 64;

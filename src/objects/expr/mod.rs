@@ -4,12 +4,11 @@
 //! or < and < not < (< <= > >= == !=) < + - < * / < unary -      names, numbers, true, false, (...)
 //! min(a, b, ..) max(a, b, ..) clamp(x, low, high) abs(x) sqrt(x) exp(x) log(x) if(condition, a, b)
 //! ```
-//! Every operation has a finite result: see `ops`.
+//! Every operation has a finite result: see `kernel::total`.
 
 mod compile;
 mod error;
 mod lex;
-mod ops;
 mod parse;
 mod scope;
 mod tree;
@@ -18,9 +17,9 @@ use std::collections::BTreeMap;
 
 use super::program::{MechanismModule, PolicyRule};
 
+pub use crate::kernel::total::{DENOMINATOR_MIN, LOG_ARGUMENT_MIN, MAGNITUDE_MAX};
 pub use compile::Compiled;
 pub use error::ExprError;
-pub use ops::{DENOMINATOR_MIN, LOG_ARGUMENT_MIN, MAGNITUDE_MAX};
 pub use parse::{DEPTH_MAX, NODES_MAX, TEXT_MAX_BYTES};
 pub use scope::Scope;
 pub use tree::{Expr, FUNCTIONS};

@@ -5,6 +5,7 @@ mod contacts;
 mod driving;
 mod egos;
 mod laws;
+mod obedience;
 mod plant;
 mod recorded;
 mod rollouts;

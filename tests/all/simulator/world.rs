@@ -72,7 +72,8 @@ impl Frame {
             match action {
                 Action::Follow { samples, .. }
                 | Action::Insert { samples, .. }
-                | Action::FollowThenReact { samples, .. } => samples.iter_mut().for_each(|s| *s = self.sample(s)),
+                | Action::FollowThenReact { samples, .. }
+                | Action::FollowThenObey { samples, .. } => samples.iter_mut().for_each(|s| *s = self.sample(s)),
                 Action::Triggered(script) => self.script(script),
             }
         }

@@ -26,16 +26,27 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, ids: &Ids, notes: &mut Vec<Not
                 xml.leaf("trafficSignID", "274");
                 xml.leaf("additionalValue", f64::from_bits(limit));
             });
+            // Readers that look for the first lane with a sign find none where such lanes form a ring.
+            let lane = scene.road.lanes.iter().find(|lane| lane.speed_limit_mps.map(f64::to_bits) == Some(limit));
+            if let Some(lane) = lane {
+                xml.within("position", &[], |xml| point(xml, "point", lane.right[0]));
+            }
             xml.leaf("virtual", true);
         });
     }
     for (ix, (sign, id)) in scene.stop_signs.iter().zip(&ids.stop_signs).enumerate() {
+        if sign.lanes.is_empty() {
+            // The format knows no sign without a lanelet that refers to it.
+            let reason = "a stop sign for no lane stands in <?evodrive?> alone";
+            notes.push(Note::new(format!("stop_signs[{ix}]"), reason));
+            continue;
+        }
         xml.within("trafficSign", &[("id", id)], |xml| {
             xml.within("trafficSignElement", &[], |xml| xml.leaf("trafficSignID", "206"));
             xml.within("position", &[], |xml| point(xml, "point", sign.position));
         });
-        if sign.lanes.len() != 1 {
-            let reason = "a sign for none or several lanes is, lanelet by lanelet, a sign of each";
+        if sign.lanes.len() > 1 {
+            let reason = "a sign for several lanes is, lanelet by lanelet, a sign of each";
             notes.push(Note::new(format!("stop_signs[{ix}]"), reason));
         }
     }

@@ -5,7 +5,7 @@ use crate::kernel::{Vec2, num};
 use crate::scene::Lane;
 
 /// Points closer than this are merged, metres.
-const SAME_PLACE_M: f64 = 1e-3;
+pub(super) const SAME_PLACE_M: f64 = 1e-3;
 /// How far a dropped point or width may lie from what is written, metres.
 const TOLERANCE_M: f64 = 0.01;
 /// A cubic with a smaller control offset is written as a line, metres.

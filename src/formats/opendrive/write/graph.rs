@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::curve::{Curve, Station, cut, stations_of};
-use super::meeting::{Groups, meet};
+use super::meeting::{Groups, Met, meet};
 use crate::scene::{LaneIx, Road};
 
 /// Where lanes split or merge without connecting lanes of their own, this much of each following lane becomes the
@@ -38,7 +38,7 @@ pub(super) struct Network {
     pub junctions: Vec<Vec<Connection>>,
     /// The road that is a lane, without its first metres where they connect.
     pub bodies: Vec<Option<usize>>,
-    /// Pairs of lanes that follow each other with a gap or a step between them.
+    /// Pairs of lanes that follow each other in the scene and do not meet; they are not linked.
     pub apart: Vec<(LaneIx, LaneIx)>,
 }
 
@@ -60,8 +60,9 @@ impl Network {
     pub fn of(road: &Road) -> Network {
         let mut stations: Vec<Option<Vec<Station>>> = road.lanes.iter().map(stations_of).collect();
         let links = links(road, &stations);
-        let apart = meet(road, &links, &mut stations);
-        let connecting = connecting_lanes(road, &links);
+        let Met { links, apart } = meet(road, &links, &mut stations);
+        let beside = Beside::of(road.lanes.len(), &links);
+        let connecting = connecting_lanes(&beside);
         let nodes = nodes(road.lanes.len(), &links, &connecting);
         let mut network = Network { pieces: vec![], junctions: vec![], bodies: vec![None; road.lanes.len()], apart };
         // Lanes whose first metres become connecting roads.
@@ -81,7 +82,7 @@ impl Network {
             let curve = Curve::through(&stations);
             network.pieces.push(Piece { lane, curve, from: Link::None, to: Link::None, junction: None });
         }
-        network.connect(&connecting, road);
+        network.connect(&connecting, &beside);
         network.join(&nodes, &heads);
         network
     }
@@ -92,9 +93,9 @@ impl Network {
     }
 
     /// Junctions of connecting lanes: those that share an incoming or an outgoing lane belong together.
-    fn connect(&mut self, connecting: &[bool], road: &Road) {
+    fn connect(&mut self, connecting: &[bool], beside: &Beside) {
         let lanes: Vec<LaneIx> = (0..connecting.len()).filter(|&lane| connecting[lane]).collect();
-        let ends = |lane: LaneIx| (road.lanes[lane].entries[0], road.lanes[lane].exits[0]);
+        let ends = |lane: LaneIx| (beside.entries[lane][0], beside.exits[lane][0]);
         let mut groups = Groups::new(2 * connecting.len());
         for &lane in &lanes {
             let (from, to) = ends(lane);
@@ -160,26 +161,40 @@ fn links(road: &Road, stations: &[Option<Vec<Station>>]) -> Vec<(LaneIx, LaneIx)
     links
 }
 
+/// Who leads into a lane and where it leads, among lanes that meet.
+struct Beside {
+    entries: Vec<Vec<LaneIx>>,
+    exits: Vec<Vec<LaneIx>>,
+}
+
+impl Beside {
+    fn of(lanes: usize, links: &[(LaneIx, LaneIx)]) -> Beside {
+        let mut beside = Beside { entries: vec![vec![]; lanes], exits: vec![vec![]; lanes] };
+        for &(from, to) in links {
+            beside.exits[from].push(to);
+            beside.entries[to].push(from);
+        }
+        beside
+    }
+}
+
 /// Lanes that lead from one lane to one other across a split or merge, if only such lanes leave the first or reach the
 /// second. They can be the connecting roads of a junction as they are.
-fn connecting_lanes(road: &Road, links: &[(LaneIx, LaneIx)]) -> Vec<bool> {
-    let lanes = &road.lanes;
+fn connecting_lanes(Beside { entries, exits }: &Beside) -> Vec<bool> {
     let simple = |lane: LaneIx| {
-        let here = &lanes[lane];
-        let one = here.entries.len() == 1 && here.exits.len() == 1 && here.entries != here.exits;
-        let has_roads = links.iter().filter(|(from, to)| *from == lane || *to == lane).count() == 2;
-        one && has_roads && (lanes[here.entries[0]].exits.len() > 1 || lanes[here.exits[0]].entries.len() > 1)
+        let one = entries[lane].len() == 1 && exits[lane].len() == 1 && entries[lane] != exits[lane];
+        one && (exits[entries[lane][0]].len() > 1 || entries[exits[lane][0]].len() > 1)
     };
-    let mut connecting: Vec<bool> = (0..lanes.len()).map(simple).collect();
+    let mut connecting: Vec<bool> = (0..entries.len()).map(simple).collect();
     loop {
         let stays = |lane: LaneIx| {
-            let (from, to) = (lanes[lane].entries[0], lanes[lane].exits[0]);
+            let (from, to) = (entries[lane][0], exits[lane][0]);
             !connecting[from]
                 && !connecting[to]
-                && lanes[from].exits.iter().all(|&l| connecting[l])
-                && lanes[to].entries.iter().all(|&l| connecting[l])
+                && exits[from].iter().all(|&l| connecting[l])
+                && entries[to].iter().all(|&l| connecting[l])
         };
-        let next: Vec<bool> = (0..lanes.len()).map(|lane| connecting[lane] && stays(lane)).collect();
+        let next: Vec<bool> = (0..entries.len()).map(|lane| connecting[lane] && stays(lane)).collect();
         if next == connecting {
             return connecting;
         }

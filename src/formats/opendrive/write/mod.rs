@@ -39,7 +39,10 @@ pub(in crate::formats) fn network(scene: &Scene, notes: &mut Vec<Note>) -> Vec<u
     if let [(from, to), ..] = network.apart[..] {
         let ids = (&scene.road.lanes[from].id, &scene.road.lanes[to].id);
         let count = network.apart.len();
-        let reason = format!("{count} lanes follow another with a gap or a step, as {:?} follows {:?}", ids.1, ids.0);
+        let reason = format!(
+            "{count} lanes begin elsewhere than the lane before them ends and are not linked to it, as {:?} after {:?}",
+            ids.1, ids.0
+        );
         notes.push(Note::new("road.lanes", reason));
     }
     xml.open("OpenDRIVE", &[]);

@@ -1,10 +1,11 @@
 //! Python pickles (protocols 2 to 5) read as data. The opcodes that call something are interpreted only for a short
 //! list of names (numpy arrays, dictionaries, sets); everything else is refused by name. No code is ever run, values
-//! are shared but never copied, and size, count and nesting are bounded.
+//! are shared but never copied, and size, count and nesting are bounded. [`write()`] makes pickles of such data.
 
 mod json;
 mod machine;
 mod numpy;
+mod write;
 
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -13,6 +14,7 @@ use std::ops::Range;
 pub use json::read_json;
 pub use machine::read;
 pub use numpy::{Array, Numbers};
+pub use write::{Lists, write};
 
 use crate::formats::import_error::{ImportError, shown};
 

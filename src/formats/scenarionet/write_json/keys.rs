@@ -43,6 +43,7 @@ pub(super) struct Metadata<'s> {
     pub sdc_track_index: usize,
     pub objects_of_interest: Vec<&'s str>,
     /// A [`crate::scene::remainder::Remainder`] as text.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub evodrive: Option<String>,
 }
 
@@ -101,7 +102,7 @@ pub(super) struct LightMetadata {
 pub(super) enum Feature<'s> {
     Lane(Box<LaneOut<'s>>),
     Edge { r#type: &'static str, polyline: Vec<[f64; 3]> },
-    Crosswalk { r#type: &'static str, polygon: Vec<[f64; 3]> },
+    Crosswalk { r#type: &'static str, polygon: Vec<[f64; 2]> },
     StopSign { r#type: &'static str, position: [f64; 3], lane: Vec<&'s str> },
 }
 
@@ -109,7 +110,7 @@ pub(super) enum Feature<'s> {
 pub(super) struct LaneOut<'s> {
     pub r#type: &'static str,
     pub polyline: Vec<[f64; 3]>,
-    pub polygon: Vec<[f64; 3]>,
+    pub polygon: Vec<[f64; 2]>,
     /// Distance from the centre line to the left and the right boundary.
     pub width: Vec<[f64; 2]>,
     pub entry_lanes: Vec<&'s str>,
@@ -117,7 +118,9 @@ pub(super) struct LaneOut<'s> {
     pub left_neighbor: Vec<NeighbourOut<'s>>,
     pub right_neighbor: Vec<NeighbourOut<'s>>,
     pub interpolating: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_limit_mph: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_limit_kmh: Option<f64>,
 }
 

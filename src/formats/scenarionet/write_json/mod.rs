@@ -1,13 +1,7 @@
 //! ScenarioNet's and MetaDrive's ScenarioDescription as JSON: the dictionary of the pickles with arrays as lists.
 //!
-//! A pickle for MetaDrive is five lines of Python away:
-//! ```python
-//! import json, pickle, numpy as np
-//! sd = json.load(open("scene.json"))
-//! sd["metadata"]["ts"] = np.array(sd["metadata"]["ts"], dtype=np.float32)
-//! for track in sd["tracks"].values(): track["state"] = {key: np.array(value) for key, value in track["state"].items()}
-//! pickle.dump(sd, open("sd_evodrive_v1_scene.pkl", "wb"))
-//! ```
+//! [`super::write_pickle`] makes the pickle that MetaDrive loads of it.
+//!
 //! Samples that were not observed are zeros with `valid` false. Values that have no key in the description are in
 //! `metadata.evodrive`, which MetaDrive ignores.
 
@@ -42,6 +36,10 @@ pub fn export(scene: &Scene, staging: Option<&Staging>) -> Result<Exported, Expo
     let remainder = Remainder::between(&read, &scene);
     description.metadata.evodrive = Some(remainder.to_ascii());
     notes.push(Note::new("", "heights are not known to a scene; usual ones of each kind are written"));
+    if scene.ego.track.samples.iter().flatten().count() < 2 {
+        let reason = "its motion is not known; MetaDrive takes the ego's route from it and is at its end at once";
+        notes.push(Note::new("ego", reason));
+    }
     if remainder.paths().count() > 0 {
         let reason = "exact lane boundaries, the ego's start and route, and whatever else the description has no \
                       key for stand in metadata.evodrive, which other readers ignore";
@@ -159,7 +157,8 @@ fn features(scene: &Scene) -> Entries<Feature<'_>> {
         entries.push((key("edge", ix), Feature::Edge { r#type: "ROAD_EDGE_BOUNDARY", polyline: points(edge) }));
     }
     for (ix, polygon) in scene.crosswalks.iter().enumerate() {
-        entries.push((key("crosswalk", ix), Feature::Crosswalk { r#type: "CROSSWALK", polygon: points(polygon) }));
+        entries
+            .push((key("crosswalk", ix), Feature::Crosswalk { r#type: "CROSSWALK", polygon: outline(polygon.iter()) }));
     }
     for (ix, sign) in scene.stop_signs.iter().enumerate() {
         let lane = sign.lanes.iter().map(id).collect();
@@ -193,7 +192,7 @@ fn lane_out<'s>(lane: &'s Lane, lanes: &'s [Lane]) -> LaneOut<'s> {
     LaneOut {
         r#type,
         polyline: points(&lane.centre),
-        polygon: lane.left.iter().chain(lane.right.iter().rev()).map(|p| point(*p)).collect(),
+        polygon: outline(lane.left.iter().chain(lane.right.iter().rev())),
         width: lane.centre.iter().zip(sides).map(|(c, (l, r))| [c.distance(*l), c.distance(*r)]).collect(),
         entry_lanes: ids(&lane.entries),
         exit_lanes: ids(&lane.exits),
@@ -207,6 +206,10 @@ fn lane_out<'s>(lane: &'s Lane, lanes: &'s [Lane]) -> LaneOut<'s> {
 
 fn point(p: Vec2) -> [f64; 3] {
     [p.x, p.y, 0.0]
+}
+
+fn outline<'p>(polygon: impl Iterator<Item = &'p Vec2>) -> Vec<[f64; 2]> {
+    polygon.map(|p| [p.x, p.y]).collect()
 }
 
 fn points(line: &[Vec2]) -> Vec<[f64; 3]> {

@@ -1,6 +1,6 @@
-//! The total arithmetic of the language: every result is finite, at most 1e12 in size and never -0.
+//! Total arithmetic, that of expressions and formulas: every result is finite, at most 1e12 in size and never -0.
 
-use crate::kernel::num;
+use super::num;
 
 /// Results are clamped to ±this.
 pub const MAGNITUDE_MAX: f64 = 1e12;
@@ -14,6 +14,7 @@ pub fn bounded(x: f64) -> f64 {
     if x.is_nan() || x == 0.0 { 0.0 } else { x.clamp(-MAGNITUDE_MAX, MAGNITUDE_MAX) }
 }
 
+/// The quotient; see [`DENOMINATOR_MIN`].
 pub fn divide(a: f64, b: f64) -> f64 {
     let guarded = if b.abs() >= DENOMINATOR_MIN {
         b
@@ -30,10 +31,12 @@ pub fn sqrt(x: f64) -> f64 {
     x.max(0.0).sqrt()
 }
 
+/// The exponential, at most the bound.
 pub fn exp(x: f64) -> f64 {
     bounded(num::exp(x))
 }
 
+/// The natural logarithm; see [`LOG_ARGUMENT_MIN`].
 pub fn log(x: f64) -> f64 {
     bounded(num::ln(x.max(LOG_ARGUMENT_MIN)))
 }

@@ -1,0 +1,50 @@
+//! What critics and repair are shown of the gates' verdicts. Each critic sees those of its own side; how many probe scenes the
+//! patch changes is shown to all.
+
+use serde_json::{Map, Value, json};
+
+use crate::objects::{GateReport, Role, attempt::Gate};
+
+/// What the deterministic gates and the compiler say of a patch, before its critics are asked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Findings {
+    /// What each gate says.
+    pub gates: GateReport,
+    /// Probe scenes of the window on which the child was compiled beside its parent, with the parent's random draws.
+    pub compared: usize,
+    /// In how many of them its motion differs from the parent's.
+    pub differing: usize,
+}
+
+/// Gates that look at a patch's family, parent and surface.
+const OF_ISOLATION: [Gate; 3] = [Gate::Parent, Gate::Isolation, Gate::Protected];
+/// Gates that say whether a patch does anything.
+const OF_MOTION: [Gate; 2] = [Gate::Compile, Gate::Effect];
+
+/// The findings as one critic sees them.
+pub fn for_critic(role: Role, findings: &Findings) -> Value {
+    match role {
+        Role::IsolationCritic => shown(findings, |gate| OF_ISOLATION.contains(&gate)),
+        Role::AttackCritic | Role::RealismCritic => shown(findings, |gate| OF_MOTION.contains(&gate)),
+        _ => shown(findings, |_| true),
+    }
+}
+
+/// All findings.
+pub fn for_repair(findings: &Findings) -> Value {
+    shown(findings, |_| true)
+}
+
+fn shown(findings: &Findings, of: impl Fn(Gate) -> bool) -> Value {
+    let verdicts = findings.gates.verdicts.iter().filter(|verdict| of(verdict.gate));
+    let gates: Map<String, Value> = verdicts
+        .map(|verdict| {
+            let said = if verdict.problems.is_empty() { json!("passed") } else { json!(verdict.problems) };
+            (format!("{:?}", verdict.gate).to_lowercase(), said)
+        })
+        .collect();
+    json!({
+        "gates": gates,
+        "probe_scenes": {"compiled": findings.compared, "motion_differs_from_parent": findings.differing},
+    })
+}

@@ -1,0 +1,116 @@
+//! What the objectives are, as a run's options say it: the numbers behind the formulas that prompts show.
+
+use serde_json::{Value, json};
+
+use super::template::{PromptError, fill};
+
+/// How programs are labelled and accepted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measures {
+    /// Formulas of attack and realism.
+    pub protocol: Protocol,
+    /// What makes a child a member of the lineage.
+    pub acceptance: Acceptance,
+}
+
+/// One of the two protocols.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Protocol {
+    /// Attack by contact classes, realism by weighted diagnostics.
+    Metadrive {
+        /// Contact classes that count whatever the ego could have done.
+        counts: Vec<String>,
+        /// Contact classes that count where the ego could have avoided the contact.
+        counts_if_avoidable: Vec<String>,
+        /// The diagnostics with their weights.
+        diagnostics: Vec<Diagnostic>,
+    },
+    /// SafeBench's collision rate, overall score and adversarial realism score.
+    Safebench {
+        /// Bounds and tolerances: a name, the bound, the tolerance.
+        limits: Vec<(String, f64, f64)>,
+    },
+}
+
+/// One diagnostic d_j of realism.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diagnostic {
+    /// Its name in outcomes.
+    pub name: String,
+    /// w_j, 1.
+    pub weight: f64,
+    /// For soft ones: what is measured, its bound and its tolerance for vehicles, in the unit of the name.
+    pub limits: Vec<(String, f64, f64)>,
+}
+
+/// Options of the archive and of the final choice, all 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acceptance {
+    /// r_0: where the region of high realism begins.
+    pub r0: f64,
+    /// a_0: where the region of high attack begins.
+    pub a0: f64,
+    /// Realism that a child may lose for more attack.
+    pub epsilon_r: f64,
+    /// Attack that a child may lose for more realism.
+    pub epsilon_a: f64,
+    /// Confidence at which a gain counts.
+    pub level: f64,
+    /// Share of its parent's coverage that a child must keep.
+    pub coverage_floor: f64,
+    /// Least realism of the program that a run reports.
+    pub realism_min: f64,
+}
+
+/// What each diagnostic measures, in words, and its form.
+const MEANINGS: [(&str, &str); 10] = [
+    ("map_validity", "off_road_m: how far a corner of the box leaves the lanes"),
+    ("lane_direction", "wrong_way_m: way driven against the lanes"),
+    ("route_completion", "share of its own recorded way that it drove by then"),
+    ("initial_non_overlap", "1 unless it overlaps somebody when it is first moved"),
+    ("collision_validity", "1 unless it touches another moving road user than the ego"),
+    ("parked_obstacles", "1 unless it touches something that stands"),
+    ("trajectory_continuity", "worst of jumps, kinks and roughness of its places"),
+    ("bounded_acceleration", "acceleration_mps2: largest along its heading"),
+    ("bounded_jerk", "jerk_mps3: largest change of acceleration"),
+    ("bounded_slip", "slip_mps: speed across its heading"),
+];
+
+impl Measures {
+    /// The formulas with their numbers.
+    pub fn text(&self) -> Result<String, PromptError> {
+        let Acceptance { r0, a0, epsilon_r, epsilon_a, level, coverage_floor, realism_min } = self.acceptance;
+        let mut values = json!({
+            "r0": r0, "a0": a0, "epsilon_r": epsilon_r, "epsilon_a": epsilon_a, "level": level,
+            "coverage_floor": coverage_floor, "realism_min": realism_min,
+        });
+        match &self.protocol {
+            Protocol::Metadrive { counts, counts_if_avoidable, diagnostics } => {
+                values["counts"] = listed(counts).into();
+                values["counts_if_avoidable"] = listed(counts_if_avoidable).into();
+                values["diagnostics"] = diagnostics.iter().map(row).collect::<Vec<Value>>().into();
+                fill("objectives_metadrive.md", &values)
+            }
+            Protocol::Safebench { limits } => {
+                let shown = limits.iter().map(|(name, bound, tolerance)| format!("{name} ({bound}, {tolerance})"));
+                values["limits"] = shown.collect::<Vec<_>>().join("; ").into();
+                fill("objectives_safebench.md", &values)
+            }
+        }
+    }
+}
+
+fn listed(names: &[String]) -> String {
+    if names.is_empty() { "none".into() } else { names.join(", ") }
+}
+
+fn row(diagnostic: &Diagnostic) -> Value {
+    let meaning = MEANINGS.iter().find(|(name, _)| *name == diagnostic.name).map_or("", |(_, meaning)| meaning);
+    let limits = diagnostic.limits.iter().map(|(name, bound, tolerance)| format!("{name} {bound:.3}, {tolerance:.3}"));
+    json!({
+        "name": diagnostic.name,
+        "weight": diagnostic.weight,
+        "meaning": meaning,
+        "limits": limits.collect::<Vec<_>>().join("; "),
+    })
+}

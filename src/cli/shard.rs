@@ -1,0 +1,25 @@
+//! `shard`: missing work of a run as files for other machines.
+
+use clap::Subcommand;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::{shard_merge, shard_plan, shard_work};
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Write what a run has no records of as shards.
+    Plan(shard_plan::PlanOptions),
+    /// Do the tasks of shards, on any machine.
+    Work(shard_work::WorkOptions),
+    /// Unite the results of shards with the run.
+    Merge(shard_merge::MergeOptions),
+}
+
+pub fn run(command: &Command, jobs: usize) -> Result<Answer, Failure> {
+    match command {
+        Command::Plan(options) => shard_plan::run(options, jobs),
+        Command::Work(options) => shard_work::run(options, jobs),
+        Command::Merge(options) => shard_merge::run(options, jobs),
+    }
+}

@@ -1,0 +1,53 @@
+//! The run that work is planned for or merged into.
+
+use clap::Args;
+use std::path::PathBuf;
+
+use super::args::RunArgs;
+use super::behind;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use super::run::Job;
+
+/// Which run work is planned for or merged into.
+#[derive(Debug, Args)]
+pub struct TargetOptions {
+    /// Experiment file, or run folder.
+    pub run: PathBuf,
+    /// Folder for run folders, with an experiment file.
+    #[arg(long, default_value = "runs")]
+    pub out: PathBuf,
+    /// Scenario files, folders or a pool, instead of the experiment's scenes.
+    #[arg(long, num_args = 1..)]
+    pub scenes: Vec<PathBuf>,
+}
+
+/// A run with the files that it starts from.
+pub struct Target {
+    pub job: Job,
+    pub folder: RunFolder,
+    /// Recorded answers of models.
+    pub cassette: PathBuf,
+    /// Where recorded rollouts of another simulator go.
+    pub rollouts: Option<PathBuf>,
+    /// How people call it.
+    pub named: PathBuf,
+}
+
+impl Target {
+    /// A run folder, or the one of an experiment, which is made.
+    pub fn of(options: &TargetOptions, jobs: usize) -> Result<Target, Failure> {
+        let named = options.run.clone();
+        if options.run.is_dir() {
+            let folder = RunFolder::find(Some(&options.run))?;
+            let job = Job::of_folder(&folder, jobs)?;
+            let rollouts = job.experiment.simulator.backend.as_ref().map(|_| folder.rollouts());
+            return Ok(Target { job, cassette: folder.cassette(), rollouts, folder, named });
+        }
+        let (experiment, out, scenes) = (options.run.clone(), options.out.clone(), options.scenes.clone());
+        let job = Job::new(&RunArgs { experiment, out, cassette: None, scenes, no_report: true }, jobs)?;
+        let folder = job.open_folder(None)?;
+        let (cassette, rollouts) = (job.experiment.beside(&job.experiment.cassette), behind::path(&job.experiment));
+        Ok(Target { job, folder, cassette, rollouts, named })
+    }
+}

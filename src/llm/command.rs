@@ -1,0 +1,164 @@
+//! A model behind a program of the user's: it reads the request as JSON on its standard input and prints the reply. Who starts
+//! programs is handed down; this module knows what they are told and what their end means.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::{Completion, Metadata, Model, ModelError, Request};
+
+/// `[models.<name>.command]`: what is started for each request.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommandOptions {
+    /// The program and its arguments.
+    pub program: Vec<String>,
+    /// How long one answer may take, s.
+    pub timeout_s: u64,
+}
+
+/// How a program ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// With exit code 0, and what it printed.
+    Well(Vec<u8>),
+    /// With another exit code (none: by a signal), and the end of what it wrote on standard error.
+    Badly {
+        /// Its exit code.
+        code: Option<i32>,
+        /// The end of its standard error.
+        stderr: String,
+    },
+    /// It was stopped at the time limit; the end of its standard error.
+    Late {
+        /// The end of its standard error.
+        stderr: String,
+    },
+    /// It could not be started, or spoken to.
+    Unstarted(String),
+}
+
+/// Starts programs. Called from many threads.
+pub trait Run: Send + Sync {
+    /// Runs a program to its end with these bytes on its standard input.
+    fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended;
+}
+
+/// A model that is a program.
+pub struct Command<'a> {
+    options: CommandOptions,
+    /// Who answers, and how: kept with every answer.
+    provenance: String,
+    run: &'a dyn Run,
+}
+
+impl<'a> Command<'a> {
+    /// A program, and who starts it.
+    pub fn new(options: CommandOptions, provenance: &str, run: &'a dyn Run) -> Command<'a> {
+        Command { options, provenance: provenance.into(), run }
+    }
+
+    fn failed(&self, reason: String) -> ModelError {
+        let address = self.options.program.join(" ");
+        ModelError::Failed { address, reason }
+    }
+}
+
+impl Model for Command<'_> {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        let told = json!({
+            "format": "evodrive-command/1",
+            "model": request.model.model,
+            "sampling": request.model.sampling,
+            "slot": request.slot,
+            "messages": request.messages,
+            "schema": request.schema,
+        });
+        let limit = Duration::from_secs(self.options.timeout_s);
+        let mut input = told.to_string().into_bytes();
+        input.push(b'\n');
+        match self.run.run(&self.options.program, input, limit) {
+            Ended::Well(bytes) => {
+                let metadata = Metadata { model: self.provenance.clone(), ..Metadata::default() };
+                Ok(Completion { bytes, metadata: Some(metadata) })
+            }
+            Ended::Badly { code, stderr } => {
+                let code = code.map_or("by a signal".to_string(), |code| format!("with exit code {code}"));
+                Err(self.failed(format!("it ended {code}, expected 0; {}", said(&stderr))))
+            }
+            Ended::Late { stderr } => {
+                let limit = self.options.timeout_s;
+                Err(self.failed(format!("no answer within timeout_s = {limit}; {}", said(&stderr))))
+            }
+            Ended::Unstarted(reason) => Err(self.failed(reason)),
+        }
+    }
+}
+
+fn said(stderr: &str) -> String {
+    match stderr.trim() {
+        "" => "it wrote nothing on standard error".into(),
+        text => format!("it wrote on standard error:\n{text}\n"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::llm::{DrawSlot, Message, ModelSpec, Schema};
+    use std::sync::Mutex;
+
+    /// Ends as told, and keeps what it was given.
+    struct Ends(Ended, Mutex<Vec<u8>>);
+
+    impl Run for Ends {
+        fn run(&self, _: &[String], input: Vec<u8>, _: Duration) -> Ended {
+            *self.1.lock().unwrap() = input;
+            self.0.clone()
+        }
+    }
+
+    fn asked(ended: Ended) -> (Result<Completion, ModelError>, serde_json::Value) {
+        let run = Ends(ended, Mutex::new(vec![]));
+        let options = CommandOptions { program: vec!["my_model".into(), "--quiet".into()], timeout_s: 9 };
+        let model = ModelSpec {
+            name: "mine".into(),
+            kind: "command".into(),
+            model: "mine-1".into(),
+            sampling: [("temperature".to_string(), 0.5)].into(),
+            response_format: None,
+            body: Default::default(),
+        };
+        let slot = DrawSlot { lineage: "l".into(), epoch: 2, slot: 3, role: "actor".into(), round: 0 };
+        let messages = vec![Message { role: "user".into(), text: "Hello.".into() }];
+        let schema = Schema::new(json!({"type": "object"})).unwrap();
+        let request = Request { adapter_version: 1, slot, model, messages, schema };
+        let answer = Command::new(options, "my own", &run).complete(&request);
+        let told = serde_json::from_slice(&run.1.lock().unwrap()).unwrap();
+        (answer, told)
+    }
+
+    #[test]
+    fn a_program_is_told_the_request_and_what_it_prints_is_the_reply() {
+        let (answer, told) = asked(Ended::Well(b"{}".to_vec()));
+        let answer = answer.unwrap();
+        assert_eq!((answer.bytes.as_slice(), answer.metadata.unwrap().model.as_str()), (&b"{}"[..], "my own"));
+        assert_eq!(told["messages"][0]["text"], "Hello.");
+        assert_eq!((&told["schema"]["type"], &told["slot"]["slot"]), (&json!("object"), &json!(3)));
+        assert_eq!((&told["model"], &told["sampling"]["temperature"]), (&json!("mine-1"), &json!(0.5)));
+    }
+
+    #[test]
+    fn a_program_that_fails_is_named_with_its_exit_code_and_what_it_complained_of() {
+        let text = |ended| asked(ended).0.unwrap_err().to_string();
+        let badly = text(Ended::Badly { code: Some(7), stderr: "no key set".into() });
+        assert!(
+            badly.contains("my_model --quiet") && badly.contains("exit code 7") && badly.contains("no key set"),
+            "{badly}"
+        );
+        let late = text(Ended::Late { stderr: "loading".into() });
+        assert!(late.contains("timeout_s = 9") && late.contains("loading"), "{late}");
+        assert!(text(Ended::Unstarted("cannot be started".into())).contains("cannot be started"));
+    }
+}

@@ -1,0 +1,261 @@
+//! A model behind a folder: requests appear as files, replies are picked up. For a person, an agent or a tool that has no API.
+//!
+//! A question is `<n>.request.json` (messages, schema, key) and `<n>.request.md` (the same to read). Its answer is
+//! `<n>.reply.txt`: the bare reply, written under another name and renamed. Nothing waits for a limited time. The numbers are
+//! kept in the folder: the same question asked again, after an interruption too, is the same file, and an answer that is there
+//! already is taken.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::{Completion, DrawSlot, Message, Metadata, Model, ModelError, Request, Schema, reply};
+use crate::{kernel::Digest, store};
+
+const FORMAT: &str = "evodrive-exchange/1";
+const REQUEST: &str = ".request.json";
+/// Bytes of a request file that is read back.
+const REQUEST_BYTES_MAX: u64 = 16 << 20;
+
+/// Waits a moment before the folder is looked at again. The clock is the caller's.
+pub type Pause = Arc<dyn Fn() + Send + Sync>;
+/// Told of each request file that waits for its reply.
+pub type Tell = Arc<dyn Fn(&Path) + Send + Sync>;
+
+/// What a request file holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    format: String,
+    number: u64,
+    /// Name of the file that the reply is expected in.
+    reply_file: String,
+    key: Digest,
+    slot: DrawSlot,
+    /// Label of the model.
+    model: String,
+    messages: Vec<Message>,
+    /// JSON schema that the reply must satisfy.
+    schema: Schema,
+}
+
+/// One question of a folder.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Entry {
+    /// Its number.
+    pub number: u64,
+    /// Position of the question in the run.
+    pub slot: DrawSlot,
+    /// Whether its reply is there.
+    pub answered: bool,
+    /// The file to read.
+    pub request: PathBuf,
+    /// The file that holds, or will hold, the reply.
+    pub reply: PathBuf,
+}
+
+/// A folder with questions.
+pub struct Exchange {
+    dir: PathBuf,
+    /// Who answers, and how: kept with every answer.
+    provenance: String,
+    pause: Pause,
+    tell: Tell,
+    numbers: Mutex<BTreeMap<Digest, u64>>,
+}
+
+impl Exchange {
+    /// Opens a folder, which is made where it is not there. What was asked in it keeps its numbers.
+    pub fn open(dir: &Path, provenance: &str, pause: Pause, tell: Tell) -> Result<Exchange, ModelError> {
+        store::create_dir(dir).map_err(|error| on_disk(dir, &error))?;
+        let known = written(dir)?.into_iter().map(|written| (written.key, written.number)).collect();
+        let numbers = Mutex::new(known);
+        Ok(Exchange { dir: dir.to_path_buf(), provenance: provenance.into(), pause, tell, numbers })
+    }
+
+    /// The number of a question. A new one is written out before it has one.
+    fn number(&self, request: &Request) -> Result<u64, ModelError> {
+        let key =
+            request.key().map_err(|error| ModelError::Unanswerable { reason: format!("it has no key: {error}") })?;
+        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(number) = numbers.get(&key) {
+            return Ok(*number);
+        }
+        let number = numbers.values().max().map_or(1, |last| last + 1);
+        let written = Written {
+            format: FORMAT.into(),
+            number,
+            reply_file: reply_name(number),
+            key,
+            slot: request.slot.clone(),
+            model: request.model.label(),
+            messages: request.messages.clone(),
+            schema: request.schema.clone(),
+        };
+        let json = serde_json::to_vec_pretty(&written).map_err(|error| on_disk(&self.dir, &error))?;
+        // The page first: who sees the JSON finds both.
+        for (ending, bytes) in [(".request.md", page(&written).into_bytes()), (REQUEST, json)] {
+            let path = self.dir.join(format!("{number}{ending}"));
+            store::write_atomic(&path, &bytes).map_err(|error| on_disk(&path, &error))?;
+        }
+        numbers.insert(key, number);
+        Ok(number)
+    }
+}
+
+impl Model for Exchange {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        let number = self.number(request)?;
+        let path = self.dir.join(reply_name(number));
+        let mut told = false;
+        loop {
+            if let Some(bytes) = replied(&path)? {
+                let metadata = Metadata { model: self.provenance.clone(), ..Metadata::default() };
+                return Ok(Completion { bytes, metadata: Some(metadata) });
+            }
+            if !told {
+                (self.tell)(&self.dir.join(format!("{number}.request.md")));
+                told = true;
+            }
+            (self.pause)();
+        }
+    }
+}
+
+/// The questions of a folder, in the order of their numbers.
+pub fn status(dir: &Path) -> Result<Vec<Entry>, ModelError> {
+    let entry = |written: Written| {
+        let (request, reply) = (dir.join(format!("{}.request.md", written.number)), dir.join(written.reply_file));
+        let answered = replied(&reply)?.is_some();
+        Ok(Entry { number: written.number, slot: written.slot, answered, request, reply })
+    };
+    written(dir)?.into_iter().map(entry).collect()
+}
+
+fn reply_name(number: u64) -> String {
+    format!("{number}.reply.txt")
+}
+
+/// The reply; none where the file is missing or still empty.
+fn replied(path: &Path) -> Result<Option<Vec<u8>>, ModelError> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let bytes = store::read_bounded(path, reply::MAX_BYTES as u64).map_err(|error| on_disk(path, &error))?;
+    Ok((!bytes.is_empty()).then_some(bytes))
+}
+
+/// What was asked in a folder, by number.
+fn written(dir: &Path) -> Result<Vec<Written>, ModelError> {
+    let mut found = Vec::new();
+    for path in store::list_files(dir, &[REQUEST]).map_err(|error| on_disk(dir, &error))? {
+        let bytes = store::read_bounded(&path, REQUEST_BYTES_MAX).map_err(|error| on_disk(&path, &error))?;
+        let one: Written = serde_json::from_slice(&bytes).map_err(|error| on_disk(&path, &error))?;
+        if one.format != FORMAT {
+            return Err(on_disk(&path, &format!("format {}, this build reads {FORMAT}", one.format)));
+        }
+        found.push(one);
+    }
+    found.sort_by_key(|one| one.number);
+    Ok(found)
+}
+
+fn on_disk(path: &Path, error: &dyn std::fmt::Display) -> ModelError {
+    let reason = format!("{}: {error}; correct or remove the file and repeat the command", path.display());
+    ModelError::Unanswerable { reason }
+}
+
+/// The question to read.
+fn page(written: &Written) -> String {
+    let Written { number, slot, model, messages, schema, reply_file, .. } = written;
+    let mut page = format!(
+        "# Question {number}: {} of {}, epoch {}, slot {}, round {} (for {model})\n\n\
+         Write the reply, one JSON object that matches the schema at the end, into a file of another name and rename it to \
+         `{reply_file}`.\n",
+        slot.role, slot.lineage, slot.epoch, slot.slot, slot.round
+    );
+    for message in messages {
+        page.push_str(&format!("\n---- {} ----\n\n{}\n", message.role, message.text.trim_end()));
+    }
+    page.push_str(&format!("\n---- schema of the reply ----\n\n{}\n", **schema));
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::llm::ModelSpec;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    fn request(slot: u32) -> Request {
+        let model = ModelSpec {
+            name: "agent".into(),
+            kind: "exchange".into(),
+            model: "somebody".into(),
+            sampling: BTreeMap::new(),
+            response_format: None,
+            body: BTreeMap::new(),
+        };
+        let slot = DrawSlot { lineage: "cat-idm".into(), epoch: 1, slot, role: "actor".into(), round: 0 };
+        let messages = vec![Message { role: "system".into(), text: "The handbook.".into() }];
+        Request { adapter_version: 1, slot, model, messages, schema: Schema::new(serde_json::json!({})).unwrap() }
+    }
+
+    /// A folder in which somebody answers what is open while the model waits: at every third look.
+    fn answered(dir: &Path) -> (Exchange, Arc<AtomicUsize>) {
+        let (looks, home) = (Arc::new(AtomicUsize::new(0)), dir.to_path_buf());
+        let counted = looks.clone();
+        let pause = move || {
+            if counted.fetch_add(1, Ordering::Relaxed) % 3 == 2 {
+                for entry in status(&home).unwrap().into_iter().filter(|entry| !entry.answered) {
+                    let text = format!("reply to {} of slot {}", entry.number, entry.slot.slot);
+                    store::write_atomic(&entry.reply, text.as_bytes()).unwrap();
+                }
+            }
+        };
+        (Exchange::open(dir, "by hand", Arc::new(pause), Arc::new(|_: &Path| {})).unwrap(), looks)
+    }
+
+    #[test]
+    fn questions_wait_as_files_and_replies_are_picked_up() {
+        let dir = tempfile::tempdir().unwrap();
+        let (exchange, looks) = answered(dir.path());
+        let completion = exchange.complete(&request(7)).unwrap();
+        assert_eq!(completion.bytes, b"reply to 1 of slot 7");
+        assert_eq!(completion.metadata.unwrap().model, "by hand");
+        assert_eq!(looks.load(Ordering::Relaxed), 3, "it waited");
+        let page = std::fs::read_to_string(dir.path().join("1.request.md")).unwrap();
+        assert!(page.contains("The handbook.") && page.contains("1.reply.txt") && page.contains("slot 7"), "{page}");
+        assert_eq!(exchange.complete(&request(8)).unwrap().bytes, b"reply to 2 of slot 8");
+        assert!(status(dir.path()).unwrap().iter().all(|entry| entry.answered));
+    }
+
+    #[test]
+    fn an_interrupted_question_keeps_its_number_and_an_empty_reply_is_waited_for() {
+        let dir = tempfile::tempdir().unwrap();
+        let stops = Exchange::open(dir.path(), "", Arc::new(|| panic!("killed")), Arc::new(|_: &Path| {})).unwrap();
+        let asked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| stops.complete(&request(3))));
+        assert!(asked.is_err());
+        std::fs::write(dir.path().join("1.reply.txt"), "").unwrap();
+        assert!(!status(dir.path()).unwrap()[0].answered);
+        let (exchange, _) = answered(dir.path());
+        assert_eq!(exchange.complete(&request(4)).unwrap().bytes, b"reply to 2 of slot 4", "another question");
+        assert_eq!(exchange.complete(&request(3)).unwrap().bytes, b"reply to 1 of slot 3");
+        assert_eq!(status(dir.path()).unwrap().len(), 2);
+    }
+
+    #[test]
+    fn several_questions_are_open_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let (exchange, _) = answered(dir.path());
+        let threads = crate::kernel::Threads::new(4).unwrap();
+        let slots: Vec<u32> = (0..4).collect();
+        let replies = threads.map(&slots, |_, slot| exchange.complete(&request(*slot)).unwrap().bytes);
+        for (slot, reply) in replies.into_iter().enumerate() {
+            assert!(String::from_utf8(reply).unwrap().ends_with(&format!("slot {slot}")));
+        }
+        assert_eq!(status(dir.path()).unwrap().len(), 4);
+    }
+}

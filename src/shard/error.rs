@@ -1,0 +1,51 @@
+//! Why a shard or a result cannot be used.
+
+use crate::backend::RolloutCassetteError;
+use crate::kernel::{Digest, canon::CanonError};
+use crate::store::StoreError;
+
+#[derive(Debug, thiserror::Error)]
+pub enum ShardError {
+    /// Bytes that are not what was written.
+    #[error("{file} {place}: expected {expected}, found {found}; {remedy}")]
+    Damaged { file: String, place: String, expected: String, found: String, remedy: &'static str },
+    /// Of another run, or of another version of the program.
+    #[error("{file} belongs to another study: {field} is {found}, expected {expected}; {remedy}")]
+    Foreign { file: String, field: &'static str, expected: String, found: String, remedy: &'static str },
+    #[error(transparent)]
+    Diverged(#[from] Box<Conflict>),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Cassette(#[from] RolloutCassetteError),
+    #[error("a digest cannot be computed: {0}")]
+    Canon(#[from] CanonError),
+}
+
+/// One request, two records.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "two results of one {what}: {key} of scene {scene} is {first} in {first_from} and {second} in {second_from}; \
+     nothing was merged; a machine is faulty, or its program is another one: do the shard again on a third machine, \
+     and remove the result that it does not confirm"
+)]
+pub struct Conflict {
+    /// Which kind of record, and under which key.
+    pub what: &'static str,
+    pub key: Digest,
+    pub scene: String,
+    /// The digests of both, and where each was met.
+    pub first: Digest,
+    pub first_from: String,
+    pub second: Digest,
+    pub second_from: String,
+}
+
+/// What helps against a damaged shard, and against a damaged result.
+pub(super) const COPY_AGAIN: &str = "copy the shard again from where it was planned";
+pub(super) const WORK_AGAIN: &str = "remove the file and do its shard again; nothing of it was merged";
+
+/// Where in a file: a line from 1, or the whole of it.
+pub(super) fn place(line: usize) -> String {
+    if line == 0 { "as a whole".into() } else { format!("line {line}") }
+}

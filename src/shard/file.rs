@@ -1,0 +1,248 @@
+//! A shard: JSON lines. Line 1 is the header with the study, then one line a program, then one line a task. Its file is
+//! named by the BLAKE3 of its bytes, so a changed or cut one is known before anything is done.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use super::error::{COPY_AGAIN, ShardError, place};
+use super::mark::StudyMark;
+use crate::epoch::Task;
+use crate::kernel::Digest;
+use crate::objects::Program;
+use crate::store::{self, shortened};
+
+/// Ending of a shard's file name, behind the digest of its bytes.
+pub const SHARD_ENDING: &str = ".shard";
+const FORMAT: &str = "evodrive-shard";
+pub(super) const VERSION: &str = "1.0";
+/// Bytes that a shard or a result may have.
+pub(super) const MAX_BYTES: u64 = 1 << 30;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HeadLine {
+    format: String,
+    version: String,
+    study: StudyMark,
+    programs: usize,
+    tasks: usize,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProgramLine {
+    program: Digest,
+    body: Program,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TaskLine {
+    task: Digest,
+    of: Task,
+}
+
+/// Tasks of one study with the programs that they take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shard {
+    pub study: StudyMark,
+    pub programs: BTreeMap<Digest, Program>,
+    /// With the keys of their records.
+    pub tasks: Vec<(Digest, Task)>,
+}
+
+/// Cuts tasks into shards of at most `size`, program by program, so that few shards hold each program. Where another
+/// simulator is asked they are cut scene by scene: it plays every scene without a program, too, once a shard.
+pub fn split<'a>(
+    study: &'a StudyMark,
+    tasks: BTreeMap<Digest, Task>,
+    programs: &'a BTreeMap<Digest, Program>,
+    size: usize,
+) -> impl Iterator<Item = Shard> + 'a {
+    let mut tasks: Vec<(Digest, Task)> = tasks.into_iter().collect();
+    let by_scene = study.backend.is_some();
+    let place = |(key, task): &(Digest, Task)| {
+        let (program, scene) = (task.program(), task.scene().to_string());
+        if by_scene { (None, scene, program, *key) } else { (program, scene, None, *key) }
+    };
+    tasks.sort_by_cached_key(place);
+    let size = size.max(1);
+    let mut rest = tasks.into_iter();
+    std::iter::from_fn(move || {
+        let tasks: Vec<(Digest, Task)> = rest.by_ref().take(size).collect();
+        let used: BTreeSet<Digest> = tasks.iter().filter_map(|(_, task)| task.program()).collect();
+        let own = used.iter().filter_map(|hash| Some((*hash, programs.get(hash)?.clone()))).collect();
+        (!tasks.is_empty()).then(|| Shard { study: study.clone(), programs: own, tasks })
+    })
+}
+
+impl Shard {
+    /// The bytes of the file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let (format, version) = (FORMAT.to_string(), VERSION.to_string());
+        let (programs, tasks) = (self.programs.len(), self.tasks.len());
+        let mut bytes = line(&HeadLine { format, version, study: self.study.clone(), programs, tasks });
+        for (program, body) in &self.programs {
+            bytes.extend(line(&ProgramLine { program: *program, body: body.clone() }));
+        }
+        for (task, of) in &self.tasks {
+            bytes.extend(line(&TaskLine { task: *task, of: of.clone() }));
+        }
+        bytes
+    }
+
+    /// Writes it into a folder under its name: the path, and the digest.
+    pub fn save(&self, folder: &Path) -> Result<(PathBuf, Digest), ShardError> {
+        let bytes = self.to_bytes();
+        let digest = Digest::of_bytes(&bytes);
+        let path = folder.join(format!("{digest}{SHARD_ENDING}"));
+        store::write_atomic(&path, &bytes)?;
+        Ok((path, digest))
+    }
+
+    /// Reads a file, and holds it to its name: the shard and its digest.
+    pub fn load(path: &Path) -> Result<(Shard, Digest), ShardError> {
+        let file = path.display().to_string();
+        let bytes = store::read_bounded(path, MAX_BYTES)?;
+        let (digest, shard) = (Digest::of_bytes(&bytes), Shard::parse(&bytes, &file));
+        let named = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        if named == digest.to_hex() {
+            return Ok((shard?, digest));
+        }
+        // A line that cannot be read says more than the digest of all of them.
+        shard?;
+        let (expected, found) = (format!("bytes with the digest of its name, {}", shortened(&named)), digest.to_hex());
+        Err(ShardError::Damaged { file, place: place(0), expected, found, remedy: COPY_AGAIN })
+    }
+
+    /// Reads the bytes of a file; `file` names it in messages.
+    pub fn parse(bytes: &[u8], file: &str) -> Result<Shard, ShardError> {
+        let damaged = |line: usize, (expected, found): (String, String)| ShardError::Damaged {
+            file: file.to_string(),
+            place: place(line),
+            expected,
+            found,
+            remedy: COPY_AGAIN,
+        };
+        let mut lines = Lines::of(bytes);
+        let head: HeadLine = lines.head(FORMAT, file)?.map_err(|wrong| damaged(1, wrong))?;
+        let mut shard = Shard { study: head.study, programs: BTreeMap::new(), tasks: Vec::with_capacity(0) };
+        for _ in 0..head.programs {
+            let (at, read) = lines.next::<ProgramLine>("a program");
+            let ProgramLine { program, body } = read.map_err(|wrong| damaged(at, wrong))?;
+            let hash = body.hash()?;
+            if hash != program {
+                return Err(damaged(at, (format!("program {program}"), format!("one with the hash {hash}"))));
+            }
+            shard.programs.insert(program, body);
+        }
+        for _ in 0..head.tasks {
+            let (at, read) = lines.next::<TaskLine>("a task");
+            let TaskLine { task, of } = read.map_err(|wrong| damaged(at, wrong))?;
+            if let Some(program) = of.program().filter(|program| !shard.programs.contains_key(program)) {
+                return Err(damaged(at, (format!("program {program} in this shard"), "none".into())));
+            }
+            shard.tasks.push((task, of));
+        }
+        lines.end().map_err(|(at, wrong)| damaged(at, wrong))?;
+        Ok(shard)
+    }
+}
+
+/// What was expected, and what was found.
+pub(super) type Wrong = (String, String);
+
+/// The lines of a file, each ended by a line feed, counted from 1.
+pub(super) struct Lines<'a> {
+    rest: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub fn of(bytes: &'a [u8]) -> Lines<'a> {
+        Lines { rest: bytes, at: 0 }
+    }
+
+    /// The header of a format. Another major version is an error of its own.
+    pub fn head<T: DeserializeOwned>(&mut self, format: &str, file: &str) -> Result<Result<T, Wrong>, ShardError> {
+        #[derive(Deserialize)]
+        struct Mark {
+            format: String,
+            version: String,
+        }
+        let bytes = match self.raw(&format!("the header of format {format}")) {
+            Ok(bytes) => bytes,
+            Err(wrong) => return Ok(Err(wrong)),
+        };
+        let mark: Mark = match read(bytes, &format!("the header of format {format}")) {
+            Ok(mark) => mark,
+            Err(wrong) => return Ok(Err(wrong)),
+        };
+        if mark.format != format {
+            return Ok(Err((format!("format {format}"), shortened(&mark.format))));
+        }
+        if mark.version.split('.').next() != VERSION.split('.').next() {
+            return Err(ShardError::Foreign {
+                file: file.to_string(),
+                field: "the file's version",
+                expected: VERSION.to_string(),
+                found: shortened(&mark.version),
+                remedy: "use the same release of evodrive on all machines",
+            });
+        }
+        Ok(read(bytes, "a header"))
+    }
+
+    /// The next line as a value, with its number.
+    pub fn next<T: Deserialize<'a>>(&mut self, expected: &str) -> (usize, Result<T, Wrong>) {
+        let value = self.raw(expected).and_then(|bytes| read(bytes, expected));
+        (self.at, value)
+    }
+
+    /// The bytes of the next line, without its end.
+    pub fn raw(&mut self, expected: &str) -> Result<&'a [u8], Wrong> {
+        self.at += 1;
+        if self.rest.is_empty() {
+            return Err((expected.to_string(), "the end of the file".into()));
+        }
+        match self.rest.iter().position(|byte| *byte == b'\n') {
+            None => {
+                Err((format!("{expected}, ended by a line feed"), format!("half a line of {} bytes", self.rest.len())))
+            }
+            Some(end) => {
+                let line = &self.rest[..end];
+                self.rest = &self.rest[end + 1..];
+                Ok(line)
+            }
+        }
+    }
+
+    pub fn at(&self) -> usize {
+        self.at
+    }
+
+    /// Nothing may follow.
+    pub fn end(&self) -> Result<(), (usize, Wrong)> {
+        match self.rest.len() {
+            0 => Ok(()),
+            more => Err((self.at + 1, ("the end of the file".into(), format!("{more} bytes more")))),
+        }
+    }
+}
+
+fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8], expected: &str) -> Result<T, Wrong> {
+    serde_json::from_slice(bytes).map_err(|error| (expected.to_string(), error.to_string()))
+}
+
+/// A value as a line with its end.
+pub(super) fn line(value: &impl Serialize) -> Vec<u8> {
+    match serde_json::to_vec(value) {
+        Ok(mut bytes) => {
+            bytes.push(b'\n');
+            bytes
+        }
+        Err(error) => unreachable!("texts, lists and finite numbers under text keys: {error}"),
+    }
+}

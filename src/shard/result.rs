@@ -1,0 +1,221 @@
+//! What came of a shard: JSON lines. The header names the shard and the study; then comes one line a task in the shard's
+//! order, with the record as the store keeps it; then, where another simulator was asked, its answers as lines of a rollout
+//! cassette; last a line with both counts. A cut or altered result is known by its lines and digests.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+
+use super::error::{ShardError, WORK_AGAIN, place};
+use super::file::{Lines, MAX_BYTES, Shard, VERSION, Wrong, line};
+use super::mark::StudyMark;
+use crate::backend::RolloutCassette;
+use crate::epoch::{Task, TrialRecord};
+use crate::evaluation::RolloutRecord;
+use crate::kernel::Digest;
+use crate::store;
+
+/// Ending of a result's file name, behind the digest of its shard.
+pub const RESULT_ENDING: &str = ".result";
+const FORMAT: &str = "evodrive-shard-result";
+
+/// What came of one task.
+#[derive(Clone, Debug)]
+pub enum Came {
+    /// The record, as the store keeps it.
+    Record(Box<RawValue>),
+    /// Why there is no label.
+    NoLabel(String),
+    /// Another simulator was asked; its answer is among the answers.
+    Asked,
+}
+
+/// A task's key with what came of it.
+#[derive(Clone, Debug)]
+pub struct TaskResult {
+    pub key: Digest,
+    pub came: Came,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct HeadLine {
+    format: String,
+    version: String,
+    shard: Digest,
+    study: StudyMark,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ResultLine {
+    task: Digest,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    digest: Option<Digest>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    record: Option<Box<RawValue>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    no_label: Option<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EndLine {
+    tasks: usize,
+    answers: usize,
+}
+
+/// The result of a shard.
+pub struct ResultFile {
+    /// As messages name it.
+    pub file: String,
+    pub results: Vec<TaskResult>,
+    /// Answers of another simulator; none of ours.
+    pub answers: Option<RolloutCassette>,
+}
+
+impl ResultFile {
+    /// The name of a shard's result.
+    pub fn name(shard: Digest) -> String {
+        format!("{shard}{RESULT_ENDING}")
+    }
+
+    /// The bytes of a result.
+    pub fn bytes(
+        shard: Digest,
+        study: &StudyMark,
+        results: &[TaskResult],
+        answers: Option<&RolloutCassette>,
+    ) -> Vec<u8> {
+        let (format, version) = (FORMAT.to_string(), VERSION.to_string());
+        let mut bytes = line(&HeadLine { format, version, shard, study: study.clone() });
+        for TaskResult { key, came } in results {
+            let mut of = ResultLine { task: *key, digest: None, record: None, no_label: None };
+            match came {
+                Came::Record(record) => {
+                    of.digest = Some(Digest::of_bytes(record.get().as_bytes()));
+                    of.record = Some(record.clone());
+                }
+                Came::NoLabel(reason) => of.no_label = Some(reason.clone()),
+                Came::Asked => {}
+            }
+            bytes.extend(line(&of));
+        }
+        answers.into_iter().flat_map(RolloutCassette::lines).for_each(|line| bytes.extend(line));
+        bytes.extend(line(&EndLine { tasks: results.len(), answers: answers.map_or(0, RolloutCassette::len) }));
+        bytes
+    }
+
+    /// Reads a result, and holds it to its shard and its study, line by line. `shards` finds a shard by its digest.
+    pub fn load(
+        path: &Path,
+        study: &StudyMark,
+        shards: &dyn Fn(Digest) -> Result<Shard, ShardError>,
+    ) -> Result<ResultFile, ShardError> {
+        let file = path.display().to_string();
+        let bytes = store::read_bounded(path, MAX_BYTES)?;
+        let damaged = |at: usize, (expected, found): Wrong| ShardError::Damaged {
+            file: file.clone(),
+            place: place(at),
+            expected,
+            found,
+            remedy: WORK_AGAIN,
+        };
+        let mut lines = Lines::of(&bytes);
+        let head: HeadLine = lines.head(FORMAT, &file)?.map_err(|wrong| damaged(1, wrong))?;
+        study.check(&head.study, &file)?;
+        let shard = shards(head.shard)?;
+        let mut results = Vec::with_capacity(shard.tasks.len());
+        for (key, task) in &shard.tasks {
+            let (at, read) = lines.next::<ResultLine>("the result of a task");
+            let came = read.and_then(|line| line.of(*key, task)).map_err(|wrong| damaged(at, wrong))?;
+            results.push(TaskResult { key: *key, came });
+        }
+        let answers = study.backend.as_ref().map(|backend| RolloutCassette::new(file.clone(), backend.clone()));
+        let (answers, end) = answers_of(&mut lines, answers).map_err(|(at, wrong)| damaged(at, wrong))?;
+        let found = (end.tasks, end.answers);
+        let expected = (results.len(), answers.as_ref().map_or(0, RolloutCassette::len));
+        if found != expected {
+            let say = |(tasks, answers): (usize, usize)| format!("{tasks} tasks and {answers} answers");
+            return Err(damaged(lines.at(), (say(expected), say(found))));
+        }
+        lines.end().map_err(|(at, wrong)| damaged(at, wrong))?;
+        match answers.as_ref().and_then(|answers| unanswered(&shard, &results, answers)) {
+            Some(scene) => Err(damaged(0, (format!("an answer for scene {scene}"), "none".into()))),
+            None => Ok(ResultFile { file, results, answers }),
+        }
+    }
+}
+
+/// A scene for which another simulator must have been asked and of which there is no answer.
+fn unanswered(shard: &Shard, results: &[TaskResult], answers: &RolloutCassette) -> Option<String> {
+    let of: BTreeSet<&str> = answers.rollouts().map(|(_, recorded)| recorded.scene.as_str()).collect();
+    let asked = shard.tasks.iter().zip(results).filter(|((_, task), result)| {
+        matches!((task, &result.came), (Task::Label { .. }, Came::Record(_)) | (Task::Undisturbed { .. }, _))
+    });
+    asked.map(|((_, task), _)| task.scene()).find(|scene| !of.contains(scene)).map(str::to_string)
+}
+
+/// The answers and the last line.
+fn answers_of(
+    lines: &mut Lines<'_>,
+    mut answers: Option<RolloutCassette>,
+) -> Result<(Option<RolloutCassette>, EndLine), (usize, Wrong)> {
+    loop {
+        let raw = lines.raw("an answer or the last line").map_err(|wrong| (lines.at(), wrong))?;
+        if let Ok(end) = serde_json::from_slice::<EndLine>(raw) {
+            return Ok((answers, end));
+        }
+        match &mut answers {
+            Some(answers) => answers.read_line(raw).map_err(|wrong| (lines.at(), wrong))?,
+            None => {
+                let wrong = ("the last line, with the counts".to_string(), "another line".to_string());
+                return Err((lines.at(), wrong));
+            }
+        }
+    }
+}
+
+impl ResultLine {
+    /// What came of a task, if this is its line and the record is about what the task is about.
+    fn of(self, key: Digest, task: &Task) -> Result<Came, Wrong> {
+        if self.task != key {
+            return Err((format!("the result of task {key}"), format!("one of {}", self.task)));
+        }
+        match (task, self.digest, self.record, self.no_label) {
+            (Task::Label { .. } | Task::Trial { .. }, Some(digest), Some(record), None) => {
+                let computed = Digest::of_bytes(record.get().as_bytes());
+                if computed != digest {
+                    return Err((format!("a record with digest {digest}"), format!("one with {computed}")));
+                }
+                about(task, record.get())?;
+                Ok(Came::Record(record))
+            }
+            (Task::Label { .. }, None, None, Some(reason)) => Ok(Came::NoLabel(reason)),
+            (Task::Undisturbed { .. }, None, None, None) => Ok(Came::Asked),
+            _ => Err(("a record with its digest, or why there is no label".into(), "neither".into())),
+        }
+    }
+}
+
+/// Refuses a record of another program or scene than the task's.
+fn about(task: &Task, record: &str) -> Result<(), Wrong> {
+    let unread = |error: serde_json::Error| ("a record".to_string(), error.to_string());
+    let (program, scene) = match task {
+        Task::Trial { .. } => {
+            let TrialRecord { program, scene, .. } = serde_json::from_str(record).map_err(unread)?;
+            (program, scene)
+        }
+        _ => {
+            let RolloutRecord { program, scene, .. } = serde_json::from_str(record).map_err(unread)?;
+            (program, scene)
+        }
+    };
+    if Some(program) == task.program() && scene == task.scene() {
+        return Ok(());
+    }
+    let say = |program: Digest, scene: &str| format!("program {} in scene {scene}", program.short(16));
+    Err((say(task.program().unwrap_or(program), task.scene()), say(program, &scene)))
+}

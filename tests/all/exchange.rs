@@ -1,0 +1,129 @@
+//! Models behind files and programs, with the binary as a user starts it.
+
+use evodrive::llm::Cassette;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use crate::harness::{Ran, evodrive, folder_below, run, text};
+
+/// The live example with another model as actor and repair.
+fn experiment(dir: &Path, model: &str) -> PathBuf {
+    let example = text("experiments/live_example.toml");
+    let (before, rest) = example.split_once("[models.local]").unwrap();
+    let (_, after) = rest.split_once("# A model of Anthropic").unwrap();
+    let whole = format!("{before}[models.local]\n{model}\n# A model of Anthropic{after}");
+    let path = dir.join("mine.toml");
+    std::fs::write(&path, whole).unwrap();
+    path
+}
+
+fn record(dir: &Path, experiment: &Path, jobs: &str) -> std::process::Command {
+    let mut command = evodrive();
+    command.args(["record", "--no-report", "--jobs", jobs]).arg(experiment);
+    command.arg("--out").arg(dir.join("runs")).arg("--cassette").arg(dir.join("mine.jsonl"));
+    command
+}
+
+const EXCHANGE: &str = "kind = \"exchange\"\nmodel = \"a-person\"\nprovenance = \"typed by hand\"\n";
+
+/// Role and reply file of every open question of a run; none before the run has a folder.
+fn open(runs: &Path) -> Vec<(String, PathBuf)> {
+    let Ok(mut folders) = std::fs::read_dir(runs) else { return vec![] };
+    let Some(folder) = folders.find_map(|entry| Some(entry.ok()?.path()).filter(|path| path.is_dir())) else {
+        return vec![];
+    };
+    let ran = run(&["exchange", "status", folder.to_str().unwrap(), "--json"]);
+    let Ok(status) = serde_json::from_str::<serde_json::Value>(&ran.stdout) else { return vec![] };
+    let of = |entry: &serde_json::Value| (entry["slot"]["role"].to_string(), entry["reply"].as_str().unwrap().into());
+    status["open"].as_array().into_iter().flatten().map(of).collect()
+}
+
+/// Answers questions with a text that no role can use.
+fn answer(open: &[(String, PathBuf)]) {
+    for (role, reply) in open {
+        let elsewhere = reply.with_extension("part");
+        std::fs::write(&elsewhere, format!("I do not know ({role}).")).unwrap();
+        std::fs::rename(&elsewhere, reply).unwrap();
+    }
+}
+
+#[test]
+fn questions_in_files_are_answered_while_the_recording_waits_and_after_it_was_stopped() {
+    let dir = tempfile::tempdir().unwrap();
+    let (file, runs) = (experiment(dir.path(), EXCHANGE), dir.path().join("runs"));
+    let mut waiting = record(dir.path(), &file, "2").stderr(std::process::Stdio::null()).spawn().unwrap();
+    let asked = (0..1200).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        Some(open(&runs)).filter(|open| open.len() == 2)
+    });
+    answer(&asked.expect("two slots ask at once"));
+    waiting.kill().unwrap();
+    waiting.wait().unwrap();
+    // What was answered meanwhile is taken, what is asked from here on is answered beside it.
+    let mut again = record(dir.path(), &file, "2").stderr(std::process::Stdio::null()).spawn().unwrap();
+    let ended = loop {
+        answer(&open(&runs));
+        std::thread::sleep(Duration::from_millis(100));
+        if let Some(status) = again.try_wait().unwrap() {
+            break status;
+        }
+    };
+    assert!(ended.success());
+    let cassette = Cassette::load(&dir.path().join("mine.jsonl")).unwrap();
+    let asked: Vec<_> = cassette.exchanges().iter().filter(|e| e.model.kind == "exchange").collect();
+    assert_eq!(asked.len(), 8, "actor and repair of four slots");
+    assert!(asked.iter().all(|e| e.metadata.as_ref().is_some_and(|m| m.model == "typed by hand")));
+    let folder = folder_below(&runs);
+    let status = run(&["exchange", "status", folder.to_str().unwrap()]);
+    assert!(status.stdout.starts_with("0 questions wait, 8 are answered"), "{}", status.stdout);
+    let replayed = Ran::of(
+        evodrive()
+            .args(["run", "--no-report"])
+            .arg(&file)
+            .arg("--out")
+            .arg(dir.path().join("again"))
+            .arg("--cassette")
+            .arg(dir.path().join("mine.jsonl")),
+    );
+    assert_eq!(replayed.code, 0, "{}", replayed.stderr);
+    assert!(replayed.stdout.contains("exchange (local, a-person) as actor, repair"), "{}", replayed.stdout);
+}
+
+#[test]
+fn a_program_answers_or_is_named_with_what_it_complained_of() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = |script: &str| {
+        format!(
+            "kind = \"command\"\nmodel = \"a-script\"\nprovenance = \"sh\"\n[models.local.command]\nprogram = [\"sh\", \"-c\", {script:?}]\ntimeout_s = 60\n"
+        )
+    };
+    let bad = experiment(dir.path(), &model("echo the key is missing >&2; exit 7"));
+    let ran = Ran::of(&mut record(dir.path(), &bad, "1"));
+    assert_eq!(ran.code, 2, "{}", ran.stderr);
+    for word in ["exit code 7", "the key is missing", "repeat the command"] {
+        assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
+    }
+    let good = experiment(dir.path(), &model("grep -c messages"));
+    let ran = Ran::of(&mut record(dir.path(), &good, "1"));
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let cassette = Cassette::load(&dir.path().join("mine.jsonl")).unwrap();
+    let asked: Vec<_> = cassette.exchanges().iter().filter(|e| e.model.kind == "command").collect();
+    assert!(!asked.is_empty() && asked.iter().all(|e| e.bytes == b"1\n"), "one line of JSON reached it");
+}
+
+#[test]
+fn settings_of_these_kinds_that_cannot_work_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    for (model, word) in [
+        ("kind = \"exchange\"\nmodel = \"x\"\n", "models.local.provenance"),
+        ("kind = \"command\"\nmodel = \"x\"\nprovenance = \"x\"\n", "models.local.command.program"),
+        (
+            "kind = \"exchange\"\nmodel = \"x\"\nprovenance = \"x\"\nresponse_format = \"json_schema\"\n",
+            "models.local.response_format",
+        ),
+    ] {
+        let ran = Ran::of(&mut record(dir.path(), &experiment(dir.path(), model), "1"));
+        assert_eq!(ran.code, 2, "{}", ran.stderr);
+        assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
+    }
+}

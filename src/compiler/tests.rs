@@ -8,7 +8,7 @@ use crate::adapters::Domain;
 use crate::ego;
 use crate::families::{grammar, sources};
 use crate::kernel::Vec2;
-use crate::objects::{FamilyName, MechanismModule, ParameterValue, PolicyRule, Setting, Slot, ValueType};
+use crate::objects::{Counsel, FamilyName, MechanismModule, ParameterValue, PolicyRule, Setting, Slot, ValueType};
 use crate::scene::fixture::two_lane_scene;
 use crate::sim::{self, Action};
 use proptest::prelude::*;
@@ -331,6 +331,36 @@ fn programs_that_are_alike_in_effect_compile_alike() {
         }
     }
     assert!(edited > 20, "{edited}");
+}
+
+#[test]
+fn a_kept_search_is_that_of_its_scene_its_ego_its_seed_and_its_counsel() {
+    let searched = Searched::new(64 << 20);
+    let under = |ahead_m: f64, policy: &ego::Policy| {
+        let mut scene = two_lane_scene();
+        scene.tracks[0].samples = crate::scene::fixture::straight(60, Vec2::new(ahead_m, 0.0), 0.0, 8.0);
+        Situation::new(Arc::new(scene), policy).unwrap()
+    };
+    let usual = under(20.0, &ego::Policy::Idm);
+    for name in ["at", "llm_attacker"] {
+        let family = family(name);
+        let prepared = Prepared::new(&family.parent, &family).unwrap();
+        let commanded = |situation: &Situation, seed: u64, counsel: Option<&Counsel>| {
+            let compiled = |prepared: &Prepared<'_>| prepared.compile_counselled(situation, Seed(seed), counsel).ok();
+            let alone = compiled(&prepared);
+            assert_eq!(compiled(&prepared.clone().sharing(&searched)), alone, "{name}");
+            alone.expect("a motion").intervention
+        };
+        let advised = [0, 1].map(|track| Counsel { attackers: vec![track] });
+        let before = commanded(&usual, 1, Some(&advised[0]));
+        assert_ne!(commanded(&under(24.0, &ego::Policy::Idm), 1, Some(&advised[0])), before, "{name}: another scene");
+        if name == "at" {
+            assert_ne!(commanded(&usual, 2, Some(&advised[0])), before, "other draws");
+            assert_ne!(commanded(&under(20.0, &ego::Policy::Replay), 1, Some(&advised[0])), before, "another ego");
+        } else {
+            assert_ne!(commanded(&usual, 1, Some(&advised[1])), before, "another counsel");
+        }
+    }
 }
 
 #[test]

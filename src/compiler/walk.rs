@@ -133,7 +133,7 @@ impl<'p> Walk<'_, 'p> {
             Ok(parts)
         };
         // Without a key there is nothing to look up by, and nothing is lost but time.
-        let known = self.prepared.searched().zip(self.key(name).ok());
+        let known = self.prepared.searched().and_then(|searched| Some((searched, self.key(name).ok()?)));
         let Some((searched, key)) = known else { return run(parts) };
         searched.of(key, || run(parts).map(Arc::from)).map(|parts| parts.to_vec())
     }

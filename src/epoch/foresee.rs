@@ -41,15 +41,16 @@ fn bodies<T: DeserializeOwned>(events: &[Event], wanted: &str) -> Vec<T> {
     of.filter_map(|event| serde_json::from_value(event.body.clone()).ok()).collect()
 }
 
-/// Recorded answers of one slot by role and round.
-type Talk<'a> = BTreeMap<(&'a str, u32), &'a Recorded>;
+/// Recorded answers of one slot by role and round: two where a critic was asked again.
+type Talk<'a> = BTreeMap<(&'a str, u32), Vec<&'a Recorded>>;
 
-/// The patches on which all critics agreed, by epoch and slot.
+/// The patches on which all critics agreed who gave a readable review, by epoch and slot.
 fn approved(recorded: &Cassette, lineage: &LineageId) -> Vec<(u32, u32, ProgramPatch)> {
     let mut talks: BTreeMap<(u32, u32), Talk<'_>> = BTreeMap::new();
     for exchange in recorded.exchanges().iter().filter(|exchange| exchange.slot.lineage == lineage.as_str()) {
         let slot = &exchange.slot;
-        talks.entry((slot.epoch, slot.slot)).or_default().insert((slot.role.as_str(), slot.round), exchange);
+        let talk = talks.entry((slot.epoch, slot.slot)).or_default();
+        talk.entry((slot.role.as_str(), slot.round)).or_default().push(exchange);
     }
     let agreed = |(&(epoch, slot), talk): (&(u32, u32), &Talk<'_>)| Some((epoch, slot, last_patch(talk)?));
     talks.iter().filter_map(agreed).collect()
@@ -57,13 +58,15 @@ fn approved(recorded: &Cassette, lineage: &LineageId) -> Vec<(u32, u32, ProgramP
 
 /// The patch of the last round, if it was approved.
 fn last_patch(talk: &Talk<'_>) -> Option<ProgramPatch> {
-    let of = |role: Role, round: u32| talk.get(&(role.name(), round)).map(|exchange| exchange.bytes.as_slice());
+    let of = |role: Role, round: u32| talk.get(&(role.name(), round)).map(Vec::as_slice).unwrap_or_default();
     let last = talk.keys().filter(|(role, _)| *role == Role::Repair.name()).map(|(_, round)| *round).max().unwrap_or(0);
     let role = if last == 0 { Role::Actor } else { Role::Repair };
-    let patch = reply::patch(of(role, last)?, role).ok()?;
+    let patch = of(role, last).iter().find_map(|answer| reply::patch(&answer.bytes, role).ok())?;
     let approves = |critic: Role| {
-        let review = of(critic, last).and_then(|bytes| reply::review(bytes, critic).ok());
-        review.is_some_and(|review| review.decision == Advice::Approve)
+        let answers = of(critic, last);
+        let review = answers.iter().find_map(|answer| reply::review(&answer.bytes, critic).ok());
+        // Who was asked and gave no readable review abstains.
+        !answers.is_empty() && review.is_none_or(|review| review.decision == Advice::Approve)
     };
     Role::CRITICS.into_iter().all(approves).then_some(patch)
 }

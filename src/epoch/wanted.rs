@@ -15,7 +15,7 @@ use crate::store::MemoKind;
 pub enum Task {
     /// A label: the program is compiled for the scene and rolled out against the lineage's ego.
     Label { lineage: LineageId, program: Digest, scene: String, counsel: Option<Counsel> },
-    /// A trial of the compile gate, with the random draws of another program.
+    /// A trial of the compile gate.
     Trial { lineage: LineageId, program: Digest, scene: String, counsel: Option<Counsel> },
     /// The scene without a program against the lineage's ego, in another simulator than ours.
     Undisturbed { lineage: LineageId, scene: String },

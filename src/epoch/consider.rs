@@ -94,8 +94,8 @@ pub fn consider(
     Ok(Considered { head, exit })
 }
 
-/// Asks a plan for the labels that a draft will need as far as they can be told before the slots ahead of it are judged; does
-/// nothing where no plan is made.
+/// Asks a plan for the labels on earlier windows that a draft will need, as far as that can be told before the slots ahead of it
+/// are judged; does nothing where no plan is made.
 pub fn foretell(
     study: &Study,
     snapshot: &Snapshot<'_>,
@@ -109,9 +109,7 @@ pub fn foretell(
     }
     let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
     let subject = (&routed.candidate.program, routed.candidate.program_hash);
-    if labelling.want(subject, &snapshot.window)? > 0 {
-        return Ok(());
-    }
+    // The labels on the window were asked for; without them there is no more to tell.
     let Ok(score) = labelling.score(subject, &snapshot.window) else { return Ok(()) };
     let parent = &snapshot.parent_of(draft.head.slot).program.solution_id;
     if compared(study, judged, parent, &score, tools, |standing| &standing.window)?.any() {

@@ -9,7 +9,7 @@ use super::{
     study::Study,
 };
 use crate::evaluation::EvaluationError;
-use crate::objects::Gate;
+use crate::objects::{Gate, Program};
 
 /// Labels a candidate that the router did not reject. One that no scene of the window can label does not compile there: it
 /// is invalid, because a label is never invented.
@@ -31,4 +31,25 @@ pub fn evaluate(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &To
         }
         ended => Ok(ended),
     })
+}
+
+/// Makes the labels of all routed candidates that [`evaluate`] will ask for one by one. A plan hears of all of them before it
+/// stops at the first.
+pub fn evaluate_ahead(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    drafts: &[Result<Draft, RunError>],
+    tools: &Tools<'_>,
+) -> Result<(), RunError> {
+    let routed: Vec<&Program> = drafts.iter().flatten().filter_map(to_be_labelled).collect();
+    let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
+    labelling.ahead(&routed, &snapshot.window)
+}
+
+/// The program of a draft that is routed to the simulator.
+fn to_be_labelled(draft: &Draft) -> Option<&Program> {
+    match &draft.reached {
+        Reached::Routed { routed, .. } if !routed.is_rejected() => Some(&routed.candidate.program),
+        _ => None,
+    }
 }

@@ -73,9 +73,7 @@ fn one_lineage(
     let state = &*state;
     let mut measured: BTreeMap<SolutionId, Measured> = BTreeMap::new();
     let wanted = [Some(&parent), Some(&choice.active), choice.endpoint.as_ref()];
-    for solution in wanted.into_iter().flatten().chain(&choice.top) {
-        want(study, state, spec, solution, &study.held_out, desk)?;
-    }
+    ahead(study, state, spec, wanted.into_iter().flatten().chain(&choice.top), &study.held_out, desk)?;
     for solution in wanted.into_iter().flatten().chain(&choice.top) {
         if measured.contains_key(solution) {
             continue;
@@ -148,9 +146,7 @@ fn choose(
 ) -> Result<Choice, RunError> {
     let (mut contenders, mut scores) = (Vec::new(), BTreeMap::new());
     let Finalists { measured, cut } = finalists(study, state, spec)?;
-    for solution in std::iter::once(parent).chain(&measured) {
-        want(study, state, spec, solution, &study.evolution, desk)?;
-    }
+    ahead(study, state, spec, std::iter::once(parent).chain(&measured), &study.evolution, desk)?;
     for solution in std::iter::once(parent.clone()).chain(measured) {
         let program = state.lineages.program(&spec.id, &solution)?;
         let score = labelling(study, state, spec, desk).score((program, program.hash()?), &study.evolution)?;
@@ -175,17 +171,18 @@ fn choose(
     Ok(Choice { reason: active.reason(), active: active.solution, endpoint: top.first().cloned(), top, scores, cut })
 }
 
-/// Asks a plan for a program's labels; does nothing where no plan is made.
-fn want(
+/// Makes labels of programs together that will be needed one by one.
+fn ahead<'s>(
     study: &Study,
     state: &State,
     spec: &LineageSpec,
-    solution: &SolutionId,
+    solutions: impl Iterator<Item = &'s SolutionId>,
     places: &[usize],
     desk: &Desk<'_>,
 ) -> Result<(), RunError> {
-    let program = state.lineages.program(&spec.id, solution)?;
-    labelling(study, state, spec, desk).want((program, program.hash()?), places).map(drop)
+    let programs =
+        solutions.map(|solution| state.lineages.program(&spec.id, solution)).collect::<Result<Vec<_>, _>>()?;
+    labelling(study, state, spec, desk).ahead(&programs, places)
 }
 
 fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, desk: &'a Desk<'_>) -> Labelling<'a> {

@@ -82,11 +82,8 @@ pub fn freeze<'a>(
     let mut standing = Standings::new();
     let leaders = leaders(state, spec)?;
     let live: Vec<SolutionId> = leaders.iter().cloned().chain(archive.front().map(|e| e.solution.clone())).collect();
-    for solution in &live {
-        // A plan hears of all of them before it stops at the first.
-        let program = state.lineages.program(&spec.id, solution)?;
-        labelling.want((program, program.hash()?), &so_far)?;
-    }
+    let programs = live.iter().map(|solution| state.lineages.program(&spec.id, solution));
+    labelling.ahead(&programs.collect::<Result<Vec<_>, _>>()?, &so_far)?;
     for solution in live {
         if let Entry::Vacant(place) = standing.entry(solution) {
             let program = state.lineages.program(&spec.id, place.key())?;

@@ -1,5 +1,6 @@
 //! Labels of a program on scenes of the study, from the store where they are recorded, from the simulator where not.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use super::{
@@ -15,7 +16,7 @@ use crate::backend::{Backend, NoOutcome};
 use crate::candidates::Trials;
 use crate::compiler::{CompileFailure, Compiled, Decision, Prepared, Searched};
 use crate::ego::Policy;
-use crate::evaluation::{RolloutRecord, SceneRef, Subject, Written, evaluate, request_key};
+use crate::evaluation::{RolloutRecord, SceneRef, Subject, Written, evaluate, label_one, request_key};
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::{Counsel, Program, Score};
 use crate::sim::{ActorRef, Intervention, Outcome, Plant};
@@ -36,33 +37,36 @@ pub struct Labelling<'a> {
 
 impl Labelling<'_> {
     /// Labels a program, given with its hash, on the scenes at these places.
-    pub fn score(&self, (program, hash): (&Program, Digest), places: &[usize]) -> Result<Score, RunError> {
-        if self.want((program, hash), places)? > 0 {
+    pub fn score(&self, subject: (&Program, Digest), places: &[usize]) -> Result<Score, RunError> {
+        if self.want(subject, places)? > 0 {
             return Err(RunError::Wanting);
         }
-        let Labelling { study, spec, counsels, tools } = *self;
-        let source = study.source(spec)?;
-        // Nothing is prepared where every rollout is on record.
-        let prepared = OnceLock::new();
-        let ready = || match prepared.get_or_init(|| Prepared::new(program, source).map(|p| p.sharing(&tools.searched)))
-        {
-            Ok(prepared) => Ok(prepared),
-            Err(failure) => Err(failure.to_string()),
-        };
-        let simulator = study.rules()?;
-        let subject = Subject { program: hash, ego: &spec.ego, simulator, seed: study.seed };
-        let counsels = places.iter().map(|&place| counsels.at(study, spec, place)).collect::<Result<Vec<_>, _>>()?;
-        let scene = |(&place, counsel): (&usize, &Option<&Counsel>)| -> Result<SceneRef<'_>, CanonError> {
-            let entry = &study.scenes[place];
-            let counsel = counsel.map(Counsel::digest).transpose()?;
-            Ok(SceneRef { id: &entry.scene().id, digest: entry.digest, group: entry.group(), counsel })
-        };
-        let scenes: Vec<SceneRef<'_>> = places.iter().zip(&counsels).map(scene).collect::<Result<_, _>>()?;
-        let label = |i: usize| match tools.wanted {
-            None => self.rollout(ready()?, places[i], counsels[i]),
-            Some(_) => Err(NoOutcome::Scene(self.known_reason(hash, places[i], counsels[i])?)),
-        };
-        Ok(evaluate(&subject, &scenes, &label, &study.evaluation, tools.rollouts, tools.threads)?)
+        let Labelling { study, tools, .. } = *self;
+        let asked = Asked::of(self, subject, places)?;
+        let label = |i: usize| asked.label(i);
+        Ok(evaluate(&asked.subject, &asked.scenes, &label, &study.evaluation, tools.rollouts, tools.threads)?)
+    }
+
+    /// Makes labels of many programs that will be needed, all in one parallel map: asked for program by program, threads
+    /// would wait at the end of each one's scenes. A plan is asked for them. What gives no label is left to who needs it.
+    pub fn ahead(&self, programs: &[&Program], places: &[usize]) -> Result<(), RunError> {
+        let Labelling { tools, .. } = *self;
+        let mut distinct: BTreeMap<Digest, &Program> = BTreeMap::new();
+        for program in programs {
+            distinct.insert(program.hash()?, program);
+        }
+        if tools.wanted.is_some() {
+            return distinct.iter().try_for_each(|(hash, program)| self.want((program, *hash), places).map(drop));
+        }
+        let asked = distinct.into_iter().map(|(hash, program)| Asked::of(self, (program, hash), places));
+        let asked = asked.collect::<Result<Vec<_>, _>>()?;
+        let each = |program: usize| (0..places.len()).map(move |scene| (program, scene));
+        let all: Vec<(usize, usize)> = (0..asked.len()).flat_map(each).collect();
+        let made = tools.threads.map(&all, |_, &(program, scene)| {
+            let asked = &asked[program];
+            label_one(&asked.subject, scene, &asked.scenes[scene], &|i| asked.label(i), tools.rollouts).map(drop)
+        });
+        Ok(made.into_iter().collect::<Result<(), _>>()?)
     }
 
     /// Asks a plan for the labels that are not on record, and says how many these are; 0 where no plan is made.
@@ -269,6 +273,52 @@ impl Labelling<'_> {
         let outcome: Outcome = tools.meter.rollout(&spec.id, run)?;
         let anyway = meets_anyway(&tools.backend, &situation, &spec.ego, study.seed)?;
         Ok(record(&study.scenes[place], &spec.ego, prepared, anyway, &compiled.decision, outcome)?)
+    }
+}
+
+/// A program's labels on some scenes, as evaluation asks for them.
+struct Asked<'a> {
+    labelling: &'a Labelling<'a>,
+    program: &'a Program,
+    places: &'a [usize],
+    counsels: Vec<Option<&'a Counsel>>,
+    subject: Subject<'a>,
+    scenes: Vec<SceneRef<'a>>,
+    /// Nothing is prepared where every rollout is on record.
+    prepared: OnceLock<Result<Prepared<'a>, CompileFailure>>,
+}
+
+impl<'a> Asked<'a> {
+    fn of(
+        labelling: &'a Labelling<'a>,
+        (program, hash): (&'a Program, Digest),
+        places: &'a [usize],
+    ) -> Result<Asked<'a>, RunError> {
+        let Labelling { study, spec, counsels, .. } = *labelling;
+        let counsels = places.iter().map(|&place| counsels.at(study, spec, place)).collect::<Result<Vec<_>, _>>()?;
+        let scene = |(&place, counsel): (&usize, &Option<&Counsel>)| -> Result<SceneRef<'a>, CanonError> {
+            let entry = &study.scenes[place];
+            let counsel = counsel.map(Counsel::digest).transpose()?;
+            Ok(SceneRef { id: &entry.scene().id, digest: entry.digest, group: entry.group(), counsel })
+        };
+        let scenes = places.iter().zip(&counsels).map(scene).collect::<Result<_, _>>()?;
+        let subject = Subject { program: hash, ego: &spec.ego, simulator: study.rules()?, seed: study.seed };
+        Ok(Asked { labelling, program, places, counsels, subject, scenes, prepared: OnceLock::new() })
+    }
+
+    /// The label of scene number `i`, compiled and rolled out now; in a plan why there is none.
+    fn label(&self, i: usize) -> Result<RolloutRecord, NoOutcome> {
+        let Labelling { study, spec, tools, .. } = *self.labelling;
+        let (place, counsel) = (self.places[i], self.counsels[i]);
+        if tools.wanted.is_some() {
+            return Err(NoOutcome::Scene(self.labelling.known_reason(self.subject.program, place, counsel)?));
+        }
+        let source = study.source(spec).map_err(|error| error.to_string())?;
+        let prepare = || Prepared::new(self.program, source).map(|prepared| prepared.sharing(&tools.searched));
+        match self.prepared.get_or_init(prepare) {
+            Ok(prepared) => self.labelling.rollout(prepared, place, counsel),
+            Err(failure) => Err(NoOutcome::Scene(failure.to_string())),
+        }
     }
 }
 

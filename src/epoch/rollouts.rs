@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::evaluation::{CacheError, RolloutCache, RolloutRecord};
-use crate::kernel::{Digest, canon::CanonError};
+use crate::kernel::{Digest, Kept, canon::CanonError};
 use crate::store::{MemoKind, Store, StoreError, first_difference};
 
 /// Where labels come from.
@@ -37,35 +37,53 @@ pub struct Rollouts<'a> {
     store: &'a Store,
     mode: Mode,
     desk: Mutex<Seen>,
+    records: Latest<RolloutRecord>,
+    trials: Latest<TrialRecord>,
 }
 
-/// Records by the key of their request, each with the digest it is stored under.
-type Met<T> = BTreeMap<Digest, (Arc<T>, Digest)>;
+/// The digest that a record is stored under, by the key of its request.
+type Met = BTreeMap<Digest, Digest>;
+
+/// Records that were read or made last, by the digest that they are stored under. All of them together would be what a long run
+/// needs most of its memory for.
+type Latest<T> = Kept<Digest, Option<Arc<T>>>;
+
+/// Most rollout records that are kept to be asked for again: a lineage's front on all its windows.
+const RECORDS_MAX: usize = 16_384;
+
+/// Most trial records.
+const TRIALS_MAX: usize = 16_384;
 
 /// What this run met so far.
 #[derive(Default)]
 struct Seen {
-    records: Met<RolloutRecord>,
+    records: Met,
     reused: usize,
     simulated: usize,
-    trials: Met<TrialRecord>,
+    trials: Met,
 }
 
 /// A kind of record that the store keeps as a memo of its request.
-trait Kept: Serialize + DeserializeOwned {
+trait Memoed: Serialize + DeserializeOwned {
     const KIND: MemoKind;
 
-    fn met(seen: &mut Seen) -> &mut Met<Self>;
+    fn met(seen: &mut Seen) -> &mut Met;
+
+    fn latest<'r>(rollouts: &'r Rollouts<'_>) -> &'r Latest<Self>;
 
     /// The scene it is about, for people.
     fn scene(&self) -> &str;
 }
 
-impl Kept for RolloutRecord {
+impl Memoed for RolloutRecord {
     const KIND: MemoKind = MemoKind::Rollout;
 
-    fn met(seen: &mut Seen) -> &mut Met<Self> {
+    fn met(seen: &mut Seen) -> &mut Met {
         &mut seen.records
+    }
+
+    fn latest<'r>(rollouts: &'r Rollouts<'_>) -> &'r Latest<RolloutRecord> {
+        &rollouts.records
     }
 
     fn scene(&self) -> &str {
@@ -73,11 +91,15 @@ impl Kept for RolloutRecord {
     }
 }
 
-impl Kept for TrialRecord {
+impl Memoed for TrialRecord {
     const KIND: MemoKind = MemoKind::Compile;
 
-    fn met(seen: &mut Seen) -> &mut Met<Self> {
+    fn met(seen: &mut Seen) -> &mut Met {
         &mut seen.trials
+    }
+
+    fn latest<'r>(rollouts: &'r Rollouts<'_>) -> &'r Latest<TrialRecord> {
+        &rollouts.trials
     }
 
     fn scene(&self) -> &str {
@@ -87,7 +109,8 @@ impl Kept for TrialRecord {
 
 impl<'a> Rollouts<'a> {
     pub fn new(store: &'a Store, mode: Mode) -> Rollouts<'a> {
-        Rollouts { store, mode, desk: Mutex::new(Seen::default()) }
+        let (records, trials) = (Kept::new(RECORDS_MAX), Kept::new(TRIALS_MAX));
+        Rollouts { store, mode, desk: Mutex::new(Seen::default()), records, trials }
     }
 
     /// Makes every record kept so far survive a power cut.
@@ -130,38 +153,41 @@ impl<'a> Rollouts<'a> {
     }
 
     /// A record to rely on, and whether this run meets it for the first time. A run that verifies relies on its own only.
-    fn at_hand<T: Kept>(&self, key: &Digest) -> Result<Option<(Arc<T>, Digest, bool)>, CacheError> {
-        if let Some((record, object)) = T::met(&mut self.seen()).get(key) {
-            return Ok(Some((record.clone(), *object, false)));
-        }
-        if self.mode == Mode::Verify {
+    fn at_hand<T: Memoed>(&self, key: &Digest) -> Result<Option<(Arc<T>, Digest, bool)>, CacheError> {
+        let met = T::met(&mut self.seen()).get(key).copied();
+        if met.is_none() && self.mode == Mode::Verify {
             return Ok(None);
         }
-        let Some((record, object)) = self.stored::<T>(key)? else { return Ok(None) };
-        let new = T::met(&mut self.seen()).insert(*key, (record.clone(), object)).is_none();
+        let Some(object) = met.or_else(|| self.store.memo_get(T::KIND, key)) else { return Ok(None) };
+        // What cannot be read is read again for its error.
+        let record = match T::latest(self).of(object, || self.stored(key, &object).ok()) {
+            Some(record) => record,
+            None => self.stored(key, &object)?,
+        };
+        let new = T::met(&mut self.seen()).insert(*key, object).is_none();
         Ok(Some((record, object, new)))
     }
 
     /// Stores a record that this run made, and says whether it is the first of its request.
-    fn keep_new<T: Kept>(&self, key: &Digest, record: T) -> Result<(Digest, bool), CacheError> {
+    fn keep_new<T: Memoed>(&self, key: &Digest, record: T) -> Result<(Digest, bool), CacheError> {
         let bytes = serde_json::to_vec(&record).map_err(|error| CacheError::Store(Box::new(error)))?;
-        if let Some((before, stored)) = self.stored::<T>(key)?
+        if let Some(stored) = self.store.memo_get(T::KIND, key)
             && Digest::of_bytes(&bytes) != stored
         {
-            return Err(diverged(key, &*before, &record));
+            return Err(diverged(key, &*self.stored::<T>(key, &stored)?, &record));
         }
         let object = self.store.put(&bytes).map_err(from_store)?;
         self.store.memo_put(T::KIND, key, &object).map_err(from_store)?;
-        let new = T::met(&mut self.seen()).insert(*key, (Arc::new(record), object)).is_none();
+        T::latest(self).of(object, || Some(Arc::new(record)));
+        let new = T::met(&mut self.seen()).insert(*key, object).is_none();
         Ok((object, new))
     }
 
-    fn stored<T: Kept>(&self, key: &Digest) -> Result<Option<(Arc<T>, Digest)>, CacheError> {
-        let Some(object) = self.store.memo_get(T::KIND, key) else { return Ok(None) };
-        let bytes = self.store.get(&object).map_err(from_store)?;
-        let record = serde_json::from_slice(&bytes)
-            .map_err(|error| CacheError::Damaged { key: *key, reason: error.to_string() })?;
-        Ok(Some((Arc::new(record), object)))
+    /// The record of a request that is stored under this digest.
+    fn stored<T: Memoed>(&self, key: &Digest, object: &Digest) -> Result<Arc<T>, CacheError> {
+        let bytes = self.store.get(object).map_err(from_store)?;
+        let record = serde_json::from_slice(&bytes);
+        record.map(Arc::new).map_err(|error| CacheError::Damaged { key: *key, reason: error.to_string() })
     }
 
     fn seen(&self) -> MutexGuard<'_, Seen> {
@@ -201,7 +227,7 @@ fn from_store(error: StoreError) -> CacheError {
     CacheError::Store(Box::new(error))
 }
 
-fn diverged<T: Kept>(key: &Digest, before: &T, now: &T) -> CacheError {
+fn diverged<T: Memoed>(key: &Digest, before: &T, now: &T) -> CacheError {
     let value = |record: &T| serde_json::to_value(record).unwrap_or_default();
     let (field, recorded, computed) = first_difference("", &value(before), &value(now));
     let difference = format!("at {field}: recorded {recorded}, computed {computed}");

@@ -6,7 +6,7 @@ use super::{
     admit::admit,
     consider::{Judged, consider, foretell},
     desk::Desk,
-    evaluate::evaluate,
+    evaluate::{evaluate, evaluate_ahead},
     finale,
     freeze::freeze,
     open,
@@ -62,7 +62,8 @@ fn one_epoch(
     });
     // "Wait until all workers reach the epoch barrier. Sort candidate records by deterministic key": the slot.
     let mut judged = Judged::before(&snapshot);
-    // A plan hears of all slots before it stops at the first.
+    // Labels do not depend on each other: all slots' are made together.
+    evaluate_ahead(study, &snapshot, &drafts, &desk.tools)?;
     for draft in drafts.iter().flatten() {
         foretell(study, &snapshot, draft, &judged, &desk.tools)?;
     }

@@ -61,7 +61,7 @@ pub fn evaluate(
     cache: &dyn RolloutCache,
     pool: &Threads,
 ) -> Result<Score, EvaluationError> {
-    let records = pool.map(scenes, |i, scene| one(subject, i, scene, label, cache));
+    let records = pool.map(scenes, |i, scene| label_one(subject, i, scene, label, cache));
     let (mut labelled, mut failed) = (Vec::new(), Vec::new());
     for (scene, record) in scenes.iter().zip(records) {
         match record? {
@@ -90,13 +90,14 @@ pub fn evaluate(
 }
 
 /// A record at hand.
-struct Recorded {
+pub struct Recorded {
     record: Arc<RolloutRecord>,
     key: Digest,
     stored: Digest,
 }
 
-fn one(
+/// One scene's label: its record, where there is one, or what `label` says of scene number `i`, kept from then on.
+pub fn label_one(
     subject: &Subject<'_>,
     i: usize,
     scene: &SceneRef<'_>,

@@ -11,7 +11,7 @@ pub mod score;
 
 pub use crate::sim::ContactClass;
 pub use calibrate::{CalibrationError, calibrate};
-pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate};
+pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate, label_one};
 pub use metrics::safebench::SafebenchOptions;
 pub use metrics::{
     AttackOptions, AttackOptionsError, Calibration, EvaluationOptions, Limit, Limits, MetadriveOptions, OptionsError,

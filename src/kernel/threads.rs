@@ -36,7 +36,9 @@ impl Threads {
 
     /// `f` of every item, in item order. `f` sees the index too, to name its random stream by.
     pub fn map<T: Sync, R: Send>(&self, items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
-        self.0.install(|| items.par_iter().enumerate().map(|(i, item)| f(i, item)).collect())
+        // An item is a search or a rollout, long enough to be a job of its own: in longer jobs one thread would be left with
+        // several items while the others wait.
+        self.0.install(|| items.par_iter().enumerate().with_max_len(1).map(|(i, item)| f(i, item)).collect())
     }
 }
 

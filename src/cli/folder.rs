@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::exit::Failure;
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
-use crate::evidence::RecordedRun;
+use crate::evidence::{Reading, RecordedRun};
 use crate::kernel::Digest;
 use crate::sim::SIM_VERSION;
 use crate::store;
@@ -169,8 +169,9 @@ impl RunFolder {
 
     /// The recorded run.
     pub fn story(&self) -> Result<RecordedRun, Failure> {
-        let events = store::read_events(&self.transcript())?;
-        RecordedRun::read(&events).map_err(|error| Failure::bad_input(format!("{}: {error}", self.dir.display())))
+        let mut reading = Reading::default();
+        store::each_event(&self.transcript(), &mut |event| reading.add(event))?;
+        reading.finish().map_err(|error| Failure::bad_input(format!("{}: {error}", self.dir.display())))
     }
 }
 

@@ -16,7 +16,8 @@ use super::{
 use crate::backend::{Backend, BackendError, NoOutcome};
 use crate::evaluation::EvaluationError;
 use crate::llm::Cassette;
-use crate::store::read_events;
+use crate::objects::event::kind;
+use crate::store::each_event;
 
 /// Gathers missing work in `wanted`, which the desk's tools know, and says whether the run has everything that it needs.
 /// `log` is the file of the desk's transcript; it holds the walk afterwards and no run.
@@ -36,7 +37,13 @@ pub fn plan(
         Err(error) => return Err(error),
     }
     desk.log.flush()?;
-    foresee(study, &read_events(log)?, recorded, &desk.tools)?;
+    let mut begun = Vec::new();
+    each_event(log, &mut |event| {
+        if matches!(event.kind.as_str(), kind::PARENT | kind::COUNSEL) {
+            begun.push(event);
+        }
+    })?;
+    foresee(study, &begun, recorded, &desk.tools)?;
     Ok(false)
 }
 

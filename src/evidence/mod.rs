@@ -11,4 +11,4 @@ pub mod report;
 pub mod tables;
 
 pub use audit::{Finding, Gravity, audit};
-pub use recorded_run::{RecordedRun, RecordedRunError};
+pub use recorded_run::{Reading, RecordedRun, RecordedRunError};

@@ -45,10 +45,40 @@ pub struct RecordedRun {
     pub root: Digest,
 }
 
+/// A run being read event by event: all events of a long run as JSON would need several times its memory.
+#[derive(Default)]
+pub struct Reading(Option<Result<RecordedRun, RecordedRunError>>);
+
+impl Reading {
+    /// Takes the next event in. What comes behind one that cannot be read is passed over.
+    pub fn add(&mut self, event: Event) {
+        self.0 = Some(match self.0.take() {
+            None => RecordedRun::begun(event),
+            Some(Ok(mut story)) => story.add(event).map(|()| story),
+            Some(Err(error)) => Err(error),
+        });
+    }
+
+    /// The run, or why its events are none.
+    pub fn finish(self) -> Result<RecordedRun, RecordedRunError> {
+        self.0.unwrap_or(Err(RecordedRunError::NotARun))
+    }
+}
+
 impl RecordedRun {
+    /// A run from all its events.
     pub fn read(events: &[Event]) -> Result<RecordedRun, RecordedRunError> {
-        let first = events.first().filter(|e| e.kind == kind::OPENED).ok_or(RecordedRunError::NotARun)?;
-        let mut story = RecordedRun {
+        let mut reading = Reading::default();
+        events.iter().for_each(|event| reading.add(event.clone()));
+        reading.finish()
+    }
+
+    fn begun(first: Event) -> Result<RecordedRun, RecordedRunError> {
+        if first.kind != kind::OPENED {
+            return Err(RecordedRunError::NotARun);
+        }
+        let root = first.hash;
+        Ok(RecordedRun {
             opened: body(first)?,
             parents: Vec::new(),
             composed: Vec::new(),
@@ -61,32 +91,30 @@ impl RecordedRun {
             held_out: Vec::new(),
             replays: Vec::new(),
             result: None,
-            root: first.hash,
-        };
-        for event in &events[1..] {
-            match event.kind.as_str() {
-                kind::PARENT => story.parents.push(body(event)?),
-                kind::COMPOSED => story.composed.push(body(event)?),
-                kind::COUNSEL => story.counsels.push(body(event)?),
-                kind::FROZEN => story.frozen.push(body(event)?),
-                kind::ATTEMPT => story.attempts.push(body(event)?),
-                kind::SETTLED => story.settled.push(body(event)?),
-                kind::FINALIST => story.finalists.push(body(event)?),
-                kind::ROUND => story.rounds.push(body(event)?),
-                kind::HELD_OUT => story.held_out.push(body(event)?),
-                kind::REPLAY => story.replays.push(body(event)?),
-                kind::SEALED => story.result = Some(body(event)?),
-                other => {
-                    return Err(RecordedRunError::Unreadable {
-                        seq: event.seq,
-                        kind: other.to_string(),
-                        reason: "unknown kind".into(),
-                    });
-                }
+            root,
+        })
+    }
+
+    fn add(&mut self, event: Event) -> Result<(), RecordedRunError> {
+        self.root = event.hash;
+        match event.kind.as_str() {
+            kind::PARENT => self.parents.push(body(event)?),
+            kind::COMPOSED => self.composed.push(body(event)?),
+            kind::COUNSEL => self.counsels.push(body(event)?),
+            kind::FROZEN => self.frozen.push(body(event)?),
+            kind::ATTEMPT => self.attempts.push(body(event)?),
+            kind::SETTLED => self.settled.push(body(event)?),
+            kind::FINALIST => self.finalists.push(body(event)?),
+            kind::ROUND => self.rounds.push(body(event)?),
+            kind::HELD_OUT => self.held_out.push(body(event)?),
+            kind::REPLAY => self.replays.push(body(event)?),
+            kind::SEALED => self.result = Some(body(event)?),
+            _ => {
+                let Event { seq, kind, .. } = event;
+                return Err(RecordedRunError::Unreadable { seq, kind, reason: "unknown kind".into() });
             }
-            story.root = event.hash;
         }
-        Ok(story)
+        Ok(())
     }
 
     /// The attempt by its id, e.g. `cat-idm/e2s5`.
@@ -129,10 +157,7 @@ impl RecordedRun {
     }
 }
 
-fn body<T: DeserializeOwned>(event: &Event) -> Result<T, RecordedRunError> {
-    serde_json::from_value(event.body.clone()).map_err(|error| RecordedRunError::Unreadable {
-        seq: event.seq,
-        kind: event.kind.clone(),
-        reason: error.to_string(),
-    })
+fn body<T: DeserializeOwned>(event: Event) -> Result<T, RecordedRunError> {
+    let Event { seq, kind, body, .. } = event;
+    serde_json::from_value(body).map_err(|error| RecordedRunError::Unreadable { seq, kind, reason: error.to_string() })
 }

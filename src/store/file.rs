@@ -52,16 +52,27 @@ fn parent_of(path: &Path) -> &Path {
 /// All bytes of a file that has at most `max_bytes`; a longer one is an error before it is in memory.
 pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, StoreError> {
     let io = |source| StoreError::io("read", path, source);
-    let file = File::open(path).map_err(io)?;
-    if file.metadata().map_err(io)?.is_dir() {
-        return Err(io(std::io::ErrorKind::IsADirectory.into()));
-    }
+    let file = open_bounded(path, max_bytes)?;
     let mut bytes = Vec::new();
     file.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(io)?;
     if bytes.len() as u64 > max_bytes {
         return Err(StoreError::TooLarge { path: path.to_path_buf(), max_bytes });
     }
     Ok(bytes)
+}
+
+/// Opens a file to be read that is not longer than this now.
+pub fn open_bounded(path: &Path, max_bytes: u64) -> Result<File, StoreError> {
+    let io = |source| StoreError::io("read", path, source);
+    let file = File::open(path).map_err(io)?;
+    let is = file.metadata().map_err(io)?;
+    if is.is_dir() {
+        return Err(io(std::io::ErrorKind::IsADirectory.into()));
+    }
+    if is.len() > max_bytes {
+        return Err(StoreError::TooLarge { path: path.to_path_buf(), max_bytes });
+    }
+    Ok(file)
 }
 
 /// The first `count` bytes of a file, fewer where it is shorter.

@@ -16,4 +16,4 @@ pub use file::{copy, create_dir, list_files, read_bounded, read_head, remove_dir
 pub use fsck::{FsckReport, fsck};
 pub use objects::{MemoKind, Opening, Store};
 pub use text::{read_text, write_text};
-pub use transcript::{Event, SEALED, Transcript, fsck_transcript, read_events};
+pub use transcript::{Event, SEALED, Transcript, each_event, fsck_transcript, read_events};

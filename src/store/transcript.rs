@@ -9,7 +9,7 @@
 
 use std::{
     fs::{File, OpenOptions, TryLockError},
-    io::{Seek, SeekFrom, Write},
+    io::{BufRead, BufReader, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
 
@@ -51,8 +51,8 @@ pub struct Event {
 pub struct Transcript {
     path: PathBuf,
     file: File,
-    /// The events that the file held when it was opened. Those written since are on disk only.
-    recorded: Vec<Event>,
+    /// Hashes of the events that the file held when it was opened. The events themselves are on disk only.
+    recorded: Vec<Digest>,
     /// How many events this run has produced, or has accepted as recorded.
     confirmed: usize,
     /// Hash of the last of them.
@@ -127,36 +127,39 @@ impl Transcript {
     /// Opens for appending behind the recorded events. A line that was cut off while it was written is removed; any other
     /// damage is an error that names the line.
     pub fn open(path: &Path) -> Result<Transcript, StoreError> {
-        let mut transcript = Transcript::continue_from_start(path)?;
+        let (mut transcript, sealed) = Transcript::recorded(path)?;
         transcript.confirmed = transcript.recorded.len();
-        if let Some(last) = transcript.recorded.last() {
-            transcript.head = last.hash;
-            transcript.sealed = (last.kind == SEALED).then_some(last.seq);
-        }
+        transcript.head = transcript.recorded.last().copied().unwrap_or(transcript.head);
+        transcript.sealed = sealed.then(|| transcript.confirmed as u64 - 1);
         Ok(transcript)
     }
 
-    fn at_start(path: &Path, file: File, recorded: Vec<Event>) -> Transcript {
+    fn at_start(path: &Path, file: File, recorded: Vec<Digest>) -> Transcript {
         Transcript { path: path.to_path_buf(), file, recorded, confirmed: 0, head: genesis(), sealed: None }
     }
 
     /// Opens for a run that starts over: each appended event is first compared with the recorded one at its place, and
     /// writing begins where the recorded ones end.
     pub fn continue_from_start(path: &Path) -> Result<Transcript, StoreError> {
+        Ok(Transcript::recorded(path)?.0)
+    }
+
+    /// Locks a transcript and takes in what it holds; says whether a seal is the last of it.
+    fn recorded(path: &Path) -> Result<(Transcript, bool), StoreError> {
         let io = |source| StoreError::io("open", path, source);
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
         lock(&file, path)?;
-        let bytes = file::read_bounded(path, MAX_BYTES)?;
-        let Parsed { events, whole_bytes, mut damage, unfinished } = parse(path, &bytes);
-        if !damage.is_empty() {
-            return Err(StoreError::corrupt(damage.swap_remove(0)));
+        let mut hashes = Vec::new();
+        let Walked { whole_bytes, damage, unfinished, sealed } = walk(path, &mut |event| hashes.push(event.hash))?;
+        if let Some(damage) = damage {
+            return Err(StoreError::corrupt(damage));
         }
-        file.set_len(whole_bytes as u64).map_err(io)?;
+        file.set_len(whole_bytes).map_err(io)?;
         file.seek(SeekFrom::End(0)).map_err(io)?;
         if unfinished {
             file.write_all(b"\n").map_err(io)?;
         }
-        Ok(Transcript::at_start(path, file, events))
+        Ok((Transcript::at_start(path, file, hashes), sealed))
     }
 
     /// Adds an event and gives its hash. The body is stored as the JSON it serialises to; NaN and infinities are refused.
@@ -169,10 +172,10 @@ impl Transcript {
         let hashed = canonical_json_bytes(&(seq, prev, kind, body)).map_err(refused(kind))?;
         let hash = Digest::under(EVENT_DOMAIN, &hashed);
         match self.recorded.get(self.confirmed) {
-            Some(recorded) if recorded.hash == hash => {}
-            Some(recorded) => {
+            Some(recorded) if *recorded == hash => {}
+            Some(_) => {
                 let body = serde_json::to_value(body).map_err(|e| unstorable(kind, e))?;
-                return Err(divergence(&self.path, recorded, kind, &body));
+                return Err(divergence(&self.path, &event_at(&self.path, seq)?, kind, &body));
             }
             None => self.write(&line_of(&hashed, hash).map_err(refused(kind))?)?,
         }
@@ -216,16 +219,34 @@ impl Transcript {
     }
 }
 
-/// Reads the events of a transcript without locking or repairing it. Damage is an error.
+/// Hands the events of a transcript on one by one, without locking or repairing it: a long run's do not fit in memory
+/// together. Damage is an error, which comes behind the events ahead of it.
+pub fn each_event(path: &Path, each: &mut dyn FnMut(Event)) -> Result<(), StoreError> {
+    walk(path, each)?.damage.map_or(Ok(()), |damage| Err(StoreError::corrupt(damage)))
+}
+
+/// All events of a transcript.
 pub fn read_events(path: &Path) -> Result<Vec<Event>, StoreError> {
-    let mut parsed = parse(path, &file::read_bounded(path, MAX_BYTES)?);
-    if parsed.damage.is_empty() { Ok(parsed.events) } else { Err(StoreError::corrupt(parsed.damage.swap_remove(0))) }
+    let mut events = Vec::new();
+    each_event(path, &mut |event| events.push(event)).map(|()| events)
 }
 
 /// Damage of a transcript: only the first damaged line, because the hash chain proves nothing about the lines after it.
 /// Empty if there is none.
 pub fn fsck_transcript(path: &Path) -> Result<Vec<Damage>, StoreError> {
-    Ok(parse(path, &file::read_bounded(path, MAX_BYTES)?).damage)
+    Ok(walk(path, &mut |_| ())?.damage.into_iter().collect())
+}
+
+/// The recorded event at a place.
+fn event_at(path: &Path, seq: u64) -> Result<Event, StoreError> {
+    let mut found = None;
+    each_event(path, &mut |event| {
+        if event.seq == seq {
+            found = Some(event);
+        }
+    })?;
+    let gone = || format!("expected event {seq}, which was there when the run began, found none");
+    found.ok_or_else(|| StoreError::corrupt(Damage::at(path, format!("line {}", seq + 1), gone())))
 }
 
 fn lock(file: &File, path: &Path) -> Result<(), StoreError> {
@@ -238,47 +259,67 @@ fn lock(file: &File, path: &Path) -> Result<(), StoreError> {
     }
 }
 
-struct Parsed {
-    events: Vec<Event>,
+/// What a walk through a transcript found besides its events.
+struct Walked {
     /// Length of the file up to the end of the last whole event.
-    whole_bytes: usize,
-    damage: Vec<Damage>,
+    whole_bytes: u64,
+    damage: Option<Damage>,
     /// The last event is whole but its line feed is missing.
     unfinished: bool,
+    /// The last event is a seal.
+    sealed: bool,
 }
 
-fn parse(path: &Path, bytes: &[u8]) -> Parsed {
-    let mut parsed = Parsed { events: Vec::new(), whole_bytes: 0, damage: Vec::new(), unfinished: false };
-    let mut rest = bytes;
-    while !rest.is_empty() {
-        // The chain alone does not protect the seal: whoever can write the file can continue the chain behind it.
-        if parsed.events.last().is_some_and(|event| event.kind == SEALED) {
-            let place = format!("line {}", parsed.events.len() + 1);
-            let what = format!("expected nothing behind the seal, found {} bytes; cut them off", rest.len());
-            parsed.damage.push(Damage::at(path, place, what));
+/// Where the next event has to go on.
+#[derive(Clone, Copy)]
+struct Place {
+    seq: u64,
+    prev: Digest,
+}
+
+impl Place {
+    fn first() -> Place {
+        Place { seq: 0, prev: genesis() }
+    }
+}
+
+fn walk(path: &Path, each: &mut dyn FnMut(Event)) -> Result<Walked, StoreError> {
+    let io = |source| StoreError::io("read", path, source);
+    let file = file::open_bounded(path, MAX_BYTES)?;
+    let length = file.metadata().map_err(io)?.len();
+    let mut reader = BufReader::with_capacity(1 << 20, file.take(length));
+    let mut walked = Walked { whole_bytes: 0, damage: None, unfinished: false, sealed: false };
+    let mut next = Place::first();
+    let mut line = Vec::new();
+    while walked.damage.is_none() {
+        line.clear();
+        if reader.read_until(b'\n', &mut line).map_err(io)? == 0 {
             break;
         }
-        let (line, ended) = match rest.iter().position(|&b| b == b'\n') {
-            Some(end) => (&rest[..end], true),
-            None => (rest, false),
-        };
-        rest = &rest[(line.len() + usize::from(ended))..];
+        let place = || format!("line {}", next.seq + 1);
+        // The chain alone does not protect the seal: whoever can write the file can continue the chain behind it.
+        if walked.sealed {
+            let behind = length - walked.whole_bytes;
+            let what = format!("expected nothing behind the seal, found {behind} bytes; cut them off");
+            walked.damage = Some(Damage::at(path, place(), what));
+            break;
+        }
+        let ended = line.pop_if(|last| *last == b'\n').is_some();
         // A power cut can leave zeros where the end of the last line had not reached the disk.
-        let line = if ended { line } else { without_zeros_at_the_end(line) };
-        match read_line(line, parsed.events.last()) {
+        let text = if ended { line.as_slice() } else { without_zeros_at_the_end(&line) };
+        match read_line(text, next) {
             Ok(event) => {
-                parsed.whole_bytes += line.len() + usize::from(ended);
-                parsed.unfinished = !ended;
-                parsed.events.push(event);
+                walked.whole_bytes += text.len() as u64 + u64::from(ended);
+                walked.unfinished = !ended;
+                walked.sealed = event.kind == SEALED;
+                next = Place { seq: event.seq + 1, prev: event.hash };
+                each(event);
             }
             Err(BadLine::CutOff) if !ended => break,
-            Err(bad) => {
-                parsed.damage.push(Damage::at(path, format!("line {}", parsed.events.len() + 1), bad.text()));
-                break;
-            }
+            Err(bad) => walked.damage = Some(Damage::at(path, place(), bad.text())),
         }
     }
-    parsed
+    Ok(walked)
 }
 
 fn without_zeros_at_the_end(line: &[u8]) -> &[u8] {
@@ -301,11 +342,10 @@ impl BadLine {
     }
 }
 
-fn read_line(line: &[u8], before: Option<&Event>) -> Result<Event, BadLine> {
+fn read_line(line: &[u8], Place { seq, prev }: Place) -> Result<Event, BadLine> {
     let event: Event = serde_json::from_slice(line).map_err(|error| {
         if error.is_eof() { BadLine::CutOff } else { BadLine::Other(format!("expected an event, found: {error}")) }
     })?;
-    let (seq, prev) = before.map_or((0, genesis()), |event| (event.seq + 1, event.hash));
     let differs = |field: &str, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {
         Err(BadLine::Other(format!("{field}: expected {expected}, found {found}")))
     };
@@ -496,7 +536,7 @@ mod tests {
             proptest::prop_assume!(x.is_finite());
             let event = Event::new(0, genesis(), "x", json!([x])).unwrap();
             let line = event.line().unwrap();
-            proptest::prop_assert_eq!(read_line(&line[..line.len() - 1], None).ok().map(|e| e.hash), Some(event.hash));
+            proptest::prop_assert_eq!(read_line(&line[..line.len() - 1], Place::first()).ok().map(|e| e.hash), Some(event.hash));
         }
     }
 }

@@ -1,5 +1,8 @@
 //! The `evodrive` binary: hands the arguments to the library and turns its verdict into an exit code.
 
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() -> std::process::ExitCode {
     evodrive::cli::main()
 }

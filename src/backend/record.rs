@@ -31,11 +31,11 @@ impl<'a> Recorder<'a> {
     }
 
     /// What was asked, and how many of it failed.
-    pub fn into_cassette(self) -> (RolloutCassette, usize) {
-        let collected = self.collected.into_inner().unwrap_or_else(PoisonError::into_inner);
+    pub fn cassette(&self) -> (RolloutCassette, usize) {
+        let collected = self.collected.lock().unwrap_or_else(PoisonError::into_inner);
         let failed = collected.values().filter(|recorded| matches!(recorded.answer, Answer::Failed(_))).count();
-        let mut cassette = RolloutCassette::new(self.before.file, self.before.backend);
-        collected.into_iter().for_each(|(key, recorded)| cassette.insert(key, recorded));
+        let mut cassette = RolloutCassette::new(self.before.file.clone(), self.before.backend.clone());
+        collected.iter().for_each(|(key, recorded)| cassette.insert(*key, recorded.clone()));
         (cassette, failed)
     }
 

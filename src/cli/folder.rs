@@ -9,10 +9,11 @@ use crate::evaluation::EVAL_VERSION;
 use crate::evidence::{Reading, RecordedRun};
 use crate::kernel::Digest;
 use crate::sim::SIM_VERSION;
-use crate::store;
+use crate::store::{self, Transcript};
 
 const LATEST: &str = "LATEST";
 const CARD_BYTES_MAX: u64 = 1 << 16;
+const CARD_FORMAT: &str = "evodrive-run/1";
 
 /// What stands in `run.json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -99,6 +100,26 @@ impl RunFolder {
         self.dir.join("transcript.jsonl")
     }
 
+    /// The transcript of a finished run that is being recorded anew, until that is finished too.
+    fn aside(&self) -> PathBuf {
+        self.dir.join("transcript.before.jsonl")
+    }
+
+    /// Makes room for a transcript from the beginning: a finished one is kept beside it, the remains of one that was
+    /// interrupted are not.
+    pub fn set_aside(&self) -> Result<(), Failure> {
+        let path = self.transcript();
+        if path.exists() && Transcript::continue_from_start(&path)?.is_recorded_whole() {
+            store::rename(&path, &self.aside())?;
+        }
+        Ok(store::remove_file(&path)?)
+    }
+
+    /// Removes the transcript that was set aside.
+    pub fn forget_what_was_set_aside(&self) -> Result<(), Failure> {
+        Ok(store::remove_file(&self.aside())?)
+    }
+
     pub fn store(&self) -> PathBuf {
         self.dir.join("store")
     }
@@ -136,19 +157,35 @@ impl RunFolder {
         self.dir.join("result.json")
     }
 
+    fn card_file(&self) -> PathBuf {
+        self.dir.join("run.json")
+    }
+
+    pub fn has_card(&self) -> bool {
+        self.card_file().exists()
+    }
+
     pub fn card(&self) -> Result<RunCard, Failure> {
-        let path = self.dir.join("run.json");
+        let path = self.card_file();
         let bytes = store::read_bounded(&path, CARD_BYTES_MAX)
             .map_err(|error| Failure::bad_input(format!("{} is not a run folder: {error}", self.dir.display())))?;
-        serde_json::from_slice(&bytes).map_err(|error| {
+        let card: RunCard = serde_json::from_slice(&bytes).map_err(|error| {
             Failure::corruption(format!("{}: {error}; the file was not written by this program", path.display()))
-        })
+        })?;
+        if card.format != CARD_FORMAT {
+            return Err(Failure::bad_input(format!(
+                "{}: format: expected {CARD_FORMAT}, found {}; use the version of evodrive that made the run",
+                path.display(),
+                card.format
+            )));
+        }
+        Ok(card)
     }
 
     /// Writes `run.json`; `recording` is the recording that begins, if one does.
     pub fn write_card(&self, name: &str, recording: Option<&Recording>) -> Result<(), Failure> {
         let card = RunCard {
-            format: "evodrive-run/1".into(),
+            format: CARD_FORMAT.into(),
             name: name.into(),
             recording: recording.is_some(),
             cassette: recording.map(|recording| recording.cassette.clone()),
@@ -156,7 +193,7 @@ impl RunFolder {
             rollouts: recording.and_then(|recording| recording.rollouts.clone()),
         };
         let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
-        Ok(store::write_atomic(&self.dir.join("run.json"), &text)?)
+        Ok(store::write_atomic(&self.card_file(), &text)?)
     }
 
     /// Makes this the folder that commands take when none is named.

@@ -6,12 +6,11 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::answer::Answer;
+use super::covered::{Coverage, coverage};
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
-use crate::evidence::{Gravity, audit};
-use crate::experiment;
-use crate::llm::Cassette;
-use crate::store;
+use crate::evidence::{Finding, Gravity, audit};
+use crate::store::{self, FsckReport};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -24,47 +23,63 @@ pub struct Options {
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let folder = RunFolder::find(options.run.as_deref())?;
-    let report = store::fsck(&folder.store(), options.read)?;
-    let mut damages = report.damage.clone();
-    damages.extend(store::fsck_transcript(&folder.transcript())?);
-    let mut text = format!(
-        "{}: {} objects, {} memo entries, {} bytes in the pack; {}\n",
-        folder.dir.display(),
-        report.objects,
-        report.memo_entries,
-        report.pack_bytes,
-        if options.read { "every byte read" } else { "structure only (--read reads every byte)" }
-    );
-    let mut others: Vec<String> = Vec::new();
-    if options.read {
-        if let Err(error) = Cassette::load(&folder.cassette()) {
-            others.push(error.to_string());
-        }
-        if let Err(error) = experiment::read_pool(&folder.pool()) {
-            others.push(error.to_string());
-        }
+    let mut report = store::fsck(&folder.store(), options.read)?;
+    let mut damage: Vec<String> = Vec::new();
+    let recording = folder.dir.join("recording");
+    if recording.exists() {
+        let answers = store::fsck(&recording, options.read)?;
+        report.damage.extend(answers.damage);
+        report.notes.extend(answers.notes);
     }
-    for damage in &damages {
-        let _ = writeln!(text, "damaged: {damage}");
-    }
-    for other in &others {
-        let _ = writeln!(text, "damaged: {other}");
-    }
-    let mut clean = damages.is_empty() && others.is_empty();
+    report.damage.extend(store::fsck_transcript(&folder.transcript())?);
+    damage.extend(report.damage.iter().map(ToString::to_string));
     // A record that is damaged is not read: its meaning is nobody's any more.
-    let findings = if clean { audit(&folder.story()?) } else { Vec::new() };
-    if clean {
-        text.push_str("no damage found\n");
-        text.push_str(if findings.is_empty() { "audit: no finding\n" } else { "audit:\n" });
-    }
-    for finding in &findings {
-        let _ = writeln!(text, "  {finding}");
-    }
-    clean &= findings.iter().all(|finding| finding.gravity != Gravity::Breach);
+    let story = if damage.is_empty() { Some(folder.story()?) } else { None };
+    let coverage = story.as_ref().map(|story| coverage(&folder, story, options.read)).unwrap_or_default();
+    damage.extend(coverage.damage.iter().cloned());
+    let findings = story.as_ref().filter(|_| damage.is_empty()).map(audit).unwrap_or_default();
+    let clean = damage.is_empty() && findings.iter().all(|finding| finding.gravity != Gravity::Breach);
+    let text = text(&folder, options, &report, &coverage, &damage, &findings);
     let object = json!({
         "folder": folder.dir, "clean": clean, "objects": report.objects, "memo_entries": report.memo_entries,
-        "pack_bytes": report.pack_bytes, "read": options.read, "damage": damages, "other_damage": others, "findings": findings,
+        "pack_bytes": report.pack_bytes, "read": options.read, "damage": report.damage, "other_damage": coverage.damage,
+        "covered": coverage.covered, "not_covered": coverage.uncovered, "notes": coverage.notes, "findings": findings,
     });
     let exit = if clean { Exit::Success } else { Exit::Corruption };
     Ok(Answer { exit, ..Answer::new(text, object) })
+}
+
+fn text(
+    folder: &RunFolder,
+    options: &Options,
+    report: &FsckReport,
+    coverage: &Coverage,
+    damage: &[String],
+    findings: &[Finding],
+) -> String {
+    let read = if options.read { "every byte of it read" } else { "structure only (--read reads every byte)" };
+    let FsckReport { objects, memo_entries, pack_bytes, .. } = report;
+    let dir = folder.dir.display();
+    let mut text =
+        format!("{dir}: {objects} objects, {memo_entries} memo entries, {pack_bytes} bytes in the pack; {read}\n");
+    for note in report.notes.iter().chain(&coverage.notes) {
+        let _ = writeln!(text, "note: {note}");
+    }
+    for damage in damage {
+        let _ = writeln!(text, "damaged: {damage}");
+    }
+    if !coverage.covered.is_empty() {
+        let _ = writeln!(text, "as the events say: {}", coverage.covered.join(", "));
+    }
+    if !coverage.uncovered.is_empty() {
+        let _ = writeln!(text, "not covered by the seal: {}", coverage.uncovered.join(", "));
+    }
+    if damage.is_empty() {
+        text.push_str("no damage found\n");
+        text.push_str(if findings.is_empty() { "audit: no finding\n" } else { "audit:\n" });
+    }
+    for finding in findings {
+        let _ = writeln!(text, "  {finding}");
+    }
+    text
 }

@@ -10,6 +10,7 @@ mod bench;
 mod bench_shards;
 mod calibrate;
 mod cost;
+mod covered;
 mod exchange;
 mod exit;
 mod exit_from;

@@ -1,10 +1,9 @@
 //! Which rollouts a report can play, simulated again as drawings.
 
-use super::exit::Failure;
 use crate::draw::{Actor, Contact, Drawing, Role, role_of};
 use crate::epoch::{LineageSpec, Player, Study, Traced};
 use crate::evidence::RecordedRun;
-use crate::evidence::report::{Playable, Stage};
+use crate::evidence::report::{Playable, Stage, Unplayed};
 use crate::objects::{Program, SceneScore, SolutionId};
 use crate::scene::Scene;
 use crate::sim::{ActorRef, ActorTrace, End, Outcome, Trace};
@@ -14,7 +13,7 @@ const SCENES_MAX: usize = 3;
 
 /// The parent, the chosen and the active program, and the finalists, in the scenes where they differ most. Any other
 /// rollout is drawn by `evodrive scenes show`.
-pub fn choose(player: &Player<'_>, story: &RecordedRun) -> Result<Stage, Failure> {
+pub fn choose(player: &Player<'_>, story: &RecordedRun) -> Stage {
     let study = player.study;
     let mut stage = Stage::default();
     for spec in &study.lineages {
@@ -26,7 +25,11 @@ pub fn choose(player: &Player<'_>, story: &RecordedRun) -> Result<Stage, Failure
                     Ok(playable) => stage.rollouts.push(playable),
                     // Another simulator's rollouts are those that labels were recorded of; this one was not asked for.
                     Err(_) if study.backend.is_some() => {}
-                    Err(reason) => return Err(Failure::internal(reason)),
+                    Err(reason) => stage.unplayed.push(Unplayed {
+                        solution: solution.to_string(),
+                        scene: study.scenes[place].scene().id.clone(),
+                        reason,
+                    }),
                 }
             }
             let scene = study.scenes[place].scene();
@@ -36,7 +39,7 @@ pub fn choose(player: &Player<'_>, story: &RecordedRun) -> Result<Stage, Failure
     // By program, then scene: the order of the page's menus.
     let order: Vec<String> = stage.rollouts.iter().map(|p| p.solution.clone()).collect();
     stage.rollouts.sort_by_key(|p| order.iter().position(|solution| *solution == p.solution));
-    Ok(stage)
+    stage
 }
 
 fn programs(story: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> {

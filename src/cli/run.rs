@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::answer::{Answer, progress};
 use super::args::{FolderArgs, RecordArgs, RunArgs};
+use super::covered::RESULT_BYTES_MAX;
 use super::exit::Failure;
 use super::folder::{Recording, RunFolder};
 use super::moving_line::MovingLine;
@@ -15,7 +16,7 @@ use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, T
 use crate::evidence::report;
 use crate::experiment::{Experiment, read_pool};
 use crate::kernel::{Digest, Threads};
-use crate::llm::{Ask, Cassette, DrawSlot, Record, RecordMode, Replay};
+use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
 use crate::objects::event::RunResult;
 use crate::scene::{Pool, pool, usable};
 use crate::store::{self, Store, Transcript};
@@ -31,13 +32,30 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
         let record = format!("evodrive record {}", args.experiment.display());
         Failure { message: format!("{error}\n  to record it: {record}"), ..Failure::from(error) }
     })?;
-    let folder = job.open_folder(None)?;
-    store::copy(&path, &folder.cassette())?;
+    let Held { folder, objects } = job.open_folder(None)?;
+    if folder.card()?.recording {
+        return Err(interrupted(&folder));
+    }
+    // The cassette of a run that is there stays until this one has come to the same events.
+    if !folder.cassette().exists() {
+        store::copy(&path, &folder.cassette())?;
+    }
+    folder.mark_latest()?;
     let remedy = format!("evodrive record {}", args.experiment.display());
     let rollouts = behind::replay(&job.experiment, &folder, &remedy)?;
     let replay = Replay::new(cassette, remedy);
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
-    carry_out(job, &folder, &Sources { ask: &replay, rollouts, mode: Mode::Reuse, keeps_cost: true }, !args.no_report)
+    let sources = Sources { ask: &replay, rollouts, mode: Mode::Reuse, purpose: Purpose::Carry };
+    let done = carry_out(job, &folder, &objects, &sources)?;
+    store::copy(&path, &folder.cassette())?;
+    done.told(&folder, rollouts, !args.no_report)
+}
+
+fn interrupted(folder: &RunFolder) -> Failure {
+    Failure::bad_input(format!(
+        "{} belongs to a recording that was interrupted; go on with `evodrive resume` or repeat the `evodrive record` command: what was answered is not asked again",
+        folder.dir.display()
+    ))
 }
 
 /// Where a run's answers, rollouts and labels come from.
@@ -46,8 +64,16 @@ struct Sources<'a> {
     /// Answers of another simulator, where the experiment names one.
     rollouts: Option<&'a dyn Answers>,
     mode: Mode,
-    /// Deriving a run again to verify it is not what the run cost.
-    keeps_cost: bool,
+    purpose: Purpose,
+}
+
+/// What a run is carried out for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// Its events and its result.
+    Carry,
+    /// To be compared with a finished one.
+    Compare,
 }
 
 /// Asks the models for what the cassette lacks, and writes it.
@@ -59,20 +85,33 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     let cassette = std::path::absolute(&path).map_err(Failure::internal)?;
     let rollouts = behind::path(&job.experiment).map(std::path::absolute).transpose().map_err(Failure::internal)?;
     let recording = Recording { cassette, fresh: args.fresh, rollouts };
-    let folder = job.open_folder(Some(&recording))?;
-    carry_out_recording(job, &folder, &recording, !args.run.no_report)
+    let before = cassette_before(&recording)?;
+    let held = job.open_folder(Some(&recording))?;
+    held.folder.mark_latest()?;
+    carry_out_recording(job, &held, &recording, before, !args.run.no_report)
+}
+
+/// What the cassette holds already, as far as it is not asked anew.
+fn cassette_before(recording: &Recording) -> Result<Cassette, Failure> {
+    let path = &recording.cassette;
+    Ok(match path.exists() && !recording.fresh {
+        true => Cassette::load(path)?,
+        false => Cassette::new(path.display().to_string()),
+    })
 }
 
 /// A recording, begun or gone on with: what was answered is in the folder's store and not asked again.
-fn carry_out_recording(job: Job, folder: &RunFolder, recording: &Recording, report: bool) -> Result<Answer, Failure> {
+fn carry_out_recording(
+    job: Job,
+    Held { folder, objects }: &Held,
+    recording: &Recording,
+    before: Cassette,
+    report: bool,
+) -> Result<Answer, Failure> {
     let path = &recording.cassette;
-    let before = match path.exists() && !recording.fresh {
-        true => Cassette::load(path)?,
-        false => Cassette::new(path.display().to_string()),
-    };
-    // Answers may differ from those of an earlier recording of the same inputs.
-    store::remove_file(&folder.transcript())?;
     let answers = Store::open(&folder.dir.join("recording"))?;
+    // Answers may differ from those of an earlier recording of the same inputs. A finished run is kept until this one is.
+    folder.set_aside()?;
     let mode = match recording.fresh {
         true => RecordMode::Fresh { recording: before_fresh(path)? },
         false => RecordMode::Missing,
@@ -91,19 +130,20 @@ fn carry_out_recording(job: Job, folder: &RunFolder, recording: &Recording, repo
     };
     let asked = rollouts.as_ref().map(|recorder| recorder as &dyn Answers);
     // What the store has was not asked of the recorder, and would be missing in the cassette.
-    let labels = if asked.is_some() { Mode::Verify } else { Mode::Reuse };
-    let answer =
-        carry_out(job, folder, &Sources { ask: &recorder, rollouts: asked, mode: labels, keeps_cost: true }, report)?;
-    if let (Some(recorder), Some(path)) = (rollouts, &recording.rollouts) {
-        keep_rollouts(recorder, folder, path, &name)?;
-    }
-    let order: Vec<DrawSlot> = Vec::new();
-    let cassette = recorder.into_cassette(&name, &order)?;
+    let mode = if asked.is_some() { Mode::Verify } else { Mode::Reuse };
+    let done =
+        carry_out(job, folder, objects, &Sources { ask: &recorder, rollouts: asked, mode, purpose: Purpose::Carry })?;
+    // The report comes behind the cassette: what was answered must not hang on a drawing.
+    let cassette = recorder.into_cassette(&name, &[])?;
     cassette.save(path, &name)?;
     store::copy(path, &folder.cassette())?;
-    folder.write_card(&name, None)?;
     progress(format!("recorded {} exchanges in {}", cassette.exchanges().len(), path.display()));
-    Ok(answer)
+    if let (Some(recorder), Some(path)) = (&rollouts, &recording.rollouts) {
+        keep_rollouts(recorder, folder, path, &name)?;
+    }
+    folder.write_card(&name, None)?;
+    folder.forget_what_was_set_aside()?;
+    done.told(folder, asked, report)
 }
 
 fn rollout_recorder<'a>(
@@ -117,8 +157,8 @@ fn rollout_recorder<'a>(
     Ok(Recorder::new(answers, before, Workers::new(options, &Processes), name))
 }
 
-fn keep_rollouts(recorder: Recorder<'_>, folder: &RunFolder, path: &Path, name: &str) -> Result<(), Failure> {
-    let (cassette, failed) = recorder.into_cassette();
+fn keep_rollouts(recorder: &Recorder<'_>, folder: &RunFolder, path: &Path, name: &str) -> Result<(), Failure> {
+    let (cassette, failed) = recorder.cassette();
     cassette.save(path, name)?;
     store::copy(path, &folder.rollouts())?;
     progress(format!("recorded {} rollouts in {}; {failed} of them failed", cassette.len(), path.display()));
@@ -141,35 +181,34 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
         Some(cassette) if card.recording => {
             let job = Job::of_folder(&folder, jobs)?;
             let recording = Recording { cassette, fresh: card.fresh, rollouts: card.rollouts };
-            carry_out_recording(job, &folder, &recording, true)
+            let before = cassette_before(&recording)?;
+            carry_out_recording(job, &Held::of(folder)?, &recording, before, true)
         }
-        _ => again(args, jobs, Mode::Reuse, true),
+        _ => again(folder, jobs, Mode::Reuse, Purpose::Carry),
     }
 }
 
 pub fn check(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    again(args, jobs, Mode::Reuse, false)
+    again(RunFolder::find(args.run.as_deref())?, jobs, Mode::Reuse, Purpose::Compare)
 }
 
 pub fn verify(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    again(args, jobs, Mode::Verify, false)
+    again(RunFolder::find(args.run.as_deref())?, jobs, Mode::Verify, Purpose::Compare)
 }
 
 /// Derives a run folder's run again from its own copies of experiment, scenes and cassette.
-fn again(args: &FolderArgs, jobs: usize, mode: Mode, report: bool) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(args.run.as_deref())?;
+fn again(folder: RunFolder, jobs: usize, mode: Mode, purpose: Purpose) -> Result<Answer, Failure> {
     if folder.card()?.recording {
-        return Err(Failure::bad_input(format!(
-            "{} belongs to a recording that was interrupted; go on with `evodrive resume` or repeat the `evodrive record` command: what was answered is not asked again",
-            folder.dir.display()
-        )));
+        return Err(interrupted(&folder));
     }
     let job = Job::of_folder(&folder, jobs)?;
+    let Held { folder, objects } = Held::of(folder)?;
     let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
     let replay = Replay::new(Cassette::load(&folder.cassette())?, remedy);
     let rollouts = behind::replay_of(&job.experiment, &folder)?;
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
-    carry_out(job, &folder, &Sources { ask: &replay, rollouts, mode, keeps_cost: mode == Mode::Reuse }, report)
+    let done = carry_out(job, &folder, &objects, &Sources { ask: &replay, rollouts, mode, purpose })?;
+    done.told(&folder, rollouts, purpose == Purpose::Carry)
 }
 
 /// What a run starts from.
@@ -199,17 +238,35 @@ impl Job {
         Ok(Job { experiment, scenes, threads, out: folder.dir.clone() })
     }
 
-    /// Makes the run folder self-contained before anything is computed.
-    pub fn open_folder(&self, recording: Option<&Recording>) -> Result<RunFolder, Failure> {
+    /// Locks the run folder and makes it self-contained before anything is computed. What stands there already stays.
+    pub fn open_folder(&self, recording: Option<&Recording>) -> Result<Held, Failure> {
         let folder = RunFolder::of(&self.out, &self.experiment.name, self.experiment.digest()?, self.scenes.digest())?;
-        store::create_dir(&folder.dir)?;
-        store::write_atomic(&folder.experiment(), self.experiment.whole_text.as_bytes())?;
+        let held = Held::of(folder)?;
+        let folder = &held.folder;
+        if !folder.experiment().exists() {
+            store::write_atomic(&folder.experiment(), self.experiment.whole_text.as_bytes())?;
+        }
         if !folder.pool().exists() {
             store::write_atomic(&folder.pool(), &pool::encode(&self.scenes))?;
         }
-        folder.write_card(&self.experiment.name, recording)?;
-        folder.mark_latest()?;
-        Ok(folder)
+        if recording.is_some() || !folder.has_card() {
+            folder.write_card(&self.experiment.name, recording)?;
+        }
+        Ok(held)
+    }
+}
+
+/// A run folder that nobody else can write to until this is dropped: the lock is its store's.
+pub(super) struct Held {
+    pub folder: RunFolder,
+    pub objects: Store,
+}
+
+impl Held {
+    fn of(folder: RunFolder) -> Result<Held, Failure> {
+        store::create_dir(&folder.dir)?;
+        let objects = Store::open(&folder.store())?;
+        Ok(Held { folder, objects })
     }
 }
 
@@ -226,47 +283,94 @@ fn tell_left_out(pool: &Pool) {
     }
 }
 
-/// The run itself, its result files and its report.
-fn carry_out(job: Job, folder: &RunFolder, sources: &Sources<'_>, report: bool) -> Result<Answer, Failure> {
+/// The events of a run, and its result files.
+fn carry_out(job: Job, folder: &RunFolder, objects: &Store, sources: &Sources<'_>) -> Result<Done, Failure> {
     progress(format!("run folder: {}", folder.dir.display()));
-    let study = job.experiment.study(job.scenes, &job.threads)?;
+    let Job { experiment, scenes, threads, .. } = job;
+    let study = experiment.study(scenes, &threads)?;
     let clock = cost::clock();
-    let objects = Store::open(&folder.store())?;
-    let path = folder.transcript();
-    let log = if path.exists() { Transcript::continue_from_start(&path)? } else { Transcript::create(&path)? };
+    let log = transcript(folder, sources.purpose)?;
     let confirmed = log.remaining();
     if confirmed > 0 {
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
     }
-    let rollouts = Rollouts::new(&objects, sources.mode);
+    let rollouts = Rollouts::new(objects, sources.mode);
     let line = MovingLine::new(&study);
     let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
-    let backend = behind::backend(&job.experiment, sources.rollouts);
-    let tools = Tools::new(&study, sources.ask, &job.threads, &rollouts, Meter::new(&clock)).behind(backend);
+    let backend = behind::backend(&experiment, sources.rollouts);
+    let tools = Tools::new(&study, sources.ask, &threads, &rollouts, Meter::new(&clock)).behind(backend);
     let mut desk = Desk { log, watch: &mut watch, tools };
     let result = epoch::run(&study, &mut desk)?;
     let root = desk.log.head();
     let cost = cost::of(&study, &desk.tools);
-    let (reused, simulated) = rollouts.counts();
+    let counts = rollouts.counts();
     drop(desk);
     line.finish();
-    if sources.keeps_cost {
-        cost::keep(folder, &cost)?;
-    }
-    let result_json = serde_json::to_vec_pretty(&json!({"root": root, "result": result})).map_err(Failure::internal)?;
-    store::write_atomic(&folder.result(), &result_json)?;
-    if report {
-        write_report(&study, folder, backend)?;
+    let text = serde_json::to_vec_pretty(&json!({"root": root, "result": result})).map_err(Failure::internal)?;
+    match sources.purpose {
+        Purpose::Carry => {
+            cost::keep(folder, &cost)?;
+            store::write_atomic(&folder.result(), &text)?;
+        }
+        Purpose::Compare => compare_result(folder, &text)?,
     }
     progress(cost::table(&cost));
+    let (reused, simulated) = counts;
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store"));
-    Ok(answer(&job.experiment, folder, &result, root, (reused, simulated)))
+    Ok(Done { experiment, study, result, root, counts })
+}
+
+/// The transcript to write to, or to compare with.
+fn transcript(folder: &RunFolder, purpose: Purpose) -> Result<Transcript, Failure> {
+    let path = folder.transcript();
+    let log = path.exists().then(|| Transcript::continue_from_start(&path)).transpose()?;
+    if purpose == Purpose::Compare && !log.as_ref().is_some_and(Transcript::is_recorded_whole) {
+        return Err(Failure::corruption(format!(
+            "{}: expected the sealed transcript of a finished run, found {}; nothing was compared. A run that was interrupted is finished by `evodrive resume`; one that was finished before has lost its end",
+            path.display(),
+            log.map_or("none".to_string(), |log| format!("{} events without a seal", log.remaining()))
+        )));
+    }
+    Ok(log.map_or_else(|| Transcript::create(&path), Ok)?)
+}
+
+/// Whether `result.json` is what the events say.
+fn compare_result(folder: &RunFolder, text: &[u8]) -> Result<(), Failure> {
+    let path = folder.result();
+    if path.exists() && store::read_bounded(&path, RESULT_BYTES_MAX)? == text {
+        return Ok(());
+    }
+    Err(Failure::divergence(format!(
+        "{}: expected the result that the run's events come to, found {}; the events are as recorded, and `evodrive resume` writes the file anew",
+        path.display(),
+        if path.exists() { "another one" } else { "no file" }
+    )))
+}
+
+/// A run that was carried out.
+struct Done {
+    experiment: Experiment,
+    study: Study,
+    result: RunResult,
+    root: Digest,
+    /// Rollouts read from the store, and simulated.
+    counts: (usize, usize),
+}
+
+impl Done {
+    /// What is said of it at its end, with its report where one is wanted.
+    fn told(&self, folder: &RunFolder, rollouts: Option<&dyn Answers>, report: bool) -> Result<Answer, Failure> {
+        if report {
+            write_report(&self.study, folder, behind::backend(&self.experiment, rollouts))?;
+        }
+        Ok(answer(&self.experiment, folder, &self.result, self.root, self.counts))
+    }
 }
 
 /// Writes report.html of a finished run.
 pub fn write_report(study: &Study, folder: &RunFolder, backend: Backend<'_>) -> Result<(), Failure> {
     let story = folder.story()?;
-    let playables = playables::choose(&Player::of(study, &story.counsels, backend), &story)?;
+    let playables = playables::choose(&Player::of(study, &story.counsels, backend), &story);
     Ok(store::write_atomic(
         &folder.report(),
         report::html(&story, &playables, cost::kept(folder)?.as_ref()).as_bytes(),

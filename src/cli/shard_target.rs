@@ -46,7 +46,7 @@ impl Target {
         }
         let (experiment, out, scenes) = (options.run.clone(), options.out.clone(), options.scenes.clone());
         let job = Job::new(&RunArgs { experiment, out, cassette: None, scenes, no_report: true }, jobs)?;
-        let folder = job.open_folder(None)?;
+        let folder = job.open_folder(None)?.folder;
         let (cassette, rollouts) = (job.experiment.beside(&job.experiment.cassette), behind::path(&job.experiment));
         Ok(Target { job, folder, cassette, rollouts, named })
     }

@@ -125,7 +125,7 @@ impl Site {
             let one = |_: usize, (key, task): &(Digest, Task)| done(&bench, shard, *key, task, &store);
             threads.map(&shard.tasks, one).into_iter().collect::<Result<Vec<TaskResult>, Failure>>()?
         };
-        let answers = recorder.map(|recorder| recorder.into_cassette().0);
+        let answers = recorder.map(|recorder| recorder.cassette().0);
         store::write_atomic(result, &ResultFile::bytes(digest, &self.mark, &results, answers.as_ref()))?;
         drop(store);
         store::remove_dir(&scratch)?;

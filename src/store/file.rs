@@ -83,6 +83,13 @@ pub fn read_head(path: &Path, count: usize) -> Result<Vec<u8>, StoreError> {
     Ok(bytes)
 }
 
+/// Gives a file another name in its folder; what had that name is gone.
+pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
+    fs::rename(from, to).map_err(|source| StoreError::io("rename", from, source))?;
+    sync_dir(parent_of(to));
+    Ok(())
+}
+
 /// Removes a file. It is no error if the file does not exist.
 pub fn remove_file(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{
     Damage, StoreError,
     index::{INDEX, Index, Places},
-    objects::take_lock,
+    objects::take_lock_to_look,
     pack::{self, HEADER, PACK, Piece},
 };
 use crate::kernel::Digest;
@@ -37,10 +37,10 @@ pub fn fsck(dir: &Path, read_all: bool) -> Result<FsckReport, StoreError> {
     let pack_path = dir.join(PACK);
     let io = |source| StoreError::io("read", &pack_path, source);
     let pack = File::open(&pack_path).map_err(io)?;
-    let _lock = take_lock(dir)?;
+    let lock = take_lock_to_look(dir)?;
     let pieces = pack::scan(&pack, 0, read_all).map_err(io)?;
     let mut report = FsckReport { pack_bytes: pack.metadata().map_err(io)?.len(), read_all, ..FsckReport::default() };
-    let indexed = check_index(&dir.join(INDEX), &mut report);
+    let indexed = check_index(&dir.join(INDEX), lock.is_some(), &mut report);
     let mut found = Places::default();
     for piece in &pieces {
         found.add(piece);
@@ -55,7 +55,7 @@ pub fn fsck(dir: &Path, read_all: bool) -> Result<FsckReport, StoreError> {
 }
 
 /// What the index says, if it can be read.
-fn check_index(path: &Path, report: &mut FsckReport) -> Option<Places> {
+fn check_index(path: &Path, writable: bool, report: &mut FsckReport) -> Option<Places> {
     if !path.exists() {
         report.notes.push("there is no index; it is rebuilt from the pack when the store is opened next".to_string());
         return None;
@@ -63,7 +63,7 @@ fn check_index(path: &Path, report: &mut FsckReport) -> Option<Places> {
     let mut damage = |place: &str, what: String| {
         report.damage.push(Damage { remedy: REINDEX.to_string(), ..Damage::at(path, place, what) });
     };
-    let index = match Index::open_existing(path) {
+    let index = match Index::open_existing(path, writable) {
         Ok(index) => index,
         Err(error) => {
             damage("its beginning", error.to_string());

@@ -104,10 +104,11 @@ impl Index {
         Ok(Index(connection))
     }
 
-    /// Opens an index that is there, to look at it.
-    pub fn open_existing(path: &Path) -> rusqlite::Result<Index> {
-        // Not read-only: SQLite must be able to roll back what a killed process had begun.
-        Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map(Index)
+    /// Opens an index that is there, to look at it. Read-only only where its folder is: SQLite must be able to roll back
+    /// what a killed process had begun.
+    pub fn open_existing(path: &Path, writable: bool) -> rusqlite::Result<Index> {
+        let flags = if writable { OpenFlags::SQLITE_OPEN_READ_WRITE } else { OpenFlags::SQLITE_OPEN_READ_ONLY };
+        Connection::open_with_flags(path, flags).map(Index)
     }
 
     /// Reads the whole index. A row that is malformed or was changed is an error.

@@ -12,7 +12,7 @@ mod transcript;
 
 pub use difference::{first_difference, shortened};
 pub use error::{Damage, Divergence, StoreError};
-pub use file::{copy, create_dir, list_files, read_bounded, read_head, remove_dir, remove_file, write_atomic};
+pub use file::{copy, create_dir, list_files, read_bounded, read_head, remove_dir, remove_file, rename, write_atomic};
 pub use fsck::{FsckReport, fsck};
 pub use objects::{MemoKind, Opening, Store};
 pub use text::{read_text, write_text};

@@ -5,7 +5,7 @@
 
 use std::{
     fs::{self, File, OpenOptions, TryLockError},
-    io::{Read, Seek, SeekFrom, Write},
+    io::{ErrorKind, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
     sync::{Mutex, MutexGuard},
 };
@@ -284,6 +284,18 @@ pub(super) fn take_lock(dir: &Path) -> Result<File, StoreError> {
             Err(StoreError::Locked { path: dir.to_path_buf(), holder: format!("process {holder}") })
         }
         Err(TryLockError::Error(source)) => Err(io(source)),
+    }
+}
+
+/// The same for who only looks: a folder that cannot be written to has no other writer, and is looked at without a lock.
+pub(super) fn take_lock_to_look(dir: &Path) -> Result<Option<File>, StoreError> {
+    match take_lock(dir) {
+        Err(StoreError::Io { source, .. })
+            if matches!(source.kind(), ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem) =>
+        {
+            Ok(None)
+        }
+        lock => lock.map(Some),
     }
 }
 

@@ -53,6 +53,8 @@ pub struct Transcript {
     file: File,
     /// Hashes of the events that the file held when it was opened. The events themselves are on disk only.
     recorded: Vec<Digest>,
+    /// Whether the last of them is a seal.
+    recorded_seal: bool,
     /// How many events this run has produced, or has accepted as recorded.
     confirmed: usize,
     /// Hash of the last of them.
@@ -121,31 +123,27 @@ impl Transcript {
             .open(path)
             .map_err(|source| StoreError::io("create", path, source))?;
         lock(&file, path)?;
-        Ok(Transcript::at_start(path, file, Vec::new()))
+        Ok(Transcript::at_start(path, file, Vec::new(), false))
     }
 
     /// Opens for appending behind the recorded events. A line that was cut off while it was written is removed; any other
     /// damage is an error that names the line.
     pub fn open(path: &Path) -> Result<Transcript, StoreError> {
-        let (mut transcript, sealed) = Transcript::recorded(path)?;
+        let mut transcript = Transcript::continue_from_start(path)?;
         transcript.confirmed = transcript.recorded.len();
         transcript.head = transcript.recorded.last().copied().unwrap_or(transcript.head);
-        transcript.sealed = sealed.then(|| transcript.confirmed as u64 - 1);
+        transcript.sealed = transcript.recorded_seal.then(|| transcript.confirmed as u64 - 1);
         Ok(transcript)
     }
 
-    fn at_start(path: &Path, file: File, recorded: Vec<Digest>) -> Transcript {
-        Transcript { path: path.to_path_buf(), file, recorded, confirmed: 0, head: genesis(), sealed: None }
+    fn at_start(path: &Path, file: File, recorded: Vec<Digest>, recorded_seal: bool) -> Transcript {
+        let path = path.to_path_buf();
+        Transcript { path, file, recorded, recorded_seal, confirmed: 0, head: genesis(), sealed: None }
     }
 
     /// Opens for a run that starts over: each appended event is first compared with the recorded one at its place, and
     /// writing begins where the recorded ones end.
     pub fn continue_from_start(path: &Path) -> Result<Transcript, StoreError> {
-        Ok(Transcript::recorded(path)?.0)
-    }
-
-    /// Locks a transcript and takes in what it holds; says whether a seal is the last of it.
-    fn recorded(path: &Path) -> Result<(Transcript, bool), StoreError> {
         let io = |source| StoreError::io("open", path, source);
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
         lock(&file, path)?;
@@ -159,7 +157,7 @@ impl Transcript {
         if unfinished {
             file.write_all(b"\n").map_err(io)?;
         }
-        Ok((Transcript::at_start(path, file, hashes), sealed))
+        Ok(Transcript::at_start(path, file, hashes, sealed))
     }
 
     /// Adds an event and gives its hash. The body is stored as the JSON it serialises to; NaN and infinities are refused.
@@ -211,6 +209,11 @@ impl Transcript {
     /// Hash of the last event that this run produced or accepted; before the first one, the digest of the format's name.
     pub fn head(&self) -> Digest {
         self.head
+    }
+
+    /// Whether the file held a sealed transcript when it was opened.
+    pub fn is_recorded_whole(&self) -> bool {
+        self.recorded_seal
     }
 
     /// How many recorded events a continued run still has to reproduce.

@@ -16,6 +16,7 @@ mod families_isolation;
 mod families_signatures;
 mod harness;
 mod language;
+mod ledger;
 #[cfg(feature = "live")]
 mod live;
 mod models;

@@ -4,7 +4,7 @@ mod data;
 mod packed;
 mod stage;
 
-pub use stage::{Playable, Stage};
+pub use stage::{Playable, Stage, Unplayed};
 
 use super::recorded_run::RecordedRun;
 use crate::draw::{PLAYER_CSS, PLAYER_JS, script_json};

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::stage::{Playable, Stage};
+use super::stage::{Playable, Stage, Unplayed};
 use crate::draw::{Actor, Drawing};
 use crate::kernel::{Vec2, num};
 
@@ -24,7 +24,12 @@ pub fn stage(stage: &Stage) -> Value {
             "caption": playable.caption,
         })
     };
-    json!({"scenes": scenes, "rollouts": stage.rollouts.iter().map(rollout).collect::<Vec<_>>()})
+    let mut packed = json!({"scenes": scenes, "rollouts": stage.rollouts.iter().map(rollout).collect::<Vec<_>>()});
+    if !stage.unplayed.is_empty() {
+        let said = |of: &Unplayed| json!({"solution": of.solution, "scene": of.scene, "reason": of.reason});
+        packed["unplayed"] = stage.unplayed.iter().map(said).collect();
+    }
+    packed
 }
 
 fn drawing(scene: &Drawing) -> Value {

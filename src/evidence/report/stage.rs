@@ -10,6 +10,17 @@ pub struct Stage {
     /// Scene id -> the scene as it was recorded.
     pub scenes: BTreeMap<String, Drawing>,
     pub rollouts: Vec<Playable>,
+    /// Rollouts that would be played, had they come to one.
+    pub unplayed: Vec<Unplayed>,
+}
+
+/// A program that has no rollout in a scene that the report plays.
+#[derive(Clone, Debug)]
+pub struct Unplayed {
+    pub solution: String,
+    pub scene: String,
+    /// Why it cannot be compiled or rolled out there.
+    pub reason: String,
 }
 
 /// A rollout as what it changed: actors not named here move as recorded.

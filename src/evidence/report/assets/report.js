@@ -259,6 +259,7 @@
     return { ...base, actors: [...ghosts, ...kept.filter((a) => a.role !== "ego"), ...changed.values(), ...kept.filter((a) => a.role === "ego")], contact: rollout.contact };
   }
   function drawPlayer() {
+    byId("play-lacking").append(...(stage.unplayed || []).map((u) => el("li", {}, `${u.solution} in ${u.scene} cannot be played: ${u.reason}`)));
     const solutions = [...new Map(stage.rollouts.map((p) => [p.solution, p.role]))];
     if (!solutions.length) { byId("play-caption").textContent = "No rollout was kept for playing."; return; }
     byId("play-solution").append(...solutions.map(([solution, role]) => el("option", { value: solution }, `${solution} – ${role}`)));

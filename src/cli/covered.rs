@@ -1,0 +1,140 @@
+//! What the seal of a run covers: which files of its folder say what the sealed events say, and which nothing speaks for.
+
+use serde_json::{Value, json};
+
+use super::folder::RunFolder;
+use crate::evidence::RecordedRun;
+use crate::experiment::{Experiment, read_pool};
+use crate::kernel::Digest;
+use crate::llm::Cassette;
+use crate::objects::Exchange;
+use crate::store;
+
+/// Bytes that a result file may have.
+pub const RESULT_BYTES_MAX: u64 = 1 << 28;
+
+/// What was found.
+#[derive(Debug, Default)]
+pub struct Coverage {
+    /// Files that are not what the events say, each with what was expected, what was found and what to do.
+    pub damage: Vec<String>,
+    /// Files that the events speak for and that are as they say.
+    pub covered: Vec<String>,
+    /// Files of the folder that no digest speaks for.
+    pub uncovered: Vec<String>,
+    /// What is unfinished and no damage.
+    pub notes: Vec<String>,
+}
+
+/// Files whose bytes are anybody's, and what they are for.
+const UNCOVERED: [&str; 6] = ["run.json", "cost.json", "report.html", "spend.json", "rollouts.jsonl", "exchange"];
+
+/// Compares a folder's files with a run's events; with `read`, also those that take long.
+pub fn coverage(folder: &RunFolder, story: &RecordedRun, read: bool) -> Coverage {
+    let mut coverage = Coverage::default();
+    let recording = folder.card().is_ok_and(|card| card.recording);
+    coverage.file("experiment.toml", experiment(folder, story));
+    if read {
+        coverage.file("scenes.pool", pool(folder, story));
+    }
+    if recording {
+        coverage.notes.push("a recording that is not finished; `evodrive resume` goes on with it".into());
+    } else {
+        if read {
+            coverage.file("cassette.jsonl", cassette(folder, story));
+        }
+        match (&story.result, folder.result().exists()) {
+            (Some(_), _) => coverage.file("result.json", result(folder, story)),
+            (None, true) => coverage.damage.push(lost_end(folder, story)),
+            (None, false) => {
+                coverage.notes.push("a run that is not finished; `evodrive resume` goes on with it".into());
+            }
+        }
+    }
+    let there = UNCOVERED.into_iter().filter(|name| folder.dir.join(name).exists());
+    coverage.uncovered.extend(there.map(String::from));
+    coverage
+}
+
+impl Coverage {
+    fn file(&mut self, name: &str, checked: Result<(), String>) {
+        match checked {
+            Ok(()) => self.covered.push(name.to_string()),
+            Err(what) => self.damage.push(what),
+        }
+    }
+}
+
+fn experiment(folder: &RunFolder, story: &RecordedRun) -> Result<(), String> {
+    let path = folder.experiment();
+    let found = Experiment::read(&path).map_err(|error| error.to_string())?.digest();
+    same(&path, "an experiment", story.opened.experiment, found.map_err(|error| error.to_string())?)
+}
+
+fn pool(folder: &RunFolder, story: &RecordedRun) -> Result<(), String> {
+    let path = folder.pool();
+    let found = read_pool(&path).map_err(|error| error.to_string())?.digest();
+    same(&path, "a pool", story.opened.pool, found)
+}
+
+fn same(path: &std::path::Path, what: &str, expected: Digest, found: Digest) -> Result<(), String> {
+    if expected == found {
+        return Ok(());
+    }
+    let path = path.display();
+    Err(format!(
+        "{path}: expected {what} of digest {expected}, as the run's first event has it, found {found}; {RESTORE}"
+    ))
+}
+
+const RESTORE: &str = "restore the file, or delete the folder and run the experiment again";
+
+/// Every answer that an event names is in the cassette, with the bytes that the event names.
+fn cassette(folder: &RunFolder, story: &RecordedRun) -> Result<(), String> {
+    let path = folder.cassette();
+    let cassette = Cassette::load(&path).map_err(|error| error.to_string())?;
+    let wrong = |exchange: &&Exchange| {
+        cassette.get(&exchange.request).is_none_or(|recorded| recorded.response != exchange.response)
+    };
+    let all: Vec<&Exchange> = exchanges(story).collect();
+    let Some(first) = all.iter().copied().find(wrong) else { return Ok(()) };
+    let (lacking, role, key) = (all.iter().copied().filter(wrong).count(), first.role.name(), first.request);
+    let found = if cassette.get(&key).is_some() { "another one" } else { "none" };
+    Err(format!(
+        "{}: expected the answer of the {role} to request {key}, found {found}; {lacking} of {} answers that the events name are lacking; {RESTORE}",
+        path.display(),
+        all.len()
+    ))
+}
+
+fn exchanges(story: &RecordedRun) -> impl Iterator<Item = &Exchange> {
+    let attempts = story.attempts.iter().flat_map(|attempt| &attempt.proposal.exchanges);
+    let composed = story.composed.iter().flat_map(|composed| &composed.exchanges);
+    attempts.chain(composed).chain(story.counsels.iter().flat_map(|counsel| &counsel.exchanges))
+}
+
+fn result(folder: &RunFolder, story: &RecordedRun) -> Result<(), String> {
+    let path = folder.result();
+    let anew = "`evodrive resume` writes it anew from the events";
+    let bytes = store::read_bounded(&path, RESULT_BYTES_MAX).map_err(|error| format!("{error}; {anew}"))?;
+    let expected = json!({"root": story.root, "result": story.result});
+    match serde_json::from_slice::<Value>(&bytes) {
+        Ok(found) if found == expected => Ok(()),
+        Ok(found) => {
+            let (field, sealed, found) = store::first_difference("", &expected, &found);
+            Err(format!("{}: {field}: expected {sealed}, as it was sealed, found {found}; {anew}", path.display()))
+        }
+        Err(error) => Err(format!("{}: expected the sealed result, found no JSON: {error}; {anew}", path.display())),
+    }
+}
+
+fn lost_end(folder: &RunFolder, story: &RecordedRun) -> String {
+    let root = store::read_bounded(&folder.result(), RESULT_BYTES_MAX).ok();
+    let root = root.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()?["root"].as_str().map(String::from));
+    format!(
+        "{}: expected the seal of a finished run, whose root is {} by its result, found events that end at {}; `evodrive resume` derives what is lost",
+        folder.transcript().display(),
+        root.as_deref().unwrap_or("not readable"),
+        story.root
+    )
+}

@@ -1,7 +1,7 @@
 //! The template agent: composes a scenario template from a description (ChatScene's step from text to snippets).
 //!
-//! An unusable answer is recorded with its reason and shown to the agent. When the rounds are used up, the published
-//! template stays.
+//! An unusable answer is recorded with its reason and shown to the agent, a usable one is tried in the simulator and its outcome is
+//! shown. When the rounds are used up, the template that made the ego fail most often is taken; without any, the published one stays.
 
 use serde_json::json;
 
@@ -14,7 +14,10 @@ use super::{
 };
 use crate::{
     llm::{Ask, ModelSpec, Request, Text},
-    objects::{Composed, Composition, Exchange, LineageId, Role, composition::TemplateForm},
+    objects::{
+        Composed, Composition, Exchange, LineageId, Role,
+        composition::{TemplateForm, TemplateTrial},
+    },
 };
 
 /// One description.
@@ -34,19 +37,22 @@ pub struct Order<'a> {
     pub model: &'a ModelSpec,
 }
 
-/// Asks until an answer can be used or the rounds are used up.
+/// Asks until a template makes the ego fail in every scene in which it was tried, or the rounds are used up. `tried` says what the
+/// simulator makes of a template.
 ///
-/// # Errors The errors of asking. A useless answer of a model is not an error.
-pub fn compose(order: &Order<'_>, ask: &dyn Ask) -> Result<Composed, AgentError> {
-    let shown = shown(order)?;
-    let (mut exchanges, mut template, mut refused): (Vec<Exchange>, Option<Composition>, Option<String>) =
-        (vec![], None, None);
+/// # Errors The errors of asking and of `tried`. A useless answer of a model is not an error.
+pub fn compose<E: From<AgentError>>(
+    order: &Order<'_>,
+    ask: &dyn Ask,
+    tried: &dyn Fn(&Composition) -> Result<TemplateTrial, E>,
+) -> Result<Composed, E> {
+    let shown = shown(order).map_err(AgentError::from)?;
+    let (mut exchanges, mut trials, mut refused): (Vec<Exchange>, Vec<TemplateTrial>, Option<String>) =
+        (vec![], vec![], None);
     for round in 0..order.rounds {
-        let reply = ask.ask(&request(order, &shown, round, refused.as_deref())?)?;
-        let answer = reply::template(&reply.bytes).and_then(|template| match order.form.fault(&template) {
-            None => Ok(template),
-            Some(fault) => Err(reply::Refusal(fault)),
-        });
+        let asked = request(order, &shown, round, refused.as_deref(), &trials).map_err(AgentError::from)?;
+        let reply = ask.ask(&asked).map_err(AgentError::from)?;
+        let answer = reply::template(&reply.bytes).and_then(|template| usable(order, template, &trials));
         refused = answer.as_ref().err().map(ToString::to_string);
         exchanges.push(Exchange {
             role: Role::TemplateAgent,
@@ -56,18 +62,37 @@ pub fn compose(order: &Order<'_>, ask: &dyn Ask) -> Result<Composed, AgentError>
             model: order.model.name.clone(),
             refusal: refused.clone(),
         });
-        if let Ok(answer) = answer {
-            template = Some(answer);
-            break;
+        if let Ok(template) = answer {
+            let trial = tried(&template)?;
+            let done = !trial.leaves_room();
+            trials.push(trial);
+            if done {
+                break;
+            }
         }
     }
+    // The last of the largest in reverse order is the first in theirs.
+    let best = trials.iter().rev().max_by_key(|trial| trial.collided);
     Ok(Composed {
+        template: best.map(|trial| trial.template.clone()),
+        trials,
         lineage: order.lineage.clone(),
         kind: order.form.kind.into(),
         description: order.description.into(),
         exchanges,
-        template,
     })
+}
+
+/// The template, if it fits the form and is not one that was tried.
+fn usable(order: &Order<'_>, template: Composition, trials: &[TemplateTrial]) -> Result<Composition, reply::Refusal> {
+    let same = |trial: &TemplateTrial| {
+        trial.template.behaviour == template.behaviour && trial.template.ranges == template.ranges
+    };
+    match order.form.fault(&template) {
+        Some(fault) => Err(reply::Refusal(fault)),
+        None if trials.iter().any(same) => Err(reply::Refusal("this template was tried before".into())),
+        None => Ok(template),
+    }
 }
 
 /// The description and the possible choices, written once for all rounds.
@@ -83,8 +108,15 @@ fn shown(order: &Order<'_>) -> Result<Text, PromptError> {
     Ok(fill("template.md", &blocks)?.into())
 }
 
-fn request(order: &Order<'_>, shown: &Text, round: u32, refused: Option<&str>) -> Result<Request, PromptError> {
-    let blocks = refused.map(|refusal| ("Refused", json!({"refusal": refusal}))).into_iter().collect();
+fn request(
+    order: &Order<'_>,
+    shown: &Text,
+    round: u32,
+    refused: Option<&str>,
+    trials: &[TemplateTrial],
+) -> Result<Request, PromptError> {
+    let told = (!trials.is_empty()).then(|| ("Tried", json!(trials)));
+    let blocks = refused.map(|refusal| ("Refused", json!({"refusal": refusal}))).into_iter().chain(told).collect();
     let (lineage, slot, model) = (order.lineage, order.slot, order.model);
     Aside { lineage, slot, role: Role::TemplateAgent, round, model, shown }.request(&[], blocks)
 }

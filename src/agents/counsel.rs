@@ -15,7 +15,7 @@ use crate::{
     llm::{Ask, ModelSpec},
     objects::{
         Counsel, Exchange, LineageId, Role,
-        counsel::{CounselRound, Failure, Proposer, Trial, Vehicle},
+        counsel::{CounselRound, EgoPlace, Failure, Proposer, Trial, Vehicle},
     },
 };
 
@@ -30,6 +30,8 @@ pub struct Case<'a> {
     pub slot: u32,
     /// The fixed driver, in a sentence.
     pub ego: &'a str,
+    /// Its undisturbed drive, second by second.
+    pub drive: &'a [EgoPlace],
     /// Vehicles that may attack, in the order in which the rules propose them.
     pub vehicles: &'a [Vehicle],
     /// Most vehicles of a set.
@@ -199,6 +201,11 @@ mod tests {
         }
     }
 
+    const DRIVE: [EgoPlace; 2] = [
+        EgoPlace { at_s: 0.0, ahead_m: 0.0, left_m: 0.0, speed_mps: 8.125 },
+        EgoPlace { at_s: 1.0, ahead_m: 8.0, left_m: -0.515, speed_mps: 7.5 },
+    ];
+
     pub fn vehicle(track: usize, id: &str) -> Vehicle {
         Vehicle {
             track,
@@ -213,6 +220,7 @@ mod tests {
             time_to_collision_s: None,
             conflict: true,
             reach: false,
+            arrivals_s: Some([2.512, 3.25]),
         }
     }
 
@@ -232,8 +240,17 @@ mod tests {
         let spec =
             ModelSpec { name, kind, model, sampling: BTreeMap::new(), response_format: None, body: BTreeMap::new() };
         let (vehicles, model) = (&vehicles, &spec);
-        let case =
-            Case { lineage: &lineage, scene: "s", slot: 17, ego: "replay", vehicles, attackers_max: 2, rounds, model };
+        let case = Case {
+            lineage: &lineage,
+            scene: "s",
+            slot: 17,
+            ego: "replay",
+            drive: &DRIVE,
+            vehicles,
+            attackers_max: 2,
+            rounds,
+            model,
+        };
         let (ask, turn) = (Answers::new(answers), Mutex::new(0));
         let tried = |_: &Counsel| {
             let mut turn = turn.lock().unwrap();

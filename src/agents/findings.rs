@@ -3,7 +3,7 @@
 
 use serde_json::{Map, Value, json};
 
-use crate::objects::{GateReport, Role, attempt::Gate};
+use crate::objects::{GateReport, GateVerdict, Role, attempt::Gate};
 
 /// What the deterministic gates and the compiler say of a patch, before its critics are asked.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,15 +36,15 @@ pub fn for_repair(findings: &Findings) -> Value {
 }
 
 fn shown(findings: &Findings, of: impl Fn(Gate) -> bool) -> Value {
+    let name = |verdict: &GateVerdict| format!("{:?}", verdict.gate).to_lowercase();
     let verdicts = findings.gates.verdicts.iter().filter(|verdict| of(verdict.gate));
-    let gates: Map<String, Value> = verdicts
-        .map(|verdict| {
-            let said = if verdict.problems.is_empty() { json!("passed") } else { json!(verdict.problems) };
-            (format!("{:?}", verdict.gate).to_lowercase(), said)
-        })
-        .collect();
+    let (passed, refused): (Vec<&GateVerdict>, Vec<&GateVerdict>) =
+        verdicts.partition(|verdict| verdict.problems.is_empty());
+    let gates: Map<String, Value> =
+        refused.into_iter().map(|verdict| (name(verdict), json!(verdict.problems))).collect();
     json!({
         "gates": gates,
+        "passed": passed.into_iter().map(name).collect::<Vec<String>>().join(", "),
         "probe_scenes": {"compiled": findings.compared, "motion_differs_from_parent": findings.differing},
     })
 }

@@ -1,15 +1,15 @@
 //! Past edits with what they did, as prompts show them.
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 use crate::kernel::num;
 use crate::objects::{AttemptId, Operation, OperationKind, SolutionId};
 
 /// Characters of an operation's value that are shown.
-const VALUE_CHARS: usize = 420;
+const VALUE_CHARS: usize = 260;
 /// Characters of a hypothesis that are shown.
-const HYPOTHESIS_CHARS: usize = 180;
+const HYPOTHESIS_CHARS: usize = 110;
 /// Changes of diagnostics and clusters smaller than this are not shown.
 const CHANGE_MIN: f64 = 0.002;
 /// Scenes won or lost that are named.
@@ -56,14 +56,16 @@ pub struct Change {
 }
 
 impl PastEdit {
-    /// As a prompt shows it.
-    pub fn shown(&self) -> Value {
+    /// As a prompt about a parent shows it.
+    pub fn shown(&self, parent: &SolutionId) -> Value {
         let mut shown = json!({
             "attempt": self.attempt,
-            "parent": self.parent,
             "ended": self.ended,
             "operations": self.operations.iter().map(operation).collect::<Vec<String>>(),
         });
+        if self.parent != *parent {
+            shown["parent"] = json!(self.parent);
+        }
         if !self.hypothesis.is_empty() {
             shown["hypothesis"] = cut(&self.hypothesis, HYPOTHESIS_CHARS).into();
         }
@@ -71,33 +73,33 @@ impl PastEdit {
             shown["problems"] = json!(self.problems);
         }
         if let Some(change) = &self.change {
-            shown["change"] = change.shown();
+            shown["change"] = change.shown().into();
         }
         shown
     }
 }
 
 impl Change {
-    fn shown(&self) -> Value {
-        let mut shown = json!({
-            "scenes": self.scenes,
-            "attack": with_error(self.attack),
-            "realism": with_error(self.realism),
-            "coverage": signed(self.coverage),
-        });
+    /// In one line: what is 0 is left out.
+    fn shown(&self) -> String {
+        let (attack, realism) = (with_error(self.attack), with_error(self.realism));
+        let mut text = format!("{} scenes: attack {attack}, realism {realism}", self.scenes);
+        if self.coverage.abs() >= CHANGE_MIN {
+            text.push_str(&format!(", coverage {}", signed(self.coverage)));
+        }
         for (title, all) in [("diagnostics", &self.diagnostics), ("clusters", &self.clusters)] {
             let moved = all.iter().filter(|(_, change)| change.abs() >= CHANGE_MIN);
-            let moved: Map<String, Value> = moved.map(|(name, x)| (name.clone(), signed(*x).into())).collect();
+            let moved: Vec<String> = moved.map(|(name, x)| format!("{name} {}", signed(*x))).collect();
             if !moved.is_empty() {
-                shown[title] = moved.into();
+                text.push_str(&format!("; {title} {}", moved.join(", ")));
             }
         }
         for (title, scenes) in [("won", &self.won), ("lost", &self.lost)] {
             if !scenes.is_empty() {
-                shown[title] = named(scenes).into();
+                text.push_str(&format!("; {title} {}", named(scenes)));
             }
         }
-        shown
+        text
     }
 }
 
@@ -116,9 +118,45 @@ fn operation(operation: &Operation) -> String {
         OperationKind::Remove => "remove",
     };
     match &operation.value {
-        Some(value) => format!("{word} {} {}", operation.path, cut(&value.to_string(), VALUE_CHARS)),
+        Some(value) => format!("{word} {} {}", operation.path, cut(&value_text(value), VALUE_CHARS)),
         None => format!("{word} {}", operation.path),
     }
+}
+
+/// A module, a node or a rule in words; anything else as JSON.
+fn value_text(value: &Value) -> String {
+    let field = |name: &str| value[name].as_str().unwrap_or_default();
+    let list = |name: &str| {
+        let items = value[name].as_array().into_iter().flatten();
+        items.filter_map(Value::as_str).collect::<Vec<_>>().join(" ")
+    };
+    if value.get("expression").is_some() {
+        return format!("{}, tags {}: {}", field("slot"), list("tags"), field("expression"));
+    }
+    if value.get("kind").is_some() {
+        let settings = settings(&value["settings"], "");
+        return format!("{} {}, inputs {}{settings}", field("slot"), field("kind"), list("inputs"));
+    }
+    if value.get("when").is_some() {
+        let nodes = value["operators"].as_object().into_iter().flatten();
+        let nodes = nodes.map(|(node, own)| settings(own, &format!("{node}.")));
+        let parameters = settings(&value["parameters"], "");
+        return format!("{} when {}{parameters}{}", field("name"), field("when"), nodes.collect::<String>());
+    }
+    value.as_str().map_or_else(|| value.to_string(), str::to_string)
+}
+
+/// `, name = value` for each setting, without those that are the parameter of their name.
+fn settings(all: &Value, before: &str) -> String {
+    let one = |(name, value): (&String, &Value)| {
+        let of = |kind: &str| value[kind].as_str();
+        match (of("parameter"), of("mechanism")) {
+            (Some(parameter), _) if parameter == name => String::new(),
+            (Some(referred), _) | (_, Some(referred)) => format!(", {before}{name} = {referred}"),
+            _ => format!(", {before}{name} = {}", value_text(value)),
+        }
+    };
+    all.as_object().into_iter().flatten().map(one).collect()
 }
 
 fn cut(text: &str, chars: usize) -> String {

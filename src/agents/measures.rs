@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::template::{PromptError, fill};
+use crate::kernel::num;
 
 /// How programs are labelled and accepted.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,16 +65,16 @@ pub struct Acceptance {
 
 /// What each diagnostic measures, in words, and its form.
 const MEANINGS: [(&str, &str); 10] = [
-    ("map_validity", "off_road_m: how far a corner of the box leaves the lanes"),
-    ("lane_direction", "wrong_way_m: way driven against the lanes"),
+    ("map_validity", "how far a corner of its box leaves the lanes, m"),
+    ("lane_direction", "way driven against the lanes, m"),
     ("route_completion", "share of its own recorded way that it drove by then"),
     ("initial_non_overlap", "1 unless it overlaps somebody when it is first moved"),
     ("collision_validity", "1 unless it touches another moving road user than the ego"),
     ("parked_obstacles", "1 unless it touches something that stands"),
-    ("trajectory_continuity", "worst of jumps, kinks and roughness of its places"),
-    ("bounded_acceleration", "acceleration_mps2: largest along its heading"),
-    ("bounded_jerk", "jerk_mps3: largest change of acceleration"),
-    ("bounded_slip", "slip_mps: speed across its heading"),
+    ("trajectory_continuity", "the worst of jumps, kinks and roughness of its places, m"),
+    ("bounded_acceleration", "largest acceleration or braking along its heading, m/s^2"),
+    ("bounded_jerk", "jerk: largest change of acceleration, m/s^3"),
+    ("bounded_slip", "speed across its heading, m/s"),
 ];
 
 impl Measures {
@@ -88,6 +89,9 @@ impl Measures {
             Protocol::Metadrive { counts, counts_if_avoidable, diagnostics } => {
                 values["counts"] = listed(counts).into();
                 values["counts_if_avoidable"] = listed(counts_if_avoidable).into();
+                let first = diagnostics.first().map(|diagnostic| diagnostic.weight);
+                let alike = first.filter(|first| diagnostics.iter().all(|diagnostic| diagnostic.weight == *first));
+                values["weight"] = alike.into();
                 values["diagnostics"] = diagnostics.iter().map(row).collect::<Vec<Value>>().into();
                 fill("objectives_metadrive.md", &values)
             }
@@ -106,7 +110,11 @@ fn listed(names: &[String]) -> String {
 
 fn row(diagnostic: &Diagnostic) -> Value {
     let meaning = MEANINGS.iter().find(|(name, _)| *name == diagnostic.name).map_or("", |(_, meaning)| meaning);
-    let limits = diagnostic.limits.iter().map(|(name, bound, tolerance)| format!("{name} {bound:.3}, {tolerance:.3}"));
+    let several = diagnostic.limits.len() > 1;
+    let limits = diagnostic.limits.iter().map(|(name, bound, tolerance)| {
+        let name = if several { format!("{name} ") } else { String::new() };
+        format!("{name}{}, {}", num::rounded(*bound, 2), num::rounded(*tolerance, 2))
+    });
     json!({
         "name": diagnostic.name,
         "weight": diagnostic.weight,

@@ -10,10 +10,9 @@ use serde_json::{Value, json};
 use super::{
     examples::{Examples, examples},
     findings::{self, Findings},
-    history::PastEdit,
-    json_text::{dense_json, lean_json, lines, stable_json},
+    json_text::{dense_json, lean_json, stable_json},
     measures::Measures,
-    reply,
+    reply, reply_form, tables,
     task::{Context, ParentOutcome, Task},
     template::{PromptError, fill},
     window,
@@ -22,7 +21,7 @@ use crate::{
     adapters::{ADAPTER_VERSION, Contract},
     kernel::num,
     llm::{DrawSlot, Message, ModelSpec, Request, Schema, Text},
-    objects::{Card, CardKind, LineageId, Program, ProgramPatch, Review, Role, Slot},
+    objects::{Advice, Card, CardKind, LineageId, Program, ProgramPatch, Review, Role, Slot},
 };
 
 /// Decimals of objectives, shares and diagnostics in prompts. Parameters of a program are shown as they are.
@@ -46,7 +45,7 @@ fn role_template(role: Role) -> Option<&'static str> {
 
 /// A patch as critics and repair see it.
 pub fn patch_text(patch: &ProgramPatch) -> Result<String, PromptError> {
-    Ok(stable_json(&to_value(patch)?))
+    Ok(dense_json(&to_value(patch)?, 2))
 }
 
 /// What a handbook is made of. Nothing of it changes during a run.
@@ -80,7 +79,7 @@ impl Handbook {
             "family": contract.family,
             "measures": measures.text()?.trim_end(),
             "limits": contract.limits,
-            "protected_words": protected_words.join(", "),
+            "protected_words": protected_words.join(" "),
             "filters": contract.operators.get(&Slot::Filter).is_some_and(|kinds| !kinds.is_empty()),
             "examples": {"works": works, "rule": rule},
             "contract": contract_text,
@@ -115,20 +114,18 @@ impl Briefing {
             "parent_program_hash": context.parent_hash.to_hex(),
             "ego": context.ego,
         });
-        let history: Vec<Value> = context.history.iter().map(PastEdit::shown).collect();
-        let front: Vec<Value> = context.front.iter().map(to_value).collect::<Result<_, _>>()?;
-        let clusters: Vec<Value> = context.clusters.iter().map(to_value).collect::<Result<_, _>>()?;
+        let history: Vec<Value> = context.history.iter().map(|edit| edit.shown(&context.parent.solution_id)).collect();
         let blocks = json!({
             "lineage": context.lineage,
             "epoch": context.epoch,
-            "identity": stable_json(&identity),
+            "identity": dense_json(&identity, 1),
             "parent": dense_json(&shown_parent(to_value(context.parent)?), 2),
-            "outcomes": stable_json(&shown_outcomes(context.parent_outcome)?),
-            "window": lines(&window::table(context.window)),
-            "clusters": lines(&rounded(clusters.into())),
-            "front": lines(&rounded(front.into())),
-            "history": lines(&history.into()),
-            "memory": lines(&shown_memory(context)),
+            "outcomes": lean_json(&shown_outcomes(context.parent_outcome)),
+            "window": window::table(context.window),
+            "clusters": tables::clusters(context.clusters),
+            "front": tables::front(context.front),
+            "history": dense_json(&history.into(), 1),
+            "memory": dense_json(&shown_memory(context), 1),
         });
         let text = fill("context.md", &blocks)?.into();
         let handbook = context.handbook.text().clone();
@@ -263,7 +260,7 @@ fn no_part(role: Role) -> PromptError {
 fn instruct(role: Role) -> Result<Instructions, PromptError> {
     let name = role_template(role).ok_or_else(|| no_part(role))?;
     let schema = reply::schema(role);
-    let text = fill(name, &json!({"schema": lean_json(&schema)}))?.into();
+    let text = fill(name, &json!({"form": reply_form::form(&schema)}))?.into();
     let schema = Schema::new(schema).map_err(|error| PromptError { template: name, reason: error.to_string() })?;
     Ok(Instructions { text, schema })
 }
@@ -282,21 +279,39 @@ fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>)
         Subject::None => vec![],
         Subject::Review { patch, findings, unusable } => {
             let shown =
-                vec![block("Patch", patch), block("Findings", &stable_json(&findings::for_critic(role, findings)))];
+                vec![block("Patch", patch), block("Findings", &dense_json(&findings::for_critic(role, findings), 1))];
             shown.into_iter().chain(unusable.map(|(reply, refusal)| unreadable(reply, refusal))).collect()
         }
         Subject::Repair { patch, reviews, findings } => vec![
             block("Patch", patch),
-            block("Reviews", &stable_json(&to_value(reviews)?)),
-            block("Findings", &stable_json(&findings::for_repair(findings))),
+            block("Reviews", &dense_json(&objections(reviews), 1)),
+            block("Findings", &dense_json(&findings::for_repair(findings), 1)),
         ],
         Subject::Unreadable { reply, refusal } => vec![unreadable(reply, refusal)],
     };
     task_text(slot, &asked, &blocks)
 }
 
-/// The parts of the parent that may be edited.
+/// The reviews that object: what a repair must clear.
+fn objections(reviews: &[Review]) -> Value {
+    let objects = reviews.iter().filter(|review| review.decision != Advice::Approve);
+    let shown = |review: &Review| {
+        json!({
+            "role": review.role, "decision": review.decision, "blockers": review.blockers,
+            "repair_hints": review.repair_hints,
+        })
+    };
+    objects.map(shown).collect()
+}
+
+/// The parts of the parent that may be edited, without settings that the context's text tells: those that refer to the parameter of
+/// their name.
 fn shown_parent(mut parent: Value) -> Value {
+    for node in parent["operator_graph"].as_object_mut().into_iter().flatten().map(|(_, node)| node) {
+        if let Some(settings) = node["settings"].as_object_mut() {
+            settings.retain(|name, value| value["parameter"].as_str() != Some(name));
+        }
+    }
     if let Some(map) = parent.as_object_mut() {
         for inherited in
             ["ancestor_chain", "compile_contract", "lineage_id", "solution_id", "source_family", "generation"]
@@ -315,8 +330,10 @@ fn shown_memory(context: &Context<'_>) -> Value {
         if card.kind == CardKind::Critic || !in_history(card) {
             shown["text"] = json!(card.text);
         }
+        // Other kinds have in their text what matters.
+        let tagged = matches!(card.kind, CardKind::Success | CardKind::Failure);
         for (title, tags) in [("mechanism_tags", &card.mechanism_tags), ("scene_tags", &card.scene_tags)] {
-            if !tags.is_empty() {
+            if tagged && !tags.is_empty() {
                 shown[title] = json!(tags);
             }
         }
@@ -328,13 +345,19 @@ fn shown_memory(context: &Context<'_>) -> Value {
     context.memory.iter().map(card).collect()
 }
 
-fn shown_outcomes(outcome: Option<&ParentOutcome>) -> Result<Value, PromptError> {
-    let mut value = to_value(&outcome)?;
-    let weakest = outcome.and_then(ParentOutcome::weakest_diagnostic);
-    if let (Some(weakest), Some(parent)) = (weakest, value.as_object_mut()) {
-        parent.insert("weakest_diagnostic".into(), weakest.into());
-    }
-    Ok(rounded(value))
+/// Sums over the window; diagnostics only where they are not 1.
+fn shown_outcomes(outcome: Option<&ParentOutcome>) -> Value {
+    let Some(outcome) = outcome else { return Value::Null };
+    let below = outcome.diagnostics.iter().filter(|(_, value)| num::rounded(**value, SCORE_DECIMALS) < 1.0);
+    rounded(json!({
+        "attack": outcome.objectives.attack,
+        "realism": outcome.objectives.realism,
+        "coverage": outcome.coverage,
+        "scenes": outcome.scenes,
+        "without_label": outcome.failures,
+        "diagnostics": below.collect::<BTreeMap<_, _>>(),
+        "weakest_diagnostic": outcome.weakest_diagnostic(),
+    }))
 }
 
 /// Rounds measured numbers to the declared precision; integers stay as they are.

@@ -13,7 +13,7 @@ use crate::{
     llm::{Request, Text},
     objects::{
         Role,
-        counsel::{CounselRound, Vehicle},
+        counsel::{CounselRound, EgoPlace, Vehicle},
     },
 };
 
@@ -30,10 +30,15 @@ impl SceneText {
         let facts = json!({"scene": case.scene, "ego": case.ego, "attackers_max": case.attackers_max});
         let rows: Vec<Value> = case.vehicles.iter().map(row).collect();
         let vehicles = json!({"columns": COLUMNS, "rows": rows});
+        let drive = json!({
+            "columns": ["at_s", "ahead_m", "left_m", "speed_mps"],
+            "rows": case.drive.iter().map(place).collect::<Vec<Value>>(),
+        });
         let blocks = json!({
             "lineage": case.lineage,
             "scene": case.scene,
             "facts": stable_json(&facts),
+            "drive": stable_json(&drive),
             "vehicles": stable_json(&vehicles),
         });
         Ok(SceneText(fill("scene.md", &blocks)?.into()))
@@ -41,7 +46,7 @@ impl SceneText {
 }
 
 /// Columns of the table of vehicles.
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 13] = [
     "id",
     "length_m",
     "ahead_m",
@@ -53,10 +58,19 @@ const COLUMNS: [&str; 11] = [
     "time_to_collision_s",
     "conflict",
     "reach",
+    "arrives_s",
+    "ego_arrives_s",
 ];
 
+fn shown(x: f64) -> f64 {
+    num::rounded(x, TABLE_DECIMALS)
+}
+
+fn place(place: &EgoPlace) -> Value {
+    json!([place.at_s, place.ahead_m, place.left_m, place.speed_mps].map(shown))
+}
+
 fn row(vehicle: &Vehicle) -> Value {
-    let shown = |x: f64| num::rounded(x, TABLE_DECIMALS);
     json!([
         vehicle.id,
         shown(vehicle.length_m),
@@ -69,6 +83,8 @@ fn row(vehicle: &Vehicle) -> Value {
         vehicle.time_to_collision_s.map(shown),
         vehicle.conflict,
         vehicle.reach,
+        vehicle.arrivals_s.map(|[own, _]| shown(own)),
+        vehicle.arrivals_s.map(|[_, ego]| shown(ego)),
     ])
 }
 

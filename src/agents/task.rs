@@ -3,11 +3,16 @@
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-use super::{Handbook, history::PastEdit, window::SceneRow};
+use super::{
+    Handbook,
+    history::PastEdit,
+    tables::{Cluster, FrontPoint},
+    window::SceneRow,
+};
 use crate::{
     kernel::Digest,
     llm::ModelSpec,
-    objects::{AttemptId, Card, LineageId, Objectives, Program, Role, SolutionId},
+    objects::{Card, LineageId, Objectives, Program, Role},
 };
 
 /// Everything of the frozen snapshot that prompts of one lineage and epoch show. Every slot and every role sees the same.
@@ -39,22 +44,6 @@ pub struct Context<'a> {
     pub front: &'a [FrontPoint],
 }
 
-/// A group of scenes of the evolution split that patches may refer to.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Cluster {
-    /// The name by which `cluster_refs_used` cites it.
-    #[serde(rename = "ref")]
-    pub name: String,
-    /// Number of scenes in the group.
-    pub scenes: usize,
-    /// What the scenes have in common, in words.
-    pub describes: String,
-    /// Share of these scenes in which the parent's attack succeeded, 0..1.
-    pub attacked_share: Option<f64>,
-    /// Mean of scene features in the group: feature name -> value, units as in the contract.
-    pub features: BTreeMap<String, f64>,
-}
-
 /// The parent's labels, summarised over the scenes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParentOutcome {
@@ -75,20 +64,6 @@ impl ParentOutcome {
     pub fn weakest_diagnostic(&self) -> Option<&str> {
         self.diagnostics.iter().min_by(|a, b| a.1.total_cmp(b.1)).map(|(name, _)| name.as_str())
     }
-}
-
-/// A member of the lineage's non-dominated set.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FrontPoint {
-    /// Which program.
-    pub solution: SolutionId,
-    /// F(c).
-    pub objectives: Objectives,
-    /// The attempt that brought it, whose content the history shows; `None` for the first parent.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub attempt: Option<AttemptId>,
-    /// Whether it is the parent that is edited.
-    pub is_parent: bool,
 }
 
 /// The search target of a slot (paper: η).

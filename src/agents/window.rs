@@ -1,6 +1,5 @@
 //! The parent's outcome in each scene of the window, as a table that prompts show.
 
-use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 use crate::kernel::num;
@@ -33,29 +32,26 @@ pub struct SceneRow {
     pub diagnostics: BTreeMap<String, f64>,
 }
 
-const COLUMNS: [&str; 9] =
-    ["scene", "cluster", "tags", "adversaries", "attack", "outcome", "contact", "nearest_m", "below_1"];
-
-/// The table, its rows one a line.
-pub fn table(rows: &[SceneRow]) -> Value {
-    json!({"columns": COLUMNS, "rows": rows.iter().map(row).collect::<Vec<Value>>()})
+/// The table, a row a line.
+pub fn table(rows: &[SceneRow]) -> String {
+    let head = "scene | place and tags | adversaries | outcome | nearest_m | below 1".to_string();
+    [head].into_iter().chain(rows.iter().map(row)).collect::<Vec<_>>().join("\n")
 }
 
-fn row(row: &SceneRow) -> Value {
+fn row(row: &SceneRow) -> String {
     let below = row.diagnostics.iter().filter(|(_, value)| **value < SATISFIED);
     let mut below: Vec<String> = below.map(|(name, value)| format!("{name} {}", num::rounded(*value, 2))).collect();
     if !row.note.is_empty() {
         below.push(row.note.clone());
     }
-    json!([
-        row.scene,
-        row.cluster,
-        row.tags.join(" "),
-        row.actors.join(" "),
-        num::rounded(row.attack, 3),
-        row.outcome,
-        row.contact.as_deref().unwrap_or("none"),
-        row.nearest_m.map(|m| num::rounded(m, 1)),
-        below.join("; "),
-    ])
+    let tags = row.tags.iter().filter(|tag| **tag != row.cluster).map(String::as_str);
+    let place: Vec<&str> = [row.cluster.as_str()].into_iter().chain(tags).collect();
+    let contact = row.contact.as_deref().map(|class| format!(" {class}")).unwrap_or_default();
+    // Most attacks are 0 or 1, which the outcome says.
+    let share =
+        if row.attack > 0.0 && row.attack < 1.0 { format!(" {}", num::rounded(row.attack, 3)) } else { String::new() };
+    let nearest_m = row.nearest_m.map_or("-".into(), |m| num::rounded(m, 1).to_string());
+    let (place, actors, below) = (place.join(" "), row.actors.join(" "), below.join("; "));
+    let outcome = format!("{}{share}{contact}", row.outcome);
+    [row.scene.as_str(), &place, &actors, &outcome, &nearest_m, &below].join(" | ")
 }

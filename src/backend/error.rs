@@ -14,6 +14,16 @@ pub enum NoOutcome {
     Stop(BackendError),
 }
 
+impl NoOutcome {
+    /// Why, in words.
+    pub fn reason(self) -> String {
+        match self {
+            NoOutcome::Scene(reason) => reason,
+            NoOutcome::Stop(error) => error.to_string(),
+        }
+    }
+}
+
 impl From<SimError> for NoOutcome {
     fn from(error: SimError) -> NoOutcome {
         NoOutcome::Scene(error.to_string())

@@ -21,7 +21,7 @@ pub use replay::Replay;
 pub use request::{Answers, PROTOCOL, Request};
 pub use rollouts::Backend;
 pub use serve::{Served, hello, serve};
-pub use spec::{BackendOptions, WorkerOptions};
+pub use spec::{BackendOptions, PlanAround, WorkerOptions};
 pub use workers::{Broken, Line, Start, Workers};
 
 #[cfg(test)]

@@ -21,10 +21,24 @@ pub struct BackendOptions {
     /// Handed to the worker with every request.
     #[serde(default)]
     pub options: BTreeMap<String, Value>,
+    /// Around whose drive families plan.
+    #[serde(default)]
+    pub plan_around: PlanAround,
     /// File of the recorded rollouts, relative to the experiment file. It counts into no key.
     pub cassette: PathBuf,
     /// How it is reached when rollouts are recorded. It counts into no key.
     pub worker: WorkerOptions,
+}
+
+/// Whose undisturbed drive of the ego the situation holds for which families plan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlanAround {
+    /// The ego of the simulator that judges.
+    #[default]
+    Backend,
+    /// The ego of our own simulator, whoever judges: both then play the same commands.
+    Evodrive,
 }
 
 /// The table `[simulator.backend.worker]`.
@@ -45,6 +59,15 @@ impl BackendOptions {
     /// What of it can change an answer: name, version, options and the worker's own digest.
     pub fn key(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/backend/1", &(&self.name, &self.version, self.digest, &self.options))
+    }
+
+    /// What of it can change an answer or what is asked: [`BackendOptions::key`] and whose ego is planned around.
+    pub fn rules(&self) -> Result<Digest, CanonError> {
+        match self.plan_around {
+            // Recorded runs from before there was a choice.
+            PlanAround::Evodrive => self.key(),
+            PlanAround::Backend => Digest::of("evodrive/backend-planned/1", &self.key()?),
+        }
     }
 
     /// The same backend without the parts that change no answer.

@@ -52,6 +52,7 @@ fn own(law: &str, retries: u32) -> BackendOptions {
         version: text("version"),
         digest: text("digest").parse().unwrap(),
         options: BTreeMap::from([("plant".to_string(), law.into())]),
+        plan_around: PlanAround::Backend,
         cassette: "rollouts.jsonl".into(),
         worker: WorkerOptions { command: vec!["own".into()], workers: 2, seconds: 1.0, retries },
     }

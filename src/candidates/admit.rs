@@ -5,7 +5,7 @@ use super::{ApplyError, apply, interface, isolation, parent as parent_gate, prot
 use crate::{
     adapters::{Contract, Problem, Registry},
     kernel::Digest,
-    objects::{Candidate, Gate, GateReport, GateVerdict, Program, ProgramPatch, SolutionId},
+    objects::{Candidate, Gate, GateReport, GateVerdict, ProbePair, Program, ProgramPatch, SolutionId},
 };
 
 /// Most problems that a gate writes down.
@@ -19,7 +19,7 @@ pub struct Admission {
 }
 
 /// What the compiler found on probe scenes.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trials {
     /// What it could not lower; empty = nothing.
     pub problems: Vec<String>,
@@ -27,6 +27,8 @@ pub struct Trials {
     pub compared: usize,
     /// In how many of them their interventions differ in any bit.
     pub differing: usize,
+    /// What both would do there, scene by scene.
+    pub probes: Vec<ProbePair>,
 }
 
 /// What the compiler says of a program with this hash over probe scenes.

@@ -332,7 +332,7 @@ fn the_compile_gate_refuses_what_leaves_the_contract_and_what_the_compiler_canno
 #[test]
 fn the_effect_gate_refuses_a_child_that_does_what_its_parent_does_on_every_probe_scene() {
     let failed = |compared, differing| {
-        let trials = move |_: &Program, _: Digest| Trials { problems: vec![], compared, differing };
+        let trials = move |_: &Program, _: Digest| Trials { compared, differing, ..Trials::default() };
         let admission = admit(&program(), &structural(), child_id(), &contract(), &registry(), &trials);
         assert_eq!(admission.candidate.is_some(), admission.gates.passed());
         admission.gates.failed().map(|verdict| (verdict.gate, verdict.problems[0].clone())).collect::<Vec<_>>()

@@ -3,18 +3,18 @@
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::answer::{Answer, progress};
 use super::behind;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::backend::{Answers, Backend, NoOutcome, Replay};
-use crate::epoch::{LineageSpec, Player, Study};
+use crate::epoch::{LineageSpec, Player, Study, cluster_of};
 use crate::evidence::RecordedRun;
-use crate::evidence::agreement::{Meeting, Pair, Side, report, text};
+use crate::evidence::agreement::{Meeting, Pair, Report, Side, report, text};
 use crate::experiment::{Experiment, read_pool};
-use crate::kernel::Threads;
+use crate::kernel::{Digest, Threads};
 use crate::objects::{Program, Score};
 use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, Trace};
 
@@ -29,9 +29,13 @@ pub struct Options {
 /// Plays what both runs labelled in both simulators, and counts.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
-    let runs = [&options.first, &options.second].map(|folder| Run::open(folder, &threads));
-    let [first, second] = runs;
-    let (first, second) = (first?, second?);
+    let found = agreement(&options.first, &options.second, &threads)?;
+    Ok(Answer::new(text(&found), json!(found)))
+}
+
+/// What two run folders say about their simulators.
+pub fn agreement(first: &Path, second: &Path, threads: &Threads) -> Result<Report, Failure> {
+    let (first, second) = (Run::open(first, threads)?, Run::open(second, threads)?);
     comparable(&first, &second)?;
     let cases = cases(&first, &second);
     progress(format!("{} rollouts that both runs labelled", cases.len()));
@@ -41,11 +45,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     for (case, played) in cases.iter().zip(played) {
         match played {
             Ok(pair) => pairs.push(pair),
-            Err(reason) => left_out.push(format!("{} {}: {reason}", case.row, case.scene(&first))),
+            Err(reason) => left_out.push(format!("{} {}: {reason}", case.name, case.scene(&first))),
         }
     }
-    let found = report([first.backend_name(), second.backend_name()], &pairs, left_out);
-    Ok(Answer::new(text(&found), json!(found)))
+    let same_commands = first.plans_around()? == second.plans_around()?;
+    Ok(report([first.backend_name(), second.backend_name()], same_commands, &pairs, left_out))
 }
 
 /// A finished run with what plays its rollouts again.
@@ -58,7 +62,7 @@ struct Run {
 }
 
 impl Run {
-    fn open(folder: &std::path::Path, threads: &Threads) -> Result<Run, Failure> {
+    fn open(folder: &Path, threads: &Threads) -> Result<Run, Failure> {
         let folder = RunFolder::find(Some(folder))?;
         let experiment = Experiment::read(&folder.experiment())?;
         let study = experiment.study(read_pool(&folder.pool())?, threads)?;
@@ -77,8 +81,17 @@ impl Run {
     fn backend_name(&self) -> String {
         match &self.study.backend {
             None => "evodrive".into(),
+            Some(backend) if self.study.plans_around_backend() => {
+                format!("{} {}, planned around its ego", backend.name, backend.version)
+            }
             Some(backend) => format!("{} {}", backend.name, backend.version),
         }
+    }
+
+    /// Whose drive of the ego the families planned around; `None` for ours.
+    fn plans_around(&self) -> Result<Option<Digest>, Failure> {
+        let backend = self.study.backend.as_ref().filter(|_| self.study.plans_around_backend());
+        backend.map(|backend| backend.key().map_err(Failure::internal)).transpose()
     }
 }
 
@@ -110,10 +123,13 @@ fn comparable(first: &Run, second: &Run) -> Result<(), Failure> {
 
 /// One rollout that both runs have a label of.
 struct Case<'a> {
-    row: String,
+    /// The program's name, or against whom the scene is replayed.
+    name: String,
     spec: &'a LineageSpec,
     /// `None` for the recorded scene without a program.
     program: Option<&'a Program>,
+    /// Whether the program was proposed in the run.
+    proposed: bool,
     place: usize,
 }
 
@@ -161,18 +177,25 @@ fn cases<'a>(first: &'a Run, second: &'a Run) -> Vec<Case<'a>> {
             continue;
         }
         egos.push(spec.ego.name());
-        let row = format!("replay against {}", spec.ego.name());
-        cases.extend((0..scenes.len()).map(|place| Case { row: row.clone(), spec, program: None, place }));
+        let name = format!("replay against {}", spec.ego.name());
+        let replay = |place| Case { name: name.clone(), spec, program: None, proposed: false, place };
+        cases.extend((0..scenes.len()).map(replay));
     }
-    let parents = first.story.parents.iter().map(|parent| &parent.program);
-    let children = first.story.attempts.iter().filter_map(|attempt| attempt.exit.candidate()).map(|c| &c.program);
-    let programs: Vec<(String, &Program)> =
-        parents.chain(children).filter_map(|program| Some((program.hash().ok()?.to_hex(), program))).collect();
+    let parents = first.story.parents.iter().map(|parent| (&parent.program, false));
+    let children = first.story.attempts.iter().filter_map(|attempt| attempt.exit.candidate());
+    let programs: Vec<(String, (&Program, bool))> = parents
+        .chain(children.map(|candidate| (&candidate.program, true)))
+        .filter_map(|(program, proposed)| Some((program.hash().ok()?.to_hex(), (program, proposed))))
+        .collect();
     for (lineage, hash, scene) in a.intersection(&b) {
         let spec = first.study.lineages.iter().find(|spec| spec.id.as_str() == lineage);
-        let program = programs.iter().find(|(of, _)| of == hash).map(|(_, program)| *program);
-        if let (Some(spec), Some(program), Some(place)) = (spec, program, place(scene)) {
-            cases.push(Case { row: lineage.clone(), spec, program: Some(program), place });
+        let of = |(known, (program, _)): &&(String, (&Program, bool))| {
+            known == hash && program.lineage_id.as_str() == lineage
+        };
+        let program = programs.iter().find(of).map(|(_, found)| *found);
+        if let (Some(spec), Some((program, proposed)), Some(place)) = (spec, program, place(scene)) {
+            let name = program.solution_id.to_string();
+            cases.push(Case { name, spec, program: Some(program), proposed, place });
         }
     }
     cases
@@ -197,8 +220,10 @@ fn play(first: &Run, second: &Run, players: &[Player<'_>; 2], case: &Case<'_>) -
         ActorRef::Inserted(i) => format!("inserted {i}"),
     };
     Ok(Pair {
-        row: case.row.clone(),
-        program: case.program.map_or("none".into(), |program| program.solution_id.to_string()),
+        program: case.name.clone(),
+        family: case.program.map(|program| program.source_family.to_string()),
+        proposed: case.proposed,
+        cluster: cluster_of(first.study.scenes[case.place].features()).to_string(),
         scene: case.scene(first).to_string(),
         ego: case.spec.ego.name().to_string(),
         a: side(&a, &name),
@@ -211,10 +236,7 @@ fn unchanged(run: &Run, spec: &LineageSpec, place: usize) -> Result<(Outcome, Tr
     let prepared = run.study.scenes[place].prepared.clone();
     let plant = Plant::with_options(prepared, &run.study.simulator).map_err(|error| error.to_string())?;
     let played = run.backend().traced(&plant, &Intervention::default(), &spec.ego, run.study.seed);
-    played.map_err(|none| match none {
-        NoOutcome::Scene(reason) => reason,
-        NoOutcome::Stop(error) => error.to_string(),
-    })
+    played.map_err(NoOutcome::reason)
 }
 
 fn side((outcome, trace): &(Outcome, Trace), name: &dyn Fn(ActorRef) -> String) -> Side {

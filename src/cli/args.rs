@@ -7,7 +7,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::{
     agree, apply, bench, calibrate, exchange, fsck, init, lineage, options, program, report, run, scenes, shard, show,
-    table, worker,
+    table, worker, world,
 };
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
@@ -66,6 +66,8 @@ pub enum Command {
     Report(report::Options),
     /// Print one of the paper's tables from recorded runs, with intervals and the paper's numbers beside ours.
     Table(table::Options),
+    /// Say how good the world evaluator of a run was: rank, error, intervals, false rejects, by epoch and family (docs/WORLD.md).
+    World(world::Options),
     /// Compare two runs that differ in their simulator alone: who says contact, with whom, when.
     Agree(agree::Options),
     /// Print every key of an experiment file: symbol, unit, range, values in the shipped protocols, meaning.
@@ -134,6 +136,7 @@ impl Command {
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),
             Command::Table(options) => table::run(&options),
+            Command::World(options) => world::run(&options),
             Command::Agree(options) => agree::run(&options, jobs),
             Command::Worker => worker::run(),
             Command::Shard(command) => shard::run(&command, jobs),

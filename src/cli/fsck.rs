@@ -37,7 +37,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let story = if damage.is_empty() { Some(folder.story()?) } else { None };
     let coverage = story.as_ref().map(|story| coverage(&folder, story, options.read)).unwrap_or_default();
     damage.extend(coverage.damage.iter().cloned());
-    let findings = story.as_ref().filter(|_| damage.is_empty()).map(audit).unwrap_or_default();
+    let findings = story.as_ref().map(audit).unwrap_or_default();
     let clean = damage.is_empty() && findings.iter().all(|finding| finding.gravity != Gravity::Breach);
     let text = text(&folder, options, &report, &coverage, &damage, &findings);
     let object = json!({
@@ -76,6 +76,8 @@ fn text(
     }
     if damage.is_empty() {
         text.push_str("no damage found\n");
+    }
+    if report.damage.is_empty() {
         text.push_str(if findings.is_empty() { "audit: no finding\n" } else { "audit:\n" });
     }
     for finding in findings {

@@ -40,6 +40,7 @@ mod table;
 mod timed;
 mod worker;
 mod worker_process;
+mod world;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::{behind, run};
+use super::{agree, behind, run};
 use crate::backend::Answers;
 use crate::experiment::{Experiment, read_pool};
 use crate::kernel::Threads;
@@ -16,6 +16,9 @@ use crate::kernel::Threads;
 pub struct Options {
     /// Run folder; without it the latest one below runs/.
     pub run: Option<PathBuf>,
+    /// Run of the same study in another simulator: a section says how far the two agree, as `agree` does, this run first.
+    #[arg(long)]
+    pub against: Option<PathBuf>,
 }
 
 /// Simulates the played rollouts again (they are deterministic), so a report needs no stored motion.
@@ -26,7 +29,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
     let replay = behind::replay_of(&experiment, &folder)?;
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
-    run::write_report(&study, &folder, behind::backend(&experiment, answers))?;
+    let against = options.against.as_deref();
+    let agreement = against.map(|other| agree::agreement(&folder.dir, other, &threads)).transpose()?;
+    run::write_report(&study, &folder, behind::backend(&experiment, answers), agreement.as_ref())?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))
 }

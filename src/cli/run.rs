@@ -13,7 +13,7 @@ use super::worker_process::Processes;
 use super::{behind, cost, models, playables, result_text};
 use crate::backend::{Answers, Backend, BackendOptions, Recorder, Workers};
 use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, Tools};
-use crate::evidence::report;
+use crate::evidence::{agreement, report};
 use crate::experiment::{Experiment, read_pool};
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
@@ -361,19 +361,24 @@ impl Done {
     /// What is said of it at its end, with its report where one is wanted.
     fn told(&self, folder: &RunFolder, rollouts: Option<&dyn Answers>, report: bool) -> Result<Answer, Failure> {
         if report {
-            write_report(&self.study, folder, behind::backend(&self.experiment, rollouts))?;
+            write_report(&self.study, folder, behind::backend(&self.experiment, rollouts), None)?;
         }
         Ok(answer(&self.experiment, folder, &self.result, self.root, self.counts))
     }
 }
 
 /// Writes report.html of a finished run.
-pub fn write_report(study: &Study, folder: &RunFolder, backend: Backend<'_>) -> Result<(), Failure> {
+pub fn write_report(
+    study: &Study,
+    folder: &RunFolder,
+    backend: Backend<'_>,
+    agreement: Option<&agreement::Report>,
+) -> Result<(), Failure> {
     let story = folder.story()?;
     let playables = playables::choose(&Player::of(study, &story.counsels, backend), &story);
     Ok(store::write_atomic(
         &folder.report(),
-        report::html(&story, &playables, cost::kept(folder)?.as_ref()).as_bytes(),
+        report::html(&story, &playables, cost::kept(folder)?.as_ref(), agreement).as_bytes(),
     )?)
 }
 

@@ -32,6 +32,8 @@ pub enum Which {
     SafebenchMain,
     /// SafeBench, every round by traffic family, a part a generator.
     SafebenchRounds,
+    /// Either protocol: what became of proposals, a row a source family.
+    Proposals,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -54,6 +56,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         Which::MetadriveContacts => tables::metadrive_contacts(&stories),
         Which::SafebenchMain => tables::safebench_main(&stories),
         Which::SafebenchRounds => tables::safebench_rounds(&stories),
+        Which::Proposals => tables::proposals(&stories),
     };
     let table = table.map_err(Failure::bad_input)?;
     let text = match options.format {

@@ -176,11 +176,11 @@ impl Drawing {
             add(LineStyle::Edge, edge);
         }
         for (ix, lane) in scene.road.lanes.iter().enumerate() {
-            match lane.left_neighbour {
-                Some(n) if n.same_direction => add(LineStyle::Divider, &lane.left),
+            if lane.left_neighbours.iter().any(|n| n.same_direction) {
+                add(LineStyle::Divider, &lane.left);
+            } else if lane.left_neighbours.iter().any(|n| ix < n.lane) {
                 // Both lanes name each other as neighbours, but one line is enough.
-                Some(n) if ix < n.lane => add(LineStyle::Opposite, &lane.left),
-                _ => {}
+                add(LineStyle::Opposite, &lane.left);
             }
         }
         let surface = |lane: &crate::scene::Lane| {

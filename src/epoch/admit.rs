@@ -30,10 +30,13 @@ fn judged(
     patch: Box<ProgramPatch>,
     tools: &Tools<'_>,
 ) -> Result<Reached, RunError> {
-    let (admission, _) = admission(study, snapshot, slot, &patch, tools)?;
+    let (admission, trials) = admission(study, snapshot, slot, &patch, tools)?;
     Ok(match admission.candidate {
         None => Reached::Invalid { gates: admission.gates },
-        Some(candidate) => Reached::Admitted { gates: admission.gates, candidate: Box::new(candidate), patch },
+        Some(candidate) => {
+            let (gates, candidate) = (admission.gates, Box::new(candidate));
+            Reached::Admitted { gates, candidate, patch, probes: trials.probes }
+        }
     })
 }
 

@@ -15,8 +15,7 @@ use crate::archive::{self, Archive, Contender, Leaders, promote};
 use crate::kernel::Digest;
 use crate::objects::entry::diagnostics_mean;
 use crate::objects::{
-    AcceptanceGates, Attempt, AttemptId, Candidate, Decision, Entry, Exit, Objectives, Program, Score, Slot,
-    SolutionId, WorldLabel,
+    AcceptanceGates, Attempt, AttemptId, Candidate, Decision, Entry, Exit, Program, Score, Slot, SolutionId, WorldLabel,
 };
 use crate::sim::SIM_VERSION;
 
@@ -82,12 +81,12 @@ pub fn consider(
         }
         Reached::Evaluated { gates, routed, score } => {
             let id = AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, head.slot);
-            judged.labels.extend(world_labels(snapshot, &id, &routed, &score));
+            let decision = accept(study, snapshot, head.slot, &id, (&routed.candidate, &score), judged, tools)?;
+            judged.labels.push(world_label(snapshot, &id, &routed, &score, decision.gates.any()));
             let RoutedCandidate { candidate, route, .. } = *routed;
-            let decision = accept(study, snapshot, head.slot, &id, (&candidate, &score), judged, tools)?;
             Exit::Evaluated { gates, candidate: Box::new(candidate), route, score, decision }
         }
-        Reached::Proposed { .. } | Reached::Admitted { .. } => {
+        Reached::Proposed { .. } | Reached::Admitted { .. } | Reached::Predicted { .. } => {
             unreachable!("a worker hands on what ended or was routed")
         }
     };
@@ -174,23 +173,25 @@ fn compared(
     Ok(Box::new(archive::consider(&standing, &study.archive, &*measure)?))
 }
 
-/// What the world evaluator will learn from a labelled candidate: one a scene that has a label.
-fn world_labels(snapshot: &Snapshot<'_>, id: &AttemptId, routed: &RoutedCandidate, score: &Score) -> Vec<WorldLabel> {
-    let label = |pair: &crate::objects::WorldPair| {
-        let scene = score.scenes.iter().find(|scene| scene.scene == pair.scene)?;
-        Some(WorldLabel {
-            attempt: id.clone(),
-            solution: routed.candidate.program.solution_id.clone(),
-            epoch: snapshot.event.epoch,
-            pair: pair.clone(),
-            labels: Objectives { attack: scene.attack, realism: scene.realism },
-            diagnostics: scene.diagnostics.clone(),
-            decision: routed.route.decision,
-            predicted: routed.route.predicted,
-            monitored: routed.monitored,
-        })
-    };
-    routed.pairs.iter().filter_map(label).collect()
+/// What the world evaluator will learn from a labelled candidate: its labels on the window.
+fn world_label(
+    snapshot: &Snapshot<'_>,
+    id: &AttemptId,
+    routed: &RoutedCandidate,
+    score: &Score,
+    accepted: bool,
+) -> WorldLabel {
+    WorldLabel {
+        attempt: id.clone(),
+        solution: routed.candidate.program.solution_id.clone(),
+        epoch: snapshot.event.epoch,
+        row: routed.row.clone(),
+        labels: score.objectives,
+        diagnostics: diagnostics_mean(score),
+        decision: routed.route.decision,
+        predicted: routed.route.predicted,
+        accepted,
+    }
 }
 
 /// The archive's entry of a program labelled on scenes whose list has the digest `scenes`.

@@ -16,13 +16,14 @@ use crate::agents::{self, AgentError, counsel::Case};
 use crate::backend::NoOutcome;
 use crate::compiler::{Decision, Prepared, Situation};
 use crate::evaluation::{EvaluationError, RolloutCache};
+use crate::kernel::Pose;
 use crate::llm::ModelSpec;
 use crate::objects::{
     Counsel, Counselled, Program, Role,
-    counsel::{Trial, Vehicle},
+    counsel::{EgoPlace, Trial, Vehicle},
     event::kind,
 };
-use crate::scene::{Sample, TrackIx};
+use crate::scene::{DT_S, Sample, TrackIx};
 use crate::sim::Action;
 use crate::stage::{AskCounsel, Stage};
 
@@ -88,7 +89,11 @@ impl Rehearsal<'_> {
     /// Asks about one scene. Where the ego cannot drive it, nobody can be shown; its labels fail and say why.
     fn about(&self, place: usize) -> Result<Counselled, RunError> {
         let entry = &self.study.scenes[place];
-        let situation = self.tools.situations.at(place, &self.spec.ego).ok();
+        let situation = match self.tools.situations.at(place, &self.spec.ego, &self.tools.backend) {
+            Ok(situation) => Some(situation),
+            Err(NoOutcome::Scene(_)) => None,
+            Err(NoOutcome::Stop(error)) => return Err(EvaluationError::from(error).into()),
+        };
         let vehicles = situation.as_deref().map(|situation| self.vehicles(situation)).transpose()?;
         let attackers_max = (self.asks.attackers_max)(self.parent);
         let case = Case {
@@ -96,6 +101,7 @@ impl Rehearsal<'_> {
             scene: &entry.scene().id,
             slot: u32::try_from(place).unwrap_or(u32::MAX),
             ego: briefing::ego_sentence(&self.spec.ego),
+            drive: &situation.as_deref().map(drive).unwrap_or_default(),
             vehicles: &vehicles.unwrap_or_default(),
             attackers_max: attackers_max.map_err(|error| unfit(self.spec, &error))?,
             rounds: self.options.rounds,
@@ -172,6 +178,22 @@ impl Rehearsal<'_> {
             _ => None,
         })
     }
+}
+
+/// The ego's drive on the unchanged scene, second by second.
+fn drive(situation: &Situation) -> Vec<EgoPlace> {
+    let (scene, ego) = (&situation.scene, &situation.ego);
+    let from_step = scene.current_step.max(ego.steps().start);
+    let Some(start) = ego.at(from_step) else { return vec![] };
+    let origin = Pose { position: start.position, heading_rad: start.heading_rad };
+    let steps_per_s = (1.0 / DT_S).round() as usize;
+    let place = |step: usize| {
+        let sample = ego.at(step)?;
+        let local = origin.to_local(sample.position);
+        let at_s = (step - from_step) as f64 * DT_S;
+        Some(EgoPlace { at_s, ahead_m: local.x, left_m: local.y, speed_mps: sample.speed_mps() })
+    };
+    (from_step..ego.steps().end).step_by(steps_per_s).filter_map(place).collect()
 }
 
 /// Why an outcome is not the set's: some of its vehicles had no way to drive, or others attacked in their place.

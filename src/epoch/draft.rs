@@ -1,7 +1,10 @@
 //! A proposal on its way: how far it came. Each step of the epoch takes a draft and hands it on.
 
 use super::RunError;
-use crate::objects::{Candidate, Exit, GateReport, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldPair};
+use crate::objects::{
+    Candidate, Exit, GateReport, ProbePair, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldRow,
+};
+use crate::world::Prediction;
 
 /// What is known of a proposal from its first step on.
 pub struct Head {
@@ -22,19 +25,26 @@ pub enum Reached {
     Declined { reason: String },
     Proposed { patch: Box<ProgramPatch> },
     Invalid { gates: GateReport },
-    Admitted { gates: GateReport, candidate: Box<Candidate>, patch: Box<ProgramPatch> },
+    Admitted { gates: GateReport, candidate: Box<Candidate>, patch: Box<ProgramPatch>, probes: Vec<ProbePair> },
+    Predicted { gates: GateReport, predicted: Box<Predicted> },
     Routed { gates: GateReport, routed: Box<RoutedCandidate> },
     Evaluated { gates: GateReport, routed: Box<RoutedCandidate>, score: Score },
 }
 
-/// An admitted candidate with what the world evaluator said of it.
+/// An admitted candidate with what the world evaluator expects of it.
+pub struct Predicted {
+    pub candidate: Candidate,
+    /// What the prediction rests on, and a label will be learned from.
+    pub row: WorldRow,
+    pub prediction: Prediction,
+}
+
+/// An admitted candidate with what the world evaluator decided about it.
 pub struct RoutedCandidate {
     pub candidate: Candidate,
     pub route: Route,
-    /// One a scene of the window, in window order: what a label will be learned from.
-    pub pairs: Vec<WorldPair>,
-    /// Whether it would have been turned away, had the false-rejection monitor not asked for labels.
-    pub monitored: bool,
+    /// What a label will be learned from.
+    pub row: WorldRow,
 }
 
 impl RoutedCandidate {

@@ -9,6 +9,7 @@ use super::{
     desk::Tools,
     handbook::handbook,
     history,
+    in_effect::in_effect,
     labels::Labelling,
     standings::Standings,
     state::State,
@@ -53,6 +54,8 @@ pub struct Parent {
     pub score: Score,
     /// The same in sums.
     pub outcome: ParentOutcome,
+    /// All of it that decides in each scene of the window.
+    pub in_effect: Vec<Digest>,
     /// Written out once for all slots and roles.
     pub briefing: Briefing,
     /// Ids of the cards that its briefing shows.
@@ -178,7 +181,8 @@ impl Freezing<'_> {
         };
         let briefing = Briefing::of(&context).map_err(AgentError::from)?;
         let memory_shown = memory.iter().map(|card| card.id.0.clone()).collect();
-        Ok(Parent { program, hash, score, outcome, briefing, memory_shown })
+        let in_effect = in_effect(study, spec, &program, &study.window(epoch))?;
+        Ok(Parent { program, hash, score, outcome, in_effect, briefing, memory_shown })
     }
 
     fn event(

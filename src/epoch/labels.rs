@@ -7,6 +7,7 @@ use super::{
     RunError,
     counsels::Counsels,
     desk::Tools,
+    probe::probe,
     rollouts::TrialRecord,
     standings::Standing,
     study::{LineageSpec, SceneEntry, Study},
@@ -16,9 +17,9 @@ use crate::backend::{Backend, NoOutcome};
 use crate::candidates::Trials;
 use crate::compiler::{CompileFailure, Compiled, Decision, Prepared, Searched};
 use crate::ego::Policy;
-use crate::evaluation::{RolloutRecord, SceneRef, Subject, Written, evaluate, label_one, request_key};
+use crate::evaluation::{EvaluationError, RolloutRecord, SceneRef, Subject, Written, evaluate, label_one, request_key};
 use crate::kernel::{Digest, Seed, canon::CanonError};
-use crate::objects::{Counsel, Program, Score};
+use crate::objects::{Counsel, Probe, ProbePair, Program, Score};
 use crate::sim::{ActorRef, Intervention, Outcome, Plant};
 use crate::stage::{Situation, Source};
 use crate::store::MemoKind;
@@ -143,13 +144,16 @@ impl Labelling<'_> {
                 break;
             }
             let own = self.trial(place, &mut children, hash)?;
-            let (Some(own), None) = (own.intervention, &own.failure) else {
+            let (Some(_), None) = (own.intervention, &own.failure) else {
                 trials.problems.extend(own.failure.clone());
                 continue;
             };
             let before = self.trial(place, &mut parents, parent_hash)?;
+            let same = before.intervention == own.intervention;
             trials.compared += 1;
-            trials.differing += usize::from(before.intervention != Some(own));
+            trials.differing += usize::from(!same);
+            let told = |trial: &TrialRecord| trial.probe.unwrap_or(Probe::NOTHING);
+            trials.probes.push(ProbePair { child: told(&own), parent: told(&before), same });
         }
         Ok(trials)
     }
@@ -204,9 +208,9 @@ impl Labelling<'_> {
     pub fn trial_key(&self, place: usize, hash: Digest) -> Result<Digest, RunError> {
         let Labelling { study, spec, counsels, .. } = *self;
         let advised = counsels.at(study, spec, place)?.map(Counsel::digest).transpose()?;
-        let (scene, simulator) = (study.scenes[place].digest, study.simulator.digest()?);
+        let (scene, simulator) = (study.scenes[place].digest, study.planning()?);
         let request = request_key(hash, scene, spec.ego.digest(), simulator, study.seed, advised)?;
-        Ok(Digest::of("evodrive/trial/2", &request)?)
+        Ok(Digest::of("evodrive/trial/3", &request)?)
     }
 
     /// A trial, from its record or made now.
@@ -222,20 +226,25 @@ impl Labelling<'_> {
         if let Some(trial) = tools.rollouts.tried(&key)? {
             return Ok(trial);
         }
-        let compiled = match program.prepared(study.source(spec)?, &tools.searched) {
-            Err(failure) => Err(failure.to_string()),
-            Ok(prepared) => {
-                let situation = tools.situations.at(place, &spec.ego).map_err(RunError::Study)?;
-                self.compiled(prepared, place, &situation, counsel)?
-            }
-        };
-        let (intervention, failure) = match compiled {
-            Ok(compiled) => (Some(Digest::of("evodrive/intervention/1", &compiled.intervention)?), None),
-            Err(failure) => (None, Some(failure)),
+        let (intervention, probe, failure) = match program.prepared(study.source(spec)?, &tools.searched) {
+            Err(failure) => (None, None, Some(failure.to_string())),
+            Ok(prepared) => match tools.situations.at(place, &spec.ego, &tools.backend) {
+                Ok(situation) => match self.compiled(prepared, place, &situation, counsel)? {
+                    Ok(compiled) => {
+                        let intervention = Digest::of("evodrive/intervention/1", &compiled.intervention)?;
+                        (Some(intervention), Some(probe(&situation, &compiled.intervention)), None)
+                    }
+                    Err(failure) => (None, None, Some(failure)),
+                },
+                // Whom another simulator has no drive of, a program cannot be tried against; that is not the program's fault.
+                Err(NoOutcome::Scene(_)) if study.plans_around_backend() => (None, None, None),
+                Err(NoOutcome::Scene(reason)) => return Err(RunError::Study(reason)),
+                Err(NoOutcome::Stop(error)) => return Err(EvaluationError::from(error).into()),
+            },
         };
         let (program, scene, scene_digest) = (hash, entry.scene().id.clone(), entry.digest);
         let ego = spec.ego.name().to_string();
-        let trial = TrialRecord { program, scene, scene_digest, ego, failure, intervention };
+        let trial = TrialRecord { program, scene, scene_digest, ego, failure, intervention, probe };
         tools.rollouts.keep_trial(&key, trial.clone())?;
         Ok(Arc::new(trial))
     }
@@ -267,7 +276,7 @@ impl Labelling<'_> {
         counsel: Option<&Counsel>,
     ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self;
-        let situation = tools.situations.at(place, &spec.ego)?;
+        let situation = tools.situations.at(place, &spec.ego, &tools.backend)?;
         let compiled = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
         let run = || tools.backend.rollout(&situation.plant, &compiled.intervention, &spec.ego, study.seed);
         let outcome: Outcome = tools.meter.rollout(&spec.id, run)?;
@@ -394,7 +403,7 @@ pub fn record(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::{Answer, Answers, BackendError, BackendOptions, Request, WorkerOptions};
+    use crate::backend::{Answer, Answers, BackendError, BackendOptions, PlanAround, Request, WorkerOptions};
     use crate::scene::PreparedScene;
     use crate::sim::scenes::crossing;
     use crate::sim::{Plant, SimulatorOptions, tell};
@@ -416,6 +425,7 @@ mod tests {
             version: "1".into(),
             digest: Digest::of_bytes(b"repeats"),
             options: Default::default(),
+            plan_around: PlanAround::Evodrive,
             cassette: "none".into(),
             worker: WorkerOptions { command: vec![], workers: 1, seconds: 1.0, retries: 0 },
         };

@@ -48,7 +48,7 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
 pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunError> {
     let families: Vec<FamilyName> = study.lineages.iter().map(|spec| spec.family.clone()).collect();
     let calibration = CalibrationSet::default();
-    let snapshot = world::settle(&world::schema(&families), &study.world, &calibration)?;
+    let snapshot = world::settle(&world::schema(&families), &study.world, &calibration, 0)?;
     let mut state = State {
         archives: BTreeMap::new(),
         lineages: LineageStore::default(),

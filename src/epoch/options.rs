@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CompositionOptions {
-    /// Most questions a template: the first, and one after each answer that could not be used.
+    /// Most questions a template: the first, and one after each answer that could not be used or whose template spared the ego
+    /// somewhere when it was tried.
     pub rounds: u32,
     /// Kind of scenario -> what is to happen, in prose. A kind without a description keeps the published template.
     pub descriptions: BTreeMap<String, String>,

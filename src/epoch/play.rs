@@ -45,7 +45,7 @@ impl<'s> Player<'s> {
     pub fn trace(&self, spec: &LineageSpec, program: &Program, place: usize) -> Result<Traced, String> {
         let source = self.study.source(spec).map_err(|error| error.to_string())?;
         let prepared = Prepared::new(program, source).map_err(|failure| failure.to_string())?;
-        let situation = self.situations.at(place, &spec.ego)?;
+        let situation = self.situations.at(place, &spec.ego, &self.backend).map_err(NoOutcome::reason)?;
         let counsel = self.counsels.at(self.study, spec, place).map_err(|error| error.to_string())?;
         let place = (&self.study.scenes[place], &spec.ego);
         traced(&self.backend, &prepared, &situation, (self.study.seed, counsel), place)
@@ -62,12 +62,8 @@ pub fn traced(
 ) -> Result<Traced, String> {
     let Compiled { decision, intervention } =
         prepared.compile_counselled(situation, seed, counsel).map_err(|failure| failure.to_string())?;
-    let reason = |none| match none {
-        NoOutcome::Scene(reason) => reason,
-        NoOutcome::Stop(error) => error.to_string(),
-    };
-    let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, seed).map_err(reason)?;
-    let anyway = meets_anyway(backend, situation, ego, seed).map_err(reason)?;
+    let (outcome, motion) = backend.traced(&situation.plant, &intervention, ego, seed).map_err(NoOutcome::reason)?;
+    let anyway = meets_anyway(backend, situation, ego, seed).map_err(NoOutcome::reason)?;
     let record = record(entry, ego, prepared, anyway, &decision, outcome)?;
     let commanded = commands(&situation.plant, &intervention);
     Ok(Traced { record, decision, intervention, commanded, motion })

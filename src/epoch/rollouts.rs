@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::evaluation::{CacheError, RolloutCache, RolloutRecord};
 use crate::kernel::{Digest, Kept, canon::CanonError};
+use crate::objects::Probe;
 use crate::store::{MemoKind, Store, StoreError, first_difference};
 
 /// Where labels come from.
@@ -30,6 +31,8 @@ pub struct TrialRecord {
     pub failure: Option<String>,
     /// Digest of the compiled intervention; `None` where there is none.
     pub intervention: Option<Digest>,
+    /// What it looks like without a rollout.
+    pub probe: Option<Probe>,
 }
 
 /// The store's rollouts, and the compile gate's trials.

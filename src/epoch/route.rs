@@ -1,47 +1,78 @@
-//! A worker's last step: the world evaluator predicts what rollouts would show and says whether they are worth their cost.
+//! The world evaluator predicts what rollouts would show, candidate by candidate, and says behind the barrier who gets those
+//! of the epoch's budget.
 
 use super::{
     RunError,
-    draft::{Draft, Reached, RoutedCandidate},
-    freeze::Snapshot,
+    draft::{Draft, Predicted, Reached, RoutedCandidate},
+    freeze::{Parent, Snapshot},
+    in_effect::in_effect,
     study::Study,
 };
-use crate::objects::{AttemptId, Candidate, ProgramPatch};
-use crate::world::{Router, candidate_features, features, monitor_stream};
+use crate::objects::{Candidate, ProbePair, ProgramPatch};
+use crate::world::{CandidateView, Prediction, Router, SceneView, audit_stream, row};
 
-/// Routes an admitted candidate.
-pub fn route(study: &Study, snapshot: &Snapshot<'_>, router: &Router<'_>, draft: Draft) -> Result<Draft, RunError> {
+/// A worker's last step: predicts an admitted candidate.
+pub fn predict(study: &Study, snapshot: &Snapshot<'_>, router: &Router<'_>, draft: Draft) -> Result<Draft, RunError> {
     draft.next(|slot, reached| match reached {
-        Reached::Admitted { gates, candidate, patch } => {
-            let routed = Box::new(routed(study, snapshot, router, slot, *candidate, &patch)?);
-            Ok(Reached::Routed { gates, routed })
+        Reached::Admitted { gates, candidate, patch, probes } => {
+            let parent = snapshot.parent_of(slot);
+            let predicted = Box::new(predicted(study, snapshot, router, parent, (*candidate, &patch, &probes))?);
+            Ok(Reached::Predicted { gates, predicted })
         }
         ended => Ok(ended),
     })
 }
 
-fn routed(
+fn predicted(
     study: &Study,
     snapshot: &Snapshot<'_>,
     router: &Router<'_>,
-    slot: u32,
-    candidate: Candidate,
-    patch: &ProgramPatch,
-) -> Result<RoutedCandidate, RunError> {
-    let schema = &snapshot.world.schema;
-    let of_candidate = candidate_features(
-        schema,
-        &candidate.program,
-        &snapshot.parent_of(slot).program,
-        patch,
-        &candidate.mechanism_tags,
-    )?;
-    let mut pairs = Vec::with_capacity(snapshot.window.len());
-    for &place in &snapshot.window {
+    parent: &Parent,
+    (candidate, patch, probes): (Candidate, &ProgramPatch, &[ProbePair]),
+) -> Result<Predicted, RunError> {
+    let child = in_effect(study, snapshot.spec, &candidate.program, &snapshot.window)?;
+    let scenes = snapshot.window.iter().zip(child.iter().zip(&parent.in_effect)).map(|(&place, (child, parent))| {
         let entry = &study.scenes[place];
-        pairs.push(features(schema, &of_candidate, &entry.scene().id, entry.features(), &entry.interaction)?);
-    }
-    let attempt = AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot);
-    let routed = router.route(&pairs, &mut monitor_stream(study.seed, &attempt))?;
-    Ok(RoutedCandidate { candidate, route: routed.route, pairs, monitored: routed.monitored })
+        let open = child != parent;
+        SceneView { id: &entry.scene().id, features: entry.features(), interaction: &entry.interaction, open }
+    });
+    let view = CandidateView {
+        program: &candidate.program,
+        parent: &parent.program,
+        patch,
+        mechanism_tags: &candidate.mechanism_tags,
+        parent_score: &parent.score,
+        probes,
+    };
+    let row = row(&snapshot.world.schema, &view, &scenes.collect::<Vec<_>>())?;
+    let prediction = router.predict(&row)?;
+    Ok(Predicted { candidate, row, prediction })
+}
+
+/// Gives the rollouts of the epoch's budget to some of the predicted candidates. A draft that failed takes none.
+pub fn allot(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    router: &Router<'_>,
+    drafts: Vec<Result<Draft, RunError>>,
+) -> Vec<Result<Draft, RunError>> {
+    let prediction = |draft: &Draft| match &draft.reached {
+        Reached::Predicted { predicted, .. } => Some(predicted.prediction),
+        _ => None,
+    };
+    let predictions: Vec<Prediction> = drafts.iter().flatten().filter_map(prediction).collect();
+    let mut stream = audit_stream(study.seed, &snapshot.spec.id, snapshot.event.epoch);
+    let mut routes = router.routes(&predictions, &mut stream).into_iter();
+    let mut routed = |draft: Draft| {
+        draft.next(|_, reached| match reached {
+            Reached::Predicted { gates, predicted } => {
+                let Predicted { candidate, row, .. } = *predicted;
+                let missing = || RunError::Study(format!("{} was not routed", candidate.program.solution_id));
+                let route = routes.next().ok_or_else(missing)?;
+                Ok(Reached::Routed { gates, routed: Box::new(RoutedCandidate { candidate, route, row }) })
+            }
+            ended => Ok(ended),
+        })
+    };
+    drafts.into_iter().map(|draft| draft.and_then(&mut routed)).collect()
 }

@@ -12,7 +12,7 @@ use super::{
     open,
     progress::Progress,
     propose::propose,
-    route::route,
+    route::{allot, predict},
     seal::seal,
     settle::settle,
     state::State,
@@ -57,10 +57,12 @@ fn one_epoch(
         let proposed = propose(study, &snapshot, slot, tools)?;
         // "p'_t <- ApplyPatch(p_t, delta_t)", ValidateProgram, "c_t <- CompileCandidate(p'_t)".
         let admitted = admit(study, &snapshot, proposed, tools)?;
-        // "d_t <- WorldRoute(W_t, c_t, S_t)".
-        route(study, &snapshot, &router, admitted)
+        // "W_phi(c_t, S_t)".
+        predict(study, &snapshot, &router, admitted)
     });
     // "Wait until all workers reach the epoch barrier. Sort candidate records by deterministic key": the slot.
+    // "d_t <- WorldRoute(W_t, c_t, S_t)": who gets the rollouts of the epoch's budget is known when all are there.
+    let drafts = allot(study, &snapshot, &router, drafts);
     let mut judged = Judged::before(&snapshot);
     // Labels do not depend on each other: all slots' are made together.
     evaluate_ahead(study, &snapshot, &drafts, &desk.tools)?;

@@ -39,7 +39,11 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
     state.memory.append(cards.clone())?;
     let labels_before = state.calibration.labels().len();
     state.calibration.append(judged.labels, &state.world.schema)?;
-    state.world = world::settle(&state.world.schema, &state.world.configuration, &state.calibration)?;
+    // All lineages of an epoch are routed by one snapshot, which rests on earlier epochs alone.
+    if study.lineages.last().is_some_and(|last| last.id == *lineage) {
+        let (schema, configuration) = (&state.world.schema, &state.world.configuration);
+        state.world = world::settle(schema, configuration, &state.calibration, epoch + 1)?;
+    }
     state.archives.insert(lineage.clone(), judged.archive);
     let world = state.world.digest()?;
     let line = state.lineages.get(lineage)?;

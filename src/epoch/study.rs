@@ -7,7 +7,7 @@ use super::RunError;
 use super::options::{CompositionOptions, CounselOptions};
 use crate::adapters::Registry;
 use crate::archive::{ArchiveOptions, SelectorOptions};
-use crate::backend::BackendOptions;
+use crate::backend::{BackendOptions, PlanAround};
 use crate::ego::Policy;
 use crate::evaluation::{EvaluationOptions, Group};
 use crate::kernel::{Digest, Seed, canon::CanonError};
@@ -42,7 +42,7 @@ pub struct Study {
     pub models: BTreeMap<Role, ModelSpec>,
     /// Under which rules scenes are simulated.
     pub simulator: SimulatorOptions,
-    /// Who simulates rollouts for labels, where that is another simulator than ours. Families plan with ours in any case.
+    /// Who simulates rollouts for labels, where that is another simulator than ours, and whose ego families plan around.
     pub backend: Option<BackendOptions>,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
@@ -129,8 +129,18 @@ impl Study {
         let own = self.simulator.digest()?;
         match &self.backend {
             None => Ok(own),
-            Some(backend) => Digest::of("evodrive/simulator-behind/1", &(own, backend.key()?)),
+            Some(backend) => Digest::of("evodrive/simulator-behind/1", &(own, backend.rules()?)),
         }
+    }
+
+    /// What of the simulator counts into what a program comes to in a scene, before anybody simulates it.
+    pub fn planning(&self) -> Result<Digest, CanonError> {
+        if self.plans_around_backend() { self.rules() } else { self.simulator.digest() }
+    }
+
+    /// Whether families plan around the ego's drive in another simulator.
+    pub fn plans_around_backend(&self) -> bool {
+        self.backend.as_ref().is_some_and(|backend| backend.plan_around == PlanAround::Backend)
     }
 
     /// The family of a lineage, with its code.

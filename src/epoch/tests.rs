@@ -16,7 +16,8 @@ use crate::kernel::Threads;
 use crate::llm::{Cassette, Model, Record, RecordMode, Replay};
 use crate::objects::event::{Finalist, Frozen, RunResult, Settled, kind};
 use crate::objects::{
-    Attempt, MechanismModule, OperatorNode, ParameterValue, Program, Setting, Slot, SolutionId, ValueType,
+    Attempt, MechanismModule, OperatorNode, ParameterValue, Program, RouteDecision, Setting, Slot, SolutionId,
+    ValueType,
 };
 use crate::scene::EvolutionSize;
 use crate::scripted::Scripted;
@@ -123,6 +124,7 @@ fn the_finalists_are_front_leaders_and_head(ran: &Ran) {
 fn two_anchors_take_turns_by_slot() {
     let mut experiment = experiment(PromotionRule::TwoAnchors, 1);
     (experiment.budget.epochs, experiment.budget.slots, experiment.split.window) = (4, 16, 8);
+    experiment.world.routing.rollout_budget = 16;
     let ran = carried_out(&experiment);
     let mut both = 0;
     for attempt in ran.attempts.iter().filter(|attempt| attempt.epoch > 0) {
@@ -133,6 +135,27 @@ fn two_anchors_take_turns_by_slot() {
         both += usize::from(settled.active != *anchor);
     }
     assert!(both > 0, "the anchors were never two programs");
+}
+
+#[test]
+fn an_epoch_simulates_its_budget_by_the_snapshot_that_it_was_frozen_with() {
+    let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    let routing = &mut experiment.world.routing;
+    (routing.rollout_budget, routing.audit_share, routing.min_labels) = (2, 0.5, 2);
+    let ran = carried_out(&experiment);
+    let (mut turned_away, mut ranked) = (0, 0);
+    for frozen in &ran.frozen {
+        let routes: Vec<_> = ran.attempts.iter().filter(|a| a.epoch == frozen.epoch).map(|a| a.exit.route()).collect();
+        let routes: Vec<_> = routes.into_iter().flatten().collect();
+        assert!(routes.iter().all(|route| route.snapshot == frozen.world), "epoch {}", frozen.epoch);
+        let simulated = routes.iter().filter(|route| route.decision != RouteDecision::Reject).count();
+        assert_eq!(simulated, routes.len().min(2), "epoch {}", frozen.epoch);
+        turned_away += routes.len() - simulated;
+        ranked += routes.iter().filter(|route| route.decision == RouteDecision::Select).count();
+        let audits = routes.iter().filter(|route| route.decision == RouteDecision::Audit);
+        assert!(audits.clone().all(|route| route.weight.is_some_and(|weight| weight >= 1.0)));
+    }
+    assert!(turned_away > 0 && ranked > 0, "{turned_away} turned away, {ranked} selected: nothing was shown");
 }
 
 #[test]

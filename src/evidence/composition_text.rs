@@ -9,6 +9,18 @@ use crate::objects::{Composed, Exchange};
 pub fn composition(composed: &Composed, texts: &dyn Fn(&Exchange) -> Option<Exchanged>, full: bool) -> String {
     let mut out = format!("template {} of {}\ndescribed: {}\n", composed.kind, composed.lineage, composed.description);
     exchanges(&mut out, &composed.exchanges, texts, full);
+    for (place, trial) in composed.trials.iter().enumerate() {
+        let realism = trial.realism.map_or("none".into(), |realism| format!("{realism:.3}"));
+        let _ = writeln!(
+            out,
+            "\ntried {}: {}: the ego failed in {} of {} scenes, the road user acted in {}, realism {realism}",
+            place + 1,
+            trial.template.behaviour,
+            trial.collided,
+            trial.scenes,
+            trial.acted
+        );
+    }
     let Some(template) = &composed.template else {
         out.push_str("\nno answer could be used: the published template stays\n");
         return out;

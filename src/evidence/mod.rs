@@ -5,6 +5,7 @@ pub mod attempt_text;
 pub mod audit;
 pub mod composition_text;
 pub mod counsel_text;
+pub mod evaluator;
 pub mod lineage_text;
 pub mod recorded_run;
 pub mod report;

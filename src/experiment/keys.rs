@@ -118,7 +118,7 @@ fn study() -> Vec<Key> {
             "",
             "rounds",
             Whole(1, 8),
-            "Questions for a template: one more after each answer that cannot be used.",
+            "Questions for a template: one more after each answer that cannot be used, or whose template, tried in the simulator, spares the ego in some scene.",
         )],
     ));
     keys.extend(table(
@@ -508,25 +508,48 @@ fn acceptance() -> Vec<Key> {
 fn world() -> Vec<Key> {
     required(vec![
         ("world.excluded_columns", "", "", Texts { empty: true }, "Feature columns left out of the regression."),
+        ("world.model", "", "", Word(|| words(["ridge", "boosted"])), "Regression of the difference from the parent."),
         ("world.ridge_lambda", "λ", "", Above(0.0, 1e9), "Ridge penalty on standardised columns."),
+        ("world.trees", "", "trees", Whole(0, 1000), "Trees of the boosted model."),
+        ("world.learning_rate", "", "", Above(0.0, 1.0), "Share of its prediction that each tree adds."),
         ("world.beta_attack", "β_A", "", SHARE, "Weight of the raw prediction of attack against its group's mean."),
         ("world.beta_realism", "β_R", "", SHARE, "The same of realism."),
         (
             "world.calibration_group",
             "",
             "",
-            Word(|| words(["family", "scene_cluster", "mechanism_class"])),
-            "Whose mean calibrates a prediction.",
+            Word(|| words(["family", "mechanism_class"])),
+            "Whose mean difference calibrates a prediction.",
         ),
         ("world.group_labels_min", "", "labels", Whole(0, 1_000_000), "Labels below which a group's mean is not used."),
-        ("world.residual_floor", "", "", Above(0.0, 1.0), "Least residual standard deviation that is believed."),
-        ("world.residual_share", "", "", SHARE, "Share of the residual variance in the uncertainty: 1 = one rollout."),
-        ("world.uncertainty_quantile", "", "", Number(0.5, 1.0), "Quantile over scenes of a candidate's uncertainty."),
-        ("world.routing.lambda_a", "λ_A", "", SHARE, "Least predicted attack to be promising."),
-        ("world.routing.lambda_r", "λ_R", "", SHARE, "Least predicted realism to be promising."),
-        ("world.routing.lambda_u", "λ_U", "", Above(0.0, 1e9), "Largest uncertainty to be certain."),
-        ("world.routing.audit_rate", "", "", SHARE, "Share of would-be rejections that are simulated all the same."),
-        ("world.routing.min_labels", "", "labels", Whole(0, 1_000_000), "Labels below which nothing is rejected."),
+        ("world.interval_level", "", "", Number(0.5, 0.99), "Share of candidates whose labels an interval is to hold."),
+        ("world.realism_weight", "", "", Number(0.0, 1000.0), "Weight of realism against attack in the rank."),
+        ("world.explore", "", "", Number(0.0, 1000.0), "Weight of the uncertainty in the rank."),
+        (
+            "world.routing.rollout_budget",
+            "",
+            "candidates",
+            Whole(1, 1_000_000),
+            "Candidates simulated an epoch, with audits.",
+        ),
+        (
+            "world.routing.choice",
+            "",
+            "",
+            Word(|| words(["ranked", "random"])),
+            "Who gets the budget: the first by rank with some audits, or a random draw.",
+        ),
+        ("world.routing.lambda_a", "λ_A", "", SHARE, "Predicted loss of attack against the parent that is allowed."),
+        ("world.routing.lambda_r", "λ_R", "", SHARE, "Predicted loss of realism that is allowed."),
+        ("world.routing.lambda_u", "λ_U", "", Above(0.0, 1e9), "Largest uncertainty at which a loss counts."),
+        ("world.routing.audit_share", "", "", SHARE, "Share of the budget drawn at random among those left out."),
+        (
+            "world.routing.min_labels",
+            "",
+            "labels",
+            Whole(0, 1_000_000),
+            "Labelled candidates below which nobody is ranked.",
+        ),
     ])
 }
 

@@ -24,6 +24,7 @@ use crate::motion::script_space::{Perturbation, ScriptSpace};
 use crate::motion::traffic_family::{self, actions, standard};
 use crate::objects::composition::{BehaviourForm, RangeForm, TemplateForm};
 use crate::objects::{Composition, Program, Slot, ValueType};
+use crate::scene::Scene;
 use crate::scene::safebench::{Stage as Places, TrafficFamily};
 use crate::sim::Action;
 use crate::stage::judged::Judged;
@@ -134,7 +135,7 @@ const BOUNDS: [(f64, f64, &str); DRAWN.len()] =
 
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
-    let asks = Asks { templates: Some(AskTemplates { forms, put }), ..Asks::default() };
+    let asks = Asks { templates: Some(AskTemplates { forms, kind_of: kind_of_scene, put }), ..Asks::default() };
     Source {
         asks,
         ..Source::new(family())
@@ -247,6 +248,11 @@ fn range_parameters() -> Vec<OwnParameter> {
 
 fn range_name(kind: &str, drawn: &str, end: &str) -> String {
     format!("{kind}_{drawn}_{end}")
+}
+
+/// The kind of a staged scene.
+fn kind_of_scene(scene: &Scene) -> Option<&'static str> {
+    scene.staging.as_ref().map(|staging| kind_of(staging.family).name)
 }
 
 fn kind_of(family: TrafficFamily) -> &'static Kind {

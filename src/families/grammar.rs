@@ -102,8 +102,7 @@ fn actor_operators() -> Vec<OperatorSpec> {
             [required(
                 "otherwise",
                 choice(&["none", "nearest_path", "nearest_gap"]),
-                "rule where no vehicle is marked: leave the scene alone, the moving vehicle whose log comes nearest to \
-                 the ego's rollout, or the moving vehicle with the smallest gap now",
+                "where none is marked: nobody, the moving vehicle whose log comes nearest to the ego's rollout, or the nearest now",
             )],
             "The vehicle that the data set marks as interacting with the ego.",
         ),
@@ -208,8 +207,7 @@ fn filter_operators() -> Vec<OperatorSpec> {
             [required(
                 "until",
                 choice(&["candidate", "meeting"]),
-                "the first input is taken where it has a candidate that no filter refused; with meeting, only where one \
-                 is also predicted to touch the ego's rollout",
+                "what the first must have: a candidate that no filter refused, or one that is predicted to touch the ego's rollout",
             )],
             "Fallback: the first input where it serves, else the second.",
         ),
@@ -221,8 +219,8 @@ fn filter_operators() -> Vec<OperatorSpec> {
         of_two(
             UNITES,
             [],
-            "The candidates of both inputs together, each with its score; both come from one timing node. Lists of \
-             candidates unite, not spaces that a search opens: unite those behind their searches.",
+            "The candidates of both, with their scores; both behind one timing node, and behind their searches where a motion opens \
+             a space of offsets.",
         ),
     ]
 }
@@ -239,17 +237,13 @@ fn law_operators() -> Vec<OperatorSpec> {
         Slot::Law,
         "obey_law",
         [
-            required("acceleration", mechanism("law_acceleration_mps2"), "along its heading, at every step of 0.1 s"),
-            optional("onset", "law_onset", "the law takes over where it first holds; without it at once"),
-            optional(
-                "offset",
-                "law_offset_m",
-                "how far left of the candidate's path it drives; without it on the path",
-            ),
+            required("acceleration", mechanism("law_acceleration_mps2"), "at every step of 0.1 s"),
+            optional("onset", "law_onset", "without it at once"),
+            optional("offset", "law_offset_m", "without it on the path"),
         ],
-        "The adversary follows the chosen candidate until the onset, then drives by the law along the candidate's path as a \
-         car can (brakes 8.8, engine 2.8 m/s^2, sideways at most 2 m/s), in place of any reaction of the family's own. Only \
-         recorded vehicles obey. Filters and searches judge the candidate, not what the law makes of it.",
+        "Until the onset the adversary follows the chosen candidate, then it drives by the law along the candidate's path as a \
+         car can (brakes 8.8, engine 2.8 m/s^2, sideways 2 m/s). Only recorded vehicles obey. Filters and searches judge the \
+         candidate, not what the law makes of it.",
     )]
 }
 

@@ -80,10 +80,10 @@ pub struct LogLane {
     pub entries: Vec<String>,
     /// Lanes that it leads into.
     pub exits: Vec<String>,
-    /// The lane to its left.
-    pub left: Option<String>,
-    /// The lane to its right.
-    pub right: Option<String>,
+    /// Lanes to its left, the one that is beside it for the longest way first.
+    pub left: Vec<String>,
+    /// Lanes to its right, likewise.
+    pub right: Vec<String>,
     /// Speed limit where the log gives one, m/s.
     pub speed_limit_mps: Option<f64>,
 }
@@ -301,8 +301,8 @@ fn road(log: &Log, origin: Vec2, left_out: &mut Vec<(String, String)>) -> (Road,
             right: shifted(&right, origin),
             entries: vec![],
             exits: vec![],
-            left_neighbour: None,
-            right_neighbour: None,
+            left_neighbours: vec![],
+            right_neighbours: vec![],
             speed_limit_mps: lane.speed_limit_mps.filter(|v| *v > 0.0),
         });
     }
@@ -317,19 +317,28 @@ fn road(log: &Log, origin: Vec2, left_out: &mut Vec<(String, String)>) -> (Road,
                 road.lanes[to].entries.push(from);
             }
         }
-        let beside =
-            |id: &Option<String>| id.as_ref().and_then(known).map(|lane| Neighbour { lane, same_direction: true });
-        road.lanes[ix].left_neighbour = beside(&lane.left);
-        road.lanes[ix].right_neighbour = beside(&lane.right);
+        road.lanes[ix].left_neighbours = beside(&lane.left, &index);
+        road.lanes[ix].right_neighbours = beside(&lane.right, &index);
     }
     if road.lanes.iter().all(|lane| lane.exits.is_empty()) {
         link_by_ends(&mut road);
     }
-    if road.lanes.iter().all(|lane| lane.left_neighbour.is_none() && lane.right_neighbour.is_none()) {
+    if road.lanes.iter().all(|lane| lane.left_neighbours.is_empty() && lane.right_neighbours.is_empty()) {
         link_side_by_side(&mut road);
     }
     road.edges = log.edges.iter().map(|edge| thinned_line(&shifted(edge, origin))).filter(|e| e.len() >= 2).collect();
     (road, index)
+}
+
+/// The lanes of a side that the map holds, each once.
+fn beside(ids: &[String], index: &Index) -> Vec<Neighbour> {
+    let mut side: Vec<Neighbour> = Vec::new();
+    for &lane in ids.iter().filter_map(|id| index.get(id)) {
+        if side.iter().all(|n| n.lane != lane) {
+            side.push(Neighbour { lane, same_direction: true });
+        }
+    }
+    side
 }
 
 fn lights(

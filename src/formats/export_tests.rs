@@ -76,7 +76,8 @@ pub(super) fn awkward() -> Scene {
     lanes[2].kind = LaneKind::Freeway;
     lanes[3].kind = LaneKind::Other;
     lanes[3].speed_limit_mps = None;
-    lanes[3].right_neighbour = Some(Neighbour { lane: 2, same_direction: false });
+    lanes[3].right_neighbours =
+        vec![Neighbour { lane: 2, same_direction: false }, Neighbour { lane: 0, same_direction: true }];
     lanes[2].centre[1] = lanes[2].centre[0];
     lanes[2].left[1] = lanes[2].left[0];
     lanes[2].right[1] = lanes[2].right[0];

@@ -55,11 +55,11 @@ pub fn link_side_by_side(road: &mut Road) {
         return;
     }
     for ix in 0..road.lanes.len() {
-        if road.lanes[ix].left_neighbour.is_none() {
-            road.lanes[ix].left_neighbour = beside(road, &graph, ix, true);
+        if road.lanes[ix].left_neighbours.is_empty() {
+            road.lanes[ix].left_neighbours = beside(road, &graph, ix, true).into_iter().collect();
         }
-        if road.lanes[ix].right_neighbour.is_none() {
-            road.lanes[ix].right_neighbour = beside(road, &graph, ix, false);
+        if road.lanes[ix].right_neighbours.is_empty() {
+            road.lanes[ix].right_neighbours = beside(road, &graph, ix, false).into_iter().collect();
         }
     }
 }
@@ -90,7 +90,7 @@ mod tests {
         let whole = two_lane_scene().road;
         let mut road = whole.clone();
         for lane in &mut road.lanes {
-            (lane.exits, lane.entries, lane.left_neighbour, lane.right_neighbour) = (vec![], vec![], None, None);
+            (lane.exits, lane.entries, lane.left_neighbours, lane.right_neighbours) = (vec![], vec![], vec![], vec![]);
         }
         // The branch leaves at 22 degrees in the fixture; a road that forks more gently is a fork.
         road.lanes[3].centre[1].y = 2.0;
@@ -98,7 +98,8 @@ mod tests {
         link_side_by_side(&mut road);
         for (found, known) in road.lanes.iter().zip(&whole.lanes) {
             assert_eq!((&found.exits, &found.entries), (&known.exits, &known.entries), "{}", known.id);
-            assert_eq!((found.left_neighbour, found.right_neighbour), (known.left_neighbour, known.right_neighbour));
+            assert_eq!(found.left_neighbours, known.left_neighbours, "{}", known.id);
+            assert_eq!(found.right_neighbours, known.right_neighbours, "{}", known.id);
         }
     }
 }

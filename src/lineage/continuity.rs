@@ -189,6 +189,9 @@ mod tests {
                     snapshot: Digest::of_bytes(b"w"),
                     predicted: objectives,
                     uncertainty: 0.0,
+                    half_width: None,
+                    rank_score: None,
+                    weight: None,
                 },
                 score: Score {
                     objectives,

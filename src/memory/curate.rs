@@ -118,7 +118,8 @@ impl Writer<'_> {
             let gates = gate_names(decision).join(", ");
             self.own(CardKind::Success, format!("Accepted by {gates}: {}, {change}.", self.rates(labels)), tags);
             self.motif(CardKind::Success, "was accepted", candidate);
-            if route.decision == RouteDecision::Audit && self.weakness(&route.predicted).is_some() {
+            let foreseen = route.decision == RouteDecision::Audit && route.half_width.is_some();
+            if foreseen && self.weakness(&route.predicted).is_some() {
                 let text = format!(
                     "World evaluator was wrong: predicted {}, simulated {}.",
                     self.rates(&route.predicted),

@@ -97,6 +97,9 @@ fn route(decision: RouteDecision, attack: f64) -> Route {
         snapshot: Digest::of_bytes(b"w"),
         predicted: Objectives { attack, realism: 0.9 },
         uncertainty: 0.123456,
+        half_width: Some(Objectives { attack: 0.1, realism: 0.123456 }),
+        rank_score: Some(0.0),
+        weight: None,
     }
 }
 

@@ -327,7 +327,7 @@ mod tests {
         let told = |scene: &Scene, values: &[f64]| actions(&Stage::of(scene).unwrap(), values).unwrap_err().to_string();
         assert!(told(&scene, &[1.0]).contains("4 parameters"));
         assert!(told(&scene, &[50.0, f64::NAN, 8.0, 45.0]).contains("oncoming_gap_m"));
-        scene.road.lanes.iter_mut().for_each(|lane| lane.left_neighbour = None);
+        scene.road.lanes.iter_mut().for_each(|lane| lane.left_neighbours.clear());
         assert!(told(&scene, &standard(TrafficFamily::VehiclePassing)).contains("an oncoming lane"));
     }
 }

@@ -247,21 +247,30 @@ pub struct Route {
     pub reason: String,
     /// Digest of the world snapshot that decided.
     pub snapshot: Digest,
-    /// Mean prediction over the routing scenes (paper F̂_φ).
+    /// The parent's labels with the predicted difference (paper F̂_φ).
     pub predicted: Objectives,
-    /// Û_φ, the aggregated uncertainty of that prediction.
+    /// Û_φ: half width of the wider one of the two intervals around that prediction.
     pub uncertainty: f64,
+    /// Half widths of the intervals for attack and realism.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_width: Option<Objectives>,
+    /// What candidates are ranked by: the predicted gain against the parent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rank_score: Option<f64>,
+    /// Of a candidate that was simulated because it was drawn: for how many of those drawn from it stands.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight: Option<f64>,
 }
 
 /// d_φ: what the world evaluator does with a candidate (paper eq. method-routing).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RouteDecision {
-    /// Promising and certain enough: simulate.
+    /// Ranked within the budget: simulate.
     Select,
     /// Not worth a rollout: do not simulate.
     Reject,
-    /// Simulate in spite of a weak prediction, to check the evaluator.
+    /// Drawn at random: simulate, to learn and to check the evaluator.
     Audit,
 }
 

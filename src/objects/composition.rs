@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{attempt::Exchange, ids::LineageId};
+use super::{attempt::Exchange, ids::LineageId, score::Score};
+use crate::kernel::num;
 
 /// A behaviour that a template may show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -79,6 +80,46 @@ impl TemplateForm {
     }
 }
 
+/// What the simulator made of a template: the parent with it, in scenes of its kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TemplateTrial {
+    /// The template that was tried.
+    pub template: Composition,
+    /// Scenes of its kind that were simulated.
+    pub scenes: usize,
+    /// Scenes in which the road user acted.
+    pub acted: usize,
+    /// Scenes in which the ego failed by a contact that counts.
+    pub collided: usize,
+    /// Mean scene realism where it acted; `None` where it acted nowhere.
+    pub realism: Option<f64>,
+}
+
+impl TemplateTrial {
+    /// Sums a template's labels up.
+    pub fn of(template: Composition, score: &Score) -> TemplateTrial {
+        let acted: Vec<f64> = score.scenes.iter().filter(|scene| scene.acted).map(|scene| scene.realism).collect();
+        TemplateTrial {
+            template,
+            scenes: score.scenes.len(),
+            acted: acted.len(),
+            collided: score.scenes.iter().filter(|scene| scene.attack > 0.0).count(),
+            realism: num::mean(&acted).map(|realism| num::rounded(realism, 4)),
+        }
+    }
+
+    /// A template that could be tried in no scene.
+    pub fn unseen(template: Composition) -> TemplateTrial {
+        TemplateTrial { template, scenes: 0, acted: 0, collided: 0, realism: None }
+    }
+
+    /// Whether another template could make the ego fail more often.
+    pub fn leaves_room(&self) -> bool {
+        self.collided < self.scenes
+    }
+}
+
 /// How the template of one kind of scenario of one lineage was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Composed {
@@ -90,7 +131,11 @@ pub struct Composed {
     pub description: String,
     /// Every question that was asked, in order.
     pub exchanges: Vec<Exchange>,
-    /// `None`: no answer could be used, and the published template stays.
+    /// Every template that could be used, with what the simulator made of it, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trials: Vec<TemplateTrial>,
+    /// The one of them that made the ego fail most often, the earliest among equals; `None`: no answer could be used, and the
+    /// published template stays.
     pub template: Option<Composition>,
 }
 

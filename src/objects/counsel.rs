@@ -54,6 +54,22 @@ pub struct Vehicle {
     pub conflict: bool,
     /// One of its likely trajectories meets the ego's undisturbed rollout within a second.
     pub reach: bool,
+    /// When it and the ego arrive at the first place that its log and the ego's undisturbed drive both touch, seconds after
+    /// the history; `None` where they touch no such place.
+    pub arrivals_s: Option<[f64; 2]>,
+}
+
+/// A place on the ego's undisturbed drive, seen from where it stands at the last step of the history.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EgoPlace {
+    /// Seconds after the history.
+    pub at_s: f64,
+    /// Place along its first heading, metres.
+    pub ahead_m: f64,
+    /// Place across its first heading, metres; positive to the left.
+    pub left_m: f64,
+    /// Speed there, m/s.
+    pub speed_mps: f64,
 }
 
 /// Whose lane a vehicle drives in, seen from the ego.

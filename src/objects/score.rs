@@ -16,6 +16,16 @@ pub struct Objectives {
 }
 
 impl Objectives {
+    /// The difference to another point.
+    pub fn less(&self, other: &Objectives) -> Objectives {
+        Objectives { attack: self.attack - other.attack, realism: self.realism - other.realism }
+    }
+
+    /// A point with both coordinates scaled.
+    pub fn times(&self, factor: f64) -> Objectives {
+        Objectives { attack: factor * self.attack, realism: factor * self.realism }
+    }
+
     /// RP = 100 (1 - R), percent (paper eq. app-realism-penalty).
     pub fn realism_penalty_pct(&self) -> f64 {
         100.0 * (1.0 - self.realism)

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::kernel::{Digest, canon::CanonError};
 
-/// The five groups of signals of x(c, s).
+/// The groups of signals: the paper's five, the parent's outcome, and probe compilations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FeatureGroup {
@@ -25,6 +25,10 @@ pub enum FeatureGroup {
     Scene,
     /// The adversaries' interaction with the ego.
     Interaction,
+    /// What the parent did.
+    Parent,
+    /// What the compiled interventions look like without a rollout.
+    Probe,
 }
 
 /// One number of x(c, s); the unit stands last in the name.
@@ -47,23 +51,83 @@ pub struct FeatureSchema {
     pub columns: Vec<FeatureColumn>,
 }
 
-/// A candidate in one scene, as the evaluator sees it before any rollout.
+/// What a compiled intervention looks like without a rollout: a counterfactual probe. Over several adversaries it holds the
+/// nearest, the earliest and the largest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Probe {
+    /// Smallest distance of an adversary's box to the ego's in the ego's undisturbed rollout, metres, at most 100.
+    pub ego_distance_m_min: f64,
+    /// When the boxes first come within 2 m of each other, seconds from the first step that a program may change; 20 if never.
+    pub conflict_s: f64,
+    /// When the first adversary departs from its recording, seconds from the same step; 20 if nobody does.
+    pub begins_s: f64,
+    /// Farthest off the drivable area, metres.
+    pub off_road_m: f64,
+    /// Level of the acceleration, m/s².
+    pub acceleration_mps2: f64,
+    /// Level of the jerk, m/s³.
+    pub jerk_mps3: f64,
+    /// Adversaries.
+    pub actors: f64,
+}
+
+impl Probe {
+    /// Where nobody does anything.
+    pub const NOTHING: Probe = Probe {
+        ego_distance_m_min: 100.0,
+        conflict_s: 20.0,
+        begins_s: 20.0,
+        off_road_m: 0.0,
+        acceleration_mps2: 0.0,
+        jerk_mps3: 0.0,
+        actors: 0.0,
+    };
+
+    /// Its numbers, in the order of the fields.
+    pub fn values(&self) -> [f64; 7] {
+        [
+            self.ego_distance_m_min,
+            self.conflict_s,
+            self.begins_s,
+            self.off_road_m,
+            self.acceleration_mps2,
+            self.jerk_mps3,
+            self.actors,
+        ]
+    }
+}
+
+/// A child and its parent, compiled for one scene without a rollout.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProbePair {
+    /// What the child would do.
+    pub child: Probe,
+    /// What its parent does.
+    pub parent: Probe,
+    /// Whether the interventions are the same, bit for bit.
+    pub same: bool,
+}
+
+/// ξ: a candidate over the scenes of a window, as the evaluator sees it before any rollout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct WorldPair {
-    /// Id of the scene.
-    pub scene: String,
+pub struct WorldRow {
     /// One number a column of the schema.
     pub features: Vec<f64>,
+    /// Share of the scenes in which the child may differ from its parent, in [0, 1]. In the others both compile to the same, so
+    /// that the difference there is known to be zero.
+    pub open_share: f64,
+    /// The parent's labels on the same scenes.
+    pub parent: Objectives,
     /// The candidate's family.
     pub family: FamilyName,
-    /// The scene's cluster, e.g. its tags joined.
-    pub scene_cluster: String,
     /// The candidate's mechanism tags joined.
     pub mechanism_class: String,
 }
 
-/// One element (ξ, y) of the calibration set D^W: a pair and its labels from the simulator.
+/// One element (ξ, y) of the calibration set D^W: a candidate and its labels from the simulator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldLabel {
@@ -74,17 +138,24 @@ pub struct WorldLabel {
     /// The epoch in which it was evaluated.
     pub epoch: u32,
     /// ξ: what the prediction rested on.
-    pub pair: WorldPair,
-    /// A and R of the rollout, each in [0, 1].
+    pub row: WorldRow,
+    /// A and R on the window, each in [0, 1].
     pub labels: Objectives,
-    /// Q: rollout diagnostics, 1 = satisfied.
+    /// Q: rollout diagnostics, means over the scenes, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
     /// The routing decision about the candidate.
     pub decision: RouteDecision,
-    /// The prediction for the whole candidate.
+    /// What was predicted before there were labels.
     pub predicted: Objectives,
-    /// Whether the router would have rejected it without the monitor.
-    pub monitored: bool,
+    /// Whether the archive accepted it.
+    pub accepted: bool,
+}
+
+impl WorldLabel {
+    /// What the child's labels differ from its parent's by.
+    pub fn difference(&self) -> Objectives {
+        self.labels.less(&self.row.parent)
+    }
 }
 
 /// The group whose mean calibrates a prediction.
@@ -93,21 +164,45 @@ pub struct WorldLabel {
 pub enum CalibrationGroup {
     /// One group a family.
     Family,
-    /// One group a scene cluster.
-    SceneCluster,
     /// One group a class of mechanism.
     MechanismClass,
 }
 
-/// The configuration φ of the evaluator. It comes from the experiment file, later from the world agent.
+/// Which regression predicts the difference from the parent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WorldModel {
+    /// Ridge regression on standardised columns.
+    Ridge,
+    /// Boosted regression trees of depth 3.
+    Boosted,
+}
+
+/// Who gets the rollouts of an epoch's budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RoutingChoice {
+    /// Whom the evaluator ranks first, and a random draw of the others.
+    Ranked,
+    /// A random draw: what the evaluator is to be compared with.
+    Random,
+}
+
+/// The configuration φ of the evaluator. It comes from the experiment file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldConfiguration {
     /// Columns left out of the regression, by name.
     pub excluded_columns: Vec<String>,
+    /// Which regression predicts.
+    pub model: WorldModel,
     /// λ of the ridge on standardised columns, > 0.
     pub ridge_lambda: f64,
-    /// β_A and β_R: weight of the raw prediction against the group's mean, in [0, 1] (eq. app-world-calibration).
+    /// Trees of the boosted model.
+    pub trees: u32,
+    /// Share of its prediction that each tree adds, in (0, 1].
+    pub learning_rate: f64,
+    /// β_A and β_R: weight of the raw prediction against the group's mean difference, in [0, 1] (eq. app-world-calibration).
     pub beta_attack: f64,
     /// β_R: the same weight for realism.
     pub beta_realism: f64,
@@ -115,30 +210,33 @@ pub struct WorldConfiguration {
     pub calibration_group: CalibrationGroup,
     /// A group with fewer labels is sparse: its mean is not used, the global one is.
     pub group_labels_min: u32,
-    /// Lower bound of the residual standard deviation, 1, > 0.
-    pub residual_floor: f64,
-    /// Share of the residual variance that adds to the variance of the mean: 1 = uncertainty of a single rollout, 0 =
-    /// of the expectation.
-    pub residual_share: f64,
-    /// Quantile over scenes that is a candidate's uncertainty, in [0.5, 1]; 1 = maximum.
-    pub uncertainty_quantile: f64,
+    /// Share of candidates whose labels an interval is to hold, in [0.5, 0.99].
+    pub interval_level: f64,
+    /// Weight of a difference of realism against one of attack in the rank, >= 0.
+    pub realism_weight: f64,
+    /// Weight of the uncertainty in the rank, >= 0: what is little known is tried first.
+    pub explore: f64,
     /// Thresholds and shares of routing.
     pub routing: RoutingOptions,
 }
 
-/// Thresholds and monitoring of the router (eq. method-routing).
+/// Budget, thresholds and monitoring of the router (eq. method-routing).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoutingOptions {
-    /// λ_A: least predicted attack to be promising, 1.
+    /// Candidates that are simulated an epoch, audits among them.
+    pub rollout_budget: u32,
+    /// Who gets them.
+    pub choice: RoutingChoice,
+    /// λ_A: attack that a candidate may lose against its parent, as predicted, 1.
     pub lambda_a: f64,
-    /// λ_R: least predicted realism to be promising, 1.
+    /// λ_R: realism that it may lose, 1.
     pub lambda_r: f64,
-    /// λ_U: largest uncertainty to be certain, 1.
+    /// λ_U: largest uncertainty at which a candidate that is predicted to lose more is turned away for it, 1.
     pub lambda_u: f64,
-    /// Share of would-be rejections that are simulated all the same, in [0, 1].
-    pub audit_rate: f64,
-    /// With fewer labelled pairs nothing is rejected.
+    /// Share of the budget that is drawn at random among those that the rank leaves out, in [0, 1].
+    pub audit_share: f64,
+    /// With fewer labelled candidates nobody is ranked: the budget is drawn at random.
     pub min_labels: u32,
 }
 
@@ -160,15 +258,63 @@ pub struct RidgeLine {
     pub intercept: f64,
     /// One a used column; empty where only the mean could be fitted.
     pub weights: Vec<f64>,
-    /// Residual standard deviation, at least the configured floor.
-    pub residual_std: f64,
+}
+
+/// A regression tree of depth at most 3: nodes in order, the root first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tree {
+    /// A node's children stand behind it.
+    pub nodes: Vec<TreeNode>,
+}
+
+/// A question or an answer of a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TreeNode {
+    /// Values of the column up to the bound go to `low`, the others to the node behind that.
+    Split {
+        /// Place of the column among the used ones.
+        column: usize,
+        /// In units of the standardised column.
+        bound: f64,
+        /// Place of the first child.
+        low: usize,
+        /// Place of the second child.
+        high: usize,
+    },
+    /// What is added to the prediction.
+    Leaf {
+        /// Of the target.
+        value: f64,
+    },
+}
+
+/// One target's boosted trees.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Boosted {
+    /// Mean of the target.
+    pub intercept: f64,
+    /// They add up.
+    pub trees: Vec<Tree>,
+}
+
+/// What predicts one target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Regression {
+    /// A line.
+    Ridge(RidgeLine),
+    /// Trees.
+    Boosted(Boosted),
 }
 
 /// What was fitted from the labels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldFit {
-    /// Number of labels behind the fit.
+    /// Number of labelled candidates behind the fit.
     pub labels: u32,
     /// Places of the used columns in the schema.
     pub columns: Vec<usize>,
@@ -176,25 +322,26 @@ pub struct WorldFit {
     pub column_mean: Vec<f64>,
     /// Standard deviation of each column. `[columns]`
     pub column_std: Vec<f64>,
-    /// Lower Cholesky factor of X'X + λI, row by row; empty where only the means could be fitted.
-    pub factor: Vec<f64>,
-    /// The line that predicts attack.
-    pub attack: RidgeLine,
-    /// The line that predicts realism.
-    pub realism: RidgeLine,
+    /// Predicts the difference of attack in an open scene.
+    pub attack: Regression,
+    /// Predicts the difference of realism in an open scene.
+    pub realism: Regression,
     /// Why only means were fitted, if so.
     pub fallback: Option<String>,
-    /// Mean over all labels.
+    /// Mean difference from the parent over all labels.
     pub global: GroupMean,
-    /// Mean of each calibration group.
+    /// Mean difference of each calibration group.
     pub groups: BTreeMap<String, GroupMean>,
+    /// Half width of an interval for a candidate that is open everywhere: the conformal quantile of past errors, each made
+    /// before its label was there. `None` where there are too few.
+    pub half_width: Option<Objectives>,
 }
 
 /// W_φ as of an epoch's barrier; immutable.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorldSnapshot {
-    /// What the columns of a pair's features are.
+    /// What the columns of a row's features are.
     pub schema: FeatureSchema,
     /// What may be evolved in the evaluator.
     pub configuration: WorldConfiguration,
@@ -205,6 +352,6 @@ pub struct WorldSnapshot {
 impl WorldSnapshot {
     /// The name by which routes cite it.
     pub fn digest(&self) -> Result<Digest, CanonError> {
-        Digest::of("evodrive/world-snapshot/1", self)
+        Digest::of("evodrive/world-snapshot/2", self)
     }
 }

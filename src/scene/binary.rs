@@ -10,6 +10,10 @@ use crate::kernel::{Digest, Pose, Vec2, num};
 /// Part of the domain of every scene digest: rises with any change of the bytes below.
 const SCENE_DOMAIN: &str = "evodrive/scene/1";
 
+/// Before the neighbours of a side: there is none, or a count follows. Anything else is the only one's direction.
+const NO_NEIGHBOUR: u8 = 0;
+const NEIGHBOURS: u8 = 3;
+
 impl Scene {
     /// The name of everything that a rollout can see: all fields but `origin`.
     pub fn digest(&self) -> Digest {
@@ -127,14 +131,21 @@ impl Writer {
         self.list(values, |w, v| w.count(*v));
     }
 
-    fn neighbour(&mut self, neighbour: Option<Neighbour>) {
-        match neighbour {
-            None => self.byte(0),
-            Some(Neighbour { lane, same_direction }) => {
-                self.byte(if same_direction { 1 } else { 2 });
-                self.count(lane);
+    /// The only neighbour of a side is written without a count: most lanes have no other.
+    fn neighbours(&mut self, side: &[Neighbour]) {
+        match side {
+            [] => self.byte(NO_NEIGHBOUR),
+            [one] => self.neighbour(*one),
+            several => {
+                self.byte(NEIGHBOURS);
+                self.list(several, |w, one| w.neighbour(*one));
             }
         }
+    }
+
+    fn neighbour(&mut self, Neighbour { lane, same_direction }: Neighbour) {
+        self.byte(if same_direction { 1 } else { 2 });
+        self.count(lane);
     }
 
     fn lane(&mut self, lane: &Lane) {
@@ -150,8 +161,8 @@ impl Writer {
         }
         self.counts(&lane.entries);
         self.counts(&lane.exits);
-        self.neighbour(lane.left_neighbour);
-        self.neighbour(lane.right_neighbour);
+        self.neighbours(&lane.left_neighbours);
+        self.neighbours(&lane.right_neighbours);
         self.optional(lane.speed_limit_mps);
     }
 
@@ -283,13 +294,27 @@ impl Reader<'_> {
         self.list(8, Self::count)
     }
 
-    fn neighbour(&mut self) -> Read<Option<Neighbour>> {
-        Ok(match self.byte("a neighbour")? {
-            0 => None,
-            1 => Some(Neighbour { lane: self.count()?, same_direction: true }),
-            2 => Some(Neighbour { lane: self.count()?, same_direction: false }),
-            _ => return Err(self.expected("a neighbour: 0, 1 or 2")),
-        })
+    fn neighbours(&mut self) -> Read<Vec<Neighbour>> {
+        match self.byte("a neighbour")? {
+            NO_NEIGHBOUR => Ok(vec![]),
+            NEIGHBOURS => {
+                let side = self.list(9, |r| {
+                    let direction = r.byte("a neighbour")?;
+                    r.neighbour(direction)
+                })?;
+                // Fewer are written otherwise, so that a scene has one form.
+                if side.len() < 2 { Err(self.expected("two neighbours or more")) } else { Ok(side) }
+            }
+            direction => Ok(vec![self.neighbour(direction)?]),
+        }
+    }
+
+    fn neighbour(&mut self, direction: u8) -> Read<Neighbour> {
+        match direction {
+            1 => Ok(Neighbour { lane: self.count()?, same_direction: true }),
+            2 => Ok(Neighbour { lane: self.count()?, same_direction: false }),
+            _ => Err(self.expected("a neighbour: 1 or 2; or before them 0 for none, 3 for several")),
+        }
     }
 
     fn lane(&mut self) -> Read<Lane> {
@@ -307,8 +332,8 @@ impl Reader<'_> {
             right: self.points()?,
             entries: self.counts()?,
             exits: self.counts()?,
-            left_neighbour: self.neighbour()?,
-            right_neighbour: self.neighbour()?,
+            left_neighbours: self.neighbours()?,
+            right_neighbours: self.neighbours()?,
             speed_limit_mps: self.optional()?,
         })
     }
@@ -419,6 +444,19 @@ mod tests {
         for end in whole + 1..bytes.len() {
             assert!(scene_of(&bytes[..end], Origin::default()).is_err(), "{end}");
         }
+    }
+
+    #[test]
+    fn several_neighbours_of_a_side_come_back_and_one_is_written_as_ever() {
+        let one = two_lane_scene();
+        let mut scene = one.clone();
+        scene.road.lanes[0].left_neighbours.push(Neighbour { lane: 3, same_direction: false });
+        let bytes = scene_bytes(&scene);
+        assert_eq!(scene_of(&bytes, scene.origin.clone()), Ok(scene.clone()));
+        // A count of eight bytes, then the second one.
+        assert_eq!(bytes.len(), scene_bytes(&one).len() + 1 + 8 + 9);
+        assert_eq!(scene.road.lanes[0].left_neighbours.pop().map(|n| n.lane), Some(3));
+        assert_eq!(scene.digest(), one.digest());
     }
 
     #[test]

@@ -27,8 +27,8 @@ pub fn lane(id: &str, centre: Vec<Vec2>) -> Lane {
         right,
         entries: vec![],
         exits: vec![],
-        left_neighbour: None,
-        right_neighbour: None,
+        left_neighbours: vec![],
+        right_neighbours: vec![],
         speed_limit_mps: Some(15.0),
     }
 }
@@ -50,8 +50,8 @@ pub fn two_lane_scene() -> Scene {
     lanes[0].exits = vec![2, 3];
     lanes[2].entries = vec![0];
     lanes[3].entries = vec![0];
-    lanes[0].left_neighbour = Some(Neighbour { lane: 1, same_direction: true });
-    lanes[1].right_neighbour = Some(Neighbour { lane: 0, same_direction: true });
+    lanes[0].left_neighbours = vec![Neighbour { lane: 1, same_direction: true }];
+    lanes[1].right_neighbours = vec![Neighbour { lane: 0, same_direction: true }];
     let steps = 60;
     let car = |id: &str, x: f64, y: f64, speed: f64| Track {
         id: id.into(),

@@ -48,7 +48,7 @@ pub struct LaneGraph {
     centres: Vec<Option<Polyline>>,
     exits: Vec<Vec<LaneIx>>,
     entries: Vec<Vec<LaneIx>>,
-    neighbours: Vec<[Option<Neighbour>; 2]>,
+    neighbours: Vec<[Vec<LaneIx>; 2]>,
     through: Vec<bool>,
     pieces: Arc<Pieces>,
 }
@@ -58,7 +58,10 @@ impl LaneGraph {
     pub fn of(road: &Road) -> LaneGraph {
         let count = road.lanes.len();
         let known = |links: &[LaneIx]| links.iter().copied().filter(|&ix| ix < count).collect::<Vec<_>>();
-        let beside = |n: Option<Neighbour>| n.filter(|n| n.lane < count);
+        let beside = |side: &[Neighbour]| {
+            let fits = side.iter().filter(|n| n.lane < count && n.same_direction);
+            fits.map(|n| n.lane).collect::<Vec<_>>()
+        };
         let pieces = Arc::new(Pieces::of(road));
         let mut through = vec![false; count];
         for piece in pieces.all() {
@@ -68,7 +71,7 @@ impl LaneGraph {
             centres: road.lanes.iter().map(|lane| Polyline::new(lane.centre.clone()).ok()).collect(),
             exits: road.lanes.iter().map(|lane| known(&lane.exits)).collect(),
             entries: road.lanes.iter().map(|lane| known(&lane.entries)).collect(),
-            neighbours: road.lanes.iter().map(|l| [beside(l.left_neighbour), beside(l.right_neighbour)]).collect(),
+            neighbours: road.lanes.iter().map(|l| [beside(&l.left_neighbours), beside(&l.right_neighbours)]).collect(),
             through,
             pieces,
         }
@@ -104,10 +107,21 @@ impl LaneGraph {
         self.entries.get(lane).map_or(&[], Vec::as_slice)
     }
 
-    /// Left, then right neighbour of the same driving direction.
+    /// Left, then right neighbours of the same driving direction, each somewhere beside the lane.
     pub fn beside(&self, lane: LaneIx) -> impl Iterator<Item = LaneIx> {
-        let both = self.neighbours.get(lane).copied().unwrap_or_default();
-        both.into_iter().flatten().filter(|n| n.same_direction).map(|n| n.lane)
+        self.neighbours.get(lane).into_iter().flatten().flatten().copied()
+    }
+
+    /// The same at a point: of several neighbours of a side the nearest one.
+    pub fn beside_at(&self, lane: LaneIx, point: Vec2) -> impl Iterator<Item = LaneIx> {
+        let away = move |lane: &LaneIx| {
+            self.centre(*lane).map_or(f64::INFINITY, |line| line.at(line.project(point).s_m).distance(point))
+        };
+        let nearest = move |side: &Vec<LaneIx>| match side.as_slice() {
+            [one] => Some(*one),
+            side => side.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b))),
+        };
+        self.neighbours.get(lane).into_iter().flatten().filter_map(nearest)
     }
 
     /// Streets and freeways; not bike lanes, shoulders, sidewalks.
@@ -357,6 +371,29 @@ mod tests {
         let long = graph().reachable(1, 40.0, 80.0);
         let found: Vec<_> = long.iter().map(|r| (r.lane, r.start_m, r.lane_changes, r.via)).collect();
         assert_eq!(found, [(1, -40.0, 0, None), (0, -40.0, 1, Some(1)), (2, 60.0, 1, Some(0)), (3, 60.0, 1, Some(0))]);
+    }
+
+    #[test]
+    fn of_several_neighbours_the_one_at_the_place_is_beside_it() {
+        let mut road = two_lane_scene().road;
+        // Lane 1 ends halfway, and its continuation is beside the second half of lane 0.
+        let mut second = road.lanes[1].clone();
+        let first = &mut road.lanes[1];
+        for line in [&mut first.centre, &mut first.left, &mut first.right] {
+            line.truncate(6);
+        }
+        for line in [&mut second.centre, &mut second.left, &mut second.right] {
+            line.drain(..5);
+        }
+        second.id = "b2".into();
+        road.lanes.push(second);
+        road.lanes[0].left_neighbours.push(Neighbour { lane: 4, same_direction: true });
+        let graph = LaneGraph::of(&road);
+        assert_eq!(graph.beside(0).collect::<Vec<_>>(), [1, 4]);
+        let beside = |x: f64| graph.beside_at(0, Vec2::new(x, 0.0)).collect::<Vec<_>>();
+        assert_eq!((beside(20.0), beside(80.0)), (vec![1], vec![4]));
+        let starts: Vec<_> = graph.reachable(0, 10.0, 30.0).iter().map(|r| (r.lane, r.start_m)).collect();
+        assert_eq!(starts, [(0, -10.0), (1, -10.0), (4, 40.0)]);
     }
 
     #[test]

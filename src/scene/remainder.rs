@@ -12,7 +12,7 @@ use super::{Origin, Scene};
 use crate::kernel::Digest;
 
 /// Rises when an older reader could not use what is written.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Fields by path, such as `/tracks/3/samples`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -104,8 +104,10 @@ fn search(graph: &LaneGraph, start: LanePlace, goals: &[GoalPlace], transition_m
         }
         let way = transition_m.min(left);
         let after = graph.centre(visit.lane).map(|line| line.at(visit.entry_m + way));
-        for beside in graph.beside(visit.lane) {
-            let there = after.and_then(|point| graph.place_in(beside, point));
+        for (beside, point) in
+            after.iter().flat_map(|point| graph.beside_at(visit.lane, *point).map(|lane| (lane, *point)))
+        {
+            let there = graph.place_in(beside, point);
             if let Some(place) = there.filter(|_| graph.is_through(beside)) {
                 push(beside, place.s_m, way + LANE_CHANGE_COST_M, true);
             }

@@ -169,10 +169,10 @@ pub struct Lane {
     pub entries: Vec<LaneIx>,
     /// Lanes that this one leads into.
     pub exits: Vec<LaneIx>,
-    /// The lane to the left.
-    pub left_neighbour: Option<Neighbour>,
-    /// The lane to the right.
-    pub right_neighbour: Option<Neighbour>,
+    /// Lanes to the left: one where it runs beside all of this one, several where they take turns. The longest first.
+    pub left_neighbours: Vec<Neighbour>,
+    /// Lanes to the right, likewise.
+    pub right_neighbours: Vec<Neighbour>,
     /// Speed limit where one is known, m/s.
     pub speed_limit_mps: Option<f64>,
 }

@@ -177,8 +177,8 @@ impl Check {
             let expected = "the other lane to name this one in return";
             self.that(back.contains(&ix), "lane_links_are_mutual", &place, format!("{what} {other}"), expected);
         }
-        for (side, neighbour) in [("left", lane.left_neighbour), ("right", lane.right_neighbour)] {
-            let Some(neighbour) = neighbour else { continue };
+        let (left, right) = (lane.left_neighbours.iter(), lane.right_neighbours.iter());
+        for (side, neighbour) in left.map(|n| ("left", n)).chain(right.map(|n| ("right", n))) {
             let sound = neighbour.lane < lanes.len() && neighbour.lane != ix;
             let found = format!("{side} neighbour {}", neighbour.lane);
             self.that(sound, "neighbours_exist", &place, found, "the index of another lane");
@@ -361,7 +361,7 @@ mod tests {
         assert_eq!(broken_by(|s| s.road.lanes[0].speed_limit_mps = Some(0.0)), ["speed_limit_is_plausible"]);
         assert_eq!(broken_by(|s| s.road.lanes[0].left.truncate(2)), ["lane_lines_have_equal_counts"]);
         assert_eq!(
-            broken_by(|s| s.road.lanes[0].left_neighbour = Some(Neighbour { lane: 0, same_direction: true })),
+            broken_by(|s| s.road.lanes[0].left_neighbours = vec![Neighbour { lane: 0, same_direction: true }]),
             ["neighbours_exist"]
         );
         assert_eq!(

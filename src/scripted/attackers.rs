@@ -217,6 +217,7 @@ pub(super) mod tests {
             time_to_collision_s: None,
             conflict: false,
             reach,
+            arrivals_s: None,
         };
         vec![
             vehicle(0, "lead", 15.0, 0.5, LaneRelation::Same, true),
@@ -230,7 +231,7 @@ pub(super) mod tests {
         let (vehicles, lineage) = (vehicles(), LineageId::new("x-idm"));
         let (vehicles, model) = (vehicles.as_slice(), spec);
         let (scene, ego) = ("s", "replay");
-        let case = Case { lineage: &lineage, scene, slot, ego, vehicles, attackers_max: 2, rounds, model };
+        let case = Case { lineage: &lineage, scene, slot, ego, drive: &[], vehicles, attackers_max: 2, rounds, model };
         let distance_m = Mutex::new(9.0);
         let tried = |_: &Counsel| {
             let mut distance_m = distance_m.lock().unwrap();
@@ -285,7 +286,8 @@ pub(super) mod tests {
         let (vehicles, lineage, model) = (vehicles(), LineageId::new("x-idm"), model(0.0, 0.0, 0.0));
         let (vehicles, model) = (vehicles.as_slice(), &model);
         let (scene, ego) = ("s", "replay");
-        let case = Case { lineage: &lineage, scene, slot: 0, ego, vehicles, attackers_max: 2, rounds: 1, model };
+        let case =
+            Case { lineage: &lineage, scene, slot: 0, ego, drive: &[], vehicles, attackers_max: 2, rounds: 1, model };
         let text = crate::agents::scene_prompt::SceneText::of(&case).unwrap();
         let whole = crate::agents::scene_prompt::counsel_request(&case, &text, 0, &[]).unwrap();
         reply::attackers(&Scripted.complete(&whole).unwrap().bytes).unwrap();

@@ -67,98 +67,167 @@ pub struct Limits {
     pub expression_depth: usize,
 }
 
-/// The block as it stands in a prompt.
-#[derive(Deserialize)]
-pub struct Written {
-    parameters: BTreeMap<String, String>,
-    operators: BTreeMap<String, WrittenSlot>,
-    mechanism_slots: BTreeMap<String, String>,
-    features: Vec<WrittenFeatures>,
-    limits: Limits,
-}
-
-#[derive(Deserialize)]
-struct WrittenSlot {
-    nodes: [usize; 2],
-    /// Of all kinds, where they are alike.
-    inputs: Option<Vec<String>>,
-    output: Option<String>,
-    kinds: BTreeMap<String, WrittenKind>,
-}
-
-#[derive(Deserialize)]
-struct WrittenKind {
-    inputs: Option<Vec<String>>,
-    output: Option<String>,
-    #[serde(default)]
-    settings: BTreeMap<String, String>,
-}
-
-#[derive(Deserialize)]
-struct WrittenFeatures {
-    read_by: Vec<String>,
-    features: BTreeMap<String, Value>,
-}
-
 /// Who reads a scene feature.
 const EVERYBODY: &str = "every expression";
-/// A setting with the range of the parameter of its name.
-const AS_PARAMETER: &str = "as the parameter";
+/// Parts of a name that say its unit.
+const UNITS: [(&str, &str); 8] = [
+    ("mps3", "m/s^3"),
+    ("mps2", "m/s^2"),
+    ("mps", "m/s"),
+    ("radps", "rad/s"),
+    ("rad", "rad"),
+    ("1pm", "1/m"),
+    ("m", "m"),
+    ("s", "s"),
+];
+
+/// The contract as it grows line by line.
+#[derive(Default)]
+struct Lines {
+    section: String,
+    slot: String,
+    kind: String,
+    read_by: Vec<String>,
+    limits: BTreeMap<String, usize>,
+    parameters: BTreeMap<String, Domain>,
+    operators: BTreeMap<String, SlotSpec>,
+    /// Ports of each slot's kinds that name none.
+    common: (Vec<String>, String),
+    mechanism_slots: BTreeMap<String, MechanismSlot>,
+    scene_features: Vec<String>,
+    features: BTreeMap<String, Feature>,
+}
 
 impl Contract {
-    pub fn read(written: Written) -> Result<Contract, ModelError> {
-        let domain = |name: &String, text: &String| {
-            let read = Domain::read(text);
-            Ok((name.clone(), read.ok_or_else(|| unanswerable(format!("`{name}` has no readable range: {text}")))?))
-        };
-        let parameters: BTreeMap<String, Domain> =
-            written.parameters.iter().map(|(name, text)| domain(name, text)).collect::<Result<_, ModelError>>()?;
-        let setting = |name: &String, text: &String| match parameters.get(name) {
-            Some(parameter) if text == AS_PARAMETER => Ok((name.clone(), parameter.clone())),
-            _ => domain(name, text),
-        };
-        let mut operators = BTreeMap::new();
-        for (slot, WrittenSlot { nodes, inputs, output, kinds }) in written.operators {
-            let mut read = BTreeMap::new();
-            for (name, kind) in kinds {
-                let settings = kind.settings.iter().map(|(name, text)| setting(name, text));
-                let kind = Kind {
-                    inputs: kind.inputs.or_else(|| inputs.clone()).unwrap_or_default(),
-                    output: kind.output.or_else(|| output.clone()).unwrap_or_default(),
-                    settings: settings.collect::<Result<_, ModelError>>()?,
-                };
-                read.insert(name, kind);
-            }
-            operators.insert(slot, SlotSpec { nodes, kinds: read });
+    /// The block as it stands in a prompt.
+    pub fn read(text: &str) -> Result<Contract, ModelError> {
+        let mut lines = Lines::default();
+        for line in text.lines() {
+            lines
+                .take(line)
+                .ok_or_else(|| unanswerable(format!("the family contract has an unreadable line: {line}")))?;
         }
-        let reads = |slot: &String| {
-            let groups = written.features.iter().filter(|group| group.read_by.contains(slot));
-            groups.flat_map(|group| group.features.keys().cloned()).collect::<Vec<String>>()
-        };
-        let mechanism_slots = written.mechanism_slots.iter().map(|(slot, text)| {
-            let (output, meaning) = text.split_once(": ").unwrap_or((text, ""));
-            (slot.clone(), MechanismSlot { output: output.into(), reads: reads(slot), meaning: meaning.into() })
-        });
-        let feature = |text: &Value| match text.as_str().and_then(|text| text.split_once(": ")) {
-            Some(("true or false", _)) => Feature { value: "boolean".into(), unit: String::new() },
-            Some((unit, _)) => Feature { value: "number".into(), unit: unit.into() },
-            None => Feature { value: "number".into(), unit: String::new() },
-        };
-        let features = written.features.iter().flat_map(|group| &group.features);
+        let limits = serde_json::to_value(&lines.limits).and_then(serde_json::from_value);
         Ok(Contract {
-            operators,
-            mechanism_slots: mechanism_slots.collect(),
-            scene_features: reads(&EVERYBODY.to_string()),
-            features: features.map(|(name, text)| (name.clone(), feature(text))).collect(),
-            limits: written.limits,
-            parameters,
+            parameters: lines.parameters,
+            operators: lines.operators,
+            mechanism_slots: lines.mechanism_slots,
+            scene_features: lines.scene_features,
+            features: lines.features,
+            limits: limits.map_err(|error| unanswerable(format!("the limits of the family contract: {error}")))?,
         })
     }
 }
 
+impl Lines {
+    fn take(&mut self, line: &str) -> Option<()> {
+        if let Some(section) = line.strip_prefix("== ") {
+            self.section = section.into();
+            return Some(());
+        }
+        match self.section.as_str() {
+            "parameters" => {
+                let (name, said) = line.split_once(": ")?;
+                self.parameters.insert(name.into(), Domain::read(name, said)?);
+            }
+            "operators" => self.operator(line)?,
+            "mechanism slots" => {
+                let (name, said) = line.split_once(": ")?;
+                let (output, meaning) = said.split_once(": ")?;
+                let slot = MechanismSlot { output: output.into(), reads: vec![], meaning: meaning.into() };
+                self.mechanism_slots.insert(name.into(), slot);
+            }
+            "features" => self.feature(line)?,
+            _ => {
+                if let Some(limits) = line.strip_prefix("limits: ") {
+                    let read =
+                        |part: &str| Some((part.split_once(' ')?.0.into(), part.split_once(' ')?.1.parse().ok()?));
+                    self.limits = limits.split(", ").map(read).collect::<Option<_>>()?;
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// `slot <name>, 0..8 nodes: <ports>`, `- <kind>: meaning`, `- <kind> (<ports>): meaning`, `  as parameters: a, b`,
+    /// `  <setting>: <domain>: meaning`.
+    fn operator(&mut self, line: &str) -> Option<()> {
+        if let Some(slot) = line.strip_prefix("slot ") {
+            let (head, ports) = slot.split_once(" nodes: ")?;
+            let (name, range) = head.split_once(", ")?;
+            let (fewest, most) = range.split_once("..")?;
+            self.slot = name.into();
+            self.common = read_ports(ports)?;
+            let spec = SlotSpec { nodes: [fewest.parse().ok()?, most.parse().ok()?], kinds: BTreeMap::new() };
+            self.operators.insert(name.into(), spec);
+            return Some(());
+        }
+        let kinds = &mut self.operators.get_mut(&self.slot)?.kinds;
+        if let Some(kind) = line.strip_prefix("- ") {
+            let end = kind.find([' ', ':'])?;
+            let (name, rest) = kind.split_at(end);
+            let own = rest.strip_prefix(" (").and_then(|rest| rest.split_once("): "));
+            let (inputs, output) = match own {
+                Some((ports, _)) => read_ports(ports)?,
+                None => self.common.clone(),
+            };
+            self.kind = name.into();
+            kinds.insert(name.into(), Kind { inputs, output, settings: BTreeMap::new() });
+            return Some(());
+        }
+        let settings = &mut kinds.get_mut(&self.kind)?.settings;
+        let (name, said) = line.strip_prefix("  ")?.split_once(": ")?;
+        if name == "as parameters" {
+            let alike = said.split(", ").map(|name| Some((name.to_string(), self.parameters.get(name)?.clone())));
+            settings.extend(alike.collect::<Option<Vec<_>>>()?);
+        } else {
+            settings.insert(name.into(), Domain::read(name, said)?);
+        }
+        Some(())
+    }
+
+    /// `read by <slots>:`, `<name>: meaning`, `<name>?: meaning` of one that is true or false, `<name> (<unit>): meaning`.
+    fn feature(&mut self, line: &str) -> Option<()> {
+        if let Some(readers) = line.strip_prefix("read by ") {
+            self.read_by = readers.strip_suffix(':')?.split(", ").map(str::to_string).collect();
+            return Some(());
+        }
+        let (head, _) = line.split_once(": ")?;
+        let (name, said) = head.split_once(" (").map_or((head, ""), |(name, said)| (name, said.trim_end_matches(')')));
+        let (name, value, unit) = match name.strip_suffix('?') {
+            Some(name) => (name, "boolean", String::new()),
+            None => (name, "number", unit_of(name, said)),
+        };
+        self.features.insert(name.into(), Feature { value: value.into(), unit });
+        for reader in &self.read_by {
+            match self.mechanism_slots.get_mut(reader) {
+                Some(slot) => slot.reads.push(name.into()),
+                None if reader == EVERYBODY => self.scene_features.push(name.into()),
+                None => return None,
+            }
+        }
+        Some(())
+    }
+}
+
+fn read_ports(text: &str) -> Option<(Vec<String>, String)> {
+    let (inputs, output) = text.split_once(" -> ")?;
+    let inputs = if inputs == "nothing" { vec![] } else { inputs.split(", ").map(str::to_string).collect() };
+    Some((inputs, output.into()))
+}
+
+/// The unit that stands beside a value or in its name.
+fn unit_of(name: &str, said: &str) -> String {
+    let in_name = || UNITS.iter().find(|(part, _)| name.split('_').any(|word| word == *part));
+    match said {
+        "" => in_name().map(|(_, unit)| (*unit).to_string()).unwrap_or_default(),
+        said => said.into(),
+    }
+}
+
 impl Domain {
-    /// `1..8 s: meaning`, `whole 1..3: ..`, `one of a, b: ..`, `module of slot: ..`, `optional module of slot: ..`.
-    fn read(text: &str) -> Option<Domain> {
+    /// `1..8: meaning`, `1..8 km: meaning`, `whole 1..3: ..`, `one of a, b: ..`, `module of slot: ..`, `optional module of slot: ..`.
+    fn read(name: &str, text: &str) -> Option<Domain> {
         let (said, _) = text.split_once(": ")?;
         let nothing = Domain {
             kind: String::new(),
@@ -166,23 +235,21 @@ impl Domain {
             unit: String::new(),
             options: vec![],
             slot: None,
-            required: true,
+            required: !said.starts_with("optional "),
         };
-        let required = !said.starts_with("optional ");
         let said = said.strip_prefix("optional ").unwrap_or(said);
         if let Some(slot) = said.strip_prefix("module of ") {
-            return Some(Domain { kind: "mechanism".into(), slot: Some(slot.into()), required, ..nothing });
+            return Some(Domain { kind: "mechanism".into(), slot: Some(slot.into()), ..nothing });
         }
         if let Some(options) = said.strip_prefix("one of ") {
             let options = options.split(", ").map(str::to_string).collect();
             return Some(Domain { kind: "choice".into(), options, ..nothing });
         }
-        let kind = if said.starts_with("whole ") { "integer" } else { "number" };
-        let (range, unit) = said.strip_prefix("whole ").unwrap_or(said).split_once(' ').unwrap_or((said, ""));
-        let range = if unit.is_empty() { said.strip_prefix("whole ").unwrap_or(said) } else { range };
+        let (kind, said) = said.strip_prefix("whole ").map_or(("number", said), |said| ("integer", said));
+        let (range, unit) = said.split_once(' ').unwrap_or((said, ""));
         let (low, high) = range.split_once("..")?;
         let range = Some([low.parse().ok()?, high.parse().ok()?]);
-        Some(Domain { kind: kind.into(), range, unit: unit.into(), ..nothing })
+        Some(Domain { kind: kind.into(), range, unit: unit_of(name, unit), ..nothing })
     }
 
     pub fn is_numeric(&self) -> bool {

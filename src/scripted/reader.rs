@@ -91,9 +91,8 @@ pub struct Card {
     pub mechanism_tags: Vec<String>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug)]
 pub struct Cluster {
-    #[serde(rename = "ref")]
     pub name: String,
     pub attacked_share: Option<f64>,
     pub features: BTreeMap<String, f64>,
@@ -114,24 +113,23 @@ pub struct PastEdit {
     pub change: Option<PastChange>,
 }
 
+/// `14 scenes: attack -0.071 ± 0.071, realism -0.006 ± 0.014, ..`.
 #[derive(Debug, Deserialize)]
-pub struct PastChange {
-    /// A number with its sign, and its standard error behind it.
-    realism: String,
-}
+#[serde(transparent)]
+pub struct PastChange(String);
 
 impl PastEdit {
     /// Whether a module that it wrote has the tag.
     pub fn has_tag(&self, tag: &str) -> bool {
-        let quoted = format!("{tag:?}");
-        let tags = self.operations.iter().filter_map(|text| text.split_once("\"tags\":"));
-        tags.into_iter().any(|(_, tags)| tags.contains(&quoted))
+        let tags = self.operations.iter().filter_map(|text| text.split_once(", tags ")?.1.split_once(": "));
+        tags.into_iter().any(|(tags, _)| tags.split(' ').any(|other| other == tag))
     }
 }
 
 impl PastChange {
     pub fn realism(&self) -> f64 {
-        self.realism.split(' ').next().and_then(|text| text.parse().ok()).unwrap_or(0.0)
+        let said = self.0.split_once("realism ").and_then(|(_, rest)| rest.split([' ', ',', ';']).next());
+        said.and_then(|text| text.parse().ok()).unwrap_or(0.0)
     }
 }
 
@@ -157,15 +155,16 @@ pub struct Review {
 impl PromptView {
     pub fn read(request: &Request) -> Result<PromptView, ModelError> {
         let blocks: BTreeMap<String, Value> = request.messages.iter().flat_map(|m| blocks(&m.text)).collect();
-        let parts: Value = take(&blocks, "Parent program")?;
+        let contract = Contract::read(&take::<String>(&blocks, "Family contract")?)?;
+        let parts = whole(take(&blocks, "Parent program")?, &contract);
         Ok(PromptView {
             identity: take(&blocks, "Identity")?,
-            contract: Contract::read(take(&blocks, "Family contract")?)?,
+            contract,
             foreign: foreign(&blocks),
             program: typed("Parent program", &parts)?,
             parts,
             memory: take(&blocks, "Memory")?,
-            clusters: take(&blocks, "Scene clusters")?,
+            clusters: clusters(&take::<String>(&blocks, "Scene clusters")?)?,
             outcome: take(&blocks, "Outcomes")?,
             history: take(&blocks, "Edit history")?,
             asked: take(&blocks, "Task")?,
@@ -221,6 +220,22 @@ impl PromptView {
     }
 }
 
+/// The parent with the settings that the prompt does not show: those that refer to the parameter of their name.
+fn whole(mut parts: Value, contract: &Contract) -> Value {
+    for node in parts["operator_graph"].as_object_mut().into_iter().flatten().map(|(_, node)| node) {
+        let slot = node["slot"].as_str().and_then(|slot| contract.operators.get(slot));
+        let kind = slot.zip(node["kind"].as_str()).and_then(|(slot, kind)| slot.kinds.get(kind));
+        let hidden = kind.into_iter().flat_map(|kind| &kind.settings);
+        let hidden = hidden.filter(|(name, domain)| domain.required && contract.parameters.contains_key(*name));
+        for (name, _) in hidden {
+            if node["settings"].get(name).is_none() {
+                node["settings"][name] = json!({"parameter": name});
+            }
+        }
+    }
+    parts
+}
+
 /// Words of other families; a run of one family shows none.
 fn foreign(blocks: &BTreeMap<String, Value>) -> Vec<String> {
     let words = blocks.get("Words of other families").and_then(Value::as_str).unwrap_or_default();
@@ -237,24 +252,40 @@ fn refused(blocks: &BTreeMap<String, Value>) -> BTreeMap<String, Vec<String>> {
     gates.into_iter().flatten().filter_map(|(gate, said)| Some((gate.clone(), problems(said)?))).collect()
 }
 
-/// `## title` followed by a fenced JSON block, for every such pair. Prompts put no raw line break inside a JSON string, so a line that
-/// begins with a fence ends the block.
+/// The table of clusters: `ref | scenes | attacked | <feature> | .. | describes`, the first line its head.
+fn clusters(text: &str) -> Result<Vec<Cluster>, ModelError> {
+    let mut rows = text.lines().map(|line| line.split(" | ").collect::<Vec<&str>>());
+    let head = rows.next().unwrap_or_default();
+    let row = |cells: Vec<&str>| {
+        let named = || head.iter().copied().zip(cells.iter().copied());
+        let name = named().find(|(title, _)| *title == "ref").map(|(_, name)| name.to_string());
+        let numbers = named().filter_map(|(title, cell)| Some((title, cell.parse::<f64>().ok()?)));
+        let mut features: BTreeMap<String, f64> = numbers.map(|(title, x)| (title.to_string(), x)).collect();
+        features.remove("scenes");
+        let attacked_share = features.remove("attacked");
+        name.map(|name| Cluster { name, attacked_share, features })
+    };
+    let read: Option<Vec<Cluster>> = rows.map(row).collect();
+    read.ok_or_else(|| unanswerable("the prompt's block `Scene clusters` has no column `ref`"))
+}
+
+/// `## title` followed by a fenced block, for every such pair: JSON, or a text that stays one. Prompts put no raw line break inside a
+/// JSON string, so a line that begins with a fence ends the block.
 pub fn blocks(text: &str) -> Vec<(String, Value)> {
     let mut found = vec![];
-    let (mut title, mut body) = (None::<String>, None::<String>);
+    let (mut title, mut body, mut is_json) = (None::<String>, None::<String>, false);
     for line in text.lines() {
         match (&mut body, line) {
             (Some(open), "```") => {
-                if let (Some(title), Ok(value)) = (&title, serde_json::from_str(open)) {
-                    found.push((title.clone(), value));
-                }
+                let value = if is_json { serde_json::from_str(open).ok() } else { Some(Value::from(open.as_str())) };
+                found.extend(title.clone().zip(value));
                 body = None;
             }
             (Some(open), _) => {
                 open.push_str(line);
                 open.push('\n');
             }
-            (None, "```json") => body = Some(String::new()),
+            (None, "```json" | "```text") => (body, is_json) = (Some(String::new()), line == "```json"),
             (None, _) => title = line.strip_prefix("## ").map(str::to_string).or(title),
         }
     }

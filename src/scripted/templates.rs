@@ -1,5 +1,5 @@
 //! The template agent: it takes the behaviour that shares most words with the description, and the published ranges,
-//! narrowed by the description's words about speed and distance.
+//! narrowed by the description's words about speed and distance, and halved after each template that did not suffice.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -69,8 +69,9 @@ pub fn answer(request: &Request, rates: Rates, draws: &Draws) -> Result<Value, M
     let (known, ranges): (Behaviours, Vec<Range>) = (take(&shown, "Behaviours")?, take(&shown, "Ranges")?);
     let said = telling(&description.text);
     let (behaviour, shared) = fitting(&known, &said);
+    let tried = shown.get("Tried").and_then(Value::as_array).map_or(0, Vec::len);
     let mut chosen: BTreeMap<&str, [f64; 2]> =
-        ranges.iter().map(|range| (range.name.as_str(), narrowed(range, &said))).collect();
+        ranges.iter().map(|range| (range.name.as_str(), halved(narrowed(range, &said), tried))).collect();
     if draws.stream("errors").chance(rates.out_of_range_rate)
         && let Some(range) = ranges.first()
     {
@@ -112,18 +113,72 @@ fn narrowed(range: &Range, said: &BTreeSet<String>) -> [f64; 2] {
     [at(from), at(to)]
 }
 
+/// After a template that was tried, the upper half of a range, after two of them the lower half, and so on.
+fn halved([low, high]: [f64; 2], tried: usize) -> [f64; 2] {
+    let middle = num::rounded(f64::midpoint(low, high), 2);
+    match tried {
+        0 => [low, high],
+        odd if odd % 2 == 1 => [middle, high],
+        _ => [low, middle],
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::attackers::tests::{Live, model};
+    use std::sync::Mutex;
+
+    use crate::agents::AgentError;
     use crate::agents::compose::{Order, compose};
     use crate::families::{chatscene, registry};
-    use crate::llm::ModelSpec;
-    use crate::objects::{Composed, FamilyName, LineageId, ParameterValue, Setting};
+    use crate::llm::{Ask, AskError, ModelSpec, Reply, Request};
+    use crate::objects::composition::TemplateTrial;
+    use crate::objects::{Composed, Composition, FamilyName, LineageId, ParameterValue, Setting};
 
     fn composed(kind: &str, description: &str, model: &ModelSpec, slot: u32, rounds: u32) -> Composed {
         let lineage = LineageId::new("chatscene-idm");
         let form = chatscene::forms().into_iter().find(|form| form.kind == kind).unwrap();
-        compose(&Order { lineage: &lineage, slot, form: &form, description, rounds, model }, &Live).unwrap()
+        let order = Order { lineage: &lineage, slot, form: &form, description, rounds, model };
+        compose(&order, &Live, &|template| tried(template, 4)).unwrap()
+    }
+
+    /// Four scenes, of which so many end in a collision.
+    fn tried(template: &Composition, collided: usize) -> Result<TemplateTrial, AgentError> {
+        Ok(TemplateTrial { template: template.clone(), scenes: 4, acted: 4, collided, realism: Some(0.875) })
+    }
+
+    #[test]
+    fn a_template_that_spares_the_ego_is_asked_for_again_and_the_one_that_hits_most_is_taken() {
+        let (lineage, exact) = (LineageId::new("chatscene-idm"), model(0.0, 0.0, 0.0));
+        let form = chatscene::forms().into_iter().find(|form| form.kind == "crossing").unwrap();
+        let (description, asked) = ("It crosses.", Recorded::default());
+        let order = Order { lineage: &lineage, slot: 0, form: &form, description, rounds: 4, model: &exact };
+        let outcomes = [1, 3, 3, 2];
+        let turn = Mutex::new(0);
+        let simulated = |template: &Composition| {
+            let mut turn = turn.lock().unwrap();
+            *turn += 1;
+            tried(template, outcomes[*turn - 1])
+        };
+        let event = compose(&order, &asked, &simulated).unwrap();
+        assert_eq!(event.exchanges.len(), 4, "as often as the order says");
+        let collided: Vec<usize> = event.trials.iter().map(|trial| trial.collided).collect();
+        assert_eq!(collided[..2], [1, 3]);
+        assert_eq!(event.template.as_ref(), Some(&event.trials[1].template), "the first of the best");
+        let texts = asked.0.into_inner().unwrap();
+        assert!(!texts[0].contains("\"collided\"") && texts[1].contains("\"collided\": 1"), "{}", texts[1]);
+        assert!(texts[2].contains("\"collided\": 3") && texts[2].contains("0.875"), "every earlier one is shown");
+    }
+
+    /// The stand-in, with the last message of every question kept.
+    #[derive(Default)]
+    struct Recorded(Mutex<Vec<String>>);
+
+    impl Ask for Recorded {
+        fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+            self.0.lock().unwrap().push(request.messages.last().unwrap().text.to_string());
+            Live.ask(request)
+        }
     }
 
     #[test]

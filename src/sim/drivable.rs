@@ -70,6 +70,17 @@ impl Drivable {
         best.sqrt()
     }
 
+    /// Whether a point lies on the surface: [`Drivable::distance_m`] is 0, for less where it is not. `hint` as there.
+    pub fn holds(&self, point: Vec2, hint: &mut u32) -> bool {
+        let on = |piece: &Piece| squared_distance(&corners(piece), point) <= 0.0;
+        if !self.is_known() || self.piece(*hint).is_some_and(on) {
+            return true;
+        }
+        let found = self.pieces.at(point).find(|(_, piece)| counts(piece) && on(piece)).map(|(ix, _)| ix);
+        *hint = found.unwrap_or(*hint);
+        found.is_some()
+    }
+
     /// Whether a point lies on lanes all of which run against `axis` (more than 90° off). `hint` as in
     /// [`Drivable::distance_m`].
     pub fn is_wrong_way(&self, point: Vec2, axis: Vec2, hint: &mut u32) -> bool {

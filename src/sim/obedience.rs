@@ -154,7 +154,8 @@ impl Obedience {
     }
 
     fn see_others(&self, seen: &mut Observation, around: &Surroundings<'_>, place: Place, size: &Size) {
-        if !self.reads.any(&[Observed::OthersGap, Observed::OthersAheadGap]) {
+        let (of_all, of_ahead) = (self.reads.any(&[Observed::OthersGap]), self.reads.any(&[Observed::OthersAheadGap]));
+        if !of_all && !of_ahead {
             return;
         }
         let own = size.at(place);
@@ -165,18 +166,20 @@ impl Obedience {
                 return;
             }
             let delta = near.position - place.position;
-            // The gap ahead is never the smaller one, and boxes are never nearer than their circles.
-            if delta.norm() - near.size.radius_m - size.radius_m >= ahead_m {
+            // Boxes are never nearer than their circles, and the distance of boxes is what costs time here.
+            let apart_m = delta.norm() - near.size.radius_m - size.radius_m;
+            let nearer = of_all && apart_m < gap_m;
+            let ahead = of_ahead && apart_m < ahead_m && delta.dot(place.axis) > 0.0 && {
+                let half_m = near.size.half_length_m * near.axis.cross(place.axis).abs()
+                    + near.size.half_width_m * near.axis.dot(place.axis).abs();
+                place.axis.cross(delta).abs() < size.half_width_m + half_m + SIDE_ROOM_M
+            };
+            if !nearer && !ahead {
                 return;
             }
             let distance_m = own.distance(&near.size.at(Place { position: near.position, axis: near.axis }));
-            gap_m = gap_m.min(distance_m);
-            let aside_m = place.axis.cross(delta).abs();
-            let half_m = near.size.half_length_m * near.axis.cross(place.axis).abs()
-                + near.size.half_width_m * near.axis.dot(place.axis).abs();
-            if delta.dot(place.axis) > 0.0 && aside_m < size.half_width_m + half_m + SIDE_ROOM_M {
-                ahead_m = ahead_m.min(distance_m);
-            }
+            gap_m = if nearer { gap_m.min(distance_m) } else { gap_m };
+            ahead_m = if ahead { ahead_m.min(distance_m) } else { ahead_m };
         });
         seen[Observed::OthersGap as usize] = gap_m;
         seen[Observed::OthersAheadGap as usize] = ahead_m;
@@ -238,7 +241,7 @@ fn look_ahead_m(car: &Car) -> f64 {
 
 /// How far the road goes on sideways, metres, in steps of [`PROBE_M`]; 0 where the place is no road.
 fn room_m(road: &Drivable, from: Vec2, side: Vec2, hint: &mut u32) -> f64 {
-    let on_road = |probe: &usize| road.distance_m(from + side * (*probe as f64 * PROBE_M), 0.0, hint) <= 0.0;
+    let on_road = |probe: &usize| road.holds(from + side * (*probe as f64 * PROBE_M), hint);
     let probes = (0..=PROBES).take_while(on_road).count();
     probes.saturating_sub(1) as f64 * PROBE_M
 }

@@ -58,7 +58,7 @@ pub fn facts(scene: &Scene, lanes: &LaneGraph, ego: &EgoPath, ix: TrackIx) -> Op
         body(own, track).distance(&body(start, &scene.ego.track)),
         -rate,
         nearest_s,
-        arrival_difference_s(scene, ego, track),
+        arrivals(scene, ego, track).map_or(NEVER_S, |(own, ego)| (own as f64 - ego as f64) * DT_S),
         nearest_m,
         own.speed_mps(),
         num::wrap_angle(own.heading_rad - start.heading_rad).abs(),
@@ -95,8 +95,14 @@ fn closest(scene: &Scene, ego: &EgoPath, track: &Track) -> (f64, f64) {
     (best_m, best_s)
 }
 
-/// Actor's minus ego's arrival at the first place that both paths touch.
-fn arrival_difference_s(scene: &Scene, ego: &EgoPath, track: &Track) -> f64 {
+/// When the actor and the ego arrive at the first place that both paths touch, seconds after the current step.
+pub fn arrivals_s(scene: &Scene, ego: &EgoPath, track: &Track) -> Option<[f64; 2]> {
+    let since = |step: usize| (step as f64 - scene.current_step as f64) * DT_S;
+    arrivals(scene, ego, track).map(|(own, other)| [since(own), since(other)])
+}
+
+/// The same as steps of the scene.
+fn arrivals(scene: &Scene, ego: &EgoPath, track: &Track) -> Option<(usize, usize)> {
     let near = 0.5 * (track.width_m + ego.width_m);
     let near_squared = near * near;
     let mut best: Option<(usize, usize)> = None;
@@ -112,7 +118,7 @@ fn arrival_difference_s(scene: &Scene, ego: &EgoPath, track: &Track) -> f64 {
             }
         }
     }
-    best.map_or(NEVER_S, |(own, other)| (own as f64 - other as f64) * DT_S)
+    best
 }
 
 fn moved_m(track: &Track, now: usize) -> f64 {

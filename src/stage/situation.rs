@@ -9,7 +9,7 @@ use crate::adapters::vocabulary;
 use crate::ego;
 use crate::kernel::{Digest, Kept, OrientedBox};
 use crate::scene::{AgentKind, LaneGraph, PreparedScene, Sample, Scene, SceneFeatures, Track, TrackIx};
-use crate::sim::{self, ActorRef, Intervention, Plant, SimError};
+use crate::sim::{self, ActorRef, Intervention, Outcome, Plant, SimError, Trace};
 
 /// Most sets of goals whose measurements a situation keeps: programs of a lineage mostly differ in how they weigh goals, not
 /// in the goals.
@@ -26,7 +26,7 @@ pub struct Situation {
     /// Who drives the ego, for searches that simulate it again.
     pub policy: ego::Policy,
     pub lanes: Arc<LaneGraph>,
-    /// The ego's latest closed-loop rollout: on the unchanged scene.
+    /// The ego's closed-loop rollout on the unchanged scene.
     pub ego: EgoPath,
     /// Whom the ego ran into there, if anyone.
     pub ego_meets: Option<ActorRef>,
@@ -58,23 +58,34 @@ impl Situation {
         Situation::under(PreparedScene::new(scene), policy, &sim::SimulatorOptions::SHIPPED)
     }
 
-    /// Prepares a scene for programs that will meet this ego: simulates the ego once on the scene as recorded.
+    /// Prepares a scene for programs that will meet this ego: simulates the ego once on the scene as recorded. The rollout is
+    /// ours; [`Situation::around`] takes another one's.
     pub fn under(
         prepared: Arc<PreparedScene>,
         policy: &ego::Policy,
         simulator: &sim::SimulatorOptions,
     ) -> Result<Situation, SituationError> {
-        let (scene, lanes) = (prepared.scene.clone(), prepared.lanes.clone());
-        let failed = |source| SituationError::Rollout { scene: scene.id.clone(), source };
+        let failed = |source| SituationError::Rollout { scene: prepared.scene.id.clone(), source };
         let plant = Plant::with_options(prepared.clone(), simulator).map_err(failed)?;
         let mut driver = policy.driver();
-        let (outcome, trace) =
-            sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
+        let drive = sim::rollout_traced(&plant, &Intervention::default(), driver.as_mut()).map_err(failed)?;
+        Ok(Situation::around(prepared.clone(), plant, policy, drive))
+    }
+
+    /// The same around an undisturbed drive of the ego that somebody else simulated. Searches that ask what the ego would do
+    /// about an adversary ask `plant` and `policy`.
+    pub fn around(
+        prepared: Arc<PreparedScene>,
+        plant: Plant,
+        policy: &ego::Policy,
+        (outcome, trace): (Outcome, Trace),
+    ) -> Situation {
+        let (scene, lanes) = (prepared.scene.clone(), prepared.lanes.clone());
         let ego = EgoPath::new(&scene, trace.from_step, trace.ego);
         let actors = (0..scene.tracks.len()).map(|track| actors::facts(&scene, &lanes, &ego, track)).collect();
         let scene_values = scene_values(&prepared.features);
         let (policy, guests, guest_facts) = (policy.clone(), guests(&scene), ActorFacts::of_guest());
-        Ok(Situation {
+        Situation {
             scene,
             plant,
             lanes,
@@ -88,7 +99,7 @@ impl Situation {
             guest_facts,
             measured_goals: Kept::new(MEASURED_GOALS_MAX),
             road_field: OnceLock::new(),
-        })
+        }
     }
 
     /// Signed distances to the road's edge; `None` for a road without lanes.

@@ -9,7 +9,7 @@ use crate::adapters::{Contract, Family, Registry};
 use crate::objects::composition::TemplateForm;
 use crate::objects::counsel::{Trial, Vehicle};
 use crate::objects::{Composition, FamilyName, Program};
-use crate::scene::Sample;
+use crate::scene::{Sample, Scene};
 use crate::sim::Outcome;
 
 /// One source family.
@@ -56,6 +56,8 @@ pub type LeaderWay<'a> = &'a mut dyn FnMut() -> (usize, Vec<Sample>);
 pub struct AskTemplates {
     /// What a template may be composed of, a form for each kind of scenario.
     pub forms: fn() -> Vec<TemplateForm>,
+    /// The kind of scenario that a scene is; `None` for scenes that no template is for.
+    pub kind_of: fn(&Scene) -> Option<&'static str>,
     /// Makes a composed template a program's, for one kind of scenario.
     pub put: fn(&mut Program, &str, &Composition),
 }

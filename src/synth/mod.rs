@@ -120,7 +120,9 @@ fn assemble(
 fn road(net: &Network) -> Road {
     let lane = |(i, lane): (usize, &SynthLane)| {
         let half = 0.5 * lane.width_m;
-        let beside = |n: Option<(LaneIx, bool)>| n.map(|(lane, same_direction)| Neighbour { lane, same_direction });
+        let beside = |n: Option<(LaneIx, bool)>| {
+            n.map(|(lane, same_direction)| Neighbour { lane, same_direction }).into_iter().collect()
+        };
         Lane {
             id: i.to_string(),
             kind: lane.kind,
@@ -129,8 +131,8 @@ fn road(net: &Network) -> Road {
             right: lane.curve.line(-half),
             entries: lane.entries.clone(),
             exits: lane.exits.clone(),
-            left_neighbour: beside(lane.left),
-            right_neighbour: beside(lane.right),
+            left_neighbours: beside(lane.left),
+            right_neighbours: beside(lane.right),
             speed_limit_mps: Some(num::rounded(lane.limit_mps, 3)),
         }
     };

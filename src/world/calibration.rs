@@ -1,16 +1,25 @@
-//! The calibration set D^W and the refit after an epoch's barrier.
+//! The calibration set D^W and the fit for an epoch, which rests on the labels of earlier epochs alone.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::{
+    boosted,
     configuration::{ConfigurationError, validate},
-    ridge::fit_ridge,
+    prediction::{OPEN_SHARE_MIN, difference, group_key, spread},
+    ridge,
+    table::{Table, moments, standardised},
 };
 use crate::kernel::num;
 use crate::objects::{
-    CalibrationGroup, FeatureSchema, GroupMean, Objectives, WorldConfiguration, WorldLabel, WorldPair, WorldSnapshot,
+    CalibrationGroup, FeatureSchema, GroupMean, Objectives, Regression, RidgeLine, WorldConfiguration, WorldFit,
+    WorldLabel, WorldModel, WorldSnapshot,
 };
+
+/// Parts into which labels are cut to predict each from the others.
+const FOLDS: usize = 5;
+/// Errors that an interval rests on at least.
+const ERRORS_MIN: usize = 20;
 
 /// Simulator labels in order of arrival. Grows only; labels are never changed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -23,12 +32,10 @@ pub struct CalibrationSet {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LabelError {
     /// A label cannot be learned from.
-    #[error("label of {attempt} in scene {scene}: {problem}; failures are not labels and must stay out")]
+    #[error("label of {attempt}: {problem}; failures are not labels and must stay out")]
     Unusable {
         /// The attempt that it came from.
         attempt: String,
-        /// Id of the scene.
-        scene: String,
         /// What is wrong with it.
         problem: String,
     },
@@ -39,8 +46,7 @@ impl CalibrationSet {
     pub fn append(&mut self, labels: Vec<WorldLabel>, schema: &FeatureSchema) -> Result<(), LabelError> {
         for label in &labels {
             if let Some(problem) = problem(label, schema) {
-                let (attempt, scene) = (label.attempt.to_string(), label.pair.scene.clone());
-                return Err(LabelError::Unusable { attempt, scene, problem });
+                return Err(LabelError::Unusable { attempt: label.attempt.to_string(), problem });
             }
         }
         self.labels.extend(labels);
@@ -55,56 +61,123 @@ impl CalibrationSet {
 
 fn problem(label: &WorldLabel, schema: &FeatureSchema) -> Option<String> {
     let rate = |value: f64| (0.0..=1.0).contains(&value);
-    if label.pair.features.len() != schema.columns.len() {
-        return Some(format!("{} features, {} columns", label.pair.features.len(), schema.columns.len()));
+    let (row, labels) = (&label.row, &label.labels);
+    if row.features.len() != schema.columns.len() {
+        return Some(format!("{} features, {} columns", row.features.len(), schema.columns.len()));
     }
-    if let Some(place) = label.pair.features.iter().position(|value| !value.is_finite()) {
+    if let Some(place) = row.features.iter().position(|value| !value.is_finite()) {
         return Some(format!("feature {} is not finite", schema.columns[place].name));
     }
-    if !rate(label.labels.attack) || !rate(label.labels.realism) {
-        return Some(format!("attack {}, realism {} are no rates", label.labels.attack, label.labels.realism));
+    if ![labels.attack, labels.realism, row.parent.attack, row.parent.realism].into_iter().all(rate) {
+        return Some(format!("labels {labels:?} and the parent's {:?} are not all rates", row.parent));
     }
-    None
+    (!rate(row.open_share)).then(|| format!("a share of {} open scenes is no rate", row.open_share))
 }
 
-/// Fits a snapshot to the labels; the same labels give the same bits. Called once an epoch, after its barrier.
+/// The snapshot with which an epoch routes: fitted to the labels of earlier epochs and to nothing else, whatever the set
+/// holds. The same labels give the same bits.
 pub fn settle(
     schema: &FeatureSchema,
     configuration: &WorldConfiguration,
     set: &CalibrationSet,
+    epoch: u32,
 ) -> Result<WorldSnapshot, ConfigurationError> {
     validate(configuration, schema)?;
-    let used = |(place, name): (usize, &String)| (!configuration.excluded_columns.contains(name)).then_some(place);
-    let columns = schema.columns.iter().map(|column| &column.name).enumerate().filter_map(used).collect();
-    let rows: Vec<&[f64]> = set.labels.iter().map(|label| label.pair.features.as_slice()).collect();
-    let labels: Vec<Objectives> = set.labels.iter().map(|label| label.labels).collect();
-    let fit = fit_ridge(&rows, &labels, columns, configuration).map(|mut fit| {
-        fit.groups = group_means(set, configuration.calibration_group);
-        fit
-    });
+    let earlier: Vec<&WorldLabel> = set.labels.iter().filter(|label| label.epoch < epoch).collect();
+    let half_width = half_width(schema, configuration, &earlier);
+    let fit = fitted(schema, configuration, &earlier).map(|fit| WorldFit { half_width, ..fit });
     Ok(WorldSnapshot { schema: schema.clone(), configuration: configuration.clone(), fit })
 }
 
-/// Which group's mean calibrates a pair.
-pub fn group_key(pair: &WorldPair, group: CalibrationGroup) -> &str {
-    match group {
-        CalibrationGroup::Family => pair.family.as_str(),
-        CalibrationGroup::SceneCluster => &pair.scene_cluster,
-        CalibrationGroup::MechanismClass => &pair.mechanism_class,
+/// The fit without its intervals.
+fn fitted(schema: &FeatureSchema, configuration: &WorldConfiguration, labels: &[&WorldLabel]) -> Option<WorldFit> {
+    let global = group_mean(labels)?;
+    let used = |(place, name): (usize, &String)| (!configuration.excluded_columns.contains(name)).then_some(place);
+    let columns: Vec<usize> = schema.columns.iter().map(|column| &column.name).enumerate().filter_map(used).collect();
+    // A candidate that does what its parent does has no difference to learn from.
+    let open: Vec<&WorldLabel> = labels.iter().copied().filter(|label| label.row.open_share > 0.0).collect();
+    let raw: Vec<&[f64]> = open.iter().map(|label| label.row.features.as_slice()).collect();
+    let (column_mean, column_std): (Vec<f64>, Vec<f64>) = columns.iter().map(|&place| moments(&raw, place)).unzip();
+    let rows = raw.iter().map(|row| standardised(row, &columns, &column_mean, &column_std)).collect();
+    let shares: Vec<f64> = open.iter().map(|label| label.row.open_share.max(OPEN_SHARE_MIN)).collect();
+    let table = Table { rows, weights: shares.clone(), columns: columns.len() };
+    let target = |of: fn(&Objectives) -> f64| -> Vec<f64> {
+        open.iter().zip(&shares).map(|(label, share)| of(&label.difference()) / share).collect()
+    };
+    let (attack, realism) = (target(|o| o.attack), target(|o| o.realism));
+    let (regressions, fallback) = regressions(&table, [&attack, &realism], configuration);
+    let [attack, realism] = regressions;
+    let groups = group_means(labels, configuration.calibration_group);
+    let (labels, half_width) = (labels.len() as u32, None);
+    Some(WorldFit { labels, columns, column_mean, column_std, attack, realism, fallback, global, groups, half_width })
+}
+
+/// What predicts attack and realism, and why it is the mean alone, if so.
+fn regressions(
+    table: &Table,
+    targets: [&[f64]; 2],
+    configuration: &WorldConfiguration,
+) -> ([Regression; 2], Option<String>) {
+    let mean = |target: &[f64]| Regression::Ridge(RidgeLine { intercept: table.mean(target), weights: Vec::new() });
+    match configuration.model {
+        WorldModel::Boosted => {
+            let fit = |target: &[f64]| boosted::fit(table, target, configuration.trees, configuration.learning_rate);
+            (targets.map(|target| Regression::Boosted(fit(target))), None)
+        }
+        WorldModel::Ridge => match ridge::fit(table, &targets, configuration.ridge_lambda) {
+            Ok(lines) => {
+                let mut lines = lines.into_iter().map(Regression::Ridge);
+                match (lines.next(), lines.next()) {
+                    (Some(attack), Some(realism)) => ([attack, realism], None),
+                    _ => (targets.map(mean), Some("there is nothing to fit".into())),
+                }
+            }
+            Err(reason) => (targets.map(mean), Some(reason)),
+        },
     }
 }
 
-fn group_means(set: &CalibrationSet, group: CalibrationGroup) -> BTreeMap<String, GroupMean> {
-    let mut members: BTreeMap<&str, Vec<Objectives>> = BTreeMap::new();
-    for label in &set.labels {
-        members.entry(group_key(&label.pair, group)).or_default().push(label.labels);
+/// Conformal prediction over candidates by cross-fitting (Vovk; Barber et al.): every candidate is predicted by a fit to those of
+/// the other folds, and the half width is the quantile of |label - prediction| at the level, corrected for the number of
+/// errors. Errors are scaled by the root of the open share: scenes err on their own, and closed ones not at all.
+fn half_width(
+    schema: &FeatureSchema,
+    configuration: &WorldConfiguration,
+    labels: &[&WorldLabel],
+) -> Option<Objectives> {
+    let mut errors: Vec<Objectives> = Vec::new();
+    for fold in 0..FOLDS {
+        let is_held = |place: usize| place % FOLDS == fold;
+        let parted = |held: bool| labels.iter().enumerate().filter(move |(place, _)| is_held(*place) == held);
+        let others: Vec<&WorldLabel> = parted(false).map(|(_, label)| *label).collect();
+        let fit = fitted(schema, configuration, &others)?;
+        for (_, label) in parted(true).filter(|(_, label)| label.row.open_share > 0.0) {
+            let error = label.difference().less(&difference(configuration, &fit, &label.row));
+            errors.push(error.times(1.0 / spread(&label.row)));
+        }
     }
-    let mean = |all: &[Objectives]| Objectives {
-        attack: num::sum(all.iter().map(|o| o.attack)) / all.len() as f64,
-        realism: num::sum(all.iter().map(|o| o.realism)) / all.len() as f64,
+    let quantile = |of: fn(&Objectives) -> f64| {
+        let mut sizes: Vec<f64> = errors.iter().map(|error| of(error).abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let place = ((sizes.len() + 1) as f64 * configuration.interval_level).ceil() as usize;
+        (sizes.len() >= ERRORS_MIN).then(|| sizes.get(place.saturating_sub(1)).or(sizes.last()).copied()).flatten()
     };
-    let one = |(key, all): (&str, Vec<Objectives>)| {
-        (key.to_string(), GroupMean { labels: all.len() as u32, mean: mean(&all) })
+    Some(Objectives { attack: quantile(|o| o.attack)?, realism: quantile(|o| o.realism)? })
+}
+
+fn group_means(labels: &[&WorldLabel], group: CalibrationGroup) -> BTreeMap<String, GroupMean> {
+    let mut members: BTreeMap<&str, Vec<&WorldLabel>> = BTreeMap::new();
+    for label in labels {
+        members.entry(group_key(&label.row, group)).or_default().push(label);
+    }
+    members.into_iter().filter_map(|(key, all)| Some((key.to_string(), group_mean(&all)?))).collect()
+}
+
+/// Mean difference from the parent; `None` without a label.
+fn group_mean(labels: &[&WorldLabel]) -> Option<GroupMean> {
+    let mean = |of: fn(&Objectives) -> f64| {
+        num::mean(&labels.iter().map(|label| of(&label.difference())).collect::<Vec<f64>>())
     };
-    members.into_iter().map(one).collect()
+    let mean = Objectives { attack: mean(|o| o.attack)?, realism: mean(|o| o.realism)? };
+    Some(GroupMean { labels: labels.len() as u32, mean })
 }

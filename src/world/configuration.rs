@@ -29,18 +29,15 @@ pub fn validate(configuration: &WorldConfiguration, schema: &FeatureSchema) -> R
         ("ridge_lambda", c.ridge_lambda, c.ridge_lambda > 0.0 && c.ridge_lambda <= 1e9, positive),
         ("beta_attack", c.beta_attack, (0.0..=1.0).contains(&c.beta_attack), share),
         ("beta_realism", c.beta_realism, (0.0..=1.0).contains(&c.beta_realism), share),
-        ("residual_floor", c.residual_floor, c.residual_floor > 0.0 && c.residual_floor <= 1.0, "a number in (0, 1]"),
-        ("residual_share", c.residual_share, (0.0..=1.0).contains(&c.residual_share), share),
-        (
-            "uncertainty_quantile",
-            c.uncertainty_quantile,
-            (0.5..=1.0).contains(&c.uncertainty_quantile),
-            "a number in [0.5, 1]",
-        ),
+        ("learning_rate", c.learning_rate, c.learning_rate > 0.0 && c.learning_rate <= 1.0, "a number in (0, 1]"),
+        ("interval_level", c.interval_level, (0.5..=0.99).contains(&c.interval_level), "a number in [0.5, 0.99]"),
+        ("realism_weight", c.realism_weight, (0.0..=1e3).contains(&c.realism_weight), "a number in [0, 1000]"),
+        ("explore", c.explore, (0.0..=1e3).contains(&c.explore), "a number in [0, 1000]"),
+        ("trees", f64::from(c.trees), c.trees <= 1000, "a whole number up to 1000"),
         ("routing.lambda_a", r.lambda_a, (0.0..=1.0).contains(&r.lambda_a), share),
         ("routing.lambda_r", r.lambda_r, (0.0..=1.0).contains(&r.lambda_r), share),
         ("routing.lambda_u", r.lambda_u, r.lambda_u > 0.0 && r.lambda_u <= 1e9, positive),
-        ("routing.audit_rate", r.audit_rate, (0.0..=1.0).contains(&r.audit_rate), share),
+        ("routing.audit_share", r.audit_share, (0.0..=1.0).contains(&r.audit_share), share),
     ];
     for (option, value, holds, expected) in checks {
         if !holds {

@@ -1,14 +1,19 @@
-//! The feature map x(c, s): numbers of the candidate, computed once, beside numbers of the scene.
+//! The feature map: a candidate's family, edit and graph, the scenes of its window, what its parent did there, and what is
+//! known of its compiled interventions without a rollout. One row a candidate: numbers of scenes are means over the scenes
+//! that are open, in which the child may differ from its parent.
 
+use std::collections::BTreeSet;
+
+use crate::kernel::{Digest, num};
 use crate::objects::{
-    FamilyName, FeatureColumn, FeatureGroup, FeatureSchema, OperationKind, ParameterValue, Program, ProgramPatch, Slot,
-    WorldPair,
+    FamilyName, FeatureColumn, FeatureGroup, FeatureSchema, OperationKind, ParameterValue, ProbePair, Program,
+    ProgramPatch, SceneScore, Score, Slot, WorldRow,
 };
 use crate::scene::SceneFeatures;
 
 use super::interaction::Interaction;
 
-const EDIT: [&str; 10] = [
+const EDIT: [&str; 11] = [
     "edit_operations",
     "edit_added",
     "edit_replaced",
@@ -19,7 +24,10 @@ const EDIT: [&str; 10] = [
     "edit_mechanisms",
     "edit_parameter_change_mean",
     "edit_parameter_change_max",
+    "edit_parameter_rise_mean",
 ];
+/// Columns into which the words of an edit are hashed: place, kind, direction.
+const EDIT_HASHED: usize = 32;
 const GRAPH: [&str; 7] = [
     "graph_nodes",
     "graph_edges",
@@ -47,6 +55,17 @@ const SCENE: [&str; 14] = [
 ];
 const INTERACTION: [&str; 4] =
     ["relative_distance_m_min", "relative_speed_mps", "time_to_conflict_s_min", "route_deviation_m_min"];
+const PARENT: [&str; 7] = [
+    "parent_attack",
+    "parent_realism",
+    "parent_coverage",
+    "parent_open_attack",
+    "parent_open_realism",
+    "parent_open_acted",
+    "parent_open_idle_contact",
+];
+const PROBE: [&str; 7] =
+    ["ego_distance_m_min", "conflict_s", "begins_s", "off_road_m", "acceleration_mps2", "jerk_mps3", "actors"];
 
 /// Why there are no features.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -55,93 +74,187 @@ pub enum FeatureError {
     #[error("family {0} has no column in the feature schema; build the schema from all families of the run")]
     UnknownFamily(FamilyName),
     /// A feature is NaN or infinite.
-    #[error("feature {column} of scene {scene} is not a finite number; the scene should have been refused on import")]
+    #[error("feature {column} of {candidate} is not a finite number; its scenes should have been refused on import")]
     NotFinite {
         /// Name of the column.
         column: String,
-        /// Id of the scene.
-        scene: String,
+        /// Id of the candidate.
+        candidate: String,
     },
 }
 
-/// Columns for a run with these families, in the five groups' order.
+/// Columns for a run with these families, in the groups' order.
 pub fn schema(families: &[FamilyName]) -> FeatureSchema {
-    let families: Vec<FamilyName> =
-        families.iter().cloned().collect::<std::collections::BTreeSet<_>>().into_iter().collect();
+    let families: Vec<FamilyName> = families.iter().cloned().collect::<BTreeSet<_>>().into_iter().collect();
     let mut columns: Vec<FeatureColumn> = Vec::new();
     let mut add = |name: String, group| columns.push(FeatureColumn { name, group });
     families.iter().for_each(|family| add(format!("family_{family}"), FeatureGroup::Family));
     EDIT.iter().for_each(|name| add(name.to_string(), FeatureGroup::Edit));
+    (0..EDIT_HASHED).for_each(|k| add(format!("edit_hashed_{k:02}"), FeatureGroup::Edit));
     GRAPH.iter().for_each(|name| add(name.to_string(), FeatureGroup::Graph));
     Slot::ALL.iter().for_each(|slot| add(format!("graph_{}_nodes", slot.name()), FeatureGroup::Graph));
     SCENE.iter().for_each(|name| add(format!("scene_{name}"), FeatureGroup::Scene));
     INTERACTION.iter().for_each(|name| add(format!("log_{name}"), FeatureGroup::Interaction));
+    PARENT.iter().for_each(|name| add(name.to_string(), FeatureGroup::Parent));
+    ["open_share", "probe_scenes", "probe_differing_share"]
+        .iter()
+        .for_each(|n| add(n.to_string(), FeatureGroup::Probe));
+    PROBE.iter().for_each(|name| add(format!("probe_{name}"), FeatureGroup::Probe));
+    PROBE.iter().for_each(|name| add(format!("probe_change_{name}"), FeatureGroup::Probe));
     FeatureSchema { families, columns }
 }
 
-/// The part of x(c, s) that does not depend on the scene: family, edit, graph.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CandidateFeatures {
-    /// Its family.
-    pub family: FamilyName,
-    /// Mechanism tags joined by `+`, sorted; `none` without any.
-    pub mechanism_class: String,
-    values: Vec<f64>,
+/// A candidate with the patch that made it, the parent that it came from, and what was compiled of both.
+#[derive(Clone, Copy, Debug)]
+pub struct CandidateView<'a> {
+    /// The child.
+    pub program: &'a Program,
+    /// Its parent.
+    pub parent: &'a Program,
+    /// What made the one of the other.
+    pub patch: &'a ProgramPatch,
+    /// The child's mechanism tags.
+    pub mechanism_tags: &'a [String],
+    /// The parent's labels on the window.
+    pub parent_score: &'a Score,
+    /// Both compiled on probe scenes.
+    pub probes: &'a [ProbePair],
 }
 
-/// Features of a candidate with the patch that made it and the parent it came from.
-pub fn candidate_features(
+/// A scene of the window, and whether the child may differ from its parent in it.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneView<'a> {
+    /// Id of the scene.
+    pub id: &'a str,
+    /// Its features.
+    pub features: &'a SceneFeatures,
+    /// What its logs say about it.
+    pub interaction: &'a Interaction,
+    /// False where both programs compile to the same.
+    pub open: bool,
+}
+
+/// ξ of a candidate over the scenes of a window.
+pub fn row(
     schema: &FeatureSchema,
-    candidate: &Program,
-    parent: &Program,
-    patch: &ProgramPatch,
-    mechanism_tags: &[String],
-) -> Result<CandidateFeatures, FeatureError> {
-    let family = candidate.source_family.clone();
+    candidate: &CandidateView<'_>,
+    scenes: &[SceneView<'_>],
+) -> Result<WorldRow, FeatureError> {
+    let family = candidate.program.source_family.clone();
     if !schema.families.contains(&family) {
         return Err(FeatureError::UnknownFamily(family));
     }
-    let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
+    let open: Vec<&SceneView<'_>> = scenes.iter().filter(|scene| scene.open).collect();
+    let open_share = open.len() as f64 / scenes.len().max(1) as f64;
     let mut values: Vec<f64> = schema.families.iter().map(|known| flag(*known == family)).collect();
-    values.extend(edit_values(candidate, parent, patch));
-    values.extend(graph_values(candidate));
-    let class = if mechanism_tags.is_empty() { "none".to_string() } else { mechanism_tags.join("+") };
-    Ok(CandidateFeatures { family, mechanism_class: class, values })
-}
-
-/// x(c, s) of a candidate in a scene whose features and interaction were computed once.
-pub fn features(
-    schema: &FeatureSchema,
-    candidate: &CandidateFeatures,
-    scene: &str,
-    of_scene: &SceneFeatures,
-    interaction: &Interaction,
-) -> Result<WorldPair, FeatureError> {
-    let mut values = candidate.values.clone();
-    values.extend(SCENE.iter().map(|name| of_scene.value(name).unwrap_or(f64::NAN)));
-    values.extend([
-        interaction.relative_distance_m_min,
-        interaction.relative_speed_mps,
-        interaction.time_to_conflict_s_min,
-        interaction.route_deviation_m_min,
-    ]);
+    values.extend(edit_values(candidate.program, candidate.parent, candidate.patch));
+    values.extend(hashed_edit(candidate.parent, candidate.patch));
+    values.extend(graph_values(candidate.program));
+    values.extend(scene_means(&open));
+    values.extend(parent_values(candidate.parent_score, &open));
+    values.push(open_share);
+    values.extend(probe_values(candidate.probes));
     if let Some(place) = values.iter().position(|value| !value.is_finite()) {
         let column = schema.columns.get(place).map_or_else(String::new, |column| column.name.clone());
-        return Err(FeatureError::NotFinite { column, scene: scene.to_string() });
+        return Err(FeatureError::NotFinite { column, candidate: candidate.program.solution_id.to_string() });
     }
-    let cluster = if of_scene.tags.is_empty() { "plain".to_string() } else { of_scene.tags.join("+") };
-    Ok(WorldPair {
-        scene: scene.to_string(),
-        features: values,
-        family: candidate.family.clone(),
-        scene_cluster: cluster,
-        mechanism_class: candidate.mechanism_class.clone(),
-    })
+    let tags = candidate.mechanism_tags;
+    let mechanism_class = if tags.is_empty() { "none".to_string() } else { tags.join("+") };
+    let parent = candidate.parent_score.objectives;
+    Ok(WorldRow { features: values, open_share, parent, family, mechanism_class })
 }
 
-fn edit_values(candidate: &Program, parent: &Program, patch: &ProgramPatch) -> [f64; 10] {
+fn flag(holds: bool) -> f64 {
+    if holds { 1.0 } else { 0.0 }
+}
+
+/// The mean, and 0 of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    num::mean(&values.collect::<Vec<f64>>()).unwrap_or(0.0)
+}
+
+/// Means over the open scenes; zeros where none is open, and then nothing is predicted either.
+fn scene_means(open: &[&SceneView<'_>]) -> Vec<f64> {
+    let of = |name: &&str| mean(open.iter().map(|scene| scene.features.value(name).unwrap_or(f64::NAN)));
+    let logs: [fn(&Interaction) -> f64; 4] = [
+        |log| log.relative_distance_m_min,
+        |log| log.relative_speed_mps,
+        |log| log.time_to_conflict_s_min,
+        |log| log.route_deviation_m_min,
+    ];
+    let log = |read: &fn(&Interaction) -> f64| mean(open.iter().map(|scene| read(scene.interaction)));
+    SCENE.iter().map(of).chain(logs.iter().map(log)).collect()
+}
+
+/// What the parent did: on the window, and in the scenes that are open.
+fn parent_values(score: &Score, open: &[&SceneView<'_>]) -> [f64; 7] {
+    let labelled = |scene: &&SceneView<'_>| score.scenes.iter().find(|label| label.scene == scene.id);
+    let labels: Vec<&SceneScore> = open.iter().filter_map(labelled).collect();
+    let of = |read: fn(&SceneScore) -> f64| mean(labels.iter().map(|label| read(label)));
+    [
+        score.objectives.attack,
+        score.objectives.realism,
+        score.coverage,
+        of(|label| label.attack),
+        of(|label| label.realism),
+        of(|label| flag(label.acted)),
+        of(|label| flag(label.attack == 0.0 && label.contact.is_some())),
+    ]
+}
+
+/// How many scenes were tried, how often the interventions differ, and of those that do: the child's numbers and what they
+/// differ from the parent's by.
+fn probe_values(probes: &[ProbePair]) -> Vec<f64> {
+    let differing: Vec<&ProbePair> = probes.iter().filter(|probe| !probe.same).collect();
+    let mut values = vec![probes.len() as f64, differing.len() as f64 / probes.len().max(1) as f64];
+    let of = |k: usize, read: fn(&ProbePair, usize) -> f64| mean(differing.iter().map(|probe| read(probe, k)));
+    values.extend((0..PROBE.len()).map(|k| of(k, |probe, k| probe.child.values()[k])));
+    values.extend((0..PROBE.len()).map(|k| of(k, |probe, k| probe.child.values()[k] - probe.parent.values()[k])));
+    values
+}
+
+/// The words of an edit, each hashed to a column: where it edits, which kind it puts there, and for a parameter by how much.
+fn hashed_edit(parent: &Program, patch: &ProgramPatch) -> [f64; EDIT_HASHED] {
+    let mut values = [0.0; EDIT_HASHED];
+    let mut add = |word: &str, value: f64| {
+        let digest = Digest::of_bytes(format!("{} {word}", patch.source_baseline).as_bytes());
+        let place = usize::from_str_radix(&digest.short(4), 16).unwrap_or(0) % EDIT_HASHED;
+        values[place] += value;
+    };
+    for operation in &patch.operations {
+        let place: Vec<&str> = operation.path.split('/').skip(1).take(2).collect();
+        add(&format!("{:?} {}", operation.op, place.join(" ")), 1.0);
+        let Some(value) = &operation.value else { continue };
+        if let Some(kind) = value.get("kind").or(Some(value)).and_then(|kind| kind.as_str()) {
+            add(&format!("kind {kind}"), 1.0);
+        }
+        let old = place.get(1).and_then(|name| parent.parameters.get(*name));
+        if let (Some(&"parameters"), Some(ParameterValue::Number(old)), Some(new)) =
+            (place.first(), old, value.as_f64())
+        {
+            add(&format!("change of {}", place[1]), signed_change(*old, new));
+        }
+    }
+    values
+}
+
+/// (new - old) / (|old| + |new|), in [-1, 1].
+fn signed_change(old: f64, new: f64) -> f64 {
+    let change = (new - old) / (old.abs() + new.abs()).max(1e-12);
+    if change.is_finite() { change.clamp(-1.0, 1.0) } else { 0.0 }
+}
+
+fn edit_values(candidate: &Program, parent: &Program, patch: &ProgramPatch) -> [f64; 11] {
     let kind = |wanted: OperationKind| patch.operations.iter().filter(|o| o.op == wanted).count() as f64;
     let under = |root: &str| patch.operations.iter().filter(|o| o.path.starts_with(root)).count() as f64;
+    let rises: Vec<f64> = candidate
+        .parameters
+        .iter()
+        .filter_map(|(name, value)| match (parent.parameters.get(name)?, value) {
+            (ParameterValue::Number(old), ParameterValue::Number(new)) if old != new => Some(signed_change(*old, *new)),
+            _ => None,
+        })
+        .collect();
     let changes: Vec<f64> = candidate
         .parameters
         .iter()
@@ -156,8 +269,9 @@ fn edit_values(candidate: &Program, parent: &Program, patch: &ProgramPatch) -> [
         under("/operator_graph"),
         under("/scenario_conditioned_policy"),
         under("/mechanism_modules"),
-        crate::kernel::num::mean(&changes).unwrap_or(0.0),
+        num::mean(&changes).unwrap_or(0.0),
         changes.iter().copied().fold(0.0, f64::max),
+        num::mean(&rises).unwrap_or(0.0),
     ]
 }
 
@@ -167,10 +281,7 @@ fn relative_change(old: &ParameterValue, new: &ParameterValue) -> Option<f64> {
         return None;
     }
     match (old, new) {
-        (ParameterValue::Number(old), ParameterValue::Number(new)) => {
-            let change = (new - old).abs() / (old.abs() + new.abs()).max(1e-12);
-            Some(if change.is_finite() { change.min(1.0) } else { 1.0 })
-        }
+        (ParameterValue::Number(old), ParameterValue::Number(new)) => Some(signed_change(*old, *new).abs()),
         _ => Some(1.0),
     }
 }
@@ -185,7 +296,7 @@ fn graph_values(program: &Program) -> Vec<f64> {
         graph_depth(program) as f64,
         program.scenario_conditioned_policy.len() as f64,
         program.mechanism_modules.len() as f64,
-        crate::kernel::num::mean(&lengths).unwrap_or(0.0),
+        num::mean(&lengths).unwrap_or(0.0),
     ];
     values.extend(Slot::ALL.iter().map(|slot| nodes.values().filter(|node| node.slot == *slot).count() as f64));
     values

@@ -1,20 +1,21 @@
-//! Prediction for each candidate-scene pair, calibration, and the routing decision (paper eq. method-routing).
+//! Prediction of a candidate's difference from its parent, calibration, and who gets the rollouts of an epoch's budget (paper
+//! eq. method-routing).
 
 use super::{
-    calibration::group_key,
+    boosted,
     configuration::{ConfigurationError, validate},
-    ridge::{leverage, standardised, value_at},
+    prediction::{difference, spread},
 };
-use crate::kernel::{Digest, Seed, Stream, canon::CanonError, num};
-use crate::objects::{AttemptId, Objectives, Route, RouteDecision, WorldFit, WorldPair, WorldSnapshot};
+use crate::kernel::{Digest, Seed, Stream, canon::CanonError};
+use crate::objects::{
+    LineageId, Objectives, Regression, Route, RouteDecision, RoutingChoice, RoutingOptions, WorldFit, WorldRow,
+    WorldSnapshot,
+};
 
-/// The prediction of an evaluator without any label: the middle of the scale.
-const UNKNOWN: Objectives = Objectives { attack: 0.5, realism: 0.5 };
+/// How the reason of a candidate opens that was drawn among those that the rank left out.
+const MONITORED: &str = "audit: left out by the rank, drawn at random";
 
-/// How the reason of a candidate opens that the false-rejection monitor drew.
-const MONITORED: &str = "audit: weak, drawn by the false-rejection monitor";
-
-/// Whether a recorded route would have turned its candidate away, had the monitor not drawn it.
+/// Whether a recorded route would have turned its candidate away, had it not been drawn for an audit.
 pub fn drawn_by_monitor(route: &Route) -> bool {
     route.decision == RouteDecision::Audit && route.reason.starts_with(MONITORED)
 }
@@ -31,37 +32,29 @@ pub enum RouterError {
     /// The snapshot contradicts itself; it holds where.
     #[error("a world snapshot's fit does not match its schema ({0}); refit it from its labels")]
     Inconsistent(String),
-    /// There is no scene to route by.
-    #[error("nothing to route: the routing subset of scenes is empty")]
-    NoScenes,
-    /// A pair cannot be predicted.
-    #[error("scene {scene}: {problem}; features and snapshot must come from one schema")]
-    Pair {
-        /// Id of the scene.
-        scene: String,
-        /// What is wrong with it.
-        problem: String,
-    },
+    /// A row cannot be predicted.
+    #[error("a candidate cannot be predicted: {0}; features and snapshot must come from one schema")]
+    Row(String),
 }
 
-/// W_φ(c, s), calibrated, for one pair.
+/// W_φ(c), calibrated.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PairPrediction {
-    /// In [0, 1].
+pub struct Prediction {
+    /// The parent's labels with the predicted difference, each in [0, 1].
     pub objectives: Objectives,
-    /// Û_φ(c, s): standard deviation.
-    pub uncertainty: f64,
-    /// Whether the pair's group has too few labels for a mean of its own.
-    pub sparse: bool,
+    /// The predicted difference.
+    pub difference: Objectives,
+    /// Half widths of the intervals; `None` where too few errors are known.
+    pub half_width: Option<Objectives>,
+    /// What candidates are ranked by.
+    pub rank_score: f64,
 }
 
-/// A decision with the details that the calibration set keeps.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Routed {
-    /// What was decided, with the candidate's prediction.
-    pub route: Route,
-    /// Whether the router would have rejected it without the monitor.
-    pub monitored: bool,
+impl Prediction {
+    /// Half width of the wider interval, 1 where nothing is known.
+    pub fn uncertainty(&self) -> f64 {
+        self.half_width.map_or(1.0, |half| half.attack.max(half.realism))
+    }
 }
 
 /// A snapshot ready for use; shared by all workers of an epoch.
@@ -71,9 +64,9 @@ pub struct Router<'s> {
     digest: Digest,
 }
 
-/// The stream from which the false-rejection monitor of an attempt draws.
-pub fn monitor_stream(seed: Seed, attempt: &AttemptId) -> Stream {
-    seed.stream(&["world", "monitor", attempt.as_str()])
+/// The stream from which the audits of an epoch are drawn.
+pub fn audit_stream(seed: Seed, lineage: &LineageId, epoch: u32) -> Stream {
+    seed.stream(&["world", "audit", lineage.as_str(), &epoch.to_string()])
 }
 
 impl<'s> Router<'s> {
@@ -91,97 +84,124 @@ impl<'s> Router<'s> {
         self.digest
     }
 
-    /// The calibrated prediction of one pair (eq. app-world-calibration).
-    pub fn predict(&self, pair: &WorldPair) -> Result<PairPrediction, RouterError> {
-        let problem = |problem: String| RouterError::Pair { scene: pair.scene.clone(), problem };
+    /// The calibrated prediction of one candidate (eq. app-world-calibration, of differences from the parent).
+    pub fn predict(&self, row: &WorldRow) -> Result<Prediction, RouterError> {
         let columns = self.snapshot.schema.columns.len();
-        if pair.features.len() != columns {
-            return Err(problem(format!("{} features, {columns} columns", pair.features.len())));
+        if row.features.len() != columns {
+            return Err(RouterError::Row(format!("{} features, {columns} columns", row.features.len())));
         }
-        if pair.features.iter().any(|value| !value.is_finite()) {
-            return Err(problem("a feature is not finite".to_string()));
+        if row.features.iter().any(|value| !value.is_finite()) {
+            return Err(RouterError::Row("a feature is not finite".to_string()));
         }
-        Ok(match &self.snapshot.fit {
-            Some(fit) => self.calibrated(fit, pair),
-            None => PairPrediction { objectives: UNKNOWN, uncertainty: 1.0, sparse: true },
-        })
-    }
-
-    fn calibrated(&self, fit: &WorldFit, pair: &WorldPair) -> PairPrediction {
+        let nothing = Objectives { attack: 0.0, realism: 0.0 };
+        let difference =
+            self.snapshot.fit.as_ref().map_or(nothing, |fit| difference(&self.snapshot.configuration, fit, row));
+        let half_width = self.snapshot.fit.as_ref().and_then(|fit| Some(fit.half_width?.times(spread(row))));
         let configuration = &self.snapshot.configuration;
-        let group = fit
-            .groups
-            .get(group_key(pair, configuration.calibration_group))
-            .filter(|group| group.labels >= configuration.group_labels_min);
-        let mean = group.unwrap_or(&fit.global).mean;
-        let row = standardised(fit, &pair.features);
-        let mixed = |beta: f64, raw: f64, mean: f64| rate(beta * rate(raw) + (1.0 - beta) * mean);
-        let std = fit.attack.residual_std.max(fit.realism.residual_std);
-        let uncertainty = std * (leverage(fit, &row) + configuration.residual_share).sqrt();
-        PairPrediction {
-            objectives: Objectives {
-                attack: mixed(configuration.beta_attack, value_at(&fit.attack, &row), mean.attack),
-                realism: mixed(configuration.beta_realism, value_at(&fit.realism, &row), mean.realism),
-            },
-            uncertainty: if uncertainty.is_finite() { uncertainty.min(1e9) } else { 1e9 },
-            sparse: group.is_none(),
-        }
-    }
-
-    /// Select, reject or audit a candidate over the routing subset. `monitor` is the attempt's own stream.
-    ///
-    /// 1. Fewer labels than `min_labels`: audit. Nothing is rejected without evidence.
-    /// 2. Promising (A >= λ_A, R >= λ_R) and certain (U <= λ_U): select.
-    /// 3. Uncertain, or in a sparse calibration group in most scenes: audit.
-    /// 4. Weak and certain: reject, but for the declared share that the monitor audits.
-    pub fn route(&self, pairs: &[WorldPair], monitor: &mut Stream) -> Result<Routed, RouterError> {
-        let predictions = pairs.iter().map(|pair| self.predict(pair)).collect::<Result<Vec<_>, _>>()?;
-        let mean = |of: fn(&PairPrediction) -> f64| num::mean(&predictions.iter().map(of).collect::<Vec<_>>());
-        let (Some(attack), Some(realism)) = (mean(|p| p.objectives.attack), mean(|p| p.objectives.realism)) else {
-            return Err(RouterError::NoScenes);
+        let gain = |of: &Objectives| of.attack + configuration.realism_weight * of.realism;
+        let rank_score = gain(&difference) + configuration.explore * half_width.as_ref().map_or(0.0, gain);
+        let objectives = Objectives {
+            attack: (row.parent.attack + difference.attack).clamp(0.0, 1.0),
+            realism: (row.parent.realism + difference.realism).clamp(0.0, 1.0),
         };
-        let uncertainties: Vec<f64> = predictions.iter().map(|p| p.uncertainty).collect();
-        let quantile = self.snapshot.configuration.uncertainty_quantile;
-        let uncertainty = num::quantile(&uncertainties, quantile).ok_or(RouterError::NoScenes)?;
-        let sparse = 2 * predictions.iter().filter(|p| p.sparse).count() > predictions.len();
-        let predicted = Objectives { attack, realism };
-        let (decision, monitored, reason) = self.decide(predicted, uncertainty, sparse, monitor);
-        Ok(Routed { route: Route { decision, reason, snapshot: self.digest, predicted, uncertainty }, monitored })
+        Ok(Prediction { objectives, difference, half_width, rank_score })
     }
 
-    fn decide(
-        &self,
-        predicted: Objectives,
-        uncertainty: f64,
-        sparse: bool,
-        monitor: &mut Stream,
-    ) -> (RouteDecision, bool, String) {
-        let options = &self.snapshot.configuration.routing;
+    /// The routes of an epoch's admitted candidates, in their order.
+    pub fn routes(&self, predictions: &[Prediction], stream: &mut Stream) -> Vec<Route> {
         let labels = self.snapshot.fit.as_ref().map_or(0, |fit| fit.labels);
-        // It is drawn in every case, so that another threshold changes no other draw of the stream.
-        let draw = monitor.unit();
-        let numbers = format!(
-            "attack {:.3} (needs {:.3}), realism {:.3} (needs {:.3}), uncertainty {:.3} (at most {:.3})",
-            predicted.attack, options.lambda_a, predicted.realism, options.lambda_r, uncertainty, options.lambda_u
-        );
-        if labels == 0 || labels < options.min_labels {
-            let reason = format!("audit: {labels} labels, {} needed before anything is judged", options.min_labels);
-            return (RouteDecision::Audit, false, reason);
-        }
-        let promising = predicted.attack >= options.lambda_a && predicted.realism >= options.lambda_r;
-        let certain = uncertainty <= options.lambda_u;
-        match (promising, certain) {
-            (true, true) => (RouteDecision::Select, false, format!("select: promising and certain; {numbers}")),
-            (_, false) => (RouteDecision::Audit, false, format!("audit: uncertain; {numbers}")),
-            (false, true) if sparse => {
-                (RouteDecision::Audit, false, format!("audit: weak, but its group has too few labels; {numbers}"))
-            }
-            (false, true) if draw < options.audit_rate => {
-                (RouteDecision::Audit, true, format!("{MONITORED}; {numbers}"))
-            }
-            (false, true) => (RouteDecision::Reject, false, format!("reject: weak and certain; {numbers}")),
-        }
+        let allotted = allot(predictions, labels, &self.snapshot.configuration.routing, stream);
+        let route = |(prediction, (decision, weight, reason)): (&Prediction, Allotted)| Route {
+            decision,
+            reason: format!("{reason}; {}", numbers(prediction)),
+            snapshot: self.digest,
+            predicted: prediction.objectives,
+            uncertainty: prediction.uncertainty(),
+            half_width: prediction.half_width,
+            rank_score: Some(prediction.rank_score),
+            weight,
+        };
+        predictions.iter().zip(allotted).map(route).collect()
     }
+}
+
+fn numbers(prediction: &Prediction) -> String {
+    let Objectives { attack, realism } = prediction.difference;
+    let width = prediction.uncertainty();
+    format!("difference from the parent: attack {attack:+.3}, realism {realism:+.3}, uncertainty {width:.3}")
+}
+
+/// A decision, for how many candidates a drawn one stands, and why.
+pub type Allotted = (RouteDecision, Option<f64>, String);
+
+/// Who gets the rollouts of an epoch.
+///
+/// 1. Fewer labels than `min_labels`, or a random choice: the budget is drawn at random; each drawn one stands for as many as
+///    there are for one place of the budget.
+/// 2. A candidate is weak that is predicted to lose more than λ_A of attack or λ_R of realism, with an uncertainty of at most λ_U.
+/// 3. The budget less its audits goes to the best by rank that are not weak.
+/// 4. The others are cut into as many strata as there are audits, by rank, and one of each is drawn: it stands for its stratum.
+pub fn allot(predictions: &[Prediction], labels: u32, options: &RoutingOptions, stream: &mut Stream) -> Vec<Allotted> {
+    let n = predictions.len();
+    let budget = (options.rollout_budget as usize).min(n);
+    // It is drawn in every case, so that another budget changes no other draw of the stream.
+    let draw = stream.unit();
+    if options.choice == RoutingChoice::Random || labels < options.min_labels {
+        return drawn(n, budget, labels, options, stream);
+    }
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| predictions[b].rank_score.total_cmp(&predictions[a].rank_score).then(a.cmp(&b)));
+    let wanted = options.audit_share * budget as f64;
+    let audits = (wanted.floor() as usize + usize::from(draw < wanted.fract())).min(budget);
+    let fit: Vec<usize> = order.iter().copied().filter(|&place| !is_weak(&predictions[place], options)).collect();
+    let selected: Vec<usize> = fit.into_iter().take(budget - audits).collect();
+    let others: Vec<usize> = order.iter().copied().filter(|place| !selected.contains(place)).collect();
+    let rank = |place: usize| order.iter().position(|other| *other == place).map_or(0, |rank| rank + 1);
+    let mut allotted: Vec<Allotted> = (0..n)
+        .map(|place| {
+            let weak = if is_weak(&predictions[place], options) { "weak and certain" } else { "behind the budget" };
+            (RouteDecision::Reject, None, format!("reject: {weak}, rank {} of {n}", rank(place)))
+        })
+        .collect();
+    for place in selected {
+        allotted[place] = (RouteDecision::Select, None, format!("select: rank {} of {n}", rank(place)));
+    }
+    for stratum in strata(&others, audits) {
+        let place = stratum[stream.below(stratum.len())];
+        let reason = format!("{MONITORED}, rank {} of {n}", rank(place));
+        allotted[place] = (RouteDecision::Audit, Some(stratum.len() as f64), reason);
+    }
+    allotted
+}
+
+/// Predicted, with certainty, to lose too much.
+fn is_weak(prediction: &Prediction, options: &RoutingOptions) -> bool {
+    let Objectives { attack, realism } = prediction.difference;
+    prediction.uncertainty() <= options.lambda_u && (attack < -options.lambda_a || realism < -options.lambda_r)
+}
+
+/// The budget at random.
+fn drawn(n: usize, budget: usize, labels: u32, options: &RoutingOptions, stream: &mut Stream) -> Vec<Allotted> {
+    let mut order: Vec<usize> = (0..n).collect();
+    stream.shuffle(&mut order);
+    let why = match options.choice {
+        RoutingChoice::Random => "the choice is random".to_string(),
+        RoutingChoice::Ranked => {
+            format!("{labels} labelled candidates, {} needed before anybody is ranked", options.min_labels)
+        }
+    };
+    let chosen = &order[..budget];
+    let one = |place: usize| match chosen.contains(&place) {
+        true => (RouteDecision::Audit, Some(n as f64 / budget as f64), format!("audit: drawn at random, {why}")),
+        false => (RouteDecision::Reject, None, format!("reject: not drawn, {why}")),
+    };
+    (0..n).map(one).collect()
+}
+
+/// Cuts a list into at most so many parts of nearly the same length, none of them empty.
+fn strata(list: &[usize], parts: usize) -> Vec<&[usize]> {
+    let parts = parts.min(list.len());
+    (0..parts).map(|k| &list[k * list.len() / parts..(k + 1) * list.len() / parts]).collect()
 }
 
 /// Why a fit cannot belong to a schema.
@@ -193,14 +213,10 @@ fn mismatch(fit: &WorldFit, columns: usize) -> Option<String> {
     if fit.column_mean.len() != p || fit.column_std.len() != p {
         return Some(format!("{p} columns, {} means, {} deviations", fit.column_mean.len(), fit.column_std.len()));
     }
-    let whole = p.checked_add(1).and_then(|next| p.checked_mul(next)).map(|twice| twice / 2);
-    if !fit.factor.is_empty() && Some(fit.factor.len()) != whole {
-        return Some(format!("the factor has {} entries for {p} columns", fit.factor.len()));
-    }
-    let weights = [fit.attack.weights.len(), fit.realism.weights.len()];
-    weights.into_iter().find(|n| *n != 0 && *n != p).map(|n| format!("{n} weights for {p} columns"))
-}
-
-fn rate(value: f64) -> f64 {
-    if value.is_finite() { value.clamp(0.0, 1.0) } else { 0.5 }
+    [&fit.attack, &fit.realism].into_iter().find_map(|regression| match regression {
+        Regression::Ridge(line) => (!line.weights.is_empty() && line.weights.len() != p)
+            .then(|| format!("{} weights for {p} columns", line.weights.len())),
+        Regression::Boosted(model) => (!model.trees.iter().all(|tree| boosted::is_sound(tree, p)))
+            .then(|| "a tree leads nowhere or reads a column that is not there".to_string()),
+    })
 }

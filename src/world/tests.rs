@@ -1,28 +1,39 @@
 //! The evaluator against hand-solved cases, against the normal equations, and at its edges.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
-use super::ridge::{leverage, standardised, value_at};
+use super::table::Table;
 use super::*;
-use crate::kernel::{Digest, Seed, Stream, Vec2};
+use crate::kernel::{Digest, Seed, Vec2};
 use crate::objects::*;
 use crate::scene::{LaneGraph, SceneFeatures, fixture};
 
-fn configuration() -> WorldConfiguration {
+fn configuration(model: WorldModel) -> WorldConfiguration {
     WorldConfiguration {
         excluded_columns: Vec::new(),
+        model,
         ridge_lambda: 1.0,
-        beta_attack: 0.75,
-        beta_realism: 0.5,
+        trees: 40,
+        learning_rate: 0.2,
+        beta_attack: 1.0,
+        beta_realism: 1.0,
         calibration_group: CalibrationGroup::Family,
         group_labels_min: 3,
-        residual_floor: 1e-3,
-        residual_share: 0.0,
-        uncertainty_quantile: 1.0,
-        routing: RoutingOptions { lambda_a: 0.5, lambda_r: 0.5, lambda_u: 0.2, audit_rate: 0.0, min_labels: 10 },
+        interval_level: 0.8,
+        realism_weight: 1.0,
+        explore: 0.0,
+        routing: RoutingOptions {
+            rollout_budget: 6,
+            choice: RoutingChoice::Ranked,
+            lambda_a: 1.0,
+            lambda_r: 1.0,
+            lambda_u: 1.0,
+            audit_share: 0.0,
+            min_labels: 10,
+        },
     }
 }
 
@@ -32,27 +43,29 @@ fn columns(n: usize) -> FeatureSchema {
     FeatureSchema { families: vec![FamilyName::new("cat")], columns: (0..n).map(column).collect() }
 }
 
-fn pair(features: &[f64], family: &str) -> WorldPair {
-    WorldPair {
-        scene: "s".into(),
+fn xi(features: &[f64], open_share: f64) -> WorldRow {
+    WorldRow {
         features: features.to_vec(),
-        family: FamilyName::new(family),
-        scene_cluster: "plain".into(),
+        open_share,
+        parent: Objectives { attack: 0.3, realism: 0.5 },
+        family: FamilyName::new("cat"),
         mechanism_class: "none".into(),
     }
 }
 
-fn label(features: &[f64], attack: f64, realism: f64) -> WorldLabel {
+/// A candidate of epoch `epoch` whose attack differs from its parent's by this much, and was predicted not to.
+fn label(epoch: u32, features: &[f64], attack: f64) -> WorldLabel {
+    let row = xi(features, 1.0);
     WorldLabel {
         attempt: AttemptId::new("cat-idm/e1s0"),
         solution: SolutionId::new("cat-idm/e1s0"),
-        epoch: 1,
-        pair: pair(features, "cat"),
-        labels: Objectives { attack, realism },
+        epoch,
+        labels: Objectives { attack: row.parent.attack + attack, realism: row.parent.realism },
         diagnostics: BTreeMap::new(),
         decision: RouteDecision::Audit,
-        predicted: Objectives { attack: 0.5, realism: 0.5 },
-        monitored: false,
+        predicted: row.parent,
+        accepted: false,
+        row,
     }
 }
 
@@ -62,208 +75,242 @@ fn set_of(labels: Vec<WorldLabel>, width: usize) -> CalibrationSet {
     set
 }
 
-/// Attack rises and realism falls along one column: 21 labels on a line.
-fn sloped() -> CalibrationSet {
-    let at = |k: i32| f64::from(k) / 20.0;
-    set_of((0..=20).map(|k| label(&[at(k), 7.0], at(k), 1.0 - 0.2 * at(k))).collect(), 2)
-}
-
-fn route_of(snapshot: &WorldSnapshot, features: &[f64]) -> Routed {
-    let mut stream = monitor_stream(Seed(1), &AttemptId::new("a"));
-    Router::new(snapshot).unwrap().route(&[pair(features, "cat")], &mut stream).unwrap()
+/// The difference of attack is a fifth of the first column's sign.
+fn stepped(n: u32) -> CalibrationSet {
+    let at = |k: u32| f64::from(k) / f64::from(n - 1);
+    set_of((0..n).map(|k| label(0, &[at(k), 7.0], if at(k) > 0.5 { 0.2 } else { -0.2 })).collect(), 2)
 }
 
 fn settled(set: &CalibrationSet, configuration: &WorldConfiguration) -> WorldSnapshot {
-    let width = set.labels().first().map_or(2, |label| label.pair.features.len());
-    settle(&columns(width), configuration, set).unwrap()
+    let width = set.labels().first().map_or(2, |label| label.row.features.len());
+    settle(&columns(width), configuration, set, 1).unwrap()
+}
+
+fn prediction(rank_score: f64) -> Prediction {
+    let nothing = Objectives { attack: 0.0, realism: 0.0 };
+    Prediction { objectives: nothing, difference: nothing, half_width: Some(nothing), rank_score }
+}
+
+fn options(budget: u32, audit_share: f64) -> RoutingOptions {
+    RoutingOptions { rollout_budget: budget, audit_share, ..configuration(WorldModel::Ridge).routing }
+}
+
+fn routed(
+    predictions: &[Prediction],
+    options: &RoutingOptions,
+    seed: u64,
+) -> Vec<(RouteDecision, Option<f64>, String)> {
+    allot(predictions, 100, options, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1))
 }
 
 #[test]
-fn a_small_ridge_has_the_solution_found_by_hand() {
-    // x = -1, 0, 1 has deviation sqrt(2/3), so standardised ends are ±sqrt(3/2); X'X = 3, X'y = sqrt(3/2) (0.8 - 0.2).
-    let rows: [&[f64]; 3] = [&[-1.0], &[0.0], &[1.0]];
-    let labels = [0.2, 0.5, 0.8].map(|a| Objectives { attack: a, realism: 0.5 });
-    let fit = fit_ridge(&rows, &labels, vec![0], &configuration()).unwrap();
-    assert!((fit.attack.intercept - 0.5).abs() < 1e-15);
-    let expected = 1.5f64.sqrt() * 0.6 / (3.0 + 1.0);
-    assert!((fit.attack.weights[0] - expected).abs() < 1e-12, "{:?}", fit.attack);
-    assert!(fit.realism.weights[0].abs() < 1e-15);
-    let end = leverage(&fit, &standardised(&fit, &[1.0]));
-    assert!((end - (1.5 / 4.0 + 1.0 / 3.0)).abs() < 1e-12, "{end}");
-}
-
-#[test]
-fn weights_and_leverage_agree_with_the_normal_equations() {
+fn lines_agree_with_the_weighted_normal_equations() {
     let mut stream = Seed(3).stream(&["ridge"]);
-    let rows: Vec<Vec<f64>> = (0..60).map(|_| (0..7).map(|_| stream.normal(2.0, 3.0)).collect()).collect();
-    let labels: Vec<Objectives> = rows
-        .iter()
-        .map(|r| Objectives { attack: (0.5 + 0.05 * r[0] - 0.03 * r[4]).clamp(0.0, 1.0), realism: stream.unit() })
-        .collect();
-    let slices: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
-    let fit = fit_ridge(&slices, &labels, (0..7).collect(), &configuration()).unwrap();
-    let x = DMatrix::from_fn(60, 7, |i, j| standardised(&fit, &rows[i])[j]);
-    let y = DVector::from_fn(60, |i, _| labels[i].attack - fit.attack.intercept);
-    let inverse = (x.transpose() * &x + DMatrix::identity(7, 7)).try_inverse().unwrap();
-    let weights = &inverse * x.transpose() * y;
-    for (own, plain) in fit.attack.weights.iter().zip(weights.iter()) {
+    let rows: Vec<Vec<f64>> = (0..60).map(|_| (0..5).map(|_| stream.normal(0.0, 1.0)).collect()).collect();
+    let weights: Vec<f64> = (0..60).map(|_| stream.uniform(0.1, 1.0)).collect();
+    let target: Vec<f64> = rows.iter().map(|r| 0.3 * r[0] - 0.2 * r[3] + stream.normal(0.1, 0.05)).collect();
+    let table = Table { rows: rows.clone(), weights: weights.clone(), columns: 5 };
+    let line = ridge::fit(&table, &[&target], 2.0).unwrap().remove(0);
+    let x = DMatrix::from_fn(60, 5, |i, j| rows[i][j]);
+    let w = DMatrix::from_diagonal(&DVector::from_vec(weights));
+    let y = DVector::from_fn(60, |i, _| target[i] - line.intercept);
+    let plain =
+        (x.transpose() * &w * &x + DMatrix::<f64>::identity(5, 5) * 2.0).try_inverse().unwrap() * x.transpose() * w * y;
+    for (own, plain) in line.weights.iter().zip(plain.iter()) {
         assert!((own - plain).abs() < 1e-10, "{own} {plain}");
     }
-    let row = standardised(&fit, &[1.0; 7]);
-    let point = DVector::from_vec(row.clone());
-    let expected = (point.transpose() * inverse * point)[0] + 1.0 / 60.0;
-    assert!((leverage(&fit, &row) - expected).abs() < 1e-10);
-    assert!((value_at(&fit.attack, &row) - 0.5).abs() < 0.5);
 }
 
 #[test]
-fn uncertainty_grows_away_from_the_labels() {
-    let snapshot = settled(&sloped(), &configuration());
+fn trees_find_a_step_that_a_line_cannot() {
+    let set = stepped(60);
+    let error = |model: WorldModel| {
+        let snapshot = settled(&set, &configuration(model));
+        let router = Router::new(&snapshot).unwrap();
+        let off = |label: &WorldLabel| (router.predict(&label.row).unwrap().difference.attack - 0.2).abs();
+        set.labels().iter().filter(|label| label.row.features[0] > 0.5).map(off).fold(0.0, f64::max)
+    };
+    let (trees, line) = (error(WorldModel::Boosted), error(WorldModel::Ridge));
+    assert!(trees < 0.03 && line > 0.1, "{trees} {line}");
+}
+
+#[test]
+fn a_candidate_that_is_open_nowhere_has_no_difference_and_no_uncertainty() {
+    let snapshot = settled(&stepped(60), &configuration(WorldModel::Boosted));
     let router = Router::new(&snapshot).unwrap();
-    let at = |x: f64| router.predict(&pair(&[x, 7.0], "cat")).unwrap().uncertainty;
-    assert!(at(0.5) < at(1.0) && at(1.0) < at(3.0) && at(3.0) < at(30.0));
-}
-
-#[test]
-fn promising_and_certain_is_selected_weak_and_certain_rejected_far_away_audited() {
-    let snapshot = settled(&sloped(), &configuration());
-    assert_eq!(route_of(&snapshot, &[0.9, 7.0]).route.decision, RouteDecision::Select);
-    let weak = route_of(&snapshot, &[0.1, 7.0]);
-    assert_eq!(weak.route.decision, RouteDecision::Reject);
-    assert!(weak.route.reason.starts_with("reject: weak and certain; attack 0."), "{}", weak.route.reason);
-    assert_eq!(weak.route.snapshot, snapshot.digest().unwrap());
-    assert_eq!(route_of(&snapshot, &[-400.0, 7.0]).route.decision, RouteDecision::Audit);
-}
-
-#[test]
-fn the_monitor_asks_for_labels_of_the_declared_share_of_rejections() {
-    let mut options = configuration();
-    options.routing.audit_rate = 0.25;
-    let snapshot = settled(&sloped(), &options);
-    let router = Router::new(&snapshot).unwrap();
-    let audited = (0..400)
-        .filter(|k| {
-            let mut stream = monitor_stream(Seed(9), &AttemptId::new(format!("a{k}")));
-            let routed = router.route(&[pair(&[0.1, 7.0], "cat")], &mut stream).unwrap();
-            assert_eq!(routed.monitored, routed.route.decision == RouteDecision::Audit);
-            assert_eq!(routed.monitored, drawn_by_monitor(&routed.route), "the record says so too");
-            routed.monitored
-        })
-        .count();
-    assert!((60..140).contains(&audited), "{audited}");
-}
-
-#[test]
-fn nothing_is_rejected_before_there_are_enough_labels() {
-    let mut options = configuration();
-    options.routing.min_labels = 22;
-    let routed = route_of(&settled(&sloped(), &options), &[0.1, 7.0]);
-    assert_eq!(routed.route.decision, RouteDecision::Audit);
-    assert_eq!(routed.route.reason, "audit: 21 labels, 22 needed before anything is judged");
-    options.routing.min_labels = 0;
-    let empty = settled(&CalibrationSet::default(), &options);
-    let routed = route_of(&empty, &[0.1, 7.0]);
-    assert_eq!((routed.route.decision, routed.route.uncertainty), (RouteDecision::Audit, 1.0));
-}
-
-#[test]
-fn a_weak_candidate_of_a_sparse_group_is_audited() {
-    let snapshot = settled(&sloped(), &configuration());
-    let mut stream = monitor_stream(Seed(1), &AttemptId::new("a"));
-    let routed = Router::new(&snapshot).unwrap().route(&[pair(&[0.1, 7.0], "at")], &mut stream).unwrap();
-    assert_eq!(routed.route.decision, RouteDecision::Audit);
-    assert!(routed.route.reason.contains("too few labels"));
+    let found = router.predict(&xi(&[0.9, 7.0], 0.0)).unwrap();
+    assert_eq!((found.difference.attack, found.uncertainty()), (0.0, 0.0));
+    let (half, whole) =
+        (router.predict(&xi(&[0.9, 7.0], 0.5)).unwrap(), router.predict(&xi(&[0.9, 7.0], 1.0)).unwrap());
+    assert!((2.0 * half.difference.attack - whole.difference.attack).abs() < 1e-12);
+    assert!(half.uncertainty() < whole.uncertainty());
 }
 
 #[test]
 fn calibration_mixes_the_prediction_with_its_groups_mean_and_a_sparse_one_with_the_global() {
-    let mut labels = sloped().labels().to_vec();
-    for k in 0..2 {
-        labels.push(WorldLabel { pair: pair(&[0.5, 7.0], "at"), ..label(&[0.5, 7.0], f64::from(k), 0.5) });
+    let mut labels = stepped(60).labels().to_vec();
+    let family = |mut label: WorldLabel| {
+        label.row.family = FamilyName::new("at");
+        label
+    };
+    labels.extend((0..2).map(|_| family(label(0, &[0.2, 7.0], 0.5))));
+    let set = set_of(labels, 2);
+    let mean = |name: &str, beta: f64, group_labels_min: u32| {
+        let mixing = WorldConfiguration { beta_attack: beta, group_labels_min, ..configuration(WorldModel::Ridge) };
+        let snapshot = settled(&set, &mixing);
+        let row = WorldRow { family: FamilyName::new(name), ..xi(&[0.9, 7.0], 1.0) };
+        let found = Router::new(&snapshot).unwrap().predict(&row).unwrap().difference.attack;
+        (found, snapshot.fit.unwrap())
+    };
+    let (raw, fit) = mean("at", 1.0, 3);
+    assert!((mean("at", 0.75, 3).0 - (0.75 * raw + 0.25 * fit.global.mean.attack)).abs() < 1e-12);
+    assert!((mean("at", 0.75, 2).0 - (0.75 * raw + 0.25 * 0.5)).abs() < 1e-12);
+}
+
+#[test]
+fn intervals_hold_the_declared_share_of_labels_that_were_not_known() {
+    let mut stream = Seed(5).stream(&["conformal"]);
+    let of = |stream: &mut crate::kernel::Stream| label(0, &[stream.unit()], stream.normal(0.0, 0.05));
+    let set = set_of((0..400).map(|_| of(&mut stream)).collect(), 1);
+    let half = settled(&set, &configuration(WorldModel::Ridge)).fit.unwrap().half_width.unwrap().attack;
+    let held = (0..2000).filter(|_| of(&mut stream).difference().attack.abs() <= half).count();
+    assert!((1500..1700).contains(&held), "{held} of 2000");
+    let few = set_of((0..19).map(|_| of(&mut stream)).collect(), 1);
+    assert_eq!(settled(&few, &configuration(WorldModel::Ridge)).fit.unwrap().half_width, None);
+}
+
+#[test]
+fn the_budget_goes_to_the_first_by_rank() {
+    let predictions: Vec<Prediction> = [0.1, 0.4, 0.2, 0.3].map(prediction).to_vec();
+    let decisions: Vec<RouteDecision> =
+        routed(&predictions, &options(2, 0.0), 1).into_iter().map(|(d, ..)| d).collect();
+    use RouteDecision::{Reject, Select};
+    assert_eq!(decisions, [Reject, Select, Reject, Select]);
+    let all = routed(&predictions, &options(9, 0.0), 1);
+    assert!(all.iter().all(|(decision, ..)| *decision == Select), "{all:?}");
+}
+
+#[test]
+fn the_weak_and_certain_leave_even_a_budget_unused_and_the_uncertain_do_not() {
+    let weak = |half: f64| Prediction {
+        difference: Objectives { attack: -0.3, realism: 0.0 },
+        half_width: Some(Objectives { attack: half, realism: half }),
+        ..prediction(0.5)
+    };
+    let mut thresholds = options(2, 0.0);
+    (thresholds.lambda_a, thresholds.lambda_u) = (0.2, 0.1);
+    let found = routed(&[weak(0.05), weak(0.5)], &thresholds, 1);
+    assert_eq!((found[0].0, found[1].0), (RouteDecision::Reject, RouteDecision::Select));
+    assert!(found[0].2.contains("weak and certain"), "{}", found[0].2);
+}
+
+#[test]
+fn audits_estimate_what_was_left_out_without_bias() {
+    // Ten candidates, five places, two of them for audits: three are selected, seven are left out.
+    let predictions: Vec<Prediction> = (0..10).map(|k| prediction(f64::from(k))).collect();
+    let (mut estimate, mut drawn) = (0.0, BTreeSet::new());
+    let seeds = 2000;
+    for seed in 0..seeds {
+        let found = routed(&predictions, &options(5, 0.4), seed);
+        let audited: Vec<(usize, f64)> =
+            found.iter().enumerate().filter_map(|(place, (_, weight, _))| Some((place, (*weight)?))).collect();
+        assert_eq!((audited.len(), audited.iter().map(|(_, weight)| weight).sum::<f64>()), (2, 7.0));
+        estimate += audited.iter().filter(|(place, _)| [0, 5].contains(place)).map(|(_, weight)| weight).sum::<f64>();
+        drawn.extend(audited.into_iter().map(|(place, _)| place));
     }
-    let snapshot = settled(&set_of(labels, 2), &configuration());
-    let fit = snapshot.fit.as_ref().unwrap();
-    let router = Router::new(&snapshot).unwrap();
-    let raw = value_at(&fit.attack, &standardised(fit, &[0.9, 7.0]));
-    let cat = router.predict(&pair(&[0.9, 7.0], "cat")).unwrap();
-    assert!(!cat.sparse);
-    assert!((cat.objectives.attack - (0.75 * raw + 0.25 * fit.groups["cat"].mean.attack)).abs() < 1e-12);
-    let at = router.predict(&pair(&[0.9, 7.0], "at")).unwrap();
-    assert!(at.sparse);
-    assert!((at.objectives.attack - (0.75 * raw + 0.25 * fit.global.mean.attack)).abs() < 1e-12);
+    // Two of those left out are of the kind that is counted.
+    assert!((estimate / seeds as f64 - 2.0).abs() < 0.1, "{}", estimate / seeds as f64);
+    assert_eq!(drawn, (0..7).collect());
 }
 
 #[test]
-fn the_most_uncertain_scene_stands_for_the_candidate() {
-    let snapshot = settled(&sloped(), &configuration());
-    let router = Router::new(&snapshot).unwrap();
-    let pairs = [pair(&[0.5, 7.0], "cat"), pair(&[40.0, 7.0], "cat")];
-    let routed = router.route(&pairs, &mut monitor_stream(Seed(1), &AttemptId::new("a"))).unwrap();
-    assert_eq!(routed.route.uncertainty, router.predict(&pairs[1]).unwrap().uncertainty);
-    assert!(matches!(
-        router.route(&[], &mut monitor_stream(Seed(1), &AttemptId::new("a"))),
-        Err(RouterError::NoScenes)
-    ));
+fn without_evidence_and_by_choice_the_budget_is_drawn() {
+    let predictions: Vec<Prediction> = (0..10).map(|k| prediction(f64::from(k))).collect();
+    let random = RoutingOptions { choice: RoutingChoice::Random, ..options(5, 0.0) };
+    let scarce = RoutingOptions { min_labels: 101, ..options(5, 0.0) };
+    for unranked in [random, scarce] {
+        let mut counts = [0; 10];
+        for seed in 0..400 {
+            let found = routed(&predictions, &unranked, seed);
+            let drawn = found.iter().enumerate().filter(|(_, (decision, ..))| *decision == RouteDecision::Audit);
+            drawn.for_each(|(place, (_, weight, _))| {
+                counts[place] += 1;
+                assert_eq!(*weight, Some(2.0));
+            });
+        }
+        assert!(counts.iter().sum::<i32>() == 2000 && counts.iter().all(|n| (140..260).contains(n)), "{counts:?}");
+    }
 }
 
 #[test]
-fn refits_of_the_same_labels_have_the_same_bits_and_one_more_label_another_digest() {
-    let (set, options) = (sloped(), configuration());
-    let first = settled(&set, &options).digest().unwrap();
-    assert_eq!(first, settled(&set, &options).digest().unwrap());
-    let mut more = set.clone();
-    more.append(vec![label(&[0.3, 7.0], 1.0, 1.0)], &columns(2)).unwrap();
-    assert_ne!(first, settled(&more, &options).digest().unwrap());
+fn a_recorded_route_tells_an_audit_of_the_left_out_from_a_draw_without_evidence() {
+    let snapshot = settled(&stepped(60), &configuration(WorldModel::Boosted));
+    let mut auditing = snapshot.clone();
+    auditing.configuration.routing = options(4, 0.5);
+    let predictions: Vec<Prediction> = (0..8).map(|k| prediction(f64::from(k))).collect();
+    let routes = |snapshot: &WorldSnapshot| {
+        let mut stream = audit_stream(Seed(2), &LineageId::new("cat-idm"), 3);
+        Router::new(snapshot).unwrap().routes(&predictions, &mut stream)
+    };
+    let audited = routes(&auditing);
+    assert_eq!(audited.iter().filter(|route| drawn_by_monitor(route)).count(), 2);
+    assert!(audited.iter().all(|route| route.snapshot == auditing.digest().unwrap()));
+    auditing.fit = None;
+    assert_eq!(routes(&auditing).iter().filter(|route| drawn_by_monitor(route)).count(), 0);
 }
 
 #[test]
-fn a_snapshot_read_back_routes_as_before_and_a_damaged_one_is_refused() {
-    let snapshot = settled(&sloped(), &configuration());
-    let text = serde_json::to_string(&snapshot).unwrap();
-    let mut back: WorldSnapshot = serde_json::from_str(&text).unwrap();
-    assert_eq!(back.digest(), snapshot.digest());
-    back.fit.as_mut().unwrap().factor.pop();
-    assert!(matches!(Router::new(&back), Err(RouterError::Inconsistent(_))));
-    back.fit.as_mut().unwrap().columns[0] = 99;
-    assert!(matches!(Router::new(&back), Err(RouterError::Inconsistent(_))));
+fn a_snapshot_read_back_predicts_as_before_and_a_damaged_one_is_refused() {
+    for model in [WorldModel::Ridge, WorldModel::Boosted] {
+        let snapshot = settled(&stepped(60), &configuration(model));
+        let text = serde_json::to_string(&snapshot).unwrap();
+        let mut back: WorldSnapshot = serde_json::from_str(&text).unwrap();
+        assert_eq!(back.digest(), snapshot.digest());
+        match &mut back.fit.as_mut().unwrap().attack {
+            Regression::Ridge(line) => drop(line.weights.pop()),
+            Regression::Boosted(model) => model.trees[0].nodes.truncate(1),
+        }
+        assert!(matches!(Router::new(&back), Err(RouterError::Inconsistent(_))));
+    }
 }
 
 #[test]
 fn excluded_columns_are_not_read_and_unknown_ones_refused() {
-    let mut options = configuration();
-    options.excluded_columns = vec!["x0".into()];
-    let snapshot = settled(&sloped(), &options);
+    let mut excluding = configuration(WorldModel::Boosted);
+    excluding.excluded_columns = vec!["x0".into()];
+    let snapshot = settled(&stepped(60), &excluding);
     let router = Router::new(&snapshot).unwrap();
-    assert_eq!(router.predict(&pair(&[0.1, 7.0], "cat")), router.predict(&pair(&[0.9, 7.0], "cat")));
-    options.excluded_columns = vec!["no_such".into()];
-    let refused = settle(&columns(2), &options, &CalibrationSet::default());
+    assert_eq!(router.predict(&xi(&[0.1, 7.0], 1.0)), router.predict(&xi(&[0.9, 7.0], 1.0)));
+    excluding.excluded_columns = vec!["no_such".into()];
+    let refused = settle(&columns(2), &excluding, &CalibrationSet::default(), 0);
     assert_eq!(refused, Err(ConfigurationError::UnknownColumn("no_such".into())));
 }
 
 #[test]
 fn an_ill_conditioned_fit_says_so_and_keeps_the_means() {
-    let options = WorldConfiguration { ridge_lambda: 1e-14, ..configuration() };
+    let options = WorldConfiguration { ridge_lambda: 1e-14, ..configuration(WorldModel::Ridge) };
     let at = |k: i32| f64::from(k) / 20.0;
-    let set = set_of((0..=20).map(|k| label(&[at(k), at(k)], at(k), 0.5)).collect(), 2);
+    let set = set_of((0..=20).map(|k| label(0, &[at(k), at(k)], 0.1)).collect(), 2);
     let fit = settled(&set, &options).fit.unwrap();
     assert!(fit.fallback.is_some());
-    assert_eq!((fit.attack.weights.len(), fit.attack.intercept), (0, fit.global.mean.attack));
+    let Regression::Ridge(line) = &fit.attack else { panic!("{:?}", fit.attack) };
+    assert!(line.weights.is_empty() && (line.intercept - fit.global.mean.attack).abs() < 1e-12);
 }
 
 #[test]
 fn a_label_that_is_no_label_is_refused_with_its_batch() {
     let mut set = CalibrationSet::default();
-    for bad in [label(&[0.1], 0.5, 0.5), label(&[0.1, f64::NAN], 0.5, 0.5), label(&[0.1, 0.2], f64::NAN, 0.5)] {
-        assert!(set.append(vec![label(&[0.1, 0.2], 0.5, 0.5), bad], &columns(2)).is_err());
+    for bad in [label(1, &[0.1], 0.1), label(1, &[0.1, f64::NAN], 0.1), label(1, &[0.1, 0.2], f64::NAN)] {
+        assert!(set.append(vec![label(1, &[0.1, 0.2], 0.1), bad], &columns(2)).is_err());
     }
     assert!(set.labels().is_empty());
 }
 
 #[test]
 fn options_out_of_range_are_named() {
-    let bad = WorldConfiguration { ridge_lambda: 0.0, ..configuration() };
+    let bad = WorldConfiguration { learning_rate: 0.0, ..configuration(WorldModel::Ridge) };
     let refused = validate(&bad, &columns(2));
-    assert!(matches!(refused, Err(ConfigurationError::Range { option: "ridge_lambda", .. })), "{refused:?}");
+    assert!(matches!(refused, Err(ConfigurationError::Range { option: "learning_rate", .. })), "{refused:?}");
 }
 
 fn program() -> Program {
@@ -291,8 +338,22 @@ fn program() -> Program {
     }
 }
 
+fn scored(scene: &str, attack: f64) -> SceneScore {
+    SceneScore {
+        scene: scene.into(),
+        attack,
+        realism: 0.75,
+        acted: true,
+        contact: None,
+        diagnostics: BTreeMap::new(),
+        intervened: true,
+        request: Digest::of_bytes(b"q"),
+        record: Digest::of_bytes(b"r"),
+    }
+}
+
 #[test]
-fn features_fill_the_five_groups_in_the_schemas_order() {
+fn features_fill_the_groups_in_the_schemas_order() {
     let (parent, mut child) = (program(), program());
     child.parameters.insert("gain".into(), ParameterValue::Number(3.0));
     let patch = ProgramPatch {
@@ -311,21 +372,45 @@ fn features_fill_the_five_groups_in_the_schemas_order() {
     };
     let schema = schema(&[FamilyName::new("cat"), FamilyName::new("at"), FamilyName::new("cat")]);
     let scene = fixture::two_lane_scene();
-    let of_scene = SceneFeatures::of(&scene, &LaneGraph::of(&scene.road));
-    let interaction = Interaction::of(&scene);
-    let candidate = candidate_features(&schema, &child, &parent, &patch, &[]).unwrap();
-    let pair = features(&schema, &candidate, "s", &of_scene, &interaction).unwrap();
-    assert_eq!(pair.features.len(), schema.columns.len());
-    let value = |name: &str| pair.features[schema.columns.iter().position(|c| c.name == name).unwrap()];
+    let (of_scene, interaction) = (SceneFeatures::of(&scene, &LaneGraph::of(&scene.road)), Interaction::of(&scene));
+    let score = Score {
+        objectives: Objectives { attack: 0.5, realism: 0.75 },
+        realism_all: 0.75,
+        coverage: 1.0,
+        scenes: vec![scored("s", 1.0), scored("t", 0.0)],
+        failures: vec![],
+        benchmark: None,
+    };
+    let near = Probe { ego_distance_m_min: 3.0, actors: 1.0, ..Probe::NOTHING };
+    let probes = [
+        ProbePair { child: near, parent: Probe::NOTHING, same: false },
+        ProbePair { child: Probe::NOTHING, parent: Probe::NOTHING, same: true },
+    ];
+    let view = CandidateView {
+        program: &child,
+        parent: &parent,
+        patch: &patch,
+        mechanism_tags: &[],
+        parent_score: &score,
+        probes: &probes,
+    };
+    let seen = |id: &'static str, open| SceneView { id, features: &of_scene, interaction: &interaction, open };
+    let xi = row(&schema, &view, &[seen("s", true), seen("t", false)]).unwrap();
+    assert_eq!(xi.features.len(), schema.columns.len());
+    let value = |name: &str| xi.features[schema.columns.iter().position(|c| c.name == name).unwrap()];
     assert_eq!((value("family_at"), value("family_cat")), (0.0, 1.0));
     assert_eq!((value("edit_replaced"), value("edit_parameters"), value("edit_added")), (1.0, 1.0, 0.0));
-    assert_eq!(value("edit_parameter_change_mean"), 0.5);
+    assert_eq!((value("edit_parameter_change_mean"), value("edit_parameter_rise_mean")), (0.5, 0.5));
     assert_eq!((value("graph_nodes"), value("graph_edges"), value("graph_motion_nodes")), (3.0, 3.0, 1.0));
-    assert!(value("graph_depth") <= 3.0, "a circle does no harm");
     assert_eq!(value("scene_vehicle_count"), of_scene.vehicle_count);
-    assert!(value("log_relative_distance_m_min") <= 20.0);
+    assert_eq!((xi.open_share, value("open_share")), (0.5, 0.5));
+    assert_eq!((value("parent_attack"), value("parent_open_attack")), (0.5, 1.0), "of the open scene alone");
+    assert_eq!((value("probe_scenes"), value("probe_differing_share")), (2.0, 0.5));
+    assert_eq!((value("probe_ego_distance_m_min"), value("probe_change_ego_distance_m_min")), (3.0, -97.0));
+    let hashed: f64 = (0..32).map(|k| value(&format!("edit_hashed_{k:02}"))).sum();
+    assert_eq!(hashed, 1.5, "one operation, and a change of one half");
     let foreign = Program { source_family: FamilyName::new("king"), ..program() };
-    assert!(candidate_features(&schema, &foreign, &parent, &patch, &[]).is_err());
+    assert!(row(&schema, &CandidateView { program: &foreign, ..view }, &[]).is_err());
 }
 
 #[test]
@@ -349,7 +434,7 @@ fn awkward_rows() -> impl Strategy<Value = Vec<Vec<f64>>> {
     let value =
         || prop_oneof![Just(0.0), Just(1.0), -1.0..1.0f64, -1e12..1e12f64, Just(1e300), Just(-1e300), Just(1e-300)];
     let row = (value(), value(), value()).prop_map(|(a, b, c)| vec![a, 5.0, b, c]);
-    (prop::collection::vec(row, 1..20), any::<bool>())
+    (prop::collection::vec(row, 1..30), any::<bool>())
         .prop_map(|(rows, twice)| if twice { rows.iter().chain(&rows).cloned().collect() } else { rows })
 }
 
@@ -357,34 +442,48 @@ proptest! {
     #[test]
     fn degenerate_features_never_give_a_nan(
         rows in awkward_rows(),
-        targets in prop::collection::vec((0.0..=1.0f64, 0.0..=1.0f64), 40),
+        targets in prop::collection::vec(-0.3..=0.5f64, 60),
         lambda in prop_oneof![Just(1e-15), Just(1e-3), Just(1.0), Just(1e6)],
+        boosted in any::<bool>(),
     ) {
-        let labels = rows.iter().zip(&targets).map(|(row, (a, r))| label(row, *a, *r)).collect();
-        let options = WorldConfiguration { ridge_lambda: lambda, residual_share: 1.0, ..configuration() };
+        let labels = rows.iter().zip(&targets).map(|(row, attack)| label(0, row, *attack)).collect();
+        let model = if boosted { WorldModel::Boosted } else { WorldModel::Ridge };
+        let options = WorldConfiguration { ridge_lambda: lambda, ..configuration(model) };
         let snapshot = settled(&set_of(labels, 4), &options);
         prop_assert!(snapshot.digest().is_ok(), "a NaN has no digest");
         let router = Router::new(&snapshot).unwrap();
         for row in rows.iter().map(Vec::as_slice).chain([&[1e300, -1e300, 1e300, 0.0][..], &[0.0; 4][..]]) {
-            let found = router.predict(&pair(row, "cat")).unwrap();
-            prop_assert!((0.0..=1.0).contains(&found.objectives.attack));
-            prop_assert!((0.0..=1.0).contains(&found.objectives.realism));
-            prop_assert!(found.uncertainty.is_finite() && found.uncertainty >= 0.0);
+            let found = router.predict(&xi(row, 1.0)).unwrap();
+            prop_assert!((0.0..=1.0).contains(&found.objectives.attack) && found.rank_score.is_finite());
+            prop_assert!(found.uncertainty().is_finite() && found.uncertainty() >= 0.0);
         }
-        prop_assert!(Digest::of("test", &route_of(&snapshot, &rows[0]).route).is_ok());
     }
 
     #[test]
-    fn without_enough_labels_no_candidate_whatever_it_looks_like_is_rejected(
-        rows in awkward_rows(),
-        x in prop::collection::vec(-1e6..1e6f64, 4),
+    fn no_label_of_an_epoch_can_influence_a_decision_of_that_epoch(
+        earlier in prop::collection::vec((0.0..1.0f64, -0.3..=0.5f64), 25..40),
+        later in prop::collection::vec((3..6u32, 0.0..1.0f64, -0.3..=0.5f64), 1..20),
+        wanted in prop::collection::vec(0.0..1.0f64, 8),
         seed in any::<u64>(),
+        boosted in any::<bool>(),
     ) {
-        let mut options = configuration();
-        options.routing = RoutingOptions { lambda_a: 1.0, lambda_r: 1.0, lambda_u: 1e9, audit_rate: 0.0, min_labels: 41 };
-        let snapshot = settled(&set_of(rows.iter().map(|row| label(row, 0.0, 0.0)).collect(), 4), &options);
-        let mut stream: Stream = monitor_stream(Seed(seed), &AttemptId::new("a"));
-        let routed = Router::new(&snapshot).unwrap().route(&[pair(&x, "cat")], &mut stream).unwrap();
-        prop_assert_ne!(routed.route.decision, RouteDecision::Reject);
+        let model = if boosted { WorldModel::Boosted } else { WorldModel::Ridge };
+        let mut options = configuration(model);
+        (options.routing.rollout_budget, options.routing.audit_share, options.explore) = (4, 0.4, 0.5);
+        let known: Vec<WorldLabel> = earlier.iter().map(|(x, y)| label(2, &[*x], *y)).collect();
+        // Labels of the epoch itself and of later ones arrive before the fit, between the others.
+        let mut all = known.clone();
+        for (k, (epoch, x, y)) in later.iter().enumerate() {
+            all.insert((2 * k).min(all.len()), label(*epoch, &[*x], *y));
+        }
+        let routes = |labels: Vec<WorldLabel>| {
+            let snapshot = settle(&columns(1), &options, &set_of(labels, 1), 3).unwrap();
+            let router = Router::new(&snapshot).unwrap();
+            let predicted: Vec<Prediction> = wanted.iter().map(|x| router.predict(&xi(&[*x], 1.0)).unwrap()).collect();
+            router.routes(&predicted, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 3))
+        };
+        prop_assert_eq!(routes(known.clone()), routes(all));
+        let more: Vec<WorldLabel> = known.into_iter().chain([label(2, &[0.5], 0.5)]).collect();
+        prop_assert_ne!(routes(more.clone())[0].snapshot, routes(more[..more.len() - 1].to_vec())[0].snapshot);
     }
 }

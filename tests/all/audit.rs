@@ -145,7 +145,7 @@ fn what_the_evaluator_would_have_turned_away_and_the_archive_accepted_is_a_remar
     let drawn = |run: &mut RecordedRun, place: usize| {
         let Exit::Evaluated { route, .. } = &mut run.attempts[place].exit else { panic!("evaluated") };
         route.decision = RouteDecision::Audit;
-        route.reason = "audit: weak, drawn by the false-rejection monitor; attack 0.1 (needs 0.2)".into();
+        route.reason = "audit: left out by the rank, drawn at random, rank 5 of 6".into();
     };
     // A candidate that the archive refused was turned away rightly.
     let refused = first(&run, |exit| evaluated(exit) && !accepted(exit) && !exit.route().is_some_and(drawn_by_monitor));
@@ -183,6 +183,7 @@ fn fsck_finds_a_record_that_was_changed_and_chained_anew() {
     drop(transcript);
     let told = run(&["fsck", folder.to_str().unwrap()]);
     assert_eq!(told.code, 5, "{}", told.stdout);
-    assert!(told.stdout.contains("no damage found"), "the chain itself holds: {}", told.stdout);
+    assert!(!told.stdout.contains("transcript.jsonl"), "the chain itself holds: {}", told.stdout);
+    assert!(told.stdout.contains("result.json: /result/lineages/0/evolved"), "{}", told.stdout);
     assert!(told.stdout.contains("breach (result) cat-idm: "), "{}", told.stdout);
 }

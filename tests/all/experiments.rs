@@ -28,7 +28,8 @@ fn read(path: &Path) -> Experiment {
 
 #[test]
 fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
-    let paths = ["experiments", "experiments/metadrive", "experiments/safebench"].map(files).concat();
+    let folders = ["", "/llm", "/metadrive", "/safebench", "/world"].map(|of| format!("experiments{of}"));
+    let paths = folders.iter().map(|of| files(of)).collect::<Vec<_>>().concat();
     assert!(paths.len() >= 17, "{paths:?}");
     let (families, mut names) = (sources(), BTreeSet::new());
     for path in &paths {
@@ -156,7 +157,8 @@ fn labels_that_a_protocol_does_not_read_are_refused_and_those_that_it_reads_are_
 #[test]
 fn every_shipped_experiment_keeps_its_digest() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
-    let mut paths = ["experiments", "experiments/metadrive", "experiments/safebench"].map(files).concat();
+    let mut paths =
+        ["experiments", "experiments/llm", "experiments/metadrive", "experiments/safebench"].map(files).concat();
     paths.sort();
     let line = |path: &PathBuf| {
         let name = path.strip_prefix(&root).unwrap().display().to_string();

@@ -53,7 +53,8 @@ fn shipped(name: &str) -> Vec<Operation> {
     serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
 }
 
-const LAWS: [&str; 3] = ["brake_ahead.json", "wait_for_the_ego.json", "yield_to_others.json"];
+const LAWS: [&str; 4] =
+    ["brake_ahead.json", "go_when_it_commits.json", "wait_for_the_ego.json", "yield_to_others.json"];
 
 /// What a program makes of a scene.
 fn built(family: &Source, program: &Program, situation: &Situation) -> Compiled {
@@ -316,4 +317,60 @@ fn harm_is_what_a_candidate_adds_to_the_actors_own_record() {
     let (situation, against) = would(straight(sample(60.0, 0.0, num::PI, 10.0), 91));
     let wrong = harm(&against, whose(&situation)).wrong_way_m;
     assert!(beside > 5.0 && wrong > 20.0, "{beside} {wrong}");
+}
+
+/// CAT with its candidates reshaped behind their search, so that the same one is taken: the way that it commands.
+fn reshaped(setting: &str, expression: &str, situation: &Situation) -> Option<Vec<Sample>> {
+    let cat = family("cat");
+    let mut program = cat.parent.clone();
+    let slot = if setting == "speed" { "shape_speed_share" } else { "shape_offset_m" };
+    program.mechanism_modules.insert("shape".into(), module(slot, ValueType::Number, &[], expression));
+    let shape = grammar::from_mechanism("shape");
+    put(&mut program, "reshape", Slot::Filter, "reshape", &["search"], [(setting, shape)]);
+    program.operator_graph.get_mut("choice").unwrap().inputs = vec!["reshape".into()];
+    let compiled = Prepared::new(&program, &cat).unwrap().compile(situation, Seed(1)).ok()?;
+    match compiled.intervention.actions.as_slice() {
+        [Action::Follow { samples, .. }] => Some(samples.clone()),
+        _ => None,
+    }
+}
+
+fn driven_m(way: &[Sample]) -> f64 {
+    way.windows(2).map(|pair| pair[0].position.distance(pair[1].position)).sum()
+}
+
+/// Distance from the nearest piece of a way, positive to its left.
+fn beside_m(way: &[Sample], at: &Sample) -> f64 {
+    let pieces = way.windows(2).filter(|pair| pair[0].position.distance(pair[1].position) > 1e-6);
+    let of = pieces.map(|pair| {
+        let along = pair[1].position - pair[0].position;
+        let share = ((at.position - pair[0].position).dot(along) / along.norm_squared()).clamp(0.0, 1.0);
+        let delta = at.position - pair[0].position - along * share;
+        delta.norm() * if along.cross(delta) < 0.0 { -1.0 } else { 1.0 }
+    });
+    of.min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap()
+}
+
+#[test]
+fn reshaped_candidates_drive_the_same_way_at_the_share_of_their_speed_and_beside_it_by_the_offset() {
+    let (mut slowed, mut moved) = (0, 0);
+    for situation in situations() {
+        let Some(whole) = reshaped("speed", "1", situation).filter(|way| driven_m(way) > 20.0) else { continue };
+        if let Some(half) = reshaped("speed", "0.5", situation) {
+            // The first step is driven before the first sample, so both differ from the ratio by a step at most.
+            let share = driven_m(&half) / driven_m(&whole);
+            assert!((share - 0.5).abs() < 0.05, "{}: {share}", situation.scene_id());
+            assert!(half.iter().skip(1).all(|sample| beside_m(&whole, sample).abs() < 0.3), "{}", situation.scene_id());
+            slowed += 1;
+        }
+        let moves = whole.windows(2).all(|pair| pair[0].position.distance(pair[1].position) > 0.3);
+        if let Some(left) = reshaped("offset", "1.5", situation).filter(|_| moves) {
+            let aside: Vec<f64> = left.iter().map(|sample| beside_m(&whole, sample)).collect();
+            assert!(aside[3] < 0.9 && aside[3] > 0.5, "2 m/s at most: {:?}", &aside[..5]);
+            assert!((aside[20] - 1.5).abs() < 0.25, "{}: {:?}", situation.scene_id(), &aside[..25]);
+            moved += 1;
+        }
+    }
+    println!("{slowed} at half their speed, {moved} beside their way");
+    assert!(slowed > 4 && moved > 2, "{slowed} {moved}");
 }

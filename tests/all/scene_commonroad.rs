@@ -29,7 +29,7 @@ fn a_2018b_file_gives_a_scene_per_problem_in_a_frame_at_the_ego() {
     assert_eq!(scene.ego.target_speed_mps, Some(13.5));
     assert_eq!(scene.road.lanes[0].centre[0], Vec2::new(-10.0, 0.25));
     assert_eq!((scene.road.lanes[0].exits.clone(), scene.road.lanes[2].entries.clone()), (vec![2], vec![0]));
-    assert!(scene.road.lanes[0].left_neighbour.is_some_and(|n| n.lane == 1 && n.same_direction));
+    assert!(scene.road.lanes[0].left_neighbours.iter().any(|n| n.lane == 1 && n.same_direction));
 }
 
 #[test]

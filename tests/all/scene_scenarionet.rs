@@ -39,7 +39,7 @@ fn lanes_keep_links_kinds_and_believable_widths() {
     let road = &imported.scenes[0].road;
     let lane = |id: &str| road.lanes.iter().position(|lane| lane.id == id).unwrap();
     assert_eq!(road.lanes[lane("100")].exits, [lane("101")], "a link out of the map is no link");
-    assert!(road.lanes[lane("100")].left_neighbour.is_some_and(|n| n.lane == lane("102") && n.same_direction));
+    assert!(road.lanes[lane("100")].left_neighbours.iter().any(|n| n.lane == lane("102") && n.same_direction));
     assert_eq!(road.lanes[lane("103")].kind, LaneKind::Freeway);
     assert!((road.lanes[lane("100")].speed_limit_mps.unwrap() - 11.176).abs() < 1e-9);
     let first = &road.lanes[lane("100")];
@@ -127,7 +127,7 @@ fn recorded_nuscenes_scenes_import_with_recovered_topology() {
         let graph = LaneGraph::of(&scene.road);
         let features = SceneFeatures::of(scene, &graph);
         let linked = scene.road.lanes.iter().filter(|lane| !lane.exits.is_empty()).count();
-        let beside = scene.road.lanes.iter().filter(|lane| lane.left_neighbour.is_some()).count();
+        let beside = scene.road.lanes.iter().filter(|lane| !lane.left_neighbours.is_empty()).count();
         println!(
             "{}: steps {}, lanes {} ({linked} lead on, {beside} have neighbours), tracks {}, {features:?}, {:?}",
             scene.id,

@@ -31,8 +31,8 @@ pub fn lane(from: Vec2, to: Vec2) -> Lane {
         right: vec![from - left, to - left],
         entries: vec![],
         exits: vec![],
-        left_neighbour: None,
-        right_neighbour: None,
+        left_neighbours: vec![],
+        right_neighbours: vec![],
         speed_limit_mps: None,
     }
 }

@@ -18,9 +18,49 @@ pub struct Interval {
     pub high: f64,
 }
 
+/// What a row counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Of {
+    /// Every rollout of a program that a lineage started from, and every scene without one.
+    All,
+    /// One such program, or the scenes without one against one ego.
+    Program,
+    /// Such programs of one family.
+    Family,
+    /// Scenes of one cluster, with such programs and without.
+    Cluster,
+    /// A program that was proposed in the run. It counts in no other row, so that an acceptance moves none.
+    Proposal,
+}
+
+impl Of {
+    /// Before a row's name.
+    pub fn prefix(self) -> &'static str {
+        match self {
+            Of::All | Of::Program => "",
+            Of::Family => "family ",
+            Of::Cluster => "cluster ",
+            Of::Proposal => "proposal ",
+        }
+    }
+}
+
+/// How far apart the egos were some time before the first contact.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EgoApart {
+    pub before_s: f64,
+    /// Median and 90th percentile, m; `None` without a rollout.
+    pub median_m: Option<f64>,
+    pub p90_m: Option<f64>,
+    /// Rollouts that had begun by then.
+    pub rollouts: usize,
+}
+
 /// What a row of rollouts says.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
+    pub of: Of,
     pub row: String,
     pub rollouts: usize,
     /// Contact in both, in the first alone, in the second alone, in neither.
@@ -33,8 +73,8 @@ pub struct Agreement {
     pub same_partner: usize,
     /// Of the contacts in both: median of the times' distance, s.
     pub contact_time_apart_s: Option<f64>,
-    /// Median distance of the egos so many seconds before the first contact, m, and over how many rollouts.
-    pub ego_apart_m: Vec<(f64, Option<f64>, usize)>,
+    /// One for each of [`BEFORE_S`].
+    pub ego_apart: Vec<EgoApart>,
 }
 
 /// Everything that is said about two runs.
@@ -42,6 +82,8 @@ pub struct Agreement {
 pub struct Report {
     /// The two backends by name.
     pub backends: [String; 2],
+    /// Whether both played the same commands. They do not where each plans around another drive of the ego.
+    pub same_commands: bool,
     /// All rollouts first, then row by row.
     pub rows: Vec<Agreement>,
     pub disagreements: Vec<Disagreement>,
@@ -50,32 +92,47 @@ pub struct Report {
 }
 
 /// Counts. `pairs` stand in the order in which they are listed.
-pub fn report(backends: [String; 2], pairs: &[Pair], left_out: Vec<String>) -> Report {
-    let mut names: Vec<&str> = Vec::new();
-    for pair in pairs {
-        if !names.contains(&pair.row.as_str()) {
-            names.push(&pair.row);
-        }
-    }
-    let all = pairs.iter().collect::<Vec<_>>();
-    let of = |name: &&str| pairs.iter().filter(|pair| pair.row == **name).collect::<Vec<_>>();
-    let mut rows = vec![agreement("all", &all)];
-    rows.extend(names.iter().map(|name| agreement(name, &of(name))));
-    Report { backends, rows, disagreements: pairs.iter().filter_map(disagreement::of).collect(), left_out }
+pub fn report(backends: [String; 2], same_commands: bool, pairs: &[Pair], left_out: Vec<String>) -> Report {
+    let started = || pairs.iter().filter(|pair| !pair.proposed);
+    let program = |pair: &&Pair| Some(pair.program.clone());
+    let mut rows = vec![agreement((Of::All, "all"), &started().collect::<Vec<_>>())];
+    rows.extend(grouped(Of::Program, started(), program));
+    rows.extend(grouped(Of::Family, started(), |pair| pair.family.clone()));
+    rows.extend(grouped(Of::Cluster, started(), |pair| Some(pair.cluster.clone())));
+    rows.extend(grouped(Of::Proposal, pairs.iter().filter(|pair| pair.proposed), program));
+    let disagreements = pairs.iter().filter_map(disagreement::of).collect();
+    Report { backends, same_commands, rows, disagreements, left_out }
 }
 
-fn agreement(row: &str, pairs: &[&Pair]) -> Agreement {
+/// A row for each name, in the order in which names come up.
+fn grouped<'p>(
+    of: Of,
+    pairs: impl Iterator<Item = &'p Pair>,
+    name: impl Fn(&&Pair) -> Option<String>,
+) -> Vec<Agreement> {
+    let mut groups: Vec<(String, Vec<&Pair>)> = Vec::new();
+    for (name, pair) in pairs.filter_map(|pair| Some((name(&pair)?, pair))) {
+        match groups.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, group)) => group.push(pair),
+            None => groups.push((name, vec![pair])),
+        }
+    }
+    groups.iter().map(|(name, group)| agreement((of, name), group)).collect()
+}
+
+fn agreement((of, row): (Of, &str), pairs: &[&Pair]) -> Agreement {
     let confusion = confusion(pairs);
     let met = pairs.iter().filter_map(|pair| Some((pair.a.contact.as_ref()?, pair.b.contact.as_ref()?)));
     let met: Vec<(&Meeting, &Meeting)> = met.collect();
     let apart = met.iter().map(|(a, b)| (a.time_s() - b.time_s()).abs()).collect();
-    let before = |seconds: f64| {
-        let apart = |pair: &&&Pair| pair.ego_apart_m(pair.first_contact_s()? - seconds);
-        let found: Vec<f64> = pairs.iter().filter_map(|pair| apart(&pair)).collect();
-        let count = found.len();
-        (seconds, median(found), count)
+    let before = |before_s: f64| {
+        let apart = |pair: &&&Pair| pair.ego_apart_m(pair.first_contact_s()? - before_s);
+        let mut found: Vec<f64> = pairs.iter().filter_map(|pair| apart(&pair)).collect();
+        found.sort_by(f64::total_cmp);
+        let p90_m = found.get((9 * found.len()).div_ceil(10).saturating_sub(1)).copied();
+        EgoApart { before_s, rollouts: found.len(), p90_m, median_m: median(found) }
     };
-    let resampled = resampled(row, pairs);
+    let resampled = resampled(&format!("{}{row}", of.prefix()), pairs);
     let interval = |value: f64, of: &dyn Fn([usize; 4]) -> Option<f64>| {
         let mut drawn: Vec<f64> = resampled.iter().filter_map(|confusion| of(*confusion)).collect();
         drawn.sort_by(f64::total_cmp);
@@ -83,6 +140,7 @@ fn agreement(row: &str, pairs: &[&Pair]) -> Agreement {
         Interval { value, low: at(0.025).unwrap_or(value), high: at(0.975).unwrap_or(value) }
     };
     Agreement {
+        of,
         row: row.to_string(),
         rollouts: pairs.len(),
         confusion,
@@ -90,7 +148,7 @@ fn agreement(row: &str, pairs: &[&Pair]) -> Agreement {
         kappa: kappa(confusion).map(|value| interval(value, &kappa)),
         same_partner: met.iter().filter(|(a, b)| a.with == b.with).count(),
         contact_time_apart_s: median(apart),
-        ego_apart_m: BEFORE_S.into_iter().map(before).collect(),
+        ego_apart: BEFORE_S.into_iter().map(before).collect(),
     }
 }
 

@@ -32,10 +32,9 @@ pub enum Cause {
 /// A rollout about which the simulators disagree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Disagreement {
-    pub row: String,
+    pub program: String,
     pub scene: String,
     pub ego: String,
-    pub program: String,
     /// `first` or `second`: who says contact.
     pub contact_in: &'static str,
     pub with: Meeting,
@@ -78,7 +77,6 @@ pub(super) fn of(pair: &Pair) -> Option<Disagreement> {
         None => ("second", pair.b.contact.as_ref()?, &pair.a),
     };
     Some(Disagreement {
-        row: pair.row.clone(),
         scene: pair.scene.clone(),
         ego: pair.ego.clone(),
         program: pair.program.clone(),

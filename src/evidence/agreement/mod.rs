@@ -6,7 +6,7 @@ mod disagreement;
 mod pair;
 mod text;
 
-pub use count::report;
+pub use count::{Report, report};
 pub use pair::{Meeting, Pair, Side};
 pub use text::text;
 

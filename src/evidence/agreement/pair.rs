@@ -35,9 +35,14 @@ impl Meeting {
 /// The same rollout in both simulators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
-    /// Lineage of the program, or `replay`.
-    pub row: String,
+    /// The program's name; in a scene without one, against whom it is replayed.
     pub program: String,
+    /// The program's family; `None` without one.
+    pub family: Option<String>,
+    /// Whether the program came up in the run: a proposal, which another run of the study may not have.
+    pub proposed: bool,
+    /// The scene's cluster: the first of its tags.
+    pub cluster: String,
     pub scene: String,
     pub ego: String,
     pub a: Side,

@@ -1,6 +1,6 @@
 //! The counting of agreement, by hand.
 
-use super::count::kappa;
+use super::count::{EgoApart, Of, kappa};
 use super::disagreement::{Cause, cause};
 use super::*;
 
@@ -11,8 +11,10 @@ fn side(contact: Option<(&str, u32)>, x: f64) -> Side {
 
 fn pair(scene: usize, a: Option<(&str, u32)>, b: Option<(&str, u32)>, apart: f64) -> Pair {
     Pair {
-        row: if scene.is_multiple_of(2) { "cat" } else { "replay" }.into(),
-        program: "p".into(),
+        program: if scene.is_multiple_of(2) { "cat/parent" } else { "replay against idm" }.into(),
+        family: scene.is_multiple_of(2).then(|| "cat".into()),
+        proposed: false,
+        cluster: if scene < 2 { "dense" } else { "plain" }.into(),
         scene: format!("s{scene}"),
         ego: "idm".into(),
         a: side(a, 0.0),
@@ -38,18 +40,52 @@ fn rows_count_contacts_partners_times_and_egos() {
         pair(2, Some(("a", 400)), None, 3.0),
         pair(3, None, None, 9.0),
     ];
-    let report = report(["x".into(), "y".into()], &pairs, vec![]);
+    let report = report(["x".into(), "y".into()], true, &pairs, vec![]);
     let all = &report.rows[0];
     assert_eq!((all.confusion, all.rollouts, all.same_partner), ([2, 1, 0, 1], 4, 1));
     assert!((all.agreement.value - 0.75).abs() < 1e-12 && all.agreement.low < 0.75);
     assert!((all.contact_time_apart_s.unwrap() - 0.1).abs() < 1e-9);
     // One second before: all three with a contact; five seconds before: only the contact at 6 s.
-    assert_eq!(all.ego_apart_m[0], (1.0, Some(1.5), 3));
-    assert_eq!(all.ego_apart_m[2], (5.0, Some(1.5), 1));
-    assert_eq!(report.rows.iter().map(|row| row.row.as_str()).collect::<Vec<_>>(), ["all", "cat", "replay"]);
+    let apart =
+        |before_s, median, p90, rollouts| EgoApart { before_s, median_m: Some(median), p90_m: Some(p90), rollouts };
+    assert_eq!(all.ego_apart[0], apart(1.0, 1.5, 3.0, 3));
+    assert_eq!(all.ego_apart[2], apart(5.0, 1.5, 1.5, 1));
+    let counts: Vec<_> = report.rows.iter().map(|row| (row.of, row.row.as_str(), row.rollouts)).collect();
+    assert_eq!(
+        counts,
+        [
+            (Of::All, "all", 4),
+            (Of::Program, "cat/parent", 2),
+            (Of::Program, "replay against idm", 2),
+            (Of::Family, "cat", 2),
+            (Of::Cluster, "dense", 2),
+            (Of::Cluster, "plain", 2)
+        ]
+    );
     assert_eq!(report.disagreements.len(), 1);
     assert_eq!((report.disagreements[0].contact_in, report.disagreements[0].cause), ("first", Cause::EgoElsewhere));
     assert!(text(&report).contains("| all | 4 | 2 | 1 | 0 | 1 | 75.0 ["), "{}", text(&report));
+}
+
+#[test]
+fn a_proposal_moves_no_row_but_its_own() {
+    let mut pairs = vec![pair(0, Some(("a", 400)), Some(("a", 400)), 0.0), pair(2, None, None, 0.0)];
+    let before = report(["x".into(), "y".into()], true, &pairs, vec![]);
+    let mut child = pair(2, Some(("a", 400)), None, 0.0);
+    (child.program, child.proposed) = ("cat/e0s0".into(), true);
+    pairs.push(child);
+    let after = report(["x".into(), "y".into()], true, &pairs, vec![]);
+    assert_eq!(after.rows[..before.rows.len()], before.rows);
+    let own: Vec<_> = after.rows[before.rows.len()..].iter().map(|row| (row.of, row.row.as_str())).collect();
+    assert_eq!(own, [(Of::Proposal, "cat/e0s0")]);
+    assert_eq!(after.disagreements.len(), 1);
+}
+
+#[test]
+fn runs_that_plan_apart_are_not_called_the_same_rollouts() {
+    let says = |same| text(&report(["x".into(), "y".into()], same, &[pair(0, None, None, 0.0)], vec![]));
+    assert!(says(true).contains("the same rollouts in x (first)") && !says(true).contains("commands differ"));
+    assert!(says(false).contains("the same programs in x (first)") && says(false).contains("commands differ"));
 }
 
 #[test]

@@ -2,21 +2,26 @@
 
 use std::fmt::Write;
 
-use super::count::{Agreement, Interval, Report};
+use super::count::{Agreement, EgoApart, Interval, Report};
 use super::disagreement::Disagreement;
 
 /// Tables in Markdown, then the disagreements one by one.
 pub fn text(report: &Report) -> String {
     let [first, second] = &report.backends;
-    let mut out = format!("Contact of the ego, the same rollouts in {first} (first) and {second} (second)\n\n");
+    let what = if report.same_commands { "rollouts" } else { "programs" };
+    let mut out = format!("Contact of the ego, the same {what} in {first} (first) and {second} (second)\n\n");
     out.push_str("| rollouts of | n | both | first only | second only | neither | agreement % | kappa | same partner | time apart s | ego apart m, 1 s before | 3 s | 5 s |\n");
     out.push_str("|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
     for row in &report.rows {
         let _ = writeln!(out, "{}", line(row));
     }
     out.push_str(
-        "\nIn brackets: the middle 95 % of 1000 draws of scenes. Times and distances are medians (of n rollouts).\n",
+        "\nIn brackets: the middle 95 % of 1000 draws of scenes. Times are medians, distances medians / 90th percentiles (of n \
+         rollouts). `all`, families and clusters count the programs that lineages started from, and scenes without one.\n",
     );
+    if !report.same_commands {
+        out.push_str("Each plans around another drive of the ego, so the commands differ: no disagreement is a simulator's alone.\n");
+    }
     let _ = writeln!(out, "\nDisagreements: {}", report.disagreements.len());
     for one in &report.disagreements {
         let _ = writeln!(out, "{}", disagreement(one));
@@ -35,9 +40,10 @@ fn line(row: &Agreement) -> String {
     let percent = |x: f64| 100.0 * x;
     let Interval { value, low, high } = row.agreement;
     let kappa = row.kappa.map_or("-".to_string(), |k| format!("{:.2} [{:.2}, {:.2}]", k.value, k.low, k.high));
-    let apart: Vec<String> = row.ego_apart_m.iter().map(|(_, apart, n)| of_n(*apart, *n)).collect();
+    let apart: Vec<String> = row.ego_apart.iter().map(of_n).collect();
     format!(
-        "| {} | {} | {both} | {first} | {second} | {neither} | {:.1} [{:.1}, {:.1}] | {kappa} | {} | {} | {} |",
+        "| {}{} | {} | {both} | {first} | {second} | {neither} | {:.1} [{:.1}, {:.1}] | {kappa} | {} | {} | {} |",
+        row.of.prefix(),
         row.row,
         row.rollouts,
         percent(value),
@@ -49,19 +55,21 @@ fn line(row: &Agreement) -> String {
     )
 }
 
-fn of_n(value: Option<f64>, n: usize) -> String {
-    value.map_or("-".to_string(), |value| format!("{value:.2} ({n})"))
+fn of_n(apart: &EgoApart) -> String {
+    match (apart.median_m, apart.p90_m) {
+        (Some(median), Some(p90)) => format!("{median:.2} / {p90:.2} ({})", apart.rollouts),
+        _ => "-".to_string(),
+    }
 }
 
 fn disagreement(one: &Disagreement) -> String {
     let metres = |x: Option<f64>| x.map_or("-".to_string(), |x| format!("{x:.2} m"));
     let cause = serde_json::to_value(one.cause).ok().and_then(|v| v.as_str().map(str::to_string)).unwrap_or_default();
     format!(
-        "- {} {} ({}, {}): contact in the {} with {}{} at {:.2} s; the other ended {}, nearest {}, egos {} apart: {cause}",
-        one.row,
+        "- {} {} ({}): contact in the {} with {}{} at {:.2} s; the other ended {}, nearest {}, egos {} apart: {cause}",
+        one.program,
         one.scene,
         one.ego,
-        one.program,
         one.contact_in,
         one.with.with,
         if one.with.adversary { " (adversary)" } else { "" },

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
+use super::super::agreement;
 use super::super::recorded_run::RecordedRun;
 use crate::evidence::audit;
 use crate::kernel::num;
@@ -22,10 +23,10 @@ const ROLES: [Role; 7] = [
 ];
 
 /// Everything but the player's scenes.
-pub fn of(story: &RecordedRun, cost: Option<&RunCost>) -> Value {
+pub fn of(story: &RecordedRun, cost: Option<&RunCost>, agreement: Option<&agreement::Report>) -> Value {
     let names = Names::of(story);
     let lineages: Vec<Value> = story.parents.iter().map(|p| lineage(story, &p.lineage)).collect();
-    json!({
+    let mut page = json!({
         "name": story.opened.name,
         "root": story.root,
         "sealed": story.result.is_some(),
@@ -49,7 +50,11 @@ pub fn of(story: &RecordedRun, cost: Option<&RunCost>) -> Value {
         "model_names": names.models,
         "roles": ROLES.map(Role::name),
         "attempts": story.attempts.iter().map(|a| attempt(story, &names, a)).collect::<Vec<_>>(),
-    })
+    });
+    if let Some(agreement) = agreement {
+        page["agreement"] = json!(agreement);
+    }
+    page
 }
 
 fn lineage(story: &RecordedRun, id: &LineageId) -> Value {

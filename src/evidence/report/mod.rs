@@ -6,6 +6,7 @@ mod stage;
 
 pub use stage::{Playable, Stage, Unplayed};
 
+use super::agreement;
 use super::recorded_run::RecordedRun;
 use crate::draw::{PLAYER_CSS, PLAYER_JS, script_json};
 use crate::objects::cost::RunCost;
@@ -16,9 +17,15 @@ const UNPACK: &str = include_str!("assets/unpack.js");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
-/// `cost` is what the run cost, where that is known.
-pub fn html(story: &RecordedRun, stage: &Stage, cost: Option<&RunCost>) -> String {
-    let data = script_json(&(data::of(story, cost), packed::stage(stage)));
+/// `cost` is what the run cost, where that is known; `agreement` is how far another simulator's run agrees, where one was
+/// compared.
+pub fn html(
+    story: &RecordedRun,
+    stage: &Stage,
+    cost: Option<&RunCost>,
+    agreement: Option<&agreement::Report>,
+) -> String {
+    let data = script_json(&(data::of(story, cost, agreement), packed::stage(stage)));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),

@@ -14,6 +14,7 @@ mod markdown;
 mod metadrive;
 mod notes;
 mod paper;
+mod proposals;
 mod resampled;
 mod safebench;
 #[cfg(test)]
@@ -24,7 +25,7 @@ mod stopped;
 mod tests;
 
 pub use applied::{Applied, Played, applied};
-pub use bootstrap::Estimate;
+pub use bootstrap::{Estimate, interval};
 pub use contacts::metadrive_contacts;
 pub use csv::csv;
 pub use error::TableError;
@@ -32,4 +33,5 @@ pub use latex::latex;
 pub use layout::{Cell, Column, Form, Head, Part, Row, RunSource, Table};
 pub use markdown::markdown;
 pub use metadrive::{metadrive_main, metadrive_policy};
+pub use proposals::proposals;
 pub use safebench::{safebench_main, safebench_rounds};

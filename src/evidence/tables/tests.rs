@@ -90,7 +90,7 @@ pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
 }
 
 /// A lineage's end: parent, and where there is one, the evolved program.
-struct End<'a> {
+pub(super) struct End<'a> {
     id: &'a str,
     family: &'a str,
     ego: &'a str,
@@ -100,7 +100,7 @@ struct End<'a> {
     pf_area_at_3_pct: f64,
 }
 
-fn add(story: &mut RecordedRun, end: &End<'_>) {
+pub(super) fn add(story: &mut RecordedRun, end: &End<'_>) {
     let lineage = LineageId::new(end.id);
     let parent = SolutionId::new(format!("{}/parent", end.id));
     let child = SolutionId::new(format!("{}/e0s0", end.id));
@@ -152,7 +152,7 @@ fn add(story: &mut RecordedRun, end: &End<'_>) {
     });
 }
 
-const CAT: End<'static> = End {
+pub(super) const CAT: End<'static> = End {
     id: "cat-idm",
     family: "cat",
     ego: "idm",
@@ -426,10 +426,19 @@ fn failed(gates: &[Gate]) -> GateReport {
     GateReport { verdicts: gates.iter().map(verdict).collect() }
 }
 
-fn simulated(routed: RouteDecision, accepted: bool, attack_change: f64) -> Exit {
+pub(super) fn simulated(routed: RouteDecision, accepted: bool, attack_change: f64) -> Exit {
     let any = Digest::of_bytes(b"any");
     let predicted = Objectives { attack: 0.0, realism: 1.0 };
-    let route = Route { decision: routed, reason: String::new(), snapshot: any, predicted, uncertainty: 0.0 };
+    let route = Route {
+        decision: routed,
+        reason: String::new(),
+        snapshot: any,
+        predicted,
+        uncertainty: 0.0,
+        half_width: None,
+        rank_score: None,
+        weight: None,
+    };
     let mut story = scripted();
     add(&mut story, &SAGE);
     let program = story.parents[0].program.clone();

@@ -11,7 +11,7 @@ use crate::objects::counsel::{LaneRelation, Trial, Vehicle};
 use crate::objects::{ParameterValue, Program};
 use crate::scene::{DT_S, Sample, TrackIx};
 use crate::sim::Outcome;
-use crate::stage::actors::ActorFacts;
+use crate::stage::actors::{ActorFacts, arrivals_s};
 use crate::stage::{Part, Settings, Situation, Stage, StageError};
 
 /// Weight of counsel that nothing else of a score reaches.
@@ -105,5 +105,6 @@ fn vehicle(situation: &Situation, track: TrackIx, facts: &ActorFacts, reach: boo
         time_to_collision_s: time_to_collision_s(facts),
         conflict: value("paths_cross") != 0.0,
         reach,
+        arrivals_s: arrivals_s(&situation.scene, &situation.ego, own),
     }
 }

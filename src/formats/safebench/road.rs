@@ -28,12 +28,15 @@ pub(super) fn near(road: &Road, route: &Polyline) -> (Road, Vec<Option<LaneIx>>)
         }
     }
     let moved = |links: &[LaneIx]| links.iter().filter_map(|&ix| kept.get(ix).copied().flatten()).collect();
-    let beside =
-        |n: Option<Neighbour>| n.and_then(|n| Some(Neighbour { lane: kept.get(n.lane).copied().flatten()?, ..n }));
+    let beside = |side: &[Neighbour]| {
+        let moved = |n: &Neighbour| Some(Neighbour { lane: kept.get(n.lane).copied().flatten()?, ..*n });
+        side.iter().filter_map(moved).collect::<Vec<_>>()
+    };
     let lanes = road.lanes.iter().zip(&kept).filter(|(_, slot)| slot.is_some()).map(|(lane, _)| {
         let mut lane = lane.clone();
         (lane.entries, lane.exits) = (moved(&lane.entries), moved(&lane.exits));
-        (lane.left_neighbour, lane.right_neighbour) = (beside(lane.left_neighbour), beside(lane.right_neighbour));
+        lane.left_neighbours = beside(&lane.left_neighbours);
+        lane.right_neighbours = beside(&lane.right_neighbours);
         lane
     });
     let lanes = lanes.collect();

@@ -252,16 +252,16 @@ fn lane(id: &str, kind: &str, feature: &Node<'_>, left: &mut usize) -> Result<Lo
         points,
         entries: feature.get("entry_lanes").map(|node| ids(&node)).unwrap_or_default(),
         exits: feature.get("exit_lanes").map(|node| ids(&node)).unwrap_or_default(),
-        left: feature.get("left_neighbor").and_then(|node| neighbour(&node)),
-        right: feature.get("right_neighbor").and_then(|node| neighbour(&node)),
+        left: feature.get("left_neighbor").map(|node| beside(&node)).unwrap_or_default(),
+        right: feature.get("right_neighbor").map(|node| beside(&node)).unwrap_or_default(),
         speed_limit_mps: limit.filter(|v| v.is_finite() && *v > 0.0 && *v <= 100.0),
     })
 }
 
-/// If a lane has several neighbours on a side, the one that is beside it for the longest way; plain ids in their order.
-fn neighbour(node: &Node<'_>) -> Option<String> {
-    let mut best: Option<(usize, String)> = None;
-    for item in node.items()?.take(LINKS_MAX) {
+/// The neighbours of a side, the one that is beside the lane for the longest way first; plain ids in their order.
+fn beside(node: &Node<'_>) -> Vec<String> {
+    let mut side: Vec<(usize, String)> = Vec::new();
+    for item in node.items().into_iter().flatten().take(LINKS_MAX) {
         let (id, length) = match item.get("feature_id") {
             Some(id) => {
                 let index = |key: &str| item.get(key).and_then(|n| n.index()).unwrap_or(0);
@@ -269,12 +269,10 @@ fn neighbour(node: &Node<'_>) -> Option<String> {
             }
             None => (item.id(), 0),
         };
-        let Some(id) = id else { continue };
-        if best.as_ref().is_none_or(|(most, _)| length > *most) {
-            best = Some((length, id.to_string()));
-        }
+        side.extend(id.map(|id| (length, id.to_string())));
     }
-    best.map(|(_, id)| id)
+    side.sort_by_key(|(length, _)| std::cmp::Reverse(*length));
+    side.into_iter().map(|(_, id)| id).collect()
 }
 
 fn lights_of(node: &Node<'_>, steps: usize) -> Result<Vec<LogLight>, ImportError> {

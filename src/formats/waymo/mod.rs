@@ -408,22 +408,17 @@ fn lane(id: i64, lane: &LaneCenter, borders: &BTreeMap<i64, &[MapPoint]>, effort
         points: across(lane, borders, effort),
         entries: ids(&lane.entry_lanes),
         exits: ids(&lane.exit_lanes),
-        left: longest(&lane.left_neighbors),
-        right: longest(&lane.right_neighbors),
+        left: beside(&lane.left_neighbors),
+        right: beside(&lane.right_neighbors),
         speed_limit_mps: (limit > 0.0 && limit <= 100.0).then_some(limit),
     }
 }
 
-/// If a lane has several neighbours on a side, the one that is beside it for the longest way.
-fn longest(neighbours: &[LaneNeighbor]) -> Option<String> {
-    let mut best: Option<(i64, i64)> = None;
-    for n in neighbours {
-        let length = i64::from(n.self_end_index) - i64::from(n.self_start_index);
-        if best.is_none_or(|(most, _)| length > most) {
-            best = Some((length, n.feature_id));
-        }
-    }
-    best.map(|(_, id)| id.to_string())
+/// The neighbours of a side, the one that is beside the lane for the longest way first.
+fn beside(neighbours: &[LaneNeighbor]) -> Vec<String> {
+    let mut side: Vec<&LaneNeighbor> = neighbours.iter().take(LINKS_MAX).collect();
+    side.sort_by_key(|n| std::cmp::Reverse(i64::from(n.self_end_index) - i64::from(n.self_start_index)));
+    side.into_iter().map(|n| n.feature_id.to_string()).collect()
 }
 
 /// The thinned centre line with the distance to the border features that the lane names for each stretch.
@@ -507,6 +502,7 @@ pub(super) mod tests {
             right_boundaries: vec![border(0, 100, 20)],
             right_neighbors: vec![
                 LaneNeighbor { feature_id: 999, self_start_index: 0, self_end_index: 4 },
+                LaneNeighbor { feature_id: 11, self_start_index: 0, self_end_index: 3 },
                 LaneNeighbor { feature_id: 12, self_start_index: 4, self_end_index: 90 },
             ],
             ..LaneCenter::default()
@@ -553,7 +549,9 @@ pub(super) mod tests {
         assert_eq!(scene.ego.track.at(10).unwrap().position, Vec2::ZERO);
         assert_eq!((scene.objects_of_interest.clone(), scene.tracks[1].span()), (vec![0], Some((21, 90))));
         let lane = &scene.road.lanes[0];
-        assert_eq!((lane.exits.clone(), lane.right_neighbour.map(|n| n.lane)), (vec![1], Some(2)));
+        assert_eq!(lane.exits, [1]);
+        let beside: Vec<_> = lane.right_neighbours.iter().map(|n| n.lane).collect();
+        assert_eq!(beside, [2, 1], "all that the map holds, the longest first");
         assert!((lane.right[0].y - -1.5).abs() < 1e-9 && (lane.left[0].y - 1.75).abs() < 1e-9, "border and default");
         assert!((lane.speed_limit_mps.unwrap() - 15.6464).abs() < 1e-9);
         assert_eq!((scene.lights[0].states[29], scene.lights[0].states[30]), (LightState::Stop, LightState::Go));

@@ -113,7 +113,7 @@ impl<'s> Stage<'s> {
     }
 
     fn right_of(&self, lane: LaneIx) -> Option<LaneIx> {
-        let neighbour = self.scene.road.lanes.get(lane)?.right_neighbour?;
+        let neighbour = *self.scene.road.lanes.get(lane)?.right_neighbours.first()?;
         (neighbour.same_direction && self.graph.is_through(neighbour.lane)).then_some(neighbour.lane)
     }
 
@@ -122,7 +122,7 @@ impl<'s> Stage<'s> {
     pub fn left_lane(&self, ahead_m: f64) -> Option<LeftLane> {
         let pose = self.ahead(ahead_m);
         let own = self.lane_at(pose)?;
-        let neighbour = self.scene.road.lanes.get(own.lane)?.left_neighbour?;
+        let neighbour = *self.scene.road.lanes.get(own.lane)?.left_neighbours.first()?;
         let place = self.graph.place_in(neighbour.lane, pose.position)?;
         let on = self.graph.pose_at(neighbour.lane, place.s_m)?;
         Some(LeftLane { pose: on, same_direction: neighbour.same_direction })

@@ -134,8 +134,8 @@ fn lane(element: &Element<'_>, signs: &BTreeMap<&str, Sign>) -> Result<Lane, Imp
         right,
         entries: vec![],
         exits: vec![],
-        left_neighbour: None,
-        right_neighbour: None,
+        left_neighbours: vec![],
+        right_neighbours: vec![],
         speed_limit_mps: speed_limit_mps.filter(|limit| *limit > 0.0),
     })
 }
@@ -200,10 +200,10 @@ fn link(
                     "opposite" => false,
                     other => return Err(child.refuse(format!("drivingDir same or opposite, found {:?}", shown(other)))),
                 };
-                let neighbour = Some(Neighbour { lane: other, same_direction });
                 let lane = &mut road.lanes[ix];
-                let side = if name == "adjacentLeft" { &mut lane.left_neighbour } else { &mut lane.right_neighbour };
-                *side = neighbour;
+                let left = name == "adjacentLeft";
+                let side = if left { &mut lane.left_neighbours } else { &mut lane.right_neighbours };
+                *side = vec![Neighbour { lane: other, same_direction }];
             }
         }
     }

@@ -72,8 +72,9 @@ fn lanelet(xml: &mut Xml, scene: &Scene, ids: &Ids, ix: LaneIx, edges: &[Edge<'_
     }
     lane.entries.iter().for_each(|&from| refer(xml, "predecessor", ids.lanes[from]));
     lane.exits.iter().for_each(|&to| refer(xml, "successor", ids.lanes[to]));
-    for (name, side) in [("adjacentLeft", lane.left_neighbour), ("adjacentRight", lane.right_neighbour)] {
-        if let Some(Neighbour { lane: other, same_direction }) = side {
+    for (name, side) in [("adjacentLeft", &lane.left_neighbours), ("adjacentRight", &lane.right_neighbours)] {
+        // A lanelet has room for one on a side.
+        if let Some(&Neighbour { lane: other, same_direction }) = side.first() {
             let direction = if same_direction { "same" } else { "opposite" };
             xml.empty(name, &[("ref", &ids.lanes[other]), ("drivingDir", &direction)]);
         }

@@ -157,8 +157,8 @@ impl Stretch<'_> {
             right,
             entries: vec![],
             exits: vec![],
-            left_neighbour: None,
-            right_neighbour: None,
+            left_neighbours: vec![],
+            right_neighbours: vec![],
             speed_limit_mps: speed(lane)?.or(self.road_speed()?),
         });
         Ok(Some(ix))
@@ -228,7 +228,7 @@ fn neighbours(network: &mut Network, across: &[(i64, LaneIx)]) {
             Some(Neighbour { lane, same_direction: network.forward[lane] == network.forward[ix] })
         };
         let (left, right) = (beside(step(id, by)), beside(step(id, -by)));
-        network.road.lanes[ix].left_neighbour = left;
-        network.road.lanes[ix].right_neighbour = right;
+        network.road.lanes[ix].left_neighbours = left.into_iter().collect();
+        network.road.lanes[ix].right_neighbours = right.into_iter().collect();
     }
 }

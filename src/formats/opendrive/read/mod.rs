@@ -134,9 +134,9 @@ pub(in crate::formats) mod tests {
         assert_eq!(lane("2/0/-1").exits, [ix(&found, "3/0/1")], "a left lane, entered at its road's end");
         assert_eq!((lane("1/1/-2").exits.len(), lane("2/0/-1").entries.len()), (0, 1));
         assert_eq!(lane("1/0/-3").kind, LaneKind::Other);
-        let neighbour = lane("1/0/-2").left_neighbour.unwrap();
+        let neighbour = lane("1/0/-2").left_neighbours[0];
         assert_eq!((neighbour.lane, neighbour.same_direction), (ix(&found, "1/0/-1"), true));
-        let oncoming = lane("1/0/-1").left_neighbour.unwrap();
+        let oncoming = lane("1/0/-1").left_neighbours[0];
         assert_eq!((oncoming.lane, oncoming.same_direction), (ix(&found, "1/0/1"), false));
         assert!((lane("1/0/-1").speed_limit_mps.unwrap() - 13.4112).abs() < 1e-9);
     }

@@ -180,8 +180,8 @@ mod tests {
             right: vec![from - aside, to - aside],
             entries: vec![],
             exits: vec![],
-            left_neighbour: None,
-            right_neighbour: None,
+            left_neighbours: vec![],
+            right_neighbours: vec![],
             speed_limit_mps: None,
         }
     }

@@ -164,7 +164,7 @@ fn lanes(xml: &mut Xml, lane: &Lane, piece: &Piece) {
     xml.open("laneSection", &[("s", &0)]);
     xml.within("center", &[], |xml| {
         xml.within("lane", &[("id", &0), ("type", &"none"), ("level", &"false")], |xml| {
-            mark(xml, lane.left_neighbour.is_some_and(|n| n.same_direction));
+            mark(xml, lane.left_neighbours.iter().any(|n| n.same_direction));
         });
     });
     let kind = match lane.kind {
@@ -184,7 +184,7 @@ fn lanes(xml: &mut Xml, lane: &Lane, piece: &Piece) {
     for (s, a, b) in profile(stations, |station| station.left_m + station.right_m) {
         xml.empty("width", &[("sOffset", &s), ("a", &a), ("b", &b), ("c", &0), ("d", &0)]);
     }
-    mark(xml, lane.right_neighbour.is_some_and(|n| n.same_direction));
+    mark(xml, lane.right_neighbours.iter().any(|n| n.same_direction));
     for _ in 0..4 {
         xml.close();
     }

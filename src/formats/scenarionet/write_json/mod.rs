@@ -176,8 +176,8 @@ fn lane_out<'s>(lane: &'s Lane, lanes: &'s [Lane]) -> LaneOut<'s> {
         LaneKind::Other => "LANE_SURFACE_UNSTRUCTURE",
     };
     let ids = |all: &[LaneIx]| all.iter().map(|&ix| lanes[ix].id.as_str()).collect();
-    let beside = |neighbour: Option<Neighbour>| {
-        let out = neighbour.map(|Neighbour { lane: other, same_direction }| NeighbourOut {
+    let beside = |side: &[Neighbour]| {
+        let out = side.iter().map(|&Neighbour { lane: other, same_direction }| NeighbourOut {
             feature_id: &lanes[other].id,
             self_start_index: 0,
             self_end_index: lane.centre.len() - 1,
@@ -186,7 +186,7 @@ fn lane_out<'s>(lane: &'s Lane, lanes: &'s [Lane]) -> LaneOut<'s> {
             same_direction,
             boundaries: [],
         });
-        out.into_iter().collect()
+        out.collect()
     };
     let sides = lane.left.iter().zip(&lane.right);
     LaneOut {
@@ -196,8 +196,8 @@ fn lane_out<'s>(lane: &'s Lane, lanes: &'s [Lane]) -> LaneOut<'s> {
         width: lane.centre.iter().zip(sides).map(|(c, (l, r))| [c.distance(*l), c.distance(*r)]).collect(),
         entry_lanes: ids(&lane.entries),
         exit_lanes: ids(&lane.exits),
-        left_neighbor: beside(lane.left_neighbour),
-        right_neighbor: beside(lane.right_neighbour),
+        left_neighbor: beside(&lane.left_neighbours),
+        right_neighbor: beside(&lane.right_neighbours),
         interpolating: true,
         speed_limit_mph: lane.speed_limit_mps.map(|limit| limit * MPS_TO_MPH),
         speed_limit_kmh: lane.speed_limit_mps.map(|limit| limit * MPS_TO_KMH),

@@ -1,0 +1,26 @@
+//! `world`: how good the world evaluator of a run was.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use crate::evidence::evaluator::{report, text};
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Run folder; without it the latest one below runs/.
+    pub run: Option<PathBuf>,
+    /// A run of the same lineages with the full budget, to compare hypervolume and rollouts with.
+    #[arg(long)]
+    pub full: Option<PathBuf>,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let run = RunFolder::find(options.run.as_deref())?.story()?;
+    let full = options.full.as_deref().map(|dir| RunFolder::find(Some(dir))?.story()).transpose()?;
+    let found = report(&run, full.as_ref());
+    Ok(Answer::new(text(&found), json!(found)))
+}

@@ -1,0 +1,85 @@
+//! The measures as a table.
+
+use std::fmt::Write as _;
+
+use super::{quality::Quality, report::EvaluatorReport};
+
+const HEAD: [&str; 13] = [
+    "",
+    "admitted",
+    "selected",
+    "audited",
+    "rejected",
+    "spearman",
+    "kendall",
+    "error ratio",
+    "coverage %",
+    "recall@30 %",
+    "false rejects %",
+    "accepted, sel. %",
+    "accepted, aud. %",
+];
+
+/// A row an epoch and family, then what the numbers say.
+pub fn text(report: &EvaluatorReport) -> String {
+    let mut rows: Vec<[String; 13]> = vec![HEAD.map(String::from)];
+    rows.extend(report.epochs.iter().map(|(epoch, quality)| row(&format!("epoch {epoch}"), quality)));
+    rows.extend(report.families.iter().map(|(family, quality)| row(family, quality)));
+    rows.push(row("all", &report.pooled));
+    let width = |k: usize| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..HEAD.len()).map(width).collect();
+    let mut out = String::new();
+    for row in &rows {
+        let cells = row.iter().zip(&widths).enumerate();
+        let padded = cells.map(|(k, (cell, &width))| match k {
+            0 => format!("{cell:<width$}"),
+            _ => format!("{cell:>width$}"),
+        });
+        let _ = writeln!(out, "{}", padded.collect::<Vec<_>>().join("  ").trim_end());
+    }
+    let pooled = &report.pooled;
+    let _ = writeln!(
+        out,
+        "\nspearman of the difference: attack {}, realism {}; absolute error ratio {}; regret {}",
+        number(pooled.spearman_attack, 3),
+        number(pooled.spearman_realism, 3),
+        number(pooled.absolute_error_ratio_to_parent, 3),
+        number(pooled.regret, 4)
+    );
+    if let Some(against) = &report.against {
+        let _ = writeln!(
+            out,
+            "beside the other run, {} lineages: {:.1} % of its hypervolume with {:.1} % of its simulated candidates",
+            against.lineages,
+            100.0 * against.hypervolume_share,
+            100.0 * against.rollout_share
+        );
+    }
+    out
+}
+
+fn row(name: &str, quality: &Quality) -> [String; 13] {
+    let rejects = match (quality.false_reject_pct, quality.false_reject_interval) {
+        (Some(value), Some([low, high])) => format!("{value:.1} [{low:.1}, {high:.1}]"),
+        _ => "-".into(),
+    };
+    [
+        name.to_string(),
+        quality.admitted.to_string(),
+        quality.selected.to_string(),
+        quality.audited.to_string(),
+        quality.rejected.to_string(),
+        number(quality.spearman_pooled, 3),
+        number(quality.kendall_pooled, 3),
+        number(quality.error_ratio_to_parent, 3),
+        number(quality.coverage_80_pct, 1),
+        number(quality.recall_top_30_pct, 1),
+        rejects,
+        number(quality.selected_accepted_pct, 1),
+        number(quality.audited_accepted_pct, 1),
+    ]
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or("-".into(), |value| format!("{value:.digits$}"))
+}

@@ -1,4 +1,4 @@
-# Shared by .ci/metadrive and .ci/safebench, which source it: an experiment set from its cassettes, its roots and tables
+# Shared by .ci/metadrive, .ci/safebench and .ci/world, which source it: an experiment set from its cassettes, its roots and tables
 # against golden/$set. They name `set`, its files `singles`, the one of the short form `short`, and its `tables`.
 set -euo pipefail
 cd "$(dirname "$0")/.."

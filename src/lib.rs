@@ -38,6 +38,7 @@
 //!   their check.
 //!
 //! Plant: scenes and what happens in them.
+//! - [`learn`]: training of learned egos: soft actor-critic in our own simulator.
 //! - [`backend`]: who simulates rollouts for labels: our own simulator, or another one behind worker processes, recorded and
 //!   replayed.
 //! - [`draw`]: drawings (SVG) and player pages (HTML) of scenes and rollouts.
@@ -75,6 +76,7 @@
 //! - [`world`]: the world evaluator: predicts scores before a rollout and routes candidates. It never labels.
 //!
 //! Conduct: what runs the stages, and what people see of it.
+//! - [`bundle`]: a run as one file that travels: manifest, archive, RO-Crate metadata, signature.
 //! - [`cli`]: arguments, and one file a command.
 //! - [`epoch`]: the epochs of a run: the state, the frozen snapshot, the workers and the serial acceptor.
 //! - [`evidence`]: from recorded runs to the report and the tables.
@@ -93,6 +95,7 @@ pub mod draw;
 pub mod ego;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod formats;
+pub mod learn;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod scene;
 pub mod sim;
@@ -126,6 +129,7 @@ pub mod memory;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod world;
 
+pub mod bundle;
 pub mod cli;
 pub mod epoch;
 pub mod evidence;

@@ -16,6 +16,7 @@ const TABLE: &[(&str, &str)] = &[
     ("draw", "kernel scene"),
     ("sim", "kernel scene"),
     ("ego", "kernel sim"),
+    ("learn", "kernel sim ego"),
     ("backend", "kernel store scene sim ego"),
     ("objects", "kernel scene"),
     ("llm", "kernel store"),
@@ -39,10 +40,11 @@ const TABLE: &[(&str, &str)] = &[
     ),
     (
         "experiment",
-        "kernel store scene formats synth sim ego backend objects llm adapters stage families agents world evaluation archive memory epoch",
+        "kernel store scene formats synth sim ego learn backend objects llm adapters stage families agents world evaluation archive memory epoch",
     ),
     ("evidence", "kernel store scene draw objects evaluation lineage world"),
     ("shard", "kernel store sim backend objects adapters evaluation epoch"),
+    ("bundle", "kernel store"),
     ("cli", "*"),
 ];
 

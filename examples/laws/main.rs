@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use evodrive::backend::Backend;
 use evodrive::candidates::{Trials, admit};
 use evodrive::epoch::{Applied, Labelled, SceneEntry};
 use evodrive::experiment::Experiment;
@@ -70,6 +71,7 @@ fn main() -> Result<(), Failed> {
         ego: &Policy::Idm,
         seed: study.seed,
         simulator: &study.simulator,
+        backend: Backend::Own,
         evaluation: &study.evaluation,
         counsels: &BTreeMap::new(),
     };

@@ -118,5 +118,5 @@ fn request(
     let told = (!trials.is_empty()).then(|| ("Tried", json!(trials)));
     let blocks = refused.map(|refusal| ("Refused", json!({"refusal": refusal}))).into_iter().chain(told).collect();
     let (lineage, slot, model) = (order.lineage, order.slot, order.model);
-    Aside { lineage, slot, role: Role::TemplateAgent, round, model, shown }.request(&[], blocks)
+    Aside { lineage, epoch: 0, slot, role: Role::TemplateAgent, round, model, shown }.request(&[], blocks)
 }

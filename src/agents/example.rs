@@ -333,6 +333,7 @@ pub fn measures(safebench: bool) -> Measures {
         false => Protocol::Metadrive {
             counts: vec!["ego_strikes".into()],
             counts_if_avoidable: vec!["cut_in".into(), "crossing".into()],
+            when: None,
             diagnostics: vec![
                 diagnostic("bounded_jerk", 0.6, &[("jerk_mps3", 8.0, 4.0)]),
                 diagnostic("collision_validity", 0.4, &[]),

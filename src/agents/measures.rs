@@ -23,6 +23,8 @@ pub enum Protocol {
         counts: Vec<String>,
         /// Contact classes that count where the ego could have avoided the contact.
         counts_if_avoidable: Vec<String>,
+        /// The experiment's own expression, which decides in their place.
+        when: Option<String>,
         /// The diagnostics with their weights.
         diagnostics: Vec<Diagnostic>,
     },
@@ -86,7 +88,8 @@ impl Measures {
             "coverage_floor": coverage_floor, "realism_min": realism_min,
         });
         match &self.protocol {
-            Protocol::Metadrive { counts, counts_if_avoidable, diagnostics } => {
+            Protocol::Metadrive { counts, counts_if_avoidable, when, diagnostics } => {
+                values["when"] = when.clone().into();
                 values["counts"] = listed(counts).into();
                 values["counts_if_avoidable"] = listed(counts_if_avoidable).into();
                 let first = diagnostics.first().map(|diagnostic| diagnostic.weight);

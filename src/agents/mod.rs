@@ -1,10 +1,11 @@
-//! The LLM agents: the role loop of a proposal (actor, four critics, repair), the attacker agent for scenes and the
-//! template agent for descriptions, with their prompts, reply schemas and strict parser. It is the only room that asks
+//! The LLM agents: the role loop of a proposal (actor, four critics, repair), the attacker agent for scenes, the
+//! template agent for descriptions and the world agent for the evaluator, with their prompts, reply schemas and strict parser. It is the only room that asks
 //! a model.
 
 pub mod compose;
 mod contract_text;
 pub mod counsel;
+pub mod evolve;
 pub mod examples;
 mod findings;
 pub mod history;

@@ -29,8 +29,8 @@ const SCORE_DECIMALS: u32 = 4;
 /// Most bytes of an unreadable reply that a repair sees.
 const UNREADABLE_MAX_CHARS: usize = 6_000;
 
-fn role_template(role: Role) -> Option<&'static str> {
-    Some(match role {
+fn role_template(role: Role) -> &'static str {
+    match role {
         Role::Actor => "actor.md",
         Role::StructuralCritic => "structural_critic.md",
         Role::AttackCritic => "attack_critic.md",
@@ -39,8 +39,8 @@ fn role_template(role: Role) -> Option<&'static str> {
         Role::Repair => "repair.md",
         Role::AttackerAgent => "attacker_agent.md",
         Role::TemplateAgent => "template_agent.md",
-        Role::WorldAgent => return None,
-    })
+        Role::WorldAgent => "world_agent.md",
+    }
 }
 
 /// A patch as critics and repair see it.
@@ -194,9 +194,11 @@ fn response_id(slot: &DrawSlot) -> String {
     format!("{}/e{}s{}/{}/{}", slot.lineage, slot.epoch, slot.slot, slot.role, slot.round)
 }
 
-/// A question to an agent outside the role loop, about something that belongs to no epoch.
+/// A question to an agent outside the role loop.
 pub(super) struct Aside<'a> {
     pub lineage: &'a LineageId,
+    /// 0 where its subject belongs to no epoch.
+    pub epoch: u32,
     /// Index of its subject among subjects of the same kind.
     pub slot: u32,
     pub role: Role,
@@ -210,7 +212,7 @@ impl Aside<'_> {
     /// `asked` is put beside the `response_id`; blocks are titles with their values.
     pub fn request(&self, asked: &[(&str, &str)], blocks: Vec<(&str, Value)>) -> Result<Request, PromptError> {
         let (lineage, role) = (self.lineage.to_string(), self.role.name().to_string());
-        let slot = DrawSlot { lineage, epoch: 0, slot: self.slot, role, round: self.round };
+        let slot = DrawSlot { lineage, epoch: self.epoch, slot: self.slot, role, round: self.round };
         let Instructions { text: system, schema } = instructions(self.role)?.clone();
         let mut task = json!({"response_id": response_id(&slot)});
         asked.iter().for_each(|(name, value)| task[*name] = (*value).into());
@@ -245,20 +247,17 @@ pub struct Instructions {
 /// The instructions of a role, written out once.
 pub fn instructions(role: Role) -> Result<&'static Instructions, PromptError> {
     static ALL: LazyLock<Result<BTreeMap<Role, Instructions>, PromptError>> = LazyLock::new(|| {
-        let roles =
-            Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair, Role::AttackerAgent, Role::TemplateAgent]);
+        let asides = [Role::AttackerAgent, Role::TemplateAgent, Role::WorldAgent];
+        let roles = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]).chain(asides);
         roles.map(|role| Ok((role, instruct(role)?))).collect()
     });
     let all = ALL.as_ref().map_err(PromptError::clone)?;
-    all.get(&role).ok_or_else(|| no_part(role))
-}
-
-fn no_part(role: Role) -> PromptError {
-    PromptError { template: role.name(), reason: "this role is asked nothing".into() }
+    let unwritten = || PromptError { template: role.name(), reason: "this role has no instructions".into() };
+    all.get(&role).ok_or_else(unwritten)
 }
 
 fn instruct(role: Role) -> Result<Instructions, PromptError> {
-    let name = role_template(role).ok_or_else(|| no_part(role))?;
+    let name = role_template(role);
     let schema = reply::schema(role);
     let text = fill(name, &json!({"form": reply_form::form(&schema)}))?.into();
     let schema = Schema::new(schema).map_err(|error| PromptError { template: name, reason: error.to_string() })?;

@@ -1,17 +1,20 @@
 //! The strict reading of replies: a reply has exactly the schema of its role, or it is refused with the place of the
 //! difference.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::objects::{
-    Advice, Composition, FamilyName, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId,
+    Advice, Composition, FamilyName, Operation, OperationKind, ProgramPatch, Review, Role, SolutionId, WorldPatch,
 };
 
 const ACTOR_SCHEMA: &str = include_str!("schemas/actor.json");
 const CRITIC_SCHEMA: &str = include_str!("schemas/critic.json");
 const ATTACKERS_SCHEMA: &str = include_str!("schemas/attackers.json");
 const TEMPLATE_SCHEMA: &str = include_str!("schemas/template.json");
+const WORLD_SCHEMA: &str = include_str!("schemas/world.json");
 const REPAIR_SCHEMA: &str = include_str!("schemas/repair.json");
 
 // The bounds of the schema files.
@@ -20,6 +23,7 @@ const PATH_MAX_CHARS: usize = 400;
 const TEXT_MAX_CHARS: usize = 2_000;
 const ITEMS_MAX: usize = 32;
 const ATTACKERS_MAX: usize = 8;
+const COLUMNS_MAX: usize = 200;
 
 /// Why a reply cannot be used. The attempt keeps it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -33,6 +37,7 @@ pub fn schema(role: Role) -> Value {
         Role::Repair => REPAIR_SCHEMA,
         Role::AttackerAgent => ATTACKERS_SCHEMA,
         Role::TemplateAgent => TEMPLATE_SCHEMA,
+        Role::WorldAgent => WORLD_SCHEMA,
         _ => CRITIC_SCHEMA,
     };
     // The schema files are compiled in, and a test reads each of them.
@@ -138,6 +143,45 @@ pub fn template(bytes: &[u8]) -> Result<Composition, Refusal> {
     Ok(template)
 }
 
+/// The world agent's answer. It is checked elsewhere whether its keys are of the surface and its values in their ranges.
+pub fn world(bytes: &[u8]) -> Result<WorldPatch, Refusal> {
+    let wire: WireWorldReply = read(object(bytes)?)?;
+    name("response_id", &wire.response_id)?;
+    let candidate = wire.world_candidate;
+    let changes = candidate.proposed_evaluator_configuration;
+    if changes.is_empty() {
+        return Err(Refusal("proposed_evaluator_configuration: found no key, expected one at least".into()));
+    }
+    items("proposed_evaluator_configuration", changes.len())?;
+    changes.iter().try_for_each(|(key, value)| evaluator_value(key, value))?;
+    text("evaluation_hypothesis", &candidate.evaluation_hypothesis, TEXT_MAX_CHARS)?;
+    let gain = "expected_judge_metric_improvement";
+    text(gain, &candidate.expected_judge_metric_improvement, TEXT_MAX_CHARS)?;
+    text("calibration_rationale", &candidate.calibration_rationale, TEXT_MAX_CHARS)?;
+    text("audit_routing_policy", &candidate.audit_routing_policy, TEXT_MAX_CHARS)?;
+    texts("risk_notes", &candidate.risk_notes, TEXT_MAX_CHARS)?;
+    Ok(WorldPatch {
+        changes,
+        hypothesis: candidate.evaluation_hypothesis,
+        expected_gain: candidate.expected_judge_metric_improvement,
+        rationale: candidate.calibration_rationale,
+        audit_policy: candidate.audit_routing_policy,
+        risk_notes: candidate.risk_notes,
+    })
+}
+
+/// A number, a word or a list of names.
+fn evaluator_value(key: &str, value: &Value) -> Result<(), Refusal> {
+    name("proposed_evaluator_configuration", key)?;
+    let is_name = |item: &Value| item.as_str().is_some_and(|text| name(key, text).is_ok());
+    match value {
+        Value::Number(_) => Ok(()),
+        Value::String(word) => name(key, word),
+        Value::Array(list) if list.len() <= COLUMNS_MAX && list.iter().all(is_name) => Ok(()),
+        _ => Err(Refusal(format!("{key}: expected a number, a word or a list of at most {COLUMNS_MAX} names"))),
+    }
+}
+
 // The replies as types: like the nouns, but every field is required.
 
 #[derive(Deserialize)]
@@ -160,6 +204,25 @@ struct WirePatch {
     cluster_refs_used: Vec<String>,
     #[serde(default, deserialize_with = "present")]
     repair_summary: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WireWorldReply {
+    response_id: String,
+    #[serde(deserialize_with = "from_object")]
+    world_candidate: WireWorldCandidate,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WireWorldCandidate {
+    evaluation_hypothesis: String,
+    expected_judge_metric_improvement: String,
+    proposed_evaluator_configuration: BTreeMap<String, Value>,
+    calibration_rationale: String,
+    audit_routing_policy: String,
+    risk_notes: Vec<String>,
 }
 
 #[derive(Deserialize)]

@@ -64,7 +64,8 @@ mod tests {
                 _ => {}
             }
         }
-        for role in [Role::Actor, Role::Repair, Role::AttackCritic, Role::AttackerAgent, Role::TemplateAgent] {
+        let asides = [Role::AttackerAgent, Role::TemplateAgent, Role::WorldAgent];
+        for role in [Role::Actor, Role::Repair, Role::AttackCritic].into_iter().chain(asides) {
             let (mut all, text) = (vec![], form(&schema(role)));
             names(&schema(role), &mut all);
             assert!(all.len() > 3 && all.iter().all(|name| text.contains(&format!("\"{name}\""))), "{role:?}: {text}");

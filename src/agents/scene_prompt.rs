@@ -103,6 +103,6 @@ pub fn counsel_request(
     let tried: Vec<Value> = tried.iter().map(result).collect();
     let blocks = if tried.is_empty() { vec![] } else { vec![("Tried", rounded(tried.into()))] };
     let (lineage, slot, model) = (case.lineage, case.slot, case.model);
-    let aside = Aside { lineage, slot, role: Role::AttackerAgent, round, model, shown: &scene.0 };
+    let aside = Aside { lineage, epoch: 0, slot, role: Role::AttackerAgent, round, model, shown: &scene.0 };
     aside.request(&[("step", step)], blocks)
 }

@@ -15,7 +15,7 @@ pub struct PromptError {
     pub reason: String,
 }
 
-const TEMPLATES: [(&str, &str); 15] = [
+const TEMPLATES: [(&str, &str); 17] = [
     ("handbook.md", include_str!("prompts/handbook.md")),
     ("objectives_metadrive.md", include_str!("prompts/objectives_metadrive.md")),
     ("objectives_safebench.md", include_str!("prompts/objectives_safebench.md")),
@@ -27,6 +27,8 @@ const TEMPLATES: [(&str, &str); 15] = [
     ("repair.md", include_str!("prompts/repair.md")),
     ("attacker_agent.md", include_str!("prompts/attacker_agent.md")),
     ("template_agent.md", include_str!("prompts/template_agent.md")),
+    ("world_agent.md", include_str!("prompts/world_agent.md")),
+    ("world.md", include_str!("prompts/world.md")),
     ("template.md", include_str!("prompts/template.md")),
     ("context.md", include_str!("prompts/context.md")),
     ("scene.md", include_str!("prompts/scene.md")),

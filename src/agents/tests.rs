@@ -249,7 +249,7 @@ fn the_context_shows_measured_numbers_to_four_decimals_and_the_identity_exactly(
 
 #[test]
 fn every_role_has_a_message_with_the_form_of_its_reply() {
-    for role in [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS) {
+    for role in [Role::Actor, Role::Repair, Role::WorldAgent].into_iter().chain(Role::CRITICS) {
         let text = prompt::instructions(role).unwrap().text.clone();
         assert!(
             text.contains("{\"response_id\": \"<text>\"") || text.contains("\"response_id\": \"<text>\"}"),
@@ -258,7 +258,6 @@ fn every_role_has_a_message_with_the_form_of_its_reply() {
         assert!(!text.contains("{{"), "{role:?}");
         assert!(schema(role).is_object());
     }
-    assert!(prompt::instructions(Role::WorldAgent).is_err());
 }
 
 /// Good and bad replies: what the schema accepts and what the parser accepts must be the same.
@@ -321,6 +320,7 @@ fn schema_and_strict_parser_agree() {
     ] {
         agree(Role::AttackerAgent, &with(&good, path, value), false);
     }
+    world_replies_agree();
     agree(Role::Actor, &patch_reply(true), false);
     agree(Role::Repair, &patch_reply(false), false);
     for role in Role::CRITICS {
@@ -342,11 +342,40 @@ fn schema_and_strict_parser_agree() {
     }
 }
 
+fn world_replies_agree() {
+    let good = json!({"response_id": "r", "world_candidate": {
+        "evaluation_hypothesis": "h",
+        "expected_judge_metric_improvement": "m",
+        "proposed_evaluator_configuration": {"model": "ridge", "explore": 0, "excluded_columns": ["a", "b"]},
+        "calibration_rationale": "c",
+        "audit_routing_policy": "p",
+        "risk_notes": [],
+    }});
+    agree(Role::WorldAgent, &good, true);
+    let changes = "/world_candidate/proposed_evaluator_configuration";
+    for (path, value) in [
+        (changes, json!({})),
+        (changes, json!([["explore", 0]])),
+        (changes, json!({"explore": null})),
+        (changes, json!({"explore": {"is": 0}})),
+        (changes, json!({"model": ""})),
+        (changes, json!({"excluded_columns": [3]})),
+        (changes, json!({"excluded_columns": vec!["a"; 201]})),
+        ("/world_candidate/risk_notes", json!("none")),
+        ("/world_candidate/evaluation_hypothesis", json!("")),
+        ("/world_candidate/labels", json!([1])),
+        ("/response_id", json!("")),
+    ] {
+        agree(Role::WorldAgent, &with(&good, path, value), false);
+    }
+}
+
 fn agree(role: Role, reply_value: &Value, good: bool) {
     let bytes = reply_value.to_string().into_bytes();
     let parsed = match role {
         Role::Actor | Role::Repair => reply::patch(&bytes, role).map(|_| ()),
         Role::AttackerAgent => reply::attackers(&bytes).map(|_| ()),
+        Role::WorldAgent => reply::world(&bytes).map(|_| ()),
         _ => reply::review(&bytes, role).map(|_| ()),
     };
     assert_eq!(valid(&schema(role), reply_value), good, "schema of {role:?}: {reply_value}");
@@ -378,9 +407,12 @@ fn valid(schema: &Value, value: &Value) -> bool {
         "properties" => {
             value.as_object().is_none_or(|o| o.iter().all(|(k, v)| rule.get(k).is_none_or(|s| valid(s, v))))
         }
-        "additionalProperties" => {
-            value.as_object().is_none_or(|o| o.keys().all(|k| schema["properties"].get(k).is_some()))
-        }
+        "additionalProperties" => value.as_object().is_none_or(|o| {
+            let others = o.iter().filter(|(k, _)| schema["properties"].get(k).is_none());
+            others.into_iter().all(|(_, v)| rule.is_object() && valid(rule, v))
+        }),
+        "minProperties" => value.as_object().is_none_or(|o| o.len() as u64 >= rule.as_u64().unwrap()),
+        "maxProperties" => value.as_object().is_none_or(|o| o.len() as u64 <= rule.as_u64().unwrap()),
         "items" => value.as_array().is_none_or(|items| items.iter().all(|v| valid(rule, v))),
         "minItems" => value.as_array().is_none_or(|items| items.len() as u64 >= rule.as_u64().unwrap()),
         "maxItems" => value.as_array().is_none_or(|items| items.len() as u64 <= rule.as_u64().unwrap()),

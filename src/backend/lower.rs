@@ -3,20 +3,34 @@
 
 use super::error::{BackendError, NoOutcome};
 use crate::ego::Policy;
-use crate::sim::{Action, ActorRef, Intervention, Plant, tell};
+use crate::sim::{Action, ActorRef, Intervention, Plant, Told, tell};
 
 /// The intervention with every reacting action in place of which stand its samples.
 pub(super) fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) -> Result<Intervention, NoOutcome> {
+    unstaged(plant, intervention)?;
+    if !intervention.actions.iter().any(reacts) {
+        return Ok(intervention.clone());
+    }
+    let told = tell(plant, intervention, ego.driver().as_mut())?;
+    Ok(as_driven(plant, intervention, &told))
+}
+
+/// Refuses what only our own simulator plays without asking anybody.
+pub(super) fn unstaged(plant: &Plant, intervention: &Intervention) -> Result<(), NoOutcome> {
     let staged = intervention.actions.iter().any(|action| matches!(action, Action::Triggered(_)));
     if plant.is_staged() || staged {
         let reason = "is staged for SafeBench, whose rules only our own simulator has; use `backend = \"evodrive\"`";
         return Err(BackendError::Unplayable(format!("scene {} {reason}", plant.scene_id())).into());
     }
-    let reacts = |action: &Action| matches!(action, Action::FollowThenReact { .. } | Action::FollowThenObey { .. });
-    if !intervention.actions.iter().any(reacts) {
-        return Ok(intervention.clone());
-    }
-    let told = tell(plant, intervention, ego.driver().as_mut())?;
+    Ok(())
+}
+
+fn reacts(action: &Action) -> bool {
+    matches!(action, Action::FollowThenReact { .. } | Action::FollowThenObey { .. })
+}
+
+/// The intervention with the motion of a told rollout in place of every reacting action.
+pub(super) fn as_driven(plant: &Plant, intervention: &Intervention, told: &Told) -> Intervention {
     let within = told.contact.is_some_and(|contact| (1..5).contains(&contact.substep));
     let rows = told.ego.len() - usize::from(within);
     let lower = |action: &Action| match action {
@@ -34,5 +48,5 @@ pub(super) fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) 
         }
         other => other.clone(),
     };
-    Ok(Intervention { actions: intervention.actions.iter().map(lower).collect() })
+    Intervention { actions: intervention.actions.iter().map(lower).collect() }
 }

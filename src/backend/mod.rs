@@ -3,8 +3,12 @@
 
 mod answer;
 mod cassette;
+mod crew;
+mod driver;
 mod error;
 mod lower;
+mod planner;
+mod planners;
 mod record;
 mod replay;
 mod request;
@@ -15,7 +19,9 @@ mod workers;
 
 pub use answer::Answer;
 pub use cassette::{Header, Recorded, RolloutCassette, RolloutCassetteError};
+pub use driver::DriverOptions;
 pub use error::{BackendError, Fault, Miss, NoOutcome};
+pub use planners::Planners;
 pub use record::Recorder;
 pub use replay::Replay;
 pub use request::{Answers, PROTOCOL, Request};
@@ -24,5 +30,7 @@ pub use serve::{Served, hello, serve};
 pub use spec::{BackendOptions, PlanAround, WorkerOptions};
 pub use workers::{Broken, Line, Start, Workers};
 
+#[cfg(test)]
+mod driver_tests;
 #[cfg(test)]
 mod tests;

@@ -8,7 +8,6 @@ use super::answer::{Answer, AnswerLine};
 use super::cassette::{Recorded, RolloutCassette};
 use super::error::BackendError;
 use super::request::{Answers, Request};
-use super::workers::Workers;
 use crate::kernel::Digest;
 use crate::store::{MemoKind, Store, StoreError};
 
@@ -18,7 +17,8 @@ pub struct Recorder<'a> {
     store: &'a Store,
     /// What was recorded before; nothing for a fresh recording.
     before: RolloutCassette,
-    workers: Workers<'a>,
+    /// Who is asked for what is not recorded.
+    asked: Box<dyn Answers + 'a>,
     /// Separates the answers of a fresh recording from earlier ones; empty otherwise.
     fresh: String,
     collected: Mutex<BTreeMap<Digest, Recorded>>,
@@ -26,8 +26,8 @@ pub struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     /// `fresh` names a recording that asks everything anew; it is empty for one that fills gaps.
-    pub fn new(store: &'a Store, before: RolloutCassette, workers: Workers<'a>, fresh: String) -> Recorder<'a> {
-        Recorder { store, before, workers, fresh, collected: Mutex::new(BTreeMap::new()) }
+    pub fn new(store: &'a Store, before: RolloutCassette, asked: Box<dyn Answers + 'a>, fresh: String) -> Recorder<'a> {
+        Recorder { store, before, asked, fresh, collected: Mutex::new(BTreeMap::new()) }
     }
 
     /// What was asked, and how many of it failed.
@@ -51,7 +51,7 @@ impl<'a> Recorder<'a> {
                 return Ok(answer);
             }
         }
-        let answer = self.workers.ask(request)?;
+        let answer = self.asked.answer(request)?;
         if let Answer::Told(_) = answer {
             let object = self.store.put(&AnswerLine::of(request.key, &answer).to_bytes())?;
             match self.store.memo_put(MemoKind::Rollout, &memo, &object) {

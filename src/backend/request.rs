@@ -24,7 +24,7 @@ pub struct Request<'a> {
     pub ego: &'a str,
     /// Whether the ego repeats its recording.
     pub replays: bool,
-    seed: Seed,
+    pub(super) seed: Seed,
     options: &'a BTreeMap<String, Value>,
 }
 

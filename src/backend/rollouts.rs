@@ -2,7 +2,7 @@
 
 use super::answer::Answer;
 use super::error::{BackendError, Fault, NoOutcome};
-use super::lower::lowered;
+use super::lower::{as_driven, lowered, unstaged};
 use super::request::{Answers, Request};
 use super::spec::BackendOptions;
 use crate::ego::Policy;
@@ -19,6 +19,19 @@ pub enum Backend<'a> {
 }
 
 impl Backend<'_> {
+    /// Who simulates with this ego: behind a planner, every other ego needs none.
+    fn asked(&self, ego: &Policy) -> Result<Backend<'_>, NoOutcome> {
+        match (self, ego) {
+            (Backend::Other { options, .. }, Policy::Command(_)) if options.drives() => Ok(*self),
+            (_, Policy::Command(_)) => {
+                let reason = "the ego `command` drives by its planner alone; name it in [driver], or by --driver FILE";
+                Err(BackendError::Unplayable(reason.into()).into())
+            }
+            (Backend::Other { options, .. }, _) if options.drives() => Ok(Backend::Own),
+            _ => Ok(*self),
+        }
+    }
+
     /// The outcome of one rollout, its contact assessed.
     pub fn rollout(
         &self,
@@ -27,7 +40,7 @@ impl Backend<'_> {
         ego: &Policy,
         seed: Seed,
     ) -> Result<Outcome, NoOutcome> {
-        match self {
+        match self.asked(ego)? {
             Backend::Own => Ok(rollout_assessed(plant, intervention, ego.driver().as_mut())?),
             Backend::Other { .. } => self.traced(plant, intervention, ego, seed).map(|(outcome, _)| outcome),
         }
@@ -41,25 +54,32 @@ impl Backend<'_> {
         ego: &Policy,
         seed: Seed,
     ) -> Result<(Outcome, Trace), NoOutcome> {
-        let Backend::Other { options, answers } = self else {
+        let Backend::Other { options, answers } = self.asked(ego)? else {
             let mut driver = ego.driver();
             let (mut outcome, trace) = rollout_traced(plant, intervention, driver.as_mut())?;
             assess(plant, intervention, driver.as_mut(), &mut outcome)?;
             return Ok((outcome, trace));
         };
-        let intervention = lowered(plant, intervention, ego)?;
+        // Reacting adversaries meet a planner as they are; who has none of their rules is told what they do.
+        let intervention = if options.drives() {
+            unstaged(plant, intervention)?;
+            intervention.clone()
+        } else {
+            lowered(plant, intervention, ego)?
+        };
         let request = Request::new(options, plant, &intervention, ego, seed).map_err(BackendError::Key)?;
         match answers.answer(&request)? {
             Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
-            Answer::Told(told) => judge(plant, &intervention, &told, request.replays).map_err(|error| {
-                NoOutcome::Stop(BackendError::Worker(Fault {
-                    command: options.name.clone(),
-                    place: format!("recorded answer to request {}", request.key.short(16)),
-                    expected: "a motion of the scene".into(),
-                    found: error.to_string(),
-                    remedy: "record it anew".into(),
-                }))
-            }),
+            Answer::Told(told) => judge(plant, &as_driven(plant, &intervention, &told), &told, request.replays)
+                .map_err(|error| {
+                    NoOutcome::Stop(BackendError::Worker(Fault {
+                        command: options.name.clone(),
+                        place: format!("recorded answer to request {}", request.key.short(16)),
+                        expected: "a motion of the scene".into(),
+                        found: error.to_string(),
+                        remedy: "record it anew".into(),
+                    }))
+                }),
         }
     }
 }

@@ -70,6 +70,11 @@ impl BackendOptions {
         }
     }
 
+    /// Whether it is our own simulator with a planner of the experimenter's own as the ego.
+    pub fn drives(&self) -> bool {
+        self.name == DRIVER
+    }
+
     /// The same backend without the parts that change no answer.
     pub fn content(&self) -> BackendOptions {
         let worker = WorkerOptions { command: Vec::new(), workers: 1, seconds: 1.0, retries: 0 };
@@ -104,5 +109,7 @@ impl BackendOptions {
     }
 }
 
+/// The name under which rollouts of our own simulator with a planner are recorded.
+pub(super) const DRIVER: &str = "evodrive-driver";
 /// The name of our own simulator in experiment files.
 pub const OWN: &str = "evodrive";

@@ -1,14 +1,15 @@
 //! Worker processes as they are used: started when they are needed, greeted, asked one request at a time, and asked again
 //! after a crash. How a process is started and read is somebody else's: [`Start`] and [`Line`].
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::path::Path;
 use std::time::Duration;
 
 use serde::Deserialize;
 
 use super::answer::{Answer, AnswerLine};
+use super::crew::Crew;
 use super::error::{BackendError, Fault};
-use super::request::{PROTOCOL, Request};
+use super::request::{Answers, PROTOCOL, Request};
 use super::spec::BackendOptions;
 use crate::kernel::Digest;
 use crate::sim::judge;
@@ -18,6 +19,9 @@ use crate::store::shortened;
 pub trait Start: Sync {
     /// A text is why there is none.
     fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String>;
+
+    /// The same in a folder, and what the process writes on standard error is kept for [`Line::complaint`].
+    fn start_in(&self, command: &[String], folder: &Path) -> Result<Box<dyn Line>, String>;
 }
 
 /// One worker process that is spoken to by lines. Dropping it ends the process.
@@ -26,6 +30,11 @@ pub trait Line: Send {
 
     /// The next line, without its end.
     fn receive(&mut self, limit: Duration) -> Result<Vec<u8>, Broken>;
+
+    /// The end of what it wrote on standard error, where that is kept. The process is ended for it.
+    fn complaint(&mut self) -> String {
+        String::new()
+    }
 }
 
 /// Why no line came.
@@ -67,23 +76,13 @@ struct Worker {
 pub struct Workers<'a> {
     backend: &'a BackendOptions,
     start: &'a dyn Start,
-    desk: Mutex<Desk>,
-    returned: Condvar,
-}
-
-#[derive(Default)]
-struct Desk {
-    idle: Vec<Worker>,
-    /// How many there are, idle or busy.
-    started: usize,
-    /// After a fault nobody is asked any more.
-    fault: Option<Fault>,
+    crew: Crew<Worker>,
 }
 
 impl<'a> Workers<'a> {
     /// Nothing is started yet.
     pub fn new(backend: &'a BackendOptions, start: &'a dyn Start) -> Workers<'a> {
-        Workers { backend, start, desk: Mutex::new(Desk::default()), returned: Condvar::new() }
+        Workers { backend, start, crew: Crew::new(backend.worker.workers) }
     }
 
     /// Asks a worker. A crash is repaired with a new worker, as often as the experiment says, and becomes a failure of the
@@ -91,10 +90,10 @@ impl<'a> Workers<'a> {
     pub fn ask(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
         let mut left = self.backend.worker.retries;
         loop {
-            let mut worker = self.take()?;
+            let mut worker = self.crew.take(|| self.greeted())?;
             let said = self.exchange(&mut worker, request);
             let lost = matches!(said, Err(Lost::Broken(_)));
-            self.give_back((!lost).then_some(worker));
+            self.crew.give_back((!lost).then_some(worker));
             match said {
                 Ok(answer) => return Ok(answer),
                 Err(Lost::Broken(Broken::Ended | Broken::Late)) if left > 0 => left -= 1,
@@ -102,8 +101,8 @@ impl<'a> Workers<'a> {
                     let times = self.backend.worker.retries + 1;
                     return Ok(Answer::Failed(format!("the backend's worker ended without an answer, {times} times")));
                 }
-                Err(Lost::Broken(broken)) => return Err(self.stop(self.broken(&place(request), &broken)).into()),
-                Err(Lost::Fault(fault)) => return Err(self.stop(fault).into()),
+                Err(Lost::Broken(broken)) => return Err(self.crew.stop(self.broken(&place(request), &broken)).into()),
+                Err(Lost::Fault(fault)) => return Err(self.crew.stop(fault).into()),
             }
         }
     }
@@ -137,45 +136,6 @@ impl<'a> Workers<'a> {
                 .map_err(|error| wrong("a motion of the scene", error.to_string()))?;
         }
         Ok(answer)
-    }
-
-    /// An idle worker, or a new one where there may be one more; waits where there may not.
-    fn take(&self) -> Result<Worker, BackendError> {
-        let mut desk = self.desk();
-        loop {
-            if let Some(fault) = &desk.fault {
-                return Err(fault.clone().into());
-            }
-            if let Some(worker) = desk.idle.pop() {
-                return Ok(worker);
-            }
-            if desk.started < self.backend.worker.workers {
-                desk.started += 1;
-                drop(desk);
-                return self.greeted().map_err(|fault| {
-                    self.give_back(None);
-                    self.stop(fault).into()
-                });
-            }
-            desk = self.returned.wait(desk).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-
-    fn give_back(&self, worker: Option<Worker>) {
-        let mut desk = self.desk();
-        match worker {
-            Some(worker) => desk.idle.push(worker),
-            None => desk.started -= 1,
-        }
-        drop(desk);
-        self.returned.notify_one();
-    }
-
-    /// The first fault counts for everybody.
-    fn stop(&self, fault: Fault) -> Fault {
-        let first = self.desk().fault.get_or_insert(fault).clone();
-        self.returned.notify_all();
-        first
     }
 
     /// A new worker, if it is the one that the experiment declares.
@@ -246,9 +206,11 @@ impl<'a> Workers<'a> {
     fn limit(&self) -> Duration {
         Duration::from_secs_f64(self.backend.worker.seconds)
     }
+}
 
-    fn desk(&self) -> MutexGuard<'_, Desk> {
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+impl Answers for Workers<'_> {
+    fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
+        self.ask(request)
     }
 }
 
@@ -266,6 +228,6 @@ fn place(request: &Request<'_>) -> String {
 }
 
 /// The beginning of a line, for messages.
-fn start_of(bytes: &[u8]) -> String {
+pub(super) fn start_of(bytes: &[u8]) -> String {
     shortened(&String::from_utf8_lossy(&bytes[..bytes.len().min(200)]))
 }

@@ -13,7 +13,7 @@ use crate::backend::{Answers, Backend, NoOutcome, Replay};
 use crate::epoch::{LineageSpec, Player, Study, cluster_of};
 use crate::evidence::RecordedRun;
 use crate::evidence::agreement::{Meeting, Pair, Report, Side, report, text};
-use crate::experiment::{Experiment, read_pool};
+use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::objects::{Program, Score};
 use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, Trace};
@@ -64,8 +64,8 @@ struct Run {
 impl Run {
     fn open(folder: &Path, threads: &Threads) -> Result<Run, Failure> {
         let folder = RunFolder::find(Some(folder))?;
-        let experiment = Experiment::read(&folder.experiment())?;
-        let study = experiment.study(read_pool(&folder.pool())?, threads)?;
+        let experiment = folder.read_experiment()?;
+        let study = experiment.study(folder.read_pool()?, threads)?;
         let (story, replay) = (folder.story()?, behind::replay_of(&experiment, &folder)?);
         Ok(Run { folder, experiment, study, story, replay })
     }

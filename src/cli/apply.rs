@@ -8,13 +8,14 @@ use std::sync::Arc;
 
 use super::answer::Answer;
 use super::applied_text::{self, Comparison, Written};
+use super::behind::{self, Asked};
+use super::egos;
 use super::exit::Failure;
 use super::rollout::Played;
 use super::scene_export::{AT_ONCE, Exports, Format};
 use super::scenes;
-use crate::backend::Backend;
 use crate::draw::{Drawing, players_html};
-use crate::ego::Policy;
+use crate::ego::{Policy, PolicyError};
 use crate::epoch::{Applied, Labelled, SceneEntry, record_digest};
 use crate::evaluation::{Playing, replay_row};
 use crate::experiment::ProgramFile;
@@ -38,9 +39,13 @@ pub struct Options {
     /// Only the scene with this id; may be given again.
     #[arg(long)]
     pub scene: Vec<String>,
-    /// Driver under test: idm, idm-lights or replay; without it the one that the program was evolved against.
+    /// Driver under test: idm, idm-lights, replay, or the weights of a learned one (a file that ends in .safetensors); without
+    /// it the one that the program was evolved against.
     #[arg(long)]
     pub ego: Option<String>,
+    /// File with a table [driver]: the program of one's own that drives, e.g. examples/own_ego/idm.toml (docs/EGOS.md).
+    #[arg(long, conflicts_with = "ego")]
+    pub driver: Option<PathBuf>,
     /// Root of the random streams; without it the one of the program's run.
     #[arg(long)]
     pub seed: Option<u64>,
@@ -58,7 +63,12 @@ pub struct Options {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let file = ProgramFile::read(&options.program)?;
-    let ego: Policy = options.ego.as_ref().unwrap_or(&file.conditions.ego).parse().map_err(Failure::bad_input)?;
+    let asked = options.driver.as_deref().map(|path| Asked::named(path, &file.conditions.simulator)).transpose()?;
+    let ego = match &asked {
+        Some(asked) => asked.ego()?,
+        None => driver(options.ego.as_ref().unwrap_or(&file.conditions.ego))?,
+    };
+    let planners = asked.as_ref().map(Asked::planners);
     let seed = Seed(options.seed.unwrap_or(file.conditions.seed));
     let pool = chosen(options, scenes::read(&options.scenes, jobs)?)?;
     let threads = scenes::threads(jobs)?;
@@ -74,6 +84,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         ego: &ego,
         seed,
         simulator: &conditions.simulator,
+        backend: behind::asked(asked.as_ref(), planners.as_ref()),
         evaluation: &conditions.evaluation,
         counsels: &counsels,
     };
@@ -102,10 +113,26 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     Ok(applied_text::answer(&compared, &written))
 }
 
+/// A driver by its name, or by the file of its weights.
+fn driver(name: &str) -> Result<Policy, Failure> {
+    if name.ends_with(".safetensors") {
+        return egos::learned(Path::new(name));
+    }
+    name.parse().map_err(|error| match error {
+        PolicyError::NoWeights => Failure::bad_input(
+            "the program was evolved against a learned ego, whose weights are not in its file; name them: --ego policies/<name>.safetensors",
+        ),
+        PolicyError::NoProgram => Failure::bad_input(
+            "the program was evolved against a planner, which is not in its file; name it: --driver FILE with a table [driver]",
+        ),
+        error => Failure::bad_input(error),
+    })
+}
+
 /// The same scenes with the empty intervention.
 fn without_program(applied: &Applied<'_>, entries: &[SceneEntry], threads: &Threads) -> Result<Replayed, Failure> {
-    let Applied { ego, simulator, evaluation, seed, .. } = *applied;
-    let playing = Playing { ego, simulator, backend: Backend::Own, seed, evaluation };
+    let Applied { ego, simulator, backend, evaluation, seed, .. } = *applied;
+    let playing = Playing { ego, simulator, backend, seed, evaluation };
     let prepared: Vec<_> = entries.iter().map(|entry| entry.prepared.clone()).collect();
     // The suite is a word of runs, which nothing here reads.
     replay_row(&prepared, Suite::Evolution, &playing, threads)?

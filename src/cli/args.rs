@@ -1,13 +1,14 @@
 //! All arguments. Their help texts are goldens: change them on purpose.
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use std::path::PathBuf;
 
 use super::answer::Answer;
+use super::examples::with_examples;
 use super::exit::Failure;
 use super::{
-    agree, apply, bench, calibrate, exchange, fsck, init, lineage, options, program, report, run, scenes, shard, show,
-    table, worker, world,
+    agree, apply, bench, bundle, calibrate, compare, data, diff, egos, exchange, fsck, impact, init, known, lineage,
+    manual, options, plan, program, report, run, scenes, shard, show, table, train, why, worker, world,
 };
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
@@ -31,6 +32,8 @@ pub struct Arguments {
 pub enum Command {
     /// Write a short experiment file for scenes of your own.
     Init(init::Options),
+    /// Say what of an experiment is recorded, what is missing and what recording it would cost; no model is asked.
+    Plan(plan::Options),
     /// Carry an experiment out from its cassette; the same command again gives the same root.
     Run(RunArgs),
     /// Go on with a run that was interrupted.
@@ -66,29 +69,60 @@ pub enum Command {
     Report(report::Options),
     /// Print one of the paper's tables from recorded runs, with intervals and the paper's numbers beside ours.
     Table(table::Options),
+    /// Say what a cell of a table rests on, from its formula down to scenes, patches, prompts and answers (docs/LEDGER.md).
+    Why(why::Options),
+    /// Say which cells of which tables rest on a rollout, program, patch, question, answer or scene (docs/LEDGER.md).
+    Impact(impact::Options),
     /// Say how good the world evaluator of a run was: rank, error, intervals, false rejects, by epoch and family (docs/WORLD.md).
     World(world::Options),
+    /// Compare two runs, lineages or programs: paired by scene, with intervals, and what changed in the experiment.
+    Compare(compare::Options),
+    /// Say where two runs part: their inputs, the first event that differs, the field, and what that points to.
+    Diff(diff::Options),
+    /// Write a run as tables for pandas, DuckDB and the like: attempts, labels, rollouts, reviews, exchanges, cost (docs/DATA.md).
+    Data(data::Options),
+    /// Write a run as one file that travels, look into one, carry its run out again, unpack it (docs/BUNDLES.md).
+    #[command(subcommand)]
+    Bundle(bundle::Command),
     /// Compare two runs that differ in their simulator alone: who says contact, with whom, when.
     Agree(agree::Options),
     /// Print every key of an experiment file: symbol, unit, range, values in the shipped protocols, meaning.
     Options,
+    /// List the source families that can be evolved.
+    Families,
+    /// List the scene formats that are read and written.
+    Formats,
+    /// List the quantities that expressions of programs may read, with their units.
+    Features,
+    /// Print the completions of a shell.
+    Completions(manual::CompletionsOptions),
+    /// Write manual pages, one a command.
+    Man(manual::ManOptions),
     /// Serve our own simulator's rollouts as a backend's worker does: JSON lines on stdin and stdout (docs/BACKENDS.md).
     Worker,
     /// Do the missing work of a run on many machines: plan shards, work on them anywhere, merge what came of them
     /// (docs/SHARDS.md).
     #[command(subcommand)]
     Shard(shard::Command),
+    /// Train a learned ego on generated scenes and write its weights and card (docs/EGOS.md).
+    Train(train::Options),
+    /// Drive an experiment's held-out scenes with replay, IDM and learned egos: who crashes, who arrives (docs/EGOS.md).
+    Egos(egos::Options),
     /// Measure speed.
     #[command(subcommand)]
     Bench(bench::Command),
 }
 
+/// Where run folders lie.
+pub const RUNS: &str = "runs";
+
+/// What is carried out, and from which answers.
 #[derive(Debug, Args)]
-pub struct RunArgs {
+pub struct JobArgs {
     /// Experiment file, e.g. experiments/quickstart.toml.
     pub experiment: PathBuf,
     /// Folder for run folders.
-    #[arg(long, default_value = "runs")]
+    #[arg(long, default_value = RUNS)]
     pub out: PathBuf,
     /// Cassette to replay from, instead of the experiment's.
     #[arg(long)]
@@ -96,6 +130,15 @@ pub struct RunArgs {
     /// Scenario files, folders or a pool, instead of the experiment's scenes.
     #[arg(long, num_args = 1..)]
     pub scenes: Vec<PathBuf>,
+    /// A value above the file's, e.g. budget.slots=8; it is kept in the run's experiment. May be given again.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub job: JobArgs,
     /// Do not write report.html.
     #[arg(long)]
     pub no_report: bool,
@@ -108,6 +151,9 @@ pub struct RecordArgs {
     /// Ask everything anew, also what the cassette holds already.
     #[arg(long)]
     pub fresh: bool,
+    /// Write over a cassette though it holds answers that this recording does not ask for.
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 #[derive(Debug, Args)]
@@ -121,6 +167,7 @@ impl Command {
         match self {
             Command::Init(options) => init::run(&options, jobs),
             Command::Options => Ok(options::run()),
+            Command::Plan(options) => plan::run(&options, jobs),
             Command::Run(args) => run::run(&args, jobs),
             Command::Resume(args) => run::resume(&args, jobs),
             Command::Check(args) => run::check(&args, jobs),
@@ -136,10 +183,23 @@ impl Command {
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),
             Command::Table(options) => table::run(&options),
+            Command::Why(options) => why::run(&options),
+            Command::Impact(options) => impact::run(&options),
             Command::World(options) => world::run(&options),
+            Command::Compare(options) => compare::run(&options),
+            Command::Diff(options) => diff::run(&options),
+            Command::Data(options) => data::run(&options, jobs),
+            Command::Bundle(command) => bundle::run(&command, jobs),
             Command::Agree(options) => agree::run(&options, jobs),
+            Command::Families => Ok(known::families()),
+            Command::Formats => Ok(known::formats()),
+            Command::Features => Ok(known::features()),
+            Command::Completions(options) => Ok(manual::completions(&options, Arguments::command())),
+            Command::Man(options) => manual::man(&options, with_examples(Arguments::command())),
             Command::Worker => worker::run(),
             Command::Shard(command) => shard::run(&command, jobs),
+            Command::Train(options) => train::run(&options, jobs),
+            Command::Egos(options) => egos::run(&options, jobs),
             Command::Bench(command) => bench::run(command, jobs),
         }
     }

@@ -4,14 +4,49 @@ use std::path::{Path, PathBuf};
 
 use super::exit::Failure;
 use super::folder::RunFolder;
-use crate::backend::{Answers, Backend, BackendOptions, Header, Replay, RolloutCassette};
-use crate::experiment::Experiment;
+use super::worker_process::Processes;
+use crate::backend::{Answers, Backend, BackendOptions, DriverOptions, Header, Planners, Replay, RolloutCassette};
+use crate::ego::Policy;
+use crate::experiment::{Experiment, named_driver};
+use crate::sim::SimulatorOptions;
 use crate::store;
 
 /// Rollouts for a run: of our own simulator, or of another one by its answers.
 pub fn backend<'a>(experiment: &'a Experiment, answers: Option<&'a dyn Answers>) -> Backend<'a> {
     match (&experiment.simulator.backend, answers) {
         (Some(options), Some(answers)) => Backend::Other { options, answers },
+        _ => Backend::Own,
+    }
+}
+
+/// A planner that is asked now, and whose answers are not recorded.
+pub struct Asked {
+    driver: DriverOptions,
+    options: BackendOptions,
+}
+
+impl Asked {
+    /// The program that a file's table `[driver]` names.
+    pub fn named(path: &Path, simulator: &SimulatorOptions) -> Result<Asked, Failure> {
+        let driver = named_driver(path)?;
+        let options = driver.backend(simulator).map_err(Failure::internal)?;
+        Ok(Asked { driver, options })
+    }
+
+    pub fn ego(&self) -> Result<Policy, Failure> {
+        self.driver.policy().ok_or_else(|| Failure::internal("a program without a digest"))
+    }
+
+    /// Its processes; none is started yet.
+    pub fn planners(&self) -> Planners<'_> {
+        Planners::new(&self.driver, &Processes)
+    }
+}
+
+/// Who simulates with a planner that is asked now, or without one.
+pub fn asked<'a>(asked: Option<&'a Asked>, planners: Option<&'a Planners<'a>>) -> Backend<'a> {
+    match (asked, planners) {
+        (Some(asked), Some(planners)) => Backend::Other { options: &asked.options, answers: planners },
         _ => Backend::Own,
     }
 }

@@ -5,13 +5,16 @@ use serde_json::json;
 use std::path::PathBuf;
 
 use super::answer::Answer;
+use super::bench_ledger;
+use super::bench_observe::{Cost, Observer};
 use super::bench_shards;
 use super::exit::Failure;
 use super::timed::timed;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::compiler::{Prepared, Situation};
-use crate::ego::Policy;
+use crate::ego::{Policy, Setting};
 use crate::experiment::read_scenes;
 use crate::families::{self, grammar};
 use crate::kernel::{Seed, Threads, num};
@@ -25,6 +28,8 @@ pub enum Command {
     Sim(SimOptions),
     /// Plan, write and merge so many rollouts as shards, with one record under many names.
     Shards(bench_shards::ShardsOptions),
+    /// Record, read and verify objects in a trial store, and explain missing answers of a large cassette.
+    Ledger(bench_ledger::LedgerOptions),
 }
 
 #[derive(Debug, Args)]
@@ -38,11 +43,15 @@ pub struct SimOptions {
     /// Also roll the pool out with the adversaries under a law, and give the ratio of the two speeds.
     #[arg(long)]
     pub law: bool,
+    /// Also roll the pool out with the observations of a learned ego made at every step, and give what one costs.
+    #[arg(long)]
+    pub observe: bool,
 }
 
 pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
     match command {
         Command::Sim(options) => sim(&options, jobs),
+        Command::Ledger(options) => bench_ledger::run(&options, jobs),
         Command::Shards(options) => bench_shards::run(&options, jobs),
     }
 }
@@ -85,6 +94,10 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
     let law = num::quantile(&ratios, 0.5);
     let median = num::quantile(&seconds, 0.5).unwrap_or(f64::NAN);
     let rate = |count: usize| count as f64 / median;
+    let observed = match options.observe {
+        true => observed(&stages, &ego, (median, steps), options.repeats, &threads)?,
+        false => vec![],
+    };
     let split = Split::of(&stages, &ego, seconds.len()).map_err(Failure::internal)?;
     let text = format!(
         "{} scenes, {} threads, median of {} rounds\nrollouts/s     {:>14.0}\nsteps/s        {:>14.0}\nagent-steps/s  {:>14.0}\n\
@@ -100,7 +113,7 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
         median,
         law.map(|ratio| format!("with every adversary under a law: {ratio:.2} times the agent-steps/s\n"))
             .unwrap_or_default(),
-        split.text()
+        observed.iter().map(Cost::text).collect::<String>() + &split.text()
     );
     let object = json!({
         "scenes": stages.len(), "threads": threads.count(), "rounds": seconds.len(),
@@ -108,8 +121,32 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
         "agent_steps_per_s": rate(agent_steps as usize),
         "seconds": {"read": reading.as_secs_f64(), "prepare": preparing.as_secs_f64(), "rollouts_median": median},
         "split": split.object(), "law_ratio": law,
+        "observe_us_per_step": observed.iter().map(|cost| (cost.setting.name(), cost.us_per_step())).collect::<BTreeMap<_, _>>(),
     });
     Ok(Answer::new(text, object))
+}
+
+/// The same rollouts with each setting's observation.
+fn observed(
+    stages: &[(Situation, Intervention)],
+    ego: &Policy,
+    (plain_seconds, steps): (f64, u64),
+    repeats: usize,
+    threads: &Threads,
+) -> Result<Vec<Cost>, Failure> {
+    let cost = |setting: Setting| {
+        let mut seconds = Vec::new();
+        for _ in 0..repeats.max(1) {
+            let round = Round::of(threads, stages.len(), |i| {
+                let mut driver = Observer::new(ego, setting);
+                rollout_counted(&stages[i].0.plant, &stages[i].1, &mut driver).map(|(_, cost)| cost)
+            })?;
+            seconds.push(round.seconds);
+        }
+        let seconds = num::quantile(&seconds, 0.5).unwrap_or(f64::NAN);
+        Ok(Cost { setting, seconds, plain_seconds, steps, threads: threads.count() })
+    };
+    Setting::ALL.into_iter().map(cost).collect()
 }
 
 /// All rollouts once.

@@ -8,8 +8,9 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::epoch::{Study, Tools};
 use crate::objects::{
-    LineageId,
+    FamilyName, LineageId,
     cost::{FORMAT, LineageCost, RunCost, Work},
+    world_audit::WORLD_LINE,
 };
 use crate::store;
 
@@ -33,7 +34,14 @@ pub fn of(study: &Study, tools: &Tools<'_>) -> RunCost {
         ego: spec.ego.name().to_string(),
         work: spent.get(&spec.id).copied().unwrap_or_default(),
     };
-    let lineages = study.lineages.iter().map(cost).collect();
+    // Turns of the world evaluator are no lineage's.
+    let world = spent.get(&LineageId::new(WORLD_LINE)).map(|work| LineageCost {
+        lineage: LineageId::new(WORLD_LINE),
+        family: FamilyName::new("-"),
+        ego: "-".into(),
+        work: *work,
+    });
+    let lineages = study.lineages.iter().map(cost).chain(world).collect();
     RunCost { format: FORMAT.into(), threads: tools.threads.count(), simulated, reused, lineages }
 }
 

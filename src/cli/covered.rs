@@ -26,8 +26,20 @@ pub struct Coverage {
     pub notes: Vec<String>,
 }
 
-/// Files whose bytes are anybody's, and what they are for.
-const UNCOVERED: [&str; 6] = ["run.json", "cost.json", "report.html", "spend.json", "rollouts.jsonl", "exchange"];
+/// Files and folders that a run may have and that no event speaks for.
+const UNCOVERED: [&str; 11] = [
+    "run.json",
+    "cost.json",
+    "report.html",
+    "spend.json",
+    "rollouts.jsonl",
+    "exchange",
+    "recording",
+    "shards",
+    "transcript.before.jsonl",
+    "manifest.json",
+    "ro-crate-metadata.json",
+];
 
 /// Compares a folder's files with a run's events; with `read`, also those that take long.
 pub fn coverage(folder: &RunFolder, story: &RecordedRun, read: bool) -> Coverage {

@@ -3,13 +3,15 @@
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-use super::exit::Failure;
+use super::exit::{Exit, Failure};
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
-use crate::evidence::{Reading, RecordedRun};
-use crate::kernel::Digest;
+use crate::evidence::{Reading, RecordedRun, RecordedRunError};
+use crate::experiment::{Experiment, ExperimentError, read_pool};
+use crate::kernel::{Digest, Threads};
+use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
-use crate::store::{self, Transcript};
+use crate::store::{self, StoreError, Transcript};
 
 const LATEST: &str = "LATEST";
 const CARD_BYTES_MAX: u64 = 1 << 16;
@@ -28,6 +30,8 @@ pub struct RunCard {
     pub cassette: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fresh: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub overwrite: bool,
     /// Of an unfinished recording with another simulator: where its rollouts go.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollouts: Option<PathBuf>,
@@ -40,6 +44,8 @@ pub struct Recording {
     pub cassette: PathBuf,
     /// Whether everything is asked anew.
     pub fresh: bool,
+    /// Whether answers may be lost that another experiment's recording left there.
+    pub overwrite: bool,
     /// Where the rollouts of another simulator go.
     pub rollouts: Option<PathBuf>,
 }
@@ -80,6 +86,16 @@ impl RunFolder {
 
     pub fn pool(&self) -> PathBuf {
         self.dir.join("scenes.pool")
+    }
+
+    /// The experiment that the folder keeps.
+    pub fn read_experiment(&self) -> Result<Experiment, Failure> {
+        Experiment::read(&self.experiment()).map_err(kept)
+    }
+
+    /// The scenes that the folder keeps.
+    pub fn read_pool(&self) -> Result<Pool, Failure> {
+        read_pool(&self.pool()).map_err(kept)
     }
 
     pub fn cassette(&self) -> PathBuf {
@@ -190,6 +206,7 @@ impl RunFolder {
             recording: recording.is_some(),
             cassette: recording.map(|recording| recording.cassette.clone()),
             fresh: recording.is_some_and(|recording| recording.fresh),
+            overwrite: recording.is_some_and(|recording| recording.overwrite),
             rollouts: recording.and_then(|recording| recording.rollouts.clone()),
         };
         let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
@@ -206,10 +223,39 @@ impl RunFolder {
 
     /// The recorded run.
     pub fn story(&self) -> Result<RecordedRun, Failure> {
-        let mut reading = Reading::default();
-        store::each_event(&self.transcript(), &mut |event| reading.add(event))?;
-        reading.finish().map_err(|error| Failure::bad_input(format!("{}: {error}", self.dir.display())))
+        self.story_on(None)
     }
+
+    /// The same with threads that check its events.
+    pub fn story_on(&self, threads: Option<&Threads>) -> Result<RecordedRun, Failure> {
+        let path = self.transcript();
+        if !path.exists() && self.result().exists() {
+            let what = "expected the transcript of a finished run, whose result is there, found none";
+            return Err(Failure::corruption(format!("{}: {what}; `evodrive resume` derives it again", path.display())));
+        }
+        let mut reading = Reading::default();
+        store::each_event_on(&path, threads, &mut |event| reading.add(event))?;
+        reading.finish().map_err(|error| match error {
+            RecordedRunError::NotARun => Failure::corruption(format!(
+                "{}: line 1: expected an `opened` event, found none: {error}; restore the file, or derive it again with `evodrive resume`",
+                path.display()
+            )),
+            other => Failure::bad_input(format!("{}: {other}", path.display())),
+        })
+    }
+}
+
+/// What a run folder keeps was whole when it was written, so whatever is wrong with it now is damage. What is not there may be
+/// another folder than the one that was meant.
+fn kept(error: ExperimentError) -> Failure {
+    let absent = matches!(&error, ExperimentError::Store(StoreError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound);
+    let failure = Failure::from(error);
+    if absent || failure.exit != Exit::BadInput {
+        return failure;
+    }
+    let remedy =
+        "it is the copy that the run folder keeps: restore it, or delete the folder and run the experiment again";
+    Failure::corruption(format!("{}; {remedy}", failure.message))
 }
 
 /// Files of a folder with an ending, in order; none where there is no folder.

@@ -10,7 +10,7 @@ use super::covered::{Coverage, coverage};
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
 use crate::evidence::{Finding, Gravity, audit};
-use crate::store::{self, FsckReport};
+use crate::store::{self, FsckReport, StoreError};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -23,7 +23,7 @@ pub struct Options {
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let folder = RunFolder::find(options.run.as_deref())?;
-    let mut report = store::fsck(&folder.store(), options.read)?;
+    let mut report = store::fsck(&folder.store(), options.read).map_err(|error| lost_pack(&folder, error))?;
     let mut damage: Vec<String> = Vec::new();
     let recording = folder.dir.join("recording");
     if recording.exists() {
@@ -31,7 +31,9 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         report.damage.extend(answers.damage);
         report.notes.extend(answers.notes);
     }
-    report.damage.extend(store::fsck_transcript(&folder.transcript())?);
+    if folder.transcript().exists() {
+        report.damage.extend(store::fsck_transcript(&folder.transcript())?);
+    }
     damage.extend(report.damage.iter().map(ToString::to_string));
     // A record that is damaged is not read: its meaning is nobody's any more.
     let story = if damage.is_empty() { Some(folder.story()?) } else { None };
@@ -47,6 +49,15 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     });
     let exit = if clean { Exit::Success } else { Exit::Corruption };
     Ok(Answer { exit, ..Answer::new(text, object) })
+}
+
+/// A store without its pack has lost everything that it held.
+fn lost_pack(folder: &RunFolder, error: StoreError) -> Failure {
+    let absent = matches!(&error, StoreError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound);
+    match absent && folder.store().exists() {
+        true => Failure::corruption(format!("{error}; or delete the store, and `evodrive resume` fills it again")),
+        false => error.into(),
+    }
 }
 
 fn text(

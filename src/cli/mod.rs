@@ -7,20 +7,36 @@ mod apply;
 mod args;
 mod behind;
 mod bench;
+mod bench_ledger;
+mod bench_observe;
 mod bench_shards;
+mod bundle;
+mod bundle_replay;
 mod calibrate;
+mod compare;
 mod cost;
 mod covered;
+mod data;
+mod diff;
+mod egos;
+mod examples;
 mod exchange;
 mod exit;
 mod exit_from;
 mod folder;
 mod fsck;
+mod impact;
 mod init;
+mod known;
 mod lineage;
+mod manual;
 mod models;
 mod moving_line;
 mod options;
+mod overwriting;
+mod plan;
+mod plan_cost;
+mod plan_looked;
 mod playables;
 mod program;
 mod report;
@@ -38,18 +54,23 @@ mod shard_work;
 mod show;
 mod table;
 mod timed;
+mod train;
+mod train_text;
+mod typed;
+mod why;
 mod worker;
 mod worker_process;
 mod world;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use std::process::ExitCode;
 
 pub use exit::{Exit, Failure};
 
 /// Reads the arguments, runs one command, prints its answer.
 pub fn main() -> ExitCode {
-    let arguments = match args::Arguments::try_parse() {
+    let matches = examples::with_examples(args::Arguments::command()).try_get_matches();
+    let arguments = match matches.and_then(|matches| args::Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => {
             // clap's own words: help and version go to stdout and are a success.

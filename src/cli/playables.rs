@@ -4,6 +4,7 @@ use crate::draw::{Actor, Contact, Drawing, Role, role_of};
 use crate::epoch::{LineageSpec, Player, Study, Traced};
 use crate::evidence::RecordedRun;
 use crate::evidence::report::{Playable, Stage, Unplayed};
+use crate::kernel::Threads;
 use crate::objects::{Program, SceneScore, SolutionId};
 use crate::scene::Scene;
 use crate::sim::{ActorRef, ActorTrace, End, Outcome, Trace};
@@ -11,29 +12,39 @@ use crate::sim::{ActorRef, ActorTrace, End, Outcome, Trace};
 /// Scenes of a lineage that can be played.
 const SCENES_MAX: usize = 3;
 
-/// The parent, the chosen and the active program, and the finalists, in the scenes where they differ most. Any other
-/// rollout is drawn by `evodrive scenes show`.
-pub fn choose(player: &Player<'_>, story: &RecordedRun) -> Stage {
+/// Rollouts of a page, shared out among its lineages: each takes about 30 kB of it, and a second or less to make.
+const ROLLOUTS_MAX: usize = 96;
+
+/// The chosen program, the parent, the active program and the finalists, as many as there is room for, in the scenes where they
+/// differ most. Of repetitions the first is played. Any other rollout is drawn by `evodrive scenes show`.
+pub fn choose(player: &Player<'_>, story: &RecordedRun, threads: &Threads) -> Stage {
     let study = player.study;
-    let mut stage = Stage::default();
-    for spec in &study.lineages {
-        let programs = programs(story, spec);
+    let specs: Vec<&LineageSpec> = study.lineages.iter().filter(|spec| spec.replica == 0).collect();
+    let room = (ROLLOUTS_MAX / SCENES_MAX / specs.len().max(1)).max(1);
+    let mut stage = Stage { repetitions_left_out: study.lineages.len() - specs.len(), ..Stage::default() };
+    let mut all = Vec::new();
+    for spec in specs {
+        let programs: Vec<(SolutionId, String)> = programs(story, spec).into_iter().take(room).collect();
         for place in scenes(study, story, spec) {
-            for (solution, role) in &programs {
-                let Some(program) = story.program(solution) else { continue };
-                match play(player, spec, program, role, place) {
-                    Ok(playable) => stage.rollouts.push(playable),
-                    // Another simulator's rollouts are those that labels were recorded of; this one was not asked for.
-                    Err(_) if study.backend.is_some() => {}
-                    Err(reason) => stage.unplayed.push(Unplayed {
-                        solution: solution.to_string(),
-                        scene: study.scenes[place].scene().id.clone(),
-                        reason,
-                    }),
-                }
-            }
+            all.extend(programs.iter().map(|(solution, role)| (spec, place, solution.clone(), role.clone())));
             let scene = study.scenes[place].scene();
             stage.scenes.entry(scene.id.clone()).or_insert_with(|| Drawing::of_scene(scene));
+        }
+    }
+    let played = threads.map(&all, |_, (spec, place, solution, role)| {
+        story.program(solution).map(|program| play(player, spec, program, role, *place))
+    });
+    for ((_, place, solution, _), played) in all.iter().zip(played) {
+        match played {
+            Some(Ok(playable)) => stage.rollouts.push(playable),
+            // Another simulator's rollouts are those that labels were recorded of; this one was not asked for.
+            Some(Err(_)) if study.backend.is_some() => {}
+            Some(Err(reason)) => stage.unplayed.push(Unplayed {
+                solution: solution.to_string(),
+                scene: study.scenes[*place].scene().id.clone(),
+                reason,
+            }),
+            None => {}
         }
     }
     // By program, then scene: the order of the page's menus.

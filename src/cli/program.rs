@@ -14,8 +14,7 @@ use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::RecordedRun;
 use crate::experiment::{
-    BackendMark, CarriedCounsel, Conditions, ContractMark, Experiment, PROGRAM_FORMAT, ParentProgram, ProgramFile,
-    read_pool,
+    BackendMark, CarriedCounsel, Conditions, ContractMark, PROGRAM_FORMAT, ParentProgram, ProgramFile,
 };
 use crate::families;
 use crate::kernel::Digest;
@@ -85,7 +84,7 @@ fn packed(which: &Which) -> Result<ProgramFile, Failure> {
     let damaged = |what: &str| Failure::corruption(format!("{}: {what}; run `evodrive fsck`", folder.dir.display()));
     let adopted = story.parents.iter().find(|parent| parent.lineage == *lineage);
     let adopted = adopted.ok_or_else(|| damaged(&format!("lineage {lineage} has no parent")))?;
-    let experiment = Experiment::read(&folder.experiment())?;
+    let experiment = folder.read_experiment()?;
     if experiment.digest()? != story.opened.experiment {
         return Err(damaged("experiment.toml is not the experiment of the transcript"));
     }
@@ -104,7 +103,7 @@ fn packed(which: &Which) -> Result<ProgramFile, Failure> {
             story.opened.versions
         )));
     }
-    let pool = read_pool(&folder.pool())?;
+    let pool = folder.read_pool()?;
     let start = settings.and_then(|of| of.parent_program.as_ref());
     let origin = Origin {
         run: story.opened.name.clone(),

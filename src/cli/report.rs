@@ -9,7 +9,6 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use super::{agree, behind, run};
 use crate::backend::Answers;
-use crate::experiment::{Experiment, read_pool};
 use crate::kernel::Threads;
 
 #[derive(Debug, Args)]
@@ -25,13 +24,13 @@ pub struct Options {
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = RunFolder::find(options.run.as_deref())?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
-    let experiment = Experiment::read(&folder.experiment())?;
-    let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
+    let experiment = folder.read_experiment()?;
+    let study = experiment.study(folder.read_pool()?, &threads)?;
     let replay = behind::replay_of(&experiment, &folder)?;
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
     let against = options.against.as_deref();
     let agreement = against.map(|other| agree::agreement(&folder.dir, other, &threads)).transpose()?;
-    run::write_report(&study, &folder, behind::backend(&experiment, answers), agreement.as_ref())?;
+    run::write_report(&study, &folder, behind::backend(&experiment, answers), agreement.as_ref(), &threads)?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::folder::RunFolder;
 use crate::epoch::Progress;
+use crate::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions};
 use crate::experiment::{Experiment, provenance};
 use crate::kernel::Digest;
 use crate::objects::event::{LineageResult, Measured, RunResult};
@@ -29,6 +30,7 @@ pub fn progress(news: &Progress) -> String {
         Progress::Counselled { lineage, scenes, met } => {
             format!("counsel for {scenes} scenes of {lineage}: {met} advised sets met the ego when tried")
         }
+        Progress::Evolved { turn, verdict } => format!("{turn} change of the world evaluator {verdict}"),
         Progress::HeldOut { lineage, programs, scenes } => {
             format!("held-out suite opened for {lineage}: {programs} programs on {scenes} scenes")
         }
@@ -47,6 +49,11 @@ pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, 
         for origin in lineage.parent_program.iter().filter_map(|program| program.origins.last()) {
             let _ = writeln!(out, "{} starts from {origin}\n", lineage.id);
         }
+    }
+    if let EvaluationOptions::Metadrive(MetadriveOptions { attack: AttackOptions { when: Some(when), .. }, .. }) =
+        &experiment.evaluation
+    {
+        let _ = writeln!(out, "attack is the experiment's own: {}\n", when.text());
     }
     let heads = ["attack", "any crash", "realism", "RP %", "coverage", "PF-Area@3 %", "chosen"].map(String::from);
     line(&mut out, "lineage", &heads);

@@ -10,7 +10,6 @@ use crate::backend::Answers;
 use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Player, Study, Traced, record_digest};
 use crate::evidence::RecordedRun;
-use crate::experiment::{Experiment, read_pool};
 use crate::formats::{Inserted, Staging};
 use crate::kernel::Threads;
 use crate::objects::{Program, SceneScore, SolutionId};
@@ -55,8 +54,8 @@ pub fn of_attempt(
     let story = folder.story()?;
     let labelled = Labelled::of(&story, attempt)?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
-    let experiment = Experiment::read(&folder.experiment())?;
-    let study = experiment.study(read_pool(&folder.pool())?, &threads)?;
+    let experiment = folder.read_experiment()?;
+    let study = experiment.study(folder.read_pool()?, &threads)?;
     let replay = behind::replay_of(&experiment, &folder)?;
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
     let player = Player::of(&study, &story.counsels, behind::backend(&experiment, answers));

@@ -1,20 +1,21 @@
 //! `run`, `resume`, `check`, `verify`, `record`: one way through a study, with different sources of answers and labels.
 
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::answer::{Answer, progress};
-use super::args::{FolderArgs, RecordArgs, RunArgs};
+use super::args::{FolderArgs, JobArgs, RecordArgs, RunArgs};
 use super::covered::RESULT_BYTES_MAX;
 use super::exit::Failure;
 use super::folder::{Recording, RunFolder};
 use super::moving_line::MovingLine;
+use super::typed::record_command;
 use super::worker_process::Processes;
-use super::{behind, cost, models, playables, result_text};
-use crate::backend::{Answers, Backend, BackendOptions, Recorder, Workers};
+use super::{behind, cost, models, overwriting, playables, result_text};
+use crate::backend::{Answers, Backend, BackendOptions, DriverOptions, Planners, Recorder, Workers};
 use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, Tools};
 use crate::evidence::{agreement, report};
-use crate::experiment::{Experiment, read_pool};
+use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
 use crate::objects::event::RunResult;
@@ -26,10 +27,10 @@ const CASSETTE_BYTES_MAX: u64 = 1 << 30;
 
 /// Replays an experiment from its cassette into its run folder.
 pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
-    let job = Job::new(args, jobs)?;
-    let path = args.cassette.clone().unwrap_or_else(|| job.experiment.beside(&job.experiment.cassette));
-    let cassette = Cassette::load(&path).map_err(|error| {
-        let record = format!("evodrive record {}", args.experiment.display());
+    let job = Job::new(&args.job, jobs)?;
+    let path = job.cassette(&args.job);
+    let cassette = Cassette::load_on(&path, Some(&job.threads)).map_err(|error| {
+        let record = record_command(&args.job);
         Failure { message: format!("{error}\n  to record it: {record}"), ..Failure::from(error) }
     })?;
     let Held { folder, objects } = job.open_folder(None)?;
@@ -41,7 +42,7 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
         store::copy(&path, &folder.cassette())?;
     }
     folder.mark_latest()?;
-    let remedy = format!("evodrive record {}", args.experiment.display());
+    let remedy = record_command(&args.job);
     let rollouts = behind::replay(&job.experiment, &folder, &remedy)?;
     let replay = Replay::new(cassette, remedy);
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
@@ -78,26 +79,17 @@ enum Purpose {
 
 /// Asks the models for what the cassette lacks, and writes it.
 pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
-    models::check_build(&Experiment::read(&args.run.experiment)?)?;
-    let job = Job::new(&args.run, jobs)?;
-    let path = args.run.cassette.clone().unwrap_or_else(|| job.experiment.beside(&job.experiment.cassette));
+    models::check_build(&Experiment::read_under(&args.run.job.experiment, &args.run.job.set)?)?;
+    let job = Job::new(&args.run.job, jobs)?;
+    let path = job.cassette(&args.run.job);
     // The working directory may be another one when an interrupted recording goes on.
     let cassette = std::path::absolute(&path).map_err(Failure::internal)?;
     let rollouts = behind::path(&job.experiment).map(std::path::absolute).transpose().map_err(Failure::internal)?;
-    let recording = Recording { cassette, fresh: args.fresh, rollouts };
-    let before = cassette_before(&recording)?;
+    let recording = Recording { cassette, fresh: args.fresh, overwrite: args.overwrite, rollouts };
+    let before = overwriting::Held::before(&recording, &job.experiment)?;
     let held = job.open_folder(Some(&recording))?;
     held.folder.mark_latest()?;
     carry_out_recording(job, &held, &recording, before, !args.run.no_report)
-}
-
-/// What the cassette holds already, as far as it is not asked anew.
-fn cassette_before(recording: &Recording) -> Result<Cassette, Failure> {
-    let path = &recording.cassette;
-    Ok(match path.exists() && !recording.fresh {
-        true => Cassette::load(path)?,
-        false => Cassette::new(path.display().to_string()),
-    })
 }
 
 /// A recording, begun or gone on with: what was answered is in the folder's store and not asked again.
@@ -105,7 +97,7 @@ fn carry_out_recording(
     job: Job,
     Held { folder, objects }: &Held,
     recording: &Recording,
-    before: Cassette,
+    (there, before): (overwriting::Held<'_>, Cassette),
     report: bool,
 ) -> Result<Answer, Failure> {
     let path = &recording.cassette;
@@ -123,9 +115,11 @@ fn carry_out_recording(
     let models = models::askable(&job.experiment, folder, fresh.as_deref())?;
     let recorder = Record::new(&answers, before, mode, models);
     let name = job.experiment.name.clone();
-    let backend = job.experiment.simulator.backend.clone();
+    let (backend, driver) = (job.experiment.simulator.backend.clone(), job.experiment.driver.clone());
     let rollouts = match (&backend, &recording.rollouts) {
-        (Some(options), Some(path)) => Some(rollout_recorder(options, path, recording.fresh, &answers)?),
+        (Some(options), Some(path)) => {
+            Some(rollout_recorder((options, driver.as_ref()), path, recording.fresh, &answers)?)
+        }
         _ => None,
     };
     let asked = rollouts.as_ref().map(|recorder| recorder as &dyn Answers);
@@ -135,9 +129,14 @@ fn carry_out_recording(
         carry_out(job, folder, objects, &Sources { ask: &recorder, rollouts: asked, mode, purpose: Purpose::Carry })?;
     // The report comes behind the cassette: what was answered must not hang on a drawing.
     let cassette = recorder.into_cassette(&name, &[])?;
+    cassette.save(&folder.cassette(), &name)?;
+    there.lost(&cassette, &folder.cassette())?;
     cassette.save(path, &name)?;
     store::copy(path, &folder.cassette())?;
     progress(format!("recorded {} exchanges in {}", cassette.exchanges().len(), path.display()));
+    if let Some(digest) = driver.as_ref().and_then(|driver| driver.digest) {
+        progress(format!("where the planner's files are not at hand, write into [driver]: digest = \"{digest}\""));
+    }
     if let (Some(recorder), Some(path)) = (&rollouts, &recording.rollouts) {
         keep_rollouts(recorder, folder, path, &name)?;
     }
@@ -147,14 +146,18 @@ fn carry_out_recording(
 }
 
 fn rollout_recorder<'a>(
-    options: &'a BackendOptions,
+    (options, driver): (&'a BackendOptions, Option<&'a DriverOptions>),
     path: &Path,
     fresh: bool,
     answers: &'a Store,
 ) -> Result<Recorder<'a>, Failure> {
     let name = if fresh { before_fresh(path)? } else { String::new() };
     let before = behind::recorded(options, path, fresh)?;
-    Ok(Recorder::new(answers, before, Workers::new(options, &Processes), name))
+    let asked: Box<dyn Answers + 'a> = match driver {
+        Some(driver) => Box::new(Planners::new(driver, &Processes)),
+        None => Box::new(Workers::new(options, &Processes)),
+    };
+    Ok(Recorder::new(answers, before, asked, name))
 }
 
 fn keep_rollouts(recorder: &Recorder<'_>, folder: &RunFolder, path: &Path, name: &str) -> Result<(), Failure> {
@@ -180,8 +183,9 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
     match card.cassette {
         Some(cassette) if card.recording => {
             let job = Job::of_folder(&folder, jobs)?;
-            let recording = Recording { cassette, fresh: card.fresh, rollouts: card.rollouts };
-            let before = cassette_before(&recording)?;
+            let recording =
+                Recording { cassette, fresh: card.fresh, overwrite: card.overwrite, rollouts: card.rollouts };
+            let before = overwriting::Held::before(&recording, &job.experiment)?;
             carry_out_recording(job, &Held::of(folder)?, &recording, before, true)
         }
         _ => again(folder, jobs, Mode::Reuse, Purpose::Carry),
@@ -204,7 +208,7 @@ fn again(folder: RunFolder, jobs: usize, mode: Mode, purpose: Purpose) -> Result
     let job = Job::of_folder(&folder, jobs)?;
     let Held { folder, objects } = Held::of(folder)?;
     let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
-    let replay = Replay::new(Cassette::load(&folder.cassette())?, remedy);
+    let replay = Replay::new(Cassette::load_on(&folder.cassette(), Some(&job.threads))?, remedy);
     let rollouts = behind::replay_of(&job.experiment, &folder)?;
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
     let done = carry_out(job, &folder, &objects, &Sources { ask: &replay, rollouts, mode, purpose })?;
@@ -216,25 +220,30 @@ pub(super) struct Job {
     pub experiment: Experiment,
     pub scenes: Pool,
     pub threads: Threads,
-    out: std::path::PathBuf,
+    out: PathBuf,
 }
 
 impl Job {
     /// Everything that can be refused is refused here, before a file is created.
-    pub fn new(args: &RunArgs, jobs: usize) -> Result<Job, Failure> {
+    pub fn new(args: &JobArgs, jobs: usize) -> Result<Job, Failure> {
         let threads = Threads::new(jobs).map_err(Failure::internal)?;
-        let experiment = Experiment::read(&args.experiment)?;
+        let experiment = Experiment::read_under(&args.experiment, &args.set)?;
         let scenes = experiment.scenes(&args.scenes, &threads)?;
         tell_left_out(&scenes);
         experiment.split_of(&scenes)?;
         Ok(Job { experiment, scenes, threads, out: args.out.clone() })
     }
 
+    /// The cassette that was named, or the experiment's.
+    pub fn cassette(&self, args: &JobArgs) -> PathBuf {
+        args.cassette.clone().unwrap_or_else(|| self.experiment.beside(&self.experiment.cassette))
+    }
+
     /// From a run folder's own copies.
     pub fn of_folder(folder: &RunFolder, jobs: usize) -> Result<Job, Failure> {
         let threads = Threads::new(jobs).map_err(Failure::internal)?;
-        let experiment = Experiment::read(&folder.experiment())?;
-        let scenes = read_pool(&folder.pool())?;
+        let experiment = folder.read_experiment()?;
+        let scenes = folder.read_pool()?;
         Ok(Job { experiment, scenes, threads, out: folder.dir.clone() })
     }
 
@@ -289,7 +298,7 @@ fn carry_out(job: Job, folder: &RunFolder, objects: &Store, sources: &Sources<'_
     let Job { experiment, scenes, threads, .. } = job;
     let study = experiment.study(scenes, &threads)?;
     let clock = cost::clock();
-    let log = transcript(folder, sources.purpose)?;
+    let log = transcript(folder, sources.purpose, &threads)?;
     let confirmed = log.remaining();
     if confirmed > 0 {
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
@@ -317,13 +326,13 @@ fn carry_out(job: Job, folder: &RunFolder, objects: &Store, sources: &Sources<'_
     progress(cost::table(&cost));
     let (reused, simulated) = counts;
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store"));
-    Ok(Done { experiment, study, result, root, counts })
+    Ok(Done { experiment, study, threads, result, root, counts })
 }
 
 /// The transcript to write to, or to compare with.
-fn transcript(folder: &RunFolder, purpose: Purpose) -> Result<Transcript, Failure> {
+fn transcript(folder: &RunFolder, purpose: Purpose, threads: &Threads) -> Result<Transcript, Failure> {
     let path = folder.transcript();
-    let log = path.exists().then(|| Transcript::continue_from_start(&path)).transpose()?;
+    let log = path.exists().then(|| Transcript::continue_on(&path, Some(threads))).transpose()?;
     if purpose == Purpose::Compare && !log.as_ref().is_some_and(Transcript::is_recorded_whole) {
         return Err(Failure::corruption(format!(
             "{}: expected the sealed transcript of a finished run, found {}; nothing was compared. A run that was interrupted is finished by `evodrive resume`; one that was finished before has lost its end",
@@ -351,6 +360,7 @@ fn compare_result(folder: &RunFolder, text: &[u8]) -> Result<(), Failure> {
 struct Done {
     experiment: Experiment,
     study: Study,
+    threads: Threads,
     result: RunResult,
     root: Digest,
     /// Rollouts read from the store, and simulated.
@@ -361,7 +371,7 @@ impl Done {
     /// What is said of it at its end, with its report where one is wanted.
     fn told(&self, folder: &RunFolder, rollouts: Option<&dyn Answers>, report: bool) -> Result<Answer, Failure> {
         if report {
-            write_report(&self.study, folder, behind::backend(&self.experiment, rollouts), None)?;
+            write_report(&self.study, folder, behind::backend(&self.experiment, rollouts), None, &self.threads)?;
         }
         Ok(answer(&self.experiment, folder, &self.result, self.root, self.counts))
     }
@@ -373,9 +383,10 @@ pub fn write_report(
     folder: &RunFolder,
     backend: Backend<'_>,
     agreement: Option<&agreement::Report>,
+    threads: &Threads,
 ) -> Result<(), Failure> {
-    let story = folder.story()?;
-    let playables = playables::choose(&Player::of(study, &story.counsels, backend), &story);
+    let story = folder.story_on(Some(threads))?;
+    let playables = playables::choose(&Player::of(study, &story.counsels, backend), &story, threads);
     Ok(store::write_atomic(
         &folder.report(),
         report::html(&story, &playables, cost::kept(folder)?.as_ref(), agreement).as_bytes(),

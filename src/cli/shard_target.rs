@@ -3,7 +3,7 @@
 use clap::Args;
 use std::path::PathBuf;
 
-use super::args::RunArgs;
+use super::args::JobArgs;
 use super::behind;
 use super::exit::Failure;
 use super::folder::RunFolder;
@@ -45,7 +45,7 @@ impl Target {
             return Ok(Target { job, cassette: folder.cassette(), rollouts, folder, named });
         }
         let (experiment, out, scenes) = (options.run.clone(), options.out.clone(), options.scenes.clone());
-        let job = Job::new(&RunArgs { experiment, out, cassette: None, scenes, no_report: true }, jobs)?;
+        let job = Job::new(&JobArgs { experiment, out, cassette: None, scenes, set: vec![] }, jobs)?;
         let folder = job.open_folder(None)?.folder;
         let (cassette, rollouts) = (job.experiment.beside(&job.experiment.cassette), behind::path(&job.experiment));
         Ok(Target { job, folder, cassette, rollouts, named })

@@ -12,7 +12,7 @@ use super::folder::RunFolder;
 use super::worker_process::Processes;
 use crate::backend::{Answers, Recorder, Workers};
 use crate::epoch::{Done, Meter, Mode, Rollouts, Study, Task, Tools, Workbench};
-use crate::experiment::{Experiment, read_pool};
+use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::shard::{Came, ResultFile, Shard, StudyMark, TaskResult};
 use crate::store::{self, Store};
@@ -89,8 +89,8 @@ impl Site {
             ),
             ..failure
         };
-        let experiment = Experiment::read(&folder.experiment()).map_err(|error| name(error.into()))?;
-        let scenes = read_pool(&folder.pool()).map_err(|error| name(error.into()))?;
+        let experiment = folder.read_experiment().map_err(name)?;
+        let scenes = folder.read_pool().map_err(name)?;
         let study = experiment.study(scenes, threads)?;
         let mark = StudyMark::of(&study);
         Ok(Site { folder, experiment, study, mark })
@@ -108,9 +108,13 @@ impl Site {
         let store = Store::open(&scratch)?;
         let recorder = match &self.experiment.simulator.backend {
             None => None,
+            Some(options) if options.drives() => {
+                let reason = "the ego `command` drives where its planner is: record this run by `evodrive record` on one machine";
+                return Err(Failure::bad_input(reason));
+            }
             Some(options) => {
                 let before = behind::recorded(options, &self.folder.rollouts(), false)?;
-                Some(Recorder::new(&store, before, Workers::new(options, &Processes), String::new()))
+                Some(Recorder::new(&store, before, Box::new(Workers::new(options, &Processes)), String::new()))
             }
         };
         let answers = recorder.as_ref().map(|recorder| recorder as &dyn Answers);

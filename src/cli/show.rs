@@ -1,4 +1,5 @@
-//! `show`: everything about one attempt, the counsel for one scene, or the composition of one template.
+//! `show`: everything about one attempt, the counsel for one scene, the composition of one template, or one turn of the world
+//! evaluator.
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -8,15 +9,15 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::evidence::attempt_text::{self, Exchanged};
-use crate::evidence::{RecordedRun, composition_text, counsel_text, lineage_text};
+use crate::evidence::{RecordedRun, composition_text, counsel_text, lineage_text, world_text};
 use crate::llm::{Cassette, Metadata};
 use crate::objects::event::ParentAdopted;
-use crate::objects::{Attempt, Composed, Counselled, Exchange, spelling};
+use crate::objects::{Attempt, Composed, Counselled, Exchange, WorldEvolved, spelling};
 
 #[derive(Debug, Args)]
 pub struct Options {
     /// Attempt, e.g. cat-idm/e2s5; or a lineage's parent, e.g. cat-idm/parent; or a scene that was counselled, e.g. llm_attacker-idm/synth/urban/500/42; or a
-    /// template that was composed, e.g. chatscene-idm/crossing.
+    /// template that was composed, e.g. chatscene-idm/crossing; or a turn of the world evaluator, e.g. world/e3.
     pub attempt: String,
     /// Run folder; without it the latest one below runs/.
     #[arg(long)]
@@ -53,6 +54,11 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         let exchanges: Vec<Value> = composed.exchanges.iter().map(shown).collect();
         return Ok(Answer::new(text, json!({"composition": composed, "exchanges": exchanges})));
     }
+    if let Some(turn) = story.turn(&options.attempt) {
+        let text = world_text::turn(turn, &texts, options.full);
+        let exchanges: Vec<Value> = turn.exchanges.iter().map(shown).collect();
+        return Ok(Answer::new(text, json!({"world": turn, "exchanges": exchanges})));
+    }
     if let Some(adopted) = story.parents.iter().find(|of| of.program.solution_id.as_str() == options.attempt) {
         return parent(&story, adopted);
     }
@@ -80,12 +86,13 @@ fn parent(story: &RecordedRun, adopted: &ParentAdopted) -> Result<Answer, Failur
 fn unknown(story: &RecordedRun, name: &str) -> Failure {
     let attempts = story.attempts.iter().map(|attempt| attempt.id.to_string());
     let others = story.counsels.iter().map(Counselled::name).chain(story.composed.iter().map(Composed::name));
+    let others = others.chain(story.evolved.iter().map(WorldEvolved::name));
     let known: Vec<String> = attempts.chain(others).collect();
     let near = spelling::nearest(name, known.iter().map(String::as_str));
     let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
     Failure::bad_input(format!(
         "no attempt `{name}` in this run, nor a scene or a template of that name{hint} (attempts are <lineage>/e<epoch>s<slot>, counsel <lineage>/<scene>, \
-         templates <lineage>/<kind>)"
+         templates <lineage>/<kind>, turns of the world evaluator world/e<epoch>)"
     ))
 }
 

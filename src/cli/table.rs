@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use crate::evidence::tables;
+use crate::evidence::tables::{self, Table, TableError};
+use crate::evidence::{RecordedRun, cell};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -36,6 +37,33 @@ pub enum Which {
     Proposals,
 }
 
+impl Which {
+    /// All of them.
+    pub fn all() -> &'static [Which] {
+        Which::value_variants()
+    }
+
+    /// The table of that name; the error lists the names.
+    pub fn named(name: &str) -> Result<Which, String> {
+        let spelled = |which: &Which| which.to_possible_value().map(|value| value.get_name().to_string());
+        let known: Vec<String> = Which::all().iter().filter_map(spelled).collect();
+        let found = Which::all().iter().zip(&known).find(|(_, known)| *known == name).map(|(which, _)| *which);
+        found.ok_or_else(|| format!("no table `{name}`{}; there are {}", cell::near(name, &known), known.join(", ")))
+    }
+
+    /// The table of these runs.
+    pub fn of(self, stories: &[RecordedRun]) -> Result<Table, TableError> {
+        match self {
+            Which::MetadriveMain => tables::metadrive_main(stories),
+            Which::MetadrivePolicy => tables::metadrive_policy(stories),
+            Which::MetadriveContacts => tables::metadrive_contacts(stories),
+            Which::SafebenchMain => tables::safebench_main(stories),
+            Which::SafebenchRounds => tables::safebench_rounds(stories),
+            Which::Proposals => tables::proposals(stories),
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Format {
     Markdown,
@@ -50,15 +78,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         if options.run.is_empty() { vec![None] } else { options.run.iter().map(Some).collect() };
     let story = |dir: Option<&PathBuf>| RunFolder::find(dir.map(PathBuf::as_path))?.story();
     let stories = named.into_iter().map(story).collect::<Result<Vec<_>, _>>()?;
-    let table = match options.table {
-        Which::MetadriveMain => tables::metadrive_main(&stories),
-        Which::MetadrivePolicy => tables::metadrive_policy(&stories),
-        Which::MetadriveContacts => tables::metadrive_contacts(&stories),
-        Which::SafebenchMain => tables::safebench_main(&stories),
-        Which::SafebenchRounds => tables::safebench_rounds(&stories),
-        Which::Proposals => tables::proposals(&stories),
-    };
-    let table = table.map_err(Failure::bad_input)?;
+    let table = options.table.of(&stories).map_err(Failure::bad_input)?;
     let text = match options.format {
         Format::Markdown => tables::markdown(&table),
         Format::Csv => tables::csv(&table),

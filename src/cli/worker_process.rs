@@ -2,7 +2,8 @@
 //! programs that answer one request. What a worker writes on standard error is shown; of a program it is kept if it fails.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::path::Path;
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -20,20 +21,43 @@ pub struct Processes;
 
 impl Start for Processes {
     fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String> {
-        let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
-        let mut prepared = Command::new(program);
-        prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
-        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(format!("`{program}` has no standard input or output"));
-        };
-        let (to, lines) = channel();
-        let (found, from) = sync_channel(LINES_AHEAD);
-        let failed = |error: std::io::Error| format!("no thread for `{program}`: {error}");
-        threads::beside(move || write_lines(input, &lines)).map_err(failed)?;
-        threads::beside(move || read_lines(output, &found)).map_err(failed)?;
-        Ok(Box::new(Process { child, to, from }))
+        spoken_to(command, |prepared| prepared)
     }
+
+    fn start_in(&self, command: &[String], folder: &Path) -> Result<Box<dyn Line>, String> {
+        spoken_to(command, |prepared| prepared.current_dir(folder).stderr(Stdio::piped()))
+    }
+}
+
+/// Starts a process that is spoken to by lines; `how` says what else is to be prepared.
+fn spoken_to(command: &[String], how: impl FnOnce(&mut Command) -> &mut Command) -> Result<Box<dyn Line>, String> {
+    let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
+    let mut prepared = Command::new(program);
+    how(prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()));
+    let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
+    let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+        return Err(format!("`{program}` has no standard input or output"));
+    };
+    let (to, lines) = channel();
+    let (found, from) = sync_channel(LINES_AHEAD);
+    let failed = |error: std::io::Error| format!("no thread for `{program}`: {error}");
+    let complaints = child.stderr.take().map(kept_end).transpose().map_err(failed)?;
+    threads::beside(move || write_lines(input, &lines)).map_err(failed)?;
+    threads::beside(move || read_lines(output, &found)).map_err(failed)?;
+    Ok(Box::new(Process { child, to, from, complaints }))
+}
+
+/// The end of what a process will have written on standard error.
+fn kept_end(errors: ChildStderr) -> std::io::Result<Receiver<Vec<u8>>> {
+    let (complained, complaints) = sync_channel(1);
+    threads::beside(move || drop(complained.send(read_end(errors))))?;
+    Ok(complaints)
+}
+
+/// Something that the process started may still hold the pipe, so this is not waited for long.
+fn told_of(complaints: &Receiver<Vec<u8>>) -> String {
+    let kept = complaints.recv_timeout(Duration::from_secs(1)).unwrap_or_default();
+    String::from_utf8_lossy(&kept).into_owned()
 }
 
 /// A running worker.
@@ -41,6 +65,8 @@ struct Process {
     child: Child,
     to: Sender<String>,
     from: Receiver<Result<Vec<u8>, Broken>>,
+    /// The end of its standard error, where that is kept.
+    complaints: Option<Receiver<Vec<u8>>>,
 }
 
 impl Line for Process {
@@ -55,6 +81,11 @@ impl Line for Process {
             Err(RecvTimeoutError::Timeout) => Err(Broken::Late),
             Err(RecvTimeoutError::Disconnected) => Err(Broken::Ended),
         }
+    }
+
+    fn complaint(&mut self) -> String {
+        let _ = self.child.kill();
+        self.complaints.as_ref().map(told_of).unwrap_or_default()
     }
 }
 
@@ -137,11 +168,10 @@ impl Running {
         };
         let failed = |error: std::io::Error| format!("no thread for `{program}`: {error}");
         let (printed, output) = sync_channel(1);
-        let (complained, complaints) = sync_channel(1);
         // A program may answer without reading all it is told.
         threads::beside(move || drop(to.write_all(&input))).map_err(failed)?;
         threads::beside(move || drop(printed.send(read_output(from)))).map_err(failed)?;
-        threads::beside(move || drop(complained.send(read_end(errors)))).map_err(failed)?;
+        let complaints = kept_end(errors).map_err(failed)?;
         Ok(Running { child, output, complaints })
     }
 
@@ -170,10 +200,8 @@ impl Running {
         Ended::Late { stderr: self.complaints() }
     }
 
-    /// Something that it started may still hold the pipe, so this is not waited for long.
     fn complaints(&self) -> String {
-        let kept = self.complaints.recv_timeout(Duration::from_secs(1)).unwrap_or_default();
-        String::from_utf8_lossy(&kept).into_owned()
+        told_of(&self.complaints)
     }
 }
 

@@ -1,10 +1,14 @@
 //! The fixed drivers under test.
 
+mod four_numbers;
 pub mod idm;
 pub mod learned;
 pub mod network;
+pub mod observation;
 pub mod policy;
 pub mod replay;
+pub mod weights;
 
-pub use network::{Network, NetworkError};
+pub use observation::Setting;
 pub use policy::{Policy, PolicyError};
+pub use weights::{Weights, WeightsError};

@@ -6,9 +6,9 @@ use crate::kernel::Digest;
 use crate::sim::Driver;
 
 use super::idm::IdmDriver;
-use super::learned::{ACTION, LearnedDriver, OBSERVATION};
-use super::network::{Network, NetworkError};
+use super::learned::LearnedDriver;
 use super::replay::ReplayDriver;
+use super::weights::{Weights, WeightsError};
 
 /// A fixed ego policy.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,18 +20,23 @@ pub enum Policy {
     /// The ego's recorded motion.
     Replay,
     /// A network with frozen weights.
-    Learned(Network),
+    Learned(Weights),
+    /// A program of the experimenter's own, known by a digest. It drives through `backend::Planners` alone.
+    Command(Digest),
 }
 
 /// Why a name gives no policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
     /// The name is none of those that are known.
-    #[error("no ego policy is called {0:?}; there are idm, idm-lights, replay, learned")]
+    #[error("no ego policy is called {0:?}; there are idm, idm-lights, replay, learned, command")]
     Unknown(String),
     /// A learned policy was named without its weights.
-    #[error("the ego policy `learned` needs the bytes of its weights; name a weight file")]
+    #[error("the ego policy `learned` needs its weights; name a file of policies/")]
     NoWeights,
+    /// A planner was named without its program.
+    #[error("the ego policy `command` needs its program; name it in the table [driver]")]
+    NoProgram,
 }
 
 impl FromStr for Policy {
@@ -43,15 +48,16 @@ impl FromStr for Policy {
             "idm-lights" => Ok(Policy::IdmMindingLights),
             "replay" => Ok(Policy::Replay),
             "learned" => Err(PolicyError::NoWeights),
+            "command" => Err(PolicyError::NoProgram),
             other => Err(PolicyError::Unknown(other.to_string())),
         }
     }
 }
 
 impl Policy {
-    /// The policy `learned` with weights in the format of [`super::network`].
-    pub fn learned(weights: &[u8]) -> Result<Policy, NetworkError> {
-        Network::from_bytes(weights, OBSERVATION, ACTION).map(Policy::Learned)
+    /// The policy `learned` with the bytes of a file of weights.
+    pub fn learned(bytes: &[u8]) -> Result<Policy, WeightsError> {
+        Weights::from_bytes(bytes).map(Policy::Learned)
     }
 
     /// The name in experiment files and keys.
@@ -61,25 +67,28 @@ impl Policy {
             Policy::IdmMindingLights => "idm-lights",
             Policy::Replay => "replay",
             Policy::Learned(_) => "learned",
+            Policy::Command(_) => "command",
         }
     }
 
-    /// What goes into a rollout's key: the policy's name and, where it has them, its weights.
+    /// What goes into a rollout's key: the policy's name and, where it has them, its weights or its program.
     pub fn digest(&self) -> Digest {
         let weights = match self {
-            Policy::Learned(network) => network.digest().to_hex(),
+            Policy::Learned(weights) => weights.digest.to_hex(),
+            Policy::Command(digest) => digest.to_hex(),
             _ => String::new(),
         };
         Digest::of_bytes(format!("evodrive/ego/1 {} {weights}", self.name()).as_bytes())
     }
 
-    /// A driver, ready for a rollout.
+    /// A driver, ready for a rollout. For a program of the experimenter's own IDM stands in: searches ask thousands of times
+    /// what the ego would do. No label comes from it, because a backend refuses that ego without its program.
     pub fn driver(&self) -> Box<dyn Driver> {
         match self {
-            Policy::Idm => Box::new(IdmDriver::new(false)),
+            Policy::Idm | Policy::Command(_) => Box::new(IdmDriver::new(false)),
             Policy::IdmMindingLights => Box::new(IdmDriver::new(true)),
             Policy::Replay => Box::new(ReplayDriver),
-            Policy::Learned(network) => Box::new(LearnedDriver::new(network.clone())),
+            Policy::Learned(weights) => Box::new(LearnedDriver::new(weights.setting, weights.actor.clone())),
         }
     }
 }

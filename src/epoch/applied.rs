@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::labels::record;
 use super::play::{Traced, traced};
 use super::rollouts::record_digest;
-use super::{RunError, study::SceneEntry};
+use super::{RunError, situations, study::SceneEntry};
 use crate::backend::{Backend, NoOutcome};
 use crate::compiler::{Prepared, Situation};
 use crate::ego::Policy;
@@ -15,7 +15,7 @@ use crate::evaluation::{
 };
 use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::{Counsel, Program, Score, benchmark::SafebenchRun};
-use crate::sim::{SimulatorOptions, rollout_assessed};
+use crate::sim::SimulatorOptions;
 use crate::stage::Source;
 
 /// Under which conditions programs of one family are played.
@@ -26,6 +26,8 @@ pub struct Applied<'a> {
     pub ego: &'a Policy,
     pub seed: Seed,
     pub simulator: &'a SimulatorOptions,
+    /// Who simulates: our own simulator, with a planner where the ego is one.
+    pub backend: Backend<'a>,
     pub evaluation: &'a EvaluationOptions,
     /// Scene digest -> who is advised to attack there. In other scenes a program stands alone.
     pub counsels: &'a BTreeMap<Digest, Counsel>,
@@ -74,11 +76,16 @@ impl Applied<'_> {
     pub fn trace(&self, program: &Program, entry: &SceneEntry) -> Result<Traced, String> {
         let prepared = Prepared::new(program, self.source).map_err(|failure| failure.to_string())?;
         let drawn = (self.seed, self.counsel(entry));
-        traced(&Backend::Own, &prepared, &self.situation(entry)?, drawn, (entry, self.ego))
+        traced(&self.backend, &prepared, &self.situation(entry)?, drawn, (entry, self.ego))
     }
 
     fn situation(&self, entry: &SceneEntry) -> Result<Situation, String> {
-        Situation::under(entry.prepared.clone(), self.ego, self.simulator).map_err(|error| error.to_string())
+        if matches!(self.backend, Backend::Own) {
+            let own = Situation::under(entry.prepared.clone(), self.ego, self.simulator);
+            return own.map_err(|error| error.to_string());
+        }
+        let around = situations::around(&entry.prepared, self.simulator, (self.ego, self.seed), &self.backend);
+        around.map_err(NoOutcome::reason)
     }
 
     fn counsel(&self, entry: &SceneEntry) -> Option<&Counsel> {
@@ -94,8 +101,10 @@ impl Applied<'_> {
         let one = |prepared: &Prepared<'_>| {
             let compiled = prepared.compile_counselled(&situation, self.seed, self.counsel(entry));
             let compiled = compiled.map_err(|failure| failure.to_string())?;
-            let outcome = rollout_assessed(&situation.plant, &compiled.intervention, self.ego.driver().as_mut())
-                .map_err(|error| error.to_string())?;
+            let outcome = self
+                .backend
+                .rollout(&situation.plant, &compiled.intervention, self.ego, self.seed)
+                .map_err(NoOutcome::reason)?;
             record(entry, self.ego, prepared, situation.ego_meets, &compiled.decision, outcome)
         };
         programs.iter().map(one).collect()

@@ -16,7 +16,7 @@ use crate::agents::{self, AgentError, counsel::Case};
 use crate::backend::NoOutcome;
 use crate::compiler::{Decision, Prepared, Situation};
 use crate::evaluation::{EvaluationError, RolloutCache};
-use crate::kernel::Pose;
+use crate::kernel::{Digest, Pose};
 use crate::llm::ModelSpec;
 use crate::objects::{
     Counsel, Counselled, Program, Role,
@@ -94,7 +94,7 @@ impl Rehearsal<'_> {
             Err(NoOutcome::Scene(_)) => None,
             Err(NoOutcome::Stop(error)) => return Err(EvaluationError::from(error).into()),
         };
-        let vehicles = situation.as_deref().map(|situation| self.vehicles(situation)).transpose()?;
+        let vehicles = situation.as_deref().map(|situation| self.vehicles(place, situation)).transpose()?;
         let attackers_max = (self.asks.attackers_max)(self.parent);
         let case = Case {
             lineage: &self.spec.id,
@@ -123,9 +123,14 @@ impl Rehearsal<'_> {
         })
     }
 
-    fn vehicles(&self, situation: &Situation) -> Result<Vec<Vehicle>, RunError> {
-        let stage = Stage { situation, seed: self.study.seed, counsel: None };
-        let shown = (self.asks.vehicles)(&stage, self.parent, self.options.vehicles);
+    /// Lineages that differ in their draws alone are shown the same vehicles.
+    fn vehicles(&self, place: usize, situation: &Situation) -> Result<Vec<Vehicle>, RunError> {
+        let key = (place as u64, self.spec.ego.digest(), self.parent.hash()?, self.options.vehicles as u64);
+        let rank = || {
+            let stage = Stage { situation, seed: self.study.seed, counsel: None };
+            (self.asks.vehicles)(&stage, self.parent, self.options.vehicles).map_err(|error| error.to_string())
+        };
+        let shown = self.tools.counselled.of(Digest::of("evodrive/counsel-vehicles/1", &key)?, rank);
         shown.map_err(|error| unfit(self.spec, &error))
     }
 

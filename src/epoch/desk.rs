@@ -4,16 +4,21 @@
 use std::sync::Arc;
 
 use super::{
-    cost::Meter, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study, wanted::Wanted,
+    cost::Meter, made::Made, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study,
+    wanted::Wanted,
 };
 use crate::backend::Backend;
-use crate::compiler::{Compiled, Searched};
+use crate::compiler::Searched;
 use crate::kernel::{Digest, Kept, Threads};
 use crate::llm::Ask;
+use crate::objects::counsel::Vehicle;
 use crate::store::Transcript;
 
 /// Most compilations that are kept: some epochs' worth of what probe scenes and windows share, about 10 kB each.
 const COMPILED_MAX: usize = 8192;
+
+/// Most scenes whose vehicles are kept.
+const COUNSELLED_MAX: usize = 4096;
 
 /// Most bytes of searches that are kept: a lineage's window several times over.
 const SEARCHED_BYTES_MAX: usize = 192 << 20;
@@ -41,7 +46,9 @@ pub struct Tools<'a> {
     pub(super) wanted: Option<&'a Wanted>,
     pub(super) situations: Situations,
     /// What programs were compiled to, or why not, by all that decides there.
-    pub(super) compiled: Kept<Digest, Result<Arc<Compiled>, String>>,
+    pub(super) compiled: Kept<Digest, Result<Arc<Made>, String>>,
+    /// The vehicles that were ranked for a scene's counsel, or why none could be.
+    pub(super) counselled: Kept<Digest, Result<Vec<Vehicle>, String>>,
     /// What their motion and search nodes came to.
     pub(super) searched: Searched,
 }
@@ -55,8 +62,9 @@ impl<'a> Tools<'a> {
         meter: Meter<'a>,
     ) -> Tools<'a> {
         let (situations, compiled) = (Situations::of(study), Kept::new(COMPILED_MAX));
-        let searched = Searched::new(SEARCHED_BYTES_MAX);
-        Tools { ask, threads, rollouts, meter, backend: Backend::Own, wanted: None, situations, compiled, searched }
+        let (counselled, searched) = (Kept::new(COUNSELLED_MAX), Searched::new(SEARCHED_BYTES_MAX));
+        let (backend, wanted) = (Backend::Own, None);
+        Tools { ask, threads, rollouts, meter, backend, wanted, situations, compiled, counselled, searched }
     }
 
     /// The same with rollouts from a backend.

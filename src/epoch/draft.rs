@@ -1,10 +1,20 @@
 //! A proposal on its way: how far it came. Each step of the epoch takes a draft and hands it on.
 
-use super::RunError;
+use super::{RunError, in_effect::InScene};
+use crate::candidates::{Admission, Trials};
 use crate::objects::{
     Candidate, Exit, GateReport, ProbePair, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldRow,
 };
 use crate::world::Prediction;
+
+/// What the gates say of a patch, and what they learned of its child on the way.
+pub struct Verdict {
+    pub admission: Admission,
+    /// What came of compiling it on probe scenes.
+    pub trials: Trials,
+    /// It in each scene of the window; empty where it keeps its contract not so far that this could be told.
+    pub in_effect: Vec<InScene>,
+}
 
 /// What is known of a proposal from its first step on.
 pub struct Head {
@@ -22,13 +32,37 @@ pub struct Draft {
 
 /// How far a proposal came. The first three of the four exits can be reached before any rollout.
 pub enum Reached {
-    Declined { reason: String },
-    Proposed { patch: Box<ProgramPatch> },
-    Invalid { gates: GateReport },
-    Admitted { gates: GateReport, candidate: Box<Candidate>, patch: Box<ProgramPatch>, probes: Vec<ProbePair> },
-    Predicted { gates: GateReport, predicted: Box<Predicted> },
-    Routed { gates: GateReport, routed: Box<RoutedCandidate> },
-    Evaluated { gates: GateReport, routed: Box<RoutedCandidate>, score: Score },
+    Declined {
+        reason: String,
+    },
+    /// With what the gates said of the patch, where they were asked already.
+    Proposed {
+        patch: Box<ProgramPatch>,
+        verdict: Option<Box<Verdict>>,
+    },
+    Invalid {
+        gates: GateReport,
+    },
+    Admitted {
+        gates: GateReport,
+        candidate: Box<Candidate>,
+        patch: Box<ProgramPatch>,
+        probes: Vec<ProbePair>,
+        in_effect: Vec<InScene>,
+    },
+    Predicted {
+        gates: GateReport,
+        predicted: Box<Predicted>,
+    },
+    Routed {
+        gates: GateReport,
+        routed: Box<RoutedCandidate>,
+    },
+    Evaluated {
+        gates: GateReport,
+        routed: Box<RoutedCandidate>,
+        score: Score,
+    },
 }
 
 /// An admitted candidate with what the world evaluator expects of it.

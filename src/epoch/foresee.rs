@@ -11,6 +11,7 @@ use super::{
     RunError,
     counsels::Counsels,
     desk::Tools,
+    in_effect::in_effect,
     labels::Labelling,
     probes::probes,
     study::{LineageSpec, Study},
@@ -120,7 +121,11 @@ impl Ahead<'_> {
         }
         let found: Mutex<Tried> = Mutex::default();
         let tried = |program: &Program, hash: Digest| {
-            let probes = probes(study, spec, &window, program, parent)?;
+            let own = in_effect(study, spec, program, &window)?;
+            let before = in_effect(study, spec, parent, &window)?;
+            let own = own.as_ref().ok().filter(|_| before.is_ok());
+            let before = before.unwrap_or_default();
+            let probes = probes(&window, study.budget.probe_scenes, (program, own), (parent, &before));
             labelling.trials(&probes, (program, hash), (parent, parent_hash))
         };
         let compiles = |program: &Program, hash: Digest| {

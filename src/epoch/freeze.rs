@@ -9,7 +9,7 @@ use super::{
     desk::Tools,
     handbook::handbook,
     history,
-    in_effect::in_effect,
+    in_effect::{InScene, in_effect},
     labels::Labelling,
     standings::Standings,
     state::State,
@@ -54,8 +54,8 @@ pub struct Parent {
     pub score: Score,
     /// The same in sums.
     pub outcome: ParentOutcome,
-    /// All of it that decides in each scene of the window.
-    pub in_effect: Vec<Digest>,
+    /// It in each scene of the window.
+    pub in_effect: Vec<InScene>,
     /// Written out once for all slots and roles.
     pub briefing: Briefing,
     /// Ids of the cards that its briefing shows.
@@ -181,7 +181,8 @@ impl Freezing<'_> {
         };
         let briefing = Briefing::of(&context).map_err(AgentError::from)?;
         let memory_shown = memory.iter().map(|card| card.id.0.clone()).collect();
-        let in_effect = in_effect(study, spec, &program, &study.window(epoch))?;
+        let unfit = |failure| RunError::Study(format!("{}: {failure}", program.solution_id));
+        let in_effect = in_effect(study, spec, &program, &study.window(epoch))?.map_err(unfit)?;
         Ok(Parent { program, hash, score, outcome, in_effect, briefing, memory_shown })
     }
 

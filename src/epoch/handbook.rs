@@ -51,6 +51,7 @@ fn metadrive(options: &MetadriveOptions) -> Protocol {
     Protocol::Metadrive {
         counts: names(&options.attack.counts),
         counts_if_avoidable: names(&options.attack.counts_if_avoidable),
+        when: options.attack.when.as_ref().map(|when| when.text().to_string()),
         diagnostics: options.realism.weights().into_iter().map(diagnostic).collect(),
     }
 }

@@ -1,23 +1,44 @@
-//! In which scenes two programs are known to do the same.
+//! What of a program takes effect in the scenes of a window: where two programs are known to do the same, and which rules hold.
 
 use super::{
     RunError,
     study::{LineageSpec, Study},
 };
 use crate::compiler::{CompileFailure, Prepared};
-use crate::kernel::Digest;
+use crate::kernel::{Digest, canon::CanonError};
 use crate::objects::Program;
 use crate::stage::scene_values;
 
-/// All of a program that decides in each scene: two that are alike there compile to the same, bit for bit, and have one label.
+/// A program in one scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InScene {
+    /// Of all of it that decides there: two programs that are alike here compile to the same, bit for bit, and have one label.
+    pub digest: Digest,
+    /// Places of the rules that hold.
+    pub rules: Vec<usize>,
+    /// Whether its select gate opens the scene.
+    pub opens: bool,
+}
+
+impl InScene {
+    /// In a scene with these values of `vocabulary::SCENE`.
+    pub fn of(prepared: &Prepared<'_>, scene_values: &[f64]) -> Result<InScene, CanonError> {
+        let (rules, opens) = (prepared.rules(scene_values), prepared.opens(scene_values));
+        Ok(InScene { digest: prepared.in_effect(scene_values)?, rules, opens })
+    }
+}
+
+/// A program in each scene of a window, in its order. The first error says that the program does not keep its contract.
 pub fn in_effect(
     study: &Study,
     spec: &LineageSpec,
     program: &Program,
-    places: &[usize],
-) -> Result<Vec<Digest>, RunError> {
-    let unfit = |error: CompileFailure| RunError::Study(format!("{}: {error}", program.solution_id));
-    let prepared = Prepared::new(program, study.source(spec)?).map_err(unfit)?;
-    let of = |&place: &usize| Ok(prepared.in_effect(&scene_values(study.scenes[place].features()))?);
-    places.iter().map(of).collect()
+    window: &[usize],
+) -> Result<Result<Vec<InScene>, CompileFailure>, RunError> {
+    let prepared = match Prepared::new(program, study.source(spec)?) {
+        Ok(prepared) => prepared,
+        Err(failure) => return Ok(Err(failure)),
+    };
+    let of = |&place: &usize| Ok(InScene::of(&prepared, &scene_values(study.scenes[place].features()))?);
+    window.iter().map(of).collect::<Result<_, RunError>>().map(Ok)
 }

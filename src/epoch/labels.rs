@@ -1,13 +1,13 @@
 //! Labels of a program on scenes of the study, from the store where they are recorded, from the simulator where not.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use super::{
     RunError,
     counsels::Counsels,
     desk::Tools,
-    probe::probe,
+    made::{Lazy, Made},
     rollouts::TrialRecord,
     standings::Standing,
     study::{LineageSpec, SceneEntry, Study},
@@ -15,13 +15,13 @@ use super::{
 };
 use crate::backend::{Backend, NoOutcome};
 use crate::candidates::Trials;
-use crate::compiler::{CompileFailure, Compiled, Decision, Prepared, Searched};
+use crate::compiler::{Decision, Prepared};
 use crate::ego::Policy;
 use crate::evaluation::{EvaluationError, RolloutRecord, SceneRef, Subject, Written, evaluate, label_one, request_key};
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::objects::{Counsel, Probe, ProbePair, Program, Score};
 use crate::sim::{ActorRef, Intervention, Outcome, Plant};
-use crate::stage::{Situation, Source};
+use crate::stage::Situation;
 use crate::store::MemoKind;
 
 /// Scenes on which every child is tried, as far as there are probe scenes.
@@ -138,22 +138,25 @@ impl Labelling<'_> {
             return Err(RunError::Wanting);
         }
         let mut trials = Trials::default();
-        let (mut children, mut parents) = (Lazy::new(child), Lazy::new(parent));
-        for (tried, &place) in probes.iter().enumerate() {
-            if tried >= TRIED_MIN && trials.differing > 0 {
+        let (children, parents) = (Lazy::new(child), Lazy::new(parent));
+        let pair = |place: usize| -> Result<Result<ProbePair, Option<String>>, RunError> {
+            let own = self.trial(place, &children, hash)?;
+            let (Some(_), None) = (own.intervention, &own.failure) else { return Ok(Err(own.failure.clone())) };
+            let before = self.trial(place, &parents, parent_hash)?;
+            let told = |trial: &TrialRecord| trial.probe.unwrap_or(Probe::NOTHING);
+            let same = before.intervention == own.intervention;
+            Ok(Ok(ProbePair { child: told(&own), parent: told(&before), same }))
+        };
+        // The first ones are tried in any case: at the end of an epoch's slots they keep an idle thread at work.
+        let (first, rest) = probes.split_at(probes.len().min(TRIED_MIN));
+        for tried in self.tools.threads.map(first, |_, &place| pair(place)) {
+            note(&mut trials, tried?);
+        }
+        for &place in rest {
+            if trials.differing > 0 {
                 break;
             }
-            let own = self.trial(place, &mut children, hash)?;
-            let (Some(_), None) = (own.intervention, &own.failure) else {
-                trials.problems.extend(own.failure.clone());
-                continue;
-            };
-            let before = self.trial(place, &mut parents, parent_hash)?;
-            let same = before.intervention == own.intervention;
-            trials.compared += 1;
-            trials.differing += usize::from(!same);
-            let told = |trial: &TrialRecord| trial.probe.unwrap_or(Probe::NOTHING);
-            trials.probes.push(ProbePair { child: told(&own), parent: told(&before), same });
+            note(&mut trials, pair(place)?);
         }
         Ok(trials)
     }
@@ -215,10 +218,10 @@ impl Labelling<'_> {
 
     /// A trial, from its record or made now.
     pub fn tried(&self, place: usize, (program, hash): (&Program, Digest)) -> Result<Arc<TrialRecord>, RunError> {
-        self.trial(place, &mut Lazy::new(program), hash)
+        self.trial(place, &Lazy::new(program), hash)
     }
 
-    fn trial<'p>(&'p self, place: usize, program: &mut Lazy<'p>, hash: Digest) -> Result<Arc<TrialRecord>, RunError> {
+    fn trial<'p>(&'p self, place: usize, program: &Lazy<'p>, hash: Digest) -> Result<Arc<TrialRecord>, RunError> {
         let Labelling { study, spec, counsels, tools } = *self;
         let entry = &study.scenes[place];
         let counsel = counsels.at(study, spec, place)?;
@@ -230,9 +233,9 @@ impl Labelling<'_> {
             Err(failure) => (None, None, Some(failure.to_string())),
             Ok(prepared) => match tools.situations.at(place, &spec.ego, &tools.backend) {
                 Ok(situation) => match self.compiled(prepared, place, &situation, counsel)? {
-                    Ok(compiled) => {
-                        let intervention = Digest::of("evodrive/intervention/1", &compiled.intervention)?;
-                        (Some(intervention), Some(probe(&situation, &compiled.intervention)), None)
+                    Ok(made) => {
+                        let (intervention, probe) = made.told(&situation)?;
+                        (Some(intervention), Some(probe), None)
                     }
                     Err(failure) => (None, None, Some(failure)),
                 },
@@ -257,13 +260,14 @@ impl Labelling<'_> {
         place: usize,
         situation: &Situation,
         counsel: Option<&Counsel>,
-    ) -> Result<Result<Arc<Compiled>, String>, CanonError> {
+    ) -> Result<Result<Arc<Made>, String>, CanonError> {
         let Labelling { study, spec, tools, .. } = *self;
         let (in_effect, ego) = (prepared.in_effect(&situation.scene_values)?, spec.ego.digest());
         let key = (in_effect, place as u64, ego, counsel.map(Counsel::digest).transpose()?);
         let compile = || {
             let compile = || prepared.compile_counselled(situation, study.seed, counsel);
-            tools.meter.compile(&spec.id, compile).map(Arc::new).map_err(|failure| failure.to_string())
+            let compiled = tools.meter.compile(&spec.id, compile);
+            compiled.map(|compiled| Arc::new(Made::of(compiled))).map_err(|failure| failure.to_string())
         };
         Ok(tools.compiled.of(Digest::of("evodrive/compiled/1", &key)?, compile))
     }
@@ -277,7 +281,8 @@ impl Labelling<'_> {
     ) -> Result<RolloutRecord, NoOutcome> {
         let Labelling { study, spec, tools, .. } = *self;
         let situation = tools.situations.at(place, &spec.ego, &tools.backend)?;
-        let compiled = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
+        let made = self.compiled(prepared, place, &situation, counsel).map_err(|error| error.to_string())??;
+        let compiled = &made.compiled;
         let run = || tools.backend.rollout(&situation.plant, &compiled.intervention, &spec.ego, study.seed);
         let outcome: Outcome = tools.meter.rollout(&spec.id, run)?;
         let anyway = meets_anyway(&tools.backend, &situation, &spec.ego, study.seed)?;
@@ -285,16 +290,26 @@ impl Labelling<'_> {
     }
 }
 
+/// Adds what came of a child in one probe scene: it beside its parent, or why it cannot be lowered.
+fn note(trials: &mut Trials, tried: Result<ProbePair, Option<String>>) {
+    match tried {
+        Ok(pair) => {
+            trials.compared += 1;
+            trials.differing += usize::from(!pair.same);
+            trials.probes.push(pair);
+        }
+        Err(failure) => trials.problems.extend(failure),
+    }
+}
+
 /// A program's labels on some scenes, as evaluation asks for them.
 struct Asked<'a> {
     labelling: &'a Labelling<'a>,
-    program: &'a Program,
+    program: Lazy<'a>,
     places: &'a [usize],
     counsels: Vec<Option<&'a Counsel>>,
     subject: Subject<'a>,
     scenes: Vec<SceneRef<'a>>,
-    /// Nothing is prepared where every rollout is on record.
-    prepared: OnceLock<Result<Prepared<'a>, CompileFailure>>,
 }
 
 impl<'a> Asked<'a> {
@@ -312,7 +327,7 @@ impl<'a> Asked<'a> {
         };
         let scenes = places.iter().zip(&counsels).map(scene).collect::<Result<_, _>>()?;
         let subject = Subject { program: hash, ego: &spec.ego, simulator: study.rules()?, seed: study.seed };
-        Ok(Asked { labelling, program, places, counsels, subject, scenes, prepared: OnceLock::new() })
+        Ok(Asked { labelling, program: Lazy::new(program), places, counsels, subject, scenes })
     }
 
     /// The label of scene number `i`, compiled and rolled out now; in a plan why there is none.
@@ -323,29 +338,9 @@ impl<'a> Asked<'a> {
             return Err(NoOutcome::Scene(self.labelling.known_reason(self.subject.program, place, counsel)?));
         }
         let source = study.source(spec).map_err(|error| error.to_string())?;
-        let prepare = || Prepared::new(self.program, source).map(|prepared| prepared.sharing(&tools.searched));
-        match self.prepared.get_or_init(prepare) {
+        match self.program.prepared(source, &tools.searched) {
             Ok(prepared) => self.labelling.rollout(prepared, place, counsel),
             Err(failure) => Err(NoOutcome::Scene(failure.to_string())),
-        }
-    }
-}
-
-/// A program that is prepared when it is first needed.
-struct Lazy<'p> {
-    program: &'p Program,
-    prepared: Option<Prepared<'p>>,
-}
-
-impl<'p> Lazy<'p> {
-    fn new(program: &'p Program) -> Lazy<'p> {
-        Lazy { program, prepared: None }
-    }
-
-    fn prepared(&mut self, source: &'p Source, searched: &'p Searched) -> Result<&Prepared<'p>, CompileFailure> {
-        match self.prepared {
-            Some(ref prepared) => Ok(prepared),
-            None => Ok(self.prepared.insert(Prepared::new(self.program, source)?.sharing(searched))),
         }
     }
 }

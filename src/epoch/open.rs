@@ -48,13 +48,14 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
 pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunError> {
     let families: Vec<FamilyName> = study.lineages.iter().map(|spec| spec.family.clone()).collect();
     let calibration = CalibrationSet::default();
-    let snapshot = world::settle(&world::schema(&families), &study.world, &calibration, 0)?;
+    let snapshot = world::settle(&world::schema(&families), &study.world, &calibration, 0, desk.tools.threads)?;
     let mut state = State {
         archives: BTreeMap::new(),
         lineages: LineageStore::default(),
         memory: Memory::default(),
         calibration,
         world: snapshot,
+        evolved: Vec::new(),
         counsels: Counsels::default(),
         attempts: Vec::new(),
         changes: BTreeMap::new(),

@@ -3,38 +3,29 @@
 
 use std::collections::BTreeSet;
 
-use super::{
-    RunError,
-    study::{LineageSpec, Study},
-};
-use crate::compiler::Prepared;
+use super::in_effect::InScene;
 use crate::objects::Program;
-use crate::stage::scene_values;
 
 /// At most `probe_scenes` places of the window. A child that cannot be prepared gets the first ones: the gates say why.
 pub fn probes(
-    study: &Study,
-    spec: &LineageSpec,
     window: &[usize],
-    child: &Program,
-    parent: &Program,
-) -> Result<Vec<usize>, RunError> {
-    let source = study.source(spec)?;
-    let wanted = study.budget.probe_scenes.min(window.len());
-    let (Ok(new), Ok(old)) = (Prepared::new(child, source), Prepared::new(parent, source)) else {
-        return Ok(window[..wanted].to_vec());
-    };
+    probe_scenes: usize,
+    (child, own): (&Program, Option<&Vec<InScene>>),
+    (parent, before): (&Program, &[InScene]),
+) -> Vec<usize> {
+    let wanted = probe_scenes.min(window.len());
+    let Some(own) = own else { return window[..wanted].to_vec() };
     let rules = edited_rules(child, parent);
-    let touched = |place: usize| touched(&new, &old, &rules, &scene_values(study.scenes[place].features()));
-    Ok(drawn(window, wanted, touched))
+    drawn(window, wanted, |at| touched(&own[at], &before[at], &rules))
 }
 
-/// The scenes in which an edited thing is met first, then the first of the others, in the window's order.
+/// The scenes in which an edited thing is met first, then the first of the others, in the window's order. `touched` is asked by place in
+/// the window.
 fn drawn(window: &[usize], wanted: usize, touched: impl Fn(usize) -> BTreeSet<Touch>) -> Vec<usize> {
     let mut found: BTreeSet<Touch> = BTreeSet::new();
     let mut chosen: Vec<usize> = Vec::with_capacity(wanted);
-    for &place in window {
-        let touched = touched(place);
+    for (at, &place) in window.iter().enumerate() {
+        let touched = touched(at);
         if chosen.len() < wanted && !touched.is_subset(&found) {
             found.extend(touched);
             chosen.push(place);
@@ -68,29 +59,25 @@ fn edited_rules(child: &Program, parent: &Program) -> (Vec<usize>, Vec<usize>) {
     (strange(child, parent), strange(parent, child))
 }
 
-fn touched(
-    new: &Prepared<'_>,
-    old: &Prepared<'_>,
-    (added, removed): &(Vec<usize>, Vec<usize>),
-    scene_values: &[f64],
-) -> BTreeSet<Touch> {
-    let hold = |of: &Prepared<'_>, edited: &[usize]| {
-        of.rules(scene_values).into_iter().filter(|rule| edited.contains(rule)).collect::<Vec<usize>>()
+fn touched(new: &InScene, old: &InScene, (added, removed): &(Vec<usize>, Vec<usize>)) -> BTreeSet<Touch> {
+    let hold = |of: &InScene, edited: &[usize]| {
+        of.rules.iter().copied().filter(|rule| edited.contains(rule)).collect::<Vec<usize>>()
     };
     let rules = hold(new, added).into_iter().map(Touch::New);
     let gone = hold(old, removed).into_iter().map(Touch::Old);
-    let (opens, opened) = (new.opens(scene_values), old.opens(scene_values));
-    let gate = (opens != opened).then_some(Touch::Gate);
-    rules.chain(gone).chain(gate).chain(opens.then_some(Touch::Open)).collect()
+    let gate = (new.opens != old.opens).then_some(Touch::Gate);
+    rules.chain(gone).chain(gate).chain(new.opens.then_some(Touch::Open)).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compiler::Prepared;
     use crate::families::sources;
     use crate::objects::{FamilyName, ParameterValue, PolicyRule};
     use crate::scene::fixture::two_lane_scene;
     use crate::scene::{LaneGraph, SceneFeatures};
+    use crate::stage::scene_values;
     use std::collections::BTreeMap;
 
     fn rule(name: &str, when: &str) -> PolicyRule {
@@ -115,11 +102,14 @@ mod tests {
         let (new, old) = (Prepared::new(&child, &source).unwrap(), Prepared::new(&parent, &source).unwrap());
         let rules = edited_rules(&child, &parent);
         assert_eq!(rules, (vec![1], vec![1]));
-        let scenes: Vec<Vec<f64>> = (1..=9).map(values_of).collect();
+        let in_scenes = |of: &Prepared<'_>| -> Vec<InScene> {
+            (1..=9).map(|vehicles| InScene::of(of, &values_of(vehicles)).unwrap()).collect()
+        };
+        let (new, old) = (in_scenes(&new), in_scenes(&old));
         let window: Vec<usize> = (0..9).collect();
-        let found = drawn(&window, 3, |place| touched(&new, &old, &rules, &scenes[place]));
+        let found = drawn(&window, 3, |at| touched(&new[at], &old[at], &rules));
         assert_eq!(found, [0, 7, 8], "the first scene, the one of the rule that is gone, the one of the new rule");
-        let nothing_edited = drawn(&window, 3, |place| touched(&old, &old, &(vec![], vec![]), &scenes[place]));
+        let nothing_edited = drawn(&window, 3, |at| touched(&old[at], &old[at], &(vec![], vec![])));
         assert_eq!(nothing_edited, [0, 1, 2]);
     }
 }

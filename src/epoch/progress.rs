@@ -9,6 +9,7 @@ pub enum Progress {
     Settled { epoch: u32, lineage: String, active: String, front: usize, hypervolume: f64 },
     Composed { template: String, used: bool },
     Counselled { lineage: String, scenes: usize, met: usize },
+    Evolved { turn: String, verdict: &'static str },
     HeldOut { lineage: String, programs: usize, scenes: usize },
 }
 

@@ -1,10 +1,12 @@
 //! A worker's first step: the actor and its critics are asked for one patch of the frozen parent.
 
+use std::cell::RefCell;
+
 use super::{
     RunError,
     admit::admission,
     desk::Tools,
-    draft::{Draft, Head, Reached},
+    draft::{Draft, Head, Reached, Verdict},
     freeze::Snapshot,
     study::Study,
     target::{Aims, target},
@@ -31,14 +33,22 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
         models: &study.models,
         max_repair_rounds: study.budget.max_repair_rounds,
     };
+    // What the gates said of the latest patch: the next step asks the same of the one that is left.
+    let latest: RefCell<Option<(ProgramPatch, Verdict)>> = RefCell::new(None);
     let check = |patch: &ProgramPatch| -> Result<Findings, RunError> {
-        let (admission, trials) = admission(study, snapshot, slot, patch, tools)?;
-        Ok(Findings { gates: admission.gates, compared: trials.compared, differing: trials.differing })
+        let verdict = admission(study, snapshot, slot, patch, tools)?;
+        let Verdict { admission, trials, .. } = &verdict;
+        let found = Findings { gates: admission.gates.clone(), compared: trials.compared, differing: trials.differing };
+        latest.replace(Some((patch.clone(), verdict)));
+        Ok(found)
     };
     let proposed = agents::propose(&task, &tools.meter.asking(tools.ask, &snapshot.spec.id), &check)?;
     let reached = match proposed.end {
         End::Declined { reason } => Reached::Declined { reason },
-        End::Patch(patch) => Reached::Proposed { patch: Box::new(patch) },
+        End::Patch(patch) => {
+            let verdict = latest.into_inner().filter(|(judged, _)| *judged == patch).map(|(_, verdict)| verdict);
+            Reached::Proposed { patch: Box::new(patch), verdict: verdict.map(Box::new) }
+        }
     };
     Ok(Draft { head: Head { slot, target: target.text, proposal: proposed.proposal }, reached })
 }

@@ -5,7 +5,7 @@ use super::{
     RunError,
     draft::{Draft, Predicted, Reached, RoutedCandidate},
     freeze::{Parent, Snapshot},
-    in_effect::in_effect,
+    in_effect::InScene,
     study::Study,
 };
 use crate::objects::{Candidate, ProbePair, ProgramPatch};
@@ -14,9 +14,10 @@ use crate::world::{CandidateView, Prediction, Router, SceneView, audit_stream, r
 /// A worker's last step: predicts an admitted candidate.
 pub fn predict(study: &Study, snapshot: &Snapshot<'_>, router: &Router<'_>, draft: Draft) -> Result<Draft, RunError> {
     draft.next(|slot, reached| match reached {
-        Reached::Admitted { gates, candidate, patch, probes } => {
+        Reached::Admitted { gates, candidate, patch, probes, in_effect } => {
             let parent = snapshot.parent_of(slot);
-            let predicted = Box::new(predicted(study, snapshot, router, parent, (*candidate, &patch, &probes))?);
+            let known = (patch.as_ref(), probes.as_slice(), in_effect.as_slice());
+            let predicted = Box::new(predicted(study, snapshot, router, parent, (*candidate, known))?);
             Ok(Reached::Predicted { gates, predicted })
         }
         ended => Ok(ended),
@@ -28,12 +29,11 @@ fn predicted(
     snapshot: &Snapshot<'_>,
     router: &Router<'_>,
     parent: &Parent,
-    (candidate, patch, probes): (Candidate, &ProgramPatch, &[ProbePair]),
+    (candidate, (patch, probes, child)): (Candidate, (&ProgramPatch, &[ProbePair], &[InScene])),
 ) -> Result<Predicted, RunError> {
-    let child = in_effect(study, snapshot.spec, &candidate.program, &snapshot.window)?;
     let scenes = snapshot.window.iter().zip(child.iter().zip(&parent.in_effect)).map(|(&place, (child, parent))| {
         let entry = &study.scenes[place];
-        let open = child != parent;
+        let open = child.digest != parent.digest;
         SceneView { id: &entry.scene().id, features: entry.features(), interaction: &entry.interaction, open }
     });
     let view = CandidateView {

@@ -7,6 +7,7 @@ use super::{
     consider::{Judged, consider, foretell},
     desk::Desk,
     evaluate::{evaluate, evaluate_ahead},
+    evolve::evolve,
     finale,
     freeze::freeze,
     open,
@@ -31,6 +32,8 @@ pub fn run(study: &Study, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
         for spec in &study.lineages {
             one_epoch(study, &mut state, epoch, spec, desk)?;
         }
+        // "W_{phi_{t+1}} <- WorldAgentUpdate(W_{phi_t}, E_{t+1})": one evaluator routes all lineages of an epoch.
+        evolve(study, &mut state, epoch, desk)?;
     }
     // "return P_T, L_T, Q_T and the evidence bundle".
     let result = finale::report(study, &mut state, desk)?;
@@ -84,9 +87,9 @@ fn one_epoch(
     for attempt in &judged.attempts {
         desk.log.append(kind::ATTEMPT, attempt)?;
     }
-    // "Update archive, lineage, and memory exactly once through the serial acceptor": UpdateLineage, CurateMemory,
-    // WorldAgentUpdate.
-    let settled = settle(study, state, &snapshot, judged)?;
+    // "Update archive, lineage, and memory exactly once through the serial acceptor": UpdateLineage, CurateMemory, and a refit of
+    // the world evaluator.
+    let settled = settle(study, state, &snapshot, judged, desk.tools.threads)?;
     desk.log.append(kind::SETTLED, &settled)?;
     desk.tools.meter.turn(&spec.id);
     (desk.watch)(Progress::settled(&settled));

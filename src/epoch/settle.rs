@@ -11,7 +11,7 @@ use super::{
     study::Study,
 };
 use crate::agents::Change;
-use crate::kernel::Digest;
+use crate::kernel::{Digest, Threads};
 use crate::lineage::Leader;
 use crate::memory::{CurationContext, curate, reflect};
 use crate::objects::{
@@ -21,7 +21,13 @@ use crate::objects::{
 use crate::world;
 
 /// Makes what was judged the state.
-pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged: Judged) -> Result<Settled, RunError> {
+pub fn settle(
+    study: &Study,
+    state: &mut State,
+    snapshot: &Snapshot<'_>,
+    judged: Judged,
+    threads: &Threads,
+) -> Result<Settled, RunError> {
     let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
     for attempt in &judged.attempts {
         state.lineages.attach(attempt)?;
@@ -42,7 +48,7 @@ pub fn settle(study: &Study, state: &mut State, snapshot: &Snapshot<'_>, judged:
     // All lineages of an epoch are routed by one snapshot, which rests on earlier epochs alone.
     if study.lineages.last().is_some_and(|last| last.id == *lineage) {
         let (schema, configuration) = (&state.world.schema, &state.world.configuration);
-        state.world = world::settle(schema, configuration, &state.calibration, epoch + 1)?;
+        state.world = world::settle(schema, configuration, &state.calibration, epoch + 1, threads)?;
     }
     state.archives.insert(lineage.clone(), judged.archive);
     let world = state.world.digest()?;

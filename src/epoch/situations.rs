@@ -58,24 +58,25 @@ impl Situations {
             return Ok(built.clone()?);
         }
         // A reason to stop is not kept: it is no property of the scene.
-        let built = match self.around(prepared, ego, backend) {
+        let built = match around(prepared, &self.simulator, (ego, self.seed), backend) {
             Ok(situation) => Ok(Arc::new(situation)),
             Err(NoOutcome::Scene(reason)) => Err(reason),
             Err(stop) => return Err(stop),
         };
         Ok(known.map_or_else(|| built.clone(), |kept| kept.get_or_init(|| built.clone()).clone())?)
     }
+}
 
-    fn around(
-        &self,
-        prepared: &Arc<PreparedScene>,
-        ego: &Policy,
-        backend: &Backend<'_>,
-    ) -> Result<Situation, NoOutcome> {
-        let plant = Plant::with_options(prepared.clone(), &self.simulator)?;
-        let drive = backend.traced(&plant, &Intervention::default(), ego, self.seed)?;
-        Ok(Situation::around(prepared.clone(), plant, ego, drive))
-    }
+/// A scene around the undisturbed drive of the ego of whoever simulates.
+pub fn around(
+    prepared: &Arc<PreparedScene>,
+    simulator: &SimulatorOptions,
+    (ego, seed): (&Policy, Seed),
+    backend: &Backend<'_>,
+) -> Result<Situation, NoOutcome> {
+    let plant = Plant::with_options(prepared.clone(), simulator)?;
+    let drive = backend.traced(&plant, &Intervention::default(), ego, seed)?;
+    Ok(Situation::around(prepared.clone(), plant, ego, drive))
 }
 
 #[cfg(test)]

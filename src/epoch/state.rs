@@ -9,7 +9,9 @@ use crate::archive::Archive;
 use crate::kernel::Digest;
 use crate::lineage::{AttemptRecord, LineageStore};
 use crate::memory::Memory;
-use crate::objects::{Attempt, AttemptId, Card, LineageId, SolutionId, WorldLabel, WorldSnapshot, event::Settled};
+use crate::objects::{
+    Attempt, AttemptId, Card, LineageId, SolutionId, WorldEvolved, WorldLabel, WorldSnapshot, event::Settled,
+};
 use crate::world::CalibrationSet;
 
 /// Archive, lineages, memory and world. An epoch changes it in `settle` alone; counsel is added before any program of its
@@ -21,6 +23,8 @@ pub struct State {
     pub memory: Memory,
     pub calibration: CalibrationSet,
     pub world: WorldSnapshot,
+    /// The world agent's turns so far, the lineage of the evaluator's snapshots. Each is an event of the transcript.
+    pub evolved: Vec<WorldEvolved>,
     /// What the attacker agent said so far. Its events are in the transcript, and its digests in rollouts' keys.
     pub counsels: Counsels,
     /// Every attempt so far, as sealed in the transcript.

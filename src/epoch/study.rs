@@ -17,7 +17,7 @@ use crate::objects::{Composed, FamilyName, LineageId, Origin, ParameterValue, Pr
 use crate::scene::{PreparedScene, Scene, SceneFeatures};
 use crate::sim::SimulatorOptions;
 use crate::stage::{Source, Sources};
-use crate::world::Interaction;
+use crate::world::{Interaction, WorldAgentOptions};
 
 /// The fixed side of a run: plain data, which nothing changes.
 pub struct Study {
@@ -49,7 +49,10 @@ pub struct Study {
     pub selector: SelectorOptions,
     pub memory: MemoryOptions,
     pub curation: CurationOptions,
+    /// The configuration with which the evaluator begins.
     pub world: WorldConfiguration,
+    /// How the world agent may change it; without it the configuration stays.
+    pub world_agent: Option<WorldAgentOptions>,
     /// What the template agent is asked for; without it parents are the published ones.
     pub composition: Option<CompositionOptions>,
     /// How the attacker agent is asked; needed where a lineage's family takes counsel.

@@ -37,7 +37,7 @@ fn experiment(promotion: PromotionRule, seeds: u32) -> Experiment {
     experiment.archive.level = 0.5;
     // Every contact counts, so that a few scenes hold attacks enough to compare programs by.
     if let EvaluationOptions::Metadrive(options) = &mut experiment.evaluation {
-        options.attack = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into() };
+        options.attack = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into(), when: None };
     }
     experiment.seeds = seeds;
     experiment

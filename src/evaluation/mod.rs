@@ -15,7 +15,7 @@ pub use evaluate::{EvaluationError, Labeller, SceneRef, Subject, evaluate, label
 pub use metrics::safebench::SafebenchOptions;
 pub use metrics::{
     AttackOptions, AttackOptionsError, Calibration, EvaluationOptions, Limit, Limits, MetadriveOptions, OptionsError,
-    ProtocolError, PublishedReadings, RealismOptions, Weights,
+    OutcomeFormula, ProtocolError, PublishedReadings, RealismOptions, Weights, outcome_fields,
 };
 pub use protocol::balanced::balanced;
 pub use protocol::rounds::{SceneArchive, Selecting, StagedRun, group_name, group_points};

@@ -14,7 +14,7 @@ pub fn scene_score(record: &RolloutRecord, request: Digest, stored: Digest, opti
     let (diagnostics, realism) = realism::realism(&record.outcome, &options.realism);
     SceneScore {
         scene: record.scene.clone(),
-        attack: if is_brought_about(record) { attack::attack(&record.outcome, &options.attack) } else { 0.0 },
+        attack: if may_count(record, options) { attack::attack(&record.outcome, &options.attack) } else { 0.0 },
         realism: if acted { realism } else { 1.0 },
         acted,
         contact: met(record),
@@ -56,6 +56,15 @@ pub fn staged_scene_score(
         record: stored,
     };
     Some((score, run))
+}
+
+/// Whether what happened can be the program's doing. An expression of the experiment's own may count what was no contact: then
+/// the program has to act in the scene.
+fn may_count(record: &RolloutRecord, options: &MetadriveOptions) -> bool {
+    match record.outcome.contact {
+        None if options.attack.when.is_some() => record.outcome.acted(),
+        _ => is_brought_about(record),
+    }
 }
 
 /// Whether the program brought about the ego's contact: the one whom the ego met moved otherwise than recorded, and the ego

@@ -3,13 +3,19 @@
 pub mod agreement;
 pub mod attempt_text;
 pub mod audit;
+pub mod cell;
 pub mod composition_text;
 pub mod counsel_text;
+pub mod data;
+pub mod differing;
 pub mod evaluator;
+pub mod impact;
 pub mod lineage_text;
 pub mod recorded_run;
 pub mod report;
 pub mod tables;
+pub mod why;
+pub mod world_text;
 
 pub use audit::{Finding, Gravity, audit};
 pub use recorded_run::{Reading, RecordedRun, RecordedRunError};

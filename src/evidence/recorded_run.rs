@@ -5,7 +5,7 @@ use serde::de::DeserializeOwned;
 use crate::kernel::Digest;
 use crate::objects::benchmark::ArchiveRound;
 use crate::objects::{
-    Attempt, Composed, Counselled, LineageId, SolutionId,
+    Attempt, Composed, Counselled, LineageId, SceneScore, Score, SolutionId, WorldEvolved,
     event::{Finalist, Frozen, HeldOut, Opened, ParentAdopted, RunResult, Settled, kind},
     program::Program,
     replay::Replayed,
@@ -33,6 +33,8 @@ pub struct RecordedRun {
     pub frozen: Vec<Frozen>,
     pub attempts: Vec<Attempt>,
     pub settled: Vec<Settled>,
+    /// Turns of the world evaluator; empty without a world agent.
+    pub evolved: Vec<WorldEvolved>,
     pub finalists: Vec<Finalist>,
     /// SafeBench's archive after every round; empty in other protocols.
     pub rounds: Vec<ArchiveRound>,
@@ -86,6 +88,7 @@ impl RecordedRun {
             frozen: Vec::new(),
             attempts: Vec::new(),
             settled: Vec::new(),
+            evolved: Vec::new(),
             finalists: Vec::new(),
             rounds: Vec::new(),
             held_out: Vec::new(),
@@ -104,6 +107,7 @@ impl RecordedRun {
             kind::FROZEN => self.frozen.push(body(event)?),
             kind::ATTEMPT => self.attempts.push(body(event)?),
             kind::SETTLED => self.settled.push(body(event)?),
+            kind::WORLD => self.evolved.push(body(event)?),
             kind::FINALIST => self.finalists.push(body(event)?),
             kind::ROUND => self.rounds.push(body(event)?),
             kind::HELD_OUT => self.held_out.push(body(event)?),
@@ -132,6 +136,11 @@ impl RecordedRun {
         self.counsels.iter().find(|counselled| counselled.name() == name)
     }
 
+    /// A turn of the world evaluator, named `world/e<epoch>`.
+    pub fn turn(&self, name: &str) -> Option<&WorldEvolved> {
+        self.evolved.iter().find(|turn| turn.name() == name)
+    }
+
     /// The program of a solution: a lineage's parent or the child of an attempt.
     pub fn program(&self, solution: &SolutionId) -> Option<&Program> {
         self.parents.iter().map(|p| &p.program).find(|p| p.solution_id == *solution).or_else(|| {
@@ -141,6 +150,24 @@ impl RecordedRun {
                 .map(|c| &c.program)
                 .find(|p| p.solution_id == *solution)
         })
+    }
+
+    /// Every recorded score with its lineage, its program and its suite (`evolution` or `held_out`).
+    pub fn scores(&self) -> impl Iterator<Item = (&LineageId, &SolutionId, &'static str, &Score)> {
+        let attempts = self.attempts.iter().filter_map(|attempt| {
+            let (candidate, score) = (attempt.exit.candidate()?, attempt.exit.score()?);
+            Some((&attempt.lineage, &candidate.program.solution_id, "evolution", score))
+        });
+        let frozen = self.frozen.iter().map(|f| (&f.lineage, &f.parent, "evolution", &f.parent_score));
+        let finalists = self.finalists.iter().map(|f| (&f.lineage, &f.solution, "evolution", &f.score));
+        let held_out = self.held_out.iter().map(|h| (&h.lineage, &h.solution, "held_out", &h.score));
+        attempts.chain(frozen).chain(finalists).chain(held_out)
+    }
+
+    /// The label of a program in a scene: a function of program, scene and ego, so it does not matter where it is met first.
+    pub fn label(&self, solution: &SolutionId, scene: &str) -> Option<&SceneScore> {
+        let own = self.scores().filter(|(_, of, ..)| *of == solution);
+        own.flat_map(|(.., score)| &score.scenes).find(|label| label.scene == scene)
     }
 
     /// The chain p0 → … → p of a solution, oldest first.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 use super::place::{Place, problem};
-use super::{ExperimentError, OptionError, calibration, check, parent_program};
+use super::{ExperimentError, OptionError, calibration, check, ego_weights, own_driver, parent_program, set};
 
 /// Files of one chain of bases.
 const CHAIN_MAX: usize = 8;
@@ -31,14 +31,28 @@ pub struct Composed {
 /// # Errors
 /// A file that cannot be read or is no TOML; a base that is unknown; a circle.
 pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
+    composed_under(path, &[])
+}
+
+/// The same with values of the command line above the file's.
+///
+/// # Errors
+/// Those of [`composed`], and an assignment that is none.
+pub fn composed_under(path: &Path, assignments: &[String]) -> Result<Composed, ExperimentError> {
     let mut seen: Vec<String> = Vec::new();
     let mut layers: Vec<(String, Table)> = Vec::new();
     let (mut own_text, mut inlined) = (None, false);
+    if !assignments.is_empty() {
+        let mut above = set::table(assignments)
+            .map_err(|error| ExperimentError::Option { file: path.display().to_string(), error })?;
+        inline(&mut above, &Place::of(path))?;
+        layers.push((set::SET.to_string(), above));
+    }
     // Where the next file is, and how one comes from the first file's folder to that file's folder.
     let mut next = Some((Place::of(path), PathBuf::new()));
     while let Some((place, folder)) = next.take() {
         let name = place.name();
-        if seen.contains(&name) || layers.len() == CHAIN_MAX {
+        if seen.contains(&name) || seen.len() == CHAIN_MAX {
             let chain = seen.join(" -> ");
             return Err(problem(
                 path,
@@ -54,8 +68,7 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
         })?;
         let base = table.remove("base");
         rebase(&mut table, &folder);
-        inlined |= calibration::inline(&mut table, &place)?;
-        inlined |= parent_program::inline(&mut table, &place)?;
+        inlined |= inline(&mut table, &place)?;
         if let Some(base) = base {
             let Value::String(base) = base else {
                 let error =
@@ -73,6 +86,15 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
         merge(&mut table, layer);
     }
     Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), inlined, layers })
+}
+
+/// Puts what a table names into the place of its name. Says whether it named something.
+fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError> {
+    let mut inlined = calibration::inline(table, place)?;
+    inlined |= parent_program::inline(table, place)?;
+    inlined |= ego_weights::inline(table, place)?;
+    inlined |= own_driver::inline(table, place)?;
+    Ok(inlined)
 }
 
 impl Composed {
@@ -106,6 +128,7 @@ fn rebase(table: &mut Table, folder: &Path) {
         return;
     }
     table.get_mut("cassette").into_iter().for_each(moved);
+    table.get_mut("driver").and_then(|driver| driver.get_mut("cassette")).into_iter().for_each(moved);
     let backend = table.get_mut("simulator").and_then(|simulator| simulator.get_mut("backend"));
     backend.and_then(|backend| backend.get_mut("cassette")).into_iter().for_each(moved);
     let Some(Value::Table(scenes)) = table.get_mut("scenes") else { return };

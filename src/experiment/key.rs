@@ -45,6 +45,8 @@ pub enum Range {
     Wholes(i64, i64),
     /// Two numbers from the first up to the second, which is not included.
     Pair(f64, f64),
+    /// A low and a high end from the first to the second, both included.
+    Ends(f64, f64),
     /// Any value: what it must be depends on others, which are checked afterwards.
     Any,
 }
@@ -94,6 +96,10 @@ impl Range {
             (Range::Wholes(least, most), toml::Value::Array(items)) => {
                 let fits = |item: &toml::Value| item.as_integer().is_some_and(|x| (*least..=*most).contains(&x));
                 !items.is_empty() && items.iter().all(fits)
+            }
+            (Range::Ends(least, most), toml::Value::Array(items)) => {
+                let ends: Vec<f64> = items.iter().filter_map(number).collect();
+                matches!(ends[..], [low, high] if items.len() == 2 && *least <= low && low <= high && high <= *most)
             }
             (Range::Pair(least, below), toml::Value::Array(items)) => {
                 items.len() == 2 && items.iter().all(|item| number(item).is_some_and(|x| *least <= x && x < *below))
@@ -161,6 +167,7 @@ impl std::fmt::Display for Range {
             Range::Texts { empty: false } => write!(f, "a list of one text or more"),
             Range::Wholes(least, most) => write!(f, "a list of whole numbers from {least} to {most}"),
             Range::Pair(least, below) => write!(f, "two numbers from {} up to but not including {}", least, below),
+            Range::Ends(least, most) => write!(f, "a low and a high end from {least} to {most}"),
             Range::Any => write!(f, "a value"),
         }
     }

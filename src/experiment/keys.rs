@@ -7,7 +7,7 @@ use crate::scene::safebench::TrafficFamily;
 use crate::sim::ContactClass;
 use crate::synth::WorldKind;
 use Need::{Always, Of, Optional, With, Without};
-use Range::{Above, Any, Name, Number, Pair, Subset, Text, Texts, Unshown, Whole, Wholes, Word, Words};
+use Range::{Above, Any, Ends, Name, Number, Pair, Subset, Text, Texts, Unshown, Whole, Wholes, Word, Words};
 
 const LIVE: &[&str] = &[OPENAI_COMPATIBLE, ANTHROPIC];
 /// The largest whole number that is an f64 and all those below it are too.
@@ -20,7 +20,7 @@ const WEIGHT: Range = Number(0.0, 1000.0);
 
 /// The list.
 pub fn keys() -> Vec<Key> {
-    [study(), scenes(), models(), simulator(), backend(), metadrive(), safebench(), acceptance(), world()]
+    [study(), scenes(), models(), simulator(), backend(), driver(), metadrive(), safebench(), acceptance(), world()]
         .into_iter()
         .flatten()
         .collect()
@@ -44,7 +44,7 @@ fn family_names() -> Vec<String> {
 
 /// The drivers that a file can name.
 fn ego_names() -> Vec<String> {
-    words(["idm", "idm-lights", "replay"])
+    words(["idm", "idm-lights", "replay", "learned", "command"])
 }
 
 fn study() -> Vec<Key> {
@@ -95,6 +95,13 @@ fn study() -> Vec<Key> {
                 "Share of the usable scenes that are not held out; this or `count`.",
             ),
             ("lineage[].parent.*", "", "", Any, "A parameter in which the lineage's parent differs from its family's."),
+            (
+                "lineage[].policy",
+                "",
+                "",
+                Any,
+                "For ego `learned`: { file, digest }, weights that `evodrive train` wrote, relative to the file that names them.",
+            ),
             (
                 "lineage[].parent_program",
                 "",
@@ -328,6 +335,7 @@ fn roles() -> Vec<Key> {
         vec![
             ("roles.attacker_agent", "", "", Text(200), "Names attackers, where a family takes counsel."),
             ("roles.template_agent", "", "", Text(200), "Composes templates, where [composition] asks for some."),
+            ("roles.world_agent", "", "", Text(200), "Changes the world evaluator, where [world_agent] says how."),
         ],
     ));
     keys
@@ -387,9 +395,60 @@ fn backend() -> Vec<Key> {
     table(|| Optional, vec![("simulator.backend", "", "", Any, meaning)])
 }
 
+/// A planner of the experimenter's own.
+fn driver() -> Vec<Key> {
+    let mut keys = table(
+        || With("driver"),
+        vec![
+            (
+                "driver.command",
+                "",
+                "",
+                Texts { empty: false },
+                "Program behind the ego `command`, and its arguments; started in the folder of the file (docs/EGOS.md).",
+            ),
+            (
+                "driver.files",
+                "",
+                "",
+                Texts { empty: false },
+                "Files whose bytes identify it, relative to the file: its code, its weights.",
+            ),
+            ("driver.cassette", "", "", Text(1000), "File of its recorded rollouts, relative to the file."),
+        ],
+    );
+    keys.extend(table(
+        || Optional,
+        vec![
+            ("driver.timeout_s", "", "s", Above(0.0, 3600.0), "Longest time for one decision; 10 without it."),
+            ("driver.processes", "", "", Whole(1, 64), "Processes at once, at most; 8 without it."),
+            (
+                "driver.repeat_share",
+                "",
+                "",
+                SHARE,
+                "Share of the rollouts that are played twice and compared when they are recorded; 0.05 without it.",
+            ),
+            ("driver.digest", "", "", Text(64), "Identity of the program; needed where its files are not at hand."),
+            ("driver.folder", "", "", Any, "Written into run folders: where the program is started."),
+        ],
+    ));
+    keys
+}
+
 fn metadrive() -> Vec<Key> {
     let weight = "Weight of the diagnostic; all ten sum to 1.";
-    table(
+    let own = table(
+        || Optional,
+        vec![(
+            "evaluation.attack.when",
+            "",
+            "",
+            Text(2000),
+            "An expression over the outcome that decides in place of the two lists; see docs/OBJECTIVES.md.",
+        )],
+    );
+    let mut keys = table(
         || Without("evaluation.safebench"),
         vec![
             (
@@ -424,7 +483,9 @@ fn metadrive() -> Vec<Key> {
                 "Bounds and tolerances from recorded traffic: `evodrive:recorded`, a file that `evodrive calibrate` wrote, or its table.",
             ),
         ],
-    )
+    );
+    keys.extend(own);
+    keys
 }
 
 macro_rules! ars {
@@ -506,7 +567,7 @@ fn acceptance() -> Vec<Key> {
 }
 
 fn world() -> Vec<Key> {
-    required(vec![
+    let mut keys = required(vec![
         ("world.excluded_columns", "", "", Texts { empty: true }, "Feature columns left out of the regression."),
         ("world.model", "", "", Word(|| words(["ridge", "boosted"])), "Regression of the difference from the parent."),
         ("world.ridge_lambda", "λ", "", Above(0.0, 1e9), "Ridge penalty on standardised columns."),
@@ -550,7 +611,49 @@ fn world() -> Vec<Key> {
             Whole(0, 1_000_000),
             "Labelled candidates below which nobody is ranked.",
         ),
-    ])
+    ]);
+    keys.extend(table(
+        || With("world_agent"),
+        vec![
+            (
+                "world_agent.rounds",
+                "",
+                "rounds",
+                Whole(1, 8),
+                "Questions of a turn: one more after each answer that is no patch of the update surface.",
+            ),
+            (
+                "world_agent.fit_labels_min",
+                "",
+                "labels",
+                Whole(1, 1_000_000),
+                "Labelled candidates of earlier epochs from which on an epoch is held for the judge.",
+            ),
+            (
+                "world_agent.held_labels_min",
+                "",
+                "labels",
+                Whole(1, 1_000_000),
+                "Held candidates below which nobody is asked and nothing is promoted.",
+            ),
+            (
+                "world_agent.coverage_slack_pct",
+                "",
+                "%",
+                Number(0.0, 50.0),
+                "How much farther from `world.interval_level` coverage may come to lie; also how much nearer it must come to be a gain.",
+            ),
+            ("world_agent.gain_errors", "", "standard errors", Number(0.0, 10.0), "How many of its own a gain must exceed."),
+            (
+                "world_agent.audit_share",
+                "",
+                "",
+                Ends(0.0, 1.0),
+                "Ends between which the share of audits may be changed.",
+            ),
+        ],
+    ));
+    keys
 }
 
 fn required(rows: Vec<Row>) -> Vec<Key> {

@@ -2,13 +2,16 @@
 
 mod calibration;
 mod check;
+mod ego_weights;
 mod error;
 mod file;
 mod key;
 mod keys;
 mod model_options;
 mod models;
+mod named_driver;
 mod options;
+mod own_driver;
 mod page;
 mod parent_program;
 mod place;
@@ -16,13 +19,17 @@ mod program_file;
 mod read;
 mod relations;
 mod scenes;
+mod set;
 mod starter;
 mod study;
+mod training_file;
 
+pub use ego_weights::EgoWeights;
 pub use error::{ExperimentError, OptionError, did_you_mean};
 pub use file::{Composed, composed};
 pub use model_options::ModelOptions;
 pub use models::{by_role, provenance};
+pub use named_driver::named_driver;
 pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
 pub use page::page;
 pub use parent_program::ParentProgram;
@@ -32,3 +39,4 @@ pub use program_file::{
 };
 pub use scenes::{import, read_pool, read_scenes};
 pub use starter::{Starter, starter};
+pub use training_file::TrainingFile;

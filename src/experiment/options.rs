@@ -4,9 +4,11 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error as _};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::ego_weights::{self, EgoWeights};
 use super::{ExperimentError, ModelOptions, ParentProgram};
 use crate::archive::{ArchiveOptions, SelectorOptions};
-use crate::backend::BackendOptions;
+use crate::backend::{BackendOptions, DriverOptions};
+use crate::ego::Policy;
 use crate::epoch::{CompositionOptions, CounselOptions};
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
@@ -16,6 +18,10 @@ use crate::objects::{FamilyName, LineageId, ParameterValue, Role, WorldConfigura
 use crate::scene::EvolutionSize;
 use crate::sim::{AvoidanceOptions, PlantOptions, SimulatorOptions};
 use crate::synth::{FamilyOptions, SynthOptions};
+use crate::world::WorldAgentOptions;
+
+/// The ego that is a program of the experimenter's own.
+pub const COMMAND: &str = "command";
 
 /// A whole experiment.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -37,6 +43,10 @@ pub struct Experiment {
     pub budget: BudgetOptions,
     #[serde(rename = "lineage")]
     pub lineages: Vec<LineageOptions>,
+    /// The program behind the ego `command`; needed where a lineage names that ego. The rollouts with it are those of
+    /// `simulator.backend`, which follows from it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver: Option<DriverOptions>,
     /// Models by name.
     pub models: BTreeMap<String, ModelOptions>,
     /// What live models may use; needed where there is one. No part of the digest, so that it can be raised on the way.
@@ -59,6 +69,9 @@ pub struct Experiment {
     pub memory: MemoryOptions,
     pub curation: CurationOptions,
     pub world: WorldConfiguration,
+    /// How the world agent may change it; without it the configuration stays as it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub world_agent: Option<WorldAgentOptions>,
     /// The file that it was read from.
     #[serde(skip)]
     pub file: PathBuf,
@@ -148,14 +161,33 @@ pub struct BudgetOptions {
 pub struct LineageOptions {
     pub id: LineageId,
     pub family: FamilyName,
-    /// `idm`, `idm-lights` or `replay`.
+    /// `idm`, `idm-lights`, `replay`, `learned` or `command`.
     pub ego: String,
+    /// The weights of a learned ego.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub policy: Option<EgoWeights>,
     /// Parameters in which this lineage's parent differs from its family's, such as SAGE's `preference_weight`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub parent: BTreeMap<String, ParameterValue>,
     /// The program of another run that it starts from in place of its family's parent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parent_program: Option<ParentProgram>,
+    /// The program of the ego `command`, as the experiment's `[driver]` identifies it.
+    #[serde(skip)]
+    pub command: Option<Digest>,
+}
+
+impl LineageOptions {
+    /// Its driver under test.
+    ///
+    /// # Errors
+    /// An unknown name, a learned ego without weights, weights that are none.
+    pub fn driver(&self) -> Result<Policy, String> {
+        match (self.command, &self.policy) {
+            (Some(digest), None) if self.ego == COMMAND => Ok(Policy::Command(digest)),
+            (_, policy) => ego_weights::policy(&self.ego, policy.as_ref()),
+        }
+    }
 }
 
 impl Experiment {
@@ -175,6 +207,8 @@ impl Experiment {
         let mut content = self.clone();
         content.cassette = PathBuf::new();
         content.spend = None;
+        // Its identity is that of the backend which follows from it.
+        content.driver = None;
         if let Some(backend) = &mut content.simulator.backend {
             *backend = backend.content();
         }

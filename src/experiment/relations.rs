@@ -7,7 +7,7 @@ use crate::adapters::Contract;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
-use crate::objects::{FamilyName, Role};
+use crate::objects::{FamilyName, Role, world_audit::WORLD_LINE};
 use crate::stage::Asks;
 use crate::world;
 
@@ -28,7 +28,11 @@ impl From<OptionError> for Problem {
 /// Checks what the list of keys cannot say.
 pub fn check(experiment: &Experiment) -> Result<(), Problem> {
     lineages(experiment)?;
-    let asides = [(Role::AttackerAgent, counselled(experiment)?), (Role::TemplateAgent, composes(experiment)?)];
+    let asides = [
+        (Role::AttackerAgent, counselled(experiment)?),
+        (Role::TemplateAgent, composes(experiment)?),
+        (Role::WorldAgent, evolves(experiment)?),
+    ];
     let always = Role::CRITICS.into_iter().chain([Role::Actor, Role::Repair]);
     for role in always.chain(asides.into_iter().filter_map(|(role, asked)| asked.then_some(role))) {
         named_model(experiment, role)?;
@@ -63,7 +67,8 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
         }
         let place = format!("lineage[{i}].ego");
         let unfit = |error| OptionError::new(place, format!("{:?}", lineage.ego), format!("a driver ({error})"));
-        lineage.ego.parse::<crate::ego::Policy>().map_err(unfit)?;
+        lineage.driver().map_err(unfit)?;
+        one_learned_ego(experiment, i)?;
         let Some(family) = registry.get(&lineage.family) else { continue };
         if let Some(start) = &lineage.parent_program {
             start_of(i, lineage, start, &family.contract)?;
@@ -80,6 +85,19 @@ fn lineages(experiment: &Experiment) -> Result<(), Problem> {
         }
     }
     Ok(())
+}
+
+/// Rollouts are kept apart by the ego's name, so that an experiment has one learned ego.
+fn one_learned_ego(experiment: &Experiment, i: usize) -> Result<(), OptionError> {
+    let digest = |of: &LineageOptions| of.policy.as_ref().map(|policy| policy.digest);
+    let Some(own) = digest(&experiment.lineages[i]) else { return Ok(()) };
+    match experiment.lineages.iter().find_map(|of| digest(of).filter(|other| *other != own)) {
+        None => Ok(()),
+        Some(other) => {
+            let expected = format!("{other}, as another lineage names; an experiment has one learned ego");
+            Err(OptionError::new(format!("lineage[{i}].policy.digest"), own, expected))
+        }
+    }
 }
 
 /// A lineage that starts from a program file: a program of its family, under the contract of now, as the file had it.
@@ -179,6 +197,32 @@ fn composes(experiment: &Experiment) -> Result<bool, OptionError> {
     }
 }
 
+/// Whether the world evaluator evolves: where the file has a table for it, and only there a model for it.
+fn evolves(experiment: &Experiment) -> Result<bool, OptionError> {
+    let place = format!("roles.{}", Role::WorldAgent.name());
+    let Some(options) = &experiment.world_agent else {
+        return match experiment.roles.contains_key(&Role::WorldAgent) {
+            true => {
+                Err(OptionError::new(place, "given", "nothing without [world_agent]; add that table, or take this out"))
+            }
+            false => Ok(false),
+        };
+    };
+    let ([low, high], founding) = (options.audit_share, experiment.world.routing.audit_share);
+    if !(0.0 <= low && low <= founding && founding <= high && high <= 1.0) {
+        let expected = format!("low <= world.routing.audit_share = {founding} <= high, between 0 and 1");
+        return Err(OptionError::new("world_agent.audit_share", format!("[{low}, {high}]"), expected));
+    }
+    match experiment.lineages.iter().position(|lineage| lineage.id.as_str() == WORLD_LINE) {
+        Some(i) => Err(OptionError::new(
+            format!("lineage[{i}].id"),
+            format!("{WORLD_LINE:?}"),
+            "another id: turns of the world evaluator are named so",
+        )),
+        None => Ok(true),
+    }
+}
+
 /// Settings of models that rest on their kind, and the cap that live ones need.
 fn models(experiment: &Experiment) -> Result<(), Problem> {
     for (name, options) in &experiment.models {
@@ -209,7 +253,12 @@ fn simulator(experiment: &Experiment) -> Result<(), Problem> {
     experiment.simulator.rules().check().map_err(|error| Problem::Several(error.to_string()))?;
     let Some(backend) = &experiment.simulator.backend else { return Ok(()) };
     if experiment.evaluation.safebench().is_some() {
-        let why = "SafeBench's rules are our own simulator's; write simulator.backend = \"evodrive\"";
+        let why = match backend.drives() {
+            true => {
+                "SafeBench's rules are judged as they happen, and a planner's rollouts are recorded; take [driver] out"
+            }
+            false => "SafeBench's rules are our own simulator's; write simulator.backend = \"evodrive\"",
+        };
         return Err(Problem::Several(why.into()));
     }
     match backend.fault() {

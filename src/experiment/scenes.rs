@@ -23,14 +23,21 @@ impl Experiment {
         if !instead.is_empty() {
             return read_scenes(instead, threads);
         }
-        match &self.scenes {
-            SceneSource::Synth { count, seed, options } => generate(*count, *seed, options, threads),
-            SceneSource::Safebench { seed, options } => generate_families(*seed, options, threads),
-            SceneSource::Files { paths } => {
-                import(&paths.iter().map(|path| self.beside(path)).collect::<Vec<_>>(), threads)
-            }
-            SceneSource::Pool { path } => read_pool(&self.beside(path)),
-        }
+        pool_of(&self.scenes, &|path| self.beside(path), threads)
+    }
+}
+
+/// The scenes of a source; `beside` says where files lie that it names.
+pub fn pool_of(
+    source: &SceneSource,
+    beside: &dyn Fn(&Path) -> PathBuf,
+    threads: &Threads,
+) -> Result<Pool, ExperimentError> {
+    match source {
+        SceneSource::Synth { count, seed, options } => generate(*count, *seed, options, threads),
+        SceneSource::Safebench { seed, options } => generate_families(*seed, options, threads),
+        SceneSource::Files { paths } => import(&paths.iter().map(|path| beside(path)).collect::<Vec<_>>(), threads),
+        SceneSource::Pool { path } => read_pool(&beside(path)),
     }
 }
 

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use super::{Experiment, ExperimentError, models};
 use crate::agents::contract_text;
-use crate::ego::Policy;
 use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study};
 use crate::families;
 use crate::kernel::{Seed, Threads};
@@ -42,8 +41,7 @@ impl Experiment {
         let pool_digest = pool.digest();
         let mut lineages = Vec::new();
         for lineage in &self.lineages {
-            let ego: Policy =
-                lineage.ego.parse().map_err(|error| self.problem(format!("lineage {}: {error}", lineage.id)))?;
+            let ego = lineage.driver().map_err(|error| self.problem(format!("lineage {}: {error}", lineage.id)))?;
             for replica in 0..self.seeds {
                 let (group, family, parent) = (lineage.id.clone(), lineage.family.clone(), lineage.parent.clone());
                 let id = match self.seeds {
@@ -93,6 +91,7 @@ impl Experiment {
             memory: self.memory.clone(),
             curation: self.curation.clone(),
             world: self.world.clone(),
+            world_agent: self.world_agent,
             composition: self.composition.clone(),
             counsel: self.counsel,
         };

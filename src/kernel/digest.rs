@@ -56,6 +56,37 @@ impl Digest {
     }
 }
 
+/// A digest of plain bytes that come piece by piece, and how many they were.
+#[derive(Clone, Default)]
+pub struct Hashing {
+    hasher: blake3::Hasher,
+    bytes: u64,
+}
+
+impl Hashing {
+    /// Takes the next piece in.
+    pub fn add(&mut self, piece: &[u8]) {
+        self.hasher.update(piece);
+        self.bytes += piece.len() as u64;
+    }
+
+    /// Digest and number of the bytes so far.
+    pub fn so_far(&self) -> (Digest, u64) {
+        (Digest(*self.hasher.finalize().as_bytes()), self.bytes)
+    }
+}
+
+impl std::io::Write for Hashing {
+    fn write(&mut self, piece: &[u8]) -> std::io::Result<usize> {
+        self.add(piece);
+        Ok(piece.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
 impl fmt::Display for Digest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.to_hex())

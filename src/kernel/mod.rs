@@ -1,18 +1,19 @@
 //! What determinism rests on: float functions, named random streams, geometry, canonical bytes, digests, formulas in
-//! total arithmetic, and the one ordered parallel map. This room does not know driving.
+//! total arithmetic, products of matrices, and the one ordered parallel map. This room does not know driving.
 
 pub mod canon;
 pub mod digest;
 pub mod formula;
 pub mod geom;
 pub mod kept;
+pub mod linear;
 pub mod num;
 pub mod rng;
 pub mod threads;
 pub mod total;
 
 pub use canon::canonical_bytes;
-pub use digest::Digest;
+pub use digest::{Digest, Hashing};
 pub use formula::Formula;
 pub use geom::{OrientedBox, Polyline, Pose, Vec2};
 pub use kept::Kept;

@@ -8,6 +8,9 @@ pub fn beside(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
     std::thread::Builder::new().spawn(work).map(drop)
 }
 
+/// Of a worker. Memory is taken as it is touched.
+const STACK_BYTES: usize = 16 << 20;
+
 /// Worker threads. Results never depend on how many there are.
 pub struct Threads(rayon::ThreadPool);
 
@@ -24,6 +27,8 @@ impl Threads {
     pub fn new(threads: usize) -> Result<Threads, ThreadsError> {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
+            // A map within a map: who waits for its end may begin another item of the outer one on the same stack.
+            .stack_size(STACK_BYTES)
             .build()
             .map(Threads)
             .map_err(|source| ThreadsError { threads, source })

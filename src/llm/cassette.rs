@@ -17,7 +17,7 @@ use serde_json::Value;
 
 use super::{DrawSlot, Message, Metadata, ModelSpec, Request, Schema, Text};
 use crate::{
-    kernel::Digest,
+    kernel::{Digest, Threads},
     store::{self, StoreError},
 };
 
@@ -181,6 +181,36 @@ struct MessageRef {
 /// The fault of a line: what was expected, and what was found.
 type Wrong = (String, String);
 
+/// A line that was read without those ahead of it. What is named by a digest has it.
+enum Line {
+    Header(Box<Header>),
+    Text(Digest, Text),
+    Schema(Digest, Schema),
+    Exchange(Box<ExchangeLine>),
+}
+
+fn read_alone(i: usize, line: &[u8]) -> Result<Line, Wrong> {
+    if line.len() > MAX_LINE_BYTES {
+        return Err((format!("at most {MAX_LINE_BYTES} bytes in a line"), format!("{}", line.len())));
+    }
+    // The first key says what the line holds; serde reports faults inside it.
+    if i == 0 {
+        Ok(Line::Header(Box::new(parsed(line, "the header of a cassette")?)))
+    } else if line.starts_with(b"{\"text\"") {
+        let TextLine { text, body } = parsed(line, "a text")?;
+        let body = Text::from(body);
+        same("digest of the text", text, body.digest())?;
+        Ok(Line::Text(text, body))
+    } else if line.starts_with(b"{\"schema\"") {
+        let SchemaLine { schema, body } = parsed(line, "a schema")?;
+        let body = Schema::new(body).map_err(|error| ("a schema".to_string(), error.to_string()))?;
+        same("digest of the schema", schema, body.digest())?;
+        Ok(Line::Schema(schema, body))
+    } else {
+        Ok(Line::Exchange(Box::new(parsed(line, "an exchange, a text or a schema")?)))
+    }
+}
+
 impl Cassette {
     /// An empty cassette. Error messages show the name.
     pub fn new(name: impl Into<String>) -> Cassette {
@@ -189,6 +219,11 @@ impl Cassette {
 
     /// Reads a cassette file and verifies every digest and every key.
     pub fn load(path: &Path) -> Result<Cassette, CassetteError> {
+        Cassette::load_on(path, None)
+    }
+
+    /// The same with threads that read its lines.
+    pub fn load_on(path: &Path, threads: Option<&Threads>) -> Result<Cassette, CassetteError> {
         let file = path.display().to_string();
         let bytes = store::read_text(path, MAX_BYTES)?.map_err(|(expected, found)| CassetteError::Damaged {
             file: file.clone(),
@@ -197,21 +232,24 @@ impl Cassette {
             found,
             remedy: REMEDY,
         })?;
-        Cassette::parse(&bytes, &file)
+        Cassette::parse_on(&bytes, &file, threads)
     }
 
     /// Reads the text of a cassette; `file` is its name in messages and afterwards.
     pub fn parse(bytes: &[u8], file: &str) -> Result<Cassette, CassetteError> {
+        Cassette::parse_on(bytes, file, None)
+    }
+
+    fn parse_on(bytes: &[u8], file: &str, threads: Option<&Threads>) -> Result<Cassette, CassetteError> {
         let mut cassette = Cassette::new(file);
         let body = bytes.strip_suffix(b"\n").unwrap_or(bytes);
-        for (i, line) in body.split(|b| *b == b'\n').enumerate() {
-            let read = if line.len() > MAX_LINE_BYTES {
-                Err((format!("at most {MAX_LINE_BYTES} bytes in a line"), format!("{}", line.len())))
-            } else if i == 0 {
-                cassette.read_header(line)
-            } else {
-                cassette.read_line(line)
-            };
+        let lines: Vec<&[u8]> = body.split(|b| *b == b'\n').collect();
+        let alone: Vec<Result<Line, Wrong>> = match threads {
+            Some(threads) => threads.map(&lines, |i, line| read_alone(i, line)),
+            None => lines.iter().enumerate().map(|(i, line)| read_alone(i, line)).collect(),
+        };
+        for (i, line) in alone.into_iter().enumerate() {
+            let read = line.and_then(|line| cassette.take(line));
             if let Err((expected, found)) = read {
                 if i == 0 && expected == VERSION {
                     return Err(CassetteError::Version { file: file.to_string(), found });
@@ -228,8 +266,27 @@ impl Cassette {
         Ok(cassette)
     }
 
-    fn read_header(&mut self, line: &[u8]) -> Result<(), Wrong> {
-        let header: Header = parsed(line, "the header of a cassette")?;
+    fn take(&mut self, line: Line) -> Result<(), Wrong> {
+        match line {
+            Line::Header(header) => self.take_header(*header),
+            Line::Text(text, body) => {
+                self.texts.insert(text, body);
+                Ok(())
+            }
+            Line::Schema(schema, body) => {
+                self.schemas.insert(schema, body);
+                Ok(())
+            }
+            Line::Exchange(line) => {
+                let recorded = self.read_exchange(*line)?;
+                let key = recorded.key;
+                self.insert(recorded)
+                    .map_err(|_| ("one answer for a request".to_string(), format!("a second one for {key}")))
+            }
+        }
+    }
+
+    fn take_header(&mut self, header: Header) -> Result<(), Wrong> {
         if header.format != FORMAT {
             return Err((format!("format {FORMAT}"), store::shortened(&header.format)));
         }
@@ -243,28 +300,6 @@ impl Cassette {
             }
         }
         Ok(())
-    }
-
-    fn read_line(&mut self, line: &[u8]) -> Result<(), Wrong> {
-        // The first key says what the line holds; serde reports faults inside it.
-        if line.starts_with(b"{\"text\"") {
-            let TextLine { text, body } = parsed(line, "a text")?;
-            let body = Text::from(body);
-            same("digest of the text", text, body.digest())?;
-            self.texts.insert(text, body);
-            Ok(())
-        } else if line.starts_with(b"{\"schema\"") {
-            let SchemaLine { schema, body } = parsed(line, "a schema")?;
-            let body = Schema::new(body).map_err(|error| ("a schema".to_string(), error.to_string()))?;
-            same("digest of the schema", schema, body.digest())?;
-            self.schemas.insert(schema, body);
-            Ok(())
-        } else {
-            let recorded = self.read_exchange(parsed(line, "an exchange, a text or a schema")?)?;
-            let key = recorded.key;
-            self.insert(recorded)
-                .map_err(|_| ("one answer for a request".to_string(), format!("a second one for {key}")))
-        }
     }
 
     fn read_exchange(&self, line: ExchangeLine) -> Result<Recorded, Wrong> {

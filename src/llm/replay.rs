@@ -1,6 +1,9 @@
 //! Answers from a cassette, and a useful message for a missing answer. It never asks a model.
 
-use super::{Ask, AskError, Cassette, DrawSlot, Miss, ModelError, Reply, Request, cassette::Recorded};
+use serde::Serialize;
+use std::cmp::Reverse;
+
+use super::{Ask, AskError, Cassette, DrawSlot, Message, Miss, ModelError, Reply, Request, Text, cassette::Recorded};
 use crate::store::{first_difference, shortened};
 
 /// A cassette as the source of answers. A request without a recorded answer is a miss; no model is asked by accident.
@@ -46,7 +49,7 @@ pub(super) fn key_of(request: &Request) -> Result<crate::kernel::Digest, AskErro
 }
 
 fn miss(cassette: &Cassette, request: &Request, key: crate::kernel::Digest, remedy: &str) -> Miss {
-    let nearest = cassette.exchanges().iter().min_by_key(|recorded| distance(&recorded.slot, &request.slot));
+    let nearest = nearest(cassette.exchanges(), request);
     Miss {
         cassette: cassette.name.clone(),
         key,
@@ -57,30 +60,74 @@ fn miss(cassette: &Cassette, request: &Request, key: crate::kernel::Digest, reme
     }
 }
 
-/// Same lineage and role first, then near in (epoch, slot, round). If two are equally near, the one recorded first.
+/// Of the exchanges nearest in their slot the one that shares most with the request: a slot may have been recorded several
+/// times. If two share as much, the one recorded first.
+fn nearest<'c>(exchanges: &'c [Recorded], request: &Request) -> Option<&'c Recorded> {
+    let least = exchanges.iter().map(|recorded| distance(&recorded.slot, &request.slot)).min()?;
+    let near = exchanges.iter().filter(|recorded| distance(&recorded.slot, &request.slot) == least);
+    near.min_by_key(|recorded| Reverse(shared(recorded, request)))
+}
+
+/// Same lineage and role first, then near in (epoch, slot, round).
 fn distance(a: &DrawSlot, b: &DrawSlot) -> (bool, u32, u32, u32) {
     let elsewhere = a.lineage != b.lineage || a.role != b.role;
     (elsewhere, a.epoch.abs_diff(b.epoch), a.slot.abs_diff(b.slot), a.round.abs_diff(b.round))
 }
 
-/// The first field, in the order of `Request`, whose value differs; texts by their first differing line.
+/// How many of the fields besides the messages are equal, how many messages are, and how far the first one that differs goes
+/// along with its like.
+fn shared(recorded: &Recorded, request: &Request) -> (usize, usize, usize) {
+    let fields = [
+        recorded.adapter_version == request.adapter_version,
+        recorded.slot == request.slot,
+        *recorded.model == request.model,
+        recorded.schema == request.schema,
+    ];
+    let pairs = || recorded.messages.iter().zip(&request.messages);
+    let same = |((role, text), message): &(&(String, Text), &Message)| *role == message.role && *text == message.text;
+    let first = pairs().find(|pair| !same(pair));
+    let along =
+        first.map_or(0, |((_, old), new)| old.bytes().zip(new.text.bytes()).take_while(|(a, b)| a == b).count());
+    (fields.into_iter().filter(|equal| *equal).count(), pairs().filter(same).count(), along)
+}
+
+/// The first field, in the order of `Request`, whose value differs; texts by their first differing line. Messages are compared
+/// where they lie: thousands of them may share one long text.
 fn difference(recorded: &Recorded, request: &Request) -> Option<String> {
-    let old = recorded.request();
-    for (i, pair) in old.messages.iter().zip(&request.messages).enumerate() {
-        let same_before =
-            old.adapter_version == request.adapter_version && old.slot == request.slot && old.model == request.model;
-        if same_before && pair.0.role == pair.1.role && pair.0.text != pair.1.text {
-            return Some(text_difference(&format!("message {} ({})", i + 1, pair.1.role), &pair.0.text, &pair.1.text));
+    if recorded.adapter_version != request.adapter_version {
+        return Some(told("adapter_version", &recorded.adapter_version, &request.adapter_version));
+    }
+    if recorded.slot != request.slot {
+        return by_value("slot", &recorded.slot, &request.slot);
+    }
+    if *recorded.model != request.model {
+        return by_value("model", &*recorded.model, &request.model);
+    }
+    for (i, ((role, text), message)) in recorded.messages.iter().zip(&request.messages).enumerate() {
+        if *role != message.role {
+            return Some(told(&format!("role of message {}", i + 1), role, &message.role));
         }
-        if pair.0 != pair.1 {
-            break;
+        if *text != message.text {
+            return Some(text_difference(&format!("message {} ({role})", i + 1), text, &message.text));
         }
     }
-    let names = ["adapter_version", "slot", "model", "messages", "schema"];
-    let (old, new) = (serde_json::to_value(&old).ok()?, serde_json::to_value(request).ok()?);
-    let name = names.into_iter().find(|name| old.get(name) != new.get(name))?;
-    let (field, old, new) = first_difference(name, old.get(name)?, new.get(name)?);
-    Some(format!("{field}: recorded {old}, asked {new}"))
+    if recorded.messages.len() != request.messages.len() {
+        return Some(told("number of messages", &recorded.messages.len(), &request.messages.len()));
+    }
+    if recorded.schema != request.schema {
+        return by_value("schema", &recorded.schema, &request.schema);
+    }
+    None
+}
+
+fn by_value(name: &str, old: &impl Serialize, new: &impl Serialize) -> Option<String> {
+    let (old, new) = (serde_json::to_value(old).ok()?, serde_json::to_value(new).ok()?);
+    let (field, old, new) = first_difference(name, &old, &new);
+    Some(told(&field, &old, &new))
+}
+
+fn told(field: &str, old: &dyn std::fmt::Display, new: &dyn std::fmt::Display) -> String {
+    format!("{field}: recorded {old}, asked {new}")
 }
 
 fn text_difference(name: &str, old: &str, new: &str) -> String {
@@ -104,4 +151,150 @@ fn around(line: Option<&str>, other: Option<&str>) -> String {
     let start = line.char_indices().nth(common.saturating_sub(40)).map_or(0, |(at, _)| at);
     let start = if common > 80 { start } else { 0 };
     format!("{}{:?}", if start > 0 { "…" } else { "" }, shortened(&line[start..]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::llm::{ModelSpec, Schema};
+    use proptest::prelude::*;
+    use serde_json::json;
+    use std::collections::BTreeMap;
+
+    fn request(epoch: u32, slot: u32, texts: &[String]) -> Request {
+        Request {
+            adapter_version: 3,
+            slot: DrawSlot { lineage: "cat".into(), epoch, slot, role: "actor".into(), round: 0 },
+            model: ModelSpec {
+                name: "m".into(),
+                kind: "scripted".into(),
+                model: "m".into(),
+                sampling: BTreeMap::new(),
+                response_format: None,
+                body: BTreeMap::new(),
+            },
+            messages: texts.iter().map(|text| Message { role: "user".into(), text: text.as_str().into() }).collect(),
+            schema: Schema::new(json!({"type": "object"})).unwrap(),
+        }
+    }
+
+    fn cassette(requests: &[Request]) -> Cassette {
+        let mut cassette = Cassette::default();
+        for request in requests {
+            cassette.push(request, b"{}".to_vec()).unwrap();
+        }
+        cassette
+    }
+
+    fn missed(cassette: &Cassette, request: &Request) -> Miss {
+        miss(cassette, request, request.key().unwrap(), "record it")
+    }
+
+    #[test]
+    fn of_a_slot_that_was_recorded_twice_the_one_that_shares_more_is_compared() {
+        let text = |last: &str| vec!["system".to_string(), format!("line 1\nline 2\n{last}")];
+        let first = request(1, 2, &["another system".to_string(), "other".to_string()]);
+        let second = request(1, 2, &text("as it was"));
+        let found = missed(&cassette(&[first, second]), &request(1, 2, &text("as it is")));
+        assert_eq!(found.difference.unwrap(), r#"message 2 (user) line 3: recorded "as it was", asked "as it is""#);
+    }
+
+    #[test]
+    fn thousands_of_messages_that_share_a_text_are_compared_where_they_lie() {
+        // Written out, they have four gigabytes.
+        let long: Text = "x".repeat(1 << 20).as_str().into();
+        let messages = |last: &str| {
+            let shared = std::iter::repeat_n(&long, 4000).cloned().chain([Text::from(last)]);
+            shared.map(|text| Message { role: "user".into(), text }).collect()
+        };
+        let of = |last: &str| Request { messages: messages(last), ..request(0, 0, &[]) };
+        let recorded = of("was");
+        let recorded = Recorded {
+            key: crate::kernel::Digest::of_bytes(b"key"),
+            adapter_version: recorded.adapter_version,
+            slot: recorded.slot.clone(),
+            model: recorded.model.clone().into(),
+            messages: recorded.messages.iter().map(|m| (m.role.clone(), m.text.clone())).collect(),
+            schema: recorded.schema.clone(),
+            response: crate::kernel::Digest::of_bytes(b"{}"),
+            bytes: b"{}".to_vec(),
+            metadata: None,
+        };
+        let asked = of("is");
+        assert_eq!(shared(&recorded, &asked), (4, 4000, 0));
+        let told = difference(&recorded, &asked).unwrap();
+        assert_eq!(told, r#"message 4001 (user) line 1: recorded "was", asked "is""#);
+    }
+
+    /// What is changed in a request that was recorded, and the word by which the message names it.
+    #[derive(Clone, Debug)]
+    enum Change {
+        Version,
+        Model,
+        Text(usize),
+        Role(usize),
+        Longer,
+        Schema,
+    }
+
+    impl Change {
+        fn make(&self, request: &mut Request) -> String {
+            match *self {
+                Change::Version => {
+                    request.adapter_version += 1;
+                    "adapter_version".into()
+                }
+                Change::Model => {
+                    request.model.sampling.insert("temperature".into(), 0.25);
+                    "model/sampling/temperature".into()
+                }
+                Change::Text(place) => {
+                    let changed = format!("{}, and more", &*request.messages[place].text);
+                    request.messages[place].text = changed.as_str().into();
+                    format!("message {} (user) line 2", place + 1)
+                }
+                Change::Role(place) => {
+                    request.messages[place].role = "assistant".into();
+                    format!("role of message {}", place + 1)
+                }
+                Change::Longer => {
+                    request.messages.push(Message { role: "user".into(), text: "more".into() });
+                    "number of messages".into()
+                }
+                Change::Schema => {
+                    request.schema = Schema::new(json!({"type": "array"})).unwrap();
+                    "schema/type".into()
+                }
+            }
+        }
+    }
+
+    fn change() -> impl Strategy<Value = Change> {
+        prop_oneof![
+            Just(Change::Version),
+            Just(Change::Model),
+            (0usize..3).prop_map(Change::Text),
+            (0usize..3).prop_map(Change::Role),
+            Just(Change::Longer),
+            Just(Change::Schema),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn a_near_miss_names_the_record_and_the_field(which in 0u32..40, change in change()) {
+            // Every slot is recorded twice, with other texts.
+            let texts = |slot: u32, turn: u32| -> Vec<String> {
+                (0..3).map(|k| format!("head {k}\nslot {slot}, turn {turn}")).collect()
+            };
+            let all: Vec<Request> =
+                (0..40).flat_map(|k| (0..2).map(move |turn| request(k / 20, k % 20, &texts(k, turn)))).collect();
+            let mut asked = all[2 * which as usize + 1].clone();
+            let field = change.make(&mut asked);
+            let found = missed(&cassette(&all), &asked);
+            prop_assert_eq!(found.nearest.as_ref(), Some(&asked.slot));
+            let told = found.difference.unwrap();
+            prop_assert!(told.starts_with(&format!("{field}: recorded ")), "{}: {}", field, told);
+        }
+    }
 }

@@ -1,7 +1,6 @@
 //! Causal retrieval: which cards an actor is shown (paper eq. app-memory-score).
 
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 
 use super::{store::Memory, text::tag_set};
 use crate::objects::{AttemptId, Card, CardKind, Program};
@@ -86,12 +85,13 @@ pub fn retrieve<'m>(memory: &'m Memory, query: &Query<'_>, options: &MemoryOptio
     let own = |card: &Card| card.lineage == query.parent.lineage_id;
     let on_front = |card: &Card| card.attempt.as_ref().is_some_and(|attempt| query.front.contains(attempt));
     let surpassed = |card: &Card| own(card) && card.kind == CardKind::Success && !on_front(card);
+    let tags = tags_of(query.parent);
     let mut scored: Vec<(&Card, f64)> = memory
         .cards()
         .iter()
         .filter(|card| card.epoch < query.epoch)
         .filter(|card| (own(card) || card.shareable) && !surpassed(card))
-        .map(|card| (card, score(card, query, options)))
+        .map(|card| (card, scored_by(card, query, &tags, options)))
         .collect();
     scored.sort_by(|(a, x), (b, y)| y.total_cmp(x).then_with(|| a.id.cmp(&b.id)));
     let of_front = |card: &Card| own(card) && card.kind == CardKind::Success && !card.shareable && on_front(card);
@@ -111,20 +111,28 @@ pub fn retrieve<'m>(memory: &'m Memory, query: &Query<'_>, options: &MemoryOptio
 
 /// score(u, p_t): similarity of families is 1 or 0, of tags Jaccard's index, recency 1 / (1 + age in epochs).
 pub fn score(card: &Card, query: &Query<'_>, options: &MemoryOptions) -> f64 {
+    scored_by(card, query, &tags_of(query.parent), options)
+}
+
+/// The same, given the tags of the parent's mechanisms.
+fn scored_by(card: &Card, query: &Query<'_>, tags: &[String], options: &MemoryOptions) -> f64 {
     let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
     let parent = query.parent;
     let age = query.epoch.saturating_sub(1).saturating_sub(card.epoch);
     options.alpha_lineage * flag(card.lineage == parent.lineage_id)
         + options.alpha_family * flag(card.family == parent.source_family)
-        + options.alpha_mechanism * jaccard(&card.mechanism_tags, &tags_of(parent))
+        + options.alpha_mechanism * jaccard(&card.mechanism_tags, tags)
         + options.alpha_scene * jaccard(&card.scene_tags, query.scene_tags)
         + options.alpha_recency / (1.0 + f64::from(age))
         - options.alpha_future * flag(card.epoch >= query.epoch)
 }
 
-/// |A ∩ B| / |A ∪ B|; 0 of two empty sets, which have nothing in common.
+/// |A ∩ B| / |A ∪ B|; 0 of two empty sets, which have nothing in common. Every card of the memory is compared, so no sets are
+/// made: tags are few.
 fn jaccard(a: &[String], b: &[String]) -> f64 {
-    let (a, b): (BTreeSet<&String>, BTreeSet<&String>) = (a.iter().collect(), b.iter().collect());
-    let union = a.union(&b).count();
-    if union == 0 { 0.0 } else { a.intersection(&b).count() as f64 / union as f64 }
+    let first = |list: &[String], at: usize| !list[..at].contains(&list[at]);
+    let distinct = |list: &[String]| (0..list.len()).filter(|at| first(list, *at)).count();
+    let common = (0..a.len()).filter(|at| first(a, *at) && b.contains(&a[*at])).count();
+    let union = distinct(a) + distinct(b) - common;
+    if union == 0 { 0.0 } else { common as f64 / union as f64 }
 }

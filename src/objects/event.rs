@@ -31,6 +31,8 @@ pub mod kind {
     pub const ATTEMPT: &str = "attempt";
     /// Kind of the event that closes an epoch of a lineage, with a [`Settled`](super::Settled) body.
     pub const SETTLED: &str = "settled";
+    /// Kind of a turn of the world agent, with a [`WorldEvolved`](super::super::world_audit::WorldEvolved) body; none without one.
+    pub const WORLD: &str = "world";
     /// Kind of the event of a program that may be selected, with a [`Finalist`](super::Finalist) body.
     pub const FINALIST: &str = "finalist";
     /// Kind of the event of a round in SafeBench's protocol.

@@ -21,6 +21,8 @@ pub mod review;
 pub mod score;
 pub mod spelling;
 pub mod world;
+pub mod world_audit;
+pub mod world_patch;
 
 pub use attempt::*;
 pub use card::{Card, CardKind};
@@ -36,3 +38,5 @@ pub use program::*;
 pub use review::{Advice, Review, Role};
 pub use score::{Met, Objectives, RealismSums, SceneFailure, SceneScore, Score};
 pub use world::*;
+pub use world_audit::*;
+pub use world_patch::*;

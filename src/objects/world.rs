@@ -31,6 +31,32 @@ pub enum FeatureGroup {
     Probe,
 }
 
+impl FeatureGroup {
+    /// All groups, in the schema's order.
+    pub const ALL: [FeatureGroup; 7] = [
+        FeatureGroup::Family,
+        FeatureGroup::Edit,
+        FeatureGroup::Graph,
+        FeatureGroup::Scene,
+        FeatureGroup::Interaction,
+        FeatureGroup::Parent,
+        FeatureGroup::Probe,
+    ];
+
+    /// The word in patches, audits and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            FeatureGroup::Family => "family",
+            FeatureGroup::Edit => "edit",
+            FeatureGroup::Graph => "graph",
+            FeatureGroup::Scene => "scene",
+            FeatureGroup::Interaction => "interaction",
+            FeatureGroup::Parent => "parent",
+            FeatureGroup::Probe => "probe",
+        }
+    }
+}
+
 /// One number of x(c, s); the unit stands last in the name.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -218,6 +244,13 @@ pub struct WorldConfiguration {
     pub explore: f64,
     /// Thresholds and shares of routing.
     pub routing: RoutingOptions,
+}
+
+impl WorldConfiguration {
+    /// The name by which turns of a world agent cite it.
+    pub fn digest(&self) -> Result<Digest, CanonError> {
+        Digest::of("evodrive/world-configuration/1", self)
+    }
 }
 
 /// Budget, thresholds and monitoring of the router (eq. method-routing).

@@ -15,9 +15,10 @@ pub struct Rates {
     /// Share of all replies that are cut off, fenced, or have prose around the object.
     pub malformed_json_rate: f64,
     /// Share of patches with a number outside its declared range, of sets of attackers with a vehicle that the scene
-    /// does not have, and of templates with a range beyond its bounds.
+    /// does not have, of templates with a range beyond its bounds, and of changes of the world evaluator with a value out of its range.
     pub out_of_range_rate: f64,
-    /// Share of patches with a mechanism that reads a word of another family, or an unknown word.
+    /// Share of patches with a mechanism that reads a word of another family, or an unknown word, and of changes of the world evaluator
+    /// that name what is protected.
     pub foreign_mechanism_rate: f64,
     /// Share of patches with a wrong parent hash.
     pub stale_hash_rate: f64,

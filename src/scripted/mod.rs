@@ -12,6 +12,7 @@ mod contract;
 mod critics;
 mod edit;
 mod errors;
+mod evaluator;
 mod forms;
 mod reader;
 mod repair;
@@ -45,6 +46,9 @@ impl Model for Scripted {
         }
         if request.slot.role == templates::ROLE {
             return Ok(garbled(templates::answer(request, rates, &draws)?).into_bytes().into());
+        }
+        if request.slot.role == evaluator::ROLE {
+            return Ok(garbled(evaluator::answer(request, rates, &draws)?).into_bytes().into());
         }
         let page = reader::PromptView::read(request)?;
         let answer = match request.slot.role.as_str() {

@@ -359,8 +359,8 @@ fn a_prompt_without_its_blocks_is_refused_and_never_a_panic() {
         assert!(Scripted.complete(&damaged).is_err(), "cut at {cut}");
     }
     let mut other = whole.clone();
-    other.slot.role = "world_agent".into();
+    other.slot.role = "stage_hand".into();
     assert!(
-        matches!(Scripted.complete(&other), Err(ModelError::Unanswerable { reason }) if reason.contains("world_agent"))
+        matches!(Scripted.complete(&other), Err(ModelError::Unanswerable { reason }) if reason.contains("stage_hand"))
     );
 }

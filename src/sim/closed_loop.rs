@@ -14,7 +14,7 @@ use super::driver::{Control, Driver, EgoState, View};
 use super::intervention::{Action, Intervention};
 use super::obedience::Surroundings;
 use super::others::Others;
-use super::outcome::Contact;
+use super::outcome::{Contact, End};
 use super::plant::Plant;
 use super::skills::EgoForecast;
 use super::traffic;
@@ -122,6 +122,11 @@ impl<'a> ClosedLoop<'a> {
                 None => Ok(None),
             },
         }
+    }
+
+    /// Tells the driver that the rollout ended after `k` steps.
+    pub fn finish(&self, driver: &mut dyn Driver, k: usize, end: End) {
+        driver.finish(&View { plant: self.plant, world: &self.world, k, ego: &self.ego }, end);
     }
 
     /// The ego's motion under constant controls.

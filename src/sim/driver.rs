@@ -7,6 +7,7 @@ use super::body::Size;
 use super::idm::{self, Front, SIGHT_M};
 use super::intervention::ActorRef;
 use super::others::Others;
+use super::outcome::End;
 use super::path::{Along, Path};
 use super::plant::Plant;
 
@@ -16,6 +17,9 @@ pub trait Driver {
 
     /// Asked once a decision step (0.1 s).
     fn decide(&mut self, view: &View<'_>) -> Control;
+
+    /// Told once, when a rollout is over: the last state, and how it ended. For drivers that learn.
+    fn finish(&mut self, _: &View<'_>, _: End) {}
 
     /// Whether it repeats the recorded motion. Traffic then does so too (nobody turns reactive) and contacts of the
     /// recording count from the first step on.

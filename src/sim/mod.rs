@@ -37,6 +37,7 @@ mod obedience;
 mod others;
 mod recorder;
 mod retold;
+mod sight;
 mod threat;
 mod told_check;
 mod touch;

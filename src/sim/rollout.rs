@@ -198,6 +198,7 @@ impl<'a> Run<'a> {
         {
             recorder.push(&self.state, steps);
         }
+        self.state.finish(self.driver, steps, end);
         Ok((end, steps, contact))
     }
 

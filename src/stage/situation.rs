@@ -13,7 +13,7 @@ use crate::sim::{self, ActorRef, Intervention, Outcome, Plant, SimError, Trace};
 
 /// Most sets of goals whose measurements a situation keeps: programs of a lineage mostly differ in how they weigh goals, not
 /// in the goals.
-const MEASURED_GOALS_MAX: usize = 4;
+const MEASURED_GOALS_MAX: usize = 16;
 
 /// What says which goals were measured.
 pub type GoalsKey = [u64; 6];

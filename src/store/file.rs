@@ -15,18 +15,23 @@ const MAX_DEPTH: usize = 32;
 /// Writes a whole file: into a hidden neighbour first, which is synced and then renamed, so that a kill at any moment
 /// leaves the old file or the new one. Missing parent folders are made.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let parent = parent_of(path);
-    create_dir(parent)?;
-    let name =
-        path.file_name().ok_or_else(|| StoreError::io("write", path, std::io::ErrorKind::IsADirectory.into()))?;
-    let temporary = parent.join(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
+    let temporary = neighbour(path)?;
     let written = write_synced(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
     if let Err(source) = written {
         let _ = fs::remove_file(&temporary);
         return Err(StoreError::io("write", path, source));
     }
-    sync_dir(parent);
+    sync_dir(parent_of(path));
     Ok(())
+}
+
+/// The hidden neighbour that a file is written to before it gets its name; its folder is made.
+pub(super) fn neighbour(path: &Path) -> Result<PathBuf, StoreError> {
+    let parent = parent_of(path);
+    create_dir(parent)?;
+    let name =
+        path.file_name().ok_or_else(|| StoreError::io("write", path, std::io::ErrorKind::IsADirectory.into()))?;
+    Ok(parent.join(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id())))
 }
 
 fn write_synced(path: &Path, bytes: &[u8]) -> std::io::Result<()> {

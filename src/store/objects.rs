@@ -88,7 +88,17 @@ pub struct Store {
     state: Mutex<State>,
     opening: Opening,
     /// Held until the store is dropped.
-    _lock: File,
+    _lock: Lock,
+}
+
+/// A store's lock, held until it is dropped. Who holds it stands in its file, and nobody's name is left there.
+#[derive(Debug)]
+pub(super) struct Lock(File);
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        let _ = self.0.set_len(0);
+    }
 }
 
 #[derive(Debug)]
@@ -215,6 +225,11 @@ impl Store {
         self.state().places.memo.keys().filter(|(of, _)| *of == kind).count()
     }
 
+    /// All recorded requests, by kind and key, with their objects.
+    pub(super) fn recorded(&self) -> Vec<(MemoKind, Digest, Digest)> {
+        self.state().places.memo.iter().map(|((kind, key), (object, _))| (*kind, *key, *object)).collect()
+    }
+
     /// Makes everything put so far survive a power cut: syncs the pack, then brings the index up to it.
     pub fn flush(&self) -> Result<(), StoreError> {
         let mut state = self.state();
@@ -268,7 +283,7 @@ impl Drop for Store {
 }
 
 /// The exclusive lock of a store's folder. The system releases it when the process ends, however it ends.
-pub(super) fn take_lock(dir: &Path) -> Result<File, StoreError> {
+pub(super) fn take_lock(dir: &Path) -> Result<Lock, StoreError> {
     let path = dir.join(LOCK);
     let io = |source| StoreError::io("lock", &path, source);
     let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path).map_err(io)?;
@@ -276,7 +291,7 @@ pub(super) fn take_lock(dir: &Path) -> Result<File, StoreError> {
         Ok(()) => {
             file.set_len(0).map_err(io)?;
             file.write_all(std::process::id().to_string().as_bytes()).map_err(io)?;
-            Ok(file)
+            Ok(Lock(file))
         }
         Err(TryLockError::WouldBlock) => {
             let mut holder = String::new();
@@ -288,7 +303,7 @@ pub(super) fn take_lock(dir: &Path) -> Result<File, StoreError> {
 }
 
 /// The same for who only looks: a folder that cannot be written to has no other writer, and is looked at without a lock.
-pub(super) fn take_lock_to_look(dir: &Path) -> Result<Option<File>, StoreError> {
+pub(super) fn take_lock_to_look(dir: &Path) -> Result<Option<Lock>, StoreError> {
     match take_lock(dir) {
         Err(StoreError::Io { source, .. })
             if matches!(source.kind(), ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem) =>

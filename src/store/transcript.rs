@@ -18,7 +18,7 @@ use serde_json::Value;
 
 use super::{Damage, Divergence, StoreError, difference::first_difference, file};
 use crate::kernel::{
-    Digest,
+    Digest, Threads,
     canon::{CanonError, canonical_json_bytes, json_text},
 };
 
@@ -69,20 +69,6 @@ fn genesis() -> Digest {
 }
 
 const EVENT_DOMAIN: &str = "evodrive/transcript-event/1";
-
-impl Event {
-    fn new(seq: u64, prev: Digest, kind: &str, body: Value) -> Result<Event, StoreError> {
-        let hash = Digest::of(EVENT_DOMAIN, &(seq, prev, kind, &body))
-            .map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
-        Ok(Event { body, hash, kind: kind.to_string(), prev, seq })
-    }
-
-    fn line(&self) -> Result<Vec<u8>, StoreError> {
-        let mut line = serde_json::to_vec(self).map_err(|e| unstorable(&self.kind, e))?;
-        line.push(b'\n');
-        Ok(line)
-    }
-}
 
 fn unstorable(kind: &str, error: impl std::fmt::Display) -> StoreError {
     refused(kind)(CanonError::Other(error.to_string()))
@@ -144,11 +130,17 @@ impl Transcript {
     /// Opens for a run that starts over: each appended event is first compared with the recorded one at its place, and
     /// writing begins where the recorded ones end.
     pub fn continue_from_start(path: &Path) -> Result<Transcript, StoreError> {
+        Transcript::continue_on(path, None)
+    }
+
+    /// The same with threads that check the recorded events.
+    pub fn continue_on(path: &Path, threads: Option<&Threads>) -> Result<Transcript, StoreError> {
         let io = |source| StoreError::io("open", path, source);
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
         lock(&file, path)?;
         let mut hashes = Vec::new();
-        let Walked { whole_bytes, damage, unfinished, sealed } = walk(path, &mut |event| hashes.push(event.hash))?;
+        let Walked { whole_bytes, damage, unfinished, sealed } =
+            walk(path, threads, &mut |event| hashes.push(event.hash))?;
         if let Some(damage) = damage {
             return Err(StoreError::corrupt(damage));
         }
@@ -225,7 +217,12 @@ impl Transcript {
 /// Hands the events of a transcript on one by one, without locking or repairing it: a long run's do not fit in memory
 /// together. Damage is an error, which comes behind the events ahead of it.
 pub fn each_event(path: &Path, each: &mut dyn FnMut(Event)) -> Result<(), StoreError> {
-    walk(path, each)?.damage.map_or(Ok(()), |damage| Err(StoreError::corrupt(damage)))
+    each_event_on(path, None, each)
+}
+
+/// The same with threads that check the events; they are handed on in their order.
+pub fn each_event_on(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> Result<(), StoreError> {
+    walk(path, threads, each)?.damage.map_or(Ok(()), |damage| Err(StoreError::corrupt(damage)))
 }
 
 /// All events of a transcript.
@@ -237,7 +234,7 @@ pub fn read_events(path: &Path) -> Result<Vec<Event>, StoreError> {
 /// Damage of a transcript: only the first damaged line, because the hash chain proves nothing about the lines after it.
 /// Empty if there is none.
 pub fn fsck_transcript(path: &Path) -> Result<Vec<Damage>, StoreError> {
-    Ok(walk(path, &mut |_| ())?.damage.into_iter().collect())
+    Ok(walk(path, None, &mut |_| ())?.damage.into_iter().collect())
 }
 
 /// The recorded event at a place.
@@ -286,43 +283,81 @@ impl Place {
     }
 }
 
-fn walk(path: &Path, each: &mut dyn FnMut(Event)) -> Result<Walked, StoreError> {
+/// Bytes of lines that threads check at once.
+const BATCH_BYTES: usize = 8 << 20;
+
+fn walk(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> Result<Walked, StoreError> {
     let io = |source| StoreError::io("read", path, source);
     let file = file::open_bounded(path, MAX_BYTES)?;
     let length = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 20, file.take(length));
     let mut walked = Walked { whole_bytes: 0, damage: None, unfinished: false, sealed: false };
     let mut next = Place::first();
-    let mut line = Vec::new();
-    while walked.damage.is_none() {
-        line.clear();
-        if reader.read_until(b'\n', &mut line).map_err(io)? == 0 {
-            break;
+    // Without threads line by line.
+    let batch_bytes = threads.map_or(1, |_| BATCH_BYTES);
+    loop {
+        let batch = batch(&mut reader, batch_bytes).map_err(io)?;
+        if batch.is_empty() {
+            return Ok(walked);
         }
-        let place = || format!("line {}", next.seq + 1);
-        // The chain alone does not protect the seal: whoever can write the file can continue the chain behind it.
-        if walked.sealed {
-            let behind = length - walked.whole_bytes;
-            let what = format!("expected nothing behind the seal, found {behind} bytes; cut them off");
-            walked.damage = Some(Damage::at(path, place(), what));
-            break;
-        }
-        let ended = line.pop_if(|last| *last == b'\n').is_some();
-        // A power cut can leave zeros where the end of the last line had not reached the disk.
-        let text = if ended { line.as_slice() } else { without_zeros_at_the_end(&line) };
-        match read_line(text, next) {
-            Ok(event) => {
-                walked.whole_bytes += text.len() as u64 + u64::from(ended);
-                walked.unfinished = !ended;
-                walked.sealed = event.kind == SEALED;
-                next = Place { seq: event.seq + 1, prev: event.hash };
-                each(event);
+        let alone = match threads {
+            Some(threads) => threads.map(&batch, |_, line| read_alone(line.text())),
+            None => batch.iter().map(|line| read_alone(line.text())).collect(),
+        };
+        for (line, read) in batch.iter().zip(alone) {
+            let place = || format!("line {}", next.seq + 1);
+            // The chain alone does not protect the seal: whoever can write the file can continue the chain behind it.
+            if walked.sealed {
+                let behind = length - walked.whole_bytes;
+                let what = format!("expected nothing behind the seal, found {behind} bytes; cut them off");
+                walked.damage = Some(Damage::at(path, place(), what));
+                return Ok(walked);
             }
-            Err(BadLine::CutOff) if !ended => break,
-            Err(bad) => walked.damage = Some(Damage::at(path, place(), bad.text())),
+            match read.and_then(|read| read.behind(next)) {
+                Ok(event) => {
+                    walked.whole_bytes += line.text().len() as u64 + u64::from(line.ended);
+                    walked.unfinished = !line.ended;
+                    walked.sealed = event.kind == SEALED;
+                    next = Place { seq: event.seq + 1, prev: event.hash };
+                    each(event);
+                }
+                Err(BadLine::CutOff) if !line.ended => return Ok(walked),
+                Err(bad) => {
+                    walked.damage = Some(Damage::at(path, place(), bad.text()));
+                    return Ok(walked);
+                }
+            }
         }
     }
-    Ok(walked)
+}
+
+/// A line of the file, without its line feed.
+struct Line {
+    bytes: Vec<u8>,
+    ended: bool,
+}
+
+impl Line {
+    /// A power cut can leave zeros where the end of the last line had not reached the disk.
+    fn text(&self) -> &[u8] {
+        if self.ended { &self.bytes } else { without_zeros_at_the_end(&self.bytes) }
+    }
+}
+
+/// The next lines, at least one where there is one, until they have so many bytes.
+fn batch(reader: &mut impl BufRead, bytes: usize) -> std::io::Result<Vec<Line>> {
+    let (mut lines, mut read) = (Vec::new(), 0);
+    while read < bytes {
+        let mut line = Vec::new();
+        let length = reader.read_until(b'\n', &mut line)?;
+        if length == 0 {
+            break;
+        }
+        read += length;
+        let ended = line.pop_if(|last| *last == b'\n').is_some();
+        lines.push(Line { bytes: line, ended });
+    }
+    Ok(lines)
 }
 
 fn without_zeros_at_the_end(line: &[u8]) -> &[u8] {
@@ -345,29 +380,53 @@ impl BadLine {
     }
 }
 
-fn read_line(line: &[u8], Place { seq, prev }: Place) -> Result<Event, BadLine> {
+/// A line that was read without knowing those ahead of it: its event, and what follows from place, kind and body that it
+/// says it has.
+struct Alone {
+    event: Event,
+    hash: Result<Digest, BadLine>,
+    /// Whether it is spelled as this event is printed.
+    as_printed: bool,
+}
+
+fn read_alone(line: &[u8]) -> Result<Alone, BadLine> {
     let event: Event = serde_json::from_slice(line).map_err(|error| {
         if error.is_eof() { BadLine::CutOff } else { BadLine::Other(format!("expected an event, found: {error}")) }
     })?;
-    let differs = |field: &str, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {
-        Err(BadLine::Other(format!("{field}: expected {expected}, found {found}")))
+    // Encoded once for both questions: most of what reading costs.
+    let hashed = canonical_json_bytes(&(event.seq, event.prev, &event.kind, &event.body));
+    let (hash, as_printed) = match hashed {
+        Ok(hashed) => {
+            let hash = Digest::under(EVENT_DOMAIN, &hashed);
+            let printed = line_of(&hashed, hash);
+            (Ok(hash), printed.is_ok_and(|printed| printed.strip_suffix(b"\n") == Some(line)))
+        }
+        Err(error) => (Err(BadLine::Other(refused(&event.kind)(error).to_string())), false),
     };
-    if event.seq != seq {
-        return differs("seq", &seq, &event.seq);
-    }
-    if event.prev != prev {
-        return differs("prev", &prev, &event.prev);
-    }
-    let again = Event::new(event.seq, event.prev, &event.kind, event.body.clone())
-        .map_err(|error| BadLine::Other(error.to_string()))?;
-    if event.hash != again.hash {
-        return differs("hash of its kind and body", &again.hash, &event.hash);
-    }
-    match event.line() {
-        Ok(printed) if printed.strip_suffix(b"\n") == Some(line) => Ok(event),
-        _ => Err(BadLine::Other(
-            "expected the event printed with sorted keys and no spaces, found another spelling".into(),
-        )),
+    Ok(Alone { event, hash, as_printed })
+}
+
+impl Alone {
+    /// The event, if it is the one that has to stand here.
+    fn behind(self, Place { seq, prev }: Place) -> Result<Event, BadLine> {
+        let Alone { event, hash, as_printed } = self;
+        let differs = |field: &str, expected: &dyn std::fmt::Display, found: &dyn std::fmt::Display| {
+            Err(BadLine::Other(format!("{field}: expected {expected}, found {found}")))
+        };
+        if event.seq != seq {
+            return differs("seq", &seq, &event.seq);
+        }
+        if event.prev != prev {
+            return differs("prev", &prev, &event.prev);
+        }
+        let hash = hash?;
+        if event.hash != hash {
+            return differs("hash of its kind and body", &hash, &event.hash);
+        }
+        if as_printed {
+            return Ok(event);
+        }
+        Err(BadLine::Other("expected the event printed with sorted keys and no spaces, found another spelling".into()))
     }
 }
 
@@ -391,6 +450,21 @@ fn divergence(path: &Path, recorded: &Event, kind: &str, body: &Value) -> StoreE
 mod tests {
     use super::*;
     use serde_json::json;
+
+    // The plain way to an event and its line.
+    impl Event {
+        fn new(seq: u64, prev: Digest, kind: &str, body: Value) -> Result<Event, StoreError> {
+            let hash = Digest::of(EVENT_DOMAIN, &(seq, prev, kind, &body))
+                .map_err(|source| StoreError::Unstorable { kind: kind.to_string(), source })?;
+            Ok(Event { body, hash, kind: kind.to_string(), prev, seq })
+        }
+
+        fn line(&self) -> Result<Vec<u8>, StoreError> {
+            let mut line = serde_json::to_vec(self).map_err(|e| unstorable(&self.kind, e))?;
+            line.push(b'\n');
+            Ok(line)
+        }
+    }
 
     fn three_events(path: &Path) -> Digest {
         let mut transcript = Transcript::create(path).unwrap();
@@ -502,6 +576,32 @@ mod tests {
         assert!(fsck_transcript(&path).unwrap().is_empty());
     }
 
+    /// Every byte changed, and every cut: threads find what one finds.
+    #[test]
+    fn threads_find_the_same_events_and_the_same_damage() {
+        let (_dir, path) = temp();
+        three_events(&path);
+        let whole = std::fs::read(&path).unwrap();
+        let threads = Threads::new(3).unwrap();
+        let found = |threads: Option<&Threads>| {
+            let mut hashes = Vec::new();
+            let walked = walk(&path, threads, &mut |event| hashes.push(event.hash)).unwrap();
+            let damage = walked.damage.map(|damage| damage.to_string());
+            (hashes, walked.whole_bytes, walked.unfinished, walked.sealed, damage)
+        };
+        for at in 0..whole.len() {
+            let mut changed = whole.clone();
+            changed[at] ^= 1;
+            for bytes in [&changed[..], &whole[..at]] {
+                std::fs::write(&path, bytes).unwrap();
+                assert_eq!(found(Some(&threads)), found(None), "byte {at}");
+            }
+        }
+        std::fs::write(&path, &whole).unwrap();
+        assert_eq!(found(Some(&threads)), found(None));
+        assert_eq!(found(None).0.len(), 3);
+    }
+
     #[test]
     fn a_second_writer_is_refused() {
         let (_dir, path) = temp();
@@ -539,7 +639,7 @@ mod tests {
             proptest::prop_assume!(x.is_finite());
             let event = Event::new(0, genesis(), "x", json!([x])).unwrap();
             let line = event.line().unwrap();
-            proptest::prop_assert_eq!(read_line(&line[..line.len() - 1], Place::first()).ok().map(|e| e.hash), Some(event.hash));
+            proptest::prop_assert_eq!(read_alone(&line[..line.len() - 1]).and_then(|read| read.behind(Place::first())).ok().map(|e| e.hash), Some(event.hash));
         }
     }
 }

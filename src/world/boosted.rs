@@ -16,7 +16,7 @@ const COLUMNS_IN_TURN: usize = 3;
 pub fn fit(table: &Table, target: &[f64], trees: u32, learning_rate: f64) -> Boosted {
     let intercept = table.mean(target);
     let mut left: Vec<f64> = target.iter().map(|value| value - intercept).collect();
-    let orders: Vec<Vec<usize>> = (0..table.columns).map(|column| order(table, column)).collect();
+    let orders: Vec<Vec<(u32, f64)>> = (0..table.columns).map(|column| order(table, column)).collect();
     let mut grown = Vec::new();
     for turn in 0..trees as usize {
         let tree = grow(table, &orders, &left, turn % COLUMNS_IN_TURN, learning_rate);
@@ -60,12 +60,13 @@ fn answer(tree: &Tree, row: &[f64]) -> f64 {
     }
 }
 
-/// Places of the rows by a column's value; equal values by their place. Empty for a column that does not vary.
-fn order(table: &Table, column: usize) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..table.rows.len()).collect();
-    order.sort_by(|&a, &b| table.rows[a][column].total_cmp(&table.rows[b][column]).then(a.cmp(&b)));
+/// Places of the rows by a column's value, each with the value: read again and again, so they lie side by side. Equal values
+/// stand by their place. Empty for a column that does not vary.
+fn order(table: &Table, column: usize) -> Vec<(u32, f64)> {
+    let mut order: Vec<(u32, f64)> = (0..).zip(table.rows.iter().map(|row| row[column])).collect();
+    order.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     let ends = order.first().zip(order.last());
-    if ends.is_none_or(|(&low, &high)| table.rows[low][column] == table.rows[high][column]) {
+    if ends.is_none_or(|(low, high)| low.1 == high.1) {
         return Vec::new();
     }
     order
@@ -103,7 +104,7 @@ struct Best {
     bound: f64,
 }
 
-fn grow(table: &Table, orders: &[Vec<usize>], left: &[f64], turn: usize, learning_rate: f64) -> Tree {
+fn grow(table: &Table, orders: &[Vec<(u32, f64)>], left: &[f64], turn: usize, learning_rate: f64) -> Tree {
     let mut nodes = vec![TreeNode::Leaf { value: 0.0 }];
     let mut home = vec![0usize; left.len()];
     let mut level: Vec<usize> = vec![0];
@@ -143,29 +144,35 @@ fn sums_of(table: &Table, left: &[f64], home: &[usize], nodes: usize) -> Vec<Sum
 /// For each node the question that explains most; `None` where none leaves enough rows on both sides.
 fn questions(
     table: &Table,
-    orders: &[Vec<usize>],
+    orders: &[Vec<(u32, f64)>],
     left: &[f64],
     turn: usize,
     home: &[usize],
     whole: &[Sums],
 ) -> Vec<Option<Best>> {
     let mut best: Vec<Option<Best>> = vec![None; whole.len()];
+    // What is asked of a row, side by side.
+    let rows: Vec<(usize, f64, f64)> =
+        home.iter().zip(&table.weights).zip(left).map(|((&home, &weight), &left)| (home, weight, left)).collect();
+    let gains: Vec<f64> = whole.iter().map(Sums::gain).collect();
+    let mut below = vec![(Sums::default(), f64::NAN); whole.len()];
     for (column, order) in orders.iter().enumerate().filter(|(column, _)| column % COLUMNS_IN_TURN == turn) {
-        let mut low = vec![Sums::default(); whole.len()];
-        let mut last: Vec<Option<f64>> = vec![None; whole.len()];
-        for &row in order {
-            let (node, value) = (home[row], table.rows[row][column]);
-            if let Some(before) = last[node].filter(|before| *before < value) {
-                let high = whole[node].without(&low[node]);
-                if low[node].rows >= LEAF_ROWS_MIN && high.rows >= LEAF_ROWS_MIN {
-                    let gain = low[node].gain() + high.gain() - whole[node].gain();
+        below.fill((Sums::default(), f64::NAN));
+        for &(row, value) in order {
+            let (node, weight, left) = rows[row as usize];
+            let (low, before) = &mut below[node];
+            // Before the first row there is no number, and nothing is less than that.
+            if *before < value {
+                let high = whole[node].without(low);
+                if low.rows >= LEAF_ROWS_MIN && high.rows >= LEAF_ROWS_MIN {
+                    let gain = low.gain() + high.gain() - gains[node];
                     if gain > best[node].map_or(1e-12, |best| best.gain) {
-                        best[node] = Some(Best { gain, column, bound: 0.5 * (before + value) });
+                        best[node] = Some(Best { gain, column, bound: 0.5 * (*before + value) });
                     }
                 }
             }
-            low[node].add(table.weights[row], left[row]);
-            last[node] = Some(value);
+            low.add(weight, left);
+            *before = value;
         }
     }
     best

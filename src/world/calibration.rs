@@ -10,7 +10,7 @@ use super::{
     ridge,
     table::{Table, moments, standardised},
 };
-use crate::kernel::num;
+use crate::kernel::{Threads, num};
 use crate::objects::{
     CalibrationGroup, FeatureSchema, GroupMean, Objectives, Regression, RidgeLine, WorldConfiguration, WorldFit,
     WorldLabel, WorldModel, WorldSnapshot,
@@ -81,12 +81,41 @@ pub fn settle(
     configuration: &WorldConfiguration,
     set: &CalibrationSet,
     epoch: u32,
+    threads: &Threads,
 ) -> Result<WorldSnapshot, ConfigurationError> {
     validate(configuration, schema)?;
     let earlier: Vec<&WorldLabel> = set.labels.iter().filter(|label| label.epoch < epoch).collect();
-    let half_width = half_width(schema, configuration, &earlier);
-    let fit = fitted(schema, configuration, &earlier).map(|fit| WorldFit { half_width, ..fit });
-    Ok(WorldSnapshot { schema: schema.clone(), configuration: configuration.clone(), fit })
+    Ok(snapshot(schema, configuration, &earlier, threads))
+}
+
+/// A configuration with its fit to these labels. The fits of the folds and of the whole do not wait for each other.
+pub fn snapshot(
+    schema: &FeatureSchema,
+    configuration: &WorldConfiguration,
+    labels: &[&WorldLabel],
+    threads: &Threads,
+) -> WorldSnapshot {
+    let folds: Vec<Option<usize>> = (0..FOLDS).map(Some).chain([None]).collect();
+    let mut made = threads.map(&folds, |_, fold| match fold {
+        Some(fold) => Made::Errors(errors_of(schema, configuration, labels, *fold)),
+        None => Made::Whole(fitted(schema, configuration, labels).map(Box::new)),
+    });
+    let whole = made.pop();
+    let errors = made.into_iter().map(|made| if let Made::Errors(errors) = made { errors } else { None });
+    let half_width = errors.collect::<Option<Vec<_>>>().and_then(|folds| half_width(configuration, &folds.concat()));
+    let fit = match whole {
+        Some(Made::Whole(fit)) => fit.map(|fit| WorldFit { half_width, ..*fit }),
+        _ => None,
+    };
+    WorldSnapshot { schema: schema.clone(), configuration: configuration.clone(), fit }
+}
+
+/// What one of the fits is for.
+enum Made {
+    /// Errors of a fold that a fit to the others makes.
+    Errors(Option<Vec<Objectives>>),
+    /// The fit to all labels.
+    Whole(Option<Box<WorldFit>>),
 }
 
 /// The fit without its intervals.
@@ -138,24 +167,27 @@ fn regressions(
 }
 
 /// Conformal prediction over candidates by cross-fitting (Vovk; Barber et al.): every candidate is predicted by a fit to those of
-/// the other folds, and the half width is the quantile of |label - prediction| at the level, corrected for the number of
-/// errors. Errors are scaled by the root of the open share: scenes err on their own, and closed ones not at all.
-fn half_width(
+/// the other folds. Errors are scaled by the root of the open share: scenes err on their own, and closed ones not at all.
+fn errors_of(
     schema: &FeatureSchema,
     configuration: &WorldConfiguration,
     labels: &[&WorldLabel],
-) -> Option<Objectives> {
-    let mut errors: Vec<Objectives> = Vec::new();
-    for fold in 0..FOLDS {
-        let is_held = |place: usize| place % FOLDS == fold;
-        let parted = |held: bool| labels.iter().enumerate().filter(move |(place, _)| is_held(*place) == held);
-        let others: Vec<&WorldLabel> = parted(false).map(|(_, label)| *label).collect();
-        let fit = fitted(schema, configuration, &others)?;
-        for (_, label) in parted(true).filter(|(_, label)| label.row.open_share > 0.0) {
-            let error = label.difference().less(&difference(configuration, &fit, &label.row));
-            errors.push(error.times(1.0 / spread(&label.row)));
-        }
-    }
+    fold: usize,
+) -> Option<Vec<Objectives>> {
+    let is_held = |place: usize| place % FOLDS == fold;
+    let parted = |held: bool| labels.iter().enumerate().filter(move |(place, _)| is_held(*place) == held);
+    let others: Vec<&WorldLabel> = parted(false).map(|(_, label)| *label).collect();
+    let fit = fitted(schema, configuration, &others)?;
+    let open = parted(true).filter(|(_, label)| label.row.open_share > 0.0);
+    let error = |(_, label): (usize, &&WorldLabel)| {
+        let error = label.difference().less(&difference(configuration, &fit, &label.row));
+        error.times(1.0 / spread(&label.row))
+    };
+    Some(open.map(error).collect())
+}
+
+/// The half width is the quantile of |label - prediction| at the level, corrected for the number of errors.
+fn half_width(configuration: &WorldConfiguration, errors: &[Objectives]) -> Option<Objectives> {
     let quantile = |of: fn(&Objectives) -> f64| {
         let mut sizes: Vec<f64> = errors.iter().map(|error| of(error).abs()).collect();
         sizes.sort_by(f64::total_cmp);

@@ -175,7 +175,7 @@ pub fn allot(predictions: &[Prediction], labels: u32, options: &RoutingOptions, 
 }
 
 /// Predicted, with certainty, to lose too much.
-fn is_weak(prediction: &Prediction, options: &RoutingOptions) -> bool {
+pub(super) fn is_weak(prediction: &Prediction, options: &RoutingOptions) -> bool {
     let Objectives { attack, realism } = prediction.difference;
     prediction.uncertainty() <= options.lambda_u && (attack < -options.lambda_a || realism < -options.lambda_r)
 }

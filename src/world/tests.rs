@@ -7,11 +7,11 @@ use proptest::prelude::*;
 
 use super::table::Table;
 use super::*;
-use crate::kernel::{Digest, Seed, Vec2};
+use crate::kernel::{Digest, Seed, Threads, Vec2};
 use crate::objects::*;
 use crate::scene::{LaneGraph, SceneFeatures, fixture};
 
-fn configuration(model: WorldModel) -> WorldConfiguration {
+pub(super) fn configuration(model: WorldModel) -> WorldConfiguration {
     WorldConfiguration {
         excluded_columns: Vec::new(),
         model,
@@ -38,12 +38,12 @@ fn configuration(model: WorldModel) -> WorldConfiguration {
 }
 
 /// A schema of `n` plain columns.
-fn columns(n: usize) -> FeatureSchema {
+pub(super) fn columns(n: usize) -> FeatureSchema {
     let column = |k| FeatureColumn { name: format!("x{k}"), group: FeatureGroup::Scene };
     FeatureSchema { families: vec![FamilyName::new("cat")], columns: (0..n).map(column).collect() }
 }
 
-fn xi(features: &[f64], open_share: f64) -> WorldRow {
+pub(super) fn xi(features: &[f64], open_share: f64) -> WorldRow {
     WorldRow {
         features: features.to_vec(),
         open_share,
@@ -54,7 +54,7 @@ fn xi(features: &[f64], open_share: f64) -> WorldRow {
 }
 
 /// A candidate of epoch `epoch` whose attack differs from its parent's by this much, and was predicted not to.
-fn label(epoch: u32, features: &[f64], attack: f64) -> WorldLabel {
+pub(super) fn label(epoch: u32, features: &[f64], attack: f64) -> WorldLabel {
     let row = xi(features, 1.0);
     WorldLabel {
         attempt: AttemptId::new("cat-idm/e1s0"),
@@ -83,7 +83,7 @@ fn stepped(n: u32) -> CalibrationSet {
 
 fn settled(set: &CalibrationSet, configuration: &WorldConfiguration) -> WorldSnapshot {
     let width = set.labels().first().map_or(2, |label| label.row.features.len());
-    settle(&columns(width), configuration, set, 1).unwrap()
+    settle(&columns(width), configuration, set, 1, &one_thread()).unwrap()
 }
 
 fn prediction(rank_score: f64) -> Prediction {
@@ -101,6 +101,10 @@ fn routed(
     seed: u64,
 ) -> Vec<(RouteDecision, Option<f64>, String)> {
     allot(predictions, 100, options, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 1))
+}
+
+fn one_thread() -> Threads {
+    Threads::new(1).unwrap()
 }
 
 #[test]
@@ -282,7 +286,7 @@ fn excluded_columns_are_not_read_and_unknown_ones_refused() {
     let router = Router::new(&snapshot).unwrap();
     assert_eq!(router.predict(&xi(&[0.1, 7.0], 1.0)), router.predict(&xi(&[0.9, 7.0], 1.0)));
     excluding.excluded_columns = vec!["no_such".into()];
-    let refused = settle(&columns(2), &excluding, &CalibrationSet::default(), 0);
+    let refused = settle(&columns(2), &excluding, &CalibrationSet::default(), 0, &one_thread());
     assert_eq!(refused, Err(ConfigurationError::UnknownColumn("no_such".into())));
 }
 
@@ -477,7 +481,7 @@ proptest! {
             all.insert((2 * k).min(all.len()), label(*epoch, &[*x], *y));
         }
         let routes = |labels: Vec<WorldLabel>| {
-            let snapshot = settle(&columns(1), &options, &set_of(labels, 1), 3).unwrap();
+            let snapshot = settle(&columns(1), &options, &set_of(labels, 1), 3, &one_thread()).unwrap();
             let router = Router::new(&snapshot).unwrap();
             let predicted: Vec<Prediction> = wanted.iter().map(|x| router.predict(&xi(&[*x], 1.0)).unwrap()).collect();
             router.routes(&predicted, &mut audit_stream(Seed(seed), &LineageId::new("cat-idm"), 3))
@@ -485,5 +489,17 @@ proptest! {
         prop_assert_eq!(routes(known.clone()), routes(all));
         let more: Vec<WorldLabel> = known.into_iter().chain([label(2, &[0.5], 0.5)]).collect();
         prop_assert_ne!(routes(more.clone())[0].snapshot, routes(more[..more.len() - 1].to_vec())[0].snapshot);
+    }
+}
+
+#[test]
+fn a_fit_does_not_depend_on_threads() {
+    let set = stepped(60);
+    for model in [WorldModel::Ridge, WorldModel::Boosted] {
+        let options = configuration(model);
+        let fit = |threads| settle(&columns(2), &options, &set, 1, &Threads::new(threads).unwrap()).unwrap();
+        let one = fit(1);
+        assert!(one.fit.as_ref().is_some_and(|fit| fit.half_width.is_some()));
+        assert_eq!((fit(3), fit(2)), (one.clone(), one));
     }
 }

@@ -4,18 +4,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use crate::harness::{folder_below, run as evodrive};
+use crate::harness::{Recorded, events, experiment, folder_below, record, run as evodrive, write_small};
 use serde_json::Value;
 
-/// An experiment of this repository.
-fn own(name: &str) -> toml::Table {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments").join(name);
-    evodrive::experiment::composed(&path).unwrap().table
-}
-
 /// LLM-Attacker's experiment with a few scenes, as `change` leaves it.
-fn experiment(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
-    let mut table = own("metadrive/llm_attacker-idm.toml");
+fn small(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
+    let mut table = experiment("metadrive/llm_attacker-idm.toml");
     let mut set = |path: [&str; 2], value: i64| {
         table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value.into());
     };
@@ -28,34 +22,19 @@ fn experiment(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
     set(["budget", "finalists"], 1);
     table["split"]["evolution"]["count"] = 6.into();
     table["models"]["scripted"]["sampling"]["malformed_json_rate"] = 0.3.into();
-    table.insert("cassette".into(), "small.jsonl".into());
     change(&mut table);
-    let path = folder.join("small.toml");
-    std::fs::write(&path, toml::to_string(&table).unwrap()).unwrap();
-    path
+    write_small(folder, table)
 }
 
 /// One recorded run, shared: its folder, the experiment, the run folder, the root.
-fn recorded() -> &'static (tempfile::TempDir, PathBuf, PathBuf, String) {
-    static RUN: OnceLock<(tempfile::TempDir, PathBuf, PathBuf, String)> = OnceLock::new();
-    RUN.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let file = experiment(folder.path(), |_| {});
-        let out = folder.path().join("runs");
-        let root = evodrive(&["record", file.to_str().unwrap(), "--out", out.to_str().unwrap()]).root();
-        let run = folder_below(&out);
-        (folder, file, run, root)
-    })
-}
-
-fn events(run: &Path) -> Vec<Value> {
-    let text = std::fs::read_to_string(run.join("transcript.jsonl")).unwrap();
-    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+fn recorded() -> &'static Recorded {
+    static RUN: OnceLock<Recorded> = OnceLock::new();
+    RUN.get_or_init(|| record(|folder| small(folder, |_| {})))
 }
 
 #[test]
 fn a_scene_is_counselled_before_its_first_label_and_held_out_scenes_after_selection() {
-    let (_, _, run, _) = recorded();
+    let Recorded { run, .. } = recorded();
     let events = events(run);
     let kind = |event: &Value| event["kind"].as_str().unwrap().to_string();
     let scenes = |field: &str| -> Vec<String> {
@@ -88,7 +67,7 @@ fn a_scene_is_counselled_before_its_first_label_and_held_out_scenes_after_select
 
 #[test]
 fn answers_that_cannot_be_used_are_recorded_and_the_rules_propose() {
-    let (_, _, run, _) = recorded();
+    let Recorded { run, .. } = recorded();
     let mut by_rules = 0;
     for event in events(run).iter().filter(|event| event["kind"] == "counsel") {
         let body = &event["body"];
@@ -108,13 +87,13 @@ fn answers_that_cannot_be_used_are_recorded_and_the_rules_propose() {
 
 #[test]
 fn a_counselled_run_has_one_root_for_any_number_of_threads_and_verifies() {
-    let (_, file, run, root) = recorded();
+    let Recorded { experiment, run, root, .. } = recorded();
     let out = tempfile::tempdir().unwrap();
     for jobs in ["1", "2"] {
         let out = out.path().join(jobs);
         let again = evodrive(&[
             "run",
-            file.to_str().unwrap(),
+            experiment.to_str().unwrap(),
             "--out",
             out.to_str().unwrap(),
             "--cassette",
@@ -132,7 +111,7 @@ fn a_counselled_run_has_one_root_for_any_number_of_threads_and_verifies() {
 
 #[test]
 fn the_counsel_of_a_scene_can_be_shown_and_is_in_the_report() {
-    let (_, _, run, _) = recorded();
+    let Recorded { run, .. } = recorded();
     let event = events(run).into_iter().find(|event| event["kind"] == "counsel").unwrap();
     let name = format!("llm_attacker-idm/{}", event["body"]["scene"].as_str().unwrap());
     let shown = evodrive(&["show", &name, "--run", run.to_str().unwrap()]);
@@ -149,7 +128,7 @@ fn the_counsel_of_a_scene_can_be_shown_and_is_in_the_report() {
 
 #[test]
 fn a_missing_answer_about_a_scene_ends_the_run_and_names_slot_and_role() {
-    let (_, file, run, _) = recorded();
+    let Recorded { experiment, run, .. } = recorded();
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(run.join("cassette.jsonl")).unwrap();
     let removed = |line: &&str| {
@@ -163,7 +142,7 @@ fn a_missing_answer_about_a_scene_ends_the_run_and_names_slot_and_role() {
     let out = folder.path().join("runs");
     let ran = evodrive(&[
         "run",
-        file.to_str().unwrap(),
+        experiment.to_str().unwrap(),
         "--out",
         out.to_str().unwrap(),
         "--cassette",
@@ -177,7 +156,7 @@ fn a_missing_answer_about_a_scene_ends_the_run_and_names_slot_and_role() {
 fn counsel_is_declared_exactly_where_a_family_takes_it() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |change: fn(&mut toml::Table)| {
-        let file = experiment(folder.path(), change);
+        let file = small(folder.path(), change);
         let ran = evodrive(&["run", file.to_str().unwrap(), "--out", folder.path().to_str().unwrap()]);
         assert_eq!(ran.code, 2, "{}", ran.stderr);
         ran.stderr
@@ -199,7 +178,7 @@ fn counsel_is_declared_exactly_where_a_family_takes_it() {
 
 /// ChatScene's experiment with two routes, as `change` leaves it.
 fn described(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
-    let mut table = own("safebench/chatscene-idm.toml");
+    let mut table = experiment("safebench/chatscene-idm.toml");
     let mut set = |path: [&str; 2], value: toml::Value| {
         table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value);
     };
@@ -214,11 +193,8 @@ fn described(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
     table["evaluation"]["safebench"]["selected_per_group"] = 1.into();
     table["scenes"]["options"]["families"] = vec!["crossing_negotiation", "red_light_running", "right_turn"].into();
     table["split"]["evolution"]["count"] = 4.into();
-    table.insert("cassette".into(), "small.jsonl".into());
     change(&mut table);
-    let path = folder.join("small.toml");
-    std::fs::write(&path, toml::to_string(&table).unwrap()).unwrap();
-    path
+    write_small(folder, table)
 }
 
 #[test]

@@ -65,6 +65,7 @@ fn attack_options() -> AttackOptions {
     AttackOptions {
         counts: [EgoStrikes, EgoSideswipes, StationaryHit].into(),
         counts_if_avoidable: [CutIn, Crossing, HeadOn, Sideswipe, RearEndEgoStruck].into(),
+        when: None,
     }
 }
 
@@ -400,4 +401,43 @@ fn every_part_of_a_rollout_request_is_in_its_key() {
     ] {
         assert_ne!(key, other.unwrap());
     }
+}
+
+#[test]
+fn an_attack_of_ones_own_counts_what_its_expression_says_and_only_what_the_program_did() {
+    let formula = |text: &str| OutcomeFormula::try_from(text.to_string());
+    let own = |text: &str| {
+        let attack = AttackOptions { when: Some(formula(text).unwrap()), ..attack_options() };
+        MetadriveOptions { attack, ..options() }
+    };
+    let score = |outcome: Outcome, meets_anyway: Option<ActorRef>, text: &str| {
+        let met = RolloutRecord { meets_anyway, outcome, ..labelled("a", true) };
+        scene_score(&met, Digest::of_bytes(b"q"), Digest::of_bytes(b"r"), &own(text)).attack
+    };
+    let fast = "contact_adversary and contact_speed_mps > 2";
+    let met = || outcome(vec![report()], Some(contact(true)));
+    assert_eq!(score(met(), None, fast), 1.0);
+    assert_eq!(score(met(), None, "contact_adversary and contact_speed_mps > 5"), 0.0, "4 m/s");
+    assert_eq!(score(met(), Some(ActorRef::Track(0)), fast), 0.0, "the ego runs into the same one anyway");
+    // A near miss has no contact: a severity between 0 and 1, where the program acts.
+    let near = "if(contact, 1, (3 - ttc_s_min) / 3)";
+    let missed = |acted| {
+        let adversary = AdversaryReport { acted, ..report() };
+        Outcome { ttc_s_min: Some(0.75), ..outcome(vec![adversary], None) }
+    };
+    assert_eq!(score(missed(true), None, near), 0.75);
+    assert_eq!(score(missed(false), None, near), 0.0);
+    assert_eq!(score(Outcome { ttc_s_min: None, ..missed(true) }, None, near), 0.0, "held at 0");
+    for (bad, expected) in
+        [("contact and", "end"), ("contact_sped_mps > 2", "contact_speed_mps"), ("contact > 2", "number")]
+    {
+        let error = formula(bad).unwrap_err().to_string();
+        assert!(error.contains(expected) && error.contains("evodrive features"), "{error}");
+    }
+    // Its text is part of what an experiment's digest is made of, and nothing is where none is declared.
+    assert!(!serde_json::to_string(&attack_options()).unwrap().contains("when"));
+    let written = serde_json::to_string(&own("contact_speed_mps>2").attack).unwrap();
+    assert!(written.contains("\"contact_speed_mps > 2\""), "{written}");
+    let read: AttackOptions = serde_json::from_str(&written).unwrap();
+    assert_eq!(read, own("contact_speed_mps > 2").attack);
 }

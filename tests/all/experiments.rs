@@ -1,7 +1,10 @@
 //! The experiment files that come with the project can be used as they are.
 
+use evodrive::ego::network::Mlp;
+use evodrive::ego::{Policy, Setting, Weights};
 use evodrive::experiment::{Experiment, SceneSource, composed};
 use evodrive::families::sources;
+use evodrive::kernel::Digest;
 use evodrive::objects::{FamilyName, LineageId};
 use evodrive::stage::Asks;
 use std::collections::BTreeSet;
@@ -45,7 +48,7 @@ fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() 
             for parameter in lineage.parent.keys() {
                 assert!(family.parent.parameters.contains_key(parameter), "{}: {parameter}", path.display());
             }
-            let ego: Result<evodrive::ego::Policy, _> = lineage.ego.parse();
+            let ego = lineage.driver();
             assert!(ego.is_ok(), "{}: {}", path.display(), lineage.ego);
         }
     }
@@ -67,7 +70,7 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
         let ids = experiment.lineages.iter().map(|lineage| lineage.id.clone());
         if stem == "all-idm" {
             together.extend(ids)
-        } else {
+        } else if stem.ends_with("-idm") {
             all.extend(ids)
         }
         // Whatever decides what is measured is the same in all files, so that their rows can be compared.
@@ -211,6 +214,49 @@ fn a_file_stands_above_its_base_and_that_above_its_own() {
     let SceneSource::Files { paths } = &experiment.scenes else { panic!("{:?}", experiment.scenes) };
     assert_eq!(experiment.beside(&paths[0]), dir.path().join("mid/here"));
     assert_eq!(experiment.beside(&experiment.cassette), dir.path().join("own.jsonl"));
+}
+
+/// An experiment whose lineage has this ego, beside a file of weights.
+fn with_weights(bytes: &[u8], ego: &str, digest: &str) -> Result<Experiment, String> {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("mine.safetensors"), bytes).unwrap();
+    let policy = format!("{{ file = \"mine.safetensors\", digest = \"{digest}\" }}");
+    let text = format!(
+        "base = \"evodrive:metadrive\"\nname = \"own\"\ndescribes = \"d\"\ncassette = \"own.jsonl\"\n\
+         lineage = [{{ id = \"cat\", family = \"cat\", ego = \"{ego}\", policy = {policy} }}]\n"
+    );
+    std::fs::write(dir.path().join("own.toml"), text).unwrap();
+    Experiment::read(&dir.path().join("own.toml")).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_learned_ego_is_named_by_file_and_digest_and_travels_inside_the_experiment() {
+    let setting = Setting::Metadrive1;
+    let weights = Weights::to_bytes(setting, &Mlp::zeros(&[setting.length(), 4, 4, 4])).unwrap();
+    let digest = Digest::of_bytes(&weights).to_hex();
+    let experiment = with_weights(&weights, "learned", &digest).unwrap();
+    let Ok(Policy::Learned(found)) = experiment.lineages[0].driver() else { panic!("a learned ego") };
+    assert_eq!(found.digest.to_hex(), digest);
+    // The file is gone by now: what a run folder keeps needs it no more.
+    let dir = tempfile::tempdir().unwrap();
+    let copy = dir.path().join("experiment.toml");
+    std::fs::write(&copy, &experiment.whole_text).unwrap();
+    assert_eq!(read(&copy).digest().unwrap(), experiment.digest().unwrap());
+
+    let other = with_weights(&weights, "learned", &"0".repeat(64)).unwrap_err();
+    let command = "evodrive train experiments/train/mine.toml";
+    assert!(
+        other.contains("lineage[0].policy.digest") && other.contains(&digest) && other.contains(command),
+        "{other}"
+    );
+    let cut = &weights[..weights.len() - 4];
+    let short = with_weights(cut, "learned", &Digest::of_bytes(cut).to_hex()).unwrap_err();
+    assert!(short.contains("lineage[0].policy.file") && short.contains("header") && short.contains(command), "{short}");
+    let odd = with_weights(&weights, "idm", &digest).unwrap_err();
+    assert!(odd.contains("lineage[0].ego") && odd.contains("takes no policy"), "{odd}");
+    let missing =
+        based(&[("own.toml", &format!("base = \"evodrive:metadrive\"\n{OWN}").replace("\"idm\" }", "\"learned\" }"))]);
+    assert!(missing.1.unwrap_err().contains("needs its weights"));
 }
 
 #[test]

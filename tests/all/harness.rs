@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use serde_json::Value;
+
 /// Folder of this repository.
 pub fn home() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -11,6 +13,50 @@ pub fn home() -> &'static Path {
 /// Text of a file of this repository.
 pub fn text(path: &str) -> String {
     std::fs::read_to_string(home().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// An experiment of this repository, composed from its bases.
+pub fn experiment(name: &str) -> toml::Table {
+    evodrive::experiment::composed(&home().join("experiments").join(name)).unwrap().table
+}
+
+/// Writes an experiment that a test made smaller, with a cassette of its own beside it.
+pub fn write_small(folder: &Path, mut table: toml::Table) -> PathBuf {
+    table.insert("cassette".into(), "small.jsonl".into());
+    let path = folder.join("small.toml");
+    std::fs::write(&path, toml::to_string(&table).unwrap()).unwrap();
+    path
+}
+
+/// A recorded run that the tests of a file share.
+pub struct Recorded {
+    /// It is removed with this.
+    _folder: tempfile::TempDir,
+    pub experiment: PathBuf,
+    pub run: PathBuf,
+    pub root: String,
+}
+
+/// Records the experiment that `write` puts into an empty folder.
+pub fn record(write: impl FnOnce(&Path) -> PathBuf) -> Recorded {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = write(folder.path());
+    let out = folder.path().join("runs");
+    let root = run(&["record", experiment.to_str().unwrap(), "--out", out.to_str().unwrap()]).root();
+    Recorded { run: folder_below(&out), _folder: folder, experiment, root }
+}
+
+/// The events of a run's transcript, in order.
+pub fn events(run: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(run.join("transcript.jsonl")).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// What a report's script draws: the story, and the scenes that it plays.
+pub fn report_data(page: &str) -> Value {
+    let (_, rest) = page.split_once("<script id=\"data\" type=\"application/json\">").expect("the data");
+    let (data, _) = rest.split_once("</script>").expect("the data's end");
+    serde_json::from_str(data).unwrap()
 }
 
 /// The first folder below `folder`: the run folder below `--out`.

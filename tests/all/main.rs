@@ -2,13 +2,18 @@
 //! `architecture`, which reads sources only, `sim_allocations`, which replaces the allocator, `store`, whose locks a started
 //! command would hold for a moment, and `skipped`.
 
-use evodrive::{ego, kernel, scene, sim};
+use evodrive::{ego, kernel, learn, scene, sim};
 
 mod archive_hypervolume;
 mod audit;
 mod backends;
+mod bundle;
+mod commands;
 mod counsel;
+mod damage;
+mod data;
 mod evaluation;
+mod evolving;
 mod exchange;
 mod experiments;
 mod families_gradient;
@@ -21,11 +26,15 @@ mod ledger;
 mod live;
 mod models;
 mod nudge;
+mod own_ego;
 mod parents;
+mod plan;
 mod programs;
 mod quickstart;
 mod realism;
 mod recorded_traffic;
+mod report;
+mod sac;
 mod scene_commonroad;
 mod scene_export;
 mod scene_opendrive;
@@ -35,4 +44,7 @@ mod scenes;
 mod shards;
 mod simulator;
 mod snapshots;
+mod tamper;
+mod training;
+mod why;
 mod worlds;

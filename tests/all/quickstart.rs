@@ -260,6 +260,7 @@ fn help_texts_are_goldens() {
     let mut text = run(&["--help"]).stdout;
     for command in [
         "init",
+        "plan",
         "run",
         "resume",
         "check",
@@ -272,11 +273,23 @@ fn help_texts_are_goldens() {
         "fsck",
         "report",
         "table",
+        "why",
+        "impact",
         "world",
+        "compare",
+        "diff",
+        "data",
         "agree",
         "options",
+        "families",
+        "formats",
+        "features",
+        "completions",
+        "man",
         "worker",
         "bench",
+        "train",
+        "egos",
     ] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);
     }
@@ -285,6 +298,9 @@ fn help_texts_are_goldens() {
     }
     for command in ["plan", "work", "merge"] {
         text += &format!("\n---- evodrive shard {command} --help\n{}", run(&["shard", command, "--help"]).stdout);
+    }
+    for command in ["create", "inspect", "verify", "import"] {
+        text += &format!("\n---- evodrive bundle {command} --help\n{}", run(&["bundle", command, "--help"]).stdout);
     }
     for command in ["import", "generate", "list", "show", "export", "stats"] {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);

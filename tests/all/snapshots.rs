@@ -5,7 +5,7 @@
 use evodrive::llm::Cassette;
 use std::collections::BTreeSet;
 
-use crate::harness::{home, run, text};
+use crate::harness::{home, report_data, run, text};
 use crate::quickstart::finished;
 
 /// System and user message of the first exchange of every role. The replays of these recordings ask with the same bytes
@@ -31,6 +31,11 @@ fn prompts_of_the_roles_that_evolve_a_program() {
 fn prompts_of_the_roles_that_see_scenes_and_descriptions() {
     prompts("cassettes/metadrive/llm_attacker-idm.jsonl.zst", &["attacker_agent"]);
     prompts("cassettes/safebench-chatscene-idm.jsonl.zst", &["template_agent"]);
+}
+
+#[test]
+fn the_prompt_of_the_role_that_sees_the_world_evaluator() {
+    prompts("cassettes/world/short.jsonl.zst", &["world_agent"]);
 }
 
 #[test]
@@ -77,9 +82,7 @@ fn messages_of_typical_mistakes() {
 #[test]
 fn data_of_the_report() {
     let page = std::fs::read_to_string(finished().1.join("report.html")).unwrap();
-    let (_, rest) = page.split_once("<script id=\"data\" type=\"application/json\">").expect("the data");
-    let (data, _) = rest.split_once("</script>").expect("the data's end");
-    let whole: serde_json::Value = serde_json::from_str(data).unwrap();
+    let whole = report_data(&page);
     let mut shown = whole[0].as_object().unwrap().clone();
     shown.remove("cost").expect("what it cost");
     for (name, value) in &mut shown {

@@ -3,3 +3,4 @@
 
 mod cassette;
 mod damage;
+mod key_contract;

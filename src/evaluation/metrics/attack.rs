@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
+use super::outcome_formula::OutcomeFormula;
 use crate::sim::{Contact, ContactClass, Outcome};
 
 /// Which contacts with an adversary are failures of the ego: the table `[evaluation.attack]`. A class stands in one of
@@ -17,6 +18,9 @@ pub struct AttackOptions {
     pub counts: BTreeSet<ContactClass>,
     /// Classes that count where the ego could have avoided the contact.
     pub counts_if_avoidable: BTreeSet<ContactClass>,
+    /// An expression over the outcome that decides in place of the lists, where the experiment declares one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub when: Option<OutcomeFormula>,
 }
 
 /// The table as a file may hold it.
@@ -25,6 +29,8 @@ pub struct AttackOptions {
 struct WrittenOptions {
     counts: Vec<ContactClass>,
     counts_if_avoidable: Vec<ContactClass>,
+    #[serde(default)]
+    when: Option<OutcomeFormula>,
 }
 
 /// `[evaluation.attack]` that defines no label.
@@ -47,12 +53,13 @@ impl TryFrom<WrittenOptions> for AttackOptions {
                 return Err(AttackOptionsError::Twice(class.name()));
             }
         }
-        if seen.is_empty() {
+        if seen.is_empty() && written.when.is_none() {
             return Err(AttackOptionsError::Nothing);
         }
         Ok(AttackOptions {
             counts: written.counts.into_iter().collect(),
             counts_if_avoidable: written.counts_if_avoidable.into_iter().collect(),
+            when: written.when,
         })
     }
 }
@@ -66,8 +73,11 @@ impl AttackOptions {
     }
 }
 
-/// 1 for a target failure, else 0.
+/// 1 for a target failure, else 0; with an expression of the experiment's own, its value between 0 and 1.
 pub fn attack(outcome: &Outcome, options: &AttackOptions) -> f64 {
+    if let Some(when) = &options.when {
+        return when.share(outcome);
+    }
     let failed = outcome.contact.is_some_and(|contact| options.counts(&contact));
     if failed { 1.0 } else { 0.0 }
 }

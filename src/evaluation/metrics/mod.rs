@@ -8,6 +8,7 @@ pub mod initial_overlap;
 pub mod jerk;
 pub mod limits;
 pub mod map;
+pub mod outcome_formula;
 pub mod parked;
 pub mod realism;
 pub mod route_completion;
@@ -17,6 +18,7 @@ pub mod wrong_way;
 
 pub use attack::{AttackOptions, AttackOptionsError, PublishedReadings};
 pub use limits::{Calibration, Limit, Limits};
+pub use outcome_formula::{OutcomeFormula, outcome_fields};
 pub use realism::{OptionsError, RealismOptions, Weights};
 
 use serde::{Deserialize, Serialize};

@@ -4,6 +4,7 @@
 
 mod continuity;
 mod epochs;
+mod evaluator;
 mod finding;
 mod labels;
 mod monitor;
@@ -18,6 +19,7 @@ pub fn audit(run: &RecordedRun) -> Vec<Finding> {
     continuity::check(run, &mut findings);
     epochs::check(run, &mut findings);
     labels::check(run, &mut findings);
+    evaluator::check(run, &mut findings);
     findings.extend(monitor::remark(run));
     findings.sort_by_key(|finding| finding.gravity);
     findings

@@ -7,8 +7,8 @@ use crate::objects::event::Frozen;
 use crate::objects::{Attempt, FamilyName, LineageId, Objectives, RouteDecision};
 use crate::world::drawn_by_monitor;
 
-/// Share of an epoch's candidates that would be simulated, where all of them were.
-const BUDGET_SHARE: f64 = 0.3;
+/// Share of an epoch's candidates that counts as the first by rank.
+const FIRST_SHARE: f64 = 0.3;
 
 /// One admitted candidate.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,12 +67,18 @@ fn case(attempt: &Attempt, frozen: &Frozen) -> Option<Case> {
 /// Says who would be turned away in an epoch that was simulated whole.
 fn split(mut cases: Vec<Case>) -> Vec<Case> {
     if cases.iter().all(|case| case.label.is_some()) {
-        let kept = (BUDGET_SHARE * cases.len() as f64).ceil() as usize;
-        let mut order: Vec<usize> = (0..cases.len()).collect();
-        order.sort_by(|&a, &b| cases[b].rank_score.total_cmp(&cases[a].rank_score).then(a.cmp(&b)));
-        for (rank, place) in order.into_iter().enumerate() {
-            (cases[place].turned_away, cases[place].weight) = (rank >= kept, 1.0);
+        let kept = first_by_rank(&cases.iter().map(|case| case.rank_score).collect::<Vec<f64>>());
+        for (case, kept) in cases.iter_mut().zip(kept) {
+            (case.turned_away, case.weight) = (!kept, 1.0);
         }
     }
     cases
+}
+
+/// Which of an epoch's candidates are the first three in ten; of equals the earlier one.
+pub fn first_by_rank(scores: &[f64]) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..scores.len()).collect();
+    order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]).then(a.cmp(&b)));
+    let kept = (FIRST_SHARE * scores.len() as f64).ceil() as usize;
+    (0..scores.len()).map(|place| order[..kept].contains(&place)).collect()
 }

@@ -3,12 +3,13 @@
 //! tests what the ones before it taught.
 
 mod case;
+mod evolution;
 mod quality;
-mod rank;
 mod report;
 mod text;
 
 pub use case::Case;
+pub use evolution::{Evolution, measures, said};
 pub use quality::{Quality, quality};
 pub use report::{Against, EvaluatorReport, report};
 pub use text::text;

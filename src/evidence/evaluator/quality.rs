@@ -3,11 +3,11 @@
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-use super::case::Case;
-use super::rank::{kendall, spearman};
+use super::case::{Case, first_by_rank};
 use crate::evidence::tables::interval;
 use crate::kernel::{Seed, num};
 use crate::objects::{LineageId, Objectives, RouteDecision};
+use crate::world::measures::{Compared, coverage_pct, gain, kendall, loss_ratio, share_pct, spearman};
 
 /// Resamples of an interval, and the root of their stream. No result of a run depends on them.
 const RESAMPLES: usize = 1000;
@@ -42,6 +42,9 @@ pub struct Quality {
     pub false_reject_pct: Option<f64>,
     /// 95 % bootstrap interval over epochs of lineages.
     pub false_reject_interval: Option<[f64; 2]>,
+    /// The same of who is left out by a draw of as many in place of the rank: what a rank that knows nothing comes to. Over the
+    /// epochs that somebody was turned away in.
+    pub false_reject_of_a_draw_pct: Option<f64>,
     /// Accepted candidates of the drawn ones alone, per cent: what a random choice accepts.
     pub audited_accepted_pct: Option<f64>,
     pub selected_accepted_pct: Option<f64>,
@@ -58,9 +61,10 @@ pub fn quality(cases: &[&Case]) -> Quality {
     let decided = |decision: RouteDecision| cases.iter().filter(|case| case.decision == decision).count();
     let accepted = |decision: RouteDecision| {
         let of = labelled.iter().filter(|(case, ..)| case.decision == decision);
-        percent(of.map(|(.., accepted)| (1.0, *accepted)))
+        share_pct(of.map(|(.., accepted)| (1.0, *accepted)))
     };
     let (recall, precision) = top(&labelled);
+    let beside: Vec<Compared> = labelled.iter().map(compared).collect();
     let turned_away: Vec<(&Case, bool)> =
         labelled.iter().filter(|(case, ..)| case.turned_away).map(|(case, _, accepted)| (*case, *accepted)).collect();
     Quality {
@@ -72,50 +76,27 @@ pub fn quality(cases: &[&Case]) -> Quality {
         kendall_pooled: kendall(&scores, &gains),
         spearman_attack: spearman(&of(&|(case, ..)| case.predicted.attack), &of(&|(_, label, _)| label.attack)),
         spearman_realism: spearman(&of(&|(case, ..)| case.predicted.realism), &of(&|(_, label, _)| label.realism)),
-        error_ratio_to_parent: ratio(&labelled, |error| error * error).map(f64::sqrt),
-        absolute_error_ratio_to_parent: ratio(&labelled, f64::abs),
-        coverage_80_pct: coverage(&labelled),
+        error_ratio_to_parent: ratio(&beside, |error| error * error).map(f64::sqrt),
+        absolute_error_ratio_to_parent: ratio(&beside, f64::abs),
+        coverage_80_pct: coverage_pct(&beside),
         recall_top_30_pct: recall,
         precision_top_30_pct: precision,
-        false_reject_pct: percent(turned_away.iter().map(|(case, accepted)| (case.weight, *accepted))),
+        false_reject_pct: share_pct(turned_away.iter().map(|(case, accepted)| (case.weight, *accepted))),
         false_reject_interval: false_reject_interval(&turned_away),
+        false_reject_of_a_draw_pct: of_a_draw(&labelled),
         audited_accepted_pct: accepted(RouteDecision::Audit),
         selected_accepted_pct: accepted(RouteDecision::Select),
         regret: regret(&labelled),
     }
 }
 
-fn gain(of: &Objectives) -> f64 {
-    of.attack + of.realism
+/// Attack and realism together, each candidate once.
+fn compared((case, label, _): &(&Case, Objectives, bool)) -> Compared {
+    Compared { predicted: case.predicted, half_width: case.half_width, label: *label, weight: 1.0 }
 }
 
-/// The weighted share of what holds, per cent.
-fn percent(of: impl Iterator<Item = (f64, bool)>) -> Option<f64> {
-    let (mut held, mut whole) = (0.0, 0.0);
-    for (weight, holds) in of {
-        held += if holds { weight } else { 0.0 };
-        whole += weight;
-    }
-    (whole > 0.0).then(|| 100.0 * held / whole)
-}
-
-fn ratio(labelled: &[(&Case, Objectives, bool)], size: impl Fn(f64) -> f64) -> Option<f64> {
-    let both = |of: &Objectives| size(of.attack) + size(of.realism);
-    let error = num::sum(labelled.iter().map(|(case, label, _)| both(&label.less(&case.predicted))));
-    let guess = num::sum(labelled.iter().map(|(_, label, _)| both(label)));
-    (guess > 0.0).then(|| error / guess)
-}
-
-/// A candidate without any uncertainty does what its parent does, and says nothing about intervals.
-fn coverage(labelled: &[(&Case, Objectives, bool)]) -> Option<f64> {
-    let held = labelled.iter().filter_map(|(case, label, _)| {
-        let (half, error) = (case.half_width?, label.less(&case.predicted));
-        // Sums of sixty-fourths and their like come out a rounding apart.
-        let within = |error: f64, half: f64| error.abs() <= half + 1e-12;
-        (half.attack > 0.0 || half.realism > 0.0)
-            .then(|| [within(error.attack, half.attack), within(error.realism, half.realism)])
-    });
-    percent(held.flatten().map(|holds| (1.0, holds)))
+fn ratio(of: &[Compared], size: fn(f64) -> f64) -> Option<f64> {
+    loss_ratio(of, &|error| size(error.attack) + size(error.realism))
 }
 
 /// Candidates by epoch of their lineage.
@@ -128,12 +109,8 @@ fn grouped<'a, T: Copy>(of: &'a [T], case: impl Fn(&T) -> &'a Case) -> Vec<Vec<T
     groups.into_values().collect()
 }
 
-/// The first three in ten of an epoch by rank, as a mask.
 fn first(group: &[(&Case, Objectives, bool)]) -> Vec<bool> {
-    let mut order: Vec<usize> = (0..group.len()).collect();
-    order.sort_by(|&a, &b| group[b].0.rank_score.total_cmp(&group[a].0.rank_score).then(a.cmp(&b)));
-    let kept = (0.3 * group.len() as f64).ceil() as usize;
-    (0..group.len()).map(|place| order[..kept].contains(&place)).collect()
+    first_by_rank(&group.iter().map(|(case, ..)| case.rank_score).collect::<Vec<f64>>())
 }
 
 /// Recall and precision of the first three in ten.
@@ -141,8 +118,8 @@ fn top(labelled: &[(&Case, Objectives, bool)]) -> (Option<f64>, Option<f64>) {
     let groups = grouped(labelled, |(case, ..)| *case);
     let marked: Vec<(bool, bool)> =
         groups.iter().flat_map(|g| first(g).into_iter().zip(g.iter().map(|(.., accepted)| *accepted))).collect();
-    let recall = percent(marked.iter().filter(|(_, accepted)| *accepted).map(|(first, _)| (1.0, *first)));
-    let precision = percent(marked.iter().filter(|(first, _)| *first).map(|(_, accepted)| (1.0, *accepted)));
+    let recall = share_pct(marked.iter().filter(|(_, accepted)| *accepted).map(|(first, _)| (1.0, *first)));
+    let precision = share_pct(marked.iter().filter(|(first, _)| *first).map(|(_, accepted)| (1.0, *accepted)));
     (recall, precision)
 }
 
@@ -157,12 +134,19 @@ fn regret(labelled: &[(&Case, Objectives, bool)]) -> Option<f64> {
     num::mean(&grouped(labelled, |(case, ..)| *case).iter().map(of).collect::<Vec<f64>>())
 }
 
+/// Everybody's acceptance, by how many each stands for: a draw turns away the same share of it.
+fn of_a_draw(labelled: &[(&Case, Objectives, bool)]) -> Option<f64> {
+    let ranked = grouped(labelled, |(case, ..)| *case);
+    let ranked = ranked.iter().filter(|group| group.iter().any(|(case, ..)| case.turned_away)).flatten();
+    share_pct(ranked.map(|(case, _, accepted)| (case.weight, *accepted)))
+}
+
 fn false_reject_interval(turned_away: &[(&Case, bool)]) -> Option<[f64; 2]> {
     let groups = grouped(turned_away, |(case, _)| *case);
     let mut stream = SEED.stream(&["evidence", "evaluator"]);
     let drawn = (0..if groups.is_empty() { 0 } else { RESAMPLES }).filter_map(|_| {
         let of: Vec<usize> = groups.iter().map(|_| stream.below(groups.len())).collect();
-        percent(of.into_iter().flat_map(|place| &groups[place]).map(|(case, accepted)| (case.weight, *accepted)))
+        share_pct(of.into_iter().flat_map(|place| &groups[place]).map(|(case, accepted)| (case.weight, *accepted)))
     });
     interval(&drawn.collect::<Vec<f64>>())
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::{
     case::{self, Case},
+    evolution::Evolution,
     quality::{Quality, quality},
 };
 use crate::evidence::recorded_run::RecordedRun;
@@ -23,6 +24,9 @@ pub struct EvaluatorReport {
     /// Beside another run of the same lineages.
     #[serde(flatten)]
     pub against: Option<Against>,
+    /// How the evaluator changed itself; absent without a world agent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evolution: Option<Evolution>,
 }
 
 /// A budgeted search beside a full one.
@@ -35,6 +39,13 @@ pub struct Against {
     pub rollout_share: f64,
     /// Lineages that both runs finished.
     pub lineages: usize,
+    /// Mean over lineages of the hypervolume less the other run's of the same lineage, and its standard error.
+    pub hypervolume_difference: f64,
+    /// `None` for a single lineage.
+    pub hypervolume_difference_error: Option<f64>,
+    /// Lineages with more hypervolume than in the other run, and with less.
+    pub lineages_better: usize,
+    pub lineages_worse: usize,
 }
 
 /// Measures a run, beside the full search where one is given.
@@ -48,7 +59,8 @@ pub fn report(run: &RecordedRun, full: Option<&RecordedRun>) -> EvaluatorReport 
         epochs.entry(case.epoch).or_insert_with(|| of(&|other| other.epoch == case.epoch));
         families.entry(case.family.to_string()).or_insert_with(|| of(&|other| other.family == case.family));
     }
-    EvaluatorReport { pooled: of(&|_| true), epochs, families, against: full.and_then(|full| against(run, full)) }
+    let against = full.and_then(|full| against(run, full));
+    EvaluatorReport { pooled: of(&|_| true), epochs, families, against, evolution: Evolution::of(run) }
 }
 
 fn against(run: &RecordedRun, full: &RecordedRun) -> Option<Against> {
@@ -65,5 +77,21 @@ fn against(run: &RecordedRun, full: &RecordedRun) -> Option<Against> {
     let hypervolume_share = sum(&own) / sum(&other);
     let total = |run: &RecordedRun| num::sum(shared.iter().map(|lineage| simulated(run, lineage)));
     let whole = total(full);
-    (whole > 0.0).then(|| Against { hypervolume_share, rollout_share: total(run) / whole, lineages: shared.len() })
+    let differences: Vec<f64> = shared.iter().map(|lineage| own[*lineage] - other[*lineage]).collect();
+    (whole > 0.0).then(|| Against {
+        hypervolume_share,
+        rollout_share: total(run) / whole,
+        lineages: shared.len(),
+        hypervolume_difference: num::mean(&differences).unwrap_or(0.0),
+        hypervolume_difference_error: standard_error(&differences),
+        lineages_better: differences.iter().filter(|difference| **difference > 0.0).count(),
+        lineages_worse: differences.iter().filter(|difference| **difference < 0.0).count(),
+    })
+}
+
+/// Of the mean of a sample.
+fn standard_error(values: &[f64]) -> Option<f64> {
+    let (n, mean) = (values.len() as f64, num::mean(values)?);
+    let spread = num::sum(values.iter().map(|value| (value - mean) * (value - mean)));
+    (values.len() > 1).then(|| (spread / (n * (n - 1.0))).sqrt())
 }

@@ -1,8 +1,8 @@
 //! Measures of candidates that can be worked out by hand.
 
-use super::rank::{kendall, spearman};
 use super::{Case, quality};
 use crate::objects::{FamilyName, LineageId, Objectives, RouteDecision};
+use crate::world::measures::{kendall, spearman};
 
 fn point(attack: f64, realism: f64) -> Objectives {
     Objectives { attack, realism }
@@ -55,6 +55,8 @@ fn a_drawn_reject_stands_for_its_stratum_and_the_selected_for_nobody() {
     let cases = [case(1, 0.3, 0.3, true), drawn(9.0, false), drawn(3.0, true)];
     let found = quality(&cases.iter().collect::<Vec<_>>());
     assert_eq!(found.false_reject_pct, Some(25.0), "three of twelve");
+    let of_a_draw = found.false_reject_of_a_draw_pct.unwrap();
+    assert!((of_a_draw - 100.0 * 4.0 / 13.0).abs() < 1e-12, "four of all thirteen: {of_a_draw}");
     assert_eq!((found.selected_accepted_pct, found.audited_accepted_pct), (Some(100.0), Some(50.0)));
     assert_eq!((found.selected, found.audited, found.rejected), (1, 2, 0));
 }
@@ -66,4 +68,14 @@ fn recall_and_regret_look_at_the_first_three_in_ten_of_every_epoch() {
     let found = quality(&cases.iter().collect::<Vec<_>>());
     assert_eq!((found.recall_top_30_pct, found.precision_top_30_pct), (Some(75.0), Some(100.0)));
     assert_eq!(found.regret, Some(0.5));
+}
+
+#[test]
+fn a_rank_that_knows_nothing_turns_away_what_a_draw_does() {
+    // Acceptance has nothing to do with the rank; an epoch that was drawn whole says nothing about either.
+    let mut cases: Vec<Case> = (0..1000).map(|k| case(1, f64::from(k), 0.0, k % 10 == 0)).collect();
+    cases.iter_mut().for_each(|case| case.turned_away = case.rank_score < 700.0);
+    cases.push(Case { decision: RouteDecision::Audit, weight: 50.0, ..case(0, 0.0, 0.0, true) });
+    let found = quality(&cases.iter().collect::<Vec<_>>());
+    assert_eq!((found.false_reject_pct, found.false_reject_of_a_draw_pct), (Some(10.0), Some(10.0)));
 }

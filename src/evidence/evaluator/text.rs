@@ -46,14 +46,25 @@ pub fn text(report: &EvaluatorReport) -> String {
         number(pooled.absolute_error_ratio_to_parent, 3),
         number(pooled.regret, 4)
     );
+    if let (Some(ranked), Some(drawn)) = (pooled.false_reject_pct, pooled.false_reject_of_a_draw_pct) {
+        let _ = writeln!(out, "false rejects {ranked:.1} %; of a draw of as many in place of the rank {drawn:.1} %");
+    }
     if let Some(against) = &report.against {
         let _ = writeln!(
             out,
-            "beside the other run, {} lineages: {:.1} % of its hypervolume with {:.1} % of its simulated candidates",
+            "beside the other run, {} lineages: {:.1} % of its hypervolume with {:.1} % of its simulated candidates; by lineage {:+.4} ± {} \
+             (more in {}, less in {})",
             against.lineages,
             100.0 * against.hypervolume_share,
-            100.0 * against.rollout_share
+            100.0 * against.rollout_share,
+            against.hypervolume_difference,
+            number(against.hypervolume_difference_error, 4),
+            against.lineages_better,
+            against.lineages_worse
         );
+    }
+    if let Some(evolution) = &report.evolution {
+        out.push_str(&evolution.text());
     }
     out
 }

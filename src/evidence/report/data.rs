@@ -6,11 +6,16 @@ use std::collections::BTreeSet;
 use super::super::agreement;
 use super::super::recorded_run::RecordedRun;
 use crate::evidence::audit;
+use crate::evidence::evaluator::Evolution;
 use crate::kernel::num;
 use crate::objects::{
     Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, cost::RunCost, edit_categories,
     event::LineageResult, program_diff,
 };
+
+/// Attempts that a page tells in full. Of a larger run it does so of the accepted ones, and the others in short: a page of ten
+/// thousand whole stories has forty megabytes, and `evodrive show` tells any of them.
+const IN_FULL_MAX: usize = 1000;
 
 const ROLES: [Role; 7] = [
     Role::Actor,
@@ -49,8 +54,11 @@ pub fn of(story: &RecordedRun, cost: Option<&RunCost>, agreement: Option<&agreem
         "diagnostics": names.diagnostics,
         "model_names": names.models,
         "roles": ROLES.map(Role::name),
-        "attempts": story.attempts.iter().map(|a| attempt(story, &names, a)).collect::<Vec<_>>(),
+        "attempts": attempts(story, &names, IN_FULL_MAX),
     });
+    if let Some(evolution) = Evolution::of(story) {
+        page["evolution"] = json!(evolution);
+    }
     if let Some(agreement) = agreement {
         page["agreement"] = json!(agreement);
     }
@@ -154,6 +162,35 @@ impl Names {
     }
 }
 
+fn attempts(story: &RecordedRun, names: &Names, in_full_max: usize) -> Vec<Value> {
+    let all = story.attempts.len() <= in_full_max;
+    let accepted = |attempt: &Attempt| attempt.exit.decision().is_some_and(|decision| decision.gates.any());
+    let told = |of: &Attempt| if all || accepted(of) { attempt(story, names, of) } else { in_short(of) };
+    story.attempts.iter().map(told).collect()
+}
+
+/// What the charts, the tree and the table show of an attempt.
+fn fields(attempt: &Attempt) -> Value {
+    let candidate = attempt.exit.candidate();
+    json!({
+        "id": attempt.id,
+        "lineage": attempt.lineage,
+        "epoch": attempt.epoch,
+        "slot": attempt.slot,
+        "parent": attempt.parent,
+        "exit": attempt.exit.name(),
+        "solution": candidate.map(|c| &c.program.solution_id),
+        "objectives": attempt.exit.score().map(|s| short(json!(s.objectives))),
+    })
+}
+
+fn in_short(attempt: &Attempt) -> Value {
+    let mut object = fields(attempt);
+    object["in_short"] = true.into();
+    drop_nothing(&mut object);
+    object
+}
+
 fn attempt(story: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
     let patch = attempt.proposal.patch();
     let candidate = attempt.exit.candidate();
@@ -167,20 +204,14 @@ fn attempt(story: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
     // A reader sees the patch where there is no change of a program to show.
     let operations = patch.filter(|_| change.is_empty()).map(|p| &p.operations);
     let score = attempt.exit.score();
-    let mut object = json!({
-        "id": attempt.id,
-        "lineage": attempt.lineage,
-        "epoch": attempt.epoch,
-        "slot": attempt.slot,
-        "parent": attempt.parent,
+    let mut object = fields(attempt);
+    let rest = json!({
         "target": attempt.target,
-        "exit": attempt.exit.name(),
         "reason": reason,
         "hypothesis": patch.map(|p| &p.hypothesis),
         "operations": operations,
         "categories": patch.map(|p| edit_categories(p).into_iter().map(|s| s.name()).collect::<Vec<_>>()),
         "tags": candidate.map(|c| &c.mechanism_tags),
-        "solution": candidate.map(|c| &c.program.solution_id),
         "memory": attempt.memory_shown,
         "exchanges": attempt.proposal.exchanges.iter().map(|x| names.exchange(x)).collect::<Vec<_>>(),
         "reviews": attempt.proposal.rounds.iter().map(reviews).collect::<Vec<_>>(),
@@ -188,17 +219,23 @@ fn attempt(story: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
         "route": attempt.exit.route().map(|r| short(json!({
             "decision": r.decision, "reason": r.reason, "predicted": r.predicted, "uncertainty": r.uncertainty,
         }))),
-        "objectives": score.map(|s| short(json!(s.objectives))),
         "scenes": score.map(|s| s.scenes.iter().map(|label| names.label(label)).collect::<Vec<_>>()),
         "failures": score.map(|s| &s.failures),
         "decision": attempt.exit.decision().map(|d| short(json!(d))),
         "diff": change,
     });
-    // Nothing is what most attempts have of most of this.
+    if let (Some(object), Value::Object(more)) = (object.as_object_mut(), rest) {
+        object.extend(more);
+    }
+    drop_nothing(&mut object);
+    object
+}
+
+/// Nothing is what most attempts have of most of it.
+fn drop_nothing(object: &mut Value) {
     if let Some(fields) = object.as_object_mut() {
         fields.retain(|_, value| !value.is_null() && value.as_str() != Some(""));
     }
-    object
 }
 
 /// A role's place in the page's list of roles.

@@ -29,6 +29,9 @@ pub fn stage(stage: &Stage) -> Value {
         let said = |of: &Unplayed| json!({"solution": of.solution, "scene": of.scene, "reason": of.reason});
         packed["unplayed"] = stage.unplayed.iter().map(said).collect();
     }
+    if stage.repetitions_left_out > 0 {
+        packed["repetitions_left_out"] = json!(stage.repetitions_left_out);
+    }
     packed
 }
 

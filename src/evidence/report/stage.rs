@@ -12,6 +12,8 @@ pub struct Stage {
     pub rollouts: Vec<Playable>,
     /// Rollouts that would be played, had they come to one.
     pub unplayed: Vec<Unplayed>,
+    /// Lineages that repeat another one with other draws, and are not played.
+    pub repetitions_left_out: usize,
 }
 
 /// A program that has no rollout in a scene that the report plays.

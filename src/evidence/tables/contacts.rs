@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::bootstrap::Search;
 use super::error::TableError;
-use super::labels::{self, Labels, LineageLabels, Reading, ReplayLabels};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels, Side};
 use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::metadrive::{SCENES, SEEDS, estimated, quantity};
 use super::searches::searches;
@@ -31,13 +31,25 @@ const CLASS_HEADS: [&str; 8] =
 /// Which of a lineage's programs.
 const PROGRAM: Head = Head { key: "program", head: "Program" };
 
+const PARENT: &str = "parent";
+const EVOLVED: &str = "evolved";
+
+/// Whose labels a row reads, by its last label; `None` for the row without a program.
+pub(super) fn side(program: &str) -> Option<Side> {
+    match program {
+        PARENT => Some(Side::Parent),
+        EVOLVED => Some(Side::Evolved),
+        _ => None,
+    }
+}
+
 /// Contacts of every parent and evolved generator on held-out scenes, a row a program and ego.
 pub fn metadrive_contacts(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = labels::lineages(stories)?;
     let mut rows: Vec<Row> = labels::replays(stories)?.iter().map(replay_row).collect();
     for of in searches(all.iter()) {
-        rows.push(row("parent", &of, |l| &l.parent));
-        rows.push(row("evolved", &of, |l| &l.evolved));
+        rows.push(row(PARENT, &of, Side::Parent));
+        rows.push(row(EVOLVED, &of, Side::Evolved));
     }
     let title = "Contacts behind attack in MetaDrive".to_string();
     Ok(Table {
@@ -79,9 +91,9 @@ fn columns() -> Vec<Column> {
     readings().into_iter().map(|(column, _)| column).collect()
 }
 
-fn row(program: &str, of: &[&LineageLabels], labels_of: fn(&LineageLabels) -> &Labels) -> Row {
+fn row(program: &str, of: &[&LineageLabels], side: Side) -> Row {
     let readings = readings();
-    let of_reading = |(column, read): &(Column, Read)| (*column, quantity(of, |l| l.per_scene(labels_of(l), read)));
+    let of_reading = |(column, read): &(Column, Read)| (*column, quantity(of, |l| l.read(side, read)));
     let quantities: Vec<_> = readings.iter().map(of_reading).collect();
     let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();

@@ -113,7 +113,7 @@ pub fn replays(stories: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError>
 }
 
 /// Digest of a run's held-out scenes.
-fn suite(story: &RecordedRun) -> Result<Digest, TableError> {
+pub fn suite(story: &RecordedRun) -> Result<Digest, TableError> {
     Digest::of("evodrive/held-out-suite/1", &(story.opened.pool, &story.opened.held_out_scenes))
         .map_err(|error| TableError::Canon { run: run_name(story), error })
 }
@@ -147,16 +147,40 @@ pub struct LineageLabels {
     pub stopped: Option<String>,
 }
 
+/// Which of a lineage's programs a number is read off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    Parent,
+    Evolved,
+    /// The best descendant; there is no number where a lineage has none.
+    Endpoint,
+    /// Evolved minus parent, on the scenes that count for both.
+    Change,
+}
+
 impl LineageLabels {
+    /// A number of every scene of one side.
+    pub fn read(&self, side: Side, of: impl Fn(&SceneScore) -> Option<f64>) -> PerScene {
+        match side {
+            Side::Parent => self.per_scene(&self.parent, of),
+            Side::Evolved => self.per_scene(&self.evolved, of),
+            Side::Endpoint => match &self.endpoint {
+                Some(endpoint) => self.per_scene(endpoint, of),
+                None => self.per_scene(&self.parent, |_| None),
+            },
+            Side::Change => self.paired(of),
+        }
+    }
+
     /// A number of every scene, tied to the suite.
     pub fn per_scene(&self, labels: &Labels, of: impl Fn(&SceneScore) -> Option<f64>) -> PerScene {
         PerScene { suite: self.suite, values: labels.values(of) }
     }
 
     /// Evolved minus parent, on the scenes that count for both.
-    pub fn paired(&self, of: Reading) -> PerScene {
+    pub fn paired(&self, of: impl Fn(&SceneScore) -> Option<f64>) -> PerScene {
         let difference = |(before, after): (Option<f64>, Option<f64>)| Some(after? - before?);
-        let (before, after) = (self.parent.values(of), self.evolved.values(of));
+        let (before, after) = (self.parent.values(&of), self.evolved.values(&of));
         PerScene { suite: self.suite, values: before.into_iter().zip(after).map(difference).collect() }
     }
 

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::error::TableError;
-use super::labels::{self, LineageLabels, Reading, ReplayLabels};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels, Side};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};
@@ -41,6 +41,55 @@ const ATTACK_CHANGE: Column = column("attack_change", "Change", "Attack diff.", 
 const ATTACK_CHANGE_PCT: Column = column("attack_change_pct", "Change", "Attack rel.", Some(true), Form::Gain);
 const RP_CHANGE: Column = column("rp_change_pp", "Change", "RP", Some(false), Form::Points);
 const PF_AREA: Column = column("pf_area_at_3_pct", "Frontier", "PF-Area@3", Some(true), Form::Gain);
+
+/// A column with the side and the reading that its number is a mean of.
+type Read = (Column, Side, Reading);
+
+/// Columns that are means over labels.
+const READ: [Read; 12] = [
+    (PARENT_ATTACK, Side::Parent, labels::ATTACK),
+    (PARENT_CRASH, Side::Parent, labels::ANY_CONTACT),
+    (PARENT_RP, Side::Parent, labels::PENALTY_PCT),
+    (PARENT_SUCCESS_RP, Side::Parent, labels::SUCCESS_PENALTY_PCT),
+    (PARENT_COVERAGE, Side::Parent, labels::ACTED),
+    (EVOLVED_ATTACK, Side::Evolved, labels::ATTACK),
+    (EVOLVED_CRASH, Side::Evolved, labels::ANY_CONTACT),
+    (EVOLVED_RP, Side::Evolved, labels::PENALTY_PCT),
+    (EVOLVED_SUCCESS_RP, Side::Evolved, labels::SUCCESS_PENALTY_PCT),
+    (EVOLVED_COVERAGE, Side::Evolved, labels::ACTED),
+    (ATTACK_CHANGE, Side::Change, labels::ATTACK),
+    (RP_CHANGE, Side::Change, labels::PENALTY_PCT),
+];
+const READ_AT_THE_END: [Read; 2] =
+    [(ENDPOINT_ATTACK, Side::Endpoint, labels::ATTACK), (ENDPOINT_RP, Side::Endpoint, labels::PENALTY_PCT)];
+
+/// A number of a scene without a program.
+type ReplayRead = fn(&ReplayScene) -> Option<f64>;
+
+/// Columns of the row without a program. The empty program acts nowhere, so its attack and coverage are 0; RP is that of the
+/// recorded traffic itself.
+const READ_OF_REPLAY: [(Column, ReplayRead); 4] = [
+    (PARENT_ATTACK, |_| Some(0.0)),
+    (PARENT_CRASH, |scene| Some(labels::share(scene.contact))),
+    (PARENT_RP, |scene| Some(100.0 * (1.0 - scene.realism?))),
+    (PARENT_COVERAGE, |_| Some(0.0)),
+];
+
+/// Side and reading of a column that is a mean over labels.
+pub(super) fn read_of(key: &str) -> Option<(Side, Reading)> {
+    let found = READ.iter().chain(&READ_AT_THE_END).find(|(column, ..)| column.key == key);
+    found.map(|(_, side, reading)| (*side, *reading))
+}
+
+/// What a column of the row without a program is a mean of.
+pub(super) fn read_of_replay(key: &str) -> Option<ReplayRead> {
+    READ_OF_REPLAY.iter().find(|(column, _)| column.key == key).map(|(_, read)| *read)
+}
+
+/// Keys of the relative change with those of its two numbers, before and after.
+pub(super) const RELATIVE: [&str; 3] = [ATTACK_CHANGE_PCT.key, PARENT_ATTACK.key, EVOLVED_ATTACK.key];
+/// Key of the column of frontier gains.
+pub(super) const FRONTIER: &str = PF_AREA.key;
 
 /// What both tables show of parent and evolved generator.
 const BOTH: [Column; 10] = [
@@ -153,18 +202,12 @@ fn policy_row(method: &str, policy: &str, of: &[&LineageLabels], figures: Option
     row(method, policy.to_string(), of, Cell::row(&policy_columns(), &ours, figures.as_ref()))
 }
 
-/// The recorded scenes without a program, under the columns of a parent; `None` where no run recorded them. The empty
-/// program acts nowhere, so its attack and coverage are 0; RP is that of the recorded traffic itself.
+/// The recorded scenes without a program, under the columns of a parent; `None` where no run recorded them.
 fn replay_row(of: &[ReplayLabels], columns: &[Column]) -> Option<Row> {
-    let quantity = |value: fn(&ReplayScene) -> Option<f64>| -> Quantity {
+    let quantity = |value: ReplayRead| -> Quantity {
         of.iter().map(|replay| Search { id: replay.suite, seeds: vec![replay.per_scene(value)] }).collect()
     };
-    let ours = estimated(&[
-        (PARENT_ATTACK, quantity(|_| Some(0.0))),
-        (PARENT_CRASH, quantity(|scene| Some(labels::share(scene.contact)))),
-        (PARENT_RP, quantity(|scene| Some(100.0 * (1.0 - scene.realism?)))),
-        (PARENT_COVERAGE, quantity(|_| Some(0.0))),
-    ]);
+    let ours = estimated(&READ_OF_REPLAY.map(|(column, value)| (column, quantity(value))));
     let policies: BTreeSet<String> = of.iter().map(ReplayLabels::policy).collect();
     let suites: BTreeMap<_, usize> = of.iter().map(|replay| (replay.suite, replay.scenes.len())).collect();
     (!of.is_empty()).then(|| Row {
@@ -189,22 +232,7 @@ pub(super) fn quantity(of: &[&LineageLabels], part: impl Fn(&LineageLabels) -> P
 /// Readings of parent and evolved, the differences evolved - parent paired by scene, and PF-Area@3: means over searches
 /// and their seeds.
 fn measured(of: &[&LineageLabels]) -> Numbers {
-    let parent = |reading: Reading| quantity(of, |l| l.per_scene(&l.parent, reading));
-    let evolved = |reading: Reading| quantity(of, |l| l.per_scene(&l.evolved, reading));
-    let mut numbers = estimated(&[
-        (PARENT_ATTACK, parent(labels::ATTACK)),
-        (PARENT_CRASH, parent(labels::ANY_CONTACT)),
-        (PARENT_RP, parent(labels::PENALTY_PCT)),
-        (PARENT_SUCCESS_RP, parent(labels::SUCCESS_PENALTY_PCT)),
-        (PARENT_COVERAGE, parent(labels::ACTED)),
-        (EVOLVED_ATTACK, evolved(labels::ATTACK)),
-        (EVOLVED_CRASH, evolved(labels::ANY_CONTACT)),
-        (EVOLVED_RP, evolved(labels::PENALTY_PCT)),
-        (EVOLVED_SUCCESS_RP, evolved(labels::SUCCESS_PENALTY_PCT)),
-        (EVOLVED_COVERAGE, evolved(labels::ACTED)),
-        (ATTACK_CHANGE, quantity(of, |l| l.paired(labels::ATTACK))),
-        (RP_CHANGE, quantity(of, |l| l.paired(labels::PENALTY_PCT))),
-    ]);
+    let mut numbers = estimated(&READ.map(|(column, side, reading)| (column, quantity(of, |l| l.read(side, reading)))));
     numbers.extend(pf_area(of).map(|area| (PF_AREA.key, area)));
     numbers
 }
@@ -224,8 +252,7 @@ fn endpoint(of: &[&LineageLabels]) -> Numbers {
     if of.iter().any(|l| l.endpoint.is_none()) {
         return Numbers::new();
     }
-    let end = |reading: Reading| quantity(of, |l| l.per_scene(l.endpoint.as_ref().unwrap_or(&l.parent), reading));
-    estimated(&[(ENDPOINT_ATTACK, end(labels::ATTACK)), (ENDPOINT_RP, end(labels::PENALTY_PCT))])
+    estimated(&READ_AT_THE_END.map(|(column, side, reading)| (column, quantity(of, |l| l.read(side, reading)))))
 }
 
 /// The quantities of these columns with their intervals, all from the same draws.

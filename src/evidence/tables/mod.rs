@@ -2,8 +2,11 @@
 
 mod applied;
 mod archives;
+mod bases;
+mod basis;
 mod bootstrap;
 mod cells;
+mod compared;
 mod contacts;
 mod csv;
 mod error;
@@ -25,7 +28,10 @@ mod stopped;
 mod tests;
 
 pub use applied::{Applied, Played, applied};
+pub use bases::Bases;
+pub use basis::{Basis, Leaf, Piece};
 pub use bootstrap::{Estimate, interval};
+pub use compared::{Compared, Comparison, Paired, compared};
 pub use contacts::metadrive_contacts;
 pub use csv::csv;
 pub use error::TableError;

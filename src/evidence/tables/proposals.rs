@@ -58,6 +58,13 @@ const SHARES: [(Column, Of, Holds); 12] = [
     (column("acting_less_pct", "Of children", "Act too rarely"), Of::Children, acts_too_rarely),
 ];
 
+/// Whether a proposal counts for a column at all, and whether what the column says holds of it; `None` without such a column.
+pub(super) fn counted(key: &str, attempt: &Attempt) -> Option<(bool, bool)> {
+    let (_, of, holds) = SHARES.iter().find(|(column, ..)| column.key == key)?;
+    let counts = of.counts(attempt);
+    Some((counts, counts && holds(attempt)))
+}
+
 const COUNTS: [Head; 3] = [
     Head { key: "attempts", head: "Proposals" },
     Head { key: "patches", head: "Patches" },

@@ -73,7 +73,7 @@ fn main_columns() -> Vec<Column> {
         column("ars_change_pp", "Change", "ARS", true, Form::Points),
         column("cr_change_pp", "Change", "CR", true, Form::Points),
         column("os_change_pp", "Change", "OS", false, Form::Points),
-        column("pf_area_at_3_pct", "Change", "PF-Area@3", true, Form::Gain),
+        column(FRONTIER, "Change", "PF-Area@3", true, Form::Gain),
     ]
 }
 
@@ -85,29 +85,50 @@ fn resampled(seeds: &[&LineageArchive]) -> Resampled {
 /// Ours under the keys of the main columns.
 fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
     let resampled = resampled(seeds);
-    let mut numbers = Numbers::new();
-    let mut add = |key: &'static str, found: Option<Estimate>| numbers.extend(found.map(|estimate| (key, estimate)));
-    for (parent, evolved, metric) in [
-        ("parent_attack", "evolved_attack", ATTACK),
-        ("parent_ars", "evolved_ars", ARS),
-        ("parent_cr", "evolved_cr", CR),
-        ("parent_os", "evolved_os", OS),
-    ] {
-        add(parent, resampled.estimate(|rounds| mean(rounds.first(), metric.of)));
-        add(evolved, resampled.estimate(|rounds| mean(rounds.last(), metric.of)));
-    }
-    for (change, Metric { of, .. }) in [("ars_change_pp", ARS), ("cr_change_pp", CR), ("os_change_pp", OS)] {
-        let points = |before: f64, after: f64| 100.0 * (after - before);
-        add(change, resampled.estimate(|rounds| Some(points(mean(rounds.first(), of)?, mean(rounds.last(), of)?))));
-    }
-    let relative = resampled.estimate(|rounds| {
-        let (before, after) = (mean(rounds.first(), ATTACK.of)?, mean(rounds.last(), ATTACK.of)?);
-        (before > 0.0).then(|| 100.0 * (after - before) / before)
-    });
-    add("attack_change_pct", relative);
-    add("pf_area_at_3_pct", resampled.gain());
-    numbers
+    let found = |column: &Column| match column.key {
+        FRONTIER => resampled.gain(),
+        key => resampled.estimate(|rounds| main_number(key, rounds)),
+    };
+    main_columns().iter().filter_map(|column| Some((column.key, found(column)?))).collect()
 }
+
+/// Key of the column of frontier gains.
+pub(super) const FRONTIER: &str = "pf_area_at_3_pct";
+
+/// The number of a main column from one repetition's rounds; `None` for PF-Area@3, which is no function of them.
+pub(super) fn main_number(key: &str, rounds: &[Option<Benchmark>]) -> Option<f64> {
+    let before = |metric: Metric| mean(rounds.first(), metric.of);
+    let after = |metric: Metric| mean(rounds.last(), metric.of);
+    let points = |before: f64, after: f64| 100.0 * (after - before);
+    match key {
+        "parent_attack" => before(ATTACK),
+        "parent_ars" => before(ARS),
+        "parent_cr" => before(CR),
+        "parent_os" => before(OS),
+        "evolved_attack" => after(ATTACK),
+        "evolved_ars" => after(ARS),
+        "evolved_cr" => after(CR),
+        "evolved_os" => after(OS),
+        "attack_change_pct" => {
+            let (before, after) = (before(ATTACK)?, after(ATTACK)?);
+            (before > 0.0).then(|| 100.0 * (after - before) / before)
+        }
+        "ars_change_pp" => Some(points(before(ARS)?, after(ARS)?)),
+        "cr_change_pp" => Some(points(before(CR)?, after(CR)?)),
+        "os_change_pp" => Some(points(before(OS)?, after(OS)?)),
+        _ => None,
+    }
+}
+
+/// The number of a line of the tables by round, from one repetition's rounds.
+pub(super) fn round_number(metric: &str, round: usize, key: &str, rounds: &[Option<Benchmark>]) -> Option<f64> {
+    let scores = rounds.get(round)?.as_ref()?;
+    let row = if key == AVERAGE { &scores.mean } else { scores.families.get(key)? };
+    Some((LINES.iter().find(|line| line.name == metric)?.of)(row))
+}
+
+/// The metrics of the tables by round.
+const LINES: [Metric; 3] = [CR, OS, ARS];
 
 /// The evolution scenes without a program, an ego a row.
 fn replays(stories: &[RecordedRun]) -> Vec<&ReplayRow> {
@@ -150,7 +171,7 @@ fn replay_part(stories: &[RecordedRun]) -> Option<Part> {
         Row { labels, cells: Cell::row(&round_columns(), &ours, None), ..row }
     };
     let rows: Vec<Row> =
-        replays(stories).into_iter().flat_map(|replay| [CR, OS, ARS].map(|metric| line(replay, &metric))).collect();
+        replays(stories).into_iter().flat_map(|replay| LINES.map(|metric| line(replay, &metric))).collect();
     let title = "The evolution scenes without a program".to_string();
     (!rows.is_empty()).then(|| Part { name: "safebench-rounds-replay".into(), title, source: None, rows })
 }
@@ -212,17 +233,13 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
     let line = |metric: &Metric, round: usize| {
         let figures = of.method.and_then(|method| method.round_figures(metric.name, round));
         let ours = |column: &Column| {
-            let found = resampled.as_ref()?.estimate(|rounds| {
-                let scores = rounds.get(round)?.as_ref()?;
-                let row = if column.key == AVERAGE { &scores.mean } else { scores.families.get(column.key)? };
-                Some((metric.of)(row))
-            });
+            let found = resampled.as_ref()?.estimate(|rounds| round_number(metric.name, round, column.key, rounds));
             Some((column.key, found?))
         };
         let ours: Numbers = columns.iter().filter_map(ours).collect();
         of.row(&[metric.name, &round.to_string()], Cell::row(&columns, &ours, figures.as_ref()))
     };
-    [CR, OS, ARS].iter().flat_map(|metric| (0..rounds).map(|round| line(metric, round)).collect::<Vec<_>>()).collect()
+    LINES.iter().flat_map(|metric| (0..rounds).map(|round| line(metric, round)).collect::<Vec<_>>()).collect()
 }
 
 /// Who has a row or a part: a method of the paper with a search that fills it, or without, or a search alone.

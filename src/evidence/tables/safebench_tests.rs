@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::tests::{attempt, near, run, score};
+use super::tests::{attempt, from_their_parts, near, run, score};
 use super::*;
 use crate::evaluation::Runs;
 use crate::evidence::recorded_run::RecordedRun;
@@ -295,6 +295,9 @@ fn seeds_of_one_search_share_a_row() {
     let mut made = story(&[&Lineage { id: "advsim-idm-s0", ..ADVSIM }, &Lineage { id: "advsim-idm-s1", ..ADVSIM }]);
     for (replica, result) in (0..).zip(&mut made.result.as_mut().unwrap().lineages) {
         (result.group, result.replica) = (LineageId::new("advsim-idm"), replica);
+    }
+    for table in [safebench_main(&[made.clone()]).unwrap(), safebench_rounds(&[made.clone()]).unwrap()] {
+        assert!(from_their_parts(&table, &[made.clone()]) >= 13);
     }
     let table = safebench_main(&[made]).unwrap();
     let advsim = table.rows().next().unwrap();

@@ -41,6 +41,7 @@ pub(super) fn run(name: &str, models: &[(&str, &str)]) -> RecordedRun {
         frozen: Vec::new(),
         attempts: Vec::new(),
         settled: Vec::new(),
+        evolved: Vec::new(),
         finalists: Vec::new(),
         rounds: Vec::new(),
         held_out: Vec::new(),
@@ -184,6 +185,19 @@ pub(super) fn near(found: f64, expected: f64) {
     assert!((found - expected).abs() < 1e-12, "{found}, expected {expected}");
 }
 
+/// Holds every number of a table to what its parts give, bit for bit; how many there are.
+pub(super) fn from_their_parts(table: &Table, stories: &[RecordedRun]) -> usize {
+    let bases = Bases::of(table, stories).unwrap();
+    let mut count = 0;
+    for (row, cell) in table.rows().flat_map(|row| row.cells.iter().map(move |cell| (row, cell))) {
+        let (Some(ours), key) = (cell.ours, cell.column.key) else { continue };
+        let basis = bases.basis(table, row, key).unwrap_or_else(|| panic!("{:?} {key}", row.labels));
+        assert_eq!(basis.value(), Some(ours.value), "{:?} {key}: {}", row.labels, basis.formula);
+        count += 1;
+    }
+    count
+}
+
 #[test]
 fn rates_penalties_and_differences_are_the_hand_computed_ones() {
     let mut story = scripted();
@@ -283,6 +297,7 @@ fn the_first_row_is_the_recorded_scenes_without_a_program() {
     story.replays = vec![Replayed { row: evolution, ..replayed() }, replayed()];
     let tables = [metadrive_main, metadrive_policy, metadrive_contacts].map(|table| table(&[story.clone()]).unwrap());
     for table in &tables {
+        assert!(from_their_parts(table, &[story.clone()]) > 12);
         let first = table.rows().next().unwrap();
         assert_eq!(first.labels[..2], ["Replay (no program)", "IDM"], "{}", table.name);
         assert_eq!((first.missing(), first.counts.as_slice()), (false, [4, 1, 4].as_slice()));
@@ -346,6 +361,7 @@ fn seeds_of_one_search_share_a_row_and_their_spread_is_in_its_intervals() {
         (result.group, result.replica) = (LineageId::new("cat-idm"), replica);
     }
     let table = metadrive_policy(&[story.clone()]).unwrap();
+    from_their_parts(&table, &[story.clone()]);
     let cat = row(&table, "CAT");
     assert_eq!(cat.lineages, ["cat-idm-s0", "cat-idm-s1", "cat-idm-s2"]);
     assert_eq!(cat.counts[1], 3);

@@ -13,6 +13,7 @@ fn whole() -> Vec<Table> {
         "live_example",
         "recorded_traffic",
         "agreement/metadrive",
+        "world/evolving",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
     let mut all: Vec<Table> =
@@ -44,6 +45,13 @@ fn whole() -> Vec<Table> {
         .into(),
     );
     all.push(behind);
+    // A planner and an attack of one's own; what a run folder keeps of the planner.
+    let mut own = crate::experiment::composed(&path("../examples/own_ego/idm")).unwrap().table;
+    let driver = own["driver"].as_table_mut().unwrap();
+    driver.insert("digest".into(), "0".repeat(64).into());
+    driver.insert("folder".into(), "somewhere".into());
+    own["evaluation"]["attack"].as_table_mut().unwrap().insert("when".into(), "contact_adversary".into());
+    all.push(own);
     all
 }
 
@@ -96,6 +104,9 @@ fn wrong(range: &Range) -> Vec<Value> {
             values.extend([Value::Array(vec![]), vec![least - 1].into(), vec![most + 1].into()])
         }
         Range::Pair(least, below) => values.extend([vec![*least].into(), vec![*least, *below].into()]),
+        Range::Ends(least, most) => {
+            values.extend([vec![*least].into(), vec![*most, *least].into(), vec![*least, most + 1.0].into()])
+        }
         Range::Any => values.clear(),
     }
     values
@@ -149,7 +160,8 @@ fn every_option_of_every_table_refuses_wrong_values_by_path_found_and_expected()
     assert!(tried > 500, "{tried} wrong values");
     // What no shipped experiment uses.
     let unused = ["top_k", "min_p", "max_completion_tokens", "frequency_penalty", "presence_penalty"];
-    assert_eq!(absent, unused.map(|name| format!("models.*.sampling.{name}")));
+    let unused = unused.map(|name| format!("models.*.sampling.{name}"));
+    assert_eq!(absent, ["lineage[].policy".to_string()].into_iter().chain(unused).collect::<Vec<_>>());
 }
 
 /// The error of recorded_traffic's experiment with a change.

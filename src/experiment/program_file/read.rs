@@ -6,7 +6,7 @@ use serde_json::{Value, error::Category};
 
 use super::error::shown;
 use super::{ContractMark, FORMAT, ProgramFile, ProgramFileError};
-use crate::ego::Policy;
+use crate::ego::{Policy, PolicyError};
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::kernel::canon::CanonError;
@@ -110,7 +110,11 @@ impl ProgramFile {
             }),
         };
         let simulator = conditions.simulator.check().map_err(|error| error.to_string());
-        let ego = conditions.ego.parse::<Policy>().map(drop).map_err(|error| format!("conditions.ego: {error}"));
+        // Whose weights are not in the file they are named by who plays it.
+        let ego = match conditions.ego.parse::<Policy>() {
+            Ok(_) | Err(PolicyError::NoWeights) => Ok(()),
+            Err(error) => Err(format!("conditions.ego: {error}")),
+        };
         let all = ego.and(simulator).and(evaluation);
         all.map_err(|reason| ProgramFileError::Options { file: file.into(), reason })
     }

@@ -186,7 +186,7 @@ fn texts_that_a_terminal_would_obey_are_refused_and_never_printed() {
 #[test]
 fn options_that_nothing_can_be_labelled_with_are_refused() {
     for (place, value, word) in [
-        ("/conditions/ego", Value::from("learned"), "weights"),
+        ("/conditions/ego", Value::from("expert"), "no ego policy"),
         ("/conditions/simulator/avoidance/horizon_s", Value::from(-1.0), "avoidance.horizon_s"),
         ("/conditions/evaluation/realism/weights/bounded_jerk", Value::from(0.9), "sum"),
     ] {

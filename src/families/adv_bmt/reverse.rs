@@ -136,7 +136,7 @@ impl<'a> Reverse<'a> {
                 let limit = lane.map_or(LIMIT_UNKNOWN_MPS, |lane| lane.limit_mps);
                 let jump = later.map_or(0.0, |later| acceleration - later.acceleration_mps2);
                 let place = before.position + direction * (0.5 * acceleration * TOKEN_S * TOKEN_S);
-                let room_m = field.map_or(f64::INFINITY, |field| field.at(place).0);
+                let room_m = field.map_or(f64::INFINITY, |field| field.distance_m(place));
                 let turning = yaw.abs() - CURVATURE_1PM * 0.5 * (speed + state.speed_mps);
                 logs[i * SIDE + j] = -(half_square(acceleration / p.acceleration_scale_mps2)
                     + half_square((yaw - bend) / p.yaw_scale_radps)

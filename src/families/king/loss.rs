@@ -146,7 +146,7 @@ impl Loss<'_> {
         for (mover, slopes) in movers.iter().zip(&mut slopes.states) {
             let seen = until.saturating_sub(mover.from_step).saturating_add(1);
             for (body, slope) in mover.boxes.iter().zip(slopes).skip(1).take(seen) {
-                if field.at(body.center).0 > free_m {
+                if field.distance_m(body.center) > free_m {
                     continue;
                 }
                 for (along, across) in FEET_M {

@@ -161,7 +161,7 @@ impl Loss<'_> {
 
 /// Weighted depth of a box's corners beside the road, in half diagonals; its slope is added.
 pub fn beside_road(field: &RoadField, body: &OrientedBox, weight: f64, slope: &mut Slope) -> f64 {
-    let (room, _) = field.at(body.center);
+    let room = field.distance_m(body.center);
     let radius = body.radius();
     // A raster cell of slack: the field is right to half a diagonal of a cell.
     if room > radius + 1.0 {
@@ -170,8 +170,9 @@ pub fn beside_road(field: &RoadField, body: &OrientedBox, weight: f64, slope: &m
     let share = weight / radius;
     let mut value = 0.0;
     for corner in body.corners() {
-        let (distance, pull) = field.at(corner);
+        let distance = field.distance_m(corner);
         if distance < 0.0 {
+            let (_, pull) = field.at(corner);
             value -= share * distance;
             slope.add(-share, &on_body(pull, corner - body.center));
         }

@@ -1,9 +1,10 @@
 //! The ego policies.
 
-use crate::ego::learned::{ACTION, OBSERVATION};
-use crate::ego::{Network, Policy, PolicyError};
+use crate::ego::network::Mlp;
+use crate::ego::observation::ACTION;
+use crate::ego::{Policy, PolicyError, Setting, Weights};
 use crate::kernel::{Seed, Vec2};
-use crate::scene::{Light, LightState};
+use crate::scene::{Light, LightState, Scene};
 use crate::scenes::*;
 use crate::sim::*;
 
@@ -31,12 +32,14 @@ fn only_the_ego_that_minds_lights_stops_at_a_red_one() {
     assert!(trace.ego.last().unwrap().position.x < 60.0);
 }
 
-/// A network of one layer that drives straight on at a pace that its speed input sets.
+/// Weights of one number a hidden layer that drive straight on at a pace that the speed in the observation sets.
 fn cruise() -> Vec<u8> {
-    let mut weights = vec![0.0; ACTION * OBSERVATION + ACTION];
-    weights[0] = -4.0;
-    weights[ACTION * OBSERVATION] = 1.6;
-    Network::to_bytes(&[OBSERVATION, ACTION], &[weights])
+    let mut actor = Mlp::zeros(&[Setting::Metadrive1.length(), 1, 1, 2 * ACTION]);
+    let [first, second, heads] = &mut actor.layers[..] else { panic!("three layers") };
+    first.weights[0] = 4.0;
+    second.weights[0] = 1.0;
+    (heads.weights[1], heads.bias[1]) = (-1.0, 1.6);
+    Weights::to_bytes(Setting::Metadrive1, &actor).unwrap()
 }
 
 #[test]
@@ -51,16 +54,72 @@ fn a_learned_ego_drives_by_its_weights() {
     assert!((trace.ego.last().unwrap().speed_mps() - 8.0).abs() < 0.3, "{outcome:?}");
 }
 
+/// An actor with drawn weights.
+fn drawn(setting: Setting) -> Policy {
+    let mut stream = Seed(1).stream(&["weights"]);
+    let mut actor = Mlp::zeros(&[setting.length(), 16, 16, 2 * ACTION]);
+    actor.parameters_mut().flatten().for_each(|x| *x = stream.normal(0.0, 0.4) as f32);
+    Policy::learned(&Weights::to_bytes(setting, &actor).unwrap()).unwrap()
+}
+
 #[test]
 fn a_learned_ego_sees_its_surroundings_and_repeats_itself() {
-    let mut stream = Seed(1).stream(&["weights"]);
-    let mut draw = |n: usize| (0..n).map(|_| stream.normal(0.0, 0.4)).collect::<Vec<f64>>();
-    let layers = [draw(16 * OBSERVATION + 16), draw(ACTION * 16 + ACTION)];
-    let policy = Policy::learned(&Network::to_bytes(&[OBSERVATION, 16, ACTION], &layers)).unwrap();
+    let policy = drawn(Setting::Metadrive1);
     let run = |count: usize| {
         let plant = Plant::new(&crossing(4, count, 91)).unwrap();
         rollout(&plant, &Intervention::default(), &mut *policy.driver()).unwrap()
     };
     assert_eq!(run(20), run(20));
     assert_ne!(run(20).ego, run(1).ego);
+}
+
+/// Keeps what it would have observed, and never moves.
+struct Watcher(Setting, Vec<Vec<f32>>);
+
+impl Driver for Watcher {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, view: &View<'_>) -> Control {
+        let mut seen = Vec::new();
+        self.0.observe(view, &mut seen);
+        self.1.push(seen);
+        Control::Drive { acceleration_mps2: -10.0, steering_rad: 0.0 }
+    }
+}
+
+fn first_sight(setting: Setting, scene: &Scene) -> Vec<f32> {
+    let plant = Plant::new(scene).unwrap();
+    let mut watcher = Watcher(setting, vec![]);
+    rollout(&plant, &Intervention::default(), &mut watcher).unwrap();
+    watcher.1.swap_remove(0)
+}
+
+#[test]
+fn an_observation_tells_route_edge_and_who_is_ahead() {
+    let ahead = car("lead", straight(sample(18.0, 0.0, 0.0, 0.0), 91));
+    let seen = first_sight(Setting::Metadrive1, &straight_road(91, 8.0, vec![ahead]));
+    assert_eq!(seen.len(), Setting::Metadrive1.length());
+    assert_eq!(seen[0], 8.0 / 20.0, "speed");
+    assert!(seen[10..30].chunks(2).zip(1..).all(|(p, i)| (p[0] - 2.0 * i as f32 / 30.0).abs() < 1e-6 && p[1] == 0.0));
+    // The lidar's first ray meets the rear of the car ahead, the ray to the rear meets nobody.
+    let lidar = &seen[42..66];
+    let expected = 1.0 - (18.0 - 0.5 * 4.5) / 50.0;
+    assert!((lidar[0] - expected).abs() < 0.01 && lidar[12] == 0.0, "{lidar:?}");
+    // The first road user: there, 18 m ahead, coming nearer with 8 m/s, alike in heading.
+    let other = &seen[66..76];
+    assert!((other[1] - 18.0 / 50.0).abs() < 1e-6 && (other[3] + 8.0 / 20.0).abs() < 1e-6, "{other:?}");
+    assert_eq!((other[0], other[5], seen[76]), (1.0, 1.0, 0.0));
+    // Edges to the left and the right are near, those along the road far.
+    let edges = &seen[30..42];
+    assert!(edges[3] > 0.5 && edges[9] > 0.5 && edges[0] < edges[3], "{edges:?}");
+    let alone = first_sight(Setting::Metadrive1, &straight_road(91, 8.0, vec![]));
+    assert!(alone[42..].iter().all(|x| *x == 0.0), "nobody is zero");
+}
+
+#[test]
+fn safebenchs_four_numbers_are_offset_turn_speed_and_a_flag() {
+    let seen = |cars| first_sight(Setting::Safebench1, &straight_road(91, 8.0, cars));
+    assert_eq!(seen(vec![]), [0.0, 0.0, 8.0, 0.0]);
+    assert_eq!(seen(vec![car("lead", straight(sample(12.0, 0.0, 0.0, 0.0), 91))])[3], 1.0);
+    assert_eq!(seen(vec![car("far", straight(sample(25.0, 0.0, 0.0, 0.0), 91))])[3], 0.0);
 }

@@ -137,8 +137,11 @@
   }
 
   // --- lineage tree: epochs from left to right, an edge from the parent that was edited
+  const TREES_AT_ONCE = 12;
   function drawTree() {
-    for (const lineage of data.lineages) {
+    const one = byId("tree-lineage").value, chosen = data.lineages.filter((l) => !one || l.id === one);
+    byId("tree").replaceChildren();
+    for (const lineage of chosen) {
       const attempts = data.attempts.filter((a) => a.lineage === lineage.id);
       const epochs = Math.max(0, ...attempts.map((a) => a.epoch)) + 1, slots = Math.max(0, ...attempts.map((a) => a.slot)) + 1;
       const dx = Math.max(90, Math.min(170, 980 / (epochs + 1))), dy = 26, width = 90 + dx * epochs + 30, height = 44 + dy * slots;
@@ -159,12 +162,24 @@
       }
       byId("tree").append(el("h3", {}, lineage.id), ...(lineage.origins || []).map((origin) => el("p", { class: "note" }, `parent from ${origin}`)), root);
     }
-    byId("tree-legend").append("Each dot is an attempt; click it for its story.", ...Object.entries(COLOURS).flatMap(([name, colour]) => [el("i", { style: `background:${colour}` }), name]));
+    byId("tree-legend").replaceChildren("Each dot is an attempt; click it for its story.", ...Object.entries(COLOURS).flatMap(([name, colour]) => [el("i", { style: `background:${colour}` }), name]));
   }
 
   // --- attempts
   const columns = ["Attempt", "Exit", "Attack", "Realism", "Predicted", "Edits", "Hypothesis"];
-  byId("attempt-table").querySelector("thead tr").append(...columns.map((c, i) => el("th", i >= 2 && i <= 4 ? { class: "num" } : {}, c)));
+  // What a head sorts by; where there is nothing, the row stands last.
+  const SORTED_BY = { Exit: (a) => standing(a), Attack: (a) => a.objectives && -a.objectives.attack, Realism: (a) => a.objectives && -a.objectives.realism, Predicted: (a) => a.route && -a.route.predicted.attack };
+  const ROWS_A_PAGE = 200;
+  let sortedBy = "Attempt", page = 0;
+  const head = (c, i) => el("th", i >= 2 && i <= 4 ? { class: "num" } : {}, c === "Attempt" || SORTED_BY[c] ? el("button", { class: "sort", title: `sort by ${c.toLowerCase()}`, onclick: () => { sortedBy = c; page = 0; drawAttempts(); } }, c) : c);
+  byId("attempt-table").querySelector("thead tr").append(...columns.map(head));
+  function sorted(attempts) {
+    const by = SORTED_BY[sortedBy];
+    if (!by) return attempts;
+    const nothing = (v) => v === undefined || v === null;
+    const keyed = attempts.map((a, i) => [by(a), i, a]);
+    return keyed.sort(([x, i], [y, j]) => nothing(x) - nothing(y) || (x < y ? -1 : x > y ? 1 : i - j)).map(([, , a]) => a);
+  }
   const body = byId("attempt-table").querySelector("tbody");
   let open = null;
 
@@ -175,9 +190,14 @@
     return !text || [a.id, a.hypothesis, a.reason, ...(a.tags || []), ...(a.categories || []), a.target].join(" ").toLowerCase().includes(text);
   }
   function drawAttempts() {
-    const shown = data.attempts.filter(matches);
-    byId("filter-count").textContent = `${shown.length} of ${data.attempts.length}`;
-    body.replaceChildren(...shown.flatMap((a) => {
+    const shown = sorted(data.attempts.filter(matches));
+    const pages = Math.max(1, Math.ceil(shown.length / ROWS_A_PAGE)), short = data.attempts.filter((a) => a.in_short).length;
+    page = Math.min(page, pages - 1);
+    byId("filter-count").textContent = `${shown.length} of ${data.attempts.length}` + (short ? `; ${short} that were not accepted are told in short and found by their id alone` : "");
+    byId("pages").hidden = pages === 1;
+    byId("page-now").textContent = `page ${page + 1} of ${pages}`;
+    byId("page-before").disabled = page === 0; byId("page-next").disabled = page + 1 >= pages;
+    body.replaceChildren(...shown.slice(page * ROWS_A_PAGE, (page + 1) * ROWS_A_PAGE).flatMap((a) => {
       const toggle = () => { open = open === a.id ? null : a.id; drawAttempts(); };
       const mark = standing(a) !== a.exit ? ` (${standing(a)})` : "";
       const row = el("tr", { class: "row", id: `attempt-${a.id}`, tabindex: 0, "aria-expanded": String(open === a.id), onclick: toggle, onkeydown: (e) => { if (e.key === "Enter") toggle(); } },
@@ -190,11 +210,12 @@
   }
   function openAttempt(id) {
     byId("filter-text").value = ""; byId("filter-lineage").value = ""; byId("filter-exit").value = ""; byId("filter-accepted").checked = false;
-    open = id; drawAttempts();
+    open = id; sortedBy = "Attempt"; page = Math.floor(Math.max(0, data.attempts.findIndex((a) => a.id === id)) / ROWS_A_PAGE); drawAttempts();
     document.getElementById(`attempt-${id}`)?.scrollIntoView({ block: "center" });
   }
   const list = (items) => el("ul", {}, items.map((i) => el("li", {}, i)));
   function detail(a) {
+    if (a.in_short) return el("p", {}, "Told in short, because the run is large. ", el("code", {}, `evodrive show ${a.id}`), " tells the whole: prompts, replies, reviews, gates, route, labels.");
     const left = [el("h3", {}, "Asked for"), el("p", {}, a.target)];
     if (a.reason) left.push(el("h3", {}, "Declined"), el("p", {}, a.reason));
     if (a.memory && a.memory.length) left.push(el("h3", {}, "Memory shown"), el("p", { class: "mono" }, a.memory.join(", ")));
@@ -247,6 +268,23 @@
     byId("counsel-lineage").append(...[...new Set(data.counsels.map((c) => c.lineage))].map((id) => option(id, id)));
     for (const id of ["counsel-text", "counsel-lineage"]) byId(id).addEventListener("input", drawCounsel);
     drawCounsel();
+  }
+
+  // --- evolution: what the world agent proposed, and what the judge made of it
+  function openEvolution() {
+    const found = data.evolution;
+    if (!found) return;
+    byId("evolution").hidden = byId("evolution-link").hidden = false;
+    byId("evolution-note").textContent = `${found.turns.length} turns: ${found.promoted} promoted, ${found.rejected} rejected, ${found.refused} without a usable change; ${found.refused_answers} answers were refused. Both configurations are measured on candidates of epochs that neither was fitted to; an arrow leads from the active one to the proposed one.`;
+    const said = (changes) => Object.entries(changes).map(([key, value]) => `${key} = ${JSON.stringify(value)}`).join(", ");
+    const number = (value, digits) => value === null || value === undefined ? "–" : fixed(value, digits);
+    const pair = (turn, name, digits) => el("td", { class: "num" }, turn.judgement ? `${number(turn.judgement.incumbent[name], digits)} → ${number(turn.judgement.challenger[name], digits)}` : "");
+    byId("evolution-table").querySelector("tbody").replaceChildren(...found.turns.map((turn) => el("tr", {},
+      el("td", {}, String(turn.epoch)), el("td", {}, el("code", {}, said(turn.changes) || "none")), el("td", {}, el("b", { class: turn.verdict === "promoted" ? "pass" : "fail" }, turn.verdict)),
+      pair(turn, "rank_correlation", 3), pair(turn, "realism_error", 3), pair(turn, "coverage_pct", 1), pair(turn, "false_reject_pct", 2),
+      el("td", {}, [...turn.refusals.map((why) => `refused: ${why}`), ...(turn.judgement ? turn.judgement.objections.map((o) => o.says) : [])].join("; ")))));
+    byId("evolution-active").querySelector("tbody").replaceChildren(...found.active.map((row) => el("tr", {},
+      el("td", {}, String(row.from_epoch)), el("td", { class: "mono" }, row.configuration.slice(0, 12)), el("td", {}, el("code", {}, said(row.changes) || "as the experiment says")))));
   }
 
   // --- agreement: the same rollouts in another simulator
@@ -332,6 +370,7 @@
     const solutions = [...new Map(stage.rollouts.map((p) => [p.solution, p.role]))];
     if (!solutions.length) { byId("play-caption").textContent = "No rollout was kept for playing."; return; }
     byId("play-solution").append(...solutions.map(([solution, role]) => el("option", { value: solution }, `${solution} – ${role}`)));
+    if (stage.repetitions_left_out) byId("play-note").textContent = `Of lineages that differ in their draws alone the first is played; ${stage.repetitions_left_out} others are not. \u201cevodrive scenes show\u201d draws any rollout.`;
     let player = null;
     const play = () => {
       const chosen = stage.rollouts.find((p) => p.solution === byId("play-solution").value && p.scene === byId("play-scene").value);
@@ -356,8 +395,15 @@
   byId("front-lineage").append(...data.lineages.map((l) => option(l.id, l.id)));
   byId("filter-lineage").append(option("", "all"), ...data.lineages.map((l) => option(l.id, l.id)));
   byId("filter-exit").append(option("", "all"), ...["declined", "invalid", "rejected", "evaluated"].map((e) => option(e, e)));
+  // Many trees are drawn one at a time.
+  byId("tree-lineage").append(...(data.lineages.length > TREES_AT_ONCE ? [] : [option("", "all")]), ...data.lineages.map((l) => option(l.id, l.id)));
+  byId("tree-controls").hidden = data.lineages.length < 2;
+  byId("tree-lineage").addEventListener("change", drawTree);
+  for (const [id, step] of [["page-before", -1], ["page-next", 1]]) byId(id).addEventListener("click", () => { page += step; drawAttempts(); });
   byId("front-lineage").addEventListener("change", drawFront);
-  for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", drawAttempts);
-  resultTable(); auditList(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); openAgreement(); drawPlayer();
+  for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", () => { page = 0; drawAttempts(); });
+  // Of a large run the accepted ones are what a reader comes for.
+  byId("filter-accepted").checked = data.attempts.some((a) => a.in_short);
+  resultTable(); auditList(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); openEvolution(); openAgreement(); drawPlayer();
   document.body.dataset.ready = "yes";
 })();

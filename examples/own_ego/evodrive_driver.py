@@ -1,0 +1,66 @@
+"""Drive EvoDrive's ego from Python: this one file, no package. docs/EGOS.md describes the lines.
+
+Give `serve` an object with a method `decide(scene, step)`, and if it keeps anything with a method `begin(scene)` that
+forgets it. Both arguments are the dictionaries of the protocol. `decide` returns `(acceleration_mps2, steering_rad)`, or a list
+of points `[x, y]` where the car is to be 0.1 s, 0.2 s ... from now.
+
+A run is only worth something if it comes out the same again: seed every random number from `scene["seed"]` in `begin`, and
+keep nothing from one rollout to the next. EvoDrive plays a share of the rollouts twice and stops if they differ.
+"""
+
+import json
+import math
+import sys
+
+
+def serve(policy):
+    """Speaks with EvoDrive until it closes standard input. Whatever else prints goes to standard error."""
+    out, sys.stdout = sys.stdout, sys.stderr
+    _say(out, {"evodrive_driver": 1})
+    scene = None
+    for line in sys.stdin:
+        told = json.loads(line)
+        if told["type"] == "begin":
+            scene = told
+            if hasattr(policy, "begin"):
+                policy.begin(scene)
+        elif told["type"] == "step":
+            answer = policy.decide(scene, told)
+            if isinstance(answer, tuple):
+                _say(out, {"acceleration_mps2": float(answer[0]), "steering_rad": float(answer[1])})
+            else:
+                _say(out, {"trajectory": [[float(x), float(y)] for x, y in answer]})
+
+
+def _say(out, message):
+    out.write(json.dumps(message, allow_nan=False) + "\n")
+    out.flush()
+
+
+def route_point(scene, step, ahead_m):
+    """The point of the route this far ahead of the ego."""
+    left = max(step["ego"]["route_s_m"], 0.0) + ahead_m
+    points = scene["route"]
+    for (ax, ay), (bx, by) in zip(points, points[1:]):
+        length = math.hypot(bx - ax, by - ay)
+        if left <= length and length > 0.0:
+            share = left / length
+            return ax + share * (bx - ax), ay + share * (by - ay)
+        left -= length
+    return tuple(points[-1])
+
+
+def local(step, point):
+    """A point as the ego sees it: metres ahead, metres to the left."""
+    ego = step["ego"]
+    dx, dy = point[0] - ego["position"][0], point[1] - ego["position"][1]
+    cos, sin = math.cos(ego["heading_rad"]), math.sin(ego["heading_rad"])
+    return cos * dx + sin * dy, -sin * dx + cos * dy
+
+
+def pursuit(scene, step, ahead_m):
+    """Steering along the arc through the route's point this far ahead (pure pursuit), radians, positive to the left."""
+    x, y = local(step, route_point(scene, step, ahead_m))
+    wheelbase_m = 0.547 * scene["ego"]["length_m"]
+    limit = scene["ego"]["steering_rad_max"]
+    return max(-limit, min(limit, math.atan2(2.0 * wheelbase_m * y, max(x * x + y * y, 1.0))))

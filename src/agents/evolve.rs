@@ -1,0 +1,120 @@
+//! The world agent: proposes a change of the world evaluator's configuration from an audit of it (paper, algorithm
+//! world_agent_update). An answer that is no patch of the update surface is recorded with its reason, shown to the agent, and
+//! asked for again while rounds are left.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use super::{
+    AgentError,
+    json_text::{dense_json, lean_json},
+    prompt::{Aside, rounded},
+    reply,
+    template::{PromptError, fill},
+};
+use crate::{
+    llm::{Ask, ModelSpec, Text},
+    objects::{
+        Exchange, FeatureGroup, FeatureSchema, LineageId, Role, SurfaceKey, WorldAudit, WorldConfiguration,
+        WorldEvolved, WorldPatch, surface_values, world_audit::WORLD_LINE,
+    },
+};
+
+/// One turn of the evaluator.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn<'a> {
+    /// The epoch that was settled last.
+    pub epoch: u32,
+    /// The configuration that a patch changes.
+    pub active: &'a WorldConfiguration,
+    /// Columns that it may leave out.
+    pub schema: &'a FeatureSchema,
+    /// What a patch may name.
+    pub surface: &'a [SurfaceKey],
+    /// What is known of the active configuration.
+    pub audit: &'a WorldAudit,
+    /// All earlier turns, the oldest first.
+    pub earlier: &'a [WorldEvolved],
+    /// Most questions.
+    pub rounds: u32,
+    /// Who is asked.
+    pub model: &'a ModelSpec,
+}
+
+/// Every question of the turn, and the first patch that could be used, with what it makes of the configuration.
+pub type Evolution = (Vec<Exchange>, Option<(WorldPatch, WorldConfiguration)>);
+
+/// Asks until an answer is a patch that `usable` lets through, or the rounds are used up.
+///
+/// # Errors
+/// The errors of asking. A useless answer of a model is not an error.
+pub fn evolve(
+    turn: &Turn<'_>,
+    ask: &dyn Ask,
+    usable: &dyn Fn(&WorldPatch) -> Result<WorldConfiguration, String>,
+) -> Result<Evolution, AgentError> {
+    let (lineage, shown) = (LineageId::new(WORLD_LINE), shown(turn)?);
+    let (mut exchanges, mut refused): (Vec<Exchange>, Option<String>) = (vec![], None);
+    for round in 0..turn.rounds {
+        let (epoch, role, model) = (turn.epoch, Role::WorldAgent, turn.model);
+        let aside = Aside { lineage: &lineage, epoch, slot: 0, role, round, model, shown: &shown };
+        let blocks = refused.take().map(|refusal| ("Refused", json!({"refusal": refusal})));
+        let reply = ask.ask(&aside.request(&[], blocks.into_iter().collect())?)?;
+        let read = reply::world(&reply.bytes).map_err(|refusal| refusal.0);
+        let answer = read.and_then(|patch| usable(&patch).map(|changed| (patch, changed)));
+        refused = answer.as_ref().err().cloned();
+        exchanges.push(Exchange {
+            role,
+            round,
+            request: reply.request,
+            response: reply.response,
+            model: model.name.clone(),
+            refusal: refused.clone(),
+        });
+        if let Ok(found) = answer {
+            return Ok((exchanges, Some(found)));
+        }
+    }
+    Ok((exchanges, None))
+}
+
+/// The evaluator as all rounds of a turn are shown it.
+fn shown(turn: &Turn<'_>) -> Result<Text, PromptError> {
+    let key = |key: &SurfaceKey| (key.name.to_string(), json!([key.range.describe(), key.meaning]));
+    let surface: Value = Value::Object(turn.surface.iter().map(key).collect());
+    let of = |group: FeatureGroup| {
+        let names = turn.schema.columns.iter().filter(|column| column.group == group).map(|column| &column.name);
+        (group.name(), names.map(String::as_str).collect::<Vec<&str>>().join(" "))
+    };
+    let columns: BTreeMap<&str, String> = FeatureGroup::ALL.into_iter().map(of).collect();
+    let audit = serde_json::to_value(turn.audit)
+        .map_err(|error| PromptError { template: "world.md", reason: error.to_string() })?;
+    let earlier: Vec<Value> = turn.earlier.iter().map(told).collect();
+    let blocks = json!({
+        "epoch": turn.audit.before_epoch,
+        "active": lean_json(&surface_values(turn.active, turn.schema, turn.surface)),
+        "surface": dense_json(&surface, 1),
+        "columns": dense_json(&json!(columns), 1),
+        "audit": dense_json(&rounded(audit), 2),
+        "earlier": dense_json(&earlier.into(), 1),
+    });
+    Ok(fill("world.md", &blocks)?.into())
+}
+
+/// An earlier turn: what was proposed, and what became of it.
+fn told(turn: &WorldEvolved) -> Value {
+    let mut told = json!({"after_epoch": turn.epoch, "verdict": turn.verdict()});
+    if let Some(patch) = &turn.patch {
+        told["changes"] = json!(patch.changes);
+    }
+    let refusals: Vec<&str> = turn.refusals().collect();
+    if !refusals.is_empty() {
+        told["refused"] = json!(refusals);
+    }
+    if let Some(judgement) = &turn.judgement {
+        let objections: Vec<&str> = judgement.objections.iter().map(|objection| objection.says.as_str()).collect();
+        told["objections"] = json!(objections);
+    }
+    told
+}

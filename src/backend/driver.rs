@@ -1,0 +1,114 @@
+//! A planner of the experimenter's own as the ego, as an experiment file declares it: the table `[driver]`. Our simulator
+//! plays the rollout and asks the planner at every decision; the motion is recorded like that of another simulator.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::spec::{BackendOptions, DRIVER, PlanAround, WorkerOptions};
+use crate::ego::Policy;
+use crate::kernel::{Digest, canon::CanonError};
+use crate::sim::{SIM_VERSION, SimulatorOptions};
+
+/// Version of the lines between a rollout and a planner; part of every key.
+pub const DRIVER_PROTOCOL: u32 = 1;
+
+/// The table `[driver]`: the program behind the ego `command`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DriverOptions {
+    /// Program and arguments; started in the folder of the experiment file.
+    pub command: Vec<String>,
+    /// Files whose bytes, with the arguments, are the planner's identity; relative to the experiment file.
+    pub files: Vec<PathBuf>,
+    /// File of the recorded rollouts, relative to the experiment file. It counts into no key.
+    pub cassette: PathBuf,
+    /// Longest time for one decision, s. It counts into no key.
+    #[serde(default = "timeout_s")]
+    pub timeout_s: f64,
+    /// Processes at once, at most; no more than `--jobs` are busy. It counts into no key.
+    #[serde(default = "processes")]
+    pub processes: usize,
+    /// Share of the rollouts that are played twice when they are recorded. It counts into no key.
+    #[serde(default = "repeat_share")]
+    pub repeat_share: f64,
+    /// The planner's identity: [`DriverOptions::identity`]. Written by hand only where the files may be missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub digest: Option<Digest>,
+    /// The folder of the experiment file, in the copy that a run folder keeps.
+    #[serde(default)]
+    pub folder: PathBuf,
+}
+
+fn timeout_s() -> f64 {
+    10.0
+}
+
+fn processes() -> usize {
+    8
+}
+
+fn repeat_share() -> f64 {
+    0.05
+}
+
+impl DriverOptions {
+    /// What of a planner can change an answer: the protocol, the arguments, and name and digest of each file. The program's
+    /// own name is no part of it, because it may be a path of one machine.
+    ///
+    /// # Errors
+    /// None that a list of texts can cause.
+    pub fn identity(command: &[String], files: &[(String, Digest)]) -> Result<Digest, CanonError> {
+        let arguments = command.get(1..).unwrap_or_default();
+        Digest::of("evodrive/driver/1", &(DRIVER_PROTOCOL, arguments, files))
+    }
+
+    /// The ego.
+    pub fn policy(&self) -> Option<Policy> {
+        self.digest.map(Policy::Command)
+    }
+
+    /// Where its files lie.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// As whose rollouts they are recorded. The rules under which our simulator plays count into every key.
+    pub fn backend(&self, simulator: &SimulatorOptions) -> Result<BackendOptions, CanonError> {
+        let rules = Value::String(simulator.digest()?.to_hex());
+        Ok(BackendOptions {
+            name: DRIVER.into(),
+            version: format!("{DRIVER_PROTOCOL}.{SIM_VERSION}"),
+            digest: self.digest.unwrap_or_else(|| Digest::of_bytes(b"")),
+            options: BTreeMap::from([("rules".to_string(), rules)]),
+            plan_around: PlanAround::Backend,
+            cassette: self.cassette.clone(),
+            worker: WorkerOptions {
+                command: self.command.clone(),
+                workers: self.processes,
+                seconds: self.timeout_s,
+                retries: 0,
+            },
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_planner_is_its_arguments_and_the_bytes_of_its_files_and_not_where_python_lies() {
+        let command = |program: &str, speed: &str| vec![program.to_string(), "idm.py".into(), speed.into()];
+        let file = |text: &str| [("idm.py".to_string(), Digest::of_bytes(text.as_bytes()))];
+        let of = |command: &[String], text: &str| DriverOptions::identity(command, &file(text)).unwrap();
+        let first = of(&command("python3", "10"), "a");
+        assert_eq!(first, of(&command("/opt/bin/python3.11", "10"), "a"));
+        assert_ne!(first, of(&command("python3", "11"), "a"));
+        assert_ne!(first, of(&command("python3", "10"), "b"));
+        let ego = |digest| Policy::Command(digest).digest();
+        assert_ne!(ego(first), ego(of(&command("python3", "10"), "b")), "the ego's digest is in every key");
+    }
+}

@@ -1,0 +1,244 @@
+//! Planners without processes: closures that answer the lines of a rollout.
+
+use std::collections::VecDeque;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::*;
+use crate::ego::Policy;
+use crate::kernel::{Digest, Seed};
+use crate::scene::{PreparedScene, Scene};
+use crate::sim::scenes::{crossing, intercept};
+use crate::sim::{Action, Control, Driver, Intervention, Outcome, Plant, SimulatorOptions, View, rollout_assessed};
+
+type Said = Result<Vec<u8>, Broken>;
+type Answering = fn(&Value, usize) -> Said;
+
+/// Starts planners that answer each decision by a closure of what they are told and of how many lines were sent to them.
+struct Fake<F>(F, AtomicUsize);
+
+struct Drives<F> {
+    said: VecDeque<Said>,
+    answer: F,
+    lines: usize,
+}
+
+impl<F: Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static> Start for Fake<F> {
+    fn start(&self, _: &[String]) -> Result<Box<dyn Line>, String> {
+        Err("a planner is started in its folder".into())
+    }
+
+    fn start_in(&self, _: &[String], folder: &Path) -> Result<Box<dyn Line>, String> {
+        assert_eq!(folder, Path::new("/there"));
+        self.1.fetch_add(1, Ordering::SeqCst);
+        let said = VecDeque::from([Ok(b"{\"evodrive_driver\":1}".to_vec())]);
+        Ok(Box::new(Drives { said, answer: self.0.clone(), lines: 0 }))
+    }
+}
+
+impl<F: Fn(&Value, usize) -> Said + Send> Line for Drives<F> {
+    fn send(&mut self, line: String) {
+        let told: Value = serde_json::from_str(&line).unwrap();
+        self.lines += 1;
+        if told["type"] == "step" {
+            self.said.push_back((self.answer)(&told, self.lines));
+        }
+    }
+
+    fn receive(&mut self, _: Duration) -> Said {
+        self.said.pop_front().unwrap_or(Err(Broken::Late))
+    }
+
+    fn complaint(&mut self) -> String {
+        "Traceback: no weights\n".into()
+    }
+}
+
+fn options(repeat_share: f64) -> DriverOptions {
+    DriverOptions {
+        command: vec!["python3".into(), "mine.py".into()],
+        files: vec!["mine.py".into()],
+        cassette: "mine.jsonl".into(),
+        timeout_s: 1.0,
+        processes: 2,
+        repeat_share,
+        digest: Some(Digest::of_bytes(b"mine")),
+        folder: "/there".into(),
+    }
+}
+
+fn plant(scene: &Scene) -> Plant {
+    Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), &SimulatorOptions::SHIPPED).unwrap()
+}
+
+/// Accelerates while nobody is near, and steers back to its route: enough to react to adversaries.
+#[derive(Clone, Copy)]
+struct Plain;
+
+fn law(nearest_m: Option<f64>, offset_m: f64) -> (f64, f64) {
+    (if nearest_m.is_some_and(|near| near < 15.0) { -4.0 } else { 0.5 }, -0.02 * offset_m)
+}
+
+impl Driver for Plain {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, view: &View<'_>) -> Control {
+        let ego = view.ego();
+        let mut nearest = None;
+        view.for_each_within(100.0, |seen| {
+            let m = seen.position.distance(ego.sample.position);
+            nearest = Some(nearest.map_or(m, |known: f64| known.min(m)));
+        });
+        let (acceleration_mps2, steering_rad) = law(nearest, ego.along.offset_m);
+        Control::Drive { acceleration_mps2, steering_rad }
+    }
+}
+
+/// The same law, from the lines.
+fn plain(told: &Value, _: usize) -> Said {
+    let at = |of: &Value| crate::kernel::Vec2::new(of[0].as_f64().unwrap(), of[1].as_f64().unwrap());
+    let ego = at(&told["ego"]["position"]);
+    let nearest = told["neighbours"].as_array().unwrap().first().map(|near| at(&near["position"]).distance(ego));
+    let (acceleration_mps2, steering_rad) = law(nearest, told["ego"]["route_offset_m"].as_f64().unwrap());
+    Ok(json!({"acceleration_mps2": acceleration_mps2, "steering_rad": steering_rad}).to_string().into_bytes())
+}
+
+fn played(options: &DriverOptions, start: &dyn Start, scene: &Scene, act: &Intervention) -> Result<Outcome, NoOutcome> {
+    let planners = Planners::new(options, start);
+    let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
+    let behind = Backend::Other { options: &backend, answers: &planners };
+    behind.rollout(&plant(scene), act, &options.policy().unwrap(), Seed(1))
+}
+
+#[test]
+fn a_planner_behind_the_lines_drives_as_the_same_law_within_also_against_adversaries_that_react() {
+    let start = Fake(plain, AtomicUsize::new(0));
+    let (mut contacts, mut reacting) = (0, 0);
+    for seed in 0..40 {
+        let scene = crossing(seed, 5 + (seed % 12) as usize, 91);
+        let mut act =
+            if seed.is_multiple_of(5) { Intervention::default() } else { intercept(&scene, seed as usize % 30) };
+        if let (true, Some(Action::Follow { track, from_step, samples })) =
+            (seed % 2 == 1, act.actions.first().cloned())
+        {
+            let (short, handover_step) = (samples[..10.min(samples.len())].to_vec(), from_step + 12);
+            act.actions = vec![Action::FollowThenReact { track, from_step, samples: short, handover_step }];
+            reacting += 1;
+        }
+        let behind = played(&options(1.0), &start, &scene, &act).unwrap();
+        let within = rollout_assessed(&plant(&scene), &act, &mut Plain).unwrap();
+        if act.actions.iter().any(|action| matches!(action, Action::FollowThenReact { .. })) {
+            // Which manoeuvres would have spared the ego is asked with the motion as it was told.
+            let contact = |outcome: &Outcome| outcome.contact.as_ref().map(|contact| (contact.with, contact.time_s));
+            assert_eq!((behind.end, behind.steps, contact(&behind)), (within.end, within.steps, contact(&within)));
+        } else {
+            assert_eq!(behind, within, "seed {seed}");
+        }
+        contacts += usize::from(within.contact.is_some());
+    }
+    assert!(contacts > 3 && reacting > 10, "{contacts} {reacting}");
+}
+
+#[test]
+fn a_trajectory_is_driven_along_and_points_behind_the_car_stop_it() {
+    let scene = crossing(3, 1, 91);
+    let straight = |told: &Value, _: usize| {
+        let ego = &told["ego"];
+        let (x, y) = (ego["position"][0].as_f64().unwrap(), ego["position"][1].as_f64().unwrap());
+        let points: Vec<[f64; 2]> = (1..=20).map(|k| [x + 0.6 * f64::from(k), y]).collect();
+        Ok(json!({"trajectory": points}).to_string().into_bytes())
+    };
+    let driven = played(&options(0.0), &Fake(straight, AtomicUsize::new(0)), &scene, &Intervention::default()).unwrap();
+    assert!((driven.ego.speed_mps_mean - 6.0).abs() < 1.5, "0.6 m in 0.1 s: {}", driven.ego.speed_mps_mean);
+    let back = |told: &Value, _: usize| {
+        let x = told["ego"]["position"][0].as_f64().unwrap();
+        Ok(json!({"trajectory": [[x - 1.0, told["ego"]["position"][1]]]}).to_string().into_bytes())
+    };
+    let stopped = played(&options(0.0), &Fake(back, AtomicUsize::new(0)), &scene, &Intervention::default()).unwrap();
+    assert!(stopped.route_completion < 0.5 * driven.route_completion, "{}", stopped.route_completion);
+}
+
+fn reason(options: &DriverOptions, answer: impl Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static) -> String {
+    let start = Fake(answer, AtomicUsize::new(0));
+    match played(options, &start, &crossing(3, 5, 91), &Intervention::default()) {
+        Err(NoOutcome::Scene(reason)) => reason,
+        Err(NoOutcome::Stop(error)) => format!("STOP {error}"),
+        Ok(_) => "driven".into(),
+    }
+}
+
+#[test]
+fn a_crash_a_late_answer_and_nonsense_leave_the_scene_without_a_label_and_show_the_standard_error() {
+    let cases: [(Answering, &str); 6] = [
+        (|told, k| if k > 5 { Err(Broken::Ended) } else { plain(told, k) }, "decision 4 (0.4 s): the process ended"),
+        (|_, _| Err(Broken::Late), "decision 0 (0.0 s): no answer within 1 s (driver.timeout_s)"),
+        (|_, _| Ok(b"hello".to_vec()), "found expected value at line 1 column 1 in hello"),
+        (|_, _| Ok(b"{\"acceleration_mps2\": NaN, \"steering_rad\": 0}".to_vec()), "found expected value"),
+        (|_, _| Ok(b"{\"acceleration_mps2\": 1}".to_vec()), "found {\"acceleration_mps2\": 1}"),
+        (|_, _| Ok(b"{\"trajectory\": []}".to_vec()), "or {\"trajectory\": [[x, y], ..]}"),
+    ];
+    for (answer, expected) in cases {
+        let said = reason(&options(0.0), answer);
+        assert!(said.starts_with("planner `python3 mine.py`, decision"), "{said}");
+        assert!(said.contains(expected) && said.contains("standard error ends:\nTraceback: no weights"), "{said}");
+    }
+}
+
+#[test]
+fn a_planner_that_keeps_something_from_one_rollout_to_the_next_is_found_where_rollouts_are_played_twice() {
+    let forgetful = |told: &Value, lines: usize| {
+        let mut said: Value = serde_json::from_slice(&plain(told, lines)?).unwrap();
+        said["acceleration_mps2"] = json!(0.3 + 0.001 * lines as f64);
+        Ok(said.to_string().into_bytes())
+    };
+    assert_eq!(reason(&options(0.0), forgetful), "driven", "nobody looked");
+    let found = reason(&options(1.0), forgetful);
+    assert!(found.starts_with("STOP worker `python3 mine.py`, scene") && found.contains("played twice"), "{found}");
+    assert!(found.contains("after 1 decisions") && found.contains("seed its random numbers at `begin`"), "{found}");
+}
+
+#[test]
+fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
+    let planner = |told: &Value, k: usize| match told["ego"]["speed_mps"].as_f64() {
+        Some(speed) if speed > 1e3 => Err(Broken::Ended),
+        _ => plain(told, k),
+    };
+    let (start, options) = (Fake(planner, AtomicUsize::new(0)), options(0.0));
+    let planners = Planners::new(&options, &start);
+    let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
+    let behind = Backend::Other { options: &backend, answers: &planners };
+    let drive = |seed| {
+        behind.rollout(&plant(&crossing(seed, 3, 91)), &Intervention::default(), &options.policy().unwrap(), Seed(1))
+    };
+    (0..3).for_each(|seed| drop(drive(seed).unwrap()));
+    assert_eq!(start.1.load(Ordering::SeqCst), 1);
+    let broken = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0));
+    let planners = Planners::new(&options, &broken);
+    let behind = Backend::Other { options: &backend, answers: &planners };
+    for seed in 0..3 {
+        let scene = crossing(seed, 3, 91);
+        let failed = behind.rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), Seed(1));
+        assert!(matches!(failed, Err(NoOutcome::Scene(_))));
+    }
+    assert_eq!(broken.1.load(Ordering::SeqCst), 3);
+}
+
+#[test]
+fn no_label_comes_from_whoever_stands_in_for_a_planner() {
+    let scene = crossing(3, 5, 91);
+    let ego = Policy::Command(Digest::of_bytes(b"mine"));
+    let own = Backend::Own.rollout(&plant(&scene), &Intervention::default(), &ego, Seed(1));
+    assert!(matches!(own, Err(NoOutcome::Stop(BackendError::Unplayable(_)))), "{own:?}");
+    // Beside a planner other egos drive as ever, and nobody is asked.
+    let options = options(0.0);
+    let nobody = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0));
+    let (planners, backend) = (Planners::new(&options, &nobody), options.backend(&SimulatorOptions::SHIPPED).unwrap());
+    let behind = Backend::Other { options: &backend, answers: &planners };
+    let idm = behind.rollout(&plant(&scene), &intercept(&scene, 5), &Policy::Idm, Seed(1)).unwrap();
+    let plainly = rollout_assessed(&plant(&scene), &intercept(&scene, 5), Policy::Idm.driver().as_mut()).unwrap();
+    assert_eq!((idm, nobody.1.load(Ordering::SeqCst)), (plainly, 0));
+}

@@ -1,0 +1,252 @@
+//! One planner process as the driver of a rollout: what it is told, and how its answers are read. `docs/EGOS.md` describes
+//! the lines.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::workers::{Broken, Line, start_of};
+use crate::kernel::{Seed, Vec2};
+use crate::scene::{AgentKind, DT_S, Lane, LaneIx, LightState, StopSign};
+use crate::sim::bicycle::Car;
+use crate::sim::{ActorRef, Control, Driver, End, Plant, Seen, View};
+
+/// How far a planner sees, metres between centres.
+const SIGHT_M: f64 = 100.0;
+/// Points of a trajectory that are looked at: half a second of them.
+const POINTS_AHEAD: usize = 5;
+
+/// What a planner is told.
+#[derive(Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+enum Told<'a> {
+    /// A rollout begins.
+    Begin {
+        scene: &'a str,
+        dt_s: f64,
+        /// For random numbers: the same in every rollout of a run.
+        seed: u64,
+        /// Decisions at most.
+        steps: usize,
+        target_speed_mps: Option<f64>,
+        ego: CarLimits,
+        route: &'a [Vec2],
+        lanes: &'a [Lane],
+        edges: &'a [Vec<Vec2>],
+        crosswalks: &'a [Vec<Vec2>],
+        stop_signs: &'a [StopSign],
+        lights: Vec<LightPlace>,
+    },
+    /// A decision is asked for.
+    Step { step: usize, time_s: f64, ego: EgoNow, neighbours: Vec<Neighbour>, lights: Vec<LightState> },
+    /// The rollout is over.
+    End { end: End, steps: usize },
+}
+
+/// The ego's box and what the car can do.
+#[derive(Serialize)]
+struct CarLimits {
+    length_m: f64,
+    width_m: f64,
+    steering_rad_max: f64,
+    acceleration_mps2_max: f64,
+    brake_mps2_max: f64,
+    speed_mps_max: f64,
+}
+
+#[derive(Serialize)]
+struct LightPlace {
+    lane: LaneIx,
+    stop_point: Vec2,
+}
+
+#[derive(Serialize)]
+struct EgoNow {
+    position: Vec2,
+    heading_rad: f64,
+    velocity: Vec2,
+    speed_mps: f64,
+    acceleration_mps2: f64,
+    steering_rad: f64,
+    /// Driven along the route, and beside it, positive to the left.
+    route_s_m: f64,
+    route_offset_m: f64,
+}
+
+#[derive(Serialize)]
+struct Neighbour {
+    who: ActorRef,
+    kind: AgentKind,
+    position: Vec2,
+    heading_rad: f64,
+    velocity: Vec2,
+    length_m: f64,
+    width_m: f64,
+}
+
+/// What it answers: controls, or where it wants to be 0.1 s, 0.2 s ... from now.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Answered {
+    #[serde(default)]
+    acceleration_mps2: Option<f64>,
+    #[serde(default)]
+    steering_rad: Option<f64>,
+    #[serde(default)]
+    trajectory: Option<Vec<Vec2>>,
+}
+
+/// A process that drives one rollout.
+pub(super) struct Planner<'p> {
+    line: &'p mut dyn Line,
+    limit: Duration,
+    seed: Seed,
+    /// What went wrong, and at which decision.
+    broken: Option<String>,
+}
+
+impl<'p> Planner<'p> {
+    pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed) -> Planner<'p> {
+        Planner { line, limit, seed, broken: None }
+    }
+
+    /// Why it drove no further, if it did not.
+    pub fn broken(self) -> Option<String> {
+        self.broken
+    }
+
+    fn say(&mut self, told: &Told<'_>) {
+        match serde_json::to_string(told) {
+            Ok(line) => self.line.send(line),
+            Err(error) => unreachable!("texts, lists and finite numbers under text keys: {error}"),
+        }
+    }
+
+    fn ask(&mut self, view: &View<'_>) -> Result<Control, String> {
+        self.say(&observation(view));
+        let bytes = self.line.receive(self.limit).map_err(|broken| why(&broken, self.limit))?;
+        let form = "expected {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
+        let wrong = |found: String| format!("{form}, found {found}");
+        let answered: Answered =
+            serde_json::from_slice(&bytes).map_err(|error| wrong(format!("{error} in {}", start_of(&bytes))))?;
+        match answered {
+            Answered {
+                acceleration_mps2: Some(acceleration_mps2),
+                steering_rad: Some(steering_rad),
+                trajectory: None,
+            } => Ok(Control::Drive { acceleration_mps2, steering_rad }),
+            Answered { acceleration_mps2: None, steering_rad: None, trajectory: Some(points) }
+                if !points.is_empty() =>
+            {
+                Ok(along(view, &points))
+            }
+            _ => Err(wrong(start_of(&bytes))),
+        }
+    }
+}
+
+impl Driver for Planner<'_> {
+    fn begin(&mut self, plant: &Plant) {
+        let (scene, limits, size) = (plant.scene(), plant.limits(), &plant.scene().ego.track);
+        let told = Told::Begin {
+            scene: plant.scene_id(),
+            dt_s: DT_S,
+            seed: self.seed.0,
+            steps: plant.steps(),
+            target_speed_mps: plant.target_speed_mps(),
+            ego: CarLimits {
+                length_m: size.length_m,
+                width_m: size.width_m,
+                steering_rad_max: limits.steering_rad,
+                acceleration_mps2_max: limits.engine_mps2,
+                brake_mps2_max: limits.brake_mps2,
+                speed_mps_max: limits.speed_mps,
+            },
+            route: plant.route().points(),
+            lanes: &scene.road.lanes,
+            edges: &scene.road.edges,
+            crosswalks: &scene.crosswalks,
+            stop_signs: &scene.stop_signs,
+            lights: scene.lights.iter().map(|l| LightPlace { lane: l.lane, stop_point: l.stop_point }).collect(),
+        };
+        self.say(&told);
+    }
+
+    fn decide(&mut self, view: &View<'_>) -> Control {
+        self.ask(view).unwrap_or_else(|found| {
+            let k = view.decision();
+            self.broken = Some(format!("decision {k} ({:.1} s): {found}", k as f64 * DT_S));
+            // The simulator refuses this, which ends the rollout.
+            Control::Drive { acceleration_mps2: f64::NAN, steering_rad: f64::NAN }
+        })
+    }
+
+    fn finish(&mut self, view: &View<'_>, end: End) {
+        self.say(&Told::End { end, steps: view.decision() });
+    }
+}
+
+/// Everything that a planner is told at one decision: nothing of the future.
+fn observation(view: &View<'_>) -> Told<'static> {
+    let ego = view.ego();
+    let mut near: Vec<(f64, Neighbour)> = Vec::new();
+    view.for_each_within(SIGHT_M, |seen: &Seen| {
+        let neighbour = Neighbour {
+            who: seen.actor,
+            kind: seen.size.kind,
+            position: seen.position,
+            heading_rad: seen.axis.heading(),
+            velocity: seen.velocity,
+            length_m: 2.0 * seen.size.half_length_m,
+            width_m: 2.0 * seen.size.half_width_m,
+        };
+        near.push((seen.position.distance(ego.sample.position), neighbour));
+    });
+    near.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let lights = view.plant().scene().lights.iter();
+    Told::Step {
+        step: view.decision(),
+        time_s: view.decision() as f64 * DT_S,
+        ego: EgoNow {
+            position: ego.sample.position,
+            heading_rad: ego.sample.heading_rad,
+            velocity: ego.sample.velocity,
+            speed_mps: ego.speed_mps,
+            acceleration_mps2: ego.acceleration_mps2,
+            steering_rad: ego.steering_rad,
+            route_s_m: ego.along.s_m,
+            route_offset_m: ego.along.offset_m,
+        },
+        neighbours: near.into_iter().map(|(_, neighbour)| neighbour).collect(),
+        lights: lights.map(|l| l.states.get(view.step()).copied().unwrap_or(LightState::Unknown)).collect(),
+    }
+}
+
+/// Drives along points that lie 0.1 s apart: on the arc through the last point looked at, with the constant acceleration that
+/// covers the way there in its time. Points behind the car stop it.
+fn along(view: &View<'_>, points: &[Vec2]) -> Control {
+    let ego = view.ego();
+    let ahead = &points[..points.len().min(POINTS_AHEAD)];
+    let last = ahead[ahead.len() - 1];
+    let from = ego.sample.position;
+    let mut way_m = from.distance(ahead[0]);
+    way_m += ahead.windows(2).map(|pair| pair[0].distance(pair[1])).fold(0.0, |sum, x| sum + x);
+    if (last - from).dot(ego.axis) <= 0.0 {
+        way_m = 0.0;
+    }
+    let seconds = DT_S * ahead.len() as f64;
+    Control::Drive {
+        acceleration_mps2: 2.0 * (way_m - ego.speed_mps * seconds) / (seconds * seconds),
+        steering_rad: Car::new(&ego.sample, 2.0 * ego.size.half_length_m).steering_towards(last),
+    }
+}
+
+/// Why a process gave no line.
+pub(super) fn why(broken: &Broken, limit: Duration) -> String {
+    match broken {
+        Broken::Ended => "the process ended".into(),
+        Broken::HalfLine(bytes) => format!("the process ended {bytes} bytes into a line"),
+        Broken::Late => format!("no answer within {} s (driver.timeout_s)", limit.as_secs_f64()),
+        Broken::TooLong(most) => format!("a line of more than {most} bytes"),
+    }
+}

@@ -1,0 +1,106 @@
+//! `bundle verify`: the run of a bundle carried out again from nothing but the bundle, and what of it was executed.
+
+use serde_json::json;
+use std::path::Path;
+
+use super::answer::Answer;
+use super::args::FolderArgs;
+use super::bundle::{Scratch, VerifyOptions, check_versions, exit_of, key_text, unpack};
+use super::covered::coverage;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use super::run;
+use crate::bundle::{Opened, key_name, verified};
+use crate::evidence::{Gravity, audit};
+use crate::llm::Cassette;
+use crate::store;
+
+pub fn run(options: &VerifyOptions, jobs: usize) -> Result<Answer, Failure> {
+    let place = options.scratch.clone().unwrap_or_else(temporary);
+    let scratch = Scratch(place.join(format!("evodrive-bundle-{}", std::process::id())));
+    store::create_dir(&scratch.0)?;
+    let (opened, folder) = unpack(&options.read, &scratch.0.join("run"))?;
+    let signed = signature(options, &opened)?;
+    let bundle = &options.read.bundle;
+    let answer = match options.stored {
+        true => stored(&folder, &opened, &signed, bundle)?,
+        false => executed(&folder, &opened, &signed, bundle, jobs)?,
+    };
+    drop(scratch);
+    Ok(answer)
+}
+
+/// Where the system wants what is soon gone.
+#[allow(clippy::disallowed_methods)]
+fn temporary() -> std::path::PathBuf {
+    std::env::temp_dir()
+}
+
+/// What can be said of the signature.
+fn signature(options: &VerifyOptions, opened: &Opened) -> Result<String, Failure> {
+    let bundle = options.read.bundle.display().to_string();
+    match (&options.key, &opened.signature) {
+        (None, None) => Ok("none: whoever made the file can have made all of it".into()),
+        (None, Some(_)) => Ok("not checked: name the signer's public key with --key".into()),
+        (Some(_), None) => Err(Failure::bad_input(format!(
+            "{bundle}: expected a signature, found none; `evodrive bundle create --sign` makes one"
+        ))),
+        (Some(path), Some(envelope)) => {
+            let (file, pem) = (path.display().to_string(), key_text(path)?);
+            verified(&bundle, (&opened.manifest, &opened.manifest_bytes), envelope, (&file, &pem))?;
+            Ok(format!("holds, by key {}", key_name(&file, &pem)?))
+        }
+    }
+}
+
+/// Holds the stored bytes against each other.
+fn stored(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path) -> Result<Answer, Failure> {
+    let mut damage: Vec<String> =
+        store::fsck_transcript(&folder.transcript())?.iter().map(ToString::to_string).collect();
+    if folder.store().join("objects.pack").exists() {
+        damage.extend(store::fsck(&folder.store(), true)?.damage.iter().map(ToString::to_string));
+    }
+    let story = folder.story()?;
+    damage.extend(coverage(folder, &story, true).damage);
+    let findings = audit(&story);
+    damage.extend(findings.iter().filter(|of| of.gravity == Gravity::Breach).map(ToString::to_string));
+    let clean = damage.is_empty();
+    let mut text = format!("{}: signature: {signed}\n", bundle.display());
+    text.extend(damage.iter().map(|of| format!("damaged: {of}\n")));
+    text.push_str("executed again: nothing; files, hash chain, seal and records were held against each other\n");
+    text.push_str(&format!("root: {}", opened.manifest.root));
+    let object = json!({"bundle": bundle, "root": opened.manifest.root, "clean": clean, "damage": damage, "signature": signed,
+        "executed": {"events": 0, "rollouts": 0}});
+    Ok(Answer { exit: exit_of(clean), ..Answer::new(text, object) })
+}
+
+/// Derives every event again and simulates every rollout again.
+fn executed(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path, jobs: usize) -> Result<Answer, Failure> {
+    check_versions(&opened.manifest, bundle)?;
+    let done = run::verify(&FolderArgs { run: Some(folder.dir.clone()) }, jobs)?;
+    let rollouts = done.json["rollouts"]["simulated"].as_u64().unwrap_or_default();
+    let mut events = 0u64;
+    store::each_event(&folder.transcript(), &mut |_| events += 1)?;
+    let answers = Cassette::load(&folder.cassette())?.exchanges().len();
+    let story = folder.story()?;
+    let models: std::collections::BTreeSet<&str> = story.opened.models.values().map(String::as_str).collect();
+    let models: Vec<&str> = models.into_iter().collect();
+    let elsewhere = folder.rollouts().exists();
+    let (simulated, replayed) = match elsewhere {
+        true => ("outcomes summed up again from recorded motion", ", and motion of another simulator (rollouts.jsonl)"),
+        false => ("simulated again", ""),
+    };
+    let text = format!(
+        "{}: signature: {signed}\n\
+         executed again: {events} events derived and as recorded (gates, labels, decisions, every number of result.json); {rollouts} rollouts {simulated}\n\
+         only replayed: {answers} answers of models ({}){replayed}\n\
+         root: {}",
+        bundle.display(),
+        models.join("; "),
+        opened.manifest.root
+    );
+    let object = json!({"bundle": bundle, "root": opened.manifest.root, "clean": true, "signature": signed,
+        "executed": {"events": events, "rollouts": rollouts, "simulated_here": !elsewhere},
+        "replayed": {"answers": answers, "models": models, "rollouts_of_another_simulator": elsewhere}});
+    Ok(Answer::new(text, object))
+}

@@ -1,0 +1,110 @@
+//! `egos`: how replay, IDM and learned egos drive the held-out scenes of an experiment, without a program.
+
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+use super::answer::{Answer, progress};
+use super::behind::{self, Asked};
+use super::exit::Failure;
+use super::scenes;
+use super::train::plants;
+use crate::backend::NoOutcome;
+use crate::ego::Policy;
+use crate::experiment::Experiment;
+use crate::kernel::{Seed, Threads};
+use crate::learn::{Trial, figures, trial};
+use crate::scene::Pool;
+use crate::sim::{Intervention, Plant};
+use crate::store;
+
+/// Bytes that a file of weights may have.
+const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Experiment file whose held-out scenes are driven, e.g. experiments/metadrive/cat-sac.toml; its learned egos drive too.
+    pub experiment: PathBuf,
+    /// Weights of a learned ego; may be given again.
+    #[arg(long)]
+    pub policy: Vec<PathBuf>,
+    /// File with a table [driver]: a program of one's own that drives too, e.g. examples/own_ego/idm.toml; may be given again.
+    #[arg(long)]
+    pub driver: Vec<PathBuf>,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let experiment = Experiment::read(&options.experiment)?;
+    let threads = scenes::threads(jobs)?;
+    let pool = experiment.scenes(&[], &threads)?;
+    let split = experiment.split_of(&pool)?;
+    let held_out = split.held_out.iter().filter_map(|entry| pool.scene(&entry.id).cloned()).collect();
+    let held_out = Pool::new(held_out, vec![]).map_err(Failure::internal)?;
+    let plants = plants(&held_out, &experiment.simulator.rules(), &threads)?;
+    let mut egos = vec![("replay".to_string(), Policy::Replay), ("idm".to_string(), Policy::Idm)];
+    let rules = experiment.simulator.rules();
+    for lineage in experiment.lineages.iter().filter(|lineage| lineage.policy.is_some()) {
+        let (name, policy) = (lineage.ego.clone(), lineage.driver().map_err(Failure::bad_input)?);
+        if egos.iter().all(|(_, known)| *known != policy) {
+            egos.push((name, policy));
+        }
+    }
+    for path in &options.policy {
+        egos.push((path.display().to_string(), learned(path)?));
+    }
+    let mut rows: Vec<(String, Trial)> = Vec::new();
+    for (name, policy) in egos {
+        rows.push((name, trial(&plants, &policy, &threads).map_err(Failure::bad_input)?));
+    }
+    // The experiment's own program is asked, too: recorded are rollouts of runs.
+    let own = experiment.driver.as_ref().map(|_| options.experiment.clone());
+    for path in own.iter().chain(&options.driver) {
+        let asked = Asked::named(path, &rules)?;
+        rows.push((path.display().to_string(), planned(&asked, &plants, experiment.seed, &threads)?));
+    }
+    let object = rows.iter().map(|(name, found)| json!({"ego": name, "figures": found})).collect::<Vec<_>>();
+    Ok(Answer::new(table(plants.len(), &rows), json!({"held_out": held_out.digest(), "egos": object})))
+}
+
+/// How a program of one's own drives; what it could not drive is named and counts nowhere.
+fn planned(asked: &Asked, plants: &[Plant], seed: u64, threads: &Threads) -> Result<Trial, Failure> {
+    let (ego, planners) = (asked.ego()?, asked.planners());
+    let backend = behind::asked(Some(asked), Some(&planners));
+    let drive = |_: usize, plant: &Plant| backend.rollout(plant, &Intervention::default(), &ego, Seed(seed));
+    let mut outcomes = Vec::new();
+    for (plant, driven) in plants.iter().zip(threads.map(plants, drive)) {
+        match driven {
+            Ok(outcome) => outcomes.push(outcome),
+            Err(NoOutcome::Scene(reason)) => progress(format!("not driven: {}: {reason}", plant.scene_id())),
+            Err(NoOutcome::Stop(error)) => return Err(error.into()),
+        }
+    }
+    match outcomes.is_empty() {
+        true => Err(Failure::bad_input("the program drove no scene to its end; the reasons stand above")),
+        false => Ok(figures(&outcomes)),
+    }
+}
+
+/// The ego whose weights a file holds.
+pub fn learned(path: &Path) -> Result<Policy, Failure> {
+    let bytes = store::read_bounded(path, WEIGHTS_BYTES_MAX)?;
+    Policy::learned(&bytes).map_err(|error| Failure::bad_input(format!("{}: {error}", path.display())))
+}
+
+fn table(count: usize, rows: &[(String, Trial)]) -> String {
+    let mut text = format!(
+        "{count} held-out scenes, no program; a crash is any contact, whoever caused it\n{:>16} {:>12} {:>10} {:>9} {:>11}  ego\n",
+        "route completion", "crash rate", "off road", "arrived", "mean speed"
+    );
+    for (name, found) in rows {
+        text += &format!(
+            "{:>14.1} % {:>10.1} % {:>8.1} % {:>7.1} % {:>7.1} m/s  {name}\n",
+            100.0 * found.route_completion,
+            100.0 * found.crash_rate,
+            100.0 * found.off_road_rate,
+            100.0 * found.arrival_rate,
+            found.speed_mps
+        );
+    }
+    text
+}

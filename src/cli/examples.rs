@@ -1,0 +1,108 @@
+//! An example at the end of every command's help. `experiments/quickstart.toml` and what it leaves are in every clone.
+
+use clap::Command;
+
+/// Path of a command -> what may be typed from a clone's folder. `runs/RUN` stands for a run folder.
+const EXAMPLES: &[(&str, &str)] = &[
+    ("init", "evodrive init mine --scenes my.pool"),
+    ("plan", "evodrive plan experiments/quickstart.toml"),
+    ("run", "evodrive run experiments/quickstart.toml"),
+    ("resume", "evodrive resume"),
+    ("check", "evodrive check"),
+    ("verify", "evodrive verify --jobs 4"),
+    ("record", "evodrive record experiments/quickstart.toml --cassette mine.jsonl --set budget.slots=8"),
+    ("exchange status", "evodrive exchange status"),
+    ("scenes import", "evodrive scenes import my_scenarios/ --out my.pool"),
+    ("scenes generate", "evodrive scenes generate experiments/quickstart.toml --out my.pool"),
+    ("scenes list", "evodrive scenes list my.pool --tag junction"),
+    ("scenes show", "evodrive scenes show --attempt cat-idm/e0s3 --scene synth/merge/7/13 --html rollout.html"),
+    ("scenes export", "evodrive scenes export my.pool --format scenarionet --out exported"),
+    ("scenes stats", "evodrive scenes stats my.pool"),
+    ("calibrate", "evodrive calibrate my.pool --out calibration.toml"),
+    ("lineage", "evodrive lineage cat-idm"),
+    ("show", "evodrive show cat-idm/e1s0"),
+    ("program show", "evodrive program show runs/RUN cat-idm/parent"),
+    ("program export", "evodrive program export runs/RUN cat-idm/parent --out my_program.json"),
+    ("apply", "evodrive apply my_program.json --scenes my.pool --ego idm"),
+    ("fsck", "evodrive fsck --read"),
+    ("report", "evodrive report"),
+    ("table", "evodrive table metadrive-main --format csv"),
+    ("why", "evodrive why proposals:cat-idm:accepted"),
+    ("impact", "evodrive impact cat-idm/e1s0"),
+    ("world", "evodrive world"),
+    ("compare", "evodrive compare runs/ONE:cat-idm/parent runs/ONE:cat-idm"),
+    ("diff", "evodrive diff runs/ONE runs/OTHER"),
+    ("data", "evodrive data --out tables"),
+    ("bundle create", "evodrive bundle create runs/RUN --out run.evodrive"),
+    ("bundle inspect", "evodrive bundle inspect golden/bundles/frozen-1.evodrive"),
+    ("bundle verify", "evodrive bundle verify golden/bundles/frozen-1.evodrive"),
+    ("bundle import", "evodrive bundle import golden/bundles/frozen-1.evodrive --out my_copy"),
+    ("agree", "evodrive agree runs/ONE runs/OTHER"),
+    ("options", "evodrive options"),
+    ("families", "evodrive families"),
+    ("formats", "evodrive formats"),
+    ("features", "evodrive features --json"),
+    ("completions", "evodrive completions bash > ~/.local/share/bash-completion/completions/evodrive"),
+    ("man", "evodrive man --out man"),
+    ("worker", "evodrive worker"),
+    ("shard plan", "evodrive shard plan experiments/quickstart.toml"),
+    ("shard work", "evodrive shard work runs/RUN/shards/0.shard"),
+    ("shard merge", "evodrive shard merge experiments/quickstart.toml"),
+    ("train", "evodrive train experiments/train/sac-metadrive.toml"),
+    ("egos", "evodrive egos examples/own_ego/idm.toml"),
+    ("bench sim", "evodrive bench sim --pool my.pool"),
+    ("bench ledger", "evodrive bench ledger --scratch empty"),
+    ("bench shards", "evodrive bench shards --pool my.pool --folder empty"),
+];
+
+/// The command line with its examples.
+pub fn with_examples(command: Command) -> Command {
+    below(command, "")
+}
+
+fn below(command: Command, path: &str) -> Command {
+    let names: Vec<String> = command.get_subcommands().map(|sub| sub.get_name().to_string()).collect();
+    let example = EXAMPLES.iter().find(|(of, _)| *of == path);
+    let command = match example {
+        Some((_, text)) => {
+            let before = command.get_after_help().map(|help| format!("{help}\n\n")).unwrap_or_default();
+            command.after_help(format!("{before}Example:\n  {text}"))
+        }
+        None => command,
+    };
+    names.into_iter().fold(command, |command, name| {
+        let own = if path.is_empty() { name.clone() } else { format!("{path} {name}") };
+        command.mut_subcommand(&name, |sub| below(sub, &own))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::args::Arguments;
+    use clap::CommandFactory;
+
+    fn leaves(command: &Command, path: &str, found: &mut Vec<String>) {
+        for sub in command.get_subcommands().filter(|sub| sub.get_name() != "help") {
+            let own = format!("{path} {}", sub.get_name()).trim_start().to_string();
+            if sub.has_subcommands() { leaves(sub, &own, found) } else { found.push(own) }
+        }
+    }
+
+    #[test]
+    fn every_command_has_an_example_and_every_example_is_a_command() {
+        let mut wanted = Vec::new();
+        leaves(&Arguments::command(), "", &mut wanted);
+        for path in &wanted {
+            assert!(EXAMPLES.iter().any(|(of, _)| of == path), "no example of `{path}`");
+        }
+        for (path, text) in EXAMPLES {
+            assert!(wanted.iter().any(|of| of == path), "`{path}` is no command");
+            assert!(text.starts_with(&format!("evodrive {path}")), "{text}");
+            // A shell takes what stands behind `>`.
+            let words = text.split('>').next().unwrap_or_default().split_whitespace();
+            let parsed = with_examples(Arguments::command()).try_get_matches_from(words);
+            assert!(parsed.is_ok(), "{text}: {}", parsed.unwrap_err());
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! `impact`: which cells of which tables rest on an object.
+
+use clap::Args;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use super::why;
+use crate::evidence::impact;
+use crate::kernel::Digest;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example: evodrive impact 3f9a12c4")]
+pub struct Options {
+    /// Digest of a rollout (key or record), program, patch, question, answer or scene, in full or its first digits; or the name of
+    /// an attempt or a scene.
+    pub object: String,
+    /// Run folders that tables are made from; without one the latest below runs/.
+    pub runs: Vec<PathBuf>,
+    /// List also the cells that rest on it only by a choice of evolution.
+    #[arg(long)]
+    pub full: bool,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let folders = why::folders(&options.runs)?;
+    let stories = folders.iter().map(RunFolder::story).collect::<Result<Vec<_>, _>>()?;
+    let scenes = folders.iter().map(scenes).collect::<Result<Vec<_>, _>>()?;
+    let known = impact::things(&stories, &scenes);
+    let (name, things) = impact::find(&known, &options.object).map_err(Failure::bad_input)?;
+    let tables = why::tables(&stories);
+    if tables.is_empty() {
+        let dir = folders[0].dir.display();
+        return Err(Failure::bad_input(format!("{dir}: these runs give no table; finish them with `evodrive resume`")));
+    }
+    let touched = impact::impact(&tables, &stories, things).map_err(Failure::bad_input)?;
+    let named: Vec<String> = folders.iter().map(|folder| folder.dir.display().to_string()).collect();
+    let what = impact::told(things);
+    let text = impact::text(name, &what, &touched, options.full, &named.join(" "));
+    Ok(Answer::new(text, impact::json(name, &what, &touched)))
+}
+
+/// Ids of a run's scenes by their digests; none where the pool is not there.
+fn scenes(folder: &RunFolder) -> Result<BTreeMap<Digest, String>, Failure> {
+    if !folder.pool().exists() {
+        return Ok(BTreeMap::new());
+    }
+    let pool = folder.read_pool()?;
+    Ok(pool.scenes.iter().map(|scene| (scene.digest(), scene.id.clone())).collect())
+}

@@ -1,0 +1,83 @@
+//! `families`, `formats`, `features`: what there is, one line each.
+
+use clap::ValueEnum;
+use serde_json::json;
+
+use super::answer::Answer;
+use super::scene_export::Format;
+use crate::adapters::vocabulary::{self, Feature};
+use crate::evaluation::outcome_fields;
+use crate::families;
+use crate::objects::ValueType;
+
+/// The source families that `lineage[].family` can name.
+pub fn families() -> Answer {
+    let sources = families::sources();
+    let row = |source: &crate::stage::Source| {
+        let of = &source.contract;
+        (of.family.to_string(), of.backend.clone(), of.title.clone(), of.describes.clone())
+    };
+    let rows: Vec<_> = sources.iter().map(row).collect();
+    let line =
+        |(name, protocol, title, _): &(String, String, String, String)| format!("{name:<13} {protocol:<10} {title}\n");
+    let text: String = rows.iter().map(line).collect();
+    let object = |(name, protocol, title, describes): &(String, String, String, String)| json!({"family": name, "protocol": protocol, "title": title, "describes": describes});
+    Answer::new(text, json!({"families": rows.iter().map(object).collect::<Vec<_>>()}))
+}
+
+/// What is read, as `scenes import` tells it apart: name, files, what it is.
+const READ: [(&str, &str, &str); 6] = [
+    ("scenarionet", "*.pkl, *.json", "ScenarioNet and MetaDrive scene descriptions; nothing in a pickle is executed"),
+    ("commonroad", "*.xml", "CommonRoad 2018b and 2020a"),
+    ("waymo", "*.tfrecord*", "Waymo Open Motion scenarios"),
+    ("gpudrive", "*.json", "GPUDrive and Nocturne"),
+    ("safebench", "*.xml, *.json with *.xodr", "SafeBench routes and scenario files on OpenDRIVE towns (--towns)"),
+    ("pool", "*.pool", "scenes that `scenes import` or `scenes generate` wrote"),
+];
+
+/// The scene formats that are read and written.
+pub fn formats() -> Answer {
+    let written: Vec<(String, String)> = Format::value_variants()
+        .iter()
+        .filter_map(|format| format.to_possible_value())
+        .map(|value| (value.get_name().to_string(), value.get_help().map(ToString::to_string).unwrap_or_default()))
+        .collect();
+    let mut text = String::from("read (scenes import, --scenes):\n");
+    READ.iter().for_each(|(name, files, what)| text += &format!("  {name:<13} {files:<26} {what}\n"));
+    text += "written (scenes export --format):\n";
+    written.iter().for_each(|(name, what)| text += &format!("  {name:<13} {}\n", what.replace('\n', " ")));
+    let read = READ.map(|(name, files, what)| json!({"format": name, "files": files, "what": what}));
+    let written: Vec<_> = written.iter().map(|(name, what)| json!({"format": name, "what": what})).collect();
+    Answer::new(text, json!({"read": read, "written": written}))
+}
+
+/// Where expressions may read which features.
+const PLACES: [(&str, &[Feature]); 6] = [
+    ("scene", vocabulary::SCENE),
+    ("actor", vocabulary::ACTOR),
+    ("candidate", vocabulary::CANDIDATE),
+    ("moment", vocabulary::SHAPE),
+    ("law", vocabulary::LAW),
+    ("adversaries", vocabulary::GROUP),
+];
+
+/// The quantities that expressions may read: those of programs, and an experiment's own attack over outcomes. What a family reads beyond them stands in its contract.
+pub fn features() -> Answer {
+    let mut text = String::new();
+    let mut rows = Vec::new();
+    for (place, features) in PLACES {
+        for of in features {
+            let unit = match (of.value, of.unit) {
+                (ValueType::Boolean, _) => "boolean",
+                (_, unit) => unit,
+            };
+            text += &format!("{place:<12} {:<34} {unit:<8} {}\n", of.name, of.describes);
+            rows.push(json!({"of": place, "name": of.name, "unit": unit, "describes": of.describes}));
+        }
+    }
+    for (name, unit, describes) in outcome_fields() {
+        text += &format!("{:<12} {name:<34} {unit:<8} {describes}\n", "outcome");
+        rows.push(json!({"of": "outcome", "name": name, "unit": unit, "describes": describes}));
+    }
+    Answer::new(text, json!({"features": rows}))
+}

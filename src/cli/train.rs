@@ -1,0 +1,136 @@
+//! `train`: a learned ego from a training file: progress, checkpoints, weights and their card.
+
+use clap::Args;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::answer::{Answer, progress};
+use super::exit::Failure;
+use super::scenes;
+use super::train_text::{self, Pace, Trained};
+use crate::ego::Policy;
+use crate::experiment::TrainingFile;
+use crate::kernel::{Digest, Threads};
+use crate::learn::{CheckpointError, Grounds, Training, TrainingError, trial};
+use crate::scene::{Pool, PreparedScene};
+use crate::sim::{Plant, SimulatorOptions};
+use crate::store;
+
+/// Bytes that a checkpoint may have.
+const CHECKPOINT_BYTES_MAX: u64 = 8 << 30;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Training file, e.g. experiments/train/sac-metadrive.toml.
+    pub file: PathBuf,
+    /// Folder for the weights and their card.
+    #[arg(long, default_value = "policies")]
+    pub out: PathBuf,
+    /// Folder for checkpoints; one is written after each evaluation.
+    #[arg(long, default_value = "runs/train")]
+    pub checkpoints: PathBuf,
+    /// Go on from the checkpoint of a training that was stopped.
+    #[arg(long)]
+    pub resume: bool,
+    /// Root of the random streams in place of the file's; the weights' name ends in -s<seed> then.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Stop after so many evaluations with a checkpoint, to go on later with --resume.
+    #[arg(long)]
+    pub evaluations: Option<usize>,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let mut file = TrainingFile::read(&options.file)?;
+    if let Some(seed) = options.seed.filter(|seed| *seed != file.training.seed) {
+        file.training.seed = seed;
+        file.name = format!("{}-s{seed}", file.name);
+    }
+    let checkpoint = options.checkpoints.join(format!("{}.checkpoint", file.name));
+    // Before the scenes are made: a missing checkpoint is said at once.
+    let stopped = options.resume.then(|| store::read_bounded(&checkpoint, CHECKPOINT_BYTES_MAX)).transpose()?;
+    let threads = scenes::threads(jobs)?;
+    let pools = file.pools(&threads)?;
+    let recipe = file.recipe(&pools)?;
+    let [training, validation] = pools.each_ref().map(|pool| plants(pool, &file.simulator, &threads));
+    let (training, validation) = (training?, validation?);
+    progress(format!("{}: {} scenes to learn on, {} to compare by", file.name, training.len(), validation.len()));
+    let grounds = Grounds { training: &training, validation: &validation, threads: &threads };
+    let mut state = begin(stopped.as_deref(), &file, recipe)?;
+    let is_over = learn(&mut state, &grounds, options.evaluations, |state| {
+        store::write_atomic(&checkpoint, &state.checkpoint(recipe)?).map_err(Failure::from)
+    })?;
+    if !is_over {
+        let text = format!("stopped after {} of {} updates; go on with --resume", state.updates, state.options.updates);
+        return Ok(Answer::new(text, serde_json::json!({"updates": state.updates, "checkpoint": checkpoint})));
+    }
+    let weights = state.weights().map_err(Failure::internal)?;
+    let kept = Policy::learned(&weights).map_err(Failure::internal)?;
+    let idm = trial(&validation, &Policy::Idm, &threads).map_err(Failure::bad_input)?;
+    let kept = trial(&validation, &kept, &threads).map_err(Failure::bad_input)?;
+    let trained = Trained { file: &file, recipe, pools: pools.each_ref().map(Pool::digest), state: &state, kept, idm };
+    let (card, digest) = (trained.card(&weights), Digest::of_bytes(&weights));
+    let [weights_path, card_path] = ["safetensors", "json"].map(|end| options.out.join(format!("{}.{end}", file.name)));
+    store::write_atomic(&weights_path, &weights)?;
+    store::write_atomic(&card_path, format!("{card:#}\n").as_bytes())?;
+    Ok(Answer::new(trained.text(&weights_path, digest), card))
+}
+
+/// The scenes of a pool, prepared; one that cannot be simulated is an error.
+pub fn plants(pool: &Pool, simulator: &SimulatorOptions, threads: &Threads) -> Result<Vec<Plant>, Failure> {
+    let scenes: Vec<_> = pool.scenes.iter().collect();
+    let prepared =
+        threads.map(&scenes, |_, scene| Plant::with_options(PreparedScene::new(Arc::new((*scene).clone())), simulator));
+    prepared.into_iter().collect::<Result<Vec<Plant>, _>>().map_err(Failure::bad_input)
+}
+
+/// A training from its beginning, or from the bytes of a checkpoint.
+fn begin(stopped: Option<&[u8]>, file: &TrainingFile, recipe: Digest) -> Result<Training, Failure> {
+    let Some(bytes) = stopped else {
+        return Training::new(file.training).map_err(Failure::from);
+    };
+    let state = Training::resumed(file.training, recipe, bytes)?;
+    progress(format!("goes on after {} of {} updates", state.updates, state.options.updates));
+    Ok(state)
+}
+
+/// Trains to the end, or until so many evaluations were made. Says whether it is over.
+fn learn(
+    state: &mut Training,
+    grounds: &Grounds<'_>,
+    evaluations: Option<usize>,
+    keep: impl Fn(&Training) -> Result<(), Failure>,
+) -> Result<bool, Failure> {
+    let mut pace = Pace::new(state);
+    let mut made = 0;
+    while !state.is_over() {
+        let news = state.round(grounds)?;
+        if let Some(line) = pace.line(state, &news) {
+            progress(line);
+        }
+        if let Some(found) = &news.evaluated {
+            progress(format!("after {} updates, validation: {}", state.updates, train_text::figures(found)));
+            keep(state)?;
+            made += 1;
+            if evaluations.is_some_and(|most| made >= most) {
+                break;
+            }
+        }
+    }
+    Ok(state.is_over())
+}
+
+impl From<TrainingError> for Failure {
+    fn from(error: TrainingError) -> Failure {
+        Failure::bad_input(error)
+    }
+}
+
+impl From<CheckpointError> for Failure {
+    fn from(error: CheckpointError) -> Failure {
+        match error {
+            CheckpointError::Tensor(_) | CheckpointError::Header(_) => Failure::corruption(error),
+            CheckpointError::Other { .. } | CheckpointError::Training(_) => Failure::bad_input(error),
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! SafeBench's observation of four numbers and its action (`carla_env.py`, `route_planner.py` of trust-ai/SafeBench).
+
+use crate::kernel::num;
+use crate::sim::{Control, View};
+
+/// Numbers in the observation.
+pub const LENGTH: usize = 4;
+/// The waypoint of which offset and turn are told lies this far ahead on the route, metres.
+pub const WAYPOINT_M: f64 = 4.5;
+/// A vehicle nearer than this ahead counts as one in front, metres.
+const FRONT_M: f64 = 15.0;
+/// Acceleration of a full pedal, m/s².
+const PEDAL_MPS2: f64 = 3.0;
+/// SafeBench's share of CARLA's full steering, which turns the front wheels by 70°.
+pub const STEER_SHARE: f64 = 0.3;
+const FULL_STEER_RAD: f64 = 70.0 * num::PI / 180.0;
+/// CARLA's brake of an action -1, as a deceleration: 3/8 of full brakes of about 0.9 g, m/s².
+const BRAKE_MPS2: f64 = 0.375 * 0.9 * 9.81;
+
+/// Lateral distance (positive to the left of the route), minus the turn away from it, speed, vehicle in front.
+pub fn observe(view: &View<'_>, out: &mut Vec<f32>) {
+    let (ego, route) = (view.ego(), view.route());
+    let s_m = ego.along.s_m + WAYPOINT_M;
+    let (point, heading_rad) = (route.at(s_m, ego.along.segment), route.heading_at(s_m, ego.along.segment));
+    let (sine, cosine) = num::sin_cos(heading_rad);
+    let delta = ego.sample.position - point;
+    let turn = cosine * ego.axis.y - sine * ego.axis.x;
+    let front = view.front().is_some_and(|front| front.gap_m < FRONT_M);
+    let values =
+        [cosine * delta.y - sine * delta.x, -num::asin(turn.clamp(-1.0, 1.0)), ego.speed_mps, f64::from(front)];
+    out.extend(values.map(|x| x as f32));
+}
+
+/// What the ego does by a steering and a pedal, both in [-1, 1].
+pub fn control(steering: f64, pedal: f64) -> Control {
+    let most_mps2 = if pedal > 0.0 { PEDAL_MPS2 } else { BRAKE_MPS2 };
+    Control::Drive { acceleration_mps2: pedal * most_mps2, steering_rad: steering * STEER_SHARE * FULL_STEER_RAD }
+}

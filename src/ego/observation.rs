@@ -1,0 +1,179 @@
+//! What a learned driver sees and does, in the two settings of the paper. `docs/EGOS.md` lists every number. A change of
+//! any number is another [`Setting`]: weights name the one that they were trained with.
+
+use serde::{Deserialize, Serialize};
+
+use super::four_numbers;
+use crate::kernel::{Vec2, num};
+use crate::sim::{Control, Seen, View, idm};
+
+/// What an observation and an action mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Setting {
+    /// MetaDrive's `ScenarioEnv`: ego state, navigation, distances to road edge and road users.
+    #[serde(rename = "metadrive-1")]
+    Metadrive1,
+    /// SafeBench's four numbers.
+    #[serde(rename = "safebench-1")]
+    Safebench1,
+}
+
+/// Numbers in an action: steering and acceleration, both in [-1, 1].
+pub const ACTION: usize = 2;
+
+const EGO: usize = 10;
+/// Points of the route ahead, metres along it.
+const ROUTE_M: [f64; 10] = [2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0];
+const EDGE_RAYS: usize = 12;
+const LIDAR_RAYS: usize = 24;
+/// Road users of which each is told by itself.
+const OTHERS: usize = 6;
+const EACH: usize = 10;
+
+const POINT_M: f64 = 30.0;
+const EDGE_M: f64 = 30.0;
+const SIGHT_M: f64 = 50.0;
+const SPEED_MPS: f64 = 20.0;
+/// Numbers are cut here, so that no odd scene can throw a network far off.
+const MOST: f64 = 3.0;
+
+impl Setting {
+    /// All settings.
+    pub const ALL: [Setting; 2] = [Setting::Metadrive1, Setting::Safebench1];
+
+    /// The name in weight files and training files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Setting::Metadrive1 => "metadrive-1",
+            Setting::Safebench1 => "safebench-1",
+        }
+    }
+
+    /// Numbers in an observation.
+    pub fn length(self) -> usize {
+        match self {
+            Setting::Metadrive1 => EGO + 2 * ROUTE_M.len() + EDGE_RAYS + LIDAR_RAYS + OTHERS * EACH,
+            Setting::Safebench1 => four_numbers::LENGTH,
+        }
+    }
+
+    /// Puts the observation in place of what `out` holds.
+    pub fn observe(self, view: &View<'_>, out: &mut Vec<f32>) {
+        out.clear();
+        match self {
+            Setting::Metadrive1 => observe(view, out),
+            Setting::Safebench1 => four_numbers::observe(view, out),
+        }
+    }
+
+    /// What the ego does by an action.
+    pub fn control(self, view: &View<'_>, action: [f32; ACTION]) -> Control {
+        let [steering, pedal] = action.map(|a| f64::from(a).clamp(-1.0, 1.0));
+        match self {
+            Setting::Metadrive1 => {
+                let limits = view.plant().limits();
+                Control::Drive {
+                    acceleration_mps2: idm::acceleration_mps2(pedal, limits),
+                    steering_rad: steering * limits.steering_rad,
+                }
+            }
+            Setting::Safebench1 => four_numbers::control(steering, pedal),
+        }
+    }
+}
+
+fn observe(view: &View<'_>, out: &mut Vec<f32>) {
+    let (ego, route) = (view.ego(), view.route());
+    let mut push = |x: f64| out.push(x.clamp(-MOST, MOST) as f32);
+    let left_m = route.length_m() - ego.along.s_m;
+    let front = view.front();
+    push(ego.speed_mps / SPEED_MPS);
+    push(ego.steering_rad / view.plant().limits().steering_rad);
+    push(ego.acceleration_mps2 / 10.0);
+    push(ego.along.offset_m / 4.0);
+    push(route_turn_rad(view) / num::PI);
+    push(left_m / 100.0);
+    push(closeness(left_m, POINT_M));
+    push(view.red_light_m().map_or(0.0, |gap_m| closeness(gap_m, SIGHT_M)));
+    push(front.map_or(0.0, |f| closeness(f.gap_m, idm::SIGHT_M)));
+    push(front.map_or(0.0, |f| (ego.sample.velocity - f.velocity).dot(ego.axis) / SPEED_MPS));
+    for ahead_m in ROUTE_M {
+        // Past its end the route is padded with its end.
+        let point = route.at((ego.along.s_m + ahead_m).min(route.length_m()), ego.along.segment);
+        let (ahead, left) = in_frame(view, point - ego.sample.position);
+        push(ahead / POINT_M);
+        push(left / POINT_M);
+    }
+    for direction in rays::<EDGE_RAYS>(ego.axis) {
+        push(closeness(view.road_edge_m(direction, EDGE_M), EDGE_M));
+    }
+    let mut hits_m = [0.0; LIDAR_RAYS];
+    view.lidar_m(&rays::<LIDAR_RAYS>(ego.axis), SIGHT_M, &mut hits_m);
+    hits_m.iter().for_each(|&hit_m| push(closeness(hit_m, SIGHT_M)));
+    for seen in nearest(view) {
+        match seen {
+            Some(seen) => each(view, &seen).into_iter().for_each(&mut push),
+            None => (0..EACH).for_each(|_| push(0.0)),
+        }
+    }
+}
+
+/// One other road user.
+fn each(view: &View<'_>, seen: &Seen) -> [f64; EACH] {
+    let ego = view.ego();
+    let (ahead, left) = in_frame(view, seen.position - ego.sample.position);
+    let (drift_ahead, drift_left) = in_frame(view, seen.velocity - ego.sample.velocity);
+    let on_route = view.route().project_near(seen.position, &ego.along, SIGHT_M, SIGHT_M);
+    [
+        1.0,
+        ahead / SIGHT_M,
+        left / SIGHT_M,
+        drift_ahead / SPEED_MPS,
+        drift_left / SPEED_MPS,
+        ego.axis.dot(seen.axis),
+        ego.axis.cross(seen.axis),
+        seen.size.radius_m / 5.0,
+        (on_route.s_m - ego.along.s_m) / SIGHT_M,
+        on_route.offset_m / 10.0,
+    ]
+}
+
+/// 1 at the ego, 0 at `reach_m` and beyond: what is not there is zero.
+fn closeness(at_m: f64, reach_m: f64) -> f64 {
+    (1.0 - at_m / reach_m).clamp(0.0, 1.0)
+}
+
+/// The turn from the ego's heading to the route's at its place, (-π, π].
+pub fn route_turn_rad(view: &View<'_>) -> f64 {
+    let ego = view.ego();
+    num::wrap_angle(view.route().heading_at(ego.along.s_m, ego.along.segment) - ego.sample.heading_rad)
+}
+
+/// A vector as the ego sees it: ahead and to the left.
+fn in_frame(view: &View<'_>, delta: Vec2) -> (f64, f64) {
+    let axis = view.ego().axis;
+    (axis.dot(delta), axis.cross(delta))
+}
+
+/// Unit vectors at equal angles, the first along `axis`, then counter-clockwise.
+fn rays<const COUNT: usize>(axis: Vec2) -> [Vec2; COUNT] {
+    core::array::from_fn(|i| {
+        let (sine, cosine) = num::sin_cos(num::TAU * i as f64 / COUNT as f64);
+        Vec2::new(axis.x * cosine - axis.y * sine, axis.x * sine + axis.y * cosine)
+    })
+}
+
+/// The nearest road users, nearest first; if two are equally near, the one seen first.
+fn nearest(view: &View<'_>) -> [Option<Seen>; OTHERS] {
+    let own = view.ego().sample.position;
+    let apart = |seen: &Seen| (seen.position - own).norm_squared();
+    let mut found: [Option<Seen>; OTHERS] = [None; OTHERS];
+    view.for_each_within(SIGHT_M, |seen| {
+        let place = found.iter().position(|f| f.as_ref().is_none_or(|f| apart(seen) < apart(f)));
+        if let Some(place) = place {
+            found[place..].rotate_right(1);
+            found[place] = Some(*seen);
+        }
+    });
+    found
+}

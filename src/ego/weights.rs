@@ -1,0 +1,226 @@
+//! Weights of a learned driver as a file: safetensors, `f32`, named as in Stable-Baselines3's actor (a weight's rows are
+//! its outputs), so that they can be read there too. The header says for which [`Setting`] they were trained.
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+use super::network::{Dense, Mlp};
+use super::observation::{ACTION, Setting};
+use crate::kernel::Digest;
+use crate::kernel::linear::transposed;
+
+/// The key of our line in a file's header.
+const KEY: &str = "evodrive";
+/// Hidden layers may be this wide.
+const WIDTH_MAX: usize = 1024;
+
+/// Frozen weights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weights {
+    /// What they observe and do.
+    pub setting: Setting,
+    /// Means, then logarithms of standard deviations.
+    pub actor: Arc<Mlp>,
+    /// Of the file's bytes.
+    pub digest: Digest,
+}
+
+/// What our line in the header says.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    observation: String,
+}
+
+/// Why a file's bytes are no weights.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{layer}: found {found}, expected {expected}; train the ego again: evodrive train experiments/train/<name>.toml"
+)]
+pub struct WeightsError {
+    /// Where in the file.
+    pub layer: String,
+    /// What stands there.
+    pub found: String,
+    /// What should.
+    pub expected: String,
+}
+
+impl WeightsError {
+    fn new(layer: &str, found: impl ToString, expected: impl ToString) -> WeightsError {
+        WeightsError { layer: layer.to_string(), found: found.to_string(), expected: expected.to_string() }
+    }
+}
+
+/// The layers by name; the two heads are one layer of the network.
+const TRUNK: [&str; 2] = ["latent_pi.0", "latent_pi.2"];
+const HEADS: [&str; 2] = ["mu", "log_std"];
+
+impl Weights {
+    /// Reads the bytes of a file.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Weights, WeightsError> {
+        let whole = "a whole safetensors file";
+        let file = SafeTensors::deserialize(bytes).map_err(|error| WeightsError::new("header", error, whole))?;
+        let setting = setting(bytes)?;
+        let known: Vec<String> =
+            TRUNK.iter().chain(&HEADS).flat_map(|layer| [format!("{layer}.bias"), format!("{layer}.weight")]).collect();
+        if let Some(odd) = file.names().into_iter().find(|name| !known.iter().any(|known| known == name)) {
+            return Err(WeightsError::new(odd, "a tensor", format!("no other than {}", known.join(", "))));
+        }
+        let hidden = file.tensor("latent_pi.0.bias").map_or(0, |view| view.shape().first().copied().unwrap_or(0));
+        if !(1..=WIDTH_MAX).contains(&hidden) {
+            return Err(WeightsError::new(
+                "latent_pi.0.bias",
+                format!("{hidden} numbers"),
+                format!("1 to {WIDTH_MAX}"),
+            ));
+        }
+        let first = layer(&file, TRUNK[0], setting.length(), hidden)?;
+        let second = layer(&file, TRUNK[1], hidden, hidden)?;
+        let heads = [layer(&file, HEADS[0], hidden, ACTION)?, layer(&file, HEADS[1], hidden, ACTION)?];
+        let actor = Arc::new(Mlp { layers: vec![first, second, beside(&heads)] });
+        Ok(Weights { setting, actor, digest: Digest::of_bytes(bytes) })
+    }
+
+    /// The bytes of a file with an actor of two hidden layers.
+    ///
+    /// # Errors
+    /// An actor of another form.
+    pub fn to_bytes(setting: Setting, actor: &Mlp) -> Result<Vec<u8>, WeightsError> {
+        let [first, second, both] = &actor.layers[..] else {
+            return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
+        };
+        let heads = apart(both);
+        let layers = TRUNK.iter().chain(&HEADS).zip([first, second].into_iter().chain(&heads));
+        let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
+        for (name, layer) in layers {
+            let turned = transposed(&layer.weights, layer.outputs);
+            tensors.push((format!("{name}.weight"), vec![layer.outputs, layer.inputs], bytes_of(&turned)));
+            tensors.push((format!("{name}.bias"), vec![layer.outputs], bytes_of(&layer.bias)));
+        }
+        let failed =
+            |error: &dyn std::fmt::Display| WeightsError::new("header", error, "something that can be written");
+        let views = tensors
+            .iter()
+            .map(|(name, shape, data)| Ok((name, TensorView::new(Dtype::F32, shape.clone(), data)?)))
+            .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+            .map_err(|error| failed(&error))?;
+        let header = serde_json::to_string(&Header { observation: setting.name().to_string() });
+        let header = [(KEY.to_string(), header.map_err(|error| failed(&error))?)].into_iter().collect();
+        serialize(views, Some(header)).map_err(|error| failed(&error))
+    }
+}
+
+/// Numbers as they lie in a file.
+pub fn bytes_of(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// Numbers of a tensor of this shape; all must be finite.
+pub fn floats(file: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
+    let expected = format!("f32 numbers of shape {shape:?}");
+    let view = file.tensor(name).map_err(|_| WeightsError::new(name, "nothing", &expected))?;
+    if view.dtype() != Dtype::F32 || view.shape() != shape {
+        return Err(WeightsError::new(name, format!("{:?} of shape {:?}", view.dtype(), view.shape()), &expected));
+    }
+    let (chunks, _) = view.data().as_chunks::<4>();
+    let values: Vec<f32> = chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(place) => Err(WeightsError::new(name, format!("{} as number {place}", values[place]), "finite numbers")),
+        None => Ok(values),
+    }
+}
+
+fn setting(bytes: &[u8]) -> Result<Setting, WeightsError> {
+    let known: Vec<&str> = Setting::ALL.iter().map(|setting| setting.name()).collect();
+    let expected = format!("an observation of this version: {}", known.join(" or "));
+    let refuse = |found: String| WeightsError::new("header", found, &expected);
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| refuse(error.to_string()))?;
+    let line = header.metadata().as_ref().and_then(|lines| lines.get(KEY));
+    let line = line.ok_or_else(|| refuse(format!("no line {KEY:?}")))?;
+    let read: Header = serde_json::from_str(line).map_err(|error| refuse(error.to_string()))?;
+    let found = Setting::ALL.into_iter().find(|setting| setting.name() == read.observation);
+    found.ok_or_else(|| refuse(format!("observation {:?}", read.observation)))
+}
+
+fn layer(file: &SafeTensors<'_>, name: &str, inputs: usize, outputs: usize) -> Result<Dense, WeightsError> {
+    let weights = floats(file, &format!("{name}.weight"), &[outputs, inputs])?;
+    let bias = floats(file, &format!("{name}.bias"), &[outputs])?;
+    Ok(Dense { inputs, outputs, weights: transposed(&weights, inputs), bias })
+}
+
+/// Two layers over the same inputs as one.
+fn beside([first, second]: &[Dense; 2]) -> Dense {
+    let rows = first.weights.chunks_exact(first.outputs).zip(second.weights.chunks_exact(second.outputs));
+    Dense {
+        inputs: first.inputs,
+        outputs: first.outputs + second.outputs,
+        weights: rows.flat_map(|(a, b)| [a, b].concat()).collect(),
+        bias: [&first.bias[..], &second.bias].concat(),
+    }
+}
+
+/// The halves of a layer by its outputs.
+fn apart(both: &Dense) -> [Dense; 2] {
+    let half = both.outputs / 2;
+    [0, half].map(|from| Dense {
+        inputs: both.inputs,
+        outputs: half,
+        weights: both.weights.chunks_exact(both.outputs).flat_map(|row| row[from..from + half].to_vec()).collect(),
+        bias: both.bias[from..from + half].to_vec(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn actor() -> Mlp {
+        let mut actor = Mlp::zeros(&[4, 3, 3, 2 * ACTION]);
+        let mut next = 0.0;
+        actor.parameters_mut().flatten().for_each(|x| {
+            next += 0.125;
+            *x = next;
+        });
+        actor
+    }
+
+    #[test]
+    fn weights_read_back_as_they_were() {
+        let bytes = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
+        let read = Weights::from_bytes(&bytes).unwrap();
+        assert_eq!((read.setting, &*read.actor), (Setting::Safebench1, &actor()));
+        assert_eq!(Weights::to_bytes(read.setting, &read.actor).unwrap(), bytes);
+    }
+
+    #[test]
+    fn damaged_weights_are_refused_with_layer_found_and_expected() {
+        let bytes = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
+        for end in 0..bytes.len() {
+            assert!(Weights::from_bytes(&bytes[..end]).is_err(), "{end}");
+        }
+        let refused = |bytes: &[u8]| Weights::from_bytes(bytes).unwrap_err().to_string();
+        let mut nan = bytes.clone();
+        let last = nan.len() - 4;
+        nan[last..].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert!(refused(&nan).contains("NaN as number") && refused(&nan).contains("finite"), "{}", refused(&nan));
+        let renamed = |from: &str, to: &str| {
+            let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+            let mut bytes = bytes.clone();
+            bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+            refused(&bytes)
+        };
+        let older = renamed("safebench-1", "safebench-9");
+        assert!(older.contains("\"safebench-9\"") && older.contains("metadrive-1 or safebench-1"), "{older}");
+        let other = renamed("latent_pi.2.bias", "latent_pi.7.bias");
+        assert!(other.contains("latent_pi.7.bias"), "{other}");
+        let mut wide = Weights::to_bytes(Setting::Safebench1, &Mlp::zeros(&[5, 3, 3, 4])).unwrap();
+        let shape = refused(&wide);
+        assert!(
+            shape.contains("latent_pi.0.weight") && shape.contains("[3, 5]") && shape.contains("[3, 4]"),
+            "{shape}"
+        );
+        wide.push(0);
+        assert!(refused(&wide).contains("header"));
+    }
+}

@@ -1,0 +1,82 @@
+//! A row a label: one program in one scene.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::super::recorded_run::RecordedRun;
+use super::sheet::{Columns, Sheet};
+use crate::kernel::Digest;
+use crate::objects::{LineageId, SceneScore, SolutionId};
+
+/// Whose label, in which suite.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Whose<'r> {
+    lineage: &'r LineageId,
+    solution: &'r SolutionId,
+    suite: &'static str,
+    scene: &'r str,
+}
+
+type Row<'r> = (Whose<'r>, &'r SceneScore);
+
+/// Every label of the record once: it is a function of program, scene and ego, so it does not matter where it is met first.
+fn labels(story: &RecordedRun) -> Vec<Row<'_>> {
+    let mut found: BTreeMap<Whose<'_>, &SceneScore> = BTreeMap::new();
+    for (lineage, solution, suite, score) in story.scores() {
+        for label in &score.scenes {
+            found.entry(Whose { lineage, solution, suite, scene: &label.scene }).or_insert(label);
+        }
+    }
+    found.into_iter().collect()
+}
+
+/// Digests of the rollout records behind the labels, sorted.
+pub fn records(story: &RecordedRun) -> Vec<Digest> {
+    let all: BTreeSet<Digest> =
+        story.scores().flat_map(|(.., score)| score.scenes.iter().map(|label| label.record)).collect();
+    all.into_iter().collect()
+}
+
+pub fn sheet(story: &RecordedRun) -> Sheet {
+    let rows = labels(story);
+    let columns = Columns::<Row<'_>>::new()
+        .text("lineage", "The lineage.", |(of, _)| of.lineage.to_string())
+        .text("solution", "The program: the attempt that proposed it, or <lineage>/parent.", |(of, _)| {
+            of.solution.to_string()
+        })
+        .text("suite", "evolution or held_out.", |(of, _)| of.suite)
+        .text("scene", "The scene.", |(of, _)| of.scene)
+        .number("attack", "", "a: what the contact counts, 0 to 1 (docs/OBJECTIVES.md).", |(_, label)| label.attack)
+        .number("realism", "", "r: 1 where every diagnostic is satisfied; 1 where nobody acts.", |(_, label)| {
+            label.realism
+        })
+        .flag("acted", "Whether some adversary's motion differs from replay; realism counts there alone.", |(_, l)| {
+            l.acted
+        })
+        .flag("intervened", "Whether the program asked for an intervention.", |(_, label)| label.intervened)
+        .text("contact_class", "Who struck whom, where the ego met anyone.", |(_, label)| {
+            label.contact.as_ref().map(|met| met.class.clone())
+        })
+        .flag("contact_adversary", "Whether it met an adversary of the program.", |(_, label)| {
+            label.contact.as_ref().map(|met| met.adversary)
+        })
+        .flag(
+            "contact_avoidable",
+            "Whether braking or swerving would have avoided it; empty where not assessed.",
+            |(_, l)| l.contact.as_ref().and_then(|met| met.avoidable),
+        )
+        .flag("contact_anyway", "Whether the ego meets the same one in plain replay.", |(_, label)| {
+            label.contact.as_ref().map(|met| met.anyway)
+        });
+    let diagnostics: BTreeSet<String> = rows.iter().flat_map(|(_, label)| label.diagnostics.keys().cloned()).collect();
+    let columns = diagnostics.into_iter().fold(columns, |columns, name| {
+        let heading = format!("d_{name}");
+        let meaning = "Realism diagnostic of this name, 1 = satisfied (docs/OBJECTIVES.md).";
+        columns.number(&heading, "", meaning, move |(_, label)| label.diagnostics.get(&name).copied())
+    });
+    let columns = columns.text("request", "Key of the rollout request.", |(_, label)| label.request).text(
+        "record",
+        "Digest of the rollout's record: the key into the table of rollouts.",
+        |(_, label)| label.record,
+    );
+    columns.laid_out("labels", "a program in a scene", &rows)
+}

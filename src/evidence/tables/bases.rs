@@ -1,0 +1,388 @@
+//! The basis of every cell of every table, found by its row and its column.
+
+use std::collections::BTreeMap;
+
+use super::archives::{self, LineageArchive};
+use super::basis::{Basis, Combine, LabelRead, Leaf, Piece, Selected};
+use super::error::TableError;
+use super::labels::{self, LineageLabels, ReplayLabels, Side};
+use super::layout::{REPLAY, Row, Table};
+use super::{contacts, metadrive, paper, proposals, safebench};
+use crate::evidence::recorded_run::RecordedRun;
+use crate::kernel::num;
+use crate::objects::event::LineageResult;
+use crate::objects::replay::Suite;
+use crate::objects::{SceneScore, SolutionId};
+
+/// Where the cells of a table come from.
+pub struct Bases<'s> {
+    stories: &'s [RecordedRun],
+    /// By run: labels by program and scene.
+    labels: Vec<BTreeMap<(&'s SolutionId, &'s str), &'s SceneScore>>,
+    lineages: Vec<LineageLabels>,
+    archives: Vec<LineageArchive>,
+    replays: Vec<ReplayLabels>,
+}
+
+impl<'s> Bases<'s> {
+    /// Of a table that was made from these runs.
+    pub fn of(table: &Table, stories: &'s [RecordedRun]) -> Result<Bases<'s>, TableError> {
+        let labelled = |story: &'s RecordedRun| {
+            let scores = story.scores();
+            scores.flat_map(|(_, of, _, score)| score.scenes.iter().map(move |l| ((of, l.scene.as_str()), l))).collect()
+        };
+        let (recorded, staged) = (table.name.starts_with("metadrive"), table.name.starts_with("safebench"));
+        Ok(Bases {
+            stories,
+            labels: stories.iter().map(labelled).collect(),
+            lineages: if recorded { labels::lineages(stories)? } else { Vec::new() },
+            archives: if staged { archives::lineages(stories)? } else { Vec::new() },
+            replays: if recorded { labels::replays(stories)? } else { Vec::new() },
+        })
+    }
+
+    /// The label of a program of a run in a scene.
+    pub fn label(&self, run: usize, solution: &SolutionId, scene: &str) -> Option<&'s SceneScore> {
+        self.labels.get(run)?.get(&(solution, scene)).copied()
+    }
+
+    /// The basis of a cell; `None` for a cell without a number of ours.
+    pub fn basis(&self, table: &Table, row: &Row, key: &str) -> Option<Basis> {
+        let replay = row.labels.first().is_some_and(|label| label == REPLAY);
+        match table.name {
+            "metadrive-main" | "metadrive-policy" if replay => self.replayed(row, metadrive::read_of_replay(key)?),
+            "metadrive-main" | "metadrive-policy" => self.of_labels(row, key),
+            "metadrive-contacts" if replay => self.replayed(row, |scene| Some(labels::share(scene.contact))),
+            "metadrive-contacts" => {
+                let side = contacts::side(row.labels.last()?)?;
+                let (_, read) = contacts::readings().into_iter().find(|(column, _)| column.key == key)?;
+                Some(self.means(row, side, key, read))
+            }
+            "safebench-main" | "safebench-rounds" if replay => self.replay_row(row, key),
+            "safebench-main" if key == safebench::FRONTIER => Some(self.gains(row)),
+            "safebench-main" => {
+                Some(self.of_rounds(row, key, &|rounds| safebench::main_number(key, rounds), |_, _| true))
+            }
+            "safebench-rounds" => {
+                let (metric, round) = (row.labels.get(2)?.as_str(), row.labels.get(3)?.parse::<usize>().ok()?);
+                let number = |rounds: &[_]| safebench::round_number(metric, round, key, rounds);
+                let of = |group: &str| key == paper::safebench::AVERAGE || group.split('/').next() == Some(key);
+                Some(self.of_rounds(row, key, &number, |at, group| at as usize == round && of(group)))
+            }
+            "proposals" => Some(self.counted(row, key)),
+            _ => None,
+        }
+    }
+
+    /// The lineages of a row: two runs may have some of one name.
+    fn lineages_of(&self, row: &Row) -> impl Iterator<Item = &LineageLabels> {
+        let fits = |l: &&LineageLabels| {
+            let named = row.labels.first().is_some_and(|label| *label == l.group() || *label == l.name);
+            named && row.lineages.iter().any(|id| *id == l.lineage.as_str())
+        };
+        self.lineages.iter().filter(fits)
+    }
+
+    fn of_labels(&self, row: &Row, key: &str) -> Option<Basis> {
+        let [relative, before, after] = metadrive::RELATIVE;
+        if key == relative {
+            let terms = [before, after].into_iter().map(|key| self.of_labels(row, key)).collect::<Option<_>>()?;
+            let formula = format!("100 ({after} - {before}) / {before}");
+            return Some(Basis { terms, ..Basis::of(formula, Combine::Relative, Vec::new()) });
+        }
+        if key == metadrive::FRONTIER {
+            return Some(self.frontier(row));
+        }
+        let (side, reading) = metadrive::read_of(key)?;
+        if side == Side::Endpoint && self.lineages_of(row).any(|l| l.endpoint.is_none()) {
+            return None;
+        }
+        Some(self.means(row, side, key, Box::new(reading)))
+    }
+
+    /// Means of a reading over held-out labels.
+    fn means(&self, row: &Row, side: Side, key: &str, read: LabelRead) -> Basis {
+        let part = |l: &LineageLabels| -> Option<Piece> {
+            let (run, story, result) = self.result(&l.run, l.lineage.as_str())?;
+            let programs = programs(side, result);
+            let leaf = |scene: &String| {
+                let number = |of: &SolutionId| read(self.label(run, of, scene)?);
+                let value = match programs.as_slice() {
+                    [one] => number(one),
+                    [before, after] => number(before).zip(number(after)).map(|(before, after)| after - before),
+                    _ => None,
+                };
+                Leaf::scene(scene, &programs, value)
+            };
+            let leaves: Vec<Leaf> = story.opened.held_out_scenes.iter().map(leaf).collect();
+            let value = num::mean(&leaves.iter().filter_map(|leaf| leaf.value).collect::<Vec<f64>>());
+            Some(part_of(l, run, programs, value, leaves))
+        };
+        let parts = self.lineages_of(row).filter_map(part).collect();
+        let change = if side == Side::Change { "evolved minus parent, scene by scene, of " } else { "" };
+        let formula = format!("{MEANS} {change}{}", words(key));
+        Basis { read: Some(read), ..Basis::of(formula, Combine::Means, parts) }
+    }
+
+    /// PF-Area@3 as the sealed results have it, with the held-out labels of the parent and of the chosen descendants.
+    fn frontier(&self, row: &Row) -> Basis {
+        let part = |l: &LineageLabels| -> Option<Piece> {
+            let (run, story, result) = self.result(&l.run, l.lineage.as_str())?;
+            let counts = |roles: &[String]| roles.iter().any(|role| role == "parent" || role == "descendant");
+            let own = story.held_out.iter().filter(|h| h.lineage == l.lineage && counts(&h.roles));
+            let programs: Vec<SolutionId> = own.map(|held_out| held_out.solution.clone()).collect();
+            let leaf = |scene: &String| Leaf::scene(scene, &programs, None);
+            let leaves = story.opened.held_out_scenes.iter().map(leaf).collect();
+            Some(part_of(l, run, programs.clone(), Some(result.pf_area_at_3_pct), leaves))
+        };
+        let formula = format!(
+            "{SEARCHES} PF-Area@3 as sealed in the result: 100 times the frontier area that up to three descendants add to the parent's, over the parent's, on held-out objectives"
+        );
+        Basis::of(formula, Combine::Means, self.lineages_of(row).filter_map(part).collect())
+    }
+
+    /// Means over the scenes without a program.
+    fn replayed(&self, row: &Row, read: fn(&crate::objects::replay::ReplayScene) -> Option<f64>) -> Option<Basis> {
+        let of = |replay: &&ReplayLabels| row.lineages.iter().any(|id| *id == format!("replay/{}", replay.ego));
+        let part = |replay: &ReplayLabels| -> Option<Piece> {
+            let has = |story: &RecordedRun| {
+                story.replays.iter().any(|r| r.row.ego == replay.ego && same_scenes(story, replay))
+            };
+            let run = self.stories.iter().position(has)?;
+            let leaves: Vec<Leaf> = replay
+                .scenes
+                .iter()
+                .flatten()
+                .map(|scene| {
+                    let note = format!(
+                        "contact {}, realism {}",
+                        scene.contact,
+                        scene.realism.map_or("none".into(), |r| r.to_string())
+                    );
+                    Leaf { note: Some(note), ..Leaf::scene(&scene.scene, &[], read(scene)) }
+                })
+                .collect();
+            let value = num::mean(&leaves.iter().filter_map(|leaf| leaf.value).collect::<Vec<f64>>());
+            let lineage = format!("replay/{}", replay.ego);
+            Some(Piece {
+                search: format!("{} {}", replay.suite, replay.ego),
+                run,
+                lineage,
+                replica: 0,
+                programs: Vec::new(),
+                value,
+                leaves,
+            })
+        };
+        let parts = self.replays.iter().filter(of).filter_map(part).collect();
+        let formula =
+            "mean over runs with other scenes or egos of the mean over held-out scenes played without a program"
+                .to_string();
+        Some(Basis::of(formula, Combine::Means, parts))
+    }
+
+    /// SafeBench's row without a program, which is recorded as a whole.
+    fn replay_row(&self, row: &Row, key: &str) -> Option<Basis> {
+        let of = |story: &'s RecordedRun| {
+            story
+                .replays
+                .iter()
+                .find(|r| r.row.suite == Suite::Evolution && row.lineages.contains(&format!("replay/{}", r.row.ego)))
+        };
+        let (run, replayed) = self.stories.iter().enumerate().find_map(|(run, story)| Some((run, of(story)?)))?;
+        let known = replayed.row.benchmark?;
+        let metric = match key {
+            "parent_attack" => "Attack",
+            "parent_ars" => "ARS",
+            "parent_cr" => "CR",
+            "parent_os" => "OS",
+            _ => row.labels.get(2)?.as_str(),
+        };
+        let value = match metric {
+            "Attack" => known.attack,
+            "ARS" => known.realism,
+            "CR" => known.collision_rate,
+            "OS" => known.overall_score,
+            _ => return None,
+        };
+        let leaves = replayed.scenes.iter().map(|scene| Leaf::scene(&scene.scene, &[], None)).collect();
+        let part = Piece {
+            search: "replay".into(),
+            run,
+            lineage: row.lineages.join(" "),
+            replica: 0,
+            programs: Vec::new(),
+            value: Some(value),
+            leaves,
+        };
+        Some(Basis::of(
+            format!("{metric} of the empty program on the evolution scenes, recorded as a whole"),
+            Combine::Means,
+            vec![part],
+        ))
+    }
+
+    fn archives_of(&self, row: &Row) -> impl Iterator<Item = &LineageArchive> {
+        let fits = |a: &&LineageArchive| {
+            row.labels.first() == Some(&a.name) && row.lineages.iter().any(|id| *id == a.lineage.as_str())
+        };
+        self.archives.iter().filter(fits)
+    }
+
+    /// A number of the archive's rounds, which is of the selected runs together.
+    fn of_rounds(&self, row: &Row, key: &str, number: Number<'_>, reads: impl Fn(u32, &str) -> bool) -> Basis {
+        let part = |archive: &LineageArchive| -> Option<Piece> {
+            let (run, story, _) = self.result(&archive.run, archive.lineage.as_str())?;
+            let scores: Vec<_> = archive.rounds.iter().map(|of| of.scores(of.runs.keys().copied())).collect();
+            let last = archive.rounds.len().saturating_sub(1) as u32;
+            let wanted =
+                |round: u32| !key.starts_with("parent_") && round == last || !key.starts_with("evolved_") && round == 0;
+            let main = row.labels.len() < 4;
+            let rounds = story.rounds.iter().filter(|r| r.lineage == archive.lineage && (!main || wanted(r.round)));
+            let leaves: Vec<Leaf> = rounds
+                .flat_map(|r| {
+                    let read = r.selected.iter().filter(|selected| reads(r.round, &selected.group));
+                    read.map(|selected| Leaf {
+                        selected: Some(Selected { round: r.round, run: selected.run }),
+                        note: Some(format!(
+                            "{} after round {}: attack {:.3}, ARS {:.3}",
+                            selected.group, r.round, selected.attack, selected.realism
+                        )),
+                        ..Leaf::scene(&selected.scene, std::slice::from_ref(&selected.solution), None)
+                    })
+                })
+                .collect();
+            let mut programs: Vec<SolutionId> = leaves.iter().flat_map(|leaf| leaf.programs.clone()).collect();
+            programs.sort();
+            programs.dedup();
+            Some(part_of_archive(archive, run, programs, number(&scores), leaves))
+        };
+        let parts = self.archives_of(row).filter_map(part).collect();
+        let formula = format!(
+            "mean over repetitions of {} of all runs that balanced selection keeps, families weighing alike (docs/SAFEBENCH.md)",
+            rounds_words(key, row)
+        );
+        Basis::of(formula, Combine::MeansOfAll, parts)
+    }
+
+    /// PF-Area@3 of SafeBench: the mean over groups, as sealed in the results.
+    fn gains(&self, row: &Row) -> Basis {
+        let part = |archive: &LineageArchive| -> Option<Piece> {
+            let (run, ..) = self.result(&archive.run, archive.lineage.as_str())?;
+            let leaf = |((family, route), gain): (&crate::evaluation::Group, &f64)| {
+                Leaf::scene(&format!("{}/{route}", family.name()), &[], Some(*gain))
+            };
+            let leaves: Vec<Leaf> = archive.gains_pct.iter().map(leaf).collect();
+            let value = num::mean(&leaves.iter().filter_map(|leaf| leaf.value).collect::<Vec<f64>>());
+            Some(part_of_archive(archive, run, Vec::new(), value, leaves))
+        };
+        let formula =
+            "mean over repetitions of the mean over groups of the frontier gain, as sealed in the results".to_string();
+        Basis::of(formula, Combine::Means, self.archives_of(row).filter_map(part).collect())
+    }
+
+    /// A share of proposals.
+    fn counted(&self, row: &Row, key: &str) -> Basis {
+        let [family, policy] = [0, 1].map(|at| row.labels.get(at).cloned().unwrap_or_default());
+        let mut parts = Vec::new();
+        for (run, story) in self.stories.iter().enumerate() {
+            let own = story
+                .parents
+                .iter()
+                .filter(|p| p.program.source_family.as_str() == family && paper::policy(&p.ego) == policy);
+            for parent in own {
+                let attempts = story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage);
+                let leaf = |attempt: &crate::objects::Attempt| {
+                    let (counts, holds) = proposals::counted(key, attempt)?;
+                    let value = counts.then(|| labels::share(holds));
+                    Some(Leaf { attempt: Some(attempt.id.clone()), ..Leaf::scene(attempt.id.as_str(), &[], value) })
+                };
+                let leaves: Vec<Leaf> = attempts.filter_map(leaf).collect();
+                let counted: Vec<f64> = leaves.iter().filter_map(|leaf| leaf.value).collect();
+                let lineage = parent.lineage.to_string();
+                parts.push(Piece {
+                    search: family.clone(),
+                    run,
+                    lineage,
+                    replica: 0,
+                    programs: Vec::new(),
+                    value: num::mean(&counted).map(|share| 100.0 * share),
+                    leaves,
+                });
+            }
+        }
+        Basis::of(
+            "100 times the proposals that it holds of, over all that count, of all lineages together".into(),
+            Combine::Pooled,
+            parts,
+        )
+    }
+
+    fn result(&self, run: &str, lineage: &str) -> Option<(usize, &'s RecordedRun, &'s LineageResult)> {
+        let place = self.stories.iter().position(|story| labels::run_name(story) == run)?;
+        let story = self.stories.get(place)?;
+        let result = story.result.as_ref()?.lineages.iter().find(|result| result.lineage.as_str() == lineage)?;
+        Some((place, story, result))
+    }
+}
+
+/// A number of one repetition's rounds.
+type Number<'a> = &'a dyn Fn(&[Option<crate::objects::benchmark::Benchmark>]) -> Option<f64>;
+
+const SEARCHES: &str = "mean over searches of the mean over their repetitions of";
+const MEANS: &str = "mean over searches of the mean over their repetitions of the mean over held-out scenes of";
+
+fn part_of(l: &LineageLabels, run: usize, programs: Vec<SolutionId>, value: Option<f64>, leaves: Vec<Leaf>) -> Piece {
+    let (search, lineage) = (format!("{} {}", l.name, l.ego), l.lineage.to_string());
+    Piece { search, run, lineage, replica: l.replica, programs, value, leaves }
+}
+
+fn part_of_archive(
+    archive: &LineageArchive,
+    run: usize,
+    programs: Vec<SolutionId>,
+    value: Option<f64>,
+    leaves: Vec<Leaf>,
+) -> Piece {
+    let (search, lineage) = (archive.name.clone(), archive.lineage.to_string());
+    Piece { search, run, lineage, replica: archive.replica, programs, value, leaves }
+}
+
+fn programs(side: Side, result: &LineageResult) -> Vec<SolutionId> {
+    let (parent, evolved) = (result.parent.solution.clone(), result.evolved.solution.clone());
+    match side {
+        Side::Parent => vec![parent],
+        Side::Evolved => vec![evolved],
+        Side::Endpoint => result.endpoint.iter().map(|endpoint| endpoint.solution.clone()).collect(),
+        Side::Change => vec![parent, evolved],
+    }
+}
+
+fn same_scenes(story: &RecordedRun, replay: &ReplayLabels) -> bool {
+    labels::suite(story).is_ok_and(|suite| suite == replay.suite)
+}
+
+/// What is read off a label for a column.
+fn words(key: &str) -> String {
+    let bare = ["parent_", "evolved_", "endpoint_"].iter().find_map(|side| key.strip_prefix(side)).unwrap_or(key);
+    let told = match bare {
+        "attack" | "attack_change" => "attack",
+        "any_contact" => "1 where the ego meets anyone, else 0",
+        "rp_pct" | "rp_change_pp" => "100 (1 - realism) where the program acts",
+        "success_rp_pct" => "100 (1 - realism) where the program succeeds",
+        "rp_all_pct" => "100 (1 - realism)",
+        "coverage" => "1 where the program acts, else 0",
+        "avoidable_contact" => "1 where the ego meets an adversary and could have avoided it, else 0",
+        "met_anyway" => "1 where the ego meets an adversary whom it meets in plain replay too, else 0",
+        "adversary_contact" => "1 where the ego meets an adversary, else 0",
+        class => return format!("1 where the ego meets an adversary in a contact of class {class}, else 0"),
+    };
+    told.to_string()
+}
+
+fn rounds_words(key: &str, row: &Row) -> String {
+    match (row.labels.get(2), row.labels.get(3)) {
+        (Some(metric), Some(round)) => format!("{metric} after round {round} in {key},"),
+        _ => format!("{key},"),
+    }
+}

@@ -1,0 +1,108 @@
+//! `lineage[].policy`: the weights of a learned ego. The file is read where it is named and must have the digest that the
+//! experiment says; its bytes take the name's place, so that digest and run folder hold the weights and not a path.
+
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use toml::{Table, Value};
+
+use super::key::shown;
+use super::place::Place;
+use super::{ExperimentError, OptionError};
+use crate::ego::Policy;
+use crate::kernel::Digest;
+use crate::store;
+
+/// The ego that takes weights.
+const LEARNED: &str = "learned";
+/// Bytes that a file of weights may have.
+const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
+
+/// What an experiment keeps of the file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EgoWeights {
+    /// Of the file's bytes.
+    pub digest: Digest,
+    /// The bytes, two hex digits each.
+    pub weights: String,
+}
+
+/// What an experiment file says.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Named {
+    file: String,
+    digest: Digest,
+}
+
+impl EgoWeights {
+    fn of(bytes: &[u8]) -> EgoWeights {
+        let weights = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        EgoWeights { digest: Digest::of_bytes(bytes), weights }
+    }
+
+    fn bytes(&self) -> Option<Vec<u8>> {
+        let (pairs, rest) = self.weights.as_bytes().as_chunks::<2>();
+        let byte = |pair: &[u8; 2]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+        if rest.is_empty() { pairs.iter().map(byte).collect() } else { None }
+    }
+
+    /// The driver.
+    pub fn policy(&self) -> Result<Policy, String> {
+        let bytes = self.bytes().filter(|bytes| Digest::of_bytes(bytes) == self.digest);
+        let bytes = bytes.ok_or("its weights are not those of its digest; name the file again")?;
+        Policy::learned(&bytes).map_err(|error| error.to_string())
+    }
+}
+
+/// The driver of a lineage: by its name, or by its weights.
+pub fn policy(ego: &str, weights: Option<&EgoWeights>) -> Result<Policy, String> {
+    match weights {
+        Some(weights) if ego == LEARNED => weights.policy(),
+        Some(_) => Err(format!("{ego} takes no policy; write ego = \"{LEARNED}\" or take policy out")),
+        None => ego.parse().map_err(|error: crate::ego::PolicyError| error.to_string()),
+    }
+}
+
+/// Puts the bytes of named weights into the table of the file at `place`. Says whether a file was named.
+///
+/// # Errors
+/// A file that is missing, holds no weights, or has another digest.
+pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError> {
+    let Some(Value::Array(lineages)) = table.get_mut("lineage") else { return Ok(false) };
+    let mut named = false;
+    for (i, lineage) in lineages.iter_mut().enumerate() {
+        let Some(value) = lineage.get_mut("policy") else { continue };
+        // What a run folder keeps.
+        if value.get("weights").is_some() {
+            continue;
+        }
+        let refuse = |field: &str, found: String, expected: &str| ExperimentError::Option {
+            file: place.name(),
+            error: OptionError::new(format!("lineage[{i}].policy{field}"), found, expected),
+        };
+        let form = "{ file = \"<name>.safetensors\", digest = \"<64 hex digits>\" }";
+        let of: Named = value.clone().try_into().map_err(|_| refuse("", shown(value), form))?;
+        let path = place.path_beside(Path::new(&of.file));
+        let made_by = format!("weights that {} makes", command(&of.file));
+        let bytes = store::read_bounded(&path, WEIGHTS_BYTES_MAX)
+            .map_err(|error| refuse(".file", format!("{:?} ({error})", of.file), &made_by))?;
+        let kept = EgoWeights::of(&bytes);
+        if kept.digest != of.digest {
+            let found = format!("{}, while {:?} has {}", of.digest, of.file, kept.digest);
+            let expected =
+                format!("the file's digest; write the file's, or make the one that is meant: {}", command(&of.file));
+            return Err(refuse(".digest", found, &expected));
+        }
+        kept.policy().map_err(|error| refuse(".file", format!("{:?} ({error})", of.file), &made_by))?;
+        *value = Value::try_from(&kept).map_err(|error| refuse("", error.to_string(), form))?;
+        named = true;
+    }
+    Ok(named)
+}
+
+/// What makes the weights of a file.
+fn command(file: &str) -> String {
+    let name = Path::new(file).file_stem().map_or_else(|| "<name>".into(), |stem| stem.to_string_lossy().into_owned());
+    format!("`evodrive train experiments/train/{name}.toml`")
+}

@@ -1,0 +1,22 @@
+//! Training of learned egos: soft actor-critic in our own simulator, the same bits on every machine.
+
+mod adam;
+mod batch;
+mod checkpoint;
+mod episode;
+mod init;
+mod memory;
+mod options;
+mod reward;
+mod sac;
+mod training;
+mod trial;
+
+pub use batch::{Pass, zeros_like};
+pub use checkpoint::CheckpointError;
+pub use memory::{Episode, Memory};
+pub use options::{TrainingOptions, TrainingOptionsError};
+pub use reward::{Reward, Step};
+pub use sac::{Batch, Losses, Room, Sac, SacOptions, explore};
+pub use training::{Grounds, News, Point, Training, TrainingError};
+pub use trial::{Trial, figures, trial};

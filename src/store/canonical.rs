@@ -1,0 +1,57 @@
+//! A store's records in an order that depends on nothing but what is recorded, and bytes that go to a file as they come: what
+//! a bundle is made of and unpacked to.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::path::Path;
+
+use super::objects::Store;
+use super::pack::{self, MemoEntry};
+use super::{StoreError, file};
+use crate::kernel::Digest;
+
+impl Store {
+    /// Writes all records that a request refers to as a pack: entries by kind and key, each object before the first entry
+    /// that names it. Two stores that record the same give the same bytes. One object is in memory at a time.
+    pub fn write_records(&self, to: &mut dyn Write) -> Result<(), StoreError> {
+        let write = |to: &mut dyn Write, bytes: &[u8]| {
+            to.write_all(bytes).map_err(|source| StoreError::io("write", Path::new("the records"), source))
+        };
+        let mut written = BTreeSet::new();
+        for (kind, key, object) in self.recorded() {
+            if written.insert(object) {
+                write(to, &pack::record(false, &object, &self.get(&object)?))?;
+            }
+            let body = MemoEntry { kind, key, object }.body();
+            write(to, &pack::record(true, &Digest::of_bytes(&body), &body))?;
+        }
+        Ok(())
+    }
+}
+
+/// Opens a file to be read from its beginning to its end.
+pub fn reader(path: &Path) -> Result<impl Read + use<>, StoreError> {
+    file::open_bounded(path, u64::MAX)
+}
+
+/// Writes a file from what `fill` writes, whole or not at all, without having it in memory. What `fill` says is passed on.
+pub fn write_filled<E>(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> Result<(), E>,
+) -> Result<Result<(), E>, StoreError> {
+    let io = |source| StoreError::io("write", path, source);
+    let temporary = file::neighbour(path)?;
+    let mut made = File::create(&temporary).map_err(io)?;
+    let filled = fill(&mut made);
+    if filled.is_err() {
+        let _ = fs::remove_file(&temporary);
+        return Ok(filled);
+    }
+    let ended = made.sync_all().and_then(|()| fs::rename(&temporary, path));
+    if let Err(source) = ended {
+        let _ = fs::remove_file(&temporary);
+        return Err(io(source));
+    }
+    Ok(filled)
+}

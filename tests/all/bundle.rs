@@ -1,0 +1,198 @@
+//! Bundles: a run as one file, replayed from nothing but that file, and what a reader refuses.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::harness::{Ran, home, run, skip};
+
+/// Made by the first release that had bundles. Never to be replaced: what was published once is read for ever. If it is not, the
+/// program is wrong.
+const FROZEN: &str = "golden/bundles/frozen-1.evodrive";
+const FROZEN_ROOT: &str = "f634462f19b80f657b8a1add29c84db120679685afcad26d608ba92fc29f2e76";
+
+fn bundle(args: &[&str]) -> Ran {
+    run(&[&["bundle"], args].concat())
+}
+
+fn path(of: &Path) -> &str {
+    of.to_str().unwrap()
+}
+
+/// The frozen bundle as a run folder.
+fn imported(dir: &Path) -> PathBuf {
+    let folder = dir.join("run");
+    let ran = bundle(&["import", FROZEN, "--out", path(&folder)]);
+    assert_eq!((ran.code, ran.root().as_str()), (0, FROZEN_ROOT), "{}", ran.stderr);
+    folder
+}
+
+#[test]
+fn the_frozen_bundle_is_read_for_ever_and_carried_out_again_by_every_build_of_its_versions() {
+    let ran = bundle(&["verify", FROZEN, "--stored"]);
+    assert_eq!((ran.code, ran.root().as_str()), (0, FROZEN_ROOT), "{}", ran.stderr);
+    assert!(ran.stdout.contains("executed again: nothing"), "{}", ran.stdout);
+    let ran = bundle(&["verify", FROZEN, "--json"]);
+    if ran.code == 2 && ran.stderr.contains("versions of meaning") {
+        skip("the frozen bundle is of other versions of meaning; its stored bytes were held against each other");
+        return;
+    }
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let told: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!((&told["root"], &told["executed"]["rollouts"]), (&FROZEN_ROOT.into(), &25.into()), "{told}");
+    assert_eq!(
+        (&told["replayed"]["answers"], &told["replayed"]["models"][0]),
+        (&47.into(), &"scripted".into()),
+        "{told}"
+    );
+}
+
+#[test]
+fn equal_runs_give_equal_bytes_with_and_without_rollouts() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = imported(dir.path());
+    let made = |name: &str, more: &[&str]| {
+        let out = dir.path().join(name);
+        let ran = bundle(&[&["create", path(&folder), "--out", path(&out)], more].concat());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        std::fs::read(out).unwrap()
+    };
+    let first = made("a", &[]);
+    let ran = run(&["verify", path(&folder)]);
+    assert_eq!((ran.code, ran.root().as_str()), (0, FROZEN_ROOT), "{}", ran.stderr);
+    // A replay has touched the store; the bundle is the same.
+    assert!(first == made("b", &[]));
+    let short = made("c", &["--without-rollouts"]);
+    assert!(short.len() < first.len());
+    let ran = bundle(&["verify", path(&dir.path().join("c"))]);
+    assert_eq!((ran.code, ran.root().as_str()), (0, FROZEN_ROOT), "{}", ran.stderr);
+}
+
+#[test]
+fn a_damaged_bundle_is_named_and_leaves_nothing_behind() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = std::fs::read(home().join(FROZEN)).unwrap();
+    let out = dir.path().join("out");
+    let file = dir.path().join("x.evodrive");
+    for place in (0..40).map(|k| 20 + k * (whole.len() - 40) / 40) {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 0x10;
+        std::fs::write(&file, &bytes).unwrap();
+        let ran = bundle(&["import", path(&file), "--out", path(&out)]);
+        assert!(
+            matches!(ran.code, 2 | 5) && ran.stderr.contains("x.evodrive"),
+            "byte {place}: {} {}",
+            ran.code,
+            ran.stderr
+        );
+        std::fs::write(&file, &whole[..place]).unwrap();
+        let ran = bundle(&["inspect", path(&file)]);
+        assert!(matches!(ran.code, 2 | 5), "cut at {place}: {} {}", ran.code, ran.stderr);
+    }
+    let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["x.evodrive"]);
+}
+
+/// An archive of these entries, name and bytes, as an attacker would make it.
+fn archive(dir: &Path, entries: &[(&str, &[u8])]) -> PathBuf {
+    let mut packed = Vec::new();
+    for (name, bytes) in entries {
+        let mut header = tar::Header::new_ustar();
+        // The library would refuse to write such a name.
+        header.as_mut_bytes()[..name.len()].copy_from_slice(name.as_bytes());
+        header.set_size(bytes.len() as u64);
+        header.set_mode(0o644);
+        header.set_uid(0);
+        header.set_gid(0);
+        header.set_mtime(0);
+        header.set_entry_type(tar::EntryType::Regular);
+        header.set_cksum();
+        packed.extend_from_slice(header.as_bytes());
+        packed.extend_from_slice(bytes);
+        packed.resize(packed.len().next_multiple_of(512), 0);
+    }
+    packed.resize(packed.len() + 1024, 0);
+    let path = dir.join("made.evodrive");
+    std::fs::write(&path, zstd::encode_all(packed.as_slice(), 1).unwrap()).unwrap();
+    path
+}
+
+fn manifest(format: &str, files: &[(&str, u64)]) -> Vec<u8> {
+    let zero = "0".repeat(64);
+    let files: Vec<Value> =
+        files.iter().map(|(path, bytes)| serde_json::json!({"path": path, "bytes": bytes, "digest": zero})).collect();
+    serde_json::to_vec(
+        &serde_json::json!({"format": format, "name": "x", "root": zero, "experiment": zero, "pool": zero,
+        "versions": {"evodrive": "0", "adapter": 1, "sim": 1, "eval": 1}, "files": files}),
+    )
+    .unwrap()
+}
+
+/// Entries behind the manifest, the manifest, exit code, words of the message.
+type Case<'a> = (Vec<(&'a str, &'a [u8])>, Vec<u8>, i32, &'a str);
+
+#[test]
+fn what_no_bundle_may_hold_is_refused_before_anything_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let now = "evodrive-bundle/1";
+    let plain = manifest(now, &[]);
+    let cases: Vec<Case> = vec![
+        (vec![("../../escaped", b"x")], plain.clone(), 2, "leads out of the folder"),
+        (vec![("/tmp/escaped", b"x")], plain.clone(), 2, "absolute name"),
+        (vec![("other.txt", b"x")], plain.clone(), 2, "expected one of"),
+        (vec![], manifest(now, &[("../x", 1)]), 2, "leads out of the folder"),
+        (vec![], manifest(now, &[("result.json", 1), ("result.json", 1)]), 2, "a second time"),
+        (vec![], manifest(now, &[("result.json", u64::MAX), ("scenes.pool", 2)]), 2, "--bytes-max"),
+        (vec![], manifest(now, &[("result.json", 1 << 40)]), 2, "--bytes-max"),
+        (vec![], manifest("evodrive-bundle/2", &[]), 2, "use the version of evodrive that made it"),
+        (vec![("result.json", b"x")], plain.clone(), 2, "expected the manifest to name every file"),
+        (vec![("manifest.json", b"x")], plain.clone(), 2, "a second time"),
+        (vec![("result.json", b"x")], manifest(now, &[("result.json", 1)]), 5, "of digest"),
+        (vec![("result.json", b"x")], manifest(now, &[("result.json", 9)]), 5, "expected 9 bytes, found 1"),
+        (vec![], manifest(now, &[("result.json", 1)]), 5, "found the end of the archive"),
+        (vec![], b"{}".to_vec(), 5, "expected a field `format`"),
+    ];
+    for (entries, manifest, code, word) in cases {
+        let all: Vec<(&str, &[u8])> = [("manifest.json", manifest.as_slice())].into_iter().chain(entries).collect();
+        let made = archive(dir.path(), &all);
+        let ran = bundle(&["import", path(&made), "--out", path(&dir.path().join("out"))]);
+        assert!(ran.code == code && ran.stderr.contains(word), "{word}: {} {}", ran.code, ran.stderr);
+    }
+    let first = archive(dir.path(), &[("../escaped", b"x")]);
+    let ran = bundle(&["inspect", path(&first)]);
+    assert!(ran.code == 2 && ran.stderr.contains("leads out"), "{}", ran.stderr);
+    let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["made.evodrive"]);
+}
+
+/// A key pair, if openssl is there.
+fn keys(dir: &Path, name: &str) -> Option<(PathBuf, PathBuf)> {
+    let (key, public) = (dir.join(format!("{name}.pem")), dir.join(format!("{name}.pub.pem")));
+    let made = Command::new("openssl").args(["genpkey", "-algorithm", "ed25519", "-out", path(&key)]).output();
+    if !made.is_ok_and(|made| made.status.success()) {
+        skip("openssl is not installed: signatures with keys that it makes");
+        return None;
+    }
+    let told = Command::new("openssl").args(["pkey", "-in", path(&key), "-pubout", "-out", path(&public)]).output();
+    assert!(told.unwrap().status.success());
+    Some((key, public))
+}
+
+#[test]
+fn a_signature_holds_for_its_key_and_its_bundle_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    let (Some((key, public)), Some((_, other))) = (keys(dir.path(), "a"), keys(dir.path(), "b")) else { return };
+    let folder = imported(dir.path());
+    let signed = dir.path().join("signed.evodrive");
+    let ran = bundle(&["create", path(&folder), "--out", path(&signed), "--sign", path(&key)]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let check = |file: &str, key: &Path| bundle(&["verify", file, "--stored", "--key", path(key)]);
+    let ran = check(path(&signed), &public);
+    assert!(ran.code == 0 && ran.stdout.contains("signature: holds, by key"), "{} {}", ran.stdout, ran.stderr);
+    let ran = check(path(&signed), &other);
+    assert!(ran.code == 5 && ran.stderr.contains("found none that it made"), "{} {}", ran.code, ran.stderr);
+    let ran = check(FROZEN, &public);
+    assert!(ran.code == 2 && ran.stderr.contains("expected a signature, found none"), "{} {}", ran.code, ran.stderr);
+    let ran = check(path(&signed), &key);
+    assert!(ran.code == 2 && ran.stderr.contains("public key"), "{} {}", ran.code, ran.stderr);
+}

@@ -1,0 +1,94 @@
+//! What daily work rests on: values on the command line, comparisons, lists, completions and manual pages, and what a
+//! recording may write over.
+
+use std::path::Path;
+
+use crate::backends::experiment;
+use crate::harness::{Ran, evodrive, folder_below, run};
+
+fn call(command: &str, path: &Path, out: &Path, more: &[&str]) -> Ran {
+    let fixed = [command, path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()];
+    Ran::of(evodrive().args(fixed).args(more))
+}
+
+#[test]
+fn a_value_of_the_command_line_is_checked_like_the_files_and_kept_in_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = experiment(folder.path(), "mine", "");
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let root = call("record", &path, &one, &["--set", "budget.slots=2", "--set", "describes=two slots"]).root();
+    let kept = std::fs::read_to_string(folder_below(&one).join("experiment.toml")).unwrap();
+    assert!(kept.contains("slots = 2") && kept.contains("describes = \"two slots\""), "{kept}");
+    assert_eq!(call("run", &path, &two, &["--set", "describes=two slots", "--set", "budget.slots=2"]).root(), root);
+    for (bad, expected) in
+        [("budget.slotz=2", "did you mean `slots`"), ("budget.slots=many", "budget.slots is \"many\"")]
+    {
+        let refused = call("run", &path, &two, &["--set", bad]);
+        assert!(refused.code == 2 && refused.stderr.contains(expected), "{bad}: {}", refused.stderr);
+        assert!(refused.stderr.contains("--set"), "{}", refused.stderr);
+    }
+    // Another run, paired with the first: what changed is named.
+    let plain = folder.path().join("plain");
+    call("record", &path, &plain, &["--cassette", folder.path().join("plain.jsonl").to_str().unwrap()]).root();
+    let names = [folder_below(&one), folder_below(&plain)].map(|dir| dir.to_string_lossy().into_owned());
+    let compared = run(&["compare", &names[0], &names[1]]);
+    assert_eq!(compared.code, 0, "{}", compared.stderr);
+    for part in ["3 held-out scenes, paired", "budget.slots: 2 -> 1", "attack", "B - A"] {
+        assert!(compared.stdout.contains(part), "{part}: {}", compared.stdout);
+    }
+    let same = format!("{}:cat-idm/parent", names[0]);
+    let itself = run(&["compare", &same, &same, "--json"]);
+    let object: serde_json::Value = serde_json::from_str(&itself.stdout).unwrap();
+    let quantities = object["rows"][0]["comparison"]["quantities"].as_array().unwrap();
+    assert!(quantities.iter().all(|of| of["difference"]["value"] == 0.0), "{object}");
+    let unknown = run(&["compare", &format!("{}:cat-idn", names[0]), &same]);
+    assert!(unknown.code == 2 && unknown.stderr.contains("did you mean cat-idm?"), "{}", unknown.stderr);
+}
+
+#[test]
+fn a_recording_loses_no_answer_of_another_experiment_unless_it_is_told_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (experiment(folder.path(), "mine", ""), folder.path().join("out"));
+    call("record", &path, &out, &[]).root();
+    let cassette = folder.path().join("mine.jsonl");
+    let before = std::fs::read(&cassette).unwrap();
+    let lineage = "[[lineage]]\nid = \"other\"\nfamily = \"cat\"\nego = \"idm\"\n";
+    let other = experiment(folder.path(), "other", lineage);
+    let shared = ["--cassette", cassette.to_str().unwrap()];
+    let refused = call("record", &other, &folder.path().join("o"), &shared);
+    assert!(refused.code == 2 && refused.stderr.contains("which other does not have"), "{}", refused.stderr);
+    assert!(!folder.path().join("o").exists(), "refused before a run folder is made");
+    // The same lineages on other scenes are found out when the questions are.
+    let elsewhere = ["--set", "scenes.seed=8"];
+    let refused = call("record", &path, &out, &elsewhere);
+    assert!(refused.code == 2 && refused.stderr.contains("did not ask for"), "{}", refused.stderr);
+    assert_eq!(std::fs::read(&cassette).unwrap(), before);
+    let told = call("record", &path, &out, &[&elsewhere[..], &["--overwrite"]].concat());
+    assert_eq!(told.code, 0, "{}", told.stderr);
+    assert_ne!(std::fs::read(&cassette).unwrap(), before);
+    // A missing answer proposes the command with everything that decides what is asked.
+    let missed = call("run", &path, &folder.path().join("m"), &[]);
+    assert_eq!(missed.code, 3, "{}", missed.stderr);
+    let command = format!("evodrive record {} --out {}", path.display(), folder.path().join("m").display());
+    assert!(missed.stderr.contains(&command), "{}", missed.stderr);
+}
+
+#[test]
+fn lists_completions_and_manual_pages_name_what_there_is() {
+    let lines = |command: &str| run(&[command]).stdout.lines().count();
+    assert!(lines("families") == 12 && lines("formats") == 11 && lines("features") > 80);
+    let features = run(&["features", "--json"]).stdout;
+    let object: serde_json::Value = serde_json::from_str(&features).unwrap();
+    let named = |name: &str| object["features"].as_array().unwrap().iter().any(|of| of["name"] == name);
+    assert!(named("seen_ttc_s") && named("contact_speed_mps") && named("vehicle_count"));
+    for shell in ["bash", "zsh", "fish"] {
+        let script = run(&["completions", shell]).stdout;
+        assert!(script.contains("scenes") && script.contains("no-report"), "{shell}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let pages = run(&["man", "--out", folder.path().to_str().unwrap()]);
+    assert_eq!(pages.code, 0, "{}", pages.stderr);
+    let page = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert!(page("evodrive.1").contains("evodrive\\-record"), "{}", page("evodrive.1"));
+    assert!(page("evodrive-record.1").contains("overwrite") && page("evodrive-scenes-import.1").contains("towns"));
+}

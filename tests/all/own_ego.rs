@@ -1,0 +1,119 @@
+//! A planner of one's own: the examples in Python drive, are recorded, and replay without Python.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::backends::experiment;
+use crate::harness::{Ran, evodrive, home, skip};
+
+/// Whether Python is here; its absence is told at the end of `cargo test`.
+fn python() -> bool {
+    let there = Command::new("python3").arg("--version").output().is_ok_and(|ran| ran.status.success());
+    if !there {
+        skip("no python3: the examples of docs/EGOS.md were not driven");
+    }
+    there
+}
+
+fn copied(folder: &Path, names: &[&str]) {
+    for name in names {
+        std::fs::copy(home().join("examples/own_ego").join(name), folder.join(name)).unwrap();
+    }
+}
+
+fn driver(planner: &str) -> String {
+    format!(
+        "[[lineage]]\nid = \"cat-mine\"\nfamily = \"cat\"\nego = \"command\"\n\
+         [driver]\ncommand = [\"python3\", \"{planner}\"]\nfiles = [\"{planner}\", \"evodrive_driver.py\"]\n\
+         cassette = \"mine.jsonl.zst\"\nprocesses = 2\nrepeat_share = 0.5\n"
+    )
+}
+
+fn call(command: &str, path: &Path, out: &Path) -> Ran {
+    Ran::of(evodrive().args([command, path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()]))
+}
+
+#[test]
+fn a_planner_is_recorded_and_its_run_replays_without_it() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    copied(folder.path(), &["evodrive_driver.py", "idm.py"]);
+    let path = experiment(folder.path(), "mine", &driver("idm.py"));
+    let recorded = call("record", &path, &folder.path().join("a"));
+    let root = recorded.root();
+    let said = |what: &str| recorded.stderr.lines().find(|line| line.contains(what)).unwrap_or_default().to_string();
+    assert!(said("rollouts in").ends_with("; 0 of them failed"), "{}", recorded.stderr);
+    let digest = said("digest = ").rsplit("digest = ").next().unwrap().to_string();
+    // A changed file is another ego, whose rollouts nobody recorded.
+    let idm = std::fs::read_to_string(folder.path().join("idm.py")).unwrap();
+    std::fs::write(folder.path().join("idm.py"), idm.replace("1.5, 2.0", "1.4, 2.0")).unwrap();
+    let changed = call("run", &path, &folder.path().join("b"));
+    assert!(changed.code == 2 && changed.stderr.contains("digest is"), "{}", changed.stderr);
+    // Without its files a planner is known by the digest alone.
+    std::fs::remove_file(folder.path().join("idm.py")).unwrap();
+    let missing = call("run", &path, &folder.path().join("c"));
+    assert!(missing.code == 2 && missing.stderr.contains("driver.files is \"idm.py\""), "{}", missing.stderr);
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace("[driver]\n", &format!("[driver]\ndigest = {digest}\n"))).unwrap();
+    assert_eq!(call("run", &path, &folder.path().join("d")).root(), root);
+}
+
+#[test]
+fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    copied(folder.path(), &["evodrive_driver.py", "gym_policy.py", "gym_policy.toml", "idm.py"]);
+    let path = experiment(folder.path(), "mine", &driver("idm.py"));
+    let policy = folder.path().join("gym_policy.toml");
+    let ran =
+        Ran::of(evodrive().args(["egos", path.to_str().unwrap(), "--driver", policy.to_str().unwrap(), "--json"]));
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let object: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let egos = object["egos"].as_array().unwrap();
+    assert_eq!(egos.len(), 4, "replay, idm, the experiment's and the named one: {object}");
+    for ego in &egos[2..] {
+        let driven = ego["figures"]["route_completion"].as_f64().unwrap();
+        assert!(driven > 0.3 && ego["figures"]["off_road_rate"] == 0.0, "{ego}");
+    }
+    let crashes = "import sys\nprint('{\"evodrive_driver\":1}', flush=True)\nsys.stdin.readline()\nsys.stdin.readline()\nraise ValueError('no weights')\n";
+    std::fs::write(folder.path().join("idm.py"), crashes).unwrap();
+    let ran = Ran::of(evodrive().args(["egos", path.to_str().unwrap()]));
+    assert_eq!(ran.code, 2, "{}", ran.stdout);
+    for part in
+        ["planner `python3 idm.py`, decision 0 (0.0 s): the process ended", "ValueError: no weights", "drove no scene"]
+    {
+        assert!(ran.stderr.contains(part), "{part}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_table_that_fits_no_lineage_is_refused_with_its_key() {
+    let folder = tempfile::tempdir().unwrap();
+    copied(folder.path(), &["evodrive_driver.py", "idm.py"]);
+    let good = driver("idm.py");
+    let cases = [
+        (good.replace("ego = \"command\"", "ego = \"idm\""), "driver is given, expected nothing: no lineage has ego"),
+        (good[..good.find("[driver]").unwrap()].to_string(), "lineage[0].ego is \"command\""),
+        (good.replace("processes = 2", "processes = 0"), "driver.processes is 0"),
+        (good.replace("processes", "proceses"), "did you mean `processes`"),
+        (good.replace("idm.py\", \"evo", "gone.py\", \"evo"), "driver.files is \"gone.py\""),
+        (good.replace("files =", "#"), "driver.files is missing"),
+        (format!("{good}digest = \"{}\"\n", "0".repeat(64)), "which the files and arguments have"),
+        (
+            format!(
+                "{good}[simulator.backend]\nname = \"x\"\nversion = \"1\"\ndigest = \"{}\"\ncassette = \"x\"\nworker = {{ command = [\"x\"], workers = 1, seconds = 1, retries = 0 }}\n",
+                "0".repeat(64)
+            ),
+            "nothing beside [driver]",
+        ),
+    ];
+    for (table, expected) in cases {
+        let path = experiment(folder.path(), "bad", &table);
+        let ran = call("run", &path, &folder.path().join("out"));
+        assert!(ran.code == 2 && ran.stderr.contains(expected), "{expected}: {}", ran.stderr);
+    }
+}

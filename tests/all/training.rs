@@ -1,0 +1,96 @@
+//! Trainings end in the same weights, whoever carries them out and however often they are stopped.
+
+use crate::ego::Setting;
+use crate::kernel::{Digest, Threads};
+use crate::learn::{CheckpointError, Grounds, Reward, SacOptions, Training, TrainingOptions};
+use crate::scenes::{car, crossing, sample, straight, straight_road};
+use crate::sim::Plant;
+
+fn options() -> TrainingOptions {
+    TrainingOptions {
+        seed: 4,
+        setting: Setting::Metadrive1,
+        updates: 60,
+        steps_per_update: 20,
+        steps_before: 60,
+        episodes_per_round: 3,
+        // So small that it is overwritten on the way.
+        buffer: 1_000,
+        evaluate_every: 20,
+        crash_rate_max: 0.03,
+        route_completion_min: 0.8,
+        sac: SacOptions {
+            learning_rate: 1e-3,
+            gamma: 0.99,
+            tau: 0.005,
+            batch: 16,
+            hidden: 8,
+            temperature_first: 1.0,
+            target_entropy: -2.0,
+        },
+        reward: Reward::Metadrive {
+            driving: 1.0,
+            lateral: 0.5,
+            lateral_m_max: 4.0,
+            heading: 1.0,
+            steering: 0.5,
+            no_negative: true,
+            crash: 10.0,
+            success: 5.0,
+            out_of_road: 5.0,
+        },
+    }
+}
+
+fn plants() -> Vec<Plant> {
+    let lead = car("lead", straight(sample(30.0, 0.0, 0.0, 6.0), 61));
+    let scenes = [straight_road(61, 8.0, vec![lead]), crossing(4, 8, 61), crossing(5, 8, 61)];
+    scenes.iter().map(|scene| Plant::new(scene).unwrap()).collect()
+}
+
+/// Trains on from a state; a state that is stopped after each evaluation goes through a checkpoint.
+fn trained(mut state: Training, jobs: usize, stops: bool) -> Digest {
+    let (plants, threads) = (plants(), Threads::new(jobs).unwrap());
+    let grounds = Grounds { training: &plants, validation: &plants[..2], threads: &threads };
+    let recipe = Digest::of_bytes(b"recipe");
+    while !state.is_over() {
+        let news = state.round(&grounds).unwrap();
+        if stops && news.evaluated.is_some() {
+            let bytes = state.checkpoint(recipe).unwrap();
+            let resumed = Training::resumed(state.options, recipe, &bytes).unwrap();
+            assert!(resumed == state, "nothing is lost");
+            state = resumed;
+        }
+    }
+    assert_eq!((state.updates, state.curve.len()), (60, 3));
+    assert_eq!(state.memory.len(), state.options.buffer, "the oldest states were overwritten");
+    Digest::of_bytes(&state.weights().unwrap())
+}
+
+#[test]
+fn weights_depend_neither_on_threads_nor_on_stops() {
+    let begin = || Training::new(options()).unwrap();
+    let whole = trained(begin(), 1, false);
+    assert_eq!(whole, trained(begin(), 2, false), "threads");
+    assert_eq!(whole, trained(begin(), 2, true), "stops");
+    let mut other = options();
+    other.seed = 5;
+    assert_ne!(whole, trained(Training::new(other).unwrap(), 1, false), "another seed");
+    // The same in debug and release builds and on every CPU.
+    assert_eq!(whole.to_hex(), "81c8b8f7f62168b62c9dbabbecfc8fb636a4a1873c6a3bf949152d51fe170bab");
+}
+
+#[test]
+fn a_checkpoint_of_another_training_or_a_damaged_one_is_refused() {
+    let state = Training::new(options()).unwrap();
+    let [own, other] = [b"own", b"two"].map(|name| Digest::of_bytes(name));
+    let bytes = state.checkpoint(own).unwrap();
+    assert!(matches!(Training::resumed(state.options, other, &bytes), Err(CheckpointError::Other { .. })));
+    for end in (0..bytes.len()).step_by(997) {
+        assert!(Training::resumed(state.options, own, &bytes[..end]).is_err(), "{end}");
+    }
+    let mut wider = state.options;
+    wider.sac.hidden = 9;
+    let error = Training::resumed(wider, own, &bytes).unwrap_err().to_string();
+    assert!(error.contains("actor.0") && error.contains("expected"), "{error}");
+}

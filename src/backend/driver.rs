@@ -37,7 +37,7 @@ pub struct DriverOptions {
     /// The planner's identity: [`DriverOptions::identity`]. Written by hand only where the files may be missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub digest: Option<Digest>,
-    /// The folder of the experiment file, in the copy that a run folder keeps.
+    /// The folder of the experiment file; empty in the copy that a run folder keeps.
     #[serde(default)]
     pub folder: PathBuf,
 }

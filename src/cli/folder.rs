@@ -35,6 +35,9 @@ pub struct RunCard {
     /// Of an unfinished recording with another simulator: where its rollouts go.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollouts: Option<PathBuf>,
+    /// Of an unfinished recording with a planner: where it is started.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver_folder: Option<PathBuf>,
 }
 
 /// What a recording needs to know to go on after it was interrupted.
@@ -48,6 +51,8 @@ pub struct Recording {
     pub overwrite: bool,
     /// Where the rollouts of another simulator go.
     pub rollouts: Option<PathBuf>,
+    /// Where the planner is started.
+    pub driver_folder: Option<PathBuf>,
 }
 
 /// The files of a run.
@@ -208,6 +213,7 @@ impl RunFolder {
             fresh: recording.is_some_and(|recording| recording.fresh),
             overwrite: recording.is_some_and(|recording| recording.overwrite),
             rollouts: recording.and_then(|recording| recording.rollouts.clone()),
+            driver_folder: recording.and_then(|recording| recording.driver_folder.clone()),
         };
         let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
         Ok(store::write_atomic(&self.card_file(), &text)?)

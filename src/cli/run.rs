@@ -7,7 +7,7 @@ use super::answer::{Answer, progress};
 use super::args::{FolderArgs, JobArgs, RecordArgs, RunArgs};
 use super::covered::RESULT_BYTES_MAX;
 use super::exit::Failure;
-use super::folder::{Recording, RunFolder};
+use super::folder::{Recording, RunCard, RunFolder};
 use super::moving_line::MovingLine;
 use super::typed::record_command;
 use super::worker_process::Processes;
@@ -85,7 +85,8 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     // The working directory may be another one when an interrupted recording goes on.
     let cassette = std::path::absolute(&path).map_err(Failure::internal)?;
     let rollouts = behind::path(&job.experiment).map(std::path::absolute).transpose().map_err(Failure::internal)?;
-    let recording = Recording { cassette, fresh: args.fresh, overwrite: args.overwrite, rollouts };
+    let driver_folder = job.experiment.driver.as_ref().map(|driver| driver.folder().to_path_buf());
+    let recording = Recording { cassette, fresh: args.fresh, overwrite: args.overwrite, rollouts, driver_folder };
     let before = overwriting::Held::before(&recording, &job.experiment)?;
     let held = job.open_folder(Some(&recording))?;
     held.folder.mark_latest()?;
@@ -154,6 +155,12 @@ fn rollout_recorder<'a>(
     let name = if fresh { before_fresh(path)? } else { String::new() };
     let before = behind::recorded(options, path, fresh)?;
     let asked: Box<dyn Answers + 'a> = match driver {
+        Some(driver) if driver.folder().as_os_str().is_empty() => {
+            let expected = "the experiment file beside the planner's files";
+            return Err(Failure::bad_input(format!(
+                "a run folder's copy of an experiment starts no planner: expected {expected}"
+            )));
+        }
         Some(driver) => Box::new(Planners::new(driver, &Processes)),
         None => Box::new(Workers::new(options, &Processes)),
     };
@@ -182,9 +189,12 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
     let card = folder.card()?;
     match card.cassette {
         Some(cassette) if card.recording => {
-            let job = Job::of_folder(&folder, jobs)?;
-            let recording =
-                Recording { cassette, fresh: card.fresh, overwrite: card.overwrite, rollouts: card.rollouts };
+            let mut job = Job::of_folder(&folder, jobs)?;
+            let RunCard { fresh, overwrite, rollouts, driver_folder, .. } = card;
+            if let (Some(driver), Some(folder)) = (&mut job.experiment.driver, &driver_folder) {
+                driver.folder.clone_from(folder);
+            }
+            let recording = Recording { cassette, fresh, overwrite, rollouts, driver_folder };
             let before = overwriting::Held::before(&recording, &job.experiment)?;
             carry_out_recording(job, &Held::of(folder)?, &recording, before, true)
         }

@@ -110,9 +110,13 @@ impl Composed {
         if self.layers.len() < 2 && !self.inlined {
             return Ok(self.text.clone());
         }
-        let names: Vec<&str> = self.layers.iter().map(|(name, _)| name.as_str()).collect();
+        // A run folder is handed on: it names no folder of this machine.
+        let own = |name: &String| Path::new(name).file_name().map(|own| own.to_string_lossy().into_owned());
+        let names: Vec<String> = self.layers.iter().filter_map(|(name, _)| own(name)).collect();
         let merged_from = names.join(", ").replace(['\n', '\r'], " ");
-        let merged = toml::to_string(&self.table).map_err(|error| problem(&self.file, error.to_string()))?;
+        let mut table = self.table.clone();
+        own_driver::leave_place(&mut table);
+        let merged = toml::to_string(&table).map_err(|error| problem(&self.file, error.to_string()))?;
         Ok(format!("# Merged from {merged_from}; the calibration is written out.\n{merged}"))
     }
 }

@@ -430,7 +430,13 @@ fn driver() -> Vec<Key> {
                 "Share of the rollouts that are played twice and compared when they are recorded; 0.05 without it.",
             ),
             ("driver.digest", "", "", Text(64), "Identity of the program; needed where its files are not at hand."),
-            ("driver.folder", "", "", Any, "Written into run folders: where the program is started."),
+            (
+                "driver.folder",
+                "",
+                "",
+                Any,
+                "Written into run folders, empty: the digest beside it was found when the run began.",
+            ),
         ],
     ));
     keys

@@ -62,6 +62,13 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
     Ok(true)
 }
 
+/// In the copy that a run folder keeps: the folder of an unfinished recording's program stands in its `run.json`.
+pub fn leave_place(table: &mut Table) {
+    if let Some(folder) = table.get_mut("driver").and_then(|driver| driver.get_mut("folder")) {
+        *folder = Value::String(String::new());
+    }
+}
+
 fn texts(driver: &Table, key: &str) -> Option<Vec<String>> {
     driver.get(key)?.as_array()?.iter().map(|value| value.as_str().map(String::from)).collect()
 }

@@ -61,6 +61,41 @@ fn a_planner_is_recorded_and_its_run_replays_without_it() {
 }
 
 #[test]
+fn an_interrupted_recording_finds_its_planner_again_and_a_finished_one_names_no_folder() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    copied(folder.path(), &["evodrive_driver.py", "idm.py"]);
+    let idm = std::fs::read_to_string(folder.path().join("idm.py")).unwrap();
+    let waits = "import os, sys\nif not os.path.exists('ready'):\n    sys.exit('not yet')\n";
+    std::fs::write(folder.path().join("idm.py"), format!("{waits}{idm}")).unwrap();
+    let path = experiment(folder.path(), "mine", &driver("idm.py"));
+    let out = folder.path().join("a");
+    let stopped = call("record", &path, &out);
+    assert!(stopped.code != 0 && stopped.stderr.contains("not yet"), "{}", stopped.stderr);
+    std::fs::write(folder.path().join("ready"), "").unwrap();
+    let run = Ran::of(evodrive().args(["resume", out.join(latest(&out)).to_str().unwrap()]));
+    run.root();
+    let files = std::fs::read_dir(out.join(latest(&out))).unwrap().map(|entry| entry.unwrap().path());
+    let files: Vec<_> = files.filter(|path| path.is_file()).collect();
+    assert!(files.iter().any(|path| path.ends_with("run.json")), "{files:?}");
+    for kept in files {
+        let text = String::from_utf8_lossy(&std::fs::read(&kept).unwrap()).into_owned();
+        assert!(!text.contains(folder.path().to_str().unwrap()), "{} names a folder of this machine", kept.display());
+    }
+    // The copy in a run folder starts nobody.
+    std::fs::remove_file(folder.path().join("mine.jsonl.zst")).unwrap();
+    let copy = out.join(latest(&out)).join("experiment.toml");
+    let again = call("record", &copy, &folder.path().join("b"));
+    assert!(again.code == 2 && again.stderr.contains("starts no planner"), "{}", again.stderr);
+}
+
+fn latest(runs: &Path) -> String {
+    std::fs::read_to_string(runs.join("LATEST")).unwrap().trim().to_string()
+}
+
+#[test]
 fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     if !python() {
         return;

@@ -56,6 +56,7 @@ const EFFECTS: &[(&str, &[&str], &[&str])] = &[
     ("randomness", &["rand_chacha", "rand_core", "from_entropy", "getrandom"], &["kernel/rng.rs"]),
     ("clock", &["Instant::now", "SystemTime", "thread::sleep"], &["cli/"]),
     ("processes", &["Stdio", "process::Command", "ChildStdin"], &["cli/worker_process.rs"]),
+    ("signals", &["signal_hook"], &["cli/interrupt.rs"]),
     ("environment", &["std::env", "env::var"], &["cli/"]),
     ("terminal", &["println!", "print!(", "stdin()", "stdout()", "stderr()"], &["cli/", "main.rs"]),
 ];

@@ -14,7 +14,7 @@ use super::{
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
 /// Exit codes: 0 success, 2 bad input, 3 no recorded answer, 4 something came out differently, 5 stored bytes are damaged,
-/// 70 internal.
+/// 70 internal, 130 interrupted by Ctrl-C.
 #[derive(Debug, Parser)]
 #[command(name = "evodrive", version, term_width = 100)]
 pub struct Arguments {
@@ -36,7 +36,7 @@ pub enum Command {
     Plan(plan::Options),
     /// Carry an experiment out from its cassette; the same command again gives the same root.
     Run(RunArgs),
-    /// Go on with a run that was interrupted.
+    /// Go on with a run that was interrupted; without a folder with the one below runs/ that is not finished.
     Resume(FolderArgs),
     /// Derive a finished run again from its recorded answers and rollouts, and compare every event.
     #[command(alias = "replay")]

@@ -9,7 +9,6 @@ use crate::backend::{Answers, Backend, BackendOptions, DriverOptions, Header, Pl
 use crate::ego::Policy;
 use crate::experiment::{Experiment, named_driver};
 use crate::sim::SimulatorOptions;
-use crate::store;
 
 /// Rollouts for a run: of our own simulator, or of another one by its answers.
 pub fn backend<'a>(experiment: &'a Experiment, answers: Option<&'a dyn Answers>) -> Backend<'a> {
@@ -56,12 +55,10 @@ pub fn path(experiment: &Experiment) -> Option<PathBuf> {
     experiment.simulator.backend.as_ref().map(|backend| experiment.beside(&backend.cassette))
 }
 
-/// The recorded rollouts of an experiment, copied into its run folder; `remedy` is the command that would record them.
-pub fn replay(experiment: &Experiment, folder: &RunFolder, remedy: &str) -> Result<Option<Replay>, Failure> {
+/// The recorded rollouts of an experiment; `remedy` is the command that would record them.
+pub fn replay(experiment: &Experiment, remedy: &str) -> Result<Option<Replay>, Failure> {
     let (Some(options), Some(path)) = (&experiment.simulator.backend, path(experiment)) else { return Ok(None) };
-    let cassette = load(options, &path, remedy)?;
-    store::copy(&path, &folder.rollouts())?;
-    Ok(Some(Replay::new(cassette, remedy)))
+    Ok(Some(Replay::new(load(options, &path, remedy)?, remedy)))
 }
 
 /// The recorded rollouts in a run folder.

@@ -16,6 +16,8 @@ pub enum Exit {
     Corruption = 5,
     /// A bug or a failure of the machine (disk full, no threads).
     Internal = 70,
+    /// Ctrl-C: what was done is kept, and the message says how to go on. Shells use this number for it.
+    Interrupted = 130,
 }
 
 impl From<Exit> for ExitCode {
@@ -50,5 +52,9 @@ impl Failure {
 
     pub fn internal(message: impl std::fmt::Display) -> Failure {
         Failure { exit: Exit::Internal, message: message.to_string() }
+    }
+
+    pub fn interrupted(message: impl std::fmt::Display) -> Failure {
+        Failure { exit: Exit::Interrupted, message: message.to_string() }
     }
 }

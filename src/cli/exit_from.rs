@@ -63,6 +63,7 @@ impl From<RunError> for Failure {
         match &error {
             RunError::Agent(AgentError::Ask(AskError::Miss(_))) => Failure::miss(error),
             RunError::Agent(AgentError::Ask(AskError::Store(_))) => Failure::internal(error),
+            RunError::Interrupted | RunError::Agent(AgentError::Ask(AskError::Stopped)) => Failure::interrupted(error),
             RunError::Agent(_) | RunError::Study(_) | RunError::World(_) => Failure::bad_input(error),
             RunError::Evaluation(EvaluationError::NoLabel(_)) => Failure::bad_input(error),
             RunError::Evaluation(EvaluationError::Cache(cache)) => of_cache(cache),

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
+use super::args::RUNS;
 use super::exit::{Exit, Failure};
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
@@ -11,9 +12,10 @@ use crate::experiment::{Experiment, ExperimentError, read_pool};
 use crate::kernel::{Digest, Threads};
 use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
-use crate::store::{self, StoreError, Transcript};
+use crate::store::{self, MemoKind, Store, StoreError, Transcript};
 
 const LATEST: &str = "LATEST";
+const SPEND: &str = "spend.json";
 const CARD_BYTES_MAX: u64 = 1 << 16;
 const CARD_FORMAT: &str = "evodrive-run/1";
 
@@ -74,7 +76,7 @@ impl RunFolder {
         let dir = match named {
             Some(dir) => dir.to_path_buf(),
             None => {
-                let runs = Path::new("runs");
+                let runs = Path::new(RUNS);
                 let text = store::read_bounded(&runs.join(LATEST), CARD_BYTES_MAX)
                     .map_err(|_| Failure::bad_input("no run folder is named and there is no runs/LATEST; name one"))?;
                 runs.join(String::from_utf8_lossy(&text).trim())
@@ -83,6 +85,41 @@ impl RunFolder {
         let folder = RunFolder { dir };
         folder.card()?;
         Ok(folder)
+    }
+
+    /// The one folder below `runs` whose run was begun and is not finished, if there is one.
+    ///
+    /// # Errors
+    /// There are several: which one is meant must be said.
+    pub fn unfinished() -> Result<Option<RunFolder>, Failure> {
+        let runs = Path::new(RUNS);
+        let mut found = Vec::new();
+        for dir in if runs.exists() { store::list_dirs(runs)? } else { Vec::new() } {
+            let folder = RunFolder { dir };
+            if folder.has_card() && folder.is_unfinished()? {
+                found.push(folder);
+            }
+        }
+        if found.len() > 1 {
+            let names: Vec<String> = found.iter().map(|folder| folder.dir.display().to_string()).collect();
+            let (count, names) = (names.len(), names.join(", "));
+            return Err(Failure::bad_input(format!("{count} runs below {} are unfinished; name one: {names}", RUNS)));
+        }
+        Ok(found.pop())
+    }
+
+    /// Whether the run was begun and has not come to its end.
+    pub fn is_unfinished(&self) -> Result<bool, Failure> {
+        Ok(self.card()?.recording || (self.transcript().exists() && !self.result().exists()))
+    }
+
+    /// Whether it holds what cannot be made again: answers of models or of another simulator, or questions to them.
+    pub fn holds_answers(&self) -> bool {
+        let recorded = self.recording().exists()
+            && Store::open(&self.recording()).map_or(true, |store| {
+                [MemoKind::Llm, MemoKind::Rollout].into_iter().any(|kind| store.memo_len(kind) > 0)
+            });
+        recorded || self.exchanges().exists() || self.dir.join(SPEND).exists()
     }
 
     pub fn experiment(&self) -> PathBuf {
@@ -141,6 +178,11 @@ impl RunFolder {
         Ok(store::remove_file(&self.aside())?)
     }
 
+    /// The store of a recording's answers.
+    pub fn recording(&self) -> PathBuf {
+        self.dir.join("recording")
+    }
+
     pub fn store(&self) -> PathBuf {
         self.dir.join("store")
     }
@@ -162,7 +204,7 @@ impl RunFolder {
     /// What live models have used.
     #[cfg(feature = "live")]
     pub fn spend(&self) -> PathBuf {
-        self.dir.join("spend.json")
+        self.dir.join(SPEND)
     }
 
     pub fn report(&self) -> PathBuf {
@@ -219,7 +261,7 @@ impl RunFolder {
         Ok(store::write_atomic(&self.card_file(), &text)?)
     }
 
-    /// Makes this the folder that commands take when none is named.
+    /// Makes this the folder that commands take when none is named. Only a run that ended well is.
     pub fn mark_latest(&self) -> Result<(), Failure> {
         if let (Some(runs), Some(name)) = (self.dir.parent(), self.dir.file_name()) {
             store::write_atomic(&runs.join(LATEST), name.to_string_lossy().as_bytes())?;

@@ -35,6 +35,13 @@ const READ: [(&str, &str, &str); 6] = [
     ("pool", "*.pool", "scenes that `scenes import` or `scenes generate` wrote"),
 ];
 
+/// What can be imported, for the help of `scenes import`.
+pub fn readable() -> String {
+    let mut text = String::from("Formats, told apart by what is in the files:");
+    READ.iter().for_each(|(name, files, what)| text += &format!("\n  {name:<12} {files:<26} {what}"));
+    text
+}
+
 /// The scene formats that are read and written.
 pub fn formats() -> Answer {
     let written: Vec<(String, String)> = Format::value_variants()

@@ -8,6 +8,7 @@ use std::time::Duration;
 use super::answer::progress;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::interrupt::Interrupt;
 use super::worker_process::Processes;
 use crate::experiment::Experiment;
 use crate::llm::{ClientOptions, Command, Exchange, Model, client};
@@ -21,6 +22,7 @@ pub fn askable(
     experiment: &Experiment,
     folder: &RunFolder,
     fresh: Option<&str>,
+    interrupt: &Interrupt,
 ) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
     let used: BTreeSet<&String> = experiment.roles.values().collect();
     let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
@@ -32,7 +34,7 @@ pub fn askable(
                 live.push((name.as_str(), kind, client));
                 continue;
             }
-            (client::EXCHANGE, ..) => Box::new(exchange(&folder.exchange(name, fresh), provenance)?),
+            (client::EXCHANGE, ..) => Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?),
             (client::COMMAND, _, Some(command)) => Box::new(Command::new(command.clone(), provenance, &Processes)),
             _ => Box::new(Scripted),
         };
@@ -44,10 +46,15 @@ pub fn askable(
     Ok(models)
 }
 
-/// A model behind a folder, which tells of each question that waits.
-fn exchange(dir: &Path, provenance: &str) -> Result<Exchange, Failure> {
+/// A model behind a folder, which tells of each question that waits; nobody waits any more once Ctrl-C was pressed.
+fn exchange(dir: &Path, provenance: &str, interrupt: &Interrupt) -> Result<Exchange, Failure> {
     let tell = |path: &Path| progress(format!("waits for a reply: {}", path.display()));
-    Exchange::open(dir, provenance, Arc::new(|| std::thread::sleep(LOOK)), Arc::new(tell)).map_err(Failure::bad_input)
+    let interrupt = interrupt.clone();
+    let pause = move || {
+        std::thread::sleep(LOOK);
+        !interrupt.is_asked()
+    };
+    Exchange::open(dir, provenance, Arc::new(pause), Arc::new(tell)).map_err(Failure::bad_input)
 }
 
 /// Refuses in time what this build cannot ask.

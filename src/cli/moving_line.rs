@@ -1,43 +1,70 @@
-//! Progress of a run on stderr: on a terminal one moving line with the share done, the rate and the time left, and a line
-//! that stays for each epoch; in a file or pipe a line for each piece of news.
+//! Progress of a run on stderr, from its start: which epoch of how many, the share done, the rate, the time left. On a terminal
+//! one moving line, which names the run folder too, and a line that stays for each epoch; in a file or pipe a line for each
+//! piece of news.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::cell::Cell;
 use std::io::IsTerminal;
+use std::path::Path;
+use std::time::Instant;
 
 use super::answer::progress;
 use super::result_text;
 use crate::epoch::{Progress, Study};
 
-/// Proposals are the unit: how many there will be is known from the start.
-const LOOK: &str = "{bar:24} {percent:>3} %  {pos}/{len} proposals  {per_sec}  {eta} left  {wide_msg}";
+/// What comes first stays on a narrow terminal.
+const LOOK: &str = "{bar:10} {wide_msg}";
 
 /// Tells what happens in a run.
 pub struct MovingLine {
     /// `None` where stderr is no terminal.
     bar: Option<ProgressBar>,
+    /// The run folder, as the moving line names it.
+    place: String,
+    way: Way,
+    begun: Instant,
+    /// Proposals that were judged.
+    done: Cell<u64>,
 }
 
 impl MovingLine {
-    pub fn new(study: &Study) -> MovingLine {
-        if !std::io::stderr().is_terminal() {
-            return MovingLine { bar: None };
+    /// Begins to tell of a run in this folder.
+    #[allow(clippy::disallowed_methods)]
+    pub fn new(study: &Study, folder: &Path) -> MovingLine {
+        let way = Way::of(study);
+        let bar = std::io::stderr().is_terminal().then(|| bar(way.proposals(), ProgressDrawTarget::stderr()));
+        let place = folder.display().to_string();
+        let line = MovingLine { bar, place, way, begun: Instant::now(), done: Cell::new(0) };
+        match &line.bar {
+            Some(bar) => {
+                bar.set_message(format!("{}: {}", line.place, line.standing()));
+                bar.tick();
+            }
+            None => progress(line.standing()),
         }
-        let lineages = study.lineages.len() as u64;
-        let proposals = u64::from(study.budget.epochs) * u64::from(study.budget.slots) * lineages;
-        MovingLine { bar: Some(bar(proposals, ProgressDrawTarget::stderr())) }
+        line
     }
 
     /// One piece of news; `rollouts` were read from the store and simulated so far.
     pub fn tell(&self, news: &Progress, (reused, simulated): (usize, usize)) {
-        let text = result_text::progress(news);
-        let Some(bar) = &self.bar else { return progress(text) };
-        match news {
-            Progress::Attempt { .. } => {
-                bar.inc(1);
-                bar.set_message(format!("{} rollouts  {}", reused + simulated, text.trim()));
-            }
-            _ => bar.suspend(|| progress(text)),
+        if matches!(news, Progress::Attempt { .. }) {
+            self.done.set(self.done.get() + 1);
         }
+        let text = result_text::progress(news);
+        match (&self.bar, news) {
+            (Some(bar), Progress::Attempt { .. }) => {
+                bar.set_position(self.done.get());
+                let (place, standing, rollouts) = (&self.place, self.standing(), reused + simulated);
+                bar.set_message(format!("{place}: {standing}, {rollouts} rollouts  {}", text.trim()));
+            }
+            (Some(bar), _) => bar.suspend(|| progress(text)),
+            (None, Progress::Settled { .. }) => progress(format!("{text}; {}", self.standing())),
+            (None, _) => progress(text),
+        }
+    }
+
+    fn standing(&self) -> String {
+        self.way.standing(self.done.get(), self.begun.elapsed().as_secs_f64())
     }
 
     /// Takes the line away, so that what follows stands alone.
@@ -53,10 +80,78 @@ impl Drop for MovingLine {
     }
 }
 
+/// What lies before a run. Proposals are the unit: how many there will be is known from the start.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    epochs: u64,
+    /// Proposals of all lineages in an epoch.
+    each: u64,
+}
+
+impl Way {
+    fn of(study: &Study) -> Way {
+        let lineages = study.lineages.len() as u64;
+        Way { epochs: u64::from(study.budget.epochs), each: u64::from(study.budget.slots) * lineages }
+    }
+
+    fn proposals(self) -> u64 {
+        self.epochs * self.each
+    }
+
+    /// Where a run stands that has judged so many proposals in so many seconds. The rate is the mean since it began.
+    fn standing(self, done: u64, seconds: f64) -> String {
+        let all = self.proposals();
+        if done >= all {
+            return format!("all {all} proposals of {} epochs are judged", self.epochs);
+        }
+        let epoch = done / self.each.max(1) + 1;
+        let share = 100.0 * done as f64 / all as f64;
+        let begun = format!("epoch {epoch} of {}, {share:.0} % of {all} proposals", self.epochs);
+        if done == 0 || seconds <= 0.0 {
+            return begun;
+        }
+        let rate = done as f64 / seconds;
+        format!("{begun}, {}, {} left", rated(rate), lasting((all - done) as f64 / rate))
+    }
+}
+
+/// A rate in the unit in which it is at least one.
+fn rated(per_s: f64) -> String {
+    match per_s {
+        fast if fast >= 1.0 => format!("{fast:.1} a second"),
+        slow if slow * 60.0 >= 1.0 => format!("{:.1} a minute", slow * 60.0),
+        rare => format!("{:.1} an hour", rare * 3600.0),
+    }
+}
+
+/// A time in the unit in which two digits say enough.
+fn lasting(seconds: f64) -> String {
+    match seconds {
+        short if short < 120.0 => format!("{short:.0} s"),
+        longer if longer < 7200.0 => format!("{:.0} min", longer / 60.0),
+        long => format!("{:.1} h", long / 3600.0),
+    }
+}
+
 fn bar(proposals: u64, target: ProgressDrawTarget) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(proposals), target);
     let style = ProgressStyle::with_template(LOOK).unwrap_or_else(|_| ProgressStyle::default_bar());
     bar.set_style(style);
-    bar.tick();
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_standing_names_epoch_share_rate_and_time_left() {
+        let way = Way { epochs: 4, each: 10 };
+        assert_eq!(way.standing(0, 3.0), "epoch 1 of 4, 0 % of 40 proposals");
+        assert_eq!(way.standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
+        assert_eq!(way.standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
+        assert_eq!(way.standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
+        assert_eq!(way.standing(40, 1.0), "all 40 proposals of 4 epochs are judged");
+        assert_eq!(Way { epochs: 1, each: 0 }.standing(0, 0.0), "all 0 proposals of 1 epochs are judged");
+    }
 }

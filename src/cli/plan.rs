@@ -10,9 +10,10 @@ use super::args::JobArgs;
 use super::behind;
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
+use super::held::Held;
 use super::plan_cost::{RoleCost, rest};
 use super::plan_looked::{Looked, Seen};
-use super::run::{Held, Job};
+use super::run::Job;
 use crate::agents::AgentError;
 use crate::backend::{Answers, BackendError, Replay as Recorded};
 use crate::epoch::{self, Desk, Meter, Mode, Rollouts, RunError, Study, Tools};
@@ -53,18 +54,22 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         false => Cassette::new(path.display().to_string()),
     };
     let held = job.open_folder(None)?;
-    let kept = held.folder.dir.join("recording");
+    held.or_gone(planned(options, job, &held, &cassette), |_| false)
+}
+
+fn planned(options: &Options, job: Job, held: &Held, cassette: &Cassette) -> Result<Answer, Failure> {
+    let kept = held.folder.recording();
     let kept = kept.exists().then(|| Store::open(&kept)).transpose()?;
-    let looked = Looked::new(&cassette, kept.as_ref());
+    let looked = Looked::new(cassette, kept.as_ref());
     let Job { experiment, scenes, threads, .. } = job;
     let study = experiment.study(scenes, &threads)?;
-    let end = walk(&experiment, &study, &held, &looked, &threads)?;
+    let end = walk(&experiment, &study, held, &looked, &threads)?;
     let seen = looked.into_seen();
     let costs = match end {
         End::Complete => Vec::new(),
-        _ => rest(&experiment, &epoch::asked_at_most(&study)?, &cassette, &seen, end == End::Answers),
+        _ => rest(&experiment, &epoch::asked_at_most(&study)?, cassette, &seen, end == End::Answers),
     };
-    let planned = Planned { options, experiment: &experiment, cassette: &cassette, seen, end, costs };
+    let planned = Planned { options, experiment: &experiment, cassette, seen, end, costs };
     Ok(planned.answer(&held.folder))
 }
 

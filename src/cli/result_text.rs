@@ -21,7 +21,7 @@ pub fn progress(news: &Progress) -> String {
             _ => format!("  {id:<18} {exit}"),
         },
         Progress::Settled { epoch, lineage, active, front, hypervolume } => {
-            format!("epoch {epoch} of {lineage}: front of {front}, hypervolume {hypervolume:.5}, active {active}")
+            format!("{lineage}/e{epoch} settled: front of {front}, hypervolume {hypervolume:.5}, active {active}")
         }
         Progress::Composed { template, used: true } => format!("composed {template} from its description"),
         Progress::Composed { template, used: false } => {

@@ -8,54 +8,72 @@ use super::args::{FolderArgs, JobArgs, RecordArgs, RunArgs};
 use super::covered::RESULT_BYTES_MAX;
 use super::exit::Failure;
 use super::folder::{Recording, RunCard, RunFolder};
+use super::held::Held;
+use super::interrupt::{Interrupt, Until};
 use super::moving_line::MovingLine;
-use super::typed::record_command;
+use super::typed::{record_command, resume_command};
 use super::worker_process::Processes;
-use super::{behind, cost, models, overwriting, playables, result_text};
-use crate::backend::{Answers, Backend, BackendOptions, DriverOptions, Planners, Recorder, Workers};
+use super::{behind, cost, left_out, models, overwriting, playables, result_text};
+use crate::backend::{
+    Answers, Backend, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers,
+};
 use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, Tools};
 use crate::evidence::{agreement, report};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
 use crate::objects::event::RunResult;
-use crate::scene::{Pool, pool, usable};
+use crate::scene::{Pool, pool};
 use crate::store::{self, Store, Transcript};
 
 /// Bytes that a cassette file may have.
 const CASSETTE_BYTES_MAX: u64 = 1 << 30;
 
-/// Replays an experiment from its cassette into its run folder.
+/// Replays an experiment from its cassette into its run folder. A run that fails leaves no folder that was not there before:
+/// all that is in it can be derived again.
 pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
     let job = Job::new(&args.job, jobs)?;
     let path = job.cassette(&args.job);
-    let cassette = Cassette::load_on(&path, Some(&job.threads)).map_err(|error| {
-        let record = record_command(&args.job);
-        Failure { message: format!("{error}\n  to record it: {record}"), ..Failure::from(error) }
-    })?;
-    let Held { folder, objects } = job.open_folder(None)?;
+    let remedy = record_command();
+    let cassette = Cassette::load_on(&path, Some(&job.threads))
+        .map_err(|error| Failure { message: format!("{error}\n  to record it: {remedy}"), ..Failure::from(error) })?;
+    let rollouts = behind::replay(&job.experiment, &remedy)?;
+    let interrupt = Interrupt::listen()?;
+    let held = job.open_folder(None)?;
+    let ran = replayed(job, &held, (&path, Replay::new(cassette, remedy), rollouts), &interrupt, !args.no_report);
+    held.or_gone(ran.and_then(|answer| held.folder.mark_latest().map(|()| answer)), |_| false)
+}
+
+/// The run of a cassette, with the recorded rollouts of another simulator where the experiment names one.
+fn replayed(
+    job: Job,
+    Held { folder, objects, .. }: &Held,
+    (path, replay, rollouts): (&Path, Replay, Option<RecordedRollouts>),
+    interrupt: &Interrupt,
+    report: bool,
+) -> Result<Answer, Failure> {
     if folder.card()?.recording {
-        return Err(interrupted(&folder));
+        return Err(interrupted(folder));
     }
     // The cassette of a run that is there stays until this one has come to the same events.
     if !folder.cassette().exists() {
-        store::copy(&path, &folder.cassette())?;
+        store::copy(path, &folder.cassette())?;
     }
-    folder.mark_latest()?;
-    let remedy = record_command(&args.job);
-    let rollouts = behind::replay(&job.experiment, &folder, &remedy)?;
-    let replay = Replay::new(cassette, remedy);
+    if let Some(of) = behind::path(&job.experiment) {
+        store::copy(&of, &folder.rollouts())?;
+    }
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
     let sources = Sources { ask: &replay, rollouts, mode: Mode::Reuse, purpose: Purpose::Carry };
-    let done = carry_out(job, &folder, &objects, &sources)?;
-    store::copy(&path, &folder.cassette())?;
-    done.told(&folder, rollouts, !args.no_report)
+    let done = carry_out(job, folder, objects, &sources, interrupt)?;
+    store::copy(path, &folder.cassette())?;
+    done.told(folder, rollouts, report)
 }
 
 fn interrupted(folder: &RunFolder) -> Failure {
     Failure::bad_input(format!(
-        "{} belongs to a recording that was interrupted; go on with `evodrive resume` or repeat the `evodrive record` command: what was answered is not asked again",
-        folder.dir.display()
+        "{} belongs to a recording that was interrupted; go on with `{}` or repeat the `evodrive record` command: what was answered is not asked again",
+        folder.dir.display(),
+        resume_command(&folder.dir)
     ))
 }
 
@@ -88,21 +106,27 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     let driver_folder = job.experiment.driver.as_ref().map(|driver| driver.folder().to_path_buf());
     let recording = Recording { cassette, fresh: args.fresh, overwrite: args.overwrite, rollouts, driver_folder };
     let before = overwriting::Held::before(&recording, &job.experiment)?;
+    if let (Some(options), Some(path)) = (&job.experiment.simulator.backend, &recording.rollouts) {
+        behind::recorded(options, path, args.fresh)?;
+    }
+    let interrupt = Interrupt::listen()?;
     let held = job.open_folder(Some(&recording))?;
-    held.folder.mark_latest()?;
-    carry_out_recording(job, &held, &recording, before, !args.run.no_report)
+    let recorded = carry_out_recording(job, &held, &recording, before, &interrupt, !args.run.no_report);
+    // Answers were paid for: a folder that holds some stays.
+    held.or_gone(recorded.and_then(|answer| held.folder.mark_latest().map(|()| answer)), RunFolder::holds_answers)
 }
 
 /// A recording, begun or gone on with: what was answered is in the folder's store and not asked again.
 fn carry_out_recording(
     job: Job,
-    Held { folder, objects }: &Held,
+    Held { folder, objects, .. }: &Held,
     recording: &Recording,
     (there, before): (overwriting::Held<'_>, Cassette),
+    interrupt: &Interrupt,
     report: bool,
 ) -> Result<Answer, Failure> {
     let path = &recording.cassette;
-    let answers = Store::open(&folder.dir.join("recording"))?;
+    let answers = Store::open(&folder.recording())?;
     // Answers may differ from those of an earlier recording of the same inputs. A finished run is kept until this one is.
     folder.set_aside()?;
     let mode = match recording.fresh {
@@ -113,7 +137,7 @@ fn carry_out_recording(
         RecordMode::Fresh { recording } => Some(recording.clone()),
         RecordMode::Missing => None,
     };
-    let models = models::askable(&job.experiment, folder, fresh.as_deref())?;
+    let models = models::askable(&job.experiment, folder, fresh.as_deref(), interrupt)?;
     let recorder = Record::new(&answers, before, mode, models);
     let name = job.experiment.name.clone();
     let (backend, driver) = (job.experiment.simulator.backend.clone(), job.experiment.driver.clone());
@@ -126,8 +150,8 @@ fn carry_out_recording(
     let asked = rollouts.as_ref().map(|recorder| recorder as &dyn Answers);
     // What the store has was not asked of the recorder, and would be missing in the cassette.
     let mode = if asked.is_some() { Mode::Verify } else { Mode::Reuse };
-    let done =
-        carry_out(job, folder, objects, &Sources { ask: &recorder, rollouts: asked, mode, purpose: Purpose::Carry })?;
+    let sources = Sources { ask: &recorder, rollouts: asked, mode, purpose: Purpose::Carry };
+    let done = carry_out(job, folder, objects, &sources, interrupt)?;
     // The report comes behind the cassette: what was answered must not hang on a drawing.
     let cassette = recorder.into_cassette(&name, &[])?;
     cassette.save(&folder.cassette(), &name)?;
@@ -183,11 +207,15 @@ fn before_fresh(cassette: &Path) -> Result<String, Failure> {
     Ok(Digest::of_bytes(&store::read_bounded(cassette, CASSETTE_BYTES_MAX)?).to_hex())
 }
 
-/// Goes on with an interrupted run or recording, or confirms a finished run.
+/// Goes on with an interrupted run or recording, or confirms a finished run. Without a folder it takes the one below `runs` that
+/// is not finished, and the latest one where all are.
 pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(args.run.as_deref())?;
-    let card = folder.card()?;
-    match card.cassette {
+    let folder = match &args.run {
+        None => RunFolder::unfinished()?.map_or_else(|| RunFolder::find(None), Ok)?,
+        named => RunFolder::find(named.as_deref())?,
+    };
+    let (card, went_on) = (folder.card()?, folder.is_unfinished()?);
+    let answer = match card.cassette {
         Some(cassette) if card.recording => {
             let mut job = Job::of_folder(&folder, jobs)?;
             let RunCard { fresh, overwrite, rollouts, driver_folder, .. } = card;
@@ -196,10 +224,15 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
             }
             let recording = Recording { cassette, fresh, overwrite, rollouts, driver_folder };
             let before = overwriting::Held::before(&recording, &job.experiment)?;
-            carry_out_recording(job, &Held::of(folder)?, &recording, before, true)
+            let interrupt = Interrupt::listen()?;
+            carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, true)
         }
-        _ => again(folder, jobs, Mode::Reuse, Purpose::Carry),
+        _ => again(folder.clone(), jobs, Mode::Reuse, Purpose::Carry),
+    }?;
+    if went_on {
+        folder.mark_latest()?;
     }
+    Ok(answer)
 }
 
 pub fn check(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
@@ -216,12 +249,13 @@ fn again(folder: RunFolder, jobs: usize, mode: Mode, purpose: Purpose) -> Result
         return Err(interrupted(&folder));
     }
     let job = Job::of_folder(&folder, jobs)?;
-    let Held { folder, objects } = Held::of(folder)?;
+    let Held { folder, objects, .. } = Held::of(folder)?;
     let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
     let replay = Replay::new(Cassette::load_on(&folder.cassette(), Some(&job.threads))?, remedy);
     let rollouts = behind::replay_of(&job.experiment, &folder)?;
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
-    let done = carry_out(job, &folder, &objects, &Sources { ask: &replay, rollouts, mode, purpose })?;
+    let interrupt = Interrupt::listen()?;
+    let done = carry_out(job, &folder, &objects, &Sources { ask: &replay, rollouts, mode, purpose }, &interrupt)?;
     done.told(&folder, rollouts, purpose == Purpose::Carry)
 }
 
@@ -261,7 +295,14 @@ impl Job {
     pub fn open_folder(&self, recording: Option<&Recording>) -> Result<Held, Failure> {
         let folder = RunFolder::of(&self.out, &self.experiment.name, self.experiment.digest()?, self.scenes.digest())?;
         let held = Held::of(folder)?;
-        let folder = &held.folder;
+        let furnished = self.furnish(&held.folder, recording);
+        match furnished {
+            Ok(()) => Ok(held),
+            Err(failure) => held.or_gone(Err(failure), |_| false),
+        }
+    }
+
+    fn furnish(&self, folder: &RunFolder, recording: Option<&Recording>) -> Result<(), Failure> {
         if !folder.experiment().exists() {
             store::write_atomic(&folder.experiment(), self.experiment.whole_text.as_bytes())?;
         }
@@ -271,39 +312,23 @@ impl Job {
         if recording.is_some() || !folder.has_card() {
             folder.write_card(&self.experiment.name, recording)?;
         }
-        Ok(held)
-    }
-}
-
-/// A run folder that nobody else can write to until this is dropped: the lock is its store's.
-pub(super) struct Held {
-    pub folder: RunFolder,
-    pub objects: Store,
-}
-
-impl Held {
-    fn of(folder: RunFolder) -> Result<Held, Failure> {
-        store::create_dir(&folder.dir)?;
-        let objects = Store::open(&folder.store())?;
-        Ok(Held { folder, objects })
+        Ok(())
     }
 }
 
 /// Says which scenes are left out of evolution and why.
 fn tell_left_out(pool: &Pool) {
-    for left in &pool.left_out {
-        let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
-        progress(format!("left out: {}{what}: {}", left.file, left.reason));
-    }
-    for scene in &pool.scenes {
-        if let Err(reason) = usable(scene) {
-            progress(format!("not used: {}: {reason}", scene.id));
-        }
-    }
+    left_out::lines(pool).into_iter().chain(left_out::unusable(pool)).for_each(progress);
 }
 
 /// The events of a run, and its result files.
-fn carry_out(job: Job, folder: &RunFolder, objects: &Store, sources: &Sources<'_>) -> Result<Done, Failure> {
+fn carry_out(
+    job: Job,
+    folder: &RunFolder,
+    objects: &Store,
+    sources: &Sources<'_>,
+    interrupt: &Interrupt,
+) -> Result<Done, Failure> {
     progress(format!("run folder: {}", folder.dir.display()));
     let Job { experiment, scenes, threads, .. } = job;
     let study = experiment.study(scenes, &threads)?;
@@ -314,12 +339,17 @@ fn carry_out(job: Job, folder: &RunFolder, objects: &Store, sources: &Sources<'_
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
     }
     let rollouts = Rollouts::new(objects, sources.mode);
-    let line = MovingLine::new(&study);
+    let line = MovingLine::new(&study, &folder.dir);
     let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
     let backend = behind::backend(&experiment, sources.rollouts);
-    let tools = Tools::new(&study, sources.ask, &threads, &rollouts, Meter::new(&clock)).behind(backend);
+    let (ask, stop) = (Until { ask: sources.ask, interrupt }, || interrupt.is_asked());
+    let tools = Tools::new(&study, &ask, &threads, &rollouts, Meter::new(&clock)).behind(backend).until(&stop);
     let mut desk = Desk { log, watch: &mut watch, tools };
-    let result = epoch::run(&study, &mut desk)?;
+    let result = epoch::run(&study, &mut desk).or_else(|error| {
+        rollouts.flush()?;
+        // Whatever else went wrong then: who is stopped by its planner's end is stopped all the same.
+        Err(if interrupt.is_asked() { stopped(folder, sources.purpose) } else { error.into() })
+    })?;
     let root = desk.log.head();
     let cost = cost::of(&study, &desk.tools);
     let counts = rollouts.counts();
@@ -337,6 +367,18 @@ fn carry_out(job: Job, folder: &RunFolder, objects: &Store, sources: &Sources<'_
     let (reused, simulated) = counts;
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store"));
     Ok(Done { experiment, study, threads, result, root, counts })
+}
+
+/// What is said to whom pressed Ctrl-C.
+fn stopped(folder: &RunFolder, purpose: Purpose) -> Failure {
+    Failure::interrupted(match purpose {
+        Purpose::Carry => format!(
+            "interrupted; what was answered and simulated is kept in {}\n  to go on: {}",
+            folder.dir.display(),
+            resume_command(&folder.dir)
+        ),
+        Purpose::Compare => "interrupted; nothing was compared to its end, and the run is as it was".into(),
+    })
 }
 
 /// The transcript to write to, or to compare with.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{scene_export, scene_show};
+use super::{known, left_out, scene_export, scene_pools, scene_show};
 use crate::experiment::{self, Experiment};
 use crate::kernel::Threads;
 use crate::objects::spelling::nearest;
@@ -19,12 +19,21 @@ use crate::store;
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Read scenario files or folders into a pool.
+    /// Read scenario files, folders or pools into a pool.
+    #[command(after_help = known::readable())]
     Import(ImportOptions),
     /// Write the scenes that an experiment generates into a pool.
     Generate(GenerateOptions),
     /// List the scenes of a pool or of scenario files.
     List(ListOptions),
+    /// Say of every scene whether evolution can use it, and why not; exit code 2 where one cannot be used.
+    Check(scene_pools::CheckOptions),
+    /// Write the scenes that have tags, or for which an expression holds, into a pool.
+    Filter(scene_pools::FilterOptions),
+    /// Write the scenes of several pools into one; the same scene is kept once, two scenes of one id are refused.
+    Merge(scene_pools::MergeOptions),
+    /// Write the usable scenes of a pool into two that share none, by a seed or by a tag.
+    Split(scene_pools::SplitOptions),
     /// Show one scene, as it is or as an attempt played it; draw it as SVG or as a page that plays it.
     Show(scene_show::Options),
     /// Write scenes, as they are or as an attempt played them, in a format that other programs read.
@@ -35,7 +44,7 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct ImportOptions {
-    /// Scenario files or folders.
+    /// Scenario files, folders or pools.
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
     /// OpenDRIVE files of towns, or a folder of them, for SafeBench's route files; a town is called as its file.
@@ -83,6 +92,10 @@ pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
         Command::Import(options) => import(&options, jobs),
         Command::Generate(options) => generate(&options, jobs),
         Command::List(options) => list(&options, jobs),
+        Command::Check(options) => scene_pools::check(&options, jobs),
+        Command::Filter(options) => scene_pools::filter(&options, jobs),
+        Command::Merge(options) => scene_pools::merge(&options, jobs),
+        Command::Split(options) => scene_pools::split(&options, jobs),
         Command::Show(options) => scene_show::run(&options, jobs),
         Command::Export(options) => scene_export::run(&options, jobs),
         Command::Stats(options) => stats(&options, jobs),
@@ -101,23 +114,22 @@ pub fn threads(jobs: usize) -> Result<Threads, Failure> {
 fn import(options: &ImportOptions, jobs: usize) -> Result<Answer, Failure> {
     let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
     let threads = threads(jobs)?;
-    written(experiment::import(&paths, &threads)?, &options.out, &threads)
+    written(&experiment::read_scenes(&paths, &threads)?, &options.out, &threads)
 }
 
 fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {
     let experiment = Experiment::read(&options.experiment)?;
     let threads = threads(jobs)?;
-    written(experiment.scenes(&options.scenes, &threads)?, &options.out, &threads)
+    written(&experiment.scenes(&options.scenes, &threads)?, &options.out, &threads)
 }
 
 /// Writes a pool and says what is in it.
-fn written(pool: Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure> {
-    store::write_atomic(out, &pool::encode(&pool))?;
-    let rows = rows(&pool, threads);
+pub fn written(pool: &Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure> {
+    store::write_atomic(out, &pool::encode(pool))?;
+    let rows = rows(pool, threads);
     let mut text = listing(&rows);
-    for left in &pool.left_out {
-        let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
-        let _ = writeln!(text, "left out: {}{what}: {}", left.file, left.reason);
+    for line in left_out::lines(pool) {
+        let _ = writeln!(text, "{line}");
     }
     let _ = writeln!(text, "{} scenes in {}", pool.scenes.len(), out.display());
     let object = json!({
@@ -126,15 +138,17 @@ fn written(pool: Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure>
     Ok(Answer::new(text, object))
 }
 
-fn list(options: &ListOptions, jobs: usize) -> Result<Answer, Failure> {
+/// Refuses a tag that no scene can have.
+pub fn known_tags(tags: &[String]) -> Result<(), Failure> {
     let known: Vec<&str> = TAGS.into_iter().chain(TrafficFamily::ALL.map(TrafficFamily::name)).collect();
-    if let Some(tag) = options.tag.iter().find(|tag| !known.contains(&tag.as_str())) {
-        let near = nearest(tag, known.iter().copied()).map_or(String::new(), |near| format!("; did you mean {near}?"));
-        let known = known.join(", ");
-        return Err(Failure::bad_input(format!(
-            "--tag {tag}: no scene can have this tag, expected one of {known}{near}"
-        )));
-    }
+    let Some(tag) = tags.iter().find(|tag| !known.contains(&tag.as_str())) else { return Ok(()) };
+    let near = nearest(tag, known.iter().copied()).map_or(String::new(), |near| format!("; did you mean {near}?"));
+    let known = known.join(", ");
+    Err(Failure::bad_input(format!("--tag {tag}: no scene can have this tag, expected one of {known}{near}")))
+}
+
+fn list(options: &ListOptions, jobs: usize) -> Result<Answer, Failure> {
+    known_tags(&options.tag)?;
     let pool = read(&options.paths, jobs)?;
     let rows = rows(&pool, &threads(jobs)?);
     let kept: Vec<Row> = rows.into_iter().filter(|row| keeps(row, &options.tag, options.usable)).collect();
@@ -179,7 +193,12 @@ fn keeps(row: &Row, tags: &[String], only_usable: bool) -> bool {
 
 /// The scene of that id.
 pub fn named<'p>(pool: &'p Pool, path: &Path, id: &str) -> Result<&'p Scene, Failure> {
-    pool.scene(id).ok_or_else(|| unnamed(pool, path))
+    pool.scene(id).ok_or_else(|| {
+        let near = nearest(id, pool.scenes.iter().map(|scene| scene.id.as_str()));
+        let near = near.map_or(String::new(), |near| format!("; did you mean {near}?"));
+        let all = unnamed(pool, path);
+        Failure { message: format!("there is no scene {id:?}{near}\n  {}", all.message), ..all }
+    })
 }
 
 /// Says which scenes there are to name.

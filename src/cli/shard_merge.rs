@@ -10,7 +10,7 @@ use super::exit::{Exit, Failure};
 use super::folder::files;
 use super::shard_target::{Target, TargetOptions};
 use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark};
-use crate::store::{self, Store};
+use crate::store;
 
 #[derive(Debug, Args)]
 pub struct MergeOptions {
@@ -22,22 +22,26 @@ pub struct MergeOptions {
 }
 
 pub fn run(options: &MergeOptions, jobs: usize) -> Result<Answer, Failure> {
-    let Target { job, folder, rollouts, named, .. } = Target::of(&options.target, jobs)?;
+    let target = Target::of(&options.target, jobs)?;
+    target.held.or_gone(merge(options, &target), |_| false)
+}
+
+fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
+    let Target { job, folder, rollouts, named, held, .. } = target;
     let mut results: Vec<PathBuf> = files(&folder.shards(), RESULT_ENDING)?;
     for path in &options.results {
         results.extend(store::list_files(path, &[RESULT_ENDING])?);
     }
-    let mut cassette = match (&job.experiment.simulator.backend, &rollouts) {
+    let mut cassette = match (&job.experiment.simulator.backend, rollouts) {
         (Some(backend), Some(path)) => Some(behind::recorded(backend, path, false)?),
         _ => None,
     };
     let name = job.experiment.name.clone();
-    let study = StudyMark::of(&job.experiment.study(job.scenes, &job.threads)?);
-    let store = Store::open(&folder.store())?;
+    let study = StudyMark::of(&job.experiment.study(job.scenes.clone(), &job.threads)?);
     let shards = folder.shards();
     let merged =
-        Merge { study: &study, shards: &shards, store: &store, cassette: cassette.as_mut() }.merge(&results)?;
-    if let (Some(cassette), Some(path), true) = (&cassette, &rollouts, merged.answers > 0) {
+        Merge { study: &study, shards: &shards, store: &held.objects, cassette: cassette.as_mut() }.merge(&results)?;
+    if let (Some(cassette), Some(path), true) = (&cassette, rollouts, merged.answers > 0) {
         cassette.save(path, &name)?;
         cassette.save(&folder.rollouts(), &name)?;
         progress(format!("{} rollouts in {}", cassette.len(), path.display()));

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use super::answer::{Answer, progress};
 use super::exit::Failure;
 use super::folder::{RunFolder, files};
+use super::interrupt::Interrupt;
 use super::shard_target::{Target, TargetOptions};
 use super::{behind, models};
 use crate::backend::{Answers, Replay as Recorded};
@@ -35,11 +36,14 @@ pub struct PlanOptions {
 
 pub fn run(options: &PlanOptions, jobs: usize) -> Result<Answer, Failure> {
     let target = Target::of(&options.target, jobs)?;
-    let Target { job, folder, named, .. } = target;
-    let (cassette, rollouts) = (target.cassette, target.rollouts);
-    let recorded = recorded(&cassette, &folder, options.record)?;
+    target.held.or_gone(planned(options, &target), RunFolder::holds_answers)
+}
+
+fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
+    let Target { job, folder, named, cassette, rollouts, held } = target;
+    let recorded = recorded(cassette, folder, options.record)?;
     let backend = job.experiment.simulator.backend.clone();
-    let answers = match (&backend, &rollouts) {
+    let answers = match (&backend, rollouts) {
         (Some(options), Some(path)) => Some(behind::recorded(options, path, false)?),
         _ => None,
     };
@@ -47,11 +51,14 @@ pub fn run(options: &PlanOptions, jobs: usize) -> Result<Answer, Failure> {
         // Workers need not ask again what is recorded.
         answers.save(&folder.rollouts(), &job.experiment.name)?;
     }
-    let study = job.experiment.study(job.scenes, &job.threads)?;
-    let objects = Store::open(&folder.store())?;
-    let remembered = options.record.then(|| Store::open(&folder.dir.join("recording"))).transpose()?;
+    let study = job.experiment.study(job.scenes.clone(), &job.threads)?;
+    let remembered = options.record.then(|| Store::open(&folder.recording())).transpose()?;
     let replay = Replay::new(recorded.clone(), format!("evodrive shard plan --record {}", named.display()));
-    let models = if options.record { models::askable(&job.experiment, &folder, None)? } else { BTreeMap::new() };
+    let models = if options.record {
+        models::askable(&job.experiment, folder, None, &Interrupt::default())?
+    } else {
+        BTreeMap::new()
+    };
     let asked = remembered.as_ref().map(|store| Record::new(store, recorded.clone(), RecordMode::Missing, models));
     let ask: &dyn Ask = asked.as_ref().map_or(&replay, |asked| asked);
     let answers = answers.map(|answers| Recorded::new(answers, "evodrive shard plan"));
@@ -61,7 +68,7 @@ pub fn run(options: &PlanOptions, jobs: usize) -> Result<Answer, Failure> {
     store::create_dir(&folder.shards())?;
     store::remove_file(&walk)?;
     let complete = {
-        let labels = Rollouts::new(&objects, Mode::Reuse);
+        let labels = Rollouts::new(&held.objects, Mode::Reuse);
         let tools = Tools::new(&study, ask, &job.threads, &labels, Meter::default());
         let tools = tools.behind(behind::backend(&job.experiment, answers)).planning(&wanted);
         let mut desk = Desk { log: Transcript::create(&walk)?, watch: &mut |_| {}, tools };
@@ -70,8 +77,8 @@ pub fn run(options: &PlanOptions, jobs: usize) -> Result<Answer, Failure> {
     store::remove_file(&walk)?;
     let complete = complete?;
     let (tasks, programs) = wanted.into_tasks();
-    let planned = Planned::write(&folder, &study, (tasks, &programs), options.size)?;
-    Ok(planned.answer(&folder, &named.display().to_string(), complete))
+    let planned = Planned::write(folder, &study, (tasks, &programs), options.size)?;
+    Ok(planned.answer(folder, &named.display().to_string(), complete))
 }
 
 /// Recorded answers of models. To record a study there need be none yet.

@@ -7,6 +7,7 @@ use super::args::JobArgs;
 use super::behind;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::held::Held;
 use super::run::Job;
 
 /// Which run work is planned for or merged into.
@@ -32,6 +33,8 @@ pub struct Target {
     pub rollouts: Option<PathBuf>,
     /// How people call it.
     pub named: PathBuf,
+    /// The folder's lock and store.
+    pub held: Held,
 }
 
 impl Target {
@@ -42,12 +45,14 @@ impl Target {
             let folder = RunFolder::find(Some(&options.run))?;
             let job = Job::of_folder(&folder, jobs)?;
             let rollouts = job.experiment.simulator.backend.as_ref().map(|_| folder.rollouts());
-            return Ok(Target { job, cassette: folder.cassette(), rollouts, folder, named });
+            let held = Held::of(folder.clone())?;
+            return Ok(Target { job, cassette: folder.cassette(), rollouts, folder, named, held });
         }
         let (experiment, out, scenes) = (options.run.clone(), options.out.clone(), options.scenes.clone());
         let job = Job::new(&JobArgs { experiment, out, cassette: None, scenes, set: vec![] }, jobs)?;
-        let folder = job.open_folder(None)?.folder;
+        let held = job.open_folder(None)?;
+        let folder = held.folder.clone();
         let (cassette, rollouts) = (job.experiment.beside(&job.experiment.cassette), behind::path(&job.experiment));
-        Ok(Target { job, folder, cassette, rollouts, named })
+        Ok(Target { job, folder, cassette, rollouts, named, held })
     }
 }

@@ -1,24 +1,26 @@
-//! Commands as somebody would type them: what a message proposes must work when it is copied.
+//! Commands as somebody typed them, or would: what a message proposes must work when it is copied.
 
+use std::ffi::OsString;
 use std::path::Path;
 
-use super::args::{JobArgs, RUNS};
+/// The command that records what this `run` lacks: as it was typed, with every option, and with `record` in place of `run`.
+pub fn record_command() -> String {
+    recording(std::env::args_os())
+}
 
-/// The command that records what a run lacks, with the options that decide what it asks.
-pub fn record_command(args: &JobArgs) -> String {
-    let mut words = vec!["evodrive".to_string(), "record".into(), quoted(&args.experiment.to_string_lossy())];
-    words.extend(args.set.iter().flat_map(|set| ["--set".into(), quoted(set)]));
-    if let Some(cassette) = &args.cassette {
-        words.extend(["--cassette".into(), quoted(&cassette.to_string_lossy())]);
+/// The command that goes on with an interrupted run.
+pub fn resume_command(folder: &Path) -> String {
+    let program = std::env::args_os().next().unwrap_or_else(|| "evodrive".into());
+    format!("{} resume {}", quoted(&program.to_string_lossy()), quoted(&folder.to_string_lossy()))
+}
+
+fn recording(typed: impl Iterator<Item = OsString>) -> String {
+    let mut words: Vec<String> = typed.map(|word| word.to_string_lossy().into_owned()).collect();
+    // No option before the command takes a word for its value that could be called so.
+    if let Some(word) = words.iter_mut().skip(1).find(|word| *word == "run") {
+        *word = "record".into();
     }
-    if args.out != Path::new(RUNS) {
-        words.extend(["--out".into(), quoted(&args.out.to_string_lossy())]);
-    }
-    if !args.scenes.is_empty() {
-        words.push("--scenes".into());
-        words.extend(args.scenes.iter().map(|path| quoted(&path.to_string_lossy())));
-    }
-    words.join(" ")
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
 /// A word as a shell reads it back.
@@ -35,19 +37,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_proposed_command_has_every_option_that_was_typed_and_survives_a_shell() {
-        let plain =
-            JobArgs { experiment: "mine.toml".into(), out: RUNS.into(), cassette: None, scenes: vec![], set: vec![] };
-        assert_eq!(record_command(&plain), "evodrive record mine.toml");
-        let typed = JobArgs {
-            experiment: "my file.toml".into(),
-            out: "elsewhere".into(),
-            cassette: Some("c.jsonl".into()),
-            scenes: vec!["a.pool".into(), "it's".into()],
-            set: vec!["budget.slots=8".into()],
-        };
-        let expected = "evodrive record 'my file.toml' --set budget.slots=8 --cassette c.jsonl --out elsewhere --scenes \
-                        a.pool 'it'\\''s'";
-        assert_eq!(record_command(&typed), expected);
+    fn the_proposed_command_has_every_word_that_was_typed_and_survives_a_shell() {
+        let proposed = |typed: &[&str]| recording(typed.iter().map(OsString::from));
+        assert_eq!(proposed(&["evodrive", "run", "mine.toml"]), "evodrive record mine.toml");
+        let typed =
+            ["target/release/evodrive", "--jobs", "2", "run", "my file.toml", "--set", "name=run", "--no-report"];
+        let expected = "target/release/evodrive --jobs 2 record 'my file.toml' --set name=run --no-report";
+        assert_eq!(proposed(&typed), expected);
+        assert_eq!(
+            proposed(&["evodrive", "run", "run", "--scenes", "it's"]),
+            "evodrive record run --scenes 'it'\\''s'"
+        );
     }
 }

@@ -29,10 +29,20 @@ impl Start for Processes {
     }
 }
 
+/// A program that a terminal's Ctrl-C does not reach: it is for us to end it, when what it does is done. Killed by it, a planner
+/// would look like one that failed in its scene.
+fn apart(program: &str) -> Command {
+    #[allow(unused_mut)]
+    let mut command = Command::new(program);
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    command
+}
+
 /// Starts a process that is spoken to by lines; `how` says what else is to be prepared.
 fn spoken_to(command: &[String], how: impl FnOnce(&mut Command) -> &mut Command) -> Result<Box<dyn Line>, String> {
     let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
-    let mut prepared = Command::new(program);
+    let mut prepared = apart(program);
     how(prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()));
     let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
     let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
@@ -159,7 +169,7 @@ struct Running {
 impl Running {
     fn start(command: &[String], input: Vec<u8>) -> Result<Running, String> {
         let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
-        let mut prepared = Command::new(program);
+        let mut prepared = apart(program);
         prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());

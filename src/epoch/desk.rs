@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use super::{
-    cost::Meter, made::Made, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study,
+    RunError, cost::Meter, made::Made, progress::Progress, rollouts::Rollouts, situations::Situations, study::Study,
     wanted::Wanted,
 };
 use crate::backend::Backend;
@@ -44,6 +44,8 @@ pub struct Tools<'a> {
     pub backend: Backend<'a>,
     /// Where a plan gathers missing work; `None` where the work is done.
     pub(super) wanted: Option<&'a Wanted>,
+    /// Whether whoever started the run wants it to stop.
+    stop: Option<&'a (dyn Fn() -> bool + Sync)>,
     pub(super) situations: Situations,
     /// What programs were compiled to, or why not, by all that decides there.
     pub(super) compiled: Kept<Digest, Result<Arc<Made>, String>>,
@@ -63,8 +65,8 @@ impl<'a> Tools<'a> {
     ) -> Tools<'a> {
         let (situations, compiled) = (Situations::of(study), Kept::new(COMPILED_MAX));
         let (counselled, searched) = (Kept::new(COUNSELLED_MAX), Searched::new(SEARCHED_BYTES_MAX));
-        let (backend, wanted) = (Backend::Own, None);
-        Tools { ask, threads, rollouts, meter, backend, wanted, situations, compiled, counselled, searched }
+        let (backend, wanted, stop) = (Backend::Own, None, None);
+        Tools { ask, threads, rollouts, meter, backend, wanted, stop, situations, compiled, counselled, searched }
     }
 
     /// The same with rollouts from a backend.
@@ -75,5 +77,17 @@ impl<'a> Tools<'a> {
     /// The same for a plan: what is missing is asked of `wanted`.
     pub fn planning(self, wanted: &'a Wanted) -> Tools<'a> {
         Tools { wanted: Some(wanted), ..self }
+    }
+    /// The same until `stop` says so.
+    pub fn until(self, stop: &'a (dyn Fn() -> bool + Sync)) -> Tools<'a> {
+        Tools { stop: Some(stop), ..self }
+    }
+
+    /// Asked before each piece of work: an interrupted run ends with what it has on record, and with no half-made event.
+    pub(super) fn go_on(&self) -> Result<(), RunError> {
+        match self.stop {
+            Some(stop) if stop() => Err(RunError::Interrupted),
+            _ => Ok(()),
+        }
     }
 }

@@ -33,6 +33,9 @@ pub enum RunError {
     /// A plan cannot see further until records are there; what is missing was gathered.
     #[error("records are missing; `evodrive shard plan` lists them")]
     Wanting,
+    /// Whoever started the run wants it to stop.
+    #[error("interrupted")]
+    Interrupted,
     /// Scenes, families or options that do not fit together.
     #[error("{0}")]
     Study(String),

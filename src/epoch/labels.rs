@@ -43,6 +43,7 @@ impl Labelling<'_> {
             return Err(RunError::Wanting);
         }
         let Labelling { study, tools, .. } = *self;
+        tools.go_on()?;
         let asked = Asked::of(self, subject, places)?;
         let label = |i: usize| asked.label(i);
         Ok(evaluate(&asked.subject, &asked.scenes, &label, &study.evaluation, tools.rollouts, tools.threads)?)
@@ -64,10 +65,12 @@ impl Labelling<'_> {
         let each = |program: usize| (0..places.len()).map(move |scene| (program, scene));
         let all: Vec<(usize, usize)> = (0..asked.len()).flat_map(each).collect();
         let made = tools.threads.map(&all, |_, &(program, scene)| {
+            tools.go_on()?;
             let asked = &asked[program];
-            label_one(&asked.subject, scene, &asked.scenes[scene], &|i| asked.label(i), tools.rollouts).map(drop)
+            label_one(&asked.subject, scene, &asked.scenes[scene], &|i| asked.label(i), tools.rollouts).map(drop)?;
+            Ok(())
         });
-        Ok(made.into_iter().collect::<Result<(), _>>()?)
+        made.into_iter().collect()
     }
 
     /// Asks a plan for the labels that are not on record, and says how many these are; 0 where no plan is made.
@@ -229,6 +232,7 @@ impl Labelling<'_> {
         if let Some(trial) = tools.rollouts.tried(&key)? {
             return Ok(trial);
         }
+        tools.go_on()?;
         let (intervention, probe, failure) = match program.prepared(study.source(spec)?, &tools.searched) {
             Err(failure) => (None, None, Some(failure.to_string())),
             Ok(prepared) => match tools.situations.at(place, &spec.ego, &tools.backend) {

@@ -30,6 +30,7 @@ pub fn run(study: &Study, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
     // "for t = 0 to T - 1: select lineage l_t".
     for epoch in 0..study.budget.epochs {
         for spec in &study.lineages {
+            desk.tools.go_on()?;
             one_epoch(study, &mut state, epoch, spec, desk)?;
         }
         // "W_{phi_{t+1}} <- WorldAgentUpdate(W_{phi_t}, E_{t+1})": one evaluator routes all lineages of an epoch.

@@ -163,7 +163,7 @@ fn scenes() -> Vec<Key> {
             "",
             "",
             Texts { empty: false },
-            "Scenario files or folders, relative to the file that names them.",
+            "Scenario files, folders or pools, relative to the file that names them.",
         )],
     ));
     keys.extend(table(

@@ -22,6 +22,12 @@ hold wherever yours does not say otherwise: a path relative to your file, or a p
 circles are refused. The digest of an experiment is taken of the merged table, so it does not matter how a file is
 composed. Paths lie relative to the file that names them.
 
+Scenes are generated, or they are yours: `source = \"pool\"` with `path = \"my.pool\"` takes a pool that `evodrive scenes import`, `generate`,
+`filter`, `merge` or `split` wrote; `source = \"files\"` with `paths = [...]` takes scenario files, folders and pools, read anew each time
+(`evodrive formats`). A pool is one file with a digest, so a study on it is one on these scenes: make it once, check it with `evodrive scenes
+check`, and name it. `--scenes` on the command line stands in for the file's scenes. `[split]` draws the evolution scenes and the held-out ones
+from it by the experiment's seed; a window larger than the evolution scenes is refused.
+
 In the keys, `[]` stands for each entry of a list and `*` for each name. The last columns before the meaning are the
 values in the two protocols; an empty cell says that each experiment chooses its own.
 ";

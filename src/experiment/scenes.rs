@@ -36,7 +36,9 @@ pub fn pool_of(
     match source {
         SceneSource::Synth { count, seed, options } => generate(*count, *seed, options, threads),
         SceneSource::Safebench { seed, options } => generate_families(*seed, options, threads),
-        SceneSource::Files { paths } => import(&paths.iter().map(|path| beside(path)).collect::<Vec<_>>(), threads),
+        SceneSource::Files { paths } => {
+            read_scenes(&paths.iter().map(|path| beside(path)).collect::<Vec<_>>(), threads)
+        }
         SceneSource::Pool { path } => read_pool(&beside(path)),
     }
 }
@@ -45,14 +47,26 @@ fn unusable(error: impl std::fmt::Display) -> ExperimentError {
     ExperimentError::Scenes(error.to_string())
 }
 
-/// A pool, or what can be imported from files and folders.
+/// The scenes of pools, and what can be imported from files and folders. A path that ends in `.pool` is a pool.
+///
+/// # Errors
+/// Files that cannot be read, nothing that can be imported, two different scenes of one id.
 pub fn read_scenes(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentError> {
-    match paths {
-        [one] if one.extension().is_some_and(|e| e == "pool") => read_pool(one),
-        _ => import(paths, threads),
+    let is_pool = |path: &&PathBuf| path.extension().is_some_and(|end| end == "pool");
+    let (pools, files): (Vec<&PathBuf>, Vec<&PathBuf>) = paths.iter().partition(is_pool);
+    let mut read = Vec::new();
+    for path in pools {
+        read.push((path.display().to_string(), read_pool(path)?));
     }
+    if !files.is_empty() {
+        let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+        let files: Vec<PathBuf> = files.into_iter().cloned().collect();
+        read.push((names.join(", "), import(&files, threads)?));
+    }
+    Ok(Pool::merged(read).map_err(unusable)?.0)
 }
 
+/// The pool in a file.
 pub fn read_pool(path: &Path) -> Result<Pool, ExperimentError> {
     let bytes = store::read_bounded(path, SCENE_FILE_BYTES_MAX)?;
     pool::decode(&path.display().to_string(), &bytes).map_err(unusable)

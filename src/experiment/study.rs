@@ -21,6 +21,15 @@ impl Experiment {
         let split = pool
             .split(Seed(self.seed), self.split.evolution, self.split.held_out)
             .map_err(|error| self.problem(format!("[split]: {error}")))?;
+        if self.split.window > split.evolution.len() {
+            return Err(self.problem(format!(
+                "split.window is {}, expected at most the {} evolution scenes that [split] takes of the pool's {}; make the window \
+                 smaller or give more scenes",
+                self.split.window,
+                split.evolution.len(),
+                pool.scenes.len()
+            )));
+        }
         let chosen = split.evolution.iter().chain(&split.held_out).filter_map(|entry| pool.scene(&entry.id));
         let unstaged = chosen.into_iter().find(|scene| scene.staging.is_none());
         match unstaged {

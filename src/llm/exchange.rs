@@ -19,8 +19,8 @@ const REQUEST: &str = ".request.json";
 /// Bytes of a request file that is read back.
 const REQUEST_BYTES_MAX: u64 = 16 << 20;
 
-/// Waits a moment before the folder is looked at again. The clock is the caller's.
-pub type Pause = Arc<dyn Fn() + Send + Sync>;
+/// Waits a moment before the folder is looked at again, and says whether it should be. The clock is the caller's.
+pub type Pause = Arc<dyn Fn() -> bool + Send + Sync>;
 /// Told of each request file that waits for its reply.
 pub type Tell = Arc<dyn Fn(&Path) + Send + Sync>;
 
@@ -119,7 +119,10 @@ impl Model for Exchange {
                 (self.tell)(&self.dir.join(format!("{number}.request.md")));
                 told = true;
             }
-            (self.pause)();
+            if !(self.pause)() {
+                let reason = format!("{} is no longer waited for; the question stays", path.display());
+                return Err(ModelError::Unanswerable { reason });
+            }
         }
     }
 }
@@ -214,6 +217,7 @@ mod tests {
                     store::write_atomic(&entry.reply, text.as_bytes()).unwrap();
                 }
             }
+            true
         };
         (Exchange::open(dir, "by hand", Arc::new(pause), Arc::new(|_: &Path| {})).unwrap(), looks)
     }
@@ -235,9 +239,8 @@ mod tests {
     #[test]
     fn an_interrupted_question_keeps_its_number_and_an_empty_reply_is_waited_for() {
         let dir = tempfile::tempdir().unwrap();
-        let stops = Exchange::open(dir.path(), "", Arc::new(|| panic!("killed")), Arc::new(|_: &Path| {})).unwrap();
-        let asked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| stops.complete(&request(3))));
-        assert!(asked.is_err());
+        let stops = Exchange::open(dir.path(), "", Arc::new(|| false), Arc::new(|_: &Path| {})).unwrap();
+        assert!(stops.complete(&request(3)).is_err(), "it is no longer waited for");
         std::fs::write(dir.path().join("1.reply.txt"), "").unwrap();
         assert!(!status(dir.path()).unwrap()[0].answered);
         let (exchange, _) = answered(dir.path());

@@ -63,6 +63,9 @@ pub enum AskError {
     /// The store could not be read or written; it holds the reason.
     #[error("{0}")]
     Store(String),
+    /// Whoever started the run wants it to stop; nobody was asked.
+    #[error("the run was interrupted before this was asked")]
+    Stopped,
 }
 
 /// A question without a recorded answer, and what would help.

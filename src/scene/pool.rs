@@ -117,6 +117,23 @@ pub enum PoolError {
     /// Two scenes have this id.
     #[error("two scenes have the id {0:?}; a pool names each scene once")]
     DuplicateId(String),
+    /// Two pools have different scenes under one id.
+    #[error(
+        "the scene {id:?} is {digests} in {first} and {other_digests} in {second}: one id would name two scenes; leave one out \
+         with `evodrive scenes filter --without {id}`"
+    )]
+    Clash {
+        /// The id.
+        id: String,
+        /// Where it was met first.
+        first: String,
+        /// Its digest there.
+        digests: String,
+        /// Where it was met again.
+        second: String,
+        /// Its digest there.
+        other_digests: String,
+    },
     /// There are not enough usable scenes for the split.
     #[error(
         "the split asks for {wanted} scenes and {usable} of the pool's {all} are usable; ask for fewer or import more"
@@ -302,6 +319,54 @@ impl Pool {
             Some(again) => Err(PoolError::DuplicateId(again.id.clone())),
             None => Ok(()),
         }
+    }
+
+    /// The scenes of several pools, each pool given with its name for messages, in their order. A scene that is in several of
+    /// them, the same bit for bit, is kept once; the second number says how often that was.
+    ///
+    /// # Errors
+    /// Two different scenes of one id.
+    pub fn merged(pools: Vec<(String, Pool)>) -> Result<(Pool, usize), PoolError> {
+        let mut met: BTreeMap<String, (usize, Digest)> = BTreeMap::new();
+        let names: Vec<String> = pools.iter().map(|(name, _)| name.clone()).collect();
+        let (mut merged, mut repeated) = (Pool::default(), 0);
+        for (place, (_, pool)) in pools.into_iter().enumerate() {
+            for scene in pool.scenes {
+                let digest = scene.digest();
+                match met.get(&scene.id) {
+                    None => {
+                        met.insert(scene.id.clone(), (place, digest));
+                        merged.scenes.push(scene);
+                    }
+                    Some((_, known)) if *known == digest => repeated += 1,
+                    Some((first, known)) => {
+                        let (first, second) = (names[*first].clone(), names[place].clone());
+                        let [digests, other_digests] = [known, &digest].map(|digest| digest.short(12));
+                        return Err(PoolError::Clash { id: scene.id, first, digests, second, other_digests });
+                    }
+                }
+            }
+            let new = pool.left_out.into_iter().filter(|left| !merged.left_out.contains(left)).collect::<Vec<_>>();
+            merged.left_out.extend(new);
+        }
+        Ok((merged, repeated))
+    }
+
+    /// The scenes of `self` in two pools: those for which `closed` holds, and the others; usable ones alone. Scenes of one
+    /// SafeBench group stay together: one of them takes all others along.
+    pub fn parted(&self, closed: impl Fn(&Scene) -> bool) -> Split {
+        let mut split = Split { evolution: Vec::new(), held_out: Vec::new() };
+        for unit in self.units() {
+            let is_closed = unit.scenes.iter().filter_map(|entry| self.scene(&entry.id)).any(&closed);
+            if is_closed { split.held_out.extend(unit.scenes) } else { split.evolution.extend(unit.scenes) }
+        }
+        split
+    }
+
+    /// The scenes of a part of a split, in its order.
+    pub fn part(&self, part: &[SplitScene]) -> Pool {
+        let scenes = part.iter().filter_map(|entry| self.scene(&entry.id).cloned()).collect();
+        Pool { scenes, left_out: Vec::new() }
     }
 
     /// The scene with this id.
@@ -500,6 +565,35 @@ mod tests {
         let one =
             Pool::new((0..80).map(|i| family_member(&FamilyOptions::all(), Seed(7), i).unwrap()).collect(), vec![]);
         assert_eq!(groups(&one.unwrap().split(Seed(4), EvolutionSize::Count(40), 10).unwrap().held_out), closed);
+    }
+
+    #[test]
+    fn pools_are_merged_by_id_and_content() {
+        let [one, two] = [pool(3), pool(5)];
+        let named =
+            |pools: &[(&str, &Pool)]| pools.iter().map(|(name, pool)| (name.to_string(), (*pool).clone())).collect();
+        let (merged, repeated) = Pool::merged(named(&[("one", &one), ("two", &two)])).unwrap();
+        assert_eq!((merged.digest(), repeated, merged.left_out.len()), (two.digest(), 3, 1));
+        let mut other = pool(1);
+        other.scenes[0].current_step += 1;
+        let clash = Pool::merged(named(&[("one", &one), ("other", &other)])).unwrap_err();
+        assert!(
+            matches!(&clash, PoolError::Clash { id, first, second, .. } if id == "s00" && first == "one" && second == "other")
+        );
+        assert_ne!(one.scenes[0].digest(), other.scenes[0].digest());
+    }
+
+    #[test]
+    fn a_pool_parted_by_a_rule_loses_no_usable_scene_and_keeps_groups_whole() {
+        use crate::synth::{FamilyOptions, family_member};
+        let options = FamilyOptions { draws: 2, ..FamilyOptions::all() };
+        let pool = Pool::new((0..12).map(|i| family_member(&options, Seed(7), i).unwrap()).collect(), vec![]).unwrap();
+        let marked = pool.scenes[3].id.clone();
+        let split = pool.parted(|scene| scene.id == marked);
+        let group = pool.scenes[3].staging.as_ref().unwrap().group();
+        let closed = pool.part(&split.held_out);
+        assert!(closed.scenes.iter().all(|scene| scene.staging.as_ref().unwrap().group() == group));
+        assert_eq!((closed.scenes.len(), pool.part(&split.evolution).scenes.len()), (2, 10));
     }
 
     #[test]

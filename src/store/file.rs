@@ -111,6 +111,31 @@ pub fn remove_dir(path: &Path) -> Result<(), StoreError> {
     }
 }
 
+/// Removes a folder that is empty; one that is not stays. It is no error if the folder does not exist.
+pub fn remove_empty_dir(path: &Path) -> Result<(), StoreError> {
+    use std::io::ErrorKind::{DirectoryNotEmpty, NotFound};
+    match fs::remove_dir(path) {
+        Err(source) if !matches!(source.kind(), DirectoryNotEmpty | NotFound) => {
+            Err(StoreError::io("remove", path, source))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The folders in a folder, sorted by path; hidden and linked ones are left out.
+pub fn list_dirs(root: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let io = |source| StoreError::io("list", root, source);
+    let mut found = Vec::new();
+    for entry in fs::read_dir(root).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        if entry.file_type().map_err(io)?.is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
+            found.push(entry.path());
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
 /// Makes a folder and its parents. It is no error if the folder exists.
 pub fn create_dir(path: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(path).map_err(|source| StoreError::io("make the folder", path, source))

@@ -69,7 +69,8 @@ fn a_recording_loses_no_answer_of_another_experiment_unless_it_is_told_to() {
     // A missing answer proposes the command with everything that decides what is asked.
     let missed = call("run", &path, &folder.path().join("m"), &[]);
     assert_eq!(missed.code, 3, "{}", missed.stderr);
-    let command = format!("evodrive record {} --out {}", path.display(), folder.path().join("m").display());
+    let (program, out) = (env!("CARGO_BIN_EXE_evodrive"), folder.path().join("m"));
+    let command = format!("{program} record {} --no-report --out {}", path.display(), out.display());
     assert!(missed.stderr.contains(&command), "{}", missed.stderr);
 }
 

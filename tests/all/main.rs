@@ -25,10 +25,12 @@ mod ledger;
 #[cfg(feature = "live")]
 mod live;
 mod models;
+mod not_losing_work;
 mod nudge;
 mod own_ego;
 mod parents;
 mod plan;
+mod pools;
 mod programs;
 mod quickstart;
 mod realism;

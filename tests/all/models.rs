@@ -25,7 +25,8 @@ fn the_example_is_read_and_without_a_recording_says_how_to_make_one() {
     let ran = with(dir.path(), "run", &example(), "none.jsonl");
     assert_eq!(ran.code, 2, "{}", ran.stderr);
     assert!(
-        ran.stderr.contains("none.jsonl") && ran.stderr.contains("to record it: evodrive record"),
+        ran.stderr.contains("none.jsonl")
+            && ran.stderr.contains(&format!("to record it: {} record", env!("CARGO_BIN_EXE_evodrive"))),
         "{}",
         ran.stderr
     );

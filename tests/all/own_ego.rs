@@ -68,16 +68,20 @@ fn an_interrupted_recording_finds_its_planner_again_and_a_finished_one_names_no_
     let folder = tempfile::tempdir().unwrap();
     copied(folder.path(), &["evodrive_driver.py", "idm.py"]);
     let idm = std::fs::read_to_string(folder.path().join("idm.py")).unwrap();
-    let waits = "import os, sys\nif not os.path.exists('ready'):\n    sys.exit('not yet')\n";
-    std::fs::write(folder.path().join("idm.py"), format!("{waits}{idm}")).unwrap();
+    let head = "import os, sys\nif os.path.exists('begun') and not os.path.exists('ready'):\n    sys.exit('not yet')\n";
+    let decide = "    def decide(self, scene, step):\n";
+    let ends = "        if step['step'] == 20 and not os.path.exists('ready'):\n            open('begun', 'w').close()\n            sys.exit('no more')\n";
+    assert!(idm.contains(decide));
+    std::fs::write(folder.path().join("idm.py"), format!("{head}{}", idm.replace(decide, &format!("{decide}{ends}"))))
+        .unwrap();
     let path = experiment(folder.path(), "mine", &driver("idm.py"));
     let out = folder.path().join("a");
     let stopped = call("record", &path, &out);
     assert!(stopped.code != 0 && stopped.stderr.contains("not yet"), "{}", stopped.stderr);
     std::fs::write(folder.path().join("ready"), "").unwrap();
-    let run = Ran::of(evodrive().args(["resume", out.join(latest(&out)).to_str().unwrap()]));
-    run.root();
-    let files = std::fs::read_dir(out.join(latest(&out))).unwrap().map(|entry| entry.unwrap().path());
+    let run = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path()).find(|path| path.is_dir()).unwrap();
+    Ran::of(evodrive().args(["resume", run.to_str().unwrap()])).root();
+    let files = std::fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().path());
     let files: Vec<_> = files.filter(|path| path.is_file()).collect();
     assert!(files.iter().any(|path| path.ends_with("run.json")), "{files:?}");
     for kept in files {
@@ -86,13 +90,9 @@ fn an_interrupted_recording_finds_its_planner_again_and_a_finished_one_names_no_
     }
     // The copy in a run folder starts nobody.
     std::fs::remove_file(folder.path().join("mine.jsonl.zst")).unwrap();
-    let copy = out.join(latest(&out)).join("experiment.toml");
+    let copy = run.join("experiment.toml");
     let again = call("record", &copy, &folder.path().join("b"));
     assert!(again.code == 2 && again.stderr.contains("starts no planner"), "{}", again.stderr);
-}
-
-fn latest(runs: &Path) -> String {
-    std::fs::read_to_string(runs.join("LATEST")).unwrap().trim().to_string()
 }
 
 #[test]

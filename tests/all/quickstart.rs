@@ -143,7 +143,7 @@ fn a_run_that_is_killed_is_resumed_to_the_same_root() {
     // Killed as soon as the first epoch has been settled.
     let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
-    while std::io::BufRead::read_line(&mut stderr, &mut line).unwrap() > 0 && !line.contains("epoch 0 of") {}
+    while std::io::BufRead::read_line(&mut stderr, &mut line).unwrap() > 0 && !line.contains("/e0 settled") {}
     child.kill().unwrap();
     child.wait().unwrap();
     let folder = folder_below(out.path());
@@ -302,7 +302,7 @@ fn help_texts_are_goldens() {
     for command in ["create", "inspect", "verify", "import"] {
         text += &format!("\n---- evodrive bundle {command} --help\n{}", run(&["bundle", command, "--help"]).stdout);
     }
-    for command in ["import", "generate", "list", "show", "export", "stats"] {
+    for command in ["import", "generate", "check", "filter", "merge", "split", "list", "show", "export", "stats"] {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
     }
     assert_eq!(text, golden, "if this is meant, run .ci/bless and say why");

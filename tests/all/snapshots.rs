@@ -74,6 +74,7 @@ fn messages_of_typical_mistakes() {
         told += &format!("# {mistake}\nexit {}\n{}\n", ran.code, ran.stderr.trim_end());
     }
     let told = told.replace(&folder, "RUN").replace(dir.path().to_str().unwrap(), "DIR");
+    let told = told.replace(env!("CARGO_BIN_EXE_evodrive"), "evodrive");
     insta::assert_snapshot!("mistakes", told);
 }
 

@@ -1,0 +1,1 @@
+../../../examples/own_ego/evodrive_driver.py

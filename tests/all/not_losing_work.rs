@@ -1,0 +1,214 @@
+//! Work is not lost, and failures leave nothing behind: which run folders stay, what is the latest run, what Ctrl-C does, what
+//! is told from the start.
+
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use crate::backends::experiment;
+use crate::harness::{Ran, evodrive, files, folder_below, home, run, text};
+
+fn call(command: &str, path: &Path, out: &Path, more: &[&str]) -> Ran {
+    Ran::of(
+        evodrive().args([command, path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()]).args(more),
+    )
+}
+
+fn latest(out: &Path) -> Option<String> {
+    std::fs::read_to_string(out.join("LATEST")).ok()
+}
+
+/// A cassette without its last exchange: the run finds out late that an answer is missing.
+fn cut(cassette: &Path, to: &Path) {
+    let whole = std::fs::read_to_string(cassette).unwrap();
+    let lines: Vec<&str> = whole.lines().collect();
+    let last = lines.iter().rposition(|line| line.starts_with("{\"exchange\"")).unwrap();
+    let kept: Vec<&str> = lines.iter().enumerate().filter(|(at, _)| *at != last).map(|(_, line)| *line).collect();
+    std::fs::write(to, kept.join("\n") + "\n").unwrap();
+}
+
+#[test]
+fn a_run_that_fails_leaves_no_folder_and_the_latest_run_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (experiment(folder.path(), "mine", ""), folder.path().join("out"));
+    // Refused before the folder: the recording does not exist.
+    let refused = call("run", &path, &out, &[]);
+    assert_eq!(refused.code, 2, "{}", refused.stderr);
+    assert!(!out.exists(), "nothing was begun");
+    call("record", &path, &out, &[]).root();
+    let (first, marked) = (folder_below(&out), latest(&out).expect("a latest run"));
+    assert!(first.ends_with(&marked));
+    // Found out in the middle: an answer is missing. The folder of another seed was made, and is gone again.
+    let short = folder.path().join("short.jsonl");
+    cut(&folder.path().join("mine.jsonl"), &short);
+    let missed = call("run", &path, &out, &["--cassette", short.to_str().unwrap(), "--set", "describes=another"]);
+    assert_eq!(missed.code, 3, "{}", missed.stderr);
+    assert!(missed.stderr.contains("run folder: "), "the folder was there: {}", missed.stderr);
+    let folders = || std::fs::read_dir(&out).unwrap().filter(|e| e.as_ref().unwrap().path().is_dir()).count();
+    assert_eq!((folders(), latest(&out)), (1, Some(marked.clone())));
+    // The command that is proposed is the one that was typed, and repairs it.
+    let proposed = missed.stderr.split_once("to record it: ").expect("a command").1.lines().next().unwrap();
+    let words = ["record", "--no-report", "--cassette", "--set", "describes=another", "short.jsonl"];
+    assert!(words.iter().all(|word| proposed.contains(word)), "{proposed}");
+    let repaired = Ran::of(Command::new("sh").args(["-c", proposed]).current_dir(home()));
+    repaired.root();
+    assert_eq!(folders(), 2);
+    assert_ne!(latest(&out), Some(marked), "a run that ended well is the latest");
+    // Alone in a new place it leaves nothing at all.
+    let elsewhere = folder.path().join("elsewhere");
+    cut(&folder.path().join("mine.jsonl"), &short);
+    let missed = call("run", &path, &elsewhere, &["--cassette", short.to_str().unwrap()]);
+    assert_eq!((missed.code, elsewhere.exists()), (3, false), "{}", missed.stderr);
+    // A plan that cannot be made leaves nothing either; one that can is no run.
+    std::fs::write(&short, "no cassette\n").unwrap();
+    let plan = ["plan", path.to_str().unwrap(), "--out", elsewhere.to_str().unwrap(), "--cassette"];
+    let planned = Ran::of(evodrive().args(plan).arg(&short));
+    assert_eq!((planned.code, elsewhere.exists()), (5, false), "{}", planned.stderr);
+}
+
+/// A model that answers so often and then gives up: a program of the kind `command`.
+fn unreliable(folder: &Path) -> PathBuf {
+    let counter = folder.join("asked");
+    let script = format!(
+        "n=$(cat {0} 2>/dev/null || echo 0); echo $((n+1)) > {0}; cat > /dev/null; [ $n -lt $(cat {0}.most) ] && echo '{{}}'",
+        counter.display()
+    );
+    let roles = ["actor", "attack_critic", "isolation_critic", "realism_critic", "repair", "structural_critic"];
+    let roles: String = roles.iter().map(|role| format!("{role} = \"mine\"\n")).collect();
+    let models = format!(
+        "[roles]\n{roles}[models.mine]\nkind = \"command\"\nmodel = \"a-shell\"\nprovenance = \"a shell\"\n\
+         [models.mine.command]\nprogram = [\"sh\", \"-c\", {script:?}]\ntimeout_s = 20\n"
+    );
+    experiment(folder, "unreliable", &models)
+}
+
+#[test]
+fn a_recording_that_fails_leaves_a_folder_only_if_somebody_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (unreliable(folder.path()), folder.path().join("out"));
+    let most = |count: &str| std::fs::write(folder.path().join("asked.most"), count).unwrap();
+    most("0");
+    let failed = call("record", &path, &out, &[]);
+    assert_eq!((failed.code, out.exists()), (2, false), "{}", failed.stderr);
+    std::fs::remove_file(folder.path().join("asked")).unwrap();
+    most("1");
+    let failed = call("record", &path, &out, &[]);
+    let kept = folder_below(&out);
+    let go_on = format!("resume {}", kept.display());
+    assert!(failed.code == 2 && failed.stderr.contains(&go_on), "{}", failed.stderr);
+    assert_eq!(latest(&out), None, "it did not end well");
+    most("1000");
+    let asked = || std::fs::read_to_string(folder.path().join("asked")).unwrap().trim().parse::<u32>().unwrap();
+    let before = asked();
+    run(&["resume", kept.to_str().unwrap()]).root();
+    assert!(latest(&out).is_some_and(|name| kept.ends_with(name)));
+    let again = asked();
+    let fresh = folder.path().join("fresh");
+    std::fs::write(folder.path().join("asked"), "0").unwrap();
+    call("record", &path, &fresh, &["--cassette", folder.path().join("fresh.jsonl").to_str().unwrap()]).root();
+    // One question was asked twice: the one that had no answer.
+    assert_eq!(again - before + 1, asked(), "what was answered is not asked again");
+}
+
+/// Starts a command and waits until it says something.
+fn until(command: &mut Command, word: &str) -> (Child, std::io::BufReader<std::process::ChildStderr>) {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains(word) {
+        line.clear();
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "it ended before it said {word:?}");
+    }
+    (child, stderr)
+}
+
+/// Ctrl-C, as a terminal sends it.
+fn interrupt(child: &Child) {
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+}
+
+#[test]
+fn ctrl_c_ends_a_run_cleanly_and_says_how_it_goes_on() {
+    let golden: toml::Table = text("golden/quickstart.toml").parse().unwrap();
+    let out = tempfile::tempdir().unwrap();
+    let args = ["run", "experiments/quickstart.toml", "--no-report", "--out", out.path().to_str().unwrap()];
+    let (mut child, mut stderr) = until(evodrive().args(args), "/e0 settled");
+    interrupt(&child);
+    let mut told = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+    let folder = folder_below(out.path());
+    let command = format!("resume {}", folder.display());
+    assert!(told.contains("interrupted") && told.contains(&command), "{told}");
+    assert_eq!(latest(out.path()), None, "it is not finished");
+    assert!(!folder.join("result.json").exists());
+    assert_eq!(run(&["fsck", "--read", folder.to_str().unwrap()]).code, 0);
+    // A command that only compares does not take it for a finished one.
+    assert_eq!(run(&["check", folder.to_str().unwrap()]).code, 5);
+    let resumed = run(&["resume", folder.to_str().unwrap()]);
+    assert_eq!((resumed.code, resumed.root().as_str()), (0, golden["root"].as_str().unwrap()), "{}", resumed.stderr);
+    assert!(latest(out.path()).is_some_and(|name| folder.ends_with(name)));
+}
+
+#[test]
+fn ctrl_c_ends_a_recording_that_waits_for_a_reply_and_the_question_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let roles = ["actor", "attack_critic", "isolation_critic", "realism_critic", "repair", "structural_critic"];
+    let roles: String = roles.iter().map(|role| format!("{role} = \"me\"\n")).collect();
+    let models =
+        format!("[roles]\n{roles}[models.me]\nkind = \"exchange\"\nmodel = \"a-person\"\nprovenance = \"a person\"\n");
+    let (path, out) = (experiment(folder.path(), "asks", &models), folder.path().join("out"));
+    let args = ["record", path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()];
+    let (mut child, mut stderr) = until(evodrive().args(args), "waits for a reply");
+    interrupt(&child);
+    let mut told = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+    let run_folder = folder_below(&out);
+    let question = files(&run_folder.join("exchange/me"), ".request.md");
+    assert_eq!(question.len(), 1, "the question stays");
+    // Somebody else begins in that folder by `resume` without a name.
+    std::fs::rename(&out, folder.path().join("runs")).unwrap();
+    let (mut child, _stderr) = until(evodrive().arg("resume").current_dir(folder.path()), "waits for a reply");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let moved = folder.path().join("runs").join(run_folder.file_name().unwrap());
+    assert_eq!(files(&moved.join("exchange/me"), ".request.md"), question, "the same question, once");
+}
+
+#[test]
+fn a_run_tells_its_epochs_share_and_folder_from_the_start_in_a_file_and_on_a_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (experiment(folder.path(), "mine", ""), folder.path().join("out"));
+    let ran = call("record", &path, &out, &["--set", "budget.epochs=2"]);
+    ran.root();
+    let lines: Vec<&str> = ran.stderr.lines().collect();
+    let at =
+        |word: &str| lines.iter().position(|line| line.contains(word)).unwrap_or_else(|| panic!("{word}: {lines:?}"));
+    let (place, first) = (at("run folder: "), at("epoch 1 of 2, 0 % of"));
+    assert!(place < first && first < at("/e0s0"), "{lines:?}");
+    assert!(
+        lines
+            .iter()
+            .any(|line| line.contains("/e0 settled") && line.contains(" a second, ") || line.contains(" a minute, ")),
+        "{lines:?}"
+    );
+    assert!(!ran.stderr.contains('\u{1b}'), "no terminal's commands in a file");
+    let Ok(found) = Command::new("script").arg("--version").output() else {
+        return crate::harness::skip("no `script`, which gives a command a terminal");
+    };
+    assert!(found.status.success());
+    let again = format!(
+        "{} run {} --no-report --out {} --set budget.epochs=2",
+        env!("CARGO_BIN_EXE_evodrive"),
+        path.display(),
+        out.display()
+    );
+    let mut command = Command::new("script");
+    command.args(["-qec", &again, "/dev/null"]).current_dir(home());
+    let screen = Ran::of(command.stdin(Stdio::null()));
+    assert_eq!(screen.code, 0, "{}", screen.stdout);
+    let place = folder_below(&out).display().to_string();
+    let moving = screen.stdout.split(['\r', '\n']).find(|line| line.contains(&format!("{place}: epoch 1 of 2")));
+    assert!(moving.is_some(), "one line has both: {}", screen.stdout);
+}

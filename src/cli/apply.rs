@@ -22,6 +22,7 @@ use crate::experiment::ProgramFile;
 use crate::families;
 use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::replay::{Replayed, Suite};
+use crate::objects::spelling::nearest;
 use crate::objects::{Counsel, SceneScore};
 use crate::scene::{LeftOut, Pool, Scene, usable};
 use crate::store;
@@ -125,7 +126,10 @@ fn driver(name: &str) -> Result<Policy, Failure> {
         PolicyError::NoProgram => Failure::bad_input(
             "the program was evolved against a planner, which is not in its file; name it: --driver FILE with a table [driver]",
         ),
-        error => Failure::bad_input(error),
+        PolicyError::Unknown(_) => {
+            let near = nearest(name, ["idm", "idm-lights", "replay"]);
+            Failure::bad_input(format!("{error}{}", near.map_or(String::new(), |near| format!("; did you mean {near}?"))))
+        }
     })
 }
 

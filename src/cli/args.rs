@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::examples::with_examples;
 use super::exit::Failure;
+use super::folder::RUNS;
 use super::{
     agree, apply, bench, bundle, calibrate, compare, data, diff, egos, exchange, fsck, impact, init, known, lineage,
     manual, options, plan, program, report, run, scenes, shard, show, table, train, why, worker, world,
@@ -112,9 +113,6 @@ pub enum Command {
     #[command(subcommand)]
     Bench(bench::Command),
 }
-
-/// Where run folders lie.
-pub const RUNS: &str = "runs";
 
 /// What is carried out, and from which answers.
 #[derive(Debug, Args)]

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-use super::args::RUNS;
 use super::exit::{Exit, Failure};
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
@@ -14,6 +13,8 @@ use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
 use crate::store::{self, MemoKind, Store, StoreError, Transcript};
 
+/// Where run folders lie, unless `--out` says another place.
+pub const RUNS: &str = "runs";
 const LATEST: &str = "LATEST";
 const SPEND: &str = "spend.json";
 const CARD_BYTES_MAX: u64 = 1 << 16;

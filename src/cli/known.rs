@@ -4,6 +4,7 @@ use clap::ValueEnum;
 use serde_json::json;
 
 use super::answer::Answer;
+use super::readable::READ;
 use super::scene_export::Format;
 use crate::adapters::vocabulary::{self, Feature};
 use crate::evaluation::outcome_fields;
@@ -23,23 +24,6 @@ pub fn families() -> Answer {
     let text: String = rows.iter().map(line).collect();
     let object = |(name, protocol, title, describes): &(String, String, String, String)| json!({"family": name, "protocol": protocol, "title": title, "describes": describes});
     Answer::new(text, json!({"families": rows.iter().map(object).collect::<Vec<_>>()}))
-}
-
-/// What is read, as `scenes import` tells it apart: name, files, what it is.
-const READ: [(&str, &str, &str); 6] = [
-    ("scenarionet", "*.pkl, *.json", "ScenarioNet and MetaDrive scene descriptions; nothing in a pickle is executed"),
-    ("commonroad", "*.xml", "CommonRoad 2018b and 2020a"),
-    ("waymo", "*.tfrecord*", "Waymo Open Motion scenarios"),
-    ("gpudrive", "*.json", "GPUDrive and Nocturne"),
-    ("safebench", "*.xml, *.json with *.xodr", "SafeBench routes and scenario files on OpenDRIVE towns (--towns)"),
-    ("pool", "*.pool", "scenes that `scenes import` or `scenes generate` wrote"),
-];
-
-/// What can be imported, for the help of `scenes import`.
-pub fn readable() -> String {
-    let mut text = String::from("Formats, told apart by what is in the files:");
-    READ.iter().for_each(|(name, files, what)| text += &format!("\n  {name:<12} {files:<26} {what}"));
-    text
 }
 
 /// The scene formats that are read and written.

@@ -42,6 +42,7 @@ mod plan_cost;
 mod plan_looked;
 mod playables;
 mod program;
+mod readable;
 mod report;
 mod result_text;
 mod rollout;

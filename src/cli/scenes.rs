@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{known, left_out, scene_export, scene_pools, scene_show};
+use super::{left_out, readable, scene_export, scene_pools, scene_show};
 use crate::experiment::{self, Experiment};
 use crate::kernel::Threads;
 use crate::objects::spelling::nearest;
@@ -20,7 +20,7 @@ use crate::store;
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Read scenario files, folders or pools into a pool.
-    #[command(after_help = known::readable())]
+    #[command(after_help = readable::in_help())]
     Import(ImportOptions),
     /// Write the scenes that an experiment generates into a pool.
     Generate(GenerateOptions),

@@ -407,3 +407,11 @@ fn attempts_that_left_no_program_and_unknown_names_are_told() {
     let ran = run(&["apply", path(&path_of), "--scenes", path(&folder.join("scenes.pool"))]);
     assert_eq!(ran.code, 5, "{}", ran.stderr);
 }
+
+#[test]
+fn an_unknown_ego_is_answered_with_the_nearest() {
+    let ((_, folder), (_, file, ..)) = (finished(), exported());
+    let pool = folder.join("scenes.pool");
+    let refused = run(&["apply", path(file), "--scenes", path(&pool), "--ego", "idmm"]);
+    assert!(refused.code == 2 && refused.stderr.contains("did you mean idm?"), "{}", refused.stderr);
+}

@@ -12,10 +12,10 @@ const ALLOWED: &[(&str, &str)] = &[
     ("agents/counsel agents/scene_prompt", "a case and its prompt"),
     ("agents/prompt agents/task", "a task and its prompt"),
     (
-        "cli/args cli/bundle cli/bundle_replay cli/plan cli/report cli/run cli/shard cli/shard_merge cli/shard_plan cli/shard_target cli/typed",
+        "cli/args cli/bundle cli/bundle_replay cli/plan cli/report cli/run cli/shard cli/shard_merge cli/shard_plan cli/shard_target",
         "arguments and the commands that take them",
     ),
-    ("cli/scene_export cli/scene_show cli/scenes", "a command and its subcommands"),
+    ("cli/scene_export cli/scene_pools cli/scene_show cli/scenes", "a command and its subcommands"),
     ("compiler/prepared compiler/walk", "a prepared program and its way through a scene"),
     (
         "evaluation/metrics evaluation/metrics/acceleration evaluation/metrics/continuity evaluation/metrics/jerk \

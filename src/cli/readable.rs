@@ -1,0 +1,18 @@
+//! The scene formats that are read, for `formats` and for the help of `scenes import`.
+
+/// What is read, as `scenes import` tells it apart: name, files, what it is.
+pub const READ: [(&str, &str, &str); 6] = [
+    ("scenarionet", "*.pkl, *.json", "ScenarioNet and MetaDrive scene descriptions; nothing in a pickle is executed"),
+    ("commonroad", "*.xml", "CommonRoad 2018b and 2020a"),
+    ("waymo", "*.tfrecord*", "Waymo Open Motion scenarios"),
+    ("gpudrive", "*.json", "GPUDrive and Nocturne"),
+    ("safebench", "*.xml, *.json with *.xodr", "SafeBench routes and scenario files on OpenDRIVE towns (--towns)"),
+    ("pool", "*.pool", "scenes that `scenes import` or `scenes generate` wrote"),
+];
+
+/// What can be imported, for the help of `scenes import`.
+pub fn in_help() -> String {
+    let mut text = String::from("Formats, told apart by what is in the files:");
+    READ.iter().for_each(|(name, files, what)| text += &format!("\n  {name:<12} {files:<26} {what}"));
+    text
+}

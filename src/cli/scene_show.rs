@@ -74,9 +74,9 @@ fn played(options: &Options, rollouts: &[Played]) -> Result<Answer, Failure> {
     let object = json!({
         "row": row(&played.scene),
         "attempt": played.solution,
-        "decision": played.traced.decision,
-        "outcome": played.traced.record.outcome,
-        "motion": played.traced.motion,
+        "decision": played.decision,
+        "outcome": played.outcome,
+        "motion": played.motion,
     });
     Ok(Answer::new(text, object))
 }

@@ -3,6 +3,7 @@
 pub mod agreement;
 pub mod attempt_text;
 pub mod audit;
+pub mod best;
 pub mod cell;
 pub mod choice;
 pub mod composition_text;

@@ -302,7 +302,7 @@ fn help_texts_are_goldens() {
     for command in ["create", "inspect", "verify", "import"] {
         text += &format!("\n---- evodrive bundle {command} --help\n{}", run(&["bundle", command, "--help"]).stdout);
     }
-    for command in ["import", "generate", "list", "show", "export", "stats"] {
+    for command in ["import", "generate", "list", "show", "best", "draw", "export", "stats"] {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
     }
     assert_eq!(text, golden, "if this is meant, run .ci/bless and say why");

@@ -268,7 +268,7 @@ fn one(
     if labels.get(scene.id.as_str()).is_some_and(|label| label.record != record) {
         return Err(Failure::divergence(format!("scene {}: two rollouts of one program differ", scene.id)));
     }
-    Ok(Played { solution: file.program.solution_id.clone(), scene: Scene::clone(scene), traced })
+    Ok(Played::of(file.program.solution_id.clone(), Scene::clone(scene), traced))
 }
 
 fn titled(played: &Played) -> (String, Drawing) {

@@ -62,7 +62,7 @@ fn files(options: &Options, table: &Sheet) -> [PathBuf; 2] {
 }
 
 /// The rollout records that the run's store holds.
-fn rollouts(folder: &RunFolder, wanted: &[Digest], threads: &Threads) -> Result<Vec<(Digest, Rollout)>, Failure> {
+pub fn rollouts(folder: &RunFolder, wanted: &[Digest], threads: &Threads) -> Result<Vec<(Digest, Rollout)>, Failure> {
     if !folder.store().exists() {
         return Ok(Vec::new());
     }

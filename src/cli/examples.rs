@@ -20,6 +20,8 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("scenes merge", "evodrive scenes merge one.pool other.pool --out my.pool"),
     ("scenes split", "evodrive scenes split my.pool --held-out 10 --seed 1 --out open.pool --held-out-to closed.pool"),
     ("scenes show", "evodrive scenes show --attempt cat-idm/e0s3 --scene synth/merge/7/13 --html rollout.html"),
+    ("scenes best", "evodrive scenes best --top 5 --by severity"),
+    ("scenes draw", "evodrive scenes draw --attempt cat-idm/e0s3 --scene synth/merge/7/13 --out strip.svg"),
     ("scenes export", "evodrive scenes export my.pool --format scenarionet --out exported"),
     ("scenes stats", "evodrive scenes stats my.pool"),
     ("calibrate", "evodrive calibrate my.pool --out calibration.toml"),

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use crate::evidence::choice::Choice;
 use crate::evidence::lineage_text;
 use crate::experiment::did_you_mean;
 use crate::objects::{LineageId, program_diff};
@@ -21,7 +22,10 @@ pub struct Options {
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let story = RunFolder::find(options.run.as_deref())?.story()?;
+    let folder = RunFolder::find(options.run.as_deref())?;
+    let story = folder.story()?;
+    let selector = folder.read_experiment()?.selector;
+    let choice = |id: &LineageId| Choice::of(&story, id, &selector);
     let all: Vec<LineageId> = story.parents.iter().map(|p| p.lineage.clone()).collect();
     let wanted = match &options.lineage {
         None => all,
@@ -37,13 +41,17 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
             }
         },
     };
-    let text: Vec<String> = wanted.iter().map(|id| lineage_text::chain(&story, id)).collect();
+    let told = |id: &LineageId| {
+        let chosen = choice(id).map_or(String::new(), |choice| format!("\n{}", choice.text()));
+        format!("{}{chosen}", lineage_text::chain(&story, id))
+    };
+    let text: Vec<String> = wanted.iter().map(told).collect();
     let lineages: Vec<_> = wanted
         .iter()
         .map(|id| {
             let programs = story.active(id).map(|active| story.chain(active)).unwrap_or_default();
             let patches: Vec<String> = programs.windows(2).map(|pair| program_diff(pair[0], pair[1])).collect();
-            json!({"lineage": id, "chain": programs, "patches": patches})
+            json!({"lineage": id, "chain": programs, "patches": patches, "choice": choice(id)})
         })
         .collect();
     Ok(Answer::new(text.join("\n"), json!({"lineages": lineages})))

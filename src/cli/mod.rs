@@ -47,6 +47,8 @@ mod report;
 mod result_text;
 mod rollout;
 mod run;
+mod scene_best;
+mod scene_draw;
 mod scene_export;
 mod scene_formula;
 mod scene_pools;

@@ -6,8 +6,8 @@ use crate::evidence::RecordedRun;
 use crate::evidence::report::{Playable, Stage, Unplayed};
 use crate::kernel::Threads;
 use crate::objects::{Program, SceneScore, SolutionId};
-use crate::scene::Scene;
-use crate::sim::{ActorRef, ActorTrace, End, Outcome, Trace};
+use crate::scene::{DT_S, Scene};
+use crate::sim::{self, ActorRef, ActorTrace, End, Outcome, Trace};
 
 /// Scenes of a lineage that can be played.
 const SCENES_MAX: usize = 3;
@@ -22,13 +22,18 @@ pub fn choose(player: &Player<'_>, story: &RecordedRun, threads: &Threads) -> St
     let specs: Vec<&LineageSpec> = study.lineages.iter().filter(|spec| spec.replica == 0).collect();
     let room = (ROLLOUTS_MAX / SCENES_MAX / specs.len().max(1)).max(1);
     let mut stage = Stage { repetitions_left_out: study.lineages.len() - specs.len(), ..Stage::default() };
-    let mut all = Vec::new();
+    let (mut all, mut replays) = (Vec::new(), Vec::new());
     for spec in specs {
         let programs: Vec<(SolutionId, String)> = programs(story, spec).into_iter().take(room).collect();
         for place in scenes(study, story, spec) {
             all.extend(programs.iter().map(|(solution, role)| (spec, place, solution.clone(), role.clone())));
             let scene = study.scenes[place].scene();
             stage.scenes.entry(scene.id.clone()).or_insert_with(|| Drawing::of_scene(scene));
+            // Lineages of one ego share what happens without a program.
+            if !replays.iter().any(|(of, at): &(&LineageSpec, usize)| of.ego.name() == spec.ego.name() && *at == place)
+            {
+                replays.push((spec, place));
+            }
         }
     }
     let played = threads.map(&all, |_, (spec, place, solution, role)| {
@@ -45,6 +50,13 @@ pub fn choose(player: &Player<'_>, story: &RecordedRun, threads: &Threads) -> St
                 reason,
             }),
             None => {}
+        }
+    }
+    for replay in threads.map(&replays, |_, (spec, place)| without_program(player, spec, *place)) {
+        match replay {
+            Ok(playable) => stage.rollouts.push(playable),
+            Err(_) if study.backend.is_some() => {}
+            Err(unplayed) => stage.unplayed.push(unplayed),
         }
     }
     // By program, then scene: the order of the page's menus.
@@ -113,17 +125,41 @@ fn play(
         scene: scene.id.clone(),
         changed: changed(scene, &motion),
         contact: contact(scene, &motion, outcome),
-        caption: format!("{}{applied}", ending(outcome)),
+        caption: format!("{}{applied}", ending(outcome, motion.from_step)),
     })
 }
 
-/// One line on how a rollout ended.
-pub fn ending(outcome: &Outcome) -> String {
+/// A scene as it goes on without a program.
+fn without_program(player: &Player<'_>, spec: &LineageSpec, place: usize) -> Result<Playable, Unplayed> {
+    let scene = player.study.scenes[place].scene();
+    let solution = format!("replay, {}", spec.ego.name());
+    let (outcome, motion) = player.replay(spec, place).map_err(|reason| Unplayed {
+        solution: solution.clone(),
+        scene: scene.id.clone(),
+        reason,
+    })?;
+    Ok(Playable {
+        solution,
+        role: "no program".to_string(),
+        scene: scene.id.clone(),
+        changed: changed(scene, &motion),
+        contact: contact(scene, &motion, &outcome),
+        caption: ending(&outcome, motion.from_step),
+    })
+}
+
+/// When a contact happens, in seconds of the scene: the clock of captions and players.
+pub fn contact_s(contact: &sim::Contact, from_step: usize) -> f64 {
+    from_step as f64 * DT_S + contact.time_s
+}
+
+/// One line on how a rollout that began at this step of the scene ended.
+pub fn ending(outcome: &Outcome, from_step: usize) -> String {
     let end = match (outcome.end, outcome.contact) {
         (End::Contact, Some(contact)) => format!(
-            "contact with {} after {:.1} s at {:.1} m/s relative speed",
+            "contact with {} at {:.1} s of the scene, {:.1} m/s relative speed",
             if contact.adversary { "the adversary" } else { "a bystander" },
-            contact.time_s,
+            contact_s(&contact, from_step),
             contact.relative_speed_mps
         ),
         (End::Contact, None) => "contact".to_string(),

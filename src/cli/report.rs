@@ -30,7 +30,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
     let against = options.against.as_deref();
     let agreement = against.map(|other| agree::agreement(&folder.dir, other, &threads)).transpose()?;
-    run::write_report(&study, &folder, behind::backend(&experiment, answers), agreement.as_ref(), &threads)?;
+    let story = folder.story_on(Some(&threads))?;
+    run::write_report(&study, &folder, &story, behind::backend(&experiment, answers), agreement.as_ref(), &threads)?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))
 }

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::folder::RunFolder;
 use crate::epoch::Progress;
 use crate::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions};
+use crate::evidence::choice::Choice;
 use crate::experiment::{Experiment, provenance};
 use crate::kernel::Digest;
 use crate::objects::event::{LineageResult, Measured, RunResult};
@@ -40,8 +41,13 @@ pub fn progress(news: &Progress) -> String {
 /// Most lineages whose fronts a summary prints.
 const FRONTS_MAX: usize = 12;
 
-/// Parent against evolved, the front, the four exits, where things are; the last line is the root.
-pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, root: Digest) -> String {
+/// Parent against evolved, the front, why each program was chosen, the four exits, where things are; the last line is the root.
+pub fn summary(
+    experiment: &Experiment,
+    folder: &RunFolder,
+    (result, choices): (&RunResult, &[Choice]),
+    root: Digest,
+) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
     let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", provenance(experiment));
@@ -66,17 +72,16 @@ pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, 
     if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
         let _ = writeln!(out, "\n{words}");
     }
-    for lineage in result.lineages.iter().filter(|lineage| !lineage.cut.is_empty()) {
-        let cut: Vec<&str> = lineage.cut.iter().map(|solution| solution.as_str()).collect();
-        let _ = writeln!(out, "\n{}: the budget of finalists left out {}", lineage.lineage, cut.join(", "));
-    }
     let fronts = if result.lineages.len() <= FRONTS_MAX { &result.lineages[..] } else { &[] };
     if fronts.is_empty() {
-        let _ =
-            writeln!(out, "\nfronts of {} lineages: in the report and in `evodrive lineage`", result.lineages.len());
+        let _ = writeln!(
+            out,
+            "\nfronts of {} lineages, and why each program was chosen: in the report and in `evodrive lineage`",
+            result.lineages.len()
+        );
     }
     for lineage in fronts {
-        let _ = writeln!(out, "\nfront of {} (development labels, attack / realism):", lineage.lineage);
+        let _ = writeln!(out, "\nfront of {} (attack / realism on the scenes of all windows):", lineage.lineage);
         let played = result.replay.iter().find(|r| r.suite == Suite::Evolution && r.ego == lineage.ego);
         if let Some(replay) = played {
             let crash = 100.0 * replay.contact_rate;
@@ -86,6 +91,9 @@ pub fn summary(experiment: &Experiment, folder: &RunFolder, result: &RunResult, 
         for point in &lineage.front {
             let o = point.objectives;
             let _ = writeln!(out, "  {:.3} / {:.4}  {}", o.attack, o.realism, point.solution);
+        }
+        for choice in choices.iter().filter(|choice| choice.lineage == lineage.lineage) {
+            let _ = write!(out, "{}", choice.text());
         }
     }
     let e = result.exits;

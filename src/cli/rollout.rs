@@ -7,20 +7,22 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use super::{behind, playables, program};
 use crate::backend::Answers;
+use crate::compiler::Decision;
 use crate::draw::{Actor, Drawing, Role};
 use crate::epoch::{Player, Study, Traced, record_digest};
 use crate::evidence::RecordedRun;
 use crate::formats::{Inserted, Staging};
 use crate::kernel::Threads;
-use crate::objects::{Program, SceneScore, SolutionId};
-use crate::scene::{DT_S, Scene};
-use crate::sim::{Action, ActorRef, ActorTrace};
+use crate::objects::replay::ReplayScene;
+use crate::objects::{LineageId, Program, SceneScore, SolutionId};
+use crate::scene::{DT_S, Sample, Scene};
+use crate::sim::{Action, ActorRef, ActorTrace, Intervention, Outcome, Trace};
 
 /// Whose rollouts are meant, where scenes are wanted as a program played them.
 #[derive(Debug, Args)]
 pub struct OfAttempt {
     /// Take the scenes as this program of a run played them: an attempt's, e.g. cat-idm/e2s5, or a parent, e.g.
-    /// cat-idm/parent.
+    /// cat-idm/parent; cat-idm/replay is the scenes without a program, driven by that lineage's ego.
     #[arg(long)]
     pub attempt: Option<String>,
     /// Keep the ego's log and the whole horizon: the program's road users move as it commands, whatever the ego does.
@@ -36,7 +38,13 @@ pub struct OfAttempt {
 pub struct Played {
     pub solution: SolutionId,
     pub scene: Scene,
-    pub traced: Traced,
+    pub outcome: Outcome,
+    /// What the program decided; `None` of the scene without one.
+    pub decision: Option<Decision>,
+    pub intervention: Intervention,
+    /// What each action commands its road user, whatever the ego does; nothing where it reacts.
+    pub commanded: Vec<Vec<Option<Sample>>>,
+    pub motion: Trace,
 }
 
 /// The rollouts of an attempt or a parent in the scenes named, or in all evolution scenes that it was labelled on.
@@ -52,15 +60,62 @@ pub fn of_attempt(
 ) -> Result<Vec<Played>, Failure> {
     let folder = RunFolder::find(run.map(PathBuf::as_path))?;
     let story = folder.story()?;
-    let labelled = Labelled::of(&story, attempt)?;
+    let subject = Subject::of(&story, attempt)?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = folder.read_experiment()?;
     let study = experiment.study(folder.read_pool()?, &threads)?;
     let replay = behind::replay_of(&experiment, &folder)?;
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
     let player = Player::of(&study, &story.counsels, behind::backend(&experiment, answers));
-    let places = places(&study, &story, &labelled, scenes)?;
-    threads.map(&places, |_, &place| play(&player, &labelled, place)).into_iter().collect()
+    let places = places(&study, &story, &subject, scenes)?;
+    let play = |place: usize| match &subject {
+        Subject::Program(labelled) => play(&player, labelled, place),
+        Subject::Replay(replay) => play_replay(&player, replay, place),
+    };
+    threads.map(&places, |_, &place| play(place)).into_iter().collect()
+}
+
+/// Ending of the name of a lineage's scenes without a program.
+pub const REPLAY: &str = "/replay";
+
+/// Whose rollouts are played.
+enum Subject<'s> {
+    Program(Labelled<'s>),
+    Replay(ReplayOf<'s>),
+}
+
+/// The scenes without a program, driven by the ego of a lineage; named `<lineage>/replay`.
+struct ReplayOf<'s> {
+    name: String,
+    lineage: &'s LineageId,
+    /// What the run recorded of them.
+    recorded: Vec<&'s ReplayScene>,
+}
+
+impl<'s> Subject<'s> {
+    fn of(story: &'s RecordedRun, name: &str) -> Result<Subject<'s>, Failure> {
+        let adopted =
+            name.strip_suffix(REPLAY).and_then(|id| story.parents.iter().find(|of| of.lineage.as_str() == id));
+        let Some(adopted) = adopted else { return Ok(Subject::Program(Labelled::of(story, name)?)) };
+        let own = story.replays.iter().filter(|of| of.row.ego == adopted.ego);
+        let recorded = own.flat_map(|of| &of.scenes).collect();
+        Ok(Subject::Replay(ReplayOf { name: name.to_string(), lineage: &adopted.lineage, recorded }))
+    }
+
+    fn name(&self) -> &str {
+        match self {
+            Subject::Program(labelled) => labelled.name(),
+            Subject::Replay(replay) => &replay.name,
+        }
+    }
+
+    /// Scenes that are meant where none is named: those with labels; without a program, those of evolution.
+    fn own(&self, story: &RecordedRun) -> Vec<String> {
+        match self {
+            Subject::Program(labelled) => labelled.labels.iter().map(|label| label.scene.clone()).collect(),
+            Subject::Replay(_) => story.opened.evolution_scenes.clone(),
+        }
+    }
 }
 
 /// A program of a run with its labels.
@@ -92,22 +147,17 @@ impl<'s> Labelled<'s> {
 }
 
 /// Places of the scenes in the study.
-fn places(
-    study: &Study,
-    story: &RecordedRun,
-    labelled: &Labelled<'_>,
-    scenes: &[String],
-) -> Result<Vec<usize>, Failure> {
-    let own: Vec<String> = labelled.labels.iter().map(|label| label.scene.clone()).collect();
+fn places(study: &Study, story: &RecordedRun, subject: &Subject<'_>, scenes: &[String]) -> Result<Vec<usize>, Failure> {
+    let own = subject.own(story);
     let wanted = if scenes.is_empty() { &own } else { scenes };
     if wanted.is_empty() {
-        let reason = format!("program {} was not labelled; name scenes with --scene", labelled.name());
+        let reason = format!("program {} was not labelled; name scenes with --scene", subject.name());
         return Err(Failure::bad_input(reason));
     }
     let closed = story.result.is_none();
     let find = |id: &String| {
         let place = study.scenes.iter().position(|entry| entry.scene().id == *id).ok_or_else(|| {
-            let reason = format!("no scene `{id}` in this run; {} was labelled on", labelled.name());
+            let reason = format!("no scene `{id}` in this run; {} was labelled on", subject.name());
             Failure::bad_input(format!("{reason} {}", own.join(", ")))
         })?;
         if closed && !study.evolution.contains(&place) {
@@ -140,20 +190,58 @@ fn play(player: &Player<'_>, labelled: &Labelled<'_>, place: usize) -> Result<Pl
             scene.id, recorded.record
         )));
     }
-    Ok(Played { solution: program.solution_id.clone(), scene: Scene::clone(scene), traced })
+    Ok(Played::of(program.solution_id.clone(), Scene::clone(scene), traced))
+}
+
+fn play_replay(player: &Player<'_>, replay: &ReplayOf<'_>, place: usize) -> Result<Played, Failure> {
+    let study = player.study;
+    let scene = study.scenes[place].scene();
+    let spec = study.lineages.iter().find(|spec| spec.id == *replay.lineage);
+    let spec = spec.ok_or_else(|| {
+        Failure::corruption(format!("the run's experiment has no lineage {}; run `evodrive fsck`", replay.lineage))
+    })?;
+    let failed = |reason| Failure::bad_input(format!("{} in scene {}: {reason}", replay.name, scene.id));
+    let (outcome, motion) = player.replay(spec, place).map_err(failed)?;
+    let recorded = replay.recorded.iter().find(|of| of.scene == scene.id);
+    let (contact, driven) = (outcome.contact.is_some(), outcome.route_completion);
+    if let Some(of) = recorded.filter(|of| of.contact != contact || of.route_completion != driven) {
+        return Err(Failure::divergence(format!(
+            "{} in scene {}: expected contact {} and a route completion of {}, as recorded, found {contact} and {driven}; \
+             `evodrive verify` names the first difference",
+            replay.name, scene.id, of.contact, of.route_completion
+        )));
+    }
+    Ok(Played {
+        solution: SolutionId::new(&replay.name),
+        scene: Scene::clone(scene),
+        outcome,
+        decision: None,
+        intervention: Intervention::default(),
+        commanded: Vec::new(),
+        motion,
+    })
 }
 
 impl Played {
+    /// A program's rollout.
+    pub fn of(solution: SolutionId, scene: Scene, traced: Traced) -> Played {
+        let Traced { record, decision, intervention, commanded, motion } = traced;
+        Played { solution, scene, outcome: record.outcome, decision: Some(decision), intervention, commanded, motion }
+    }
+
     /// What the program intended and how it ended, in one line.
     pub fn caption(&self) -> String {
-        let decision = &self.traced.decision;
-        let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
-        format!("{}{applied}", playables::ending(&self.traced.record.outcome))
+        let applied = match &self.decision {
+            Some(decision) if !decision.applies => format!("; not applied: {}", decision.reason),
+            Some(_) => String::new(),
+            None => "; no program".to_string(),
+        };
+        format!("{}{applied}", playables::ending(&self.outcome, self.motion.from_step))
     }
 
     /// The scene up to the end of the rollout; adversaries with their logged selves beside them, the ego on top.
     pub fn drawing(&self) -> Drawing {
-        let motion = &self.traced.motion;
+        let motion = &self.motion;
         let mut drawing = Drawing::of_scene(&self.scene);
         let mut changed = playables::changed(&self.scene, motion);
         let same = |a: &Actor, b: &Actor| a.label == b.label && (a.role == Role::Ego) == (b.role == Role::Ego);
@@ -176,7 +264,7 @@ impl Played {
         kept.sort_by_key(|actor| actor.role == Role::Ego);
         drawing.actors = ghosts;
         drawing.actors.extend(kept);
-        drawing.contact = playables::contact(&self.scene, motion, &self.traced.record.outcome);
+        drawing.contact = playables::contact(&self.scene, motion, &self.outcome);
         drawing.steps = (motion.from_step + motion.ego.len()).min(self.scene.steps);
         drawing.actors.iter_mut().for_each(|actor| actor.samples.truncate(drawing.steps));
         drawing.lights.iter_mut().for_each(|light| light.states.truncate(drawing.steps));
@@ -185,7 +273,7 @@ impl Played {
 
     /// The rollout as a change of its scene: the ego, the adversaries, and whoever else did not move as logged.
     pub fn staging(&self) -> Staging {
-        let motion = &self.traced.motion;
+        let motion = &self.motion;
         let share = self.last_step_share();
         let whole = motion.ego.len() - usize::from(share.is_some());
         let mut staging = Staging {
@@ -196,7 +284,7 @@ impl Played {
             inserted: vec![],
             last_step_share: share,
         };
-        let mut kinds = self.traced.intervention.actions.iter().filter_map(|action| match action {
+        let mut kinds = self.intervention.actions.iter().filter_map(|action| match action {
             Action::Triggered(script) => Some(script.kind),
             Action::Insert { kind, .. } => Some(*kind),
             Action::Follow { .. } | Action::FollowThenReact { .. } | Action::FollowThenObey { .. } => None,
@@ -227,13 +315,13 @@ impl Played {
     pub fn with_ego_log(&self) -> Result<Staging, Failure> {
         let mut staging = Staging {
             id: format!("{} {} ego as logged", self.scene.id, self.solution),
-            from_step: self.traced.motion.from_step,
+            from_step: self.motion.from_step,
             ego: None,
             tracks: Default::default(),
             inserted: vec![],
             last_step_share: None,
         };
-        for (action, samples) in self.traced.intervention.actions.iter().zip(&self.traced.commanded) {
+        for (action, samples) in self.intervention.actions.iter().zip(&self.commanded) {
             let samples = samples.clone();
             match action {
                 Action::Follow { track, .. } => {
@@ -264,8 +352,8 @@ impl Played {
 
     /// Where a contact ended the rollout within a step: the share of that step that was driven.
     fn last_step_share(&self) -> Option<f64> {
-        let contact = self.traced.record.outcome.contact?;
-        let steps_before = self.traced.motion.ego.len().checked_sub(2)?;
+        let contact = self.outcome.contact?;
+        let steps_before = self.motion.ego.len().checked_sub(2)?;
         let share = contact.time_s / DT_S - steps_before as f64;
         // A contact at the very start of a step leaves whole steps.
         (share > 0.0 && share < 1.0 - 1e-9).then_some(share)

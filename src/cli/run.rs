@@ -18,7 +18,9 @@ use crate::backend::{
     Answers, Backend, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers,
 };
 use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, Tools};
-use crate::evidence::{agreement, report};
+use crate::evidence::choice::Choice;
+use crate::evidence::report::Beside;
+use crate::evidence::{RecordedRun, agreement, report};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
@@ -422,10 +424,12 @@ struct Done {
 impl Done {
     /// What is said of it at its end, with its report where one is wanted.
     fn told(&self, folder: &RunFolder, rollouts: Option<&dyn Answers>, report: bool) -> Result<Answer, Failure> {
+        let story = folder.story_on(Some(&self.threads))?;
         if report {
-            write_report(&self.study, folder, behind::backend(&self.experiment, rollouts), None, &self.threads)?;
+            let backend = behind::backend(&self.experiment, rollouts);
+            write_report(&self.study, folder, &story, backend, None, &self.threads)?;
         }
-        Ok(answer(&self.experiment, folder, &self.result, self.root, self.counts))
+        Ok(answer(&self.experiment, folder, &story, &self.result, self.root, self.counts))
     }
 }
 
@@ -433,26 +437,28 @@ impl Done {
 pub fn write_report(
     study: &Study,
     folder: &RunFolder,
+    story: &RecordedRun,
     backend: Backend<'_>,
     agreement: Option<&agreement::Report>,
     threads: &Threads,
 ) -> Result<(), Failure> {
-    let story = folder.story_on(Some(threads))?;
-    let playables = playables::choose(&Player::of(study, &story.counsels, backend), &story, threads);
-    Ok(store::write_atomic(
-        &folder.report(),
-        report::html(&story, &playables, cost::kept(folder)?.as_ref(), agreement).as_bytes(),
-    )?)
+    let playables = playables::choose(&Player::of(study, &story.counsels, backend), story, threads);
+    let cost = cost::kept(folder)?;
+    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), agreement };
+    Ok(store::write_atomic(&folder.report(), report::html(story, &playables, &beside).as_bytes())?)
 }
 
 fn answer(
     experiment: &Experiment,
     folder: &RunFolder,
+    story: &RecordedRun,
     result: &RunResult,
     root: Digest,
     (reused, simulated): (usize, usize),
 ) -> Answer {
-    let text = result_text::summary(experiment, folder, result, root);
+    let choices: Vec<Choice> =
+        result.lineages.iter().filter_map(|of| Choice::of(story, &of.lineage, &experiment.selector)).collect();
+    let text = result_text::summary(experiment, folder, (result, &choices), root);
     let object = json!({
         "name": experiment.name,
         "root": root,
@@ -460,6 +466,7 @@ fn answer(
         "report": folder.report(),
         "cost": folder.cost(),
         "result": result,
+        "choices": choices,
         "rollouts": {"simulated": simulated, "reused": reused},
     });
     Answer::new(text, object)

@@ -35,10 +35,31 @@ pub struct Options {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let id = options.scene.as_ref().or(options.of_scene.as_ref());
-    match (&options.of.attempt, &options.path) {
+    match meant(options.path.as_ref(), id, &options.of, jobs)? {
+        Meant::Played(rollout) => played(options, &rollout),
+        Meant::Recorded(scene) => recorded(options, &scene),
+    }
+}
+
+/// The one scene that is meant, as it is or as a program played it.
+enum Meant {
+    Recorded(Box<Scene>),
+    Played(Box<Played>),
+}
+
+fn meant(path: Option<&PathBuf>, id: Option<&String>, of: &OfAttempt, jobs: usize) -> Result<Meant, Failure> {
+    match (&of.attempt, path) {
         (Some(attempt), _) => {
             let named: Vec<String> = id.cloned().into_iter().collect();
-            played(options, &rollout::of_attempt(options.of.run.as_ref(), attempt, &named, jobs)?)
+            let mut rollouts = rollout::of_attempt(of.run.as_ref(), attempt, &named, jobs)?;
+            match (rollouts.pop(), rollouts.is_empty()) {
+                (Some(one), true) => Ok(Meant::Played(Box::new(one))),
+                (last, _) => {
+                    let ids: Vec<&str> = rollouts.iter().chain(&last).map(|played| played.scene.id.as_str()).collect();
+                    let message = format!("name one of the {} scenes with --scene: {}", ids.len(), ids.join(", "));
+                    Err(Failure::bad_input(message))
+                }
+            }
         }
         (None, Some(path)) => {
             let pool = scenes::read(std::slice::from_ref(path), jobs)?;
@@ -47,10 +68,32 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
                 (None, [scene]) => scene,
                 (None, _) => return Err(scenes::unnamed(&pool, path)),
             };
-            recorded(options, scene)
+            Ok(Meant::Recorded(Box::new(scene.clone())))
         }
         (None, None) => Err(Failure::bad_input("name a pool, a scenario file or an attempt")),
     }
+}
+
+/// The one scene that is meant as a drawing, with a line that says what it is.
+pub fn drawn(
+    path: Option<&PathBuf>,
+    id: Option<&String>,
+    of: &OfAttempt,
+    jobs: usize,
+) -> Result<(Drawing, String), Failure> {
+    Ok(match meant(path, id, of, jobs)? {
+        Meant::Recorded(scene) => (Drawing::of_scene(&scene), scene.id.clone()),
+        Meant::Played(played) if of.ego_log => {
+            let scene =
+                played.with_ego_log()?.applied_to(&played.scene, &mut Vec::new()).map_err(Failure::bad_input)?;
+            (Drawing::of_scene(&scene), scene.id)
+        }
+        Meant::Played(played) => (played.drawing(), title(&played)),
+    })
+}
+
+fn title(played: &Played) -> String {
+    format!("{} in {}: {}", played.solution, played.scene.id, played.caption())
 }
 
 fn recorded(options: &Options, scene: &Scene) -> Result<Answer, Failure> {
@@ -58,25 +101,20 @@ fn recorded(options: &Options, scene: &Scene) -> Result<Answer, Failure> {
     Ok(Answer::new(in_words(scene), json!({"row": row(scene), "scene": scene})))
 }
 
-fn played(options: &Options, rollouts: &[Played]) -> Result<Answer, Failure> {
-    let [played] = rollouts else {
-        let ids: Vec<&str> = rollouts.iter().map(|played| played.scene.id.as_str()).collect();
-        let message = format!("name one of the {} scenes with --scene: {}", ids.len(), ids.join(", "));
-        return Err(Failure::bad_input(message));
-    };
+fn played(options: &Options, played: &Played) -> Result<Answer, Failure> {
     if options.of.ego_log {
         let scene = played.with_ego_log()?.applied_to(&played.scene, &mut Vec::new()).map_err(Failure::bad_input)?;
         return recorded(options, &scene);
     }
-    let title = format!("{} in {}: {}", played.solution, played.scene.id, played.caption());
+    let title = title(played);
     draw(options, &played.drawing(), &title)?;
     let text = format!("{title}\n{}", in_words(&played.scene));
     let object = json!({
         "row": row(&played.scene),
         "attempt": played.solution,
-        "decision": played.traced.decision,
-        "outcome": played.traced.record.outcome,
-        "motion": played.traced.motion,
+        "decision": played.decision,
+        "outcome": played.outcome,
+        "motion": played.motion,
     });
     Ok(Answer::new(text, object))
 }

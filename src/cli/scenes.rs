@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::{left_out, readable, scene_export, scene_pools, scene_show};
+use super::{left_out, readable, scene_best, scene_draw, scene_export, scene_pools, scene_show};
 use crate::experiment::{self, Experiment};
 use crate::kernel::Threads;
 use crate::objects::spelling::nearest;
@@ -36,6 +36,10 @@ pub enum Command {
     Split(scene_pools::SplitOptions),
     /// Show one scene, as it is or as an attempt played it; draw it as SVG or as a page that plays it.
     Show(scene_show::Options),
+    /// Rank a run's rollouts by severity or realism, with the command that shows each.
+    Best(scene_best::Options),
+    /// Draw one scene or rollout as a strip of moments side by side, for a paper (SVG).
+    Draw(scene_draw::Options),
     /// Write scenes, as they are or as an attempt played them, in a format that other programs read.
     Export(scene_export::Options),
     /// Compare pools: speeds, gaps, accelerations, yaw rates, conflicts, side by side.
@@ -97,6 +101,8 @@ pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
         Command::Merge(options) => scene_pools::merge(&options, jobs),
         Command::Split(options) => scene_pools::split(&options, jobs),
         Command::Show(options) => scene_show::run(&options, jobs),
+        Command::Best(options) => scene_best::run(&options, jobs),
+        Command::Draw(options) => scene_draw::run(&options, jobs),
         Command::Export(options) => scene_export::run(&options, jobs),
         Command::Stats(options) => stats(&options, jobs),
     }

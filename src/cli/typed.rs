@@ -23,6 +23,12 @@ fn recording(typed: impl Iterator<Item = OsString>) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
+/// The command that shows, draws or exports one rollout of a run, with options of its own at the end.
+pub fn rollout_command(action: &str, run: &Path, attempt: &str, scene: &str, options: &str) -> String {
+    let [run, attempt, scene] = [&run.to_string_lossy(), attempt, scene].map(quoted);
+    format!("evodrive scenes {action} --run {run} --attempt {attempt} --scene {scene} {options}")
+}
+
 /// A word as a shell reads it back.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "._-/=:,+@%".contains(c);

@@ -48,20 +48,20 @@ pub struct SvgOptions {
     pub title: String,
 }
 
-struct Palette {
-    ground: &'static str,
+pub(super) struct Palette {
+    pub(super) ground: &'static str,
     surface: &'static str,
     edge: &'static str,
     divider: &'static str,
     opposite: &'static str,
     crosswalk: &'static str,
-    text: &'static str,
-    panel: &'static str,
+    pub(super) text: &'static str,
+    pub(super) panel: &'static str,
     outline: &'static str,
 }
 
 impl Theme {
-    fn palette(self) -> Palette {
+    pub(super) fn palette(self) -> Palette {
         match self {
             Theme::Light => Palette {
                 ground: "#eef1ec",
@@ -124,21 +124,53 @@ pub fn svg(drawing: &Drawing, options: &SvgOptions) -> String {
         escaped(if options.title.is_empty() { "driving scene" } else { &options.title }),
         palette.ground
     );
-    draw_road(&mut out, drawing, &view, &palette);
     let step = options.step.unwrap_or(drawing.current_step).min(drawing.steps.saturating_sub(1));
-    draw_lights(&mut out, drawing, &view, step);
-    if options.trails {
-        for actor in by_importance(drawing) {
-            draw_trail(&mut out, actor, &view, step, options.theme);
-        }
-    }
-    for actor in by_importance(drawing) {
-        draw_actor(&mut out, actor, &view, step, options, &palette);
-    }
+    scenery(&mut out, drawing, &view, options, step);
     draw_contact(&mut out, drawing, &view, &palette);
     draw_legend(&mut out, drawing, &view, options, &palette, step);
     out.push_str("</svg>\n");
     out
+}
+
+/// Road, lights, ways and road users at a step.
+fn scenery(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, step: usize) {
+    let palette = options.theme.palette();
+    draw_road(out, drawing, view, &palette);
+    draw_lights(out, drawing, view, step);
+    if options.trails {
+        for actor in by_importance(drawing) {
+            draw_trail(out, actor, view, step, options.theme);
+        }
+    }
+    for actor in by_importance(drawing) {
+        draw_actor(out, actor, view, step, options, &palette);
+    }
+}
+
+/// One moment in a strip: the contact is marked from when it happens.
+pub(super) fn moment(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOptions, step: usize) {
+    scenery(out, drawing, view, options, step);
+    if drawing.contact.as_ref().is_some_and(|contact| step >= contact.step) {
+        draw_contact(out, drawing, view, &options.theme.palette());
+    }
+}
+
+/// The roles that occur with their colours, in one line from a place on, pixels.
+pub(super) fn key_of_roles(out: &mut String, drawing: &Drawing, theme: Theme, (x, y): (f64, f64)) {
+    let mut at = x;
+    for role in drawing.roles() {
+        let _ = writeln!(
+            out,
+            "<rect x=\"{at:.1}\" y=\"{:.1}\" width=\"16\" height=\"10\" rx=\"2\" fill=\"{}\"/>\
+             <text x=\"{:.1}\" y=\"{y:.1}\" font-size=\"12\" fill=\"{}\">{}</text>",
+            y - 9.5,
+            colour(role, theme),
+            at + 22.0,
+            theme.palette().text,
+            role.label()
+        );
+        at += 44.0 + 7.0 * role.label().len() as f64;
+    }
 }
 
 /// The main road users come last, so that they are on top.
@@ -153,12 +185,12 @@ fn leading(role: Role) -> bool {
 }
 
 /// From metres to pixels, y upwards to y downwards.
-struct View {
+pub(super) struct View {
     low: Vec2,
     high: Vec2,
     scale: f64,
-    width_px: f64,
-    height_px: f64,
+    pub(super) width_px: f64,
+    pub(super) height_px: f64,
 }
 
 /// A margin around everything, metres, and limits of the picture's height by its width.
@@ -166,7 +198,7 @@ const MARGIN_M: f64 = 4.0;
 const HEIGHT_SHARE: (f64, f64) = (0.42, 1.1);
 
 impl View {
-    fn of(drawing: &Drawing, options: &SvgOptions) -> View {
+    pub(super) fn of(drawing: &Drawing, options: &SvgOptions) -> View {
         let places =
             |actor: &Actor| -> Vec<Vec2> { actor.samples.iter().flatten().map(|s| Vec2::new(s[0], s[1])).collect() };
         let mut points: Vec<Vec2> = Vec::new();
@@ -409,7 +441,7 @@ fn draw_legend(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOp
         (24.0 + 7.4 * options.title.chars().count() as f64).max(150.0),
         palette.panel
     );
-    let seconds = (step as f64 - drawing.current_step as f64) * drawing.dt_s;
+    let seconds = step as f64 * drawing.dt_s;
     let heading = if options.title.is_empty() { "driving scene" } else { &options.title };
     out.push_str(&text(22.0, 31.0, 13.0, 600, heading));
     for (k, role) in roles.iter().enumerate() {
@@ -434,5 +466,5 @@ fn draw_legend(out: &mut String, drawing: &Drawing, view: &View, options: &SvgOp
         y - 6.0,
         palette.text
     );
-    out.push_str(&text(x + px + 8.0, y + 2.0, 12.0, 400, &format!("{length:.0} m, t = {seconds:+.1} s")));
+    out.push_str(&text(x + px + 8.0, y + 2.0, 12.0, 400, &format!("{length:.0} m, t = {seconds:.1} s")));
 }

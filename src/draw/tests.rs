@@ -94,3 +94,46 @@ fn pictures_for_the_eye_are_written_where_asked() {
         std::fs::write(format!("{folder}/{}.html", kind.name()), player_html(&drawing, kind.name())).unwrap();
     }
 }
+
+/// The `t = ..` lines of a strip, in order.
+fn moments(strip: &str) -> Vec<String> {
+    let after = strip.split(">t = ").skip(1);
+    after.filter_map(|rest| Some(rest.split_once(" s<")?.0.to_string())).collect()
+}
+
+#[test]
+fn a_strip_shows_each_moment_once_in_its_own_panel_and_the_contact_from_when_it_happens() {
+    let mut drawing = Drawing::of_scene(&scene(WorldKind::Merge));
+    let ego = drawing.actors.iter().find(|actor| actor.role == Role::Ego).unwrap();
+    let at = |step: usize| ego.samples[step].map(|s| Vec2::new(s[0], s[1])).unwrap();
+    let places: Vec<Vec2> = [10, 20, 30].map(at).to_vec();
+    assert!(places[0].distance(places[2]) > 1.0, "the ego moves");
+    drawing.contact = Some(Contact { step: 20, point: places[1], label: "the contact".into() });
+    let of = |steps: Vec<usize>| StripOptions {
+        panel_px: 320.0,
+        theme: Theme::Light,
+        frame: Frame::Around(12.0),
+        steps,
+        title: "a <strip>".into(),
+    };
+    let picture = strip(&drawing, &of(vec![10, 20, 30]));
+    assert!(elements(&picture) > 100 && picture.contains("a &lt;strip&gt;"));
+    assert_eq!(moments(&picture), ["1.0", "2.0", "3.0"]);
+    let panels: Vec<&str> = picture.split("<svg x=").skip(1).map(|rest| rest.split("</svg>").next().unwrap()).collect();
+    assert_eq!(panels.iter().map(|panel| panel.contains("the contact")).collect::<Vec<_>>(), [false, true, true]);
+    // Panels differ by where the road users are, not by the part of the world: the road's edges are drawn at the same places.
+    let road =
+        |panel: &str| panel.lines().filter(|line| line.contains("#5d6672")).map(String::from).collect::<Vec<_>>();
+    assert!(!road(panels[0]).is_empty() && road(panels[0]) == road(panels[1]) && panels[0] != panels[1]);
+    assert_eq!(strip(&drawing, &of(vec![10, 20, 30])), picture, "the same bytes");
+}
+
+#[test]
+fn even_steps_begin_and_end_where_asked_and_never_repeat() {
+    assert_eq!(even_steps(10, 40, 4), [10, 20, 30, 40]);
+    assert_eq!(even_steps(10, 25, 3), [10, 18, 25]);
+    assert_eq!(even_steps(10, 12, 5), [10, 11, 12]);
+    assert_eq!(even_steps(7, 30, 1), [30], "one picture is that of the end");
+    assert_eq!(even_steps(9, 9, 4), [9]);
+    assert_eq!(even_steps(9, 3, 2), [9], "an end before the start is the start");
+}

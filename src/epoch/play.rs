@@ -13,7 +13,7 @@ use crate::evaluation::RolloutRecord;
 use crate::kernel::Seed;
 use crate::objects::{Counsel, Counselled, Program};
 use crate::scene::Sample;
-use crate::sim::{Intervention, Trace, commands};
+use crate::sim::{Intervention, Outcome, Trace, commands};
 
 /// Plays a study's rollouts again.
 pub struct Player<'s> {
@@ -49,6 +49,16 @@ impl<'s> Player<'s> {
         let counsel = self.counsels.at(self.study, spec, place).map_err(|error| error.to_string())?;
         let place = (&self.study.scenes[place], &spec.ego);
         traced(&self.backend, &prepared, &situation, (self.study.seed, counsel), place)
+    }
+
+    /// The scene at a place without a program, driven by a lineage's ego: outcome and motion, or the reason why there are none.
+    ///
+    /// # Errors
+    /// The scene cannot be played, or another simulator's rollout of it is not recorded.
+    pub fn replay(&self, spec: &LineageSpec, place: usize) -> Result<(Outcome, Trace), String> {
+        let situation = self.situations.at(place, &spec.ego, &self.backend).map_err(NoOutcome::reason)?;
+        let nothing = Intervention::default();
+        self.backend.traced(&situation.plant, &nothing, &spec.ego, self.study.seed).map_err(NoOutcome::reason)
     }
 }
 

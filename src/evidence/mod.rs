@@ -3,7 +3,9 @@
 pub mod agreement;
 pub mod attempt_text;
 pub mod audit;
+pub mod best;
 pub mod cell;
+pub mod choice;
 pub mod composition_text;
 pub mod counsel_text;
 pub mod data;

@@ -302,7 +302,9 @@ fn help_texts_are_goldens() {
     for command in ["create", "inspect", "verify", "import"] {
         text += &format!("\n---- evodrive bundle {command} --help\n{}", run(&["bundle", command, "--help"]).stdout);
     }
-    for command in ["import", "generate", "check", "filter", "merge", "split", "list", "show", "export", "stats"] {
+    let scenes =
+        ["import", "generate", "check", "filter", "merge", "split", "list", "show", "best", "draw", "export", "stats"];
+    for command in scenes {
         text += &format!("\n---- evodrive scenes {command} --help\n{}", run(&["scenes", command, "--help"]).stdout);
     }
     assert_eq!(text, golden, "if this is meant, run .ci/bless and say why");

@@ -1,15 +1,19 @@
 //! What the report tells of runs of any size.
 
+use evodrive::archive::SelectorOptions;
 use evodrive::evidence::RecordedRun;
-use evodrive::evidence::report::{Stage, html};
+use evodrive::evidence::report::{Beside, Stage, html};
 use evodrive::store::read_events;
 use serde_json::Value;
 
 use crate::harness::report_data;
 use crate::quickstart::finished;
 
+/// As in the quickstart.
+const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
+
 fn attempts(story: &RecordedRun) -> Vec<Value> {
-    report_data(&html(story, &Stage::default(), None, None))[0]["attempts"].as_array().unwrap().clone()
+    report_data(&html(story, &Stage::default(), &Beside { selector: &SELECTOR, cost: None, agreement: None }))[0]["attempts"].as_array().unwrap().clone()
 }
 
 /// A page of ten thousand whole stories has forty megabytes: of a large run only accepted attempts are told in full. None is left

@@ -15,7 +15,10 @@ const ALLOWED: &[(&str, &str)] = &[
         "cli/args cli/bundle cli/bundle_replay cli/plan cli/report cli/run cli/shard cli/shard_merge cli/shard_plan cli/shard_target",
         "arguments and the commands that take them",
     ),
-    ("cli/scene_export cli/scene_pools cli/scene_show cli/scenes", "a command and its subcommands"),
+    (
+        "cli/scene_best cli/scene_draw cli/scene_export cli/scene_pools cli/scene_show cli/scenes",
+        "a command and its subcommands",
+    ),
     ("compiler/prepared compiler/walk", "a prepared program and its way through a scene"),
     (
         "evaluation/metrics evaluation/metrics/acceleration evaluation/metrics/continuity evaluation/metrics/jerk \

@@ -301,8 +301,8 @@ const EvoPlayer = (() => {
     }
 
     function updateReadout() {
-      const now = (state.time - drawing.current_step) * drawing.dt_s;
-      clock.textContent = `${now < 0 ? "−" : "+"}${Math.abs(now).toFixed(1)} s of ${((last - drawing.current_step) * drawing.dt_s).toFixed(1)}`;
+      const now = state.time * drawing.dt_s; // seconds of the scene, as in captions
+      clock.textContent = `${now.toFixed(1)} s of ${(last * drawing.dt_s).toFixed(1)}`;
       slider.value = Math.round(state.time);
       slider.setAttribute("aria-valuetext", now.toFixed(1) + " seconds");
       readout.textContent = "";

@@ -3,14 +3,18 @@
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-use super::super::agreement;
+use super::super::choice::Choice;
 use super::super::recorded_run::RecordedRun;
+use super::super::tables::compared;
+use super::beside::Beside;
+use super::terms::terms;
 use crate::evidence::audit;
 use crate::evidence::evaluator::Evolution;
 use crate::kernel::num;
 use crate::objects::{
-    Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, cost::RunCost, edit_categories,
-    event::LineageResult, program_diff,
+    Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, edit_categories,
+    event::{LineageResult, Measured},
+    program_diff,
 };
 
 /// Attempts that a page tells in full. Of a larger run it does so of the accepted ones, and the others in short: a page of ten
@@ -28,9 +32,9 @@ const ROLES: [Role; 7] = [
 ];
 
 /// Everything but the player's scenes.
-pub fn of(story: &RecordedRun, cost: Option<&RunCost>, agreement: Option<&agreement::Report>) -> Value {
+pub fn of(story: &RecordedRun, beside: &Beside<'_>) -> Value {
     let names = Names::of(story);
-    let lineages: Vec<Value> = story.parents.iter().map(|p| lineage(story, &p.lineage)).collect();
+    let lineages: Vec<Value> = story.parents.iter().map(|p| lineage(story, &p.lineage, beside)).collect();
     let mut page = json!({
         "name": story.opened.name,
         "root": story.root,
@@ -48,37 +52,43 @@ pub fn of(story: &RecordedRun, cost: Option<&RunCost>, agreement: Option<&agreem
         "replay": story.replays.iter().map(|replayed| &replayed.row).collect::<Vec<_>>(),
         "lineages": lineages,
         "counsels": story.counsels.iter().map(counsel).collect::<Vec<_>>(),
-        "cost": cost,
+        "cost": beside.cost,
         "findings": audit(story),
         "scenes": names.scenes,
         "diagnostics": names.diagnostics,
         "model_names": names.models,
         "roles": ROLES.map(Role::name),
+        "terms": terms(),
         "attempts": attempts(story, &names, IN_FULL_MAX),
     });
     if let Some(evolution) = Evolution::of(story) {
         page["evolution"] = json!(evolution);
     }
-    if let Some(agreement) = agreement {
+    if let Some(agreement) = beside.agreement {
         page["agreement"] = json!(agreement);
     }
     page
 }
 
-fn lineage(story: &RecordedRun, id: &LineageId) -> Value {
+fn lineage(story: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
     let parent = story.parents.iter().find(|p| p.lineage == *id);
     let result: Option<&LineageResult> =
         story.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == *id));
+    let frozen = || story.frozen.iter().filter(|f| f.lineage == *id);
     let epochs: Vec<Value> = story
         .settled
         .iter()
         .filter(|s| s.lineage == *id)
         .map(|s| json!({"epoch": s.epoch, "hypervolume": s.hypervolume, "front": s.front, "active": s.active}))
         .collect();
-    let parent_scores: Vec<Value> = story
-        .frozen
+    let windows: Vec<Value> = frozen().map(|f| json!([f.epoch, f.window.len(), f.scenes_so_far])).collect();
+    let held_out: Vec<Value> = story
+        .held_out
         .iter()
-        .filter(|f| f.lineage == *id)
+        .filter(|of| of.lineage == *id)
+        .map(|of| json!({"measured": Measured::new(of.solution.clone(), &of.score), "roles": of.roles, "scenes": of.score.scenes.len()}))
+        .collect();
+    let parent_scores: Vec<Value> = frozen()
         .map(|f| json!({"epoch": f.epoch, "solution": f.parent, "objectives": f.parent_score.objectives}))
         .collect();
     let mut object = json!({
@@ -89,8 +99,15 @@ fn lineage(story: &RecordedRun, id: &LineageId) -> Value {
         "active": story.active(id),
         "epochs": epochs,
         "parent_scores": parent_scores,
+        "windows": windows,
+        "held_out": held_out,
+        "choice": Choice::of(story, id, beside.selector),
         "result": result,
     });
+    // SafeBench's scores are of whole sets of runs: the tables of that protocol have their intervals.
+    if let Some(result) = result.filter(|_| story.rounds.is_empty()) {
+        object["compared"] = json!(compared((story, &result.parent.solution), (story, &result.evolved.solution)));
+    }
     // Only where the parent is no published one.
     if let Some(adopted) = parent.filter(|adopted| !adopted.origins.is_empty()) {
         object["origins"] = adopted.origins.iter().map(Origin::to_string).collect();

@@ -1,15 +1,16 @@
 //! The report: one self-contained HTML file that opens offline.
 
+mod beside;
 mod data;
 mod packed;
 mod stage;
+mod terms;
 
+pub use beside::Beside;
 pub use stage::{Playable, Stage, Unplayed};
 
-use super::agreement;
 use super::recorded_run::RecordedRun;
 use crate::draw::{PLAYER_CSS, PLAYER_JS, script_json};
-use crate::objects::cost::RunCost;
 
 const PAGE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
@@ -17,15 +18,8 @@ const UNPACK: &str = include_str!("assets/unpack.js");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
-/// `cost` is what the run cost, where that is known; `agreement` is how far another simulator's run agrees, where one was
-/// compared.
-pub fn html(
-    story: &RecordedRun,
-    stage: &Stage,
-    cost: Option<&RunCost>,
-    agreement: Option<&agreement::Report>,
-) -> String {
-    let data = script_json(&(data::of(story, cost, agreement), packed::stage(stage)));
+pub fn html(story: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
+    let data = script_json(&(data::of(story, beside), packed::stage(stage)));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),

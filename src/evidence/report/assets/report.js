@@ -11,7 +11,14 @@
       if (key === "class") node.className = value; else if (key.startsWith("on")) node.addEventListener(key.slice(2), value); else node.setAttribute(key, value);
     }
     for (const child of children.flat()) if (child !== null && child !== undefined) node.append(child);
+    if (/^(th|h3|span|b)$/.test(name)) explain(node);
     return node;
+  }
+  // What a word means, from the glossary; "" where it has no entry.
+  const meaning = (text) => data.terms[text.trim().toLowerCase()] || "";
+  function explain(node) {
+    const means = node.children.length ? "" : meaning(node.textContent);
+    if (means) { node.title = means; node.classList.add("term"); }
   }
   function svg(name, attributes = {}, ...children) {
     const node = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -55,7 +62,13 @@
         el("tr", {}, head.map((h, i) => el("th", i && i < 12 ? { class: "num" } : {}, h)))),
       el("tbody", {}, data.replay.filter((r) => r.suite === "held_out").map(nothing), rows.map(({ result: r }) => el("tr", {}, name(r.lineage), ...four(r.parent), ...four(r.evolved),
         cell(signed(r.evolved.objectives.attack - r.parent.objectives.attack, 3)), cell(signed(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2)),
-        cell(signed(r.pf_area_at_3_pct, 1)), el("td", {}, el("code", {}, r.evolved.solution)))))));
+        cell(signed(r.pf_area_at_3_pct, 1)), el("td", {}, el("code", {}, r.evolved.solution), " ", playButton(r.evolved.solution)))))));
+    byId("result-table").append(downloads(null, "result", [["lineage", ...["parent", "evolved"].flatMap((of) => ["attack", "any crash", "RP %", "coverage"].map((h) => `${of} ${h}`)), "PF-Area@3 %", "chosen program"],
+      ...rows.map(({ result: r }) => [r.lineage, ...[r.parent, r.evolved].flatMap((m) => [m.objectives.attack, m.any_contact, m.realism_penalty_pct, m.coverage]), r.pf_area_at_3_pct, r.evolved.solution])]));
+    const estimate = (e, sign) => (sign ? signed(e.value, 3) : fixed(e.value, 3)) + (e.interval ? ` [${e.interval.map((x) => sign ? signed(x, 3) : fixed(x, 3)).join(", ")}]` : "");
+    const compared = rows.filter((l) => l.compared).flatMap((l) => l.compared.quantities.map((q) => [l.id, q.quantity, q.scenes, estimate(q.first), estimate(q.second), estimate(q.difference, true)]));
+    byId("compared").hidden = !compared.length;
+    if (compared.length) byId("compared-table").append(sortable(["Lineage", "Quantity", "Paired scenes", "Parent", "Chosen", "Chosen − parent"], compared.map((row) => row.map((cell, i) => i === 2 ? [cell, 0] : cell)), "compared", 24));
     const scenes = rows[0].result.held_out_scenes;
     byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families, realism is ARS" : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the ego meets anyone. RP = 100 (1 − realism), lower is more realistic: over the scenes that a program acts in or, where that is worse, over those in which it succeeds; coverage is the share of scenes acted in. The first row is the recorded scenes without a program: what the ego runs into anyway, and the RP of the recorded traffic itself.` +
       (!data.scripted_roles.length ? "" : data.scripted_roles.length === Object.keys(data.models).length
@@ -87,53 +100,123 @@
 
   // --- charts
   function axes(width, height, xRange, yRange, xLabel, yLabel) {
-    const m = { left: 52, right: 14, top: 12, bottom: 40 };
+    const m = { left: 62, right: 14, top: 12, bottom: 40 };
     const x = (v) => m.left + (v - xRange[0]) / (xRange[1] - xRange[0]) * (width - m.left - m.right);
     const y = (v) => height - m.bottom - (v - yRange[0]) / (yRange[1] - yRange[0]) * (height - m.top - m.bottom);
     const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${yLabel} over ${xLabel}` });
     const ticks = (range, n) => { const step = niceStep((range[1] - range[0]) / n), out = []; for (let k = Math.ceil(range[0] / step - 1e-9); k * step <= range[1] + 1e-9; k++) out.push(k * step); return out; };
     const decimals = (range, n) => Math.max(0, Math.min(4, -Math.floor(Math.log10(niceStep((range[1] - range[0]) / n)) + 1e-9)));
-    for (const t of ticks(xRange, 6)) root.append(svg("line", { class: "grid", x1: x(t), x2: x(t), y1: m.top, y2: height - m.bottom }), svg("text", { class: "dim", x: x(t), y: height - m.bottom + 16, "text-anchor": "middle" }, t.toFixed(decimals(xRange, 6))));
+    for (const t of ticks(xRange, width < 400 ? 4 : 6)) root.append(svg("line", { class: "grid", x1: x(t), x2: x(t), y1: m.top, y2: height - m.bottom }), svg("text", { class: "dim", x: x(t), y: height - m.bottom + 16, "text-anchor": "middle" }, t.toFixed(decimals(xRange, 6))));
     for (const t of ticks(yRange, 5)) root.append(svg("line", { class: "grid", x1: m.left, x2: width - m.right, y1: y(t), y2: y(t) }), svg("text", { class: "dim", x: m.left - 8, y: y(t) + 4, "text-anchor": "end" }, t.toFixed(decimals(yRange, 5))));
     root.append(svg("text", { x: (m.left + width - m.right) / 2, y: height - 6, "text-anchor": "middle" }, xLabel), svg("text", { x: 14, y: (height - m.bottom) / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${(height - m.bottom) / 2})` }, yLabel));
     return { root, x, y };
   }
+  // As wide as its place on a narrow window, so that labels keep their size.
+  const wide = (id, most) => Math.max(280, Math.min(most, byId(id).clientWidth || most));
   function niceStep(raw) { const power = 10 ** Math.floor(Math.log10(raw)); const r = raw / power; return (r > 5 ? 10 : r > 2 ? 5 : r > 1 ? 2 : 1) * power; }
   function padded(values, least) { let lo = Math.min(...values), hi = Math.max(...values); const pad = Math.max((hi - lo) * 0.08, least); return [lo - pad, hi + pad]; }
 
+  // Points of the plane under the labels that the reader chose. Those of different suites are never drawn together.
+  const SUITES = { window: "each on the window of its epoch", pool: "whole evolution pool", held_out: "held-out scenes" };
+  function planePoints(lineage, suite) {
+    const point = (solution, objectives, mark, on, colour, id) => ({ solution, objectives, mark, on, colour, id });
+    const told = (of) => data.attempts.find((a) => a.lineage === lineage.id && a.solution === of);
+    const roles = (solution, more) => [solution === lineage.parent ? "parent" : "", lineage.result && lineage.result.evolved.solution === solution ? "chosen" : "", ...more].filter(Boolean).join(", ");
+    const compared = (m, scenes, more) => { const a = told(m.solution); return point(m.solution, m.objectives, roles(m.solution, more), scenes, a ? COLOURS[standing(a)] : "var(--ink)", a && a.id); };
+    if (suite === "pool") return (lineage.choice ? lineage.choice.rows : []).filter((r) => r.coverage > 0).map((r) => compared(r, `the whole evolution pool, ${lineage.choice.scenes} scenes`, [(r.standing || "").replaceAll("_", " "), r.on_front ? "on the front" : ""].filter((w) => w !== "chosen")));
+    if (suite === "held_out") return lineage.held_out.filter((h) => h.measured.coverage > 0).map((h) => compared(h.measured, `${h.scenes} held-out scenes`, h.roles.filter((r) => r !== "parent" && r !== "active")));
+    const window = (epoch) => { const w = lineage.windows.find((w) => w[0] === epoch); return `the window of epoch ${epoch}${w ? `, ${w[1]} scenes` : ""}`; };
+    const children = data.attempts.filter((a) => a.lineage === lineage.id && a.objectives).map((a) => point(a.solution || a.id, a.objectives, roles(a.solution, [standing(a)]), window(a.epoch), COLOURS[standing(a)], a.id));
+    return [...children, ...lineage.parent_scores.slice(0, 1).map((p) => point(p.solution, p.objectives, "parent", window(p.epoch), "var(--ink)", null))];
+  }
   function drawFront() {
-    const id = byId("front-lineage").value;
+    const id = byId("front-lineage").value, suite = byId("front-suite").value;
     const lineage = data.lineages.find((l) => l.id === id);
-    const points = data.attempts.filter((a) => a.lineage === id && a.objectives);
-    const parents = lineage.parent_scores;
-    const last = lineage.epochs[lineage.epochs.length - 1];
-    const front = last ? [...last.front].sort((a, b) => a.objectives.realism - b.objectives.realism) : [];
-    const all = [...points.map((a) => a.objectives), ...parents.map((p) => p.objectives), ...front.map((p) => p.objectives)];
+    const last = lineage.epochs[lineage.epochs.length - 1], seen = lineage.windows[lineage.windows.length - 1];
+    const points = planePoints(lineage, suite);
+    const front = suite === "window" && last ? [...last.front].sort((a, b) => a.objectives.realism - b.objectives.realism) : [];
+    const all = [...points, ...front].map((p) => p.objectives);
     byId("front-chart").replaceChildren(); byId("hv-chart").replaceChildren();
-    if (!all.length) return byId("front-chart").append("Nothing was evaluated in this lineage.");
-    const chart = axes(620, 400, padded(all.map((o) => o.realism), 0.002), padded(all.map((o) => o.attack), 0.02), "realism R", "attack A");
+    drawChoice(lineage);
+    byId("front-caption").textContent = {
+      window: `Dots: every evaluated candidate, each measured on the window of its own epoch, so that dots of different epochs rest on different scenes (hover names them). Line and squares: the archive's front after the last epoch, measured on the scenes of all windows so far${seen ? ` (${seen[2]})` : ""}.`,
+      pool: "Those who were compared in the end, each measured on every scene of the evolution pool: what the choice rests on.",
+      held_out: "Those whom the result names, measured on the held-out scenes, which were opened after the choice.",
+    }[suite] + " Rings: parent and chosen program.";
+    if (!all.length) return byId("front-chart").append("Nothing of this lineage was measured there.");
+    const chart = axes(wide("front-chart", 620), 400, padded(all.map((o) => o.realism), 0.002), padded(all.map((o) => o.attack), 0.02), "realism R", "attack A");
     if (front.length) {
       const line = front.map((p, i) => `${i ? "L" : "M"}${chart.x(p.objectives.realism)},${chart.y(p.objectives.attack)}` + (i + 1 < front.length ? `L${chart.x(p.objectives.realism)},${chart.y(front[i + 1].objectives.attack)}` : "")).join("");
       chart.root.append(svg("path", { d: line, fill: "none", stroke: "var(--accent)", "stroke-width": 1.6 }));
+      for (const p of front) {
+        const square = svg("rect", { x: chart.x(p.objectives.realism) - 4, y: chart.y(p.objectives.attack) - 4, width: 8, height: 8, fill: "var(--accent)" });
+        square.append(svg("title", {}, `${p.solution} on the front: attack ${fixed(p.objectives.attack, 3)}, realism ${fixed(p.objectives.realism, 4)}, measured on the ${seen ? seen[2] : ""} scenes of all windows so far`));
+        chart.root.append(square);
+      }
     }
-    for (const a of points) {
-      const dot = svg("circle", { class: "pick", tabindex: 0, cx: chart.x(a.objectives.realism), cy: chart.y(a.objectives.attack), r: 5, fill: COLOURS[standing(a)], "fill-opacity": 0.85, onclick: () => openAttempt(a.id), onkeydown: (e) => { if (e.key === "Enter") openAttempt(a.id); } });
-      dot.append(svg("title", {}, `${a.id}: attack ${fixed(a.objectives.attack, 3)}, realism ${fixed(a.objectives.realism, 4)} (${standing(a)})`));
+    for (const p of points) {
+      const pick = p.id ? { class: "pick", tabindex: 0, onclick: () => openAttempt(p.id), onkeydown: (e) => { if (e.key === "Enter") openAttempt(p.id); } } : {};
+      const dot = svg("circle", { ...pick, cx: chart.x(p.objectives.realism), cy: chart.y(p.objectives.attack), r: 5, fill: p.colour, "fill-opacity": 0.85 });
+      dot.append(svg("title", {}, `${p.solution}: attack ${fixed(p.objectives.attack, 3)}, realism ${fixed(p.objectives.realism, 4)} (${p.mark}), measured on ${p.on}`));
+      if (/parent|chosen/.test(p.mark)) chart.root.append(svg("circle", { cx: chart.x(p.objectives.realism), cy: chart.y(p.objectives.attack), r: 9, fill: "none", stroke: /parent/.test(p.mark) ? "var(--ink)" : COLOURS.promoted, "stroke-width": 2 }));
       chart.root.append(dot);
     }
-    const ring = (o, label, colour) => { const g = svg("circle", { cx: chart.x(o.realism), cy: chart.y(o.attack), r: 9, fill: "none", stroke: colour, "stroke-width": 2 }); g.append(svg("title", {}, label)); chart.root.append(g); };
-    if (parents.length) ring(parents[0].objectives, `${lineage.parent}, first window`, "var(--ink)");
-    const active = points.find((a) => a.solution === lineage.active);
-    if (active) ring(active.objectives, `${lineage.active} (active)`, COLOURS.promoted);
-    const played = data.replay.find((r) => r.suite === "evolution" && r.ego === lineage.ego);
-    byId("front-chart").append(chart.root);
-    if (played) byId("front-chart").append(el("p", { class: "dim" }, `Replay (no program): attack 0 and no place in this plane, because it acts nowhere; the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of the evolution scenes.`));
-    const hv = lineage.epochs.map((e) => [e.epoch + 1, e.hypervolume]);
+    const played = data.replay.find((r) => r.suite === (suite === "held_out" ? "held_out" : "evolution") && r.ego === lineage.ego);
+    byId("front-chart").append(chart.root, downloads(chart.root, `front-${lineage.id}-${suite}`, [["program", "attack", "realism", "measured on", "standing"], ...points.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, p.mark]), ...front.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, `the ${seen ? seen[2] : ""} scenes of all windows so far`, "on the front"])]));
+    if (played) byId("front-chart").append(el("p", { class: "note" }, `Replay (no program): attack 0 and no place in this plane, because it acts nowhere; the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of ${played.scenes} ${suite === "held_out" ? "held-out" : "evolution"} scenes.`));
+    const hv = lineage.epochs.map((e) => [e.epoch, e.hypervolume]);
     if (!hv.length) return;
-    const plot = axes(420, 400, [0.7, Math.max(hv.length, 2) + 0.3], padded(hv.map((p) => p[1]), 0.005), "epoch", "hypervolume");
+    const plot = axes(wide("hv-chart", 420), wide("hv-chart", 420) < 400 ? 260 : 400, [-0.3, Math.max(hv.length, 2) - 0.7], padded(hv.map((p) => p[1]), 0.005), "epoch", "hypervolume");
     plot.root.append(svg("path", { d: hv.map((p, i) => `${i ? "L" : "M"}${plot.x(p[0])},${plot.y(p[1])}`).join(""), fill: "none", stroke: "var(--accent)", "stroke-width": 2 }));
     for (const p of hv) { const dot = svg("circle", { cx: plot.x(p[0]), cy: plot.y(p[1]), r: 4, fill: "var(--accent)" }); dot.append(svg("title", {}, `epoch ${p[0]}: ${p[1].toFixed(5)}`)); plot.root.append(dot); }
-    byId("hv-chart").append(plot.root);
+    byId("hv-chart").append(plot.root, downloads(plot.root, `hypervolume-${lineage.id}`, [["epoch", "hypervolume"], ...hv]));
+  }
+  // Why the lineage reports what it reports, and what everybody who was compared scores on the whole pool.
+  function drawChoice(lineage) {
+    const choice = lineage.choice;
+    byId("choice").hidden = !choice;
+    if (!choice) return;
+    byId("choice-head").textContent = `Why ${choice.chosen}`;
+    byId("choice-note").textContent = `Labels on the whole evolution pool, ${choice.scenes} scenes. Rule of the experiment: ${choice.rule}.`;
+    byId("choice-table").replaceChildren(sortable(["Program", "Attack", "Realism", "Coverage", "Any crash", "On the front", "Standing"],
+      choice.rows.map((r) => [r.solution, [r.objectives.attack, 3], [r.objectives.realism, 4], [r.coverage, 2], [r.any_contact, 3], r.on_front ? "yes" : "no", (r.standing || "").replaceAll("_", " ")]), `choice-${lineage.id}`));
+    byId("choice-reasons").replaceChildren(...choice.reasons.map((r) => el("li", {}, r)), ...(choice.cut.length ? [el("li", {}, `Not measured there, left out by the budget of finalists: ${choice.cut.join(", ")}.`)] : []));
+  }
+
+  // --- lists and figures to take away
+  const csv = (rows) => rows.map((row) => row.map((cell) => /[",\n]/.test(String(cell)) ? `"${String(cell).replaceAll('"', '""')}"` : String(cell)).join(",")).join("\n") + "\n";
+  function save(name, type, text) {
+    const link = el("a", { href: URL.createObjectURL(new Blob([text], { type })), download: name });
+    link.click(); setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  }
+  // The picture with the colours that it is shown in: it stands without the page's style.
+  function standalone(root) {
+    const copy = root.cloneNode(true), shown = root.querySelectorAll("*");
+    copy.querySelectorAll("*").forEach((node, i) => { const style = getComputedStyle(shown[i]); for (const key of ["fill", "stroke", "stroke-dasharray", "font-family", "font-size"]) if (node.tagName !== "title") node.setAttribute(key, style.getPropertyValue(key)); });
+    copy.setAttribute("xmlns", "http://www.w3.org/2000/svg"); copy.removeAttribute("style");
+    return new XMLSerializer().serializeToString(copy);
+  }
+  function downloads(root, name, rows) {
+    const file = name.replace(/[^A-Za-z0-9_.-]+/g, "_"), button = (text, action) => el("button", { class: "save", onclick: action }, text);
+    return el("p", { class: "saves" }, root ? button("SVG", () => save(`${file}.svg`, "image/svg+xml", standalone(root))) : null, root ? " " : null, button("CSV", () => save(`${file}.csv`, "text/csv", csv(rows))));
+  }
+  // A table whose heads sort, in pages; a number cell is [value, digits]. A missing value stands last.
+  function sortable(heads, rows, name, rowsAPage = 50) {
+    const number = (i) => rows.some((row) => Array.isArray(row[i])), value = (cell) => Array.isArray(cell) ? cell[0] : cell;
+    let by = null, up = true, at = 0;
+    const tbody = el("tbody"), count = el("span", { role: "status" }), before = el("button", { onclick: () => { at--; draw(); } }, "before"), next = el("button", { onclick: () => { at++; draw(); } }, "next");
+    const head = (text, i) => el("th", number(i) ? { class: "num" } : {}, el("button", { class: "sort", title: [meaning(text), `sort by ${text.toLowerCase()}`].filter(Boolean).join(" – "), onclick: () => { up = by === i ? !up : !number(i); by = i; at = 0; draw(); } }, text));
+    const nothing = (v) => v === null || v === undefined || v === "";
+    function draw() {
+      const shown = by === null ? rows : rows.map((row, i) => [value(row[by]), i, row]).sort(([x, i], [y, j]) => nothing(x) - nothing(y) || (x < y ? -1 : x > y ? 1 : 0) * (up ? 1 : -1) || i - j).map(([, , row]) => row);
+      const pages = Math.max(1, Math.ceil(rows.length / rowsAPage));
+      tbody.replaceChildren(...shown.slice(at * rowsAPage, (at + 1) * rowsAPage).map((row) => el("tr", {}, row.map((cell) => Array.isArray(cell) ? el("td", { class: "num" }, fixed(cell[0], cell[1])) : el("td", /^[−+\d][\d.]* \[/.test(cell) ? { class: "name" } : {}, cell)))));
+      count.textContent = `page ${at + 1} of ${pages}`; before.disabled = at === 0; next.disabled = at + 1 >= pages;
+    }
+    draw();
+    const text = (cell) => cell instanceof Node ? cell.textContent : value(cell) ?? "";
+    return el("div", {}, el("table", {}, el("thead", {}, el("tr", {}, heads.map(head))), tbody),
+      el("div", { class: "controls below" }, rows.length > rowsAPage ? [before, count, next] : null, downloads(null, name, [heads, ...rows.map((row) => row.map(text))])));
   }
 
   // --- lineage tree: epochs from left to right, an edge from the parent that was edited
@@ -148,7 +231,7 @@
       const place = new Map([[lineage.parent, [40, 30 + dy * (slots - 1) / 2]]]);
       for (const a of attempts) if (a.solution) place.set(a.solution, [40 + dx * (a.epoch + 1), 30 + dy * a.slot]);
       const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, style: `max-width:${width}px;min-width:${Math.min(width, 700)}px`, role: "img", "aria-label": `lineage ${lineage.id}` });
-      for (let e = 0; e < epochs; e++) root.append(svg("text", { class: "dim", x: 40 + dx * (e + 1), y: 14, "text-anchor": "middle" }, `epoch ${e + 1}`));
+      for (let e = 0; e < epochs; e++) root.append(svg("text", { class: "dim", x: 40 + dx * (e + 1), y: 14, "text-anchor": "middle" }, `epoch ${e}`));
       for (const a of attempts) {
         const from = place.get(a.parent) || [40, 30], to = [40 + dx * (a.epoch + 1), 30 + dy * a.slot];
         const promoted = standing(a) === "promoted";
@@ -171,7 +254,7 @@
   const SORTED_BY = { Exit: (a) => standing(a), Attack: (a) => a.objectives && -a.objectives.attack, Realism: (a) => a.objectives && -a.objectives.realism, Predicted: (a) => a.route && -a.route.predicted.attack };
   const ROWS_A_PAGE = 200;
   let sortedBy = "Attempt", page = 0;
-  const head = (c, i) => el("th", i >= 2 && i <= 4 ? { class: "num" } : {}, c === "Attempt" || SORTED_BY[c] ? el("button", { class: "sort", title: `sort by ${c.toLowerCase()}`, onclick: () => { sortedBy = c; page = 0; drawAttempts(); } }, c) : c);
+  const head = (c, i) => el("th", i >= 2 && i <= 4 ? { class: "num" } : {}, c === "Attempt" || SORTED_BY[c] ? el("button", { class: "sort", title: [meaning(c), `sort by ${c.toLowerCase()}`].filter(Boolean).join(" – "), onclick: () => { sortedBy = c; page = 0; drawAttempts(); } }, c) : c);
   byId("attempt-table").querySelector("thead tr").append(...columns.map(head));
   function sorted(attempts) {
     const by = SORTED_BY[sortedBy];
@@ -237,7 +320,7 @@
     if (a.diff) right.push(el("h3", {}, "Change of the program"), el("pre", { class: "diff" }, a.diff.split("\n").map((line) => el("span", { class: line.startsWith("+") ? "add" : line.startsWith("-") ? "del" : line.startsWith("@@") ? "hunk" : "" }, line + "\n"))));
     else if (a.operations) right.push(el("h3", {}, "Patch"), el("pre", { class: "diff" }, JSON.stringify(a.operations, null, 2)));
     if (a.scenes) right.push(el("h3", {}, "Scenes"), el("div", { class: "wide" }, el("table", {}, el("thead", {}, el("tr", {}, el("th", {}, "Scene"), el("th", { class: "num" }, "Attack"), el("th", { class: "num" }, "Realism"), el("th", {}, "Below 1"))),
-      el("tbody", {}, a.scenes.map(([scene, attack, realism, applied, below]) => el("tr", {}, el("td", {}, data.scenes[scene] + (applied ? "" : " (not applied)")), el("td", { class: "num" }, fixed(attack, 2)), el("td", { class: "num" }, fixed(realism, 4)), el("td", {}, below.map(([n, d]) => `${data.diagnostics[n]} ${d.toFixed(3)}`).join(", "))))))));
+      el("tbody", {}, a.scenes.map(([scene, attack, realism, applied, below]) => el("tr", {}, el("td", {}, data.scenes[scene] + (applied ? " " : " (not applied) "), playButton(a.solution, data.scenes[scene])), el("td", { class: "num" }, fixed(attack, 2)), el("td", { class: "num" }, fixed(realism, 4)), el("td", {}, below.map(([n, d]) => `${data.diagnostics[n]} ${d.toFixed(3)}`).join(", "))))))));
     if (a.failures && a.failures.length) right.push(el("h3", {}, "Scenes without a label"), list(a.failures.map((f) => `${f.scene}: ${f.reason}`)));
     right.push(el("h3", {}, "Exchanges"), list(a.exchanges.map(([role, round, model, request, response, refusal]) => `${data.roles[role]} round ${round} (${data.model_names[model]}) request ${request} response ${response}${refusal ? ` – refused: ${refusal}` : ""}`)));
     return el("div", { class: "two" }, el("div", {}, left), el("div", {}, right));
@@ -356,6 +439,15 @@
     drawDisagreements();
   }
 
+  // Opens the player at the contact, where the page holds the rollout; else it says the command that draws it.
+  let openPlayer = () => {};
+  function playButton(solution, scene) {
+    const held = stage.rollouts.filter((p) => p.solution === solution && (!scene || p.scene === scene));
+    const met = held.find((p) => p.contact) || held[0];
+    if (met) return el("button", { class: "save", title: met.contact ? "plays it, at the contact" : "plays it", onclick: (e) => { e.stopPropagation(); openPlayer(solution, met.scene); } }, "play");
+    return scene ? el("span", { class: "note", title: `evodrive scenes show --attempt ${solution} --scene ${scene} --html rollout.html` }, "…") : null;
+  }
+
   // --- player: the recorded scene with the actors that the rollout changed put in their place
   function merged(rollout) {
     const base = EvoUnpack.drawing(stage.scenes[rollout.scene]), moved = rollout.changed.map(EvoUnpack.actor);
@@ -372,12 +464,13 @@
     byId("play-solution").append(...solutions.map(([solution, role]) => el("option", { value: solution }, `${solution} – ${role}`)));
     if (stage.repetitions_left_out) byId("play-note").textContent = `Of lineages that differ in their draws alone the first is played; ${stage.repetitions_left_out} others are not. \u201cevodrive scenes show\u201d draws any rollout.`;
     let player = null;
+    let at = null;
     const play = () => {
       const chosen = stage.rollouts.find((p) => p.solution === byId("play-solution").value && p.scene === byId("play-scene").value);
       if (player) player.destroy();
       byId("play-stage").replaceChildren();
       byId("play-caption").textContent = chosen ? chosen.caption : "";
-      if (chosen) player = EvoPlayer.mount(byId("play-stage"), merged(chosen), { height: 520 });
+      if (chosen) player = EvoPlayer.mount(byId("play-stage"), merged(chosen), { height: Math.min(520, Math.max(300, innerHeight * 0.7)), ...(at === "contact" && chosen.contact ? { step: Math.max(0, chosen.contact.step) } : {}) });
     };
     const scenes = () => {
       const keep = byId("play-scene").value;
@@ -385,6 +478,12 @@
       byId("play-scene").replaceChildren(...names.map((n) => el("option", { value: n }, n)));
       if (names.includes(keep)) byId("play-scene").value = keep;
       play();
+    };
+    openPlayer = (solution, scene) => {
+      at = "contact";
+      byId("play-solution").value = solution; scenes();
+      if (scene) { byId("play-scene").value = scene; play(); }
+      at = null; byId("player").scrollIntoView();
     };
     byId("play-solution").addEventListener("change", scenes);
     byId("play-scene").addEventListener("change", play);
@@ -400,10 +499,13 @@
   byId("tree-controls").hidden = data.lineages.length < 2;
   byId("tree-lineage").addEventListener("change", drawTree);
   for (const [id, step] of [["page-before", -1], ["page-next", 1]]) byId(id).addEventListener("click", () => { page += step; drawAttempts(); });
-  byId("front-lineage").addEventListener("change", drawFront);
+  byId("front-suite").append(...Object.entries(SUITES).map(([suite, words]) => option(suite, words)));
+  addEventListener("resize", () => data.lineages.length && drawFront());
+  for (const id of ["front-lineage", "front-suite"]) byId(id).addEventListener("change", drawFront);
   for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", () => { page = 0; drawAttempts(); });
   // Of a large run the accepted ones are what a reader comes for.
   byId("filter-accepted").checked = data.attempts.some((a) => a.in_short);
   resultTable(); auditList(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); openEvolution(); openAgreement(); drawPlayer();
+  document.querySelectorAll("h2, th").forEach(explain);
   document.body.dataset.ready = "yes";
 })();

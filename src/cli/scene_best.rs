@@ -1,0 +1,106 @@
+//! `scenes best`: the most severe or most realistic rollouts of a run, and how to see each of them.
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use super::typed::rollout_command;
+use super::{data, scenes};
+use crate::evidence::best::{By, Ranked, best};
+use crate::evidence::data::records;
+use crate::experiment::did_you_mean;
+use crate::objects::LineageId;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Run folder; without it the latest one below runs/.
+    pub run: Option<PathBuf>,
+    /// How many.
+    #[arg(long, default_value_t = 5)]
+    pub top: usize,
+    /// What comes first.
+    #[arg(long, default_value = "severity")]
+    pub by: Criterion,
+    /// Only rollouts of this lineage, e.g. cat-idm.
+    #[arg(long)]
+    pub lineage: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Criterion {
+    /// Contacts that count, the fastest impact first; then the smallest time to collision.
+    Severity,
+    /// The most realistic among those in which the program acts; of equals the more severe.
+    Realism,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let folder = RunFolder::find(options.run.as_deref())?;
+    let story = folder.story()?;
+    let all: Vec<String> = story.parents.iter().map(|of| of.lineage.to_string()).collect();
+    if let Some(name) = options.lineage.as_ref().filter(|name| !all.contains(name)) {
+        let known = all.join(", ");
+        let near = did_you_mean(name, &all);
+        return Err(Failure::bad_input(format!("no lineage `{name}` in this run; there are {known}{near}")));
+    }
+    let lineage = options.lineage.as_ref().map(LineageId::new);
+    let rollouts = data::rollouts(&folder, &records(&story), &scenes::threads(jobs)?)?.into_iter().collect();
+    let by = match options.by {
+        Criterion::Severity => By::Severity,
+        Criterion::Realism => By::Realism,
+    };
+    let found = best(&story, &folder.read_pool()?, &rollouts, by, lineage.as_ref());
+    let shown = &found.ranked[..options.top.min(found.ranked.len())];
+    if shown.is_empty() {
+        return Err(Failure::bad_input(format!(
+            "{}: expected rollouts in which a program acts, found none to rank ({} are not in the run's store any more; `evodrive run` makes them again)",
+            folder.dir.display(),
+            found.lacking
+        )));
+    }
+    let command = |of: &Ranked, action: &str, out: &str| {
+        rollout_command(action, &folder.dir, of.program.as_str(), &of.scene, out)
+    };
+    let mut text = format!(
+        "{:>3} {:<20} {:<34} {:>6} {:>7} {:>9} {:>7} {:>7}\n",
+        "", "program", "scene", "attack", "realism", "contact s", "m/s", "ttc s"
+    );
+    for (k, of) in shown.iter().enumerate() {
+        let number = |value: Option<f64>| value.map_or("-".to_string(), |x| format!("{x:.1}"));
+        let _ = writeln!(
+            text,
+            "{:>3} {:<20} {:<34} {:>6.2} {:>7.4} {:>9} {:>7} {:>7}",
+            k + 1,
+            of.program.as_str(),
+            of.scene,
+            of.attack,
+            of.realism,
+            number(of.contact.map(|contact| contact.at_s)),
+            number(of.contact.map(|contact| contact.speed_mps)),
+            number(of.ttc_s_min)
+        );
+        let _ = writeln!(text, "    {}", command(of, "show", "--html rollout.html"));
+    }
+    let _ = write!(
+        text,
+        "{} of {} rollouts in which a program acts. For a figure: {}\nto export: {}",
+        shown.len(),
+        found.ranked.len(),
+        command(&shown[0], "draw", "--out strip.svg"),
+        command(&shown[0], "export", "--format openscenario --out exported")
+    );
+    if found.lacking > 0 {
+        let _ = write!(
+            text,
+            "\n{} rollouts are not in the run's store any more; `evodrive run` makes them again",
+            found.lacking
+        );
+    }
+    let rows: Vec<Value> =
+        shown.iter().map(|of| json!({"rollout": of, "play": command(of, "show", "--html rollout.html")})).collect();
+    Ok(Answer::new(text, json!({"best": rows, "ranked": found.ranked.len(), "lacking": found.lacking})))
+}

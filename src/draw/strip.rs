@@ -1,0 +1,94 @@
+//! A strip of moments side by side, as a figure of a paper shows a rollout: one SVG document, every panel a picture of the
+//! same part of the world.
+
+use std::fmt::Write as _;
+
+use super::drawing::Drawing;
+use super::player::escaped;
+use super::svg::{Frame, SvgOptions, Theme, View, key_of_roles, moment};
+
+/// How a strip is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StripOptions {
+    /// Width of one panel, pixels.
+    pub panel_px: f64,
+    /// Colours.
+    pub theme: Theme,
+    /// The part of the world that all panels show.
+    pub frame: Frame,
+    /// Steps of the scene, one a panel.
+    pub steps: Vec<usize>,
+    /// Stands below the panels; may be empty.
+    pub title: String,
+}
+
+/// Between panels, and below them for the title and the key of colours, pixels.
+const GAP_PX: f64 = 8.0;
+const CAPTION_PX: f64 = 22.0;
+const FOOT_PX: f64 = 44.0;
+
+/// `count` steps from `first` to `last`, both among them, as even as steps can be; fewer where there are not so many.
+pub fn even_steps(first: usize, last: usize, count: usize) -> Vec<usize> {
+    let (count, span) = (count.max(1), last.saturating_sub(first));
+    let mut steps: Vec<usize> = (0..count)
+        .map(|k| first + if count == 1 { span } else { (2 * span * k + count - 1) / (2 * (count - 1)) })
+        .collect();
+    steps.dedup();
+    steps
+}
+
+/// The strip as a stand-alone SVG document. The same drawing and options give the same bytes.
+pub fn strip(drawing: &Drawing, options: &StripOptions) -> String {
+    let panel = SvgOptions {
+        width_px: options.panel_px,
+        theme: options.theme,
+        frame: options.frame,
+        step: None,
+        trails: true,
+        labels: false,
+        title: String::new(),
+    };
+    let view = View::of(drawing, &panel);
+    let colours = options.theme.palette();
+    let (w, h) = (view.width_px, view.height_px);
+    let count = options.steps.len().max(1) as f64;
+    let (width, height) = (count * (w + GAP_PX) - GAP_PX, h + CAPTION_PX + FOOT_PX);
+    let mut out = String::new();
+    let _ = write!(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" height=\"{height:.0}\" \
+         font-family=\"system-ui, -apple-system, 'Segoe UI', Helvetica, Arial, sans-serif\" role=\"img\">\n\
+         <title>{}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
+        escaped(if options.title.is_empty() { "driving scene" } else { &options.title }),
+        colours.panel
+    );
+    for (k, step) in options.steps.iter().enumerate() {
+        let x = k as f64 * (w + GAP_PX);
+        let _ = write!(
+            out,
+            "<svg x=\"{x:.0}\" y=\"0\" width=\"{w:.0}\" height=\"{h:.0}\" viewBox=\"0 0 {w:.0} {h:.0}\" overflow=\"hidden\">\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
+            colours.ground
+        );
+        moment(&mut out, drawing, &view, &panel, *step);
+        out.push_str("</svg>\n");
+        let _ = writeln!(
+            out,
+            "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"13\" text-anchor=\"middle\" fill=\"{}\">t = {:.1} s</text>",
+            x + 0.5 * w,
+            h + 16.0,
+            colours.text,
+            *step as f64 * drawing.dt_s
+        );
+    }
+    let _ = writeln!(
+        out,
+        "<text x=\"2\" y=\"{:.1}\" font-size=\"13\" fill=\"{}\">{}</text>",
+        h + CAPTION_PX + 16.0,
+        colours.text,
+        escaped(&options.title)
+    );
+    key_of_roles(&mut out, drawing, options.theme, (2.0, h + CAPTION_PX + 34.0));
+    out.push_str("</svg>\n");
+    out
+}

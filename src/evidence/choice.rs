@@ -1,0 +1,311 @@
+//! Why a lineage reports the program that it reports: everybody who was measured on the whole evolution pool, the
+//! experiment's rule, and who fell out at which part of it. Labels are the recorded ones; the rule is the archive's.
+
+use serde::Serialize;
+use std::fmt::Write as _;
+
+use super::recorded_run::RecordedRun;
+use crate::archive::{Contender, Selection, SelectionRule, SelectorOptions, select_active};
+use crate::kernel::num;
+use crate::objects::event::Measured;
+use crate::objects::{LineageId, SolutionId};
+
+/// A choice with what it rests on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Choice {
+    /// Whose choice.
+    pub lineage: LineageId,
+    /// The program that is reported.
+    pub chosen: SolutionId,
+    /// The lineage's parent, which is always among those who are compared.
+    pub parent: SolutionId,
+    /// Scenes of the evolution pool on which everybody was labelled.
+    pub scenes: usize,
+    /// The rule, in one sentence with the experiment's numbers.
+    pub rule: String,
+    /// Why this one, sentence by sentence. The last one is for a parent that stays.
+    pub reasons: Vec<String>,
+    /// Everybody who was compared, the parent first, in the order in which they were.
+    pub rows: Vec<Row>,
+    /// Whom the budget of finalists left out, so that they have no labels on the whole pool.
+    pub cut: Vec<SolutionId>,
+}
+
+/// One of those who were compared.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Its labels on the whole evolution pool.
+    #[serde(flatten)]
+    pub measured: Measured,
+    /// Whether it stands on the front after the last epoch.
+    pub on_front: bool,
+    /// How it fared under the rule; `None` where the record does not follow the rule as it is now.
+    pub standing: Option<Standing>,
+}
+
+/// Where a program fell out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// It is reported.
+    Chosen,
+    /// It acts in no scene, so it is no contender.
+    ActsNowhere,
+    /// Its realism is below what the experiment requires.
+    TooUnrealistic,
+    /// Realistic enough, but its attack is below the best one by more than the tolerance.
+    TooWeak,
+    /// As good as tied in attack with the best, or nobody is realistic enough: another one is more realistic.
+    LessRealistic,
+    /// As realistic as the chosen one, with less attack.
+    LessAttack,
+    /// Equal in both to the chosen one, which came before it.
+    Later,
+}
+
+impl Standing {
+    /// In a few words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Standing::Chosen => "chosen",
+            Standing::ActsNowhere => "acts nowhere",
+            Standing::TooUnrealistic => "realism below the least required",
+            Standing::TooWeak => "attack below the best by more than the tolerance",
+            Standing::LessRealistic => "less realistic than the chosen one",
+            Standing::LessAttack => "as realistic as the chosen one, less attack",
+            Standing::Later => "equal to the chosen one, which came before it",
+        }
+    }
+}
+
+impl Choice {
+    /// The choice of a lineage; `None` while the run is unfinished or has no such lineage.
+    pub fn of(story: &RecordedRun, lineage: &LineageId, options: &SelectorOptions) -> Option<Choice> {
+        let result = story.result.as_ref()?.lineages.iter().find(|of| of.lineage == *lineage)?;
+        let finalists: Vec<_> = story.finalists.iter().filter(|of| of.lineage == *lineage).collect();
+        let measured: Vec<Measured> =
+            finalists.iter().map(|of| Measured::new(of.solution.clone(), &of.score)).collect();
+        let contenders: Vec<Contender> = measured.iter().map(contender).collect();
+        let selection = select_active(&contenders, options)?;
+        // A record of another version may have been made by another rule: then its own sentence is all there is to say.
+        let follows = selection.solution == result.evolved.solution && selection.reason() == result.selection;
+        let standing = |of: &Measured| follows.then(|| standing(of, &selection, options));
+        let on_front = |of: &Measured| result.front.iter().any(|point| point.solution == of.solution);
+        let row = |of: Measured| Row { on_front: on_front(&of), standing: standing(&of), measured: of };
+        let rows: Vec<Row> = measured.into_iter().map(row).collect();
+        let reasons = match follows {
+            true => reasons(&rows, &selection, options, &result.parent.solution),
+            false => vec![result.selection.clone()],
+        };
+        Some(Choice {
+            lineage: lineage.clone(),
+            chosen: result.evolved.solution.clone(),
+            parent: result.parent.solution.clone(),
+            scenes: finalists.first().map_or(0, |of| of.score.scenes.len()),
+            rule: rule(options),
+            reasons,
+            rows,
+            cut: result.cut.clone(),
+        })
+    }
+
+    /// Table and reasons, as a terminal shows them.
+    pub fn text(&self) -> String {
+        let mut out = format!(
+            "why {} (labels on the whole evolution pool, {} scenes)\n  rule: {}\n  {:<24} {:>7} {:>8} {:>8} {:>9}\n",
+            self.chosen, self.scenes, self.rule, "program", "attack", "realism", "coverage", "any crash"
+        );
+        for Row { measured, on_front, standing } in &self.rows {
+            let mut said: Vec<&str> = standing.iter().map(|standing| standing.words()).collect();
+            if *on_front {
+                said.push("on the front");
+            }
+            let (name, of) = (measured.solution.as_str(), measured.objectives);
+            let numbers = format!(
+                "{:>7.3} {:>8.4} {:>8.2} {:>9.3}",
+                of.attack, of.realism, measured.coverage, measured.any_contact
+            );
+            let _ = writeln!(out, "{}", format!("  {name:<24} {numbers}  {}", said.join("; ")).trim_end());
+        }
+        for reason in &self.reasons {
+            let _ = writeln!(out, "  {reason}");
+        }
+        if !self.cut.is_empty() {
+            let cut: Vec<&str> = self.cut.iter().map(SolutionId::as_str).collect();
+            let _ = writeln!(out, "  Not measured there, left out by the budget of finalists: {}.", cut.join(", "));
+        }
+        out
+    }
+}
+
+fn contender(of: &Measured) -> Contender {
+    Contender { solution: of.solution.clone(), objectives: of.objectives, coverage: of.coverage }
+}
+
+fn rule(options: &SelectorOptions) -> String {
+    format!(
+        "realism of at least {}, then the best attack; of those within {} % of it the most realistic, then the stronger, then the earlier",
+        options.realism_min,
+        num::rounded(100.0 * options.tolerance, 6)
+    )
+}
+
+/// Where the rule's own account puts this one.
+fn standing(of: &Measured, selection: &Selection, options: &SelectorOptions) -> Standing {
+    let (own, best) = (of.objectives, selection.objectives);
+    let constrained = selection.rule == SelectionRule::RealismConstrained;
+    match () {
+        () if of.solution == selection.solution => Standing::Chosen,
+        () if of.coverage <= 0.0 => Standing::ActsNowhere,
+        () if constrained && own.realism < options.realism_min => Standing::TooUnrealistic,
+        () if constrained && !selection.tied.contains(&of.solution) => Standing::TooWeak,
+        () if own.realism < best.realism => Standing::LessRealistic,
+        () if own.attack < best.attack => Standing::LessAttack,
+        () => Standing::Later,
+    }
+}
+
+fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, parent: &SolutionId) -> Vec<String> {
+    let chosen = &selection.solution;
+    let mut said = Vec::new();
+    match selection.attack_best {
+        Some(best) => {
+            said.push(format!(
+                "Realistic enough are {} of the {} programs that act: {}.",
+                selection.eligible,
+                selection.contenders,
+                names(rows, |row| row.measured.coverage > 0.0
+                    && row.measured.objectives.realism >= options.realism_min)
+            ));
+            let floor = (1.0 - options.tolerance) * best;
+            said.push(match selection.tied.len() {
+                1 => format!("Of these {chosen} has the best attack, {best:.3}; no other one has {floor:.4} or more."),
+                tied => format!(
+                    "The best attack among them is {best:.3}; {tied} have {floor:.4} or more and count as tied: {}. {}",
+                    names(rows, |row| selection.tied.contains(&row.measured.solution)),
+                    tie_break(rows, selection)
+                ),
+            });
+        }
+        None => said.push(format!(
+            "None of the {} programs that act is realistic enough, so the most realistic one is taken. {}",
+            selection.contenders,
+            tie_break(rows, selection)
+        )),
+    }
+    if chosen == parent {
+        said.push(format!("The parent stays: {}.", staying(rows, selection)));
+    }
+    said
+}
+
+/// What decided between those who were left at the end.
+fn tie_break(rows: &[Row], selection: &Selection) -> String {
+    let any = |standing| rows.iter().any(|row| row.standing == Some(standing));
+    let (chosen, best) = (&selection.solution, selection.objectives);
+    match () {
+        () if any(Standing::Later) => {
+            format!("{chosen} and another one have the same labels; the earlier one is taken.")
+        }
+        () if any(Standing::LessAttack) => {
+            format!("{chosen} and another one are the most realistic, {:.4}; the stronger one is taken.", best.realism)
+        }
+        () => format!("{chosen} is the most realistic of them, {:.4}.", best.realism),
+    }
+}
+
+/// Why nobody took the parent's place.
+fn staying(rows: &[Row], selection: &Selection) -> &'static str {
+    let any = |standing| rows.iter().any(|row| row.standing == Some(standing));
+    match () {
+        () if rows.len() == 1 => "no descendant stood on the front or ever led, so nobody else was measured",
+        () if rows.iter().skip(1).all(|row| row.measured.coverage <= 0.0) => "no descendant acts in any scene",
+        () if selection.rule == SelectionRule::MostRealistic => "no descendant is more realistic",
+        () if any(Standing::Later) => "a descendant has the same labels, and of equals the earlier one is taken",
+        () if any(Standing::LessAttack) || any(Standing::LessRealistic) => {
+            "descendants with as good an attack are not more realistic"
+        }
+        () if any(Standing::TooWeak) => "descendants that are realistic enough attack less",
+        () => "no descendant reaches the realism required",
+    }
+}
+
+fn names(rows: &[Row], which: impl Fn(&Row) -> bool) -> String {
+    let of: Vec<&str> = rows.iter().filter(|row| which(row)).map(|row| row.measured.solution.as_str()).collect();
+    of.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objects::Objectives;
+
+    const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
+
+    /// Rows of points (attack, realism, coverage), the parent first, with the reasons of the choice among them.
+    fn told(points: &[[f64; 3]]) -> (Vec<Standing>, String) {
+        let name = |k: usize| SolutionId::new(if k == 0 { "parent".into() } else { format!("c{k}") });
+        let measured = |(k, [attack, realism, coverage]): (usize, &[f64; 3])| Measured {
+            solution: name(k),
+            objectives: Objectives { attack: *attack, realism: *realism },
+            realism_penalty_pct: 0.0,
+            coverage: *coverage,
+            any_contact: 0.0,
+        };
+        let measured: Vec<Measured> = points.iter().enumerate().map(measured).collect();
+        let selection = select_active(&measured.iter().map(contender).collect::<Vec<_>>(), &PAPER).unwrap();
+        let row = |of: &Measured| Row {
+            measured: of.clone(),
+            on_front: false,
+            standing: Some(standing(of, &selection, &PAPER)),
+        };
+        let rows: Vec<Row> = measured.iter().map(row).collect();
+        let reasons = reasons(&rows, &selection, &PAPER, &name(0)).join(" ");
+        (rows.iter().filter_map(|row| row.standing).collect(), reasons)
+    }
+
+    #[test]
+    fn everybody_is_told_where_the_rule_left_them() {
+        use Standing::*;
+        let (standings, reasons) = told(&[
+            [0.10, 0.99, 1.0],
+            [0.90, 0.90, 1.0],
+            [0.40, 0.96, 1.0],
+            [0.39, 0.98, 1.0],
+            [0.38, 0.98, 1.0],
+            [0.39, 0.98, 1.0],
+            [0.50, 0.99, 0.0],
+        ]);
+        assert_eq!(standings, [TooWeak, TooUnrealistic, LessRealistic, Chosen, LessAttack, Later, ActsNowhere]);
+        assert!(reasons.contains("are 5 of the 6 programs that act: parent, c2, c3, c4, c5."), "{reasons}");
+        assert!(reasons.contains("is 0.400; 4 have 0.3800 or more and count as tied: c2, c3, c4, c5."), "{reasons}");
+        assert!(reasons.contains("the earlier one is taken") && !reasons.contains("parent stays"), "{reasons}");
+    }
+
+    #[test]
+    fn a_parent_that_stays_is_told_why_each_time_for_the_reason_that_holds() {
+        let cases: [(&[[f64; 3]], &str); 7] = [
+            (&[[0.1, 0.99, 1.0]], "nobody else was measured"),
+            (&[[0.1, 0.99, 1.0], [0.5, 0.99, 0.0]], "no descendant acts in any scene"),
+            (&[[0.1, 0.90, 1.0], [0.5, 0.80, 1.0]], "no descendant is more realistic"),
+            (&[[0.1, 0.99, 1.0], [0.5, 0.80, 1.0]], "no descendant reaches the realism required"),
+            (&[[0.5, 0.97, 1.0], [0.1, 0.99, 1.0]], "descendants that are realistic enough attack less"),
+            (&[[0.5, 0.97, 1.0], [0.5, 0.96, 1.0]], "are not more realistic"),
+            (&[[0.5, 0.97, 1.0], [0.5, 0.97, 1.0]], "has the same labels"),
+        ];
+        for (points, expected) in cases {
+            let (standings, reasons) = told(points);
+            assert_eq!(standings[0], Standing::Chosen, "{points:?}");
+            assert!(reasons.contains("The parent stays: ") && reasons.contains(expected), "{points:?}: {reasons}");
+            let mut others = cases.iter().map(|(_, other)| *other).filter(|other| *other != expected);
+            assert!(others.all(|other| !reasons.contains(other)), "{points:?}: {reasons}");
+        }
+    }
+
+    #[test]
+    fn where_nobody_is_realistic_enough_nobody_is_said_to_be_too_unrealistic() {
+        let (standings, reasons) = told(&[[0.1, 0.80, 1.0], [0.2, 0.90, 1.0], [0.3, 0.90, 1.0]]);
+        assert_eq!(standings, [Standing::LessRealistic, Standing::LessAttack, Standing::Chosen]);
+        assert!(reasons.contains("None of the 3") && reasons.contains("the stronger one is taken"), "{reasons}");
+    }
+}

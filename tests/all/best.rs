@@ -1,0 +1,84 @@
+//! The most telling rollouts of a run, each shown by the command that is printed beside it; strips of them.
+
+use serde_json::Value;
+
+use crate::harness::run;
+use crate::quickstart::finished;
+
+fn folder() -> &'static str {
+    finished().1.to_str().unwrap()
+}
+
+fn best(more: &[&str]) -> Vec<Value> {
+    let ran = run(&[&["--json", "scenes", "best", folder()], more].concat());
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let object: Value = serde_json::from_str(&ran.stdout).unwrap();
+    object["best"].as_array().unwrap().clone()
+}
+
+/// Words of a printed command, behind the program's name, with the page to write in place of the one that it names.
+fn words(command: &str, page: &str) -> Vec<String> {
+    command.split_whitespace().skip(1).map(|word| word.replace("rollout.html", page)).collect()
+}
+
+#[test]
+fn the_most_severe_rollouts_are_of_any_program_and_their_commands_play_them_at_the_same_second() {
+    let rows = best(&["--top", "6"]);
+    assert_eq!(rows.len(), 6);
+    let number = |row: &Value, field: &str| row["rollout"]["contact"][field].as_f64().unwrap();
+    let speeds: Vec<f64> = rows.iter().map(|row| number(row, "speed_mps")).collect();
+    assert!(rows.iter().all(|row| row["rollout"]["attack"] == 1.0), "contacts that count come first");
+    assert!(speeds.is_sorted_by(|a, b| a >= b) && speeds[0] > speeds[5], "{speeds:?}");
+    let dir = tempfile::tempdir().unwrap();
+    let page = dir.path().join("page.html");
+    let command = words(rows[0]["play"].as_str().unwrap(), page.to_str().unwrap());
+    let shown = run(&command.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(shown.code, 0, "{}", shown.stderr);
+    let expected = format!("at {:.1} s of the scene, {:.1} m/s", number(&rows[0], "at_s"), speeds[0]);
+    assert!(shown.stdout.contains(&expected), "{expected}: {}", shown.stdout.lines().next().unwrap());
+    assert!(std::fs::read_to_string(page).unwrap().contains("EvoPlayer.mount"));
+}
+
+#[test]
+fn by_realism_the_most_realistic_of_one_lineage_come_first() {
+    let rows = best(&["--top", "400", "--by", "realism", "--lineage", "at-idm"]);
+    let realism: Vec<f64> = rows.iter().map(|row| row["rollout"]["realism"].as_f64().unwrap()).collect();
+    assert!(realism.is_sorted_by(|a, b| a >= b) && realism[0] > realism[rows.len() - 1]);
+    assert!(rows.iter().all(|row| row["rollout"]["lineage"] == "at-idm"));
+    let program = |name: &str| rows.iter().any(|row| row["rollout"]["program"] == name);
+    assert!(program("at-idm/parent") && program("at-idm/e3s3"), "parents are ranked, too");
+    let unknown = run(&["scenes", "best", folder(), "--lineage", "at-idx"]);
+    assert!(unknown.code == 2 && unknown.stderr.contains("did you mean `at-idm`"), "{}", unknown.stderr);
+}
+
+#[test]
+fn parent_and_replay_are_drawn_as_attempts_are_and_a_strip_has_the_same_bytes_each_time() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = best(&["--top", "1"])[0]["rollout"]["scene"].as_str().unwrap().to_string();
+    let strip = |name: &str, file: &str| {
+        let path = dir.path().join(file);
+        let words =
+            ["scenes", "draw", "--run", folder(), "--attempt", name, "--scene", &scene, "--frames", "3", "--out"];
+        let ran = run(&[&words[..], &[path.to_str().unwrap()]].concat());
+        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        (ran.stdout, std::fs::read(path).unwrap())
+    };
+    let (said, parent) = strip("at-idm/parent", "parent.svg");
+    let (replay_said, replay) = strip("at-idm/replay", "replay.svg");
+    assert!(said.starts_with("at-idm/parent in ") && replay_said.contains("; no program"), "{said} {replay_said}");
+    assert!(
+        String::from_utf8_lossy(&parent).contains(">adversary<"),
+        "a program's adversary has its colour in the key"
+    );
+    assert!(!String::from_utf8_lossy(&replay).contains(">adversary<"), "nobody is an adversary without a program");
+    assert_eq!(strip("at-idm/parent", "again.svg").1, parent);
+    let refused = |more: &[&str], expected: &str| {
+        let path = dir.path().join("none.svg");
+        let words = ["scenes", "draw", "--run", folder(), "--attempt", "at-idm/replay", "--scene", &scene, "--out"];
+        let ran = run(&[&words[..], &[path.to_str().unwrap()], more].concat());
+        assert!(ran.code == 2 && ran.stderr.contains(expected) && !path.exists(), "{more:?}: {}", ran.stderr);
+    };
+    refused(&["--frames", "0"], "expected 1 to 24 panels");
+    refused(&["--at", "500"], "expected seconds of the scene");
+    refused(&["--around", "-3"], "expected 0 to 1000 metres");
+}

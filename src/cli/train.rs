@@ -1,13 +1,16 @@
 //! `train`: a learned ego from a training file: progress, checkpoints, weights and their card.
 
 use clap::Args;
+use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::answer::{Answer, progress};
 use super::exit::Failure;
+use super::interrupt::Interrupt;
 use super::scenes;
 use super::train_text::{self, Pace, Trained};
+use super::typed::again_with;
 use crate::ego::Policy;
 use crate::experiment::TrainingFile;
 use crate::kernel::{Digest, Threads};
@@ -57,9 +60,24 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     progress(format!("{}: {} scenes to learn on, {} to compare by", file.name, training.len(), validation.len()));
     let grounds = Grounds { training: &training, validation: &validation, threads: &threads };
     let mut state = begin(stopped.as_deref(), &file, recipe)?;
-    let is_over = learn(&mut state, &grounds, options.evaluations, |state| {
-        store::write_atomic(&checkpoint, &state.checkpoint(recipe)?).map_err(Failure::from)
+    let interrupt = Interrupt::listen()?;
+    // The file may be there of an earlier training.
+    let kept = Cell::new(options.resume);
+    let is_over = learn(&mut state, &grounds, options.evaluations, &interrupt, |state| {
+        store::write_atomic(&checkpoint, &state.checkpoint(recipe)?)?;
+        kept.set(true);
+        Ok(())
     })?;
+    if !is_over && interrupt.is_asked() {
+        return Err(Failure::interrupted(match kept.get() {
+            true => format!(
+                "interrupted; {} holds the training as of its last evaluation\n  to go on: {}",
+                checkpoint.display(),
+                again_with("--resume")
+            ),
+            false => "interrupted before the first evaluation, so there is no checkpoint to go on from".to_string(),
+        }));
+    }
     if !is_over {
         let text = format!("stopped after {} of {} updates; go on with --resume", state.updates, state.options.updates);
         return Ok(Answer::new(text, serde_json::json!({"updates": state.updates, "checkpoint": checkpoint})));
@@ -94,16 +112,17 @@ fn begin(stopped: Option<&[u8]>, file: &TrainingFile, recipe: Digest) -> Result<
     Ok(state)
 }
 
-/// Trains to the end, or until so many evaluations were made. Says whether it is over.
+/// Trains to the end, or until so many evaluations were made or Ctrl-C was pressed. Says whether it is over.
 fn learn(
     state: &mut Training,
     grounds: &Grounds<'_>,
     evaluations: Option<usize>,
+    interrupt: &Interrupt,
     keep: impl Fn(&Training) -> Result<(), Failure>,
 ) -> Result<bool, Failure> {
     let mut pace = Pace::new(state);
     let mut made = 0;
-    while !state.is_over() {
+    while !state.is_over() && !interrupt.is_asked() {
         let news = state.round(grounds)?;
         if let Some(line) = pace.line(state, &news) {
             progress(line);

@@ -14,6 +14,15 @@ pub fn resume_command(folder: &Path) -> String {
     format!("{} resume {}", quoted(&program.to_string_lossy()), quoted(&folder.to_string_lossy()))
 }
 
+/// The command that was typed, with one more word at its end, once.
+pub fn again_with(word: &str) -> String {
+    let mut words: Vec<String> = std::env::args_os().map(|typed| quoted(&typed.to_string_lossy())).collect();
+    if !words.iter().any(|typed| typed == word) {
+        words.push(word.into());
+    }
+    words.join(" ")
+}
+
 fn recording(typed: impl Iterator<Item = OsString>) -> String {
     let mut words: Vec<String> = typed.map(|word| word.to_string_lossy().into_owned()).collect();
     // No option before the command takes a word for its value that could be called so.

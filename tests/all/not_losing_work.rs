@@ -177,6 +177,33 @@ fn ctrl_c_ends_a_recording_that_waits_for_a_reply_and_the_question_stays() {
 }
 
 #[test]
+fn ctrl_c_ends_a_training_at_its_checkpoint_which_it_goes_on_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut table: toml::Table = text("experiments/train/sac-metadrive.toml").parse().unwrap();
+    for pool in ["scenes", "validation"] {
+        table[pool].as_table_mut().unwrap().insert("count".into(), 6.into());
+    }
+    let training = table["training"].as_table_mut().unwrap();
+    for (key, value) in [("steps_before", 200), ("episodes_per_round", 2), ("evaluate_every", 20)] {
+        training.insert(key.into(), value.into());
+    }
+    let sac = training["sac"].as_table_mut().unwrap();
+    ["batch", "hidden"].into_iter().for_each(|key| drop(sac.insert(key.into(), 16.into())));
+    std::fs::write(folder.path().join("small.toml"), toml::to_string(&table).unwrap()).unwrap();
+    let train = ["train", "small.toml", "--out", "weights", "--checkpoints", "kept"];
+    let (mut child, mut stderr) = until(evodrive().args(train).current_dir(folder.path()), "validation: ");
+    interrupt(&child);
+    let mut told = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+    let proposed = told.split_once("to go on: ").expect("a command").1.lines().next().unwrap();
+    assert!(proposed.ends_with("train small.toml --out weights --checkpoints kept --resume"), "{proposed}");
+    let more = Ran::of(evodrive().args(train).args(["--resume", "--evaluations", "1"]).current_dir(folder.path()));
+    assert!(more.code == 0 && more.stderr.contains("goes on after "), "{}", more.stderr);
+    assert!(!folder.path().join("weights").exists(), "it is not finished");
+}
+
+#[test]
 fn a_run_tells_its_epochs_share_and_folder_from_the_start_in_a_file_and_on_a_terminal() {
     let folder = tempfile::tempdir().unwrap();
     let (path, out) = (experiment(folder.path(), "mine", ""), folder.path().join("out"));

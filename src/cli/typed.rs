@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::args::{JobArgs, RUNS};
+use super::shell::quoted;
 
 /// The command that records what a run lacks, with the options that decide what it asks.
 pub fn record_command(args: &JobArgs) -> String {
@@ -19,21 +20,6 @@ pub fn record_command(args: &JobArgs) -> String {
         words.extend(args.scenes.iter().map(|path| quoted(&path.to_string_lossy())));
     }
     words.join(" ")
-}
-
-/// The command that shows, draws or exports one rollout of a run, with options of its own at the end.
-pub fn rollout_command(action: &str, run: &Path, attempt: &str, scene: &str, options: &str) -> String {
-    let [run, attempt, scene] = [&run.to_string_lossy(), attempt, scene].map(quoted);
-    format!("evodrive scenes {action} --run {run} --attempt {attempt} --scene {scene} {options}")
-}
-
-/// A word as a shell reads it back.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._-/=:,+@%".contains(c);
-    match !word.is_empty() && word.chars().all(plain) {
-        true => word.to_string(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
-    }
 }
 
 #[cfg(test)]

@@ -59,6 +59,7 @@ mod shard_merge;
 mod shard_plan;
 mod shard_target;
 mod shard_work;
+mod shell;
 mod show;
 mod table;
 mod timed;

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::typed::rollout_command;
+use super::shell::rollout_command;
 use super::{data, scenes};
 use crate::evidence::best::{By, Ranked, best};
 use crate::evidence::data::records;

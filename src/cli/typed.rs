@@ -3,6 +3,8 @@
 use std::ffi::OsString;
 use std::path::Path;
 
+use super::shell::quoted;
+
 /// The command that records what this `run` lacks: as it was typed, with every option, and with `record` in place of `run`.
 pub fn record_command() -> String {
     recording(std::env::args_os())
@@ -30,21 +32,6 @@ fn recording(typed: impl Iterator<Item = OsString>) -> String {
         *word = "record".into();
     }
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
-}
-
-/// The command that shows, draws or exports one rollout of a run, with options of its own at the end.
-pub fn rollout_command(action: &str, run: &Path, attempt: &str, scene: &str, options: &str) -> String {
-    let [run, attempt, scene] = [&run.to_string_lossy(), attempt, scene].map(quoted);
-    format!("evodrive scenes {action} --run {run} --attempt {attempt} --scene {scene} {options}")
-}
-
-/// A word as a shell reads it back.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._-/=:,+@%".contains(c);
-    match !word.is_empty() && word.chars().all(plain) {
-        true => word.to_string(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
-    }
 }
 
 #[cfg(test)]

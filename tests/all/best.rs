@@ -1,16 +1,31 @@
 //! The most telling rollouts of a run, each shown by the command that is printed beside it; strips of them.
 
+use std::path::PathBuf;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
 use serde_json::Value;
 
 use crate::harness::run;
-use crate::quickstart::finished;
+use crate::quickstart::copied;
 
+/// A copy of the finished run: ranking holds its store, and other tests hold the one of the original.
 fn folder() -> &'static str {
-    finished().1.to_str().unwrap()
+    static COPY: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, folder) = COPY.get_or_init(|| {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = copied(dir.path());
+        (dir, folder)
+    });
+    folder.to_str().unwrap()
 }
 
+/// One command at a time may hold a store.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
 fn best(more: &[&str]) -> Vec<Value> {
+    let held = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let ran = run(&[&["--json", "scenes", "best", folder()], more].concat());
+    drop(held);
     assert_eq!(ran.code, 0, "{}", ran.stderr);
     let object: Value = serde_json::from_str(&ran.stdout).unwrap();
     object["best"].as_array().unwrap().clone()

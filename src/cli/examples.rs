@@ -16,7 +16,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("scenes generate", "evodrive scenes generate experiments/quickstart.toml --out my.pool"),
     ("scenes list", "evodrive scenes list my.pool --tag junction"),
     ("scenes check", "evodrive scenes check my.pool"),
-    ("scenes filter", "evodrive scenes filter my.pool --where \"vehicle_count >= 5 and is_junction\" --out busy.pool"),
+    ("scenes filter", "evodrive scenes filter my.pool --where is_junction --usable --out busy.pool"),
     ("scenes merge", "evodrive scenes merge one.pool other.pool --out my.pool"),
     ("scenes split", "evodrive scenes split my.pool --held-out 10 --seed 1 --out open.pool --held-out-to closed.pool"),
     ("scenes show", "evodrive scenes show --attempt cat-idm/e0s3 --scene synth/merge/7/13 --html rollout.html"),

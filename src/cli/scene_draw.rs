@@ -31,13 +31,13 @@ pub struct Options {
     #[arg(long, default_value_t = 4)]
     pub frames: usize,
     /// Seconds of the scene, one a panel, instead of even ones, e.g. --at 2.0,3.5,4.1.
-    #[arg(long, value_delimiter = ',', conflicts_with = "frames")]
+    #[arg(long, value_delimiter = ',', conflicts_with = "frames", allow_negative_numbers = true)]
     pub at: Vec<f64>,
     /// Metres around the ways of ego and adversaries that the panels show.
-    #[arg(long, default_value_t = 12.0)]
+    #[arg(long, default_value_t = 12.0, allow_negative_numbers = true)]
     pub around: f64,
     /// Width of a panel, pixels.
-    #[arg(long, default_value_t = 360.0)]
+    #[arg(long, default_value_t = 360.0, allow_negative_numbers = true)]
     pub panel: f64,
     /// Dark colours.
     #[arg(long)]

@@ -3,7 +3,7 @@
 use super::{RunError, in_effect::InScene};
 use crate::candidates::{Admission, Trials};
 use crate::objects::{
-    Candidate, Exit, GateReport, ProbePair, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldRow,
+    Candidate, Exit, GateReport, Pilot, ProbePair, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldRow,
 };
 use crate::world::Prediction;
 
@@ -71,6 +71,10 @@ pub struct Predicted {
     /// What the prediction rests on, and a label will be learned from.
     pub row: WorldRow,
     pub prediction: Prediction,
+    /// Whether it may differ from its parent, scene of the window by scene.
+    pub open: Vec<bool>,
+    /// What its pilot showed, where there is one.
+    pub pilot: Option<Pilot>,
 }
 
 /// An admitted candidate with what the world evaluator decided about it.

@@ -52,17 +52,25 @@ impl Labelling<'_> {
     /// Makes labels of many programs that will be needed, all in one parallel map: asked for program by program, threads
     /// would wait at the end of each one's scenes. A plan is asked for them. What gives no label is left to who needs it.
     pub fn ahead(&self, programs: &[&Program], places: &[usize]) -> Result<(), RunError> {
+        self.ahead_at(&programs.iter().map(|program| (*program, places)).collect::<Vec<_>>())
+    }
+
+    /// The same where each program has places of its own.
+    pub fn ahead_at(&self, programs: &[(&Program, &[usize])]) -> Result<(), RunError> {
         let Labelling { tools, .. } = *self;
-        let mut distinct: BTreeMap<Digest, &Program> = BTreeMap::new();
-        for program in programs {
-            distinct.insert(program.hash()?, program);
+        let mut distinct: BTreeMap<(Digest, &[usize]), &Program> = BTreeMap::new();
+        for (program, places) in programs {
+            distinct.insert((program.hash()?, places), program);
         }
         if tools.wanted.is_some() {
-            return distinct.iter().try_for_each(|(hash, program)| self.want((program, *hash), places).map(drop));
+            let want = |(&(hash, places), program): (&(Digest, &[usize]), &&Program)| {
+                self.want((program, hash), places).map(drop)
+            };
+            return distinct.iter().try_for_each(want);
         }
-        let asked = distinct.into_iter().map(|(hash, program)| Asked::of(self, (program, hash), places));
+        let asked = distinct.into_iter().map(|((hash, places), program)| Asked::of(self, (program, hash), places));
         let asked = asked.collect::<Result<Vec<_>, _>>()?;
-        let each = |program: usize| (0..places.len()).map(move |scene| (program, scene));
+        let each = |program: usize| (0..asked[program].places.len()).map(move |scene| (program, scene));
         let all: Vec<(usize, usize)> = (0..asked.len()).flat_map(each).collect();
         let made = tools.threads.map(&all, |_, &(program, scene)| {
             tools.go_on()?;

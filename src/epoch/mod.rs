@@ -24,6 +24,7 @@ mod made;
 mod measure;
 mod open;
 mod options;
+mod pilot;
 mod plan;
 mod play;
 mod probe;

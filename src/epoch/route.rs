@@ -8,7 +8,7 @@ use super::{
     in_effect::InScene,
     study::Study,
 };
-use crate::objects::{Candidate, ProbePair, ProgramPatch};
+use crate::objects::{Candidate, ProbePair, ProgramPatch, Route};
 use crate::world::{CandidateView, Prediction, Router, SceneView, audit_stream, row};
 
 /// A worker's last step: predicts an admitted candidate.
@@ -31,9 +31,10 @@ fn predicted(
     parent: &Parent,
     (candidate, (patch, probes, child)): (Candidate, (&ProgramPatch, &[ProbePair], &[InScene])),
 ) -> Result<Predicted, RunError> {
-    let scenes = snapshot.window.iter().zip(child.iter().zip(&parent.in_effect)).map(|(&place, (child, parent))| {
+    let open: Vec<bool> =
+        child.iter().zip(&parent.in_effect).map(|(child, parent)| child.digest != parent.digest).collect();
+    let scenes = snapshot.window.iter().zip(&open).map(|(&place, &open)| {
         let entry = &study.scenes[place];
-        let open = child.digest != parent.digest;
         SceneView { id: &entry.scene().id, features: entry.features(), interaction: &entry.interaction, open }
     });
     let view = CandidateView {
@@ -46,7 +47,7 @@ fn predicted(
     };
     let row = row(&snapshot.world.schema, &view, &scenes.collect::<Vec<_>>())?;
     let prediction = router.predict(&row)?;
-    Ok(Predicted { candidate, row, prediction })
+    Ok(Predicted { candidate, row, prediction, open, pilot: None })
 }
 
 /// Gives the rollouts of the epoch's budget to some of the predicted candidates. A draft that failed takes none.
@@ -66,9 +67,9 @@ pub fn allot(
     let mut routed = |draft: Draft| {
         draft.next(|_, reached| match reached {
             Reached::Predicted { gates, predicted } => {
-                let Predicted { candidate, row, .. } = *predicted;
+                let Predicted { candidate, row, pilot, .. } = *predicted;
                 let missing = || RunError::Study(format!("{} was not routed", candidate.program.solution_id));
-                let route = routes.next().ok_or_else(missing)?;
+                let route = Route { pilot, ..routes.next().ok_or_else(missing)? };
                 Ok(Reached::Routed { gates, routed: Box::new(RoutedCandidate { candidate, route, row }) })
             }
             ended => Ok(ended),

@@ -11,6 +11,7 @@ use super::{
     finale,
     freeze::freeze,
     open,
+    pilot::pilot,
     progress::Progress,
     propose::propose,
     route::{allot, predict},
@@ -66,6 +67,7 @@ fn one_epoch(
     });
     // "Wait until all workers reach the epoch barrier. Sort candidate records by deterministic key": the slot.
     // "d_t <- WorldRoute(W_t, c_t, S_t)": who gets the rollouts of the epoch's budget is known when all are there.
+    let drafts = pilot(study, &snapshot, &router, drafts, tools)?;
     let drafts = allot(study, &snapshot, &router, drafts);
     let mut judged = Judged::before(&snapshot);
     // Labels do not depend on each other: all slots' are made together.

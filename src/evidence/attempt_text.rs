@@ -133,6 +133,17 @@ fn routed(out: &mut String, route: &Route) {
         route.uncertainty,
         route.snapshot.short(12)
     );
+    if let Some(pilot) = &route.pilot {
+        let _ = writeln!(
+            out,
+            "  pilot in {} scenes, {} of them labelled: attack {:+.3}, realism {:+.3} against the parent there ({})",
+            pilot.scenes.len(),
+            pilot.labelled,
+            pilot.difference.attack,
+            pilot.difference.realism,
+            pilot.scenes.join(" ")
+        );
+    }
 }
 
 fn labels(out: &mut String, score: &Score) {

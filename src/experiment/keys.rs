@@ -619,6 +619,25 @@ fn world() -> Vec<Key> {
         ),
     ]);
     keys.extend(table(
+        || With("world.routing.pilot"),
+        vec![
+            (
+                "world.routing.pilot.scenes",
+                "",
+                "scenes",
+                Whole(1, 1000),
+                "Scenes of the window in which every admitted candidate is simulated before anybody is ranked, at most.",
+            ),
+            (
+                "world.routing.pilot.prior_scenes",
+                "",
+                "scenes",
+                Above(0.0, 1e6),
+                "How many scenes the prediction counts for beside those that were seen.",
+            ),
+        ],
+    ));
+    keys.extend(table(
         || With("world_agent"),
         vec![
             (

@@ -192,6 +192,7 @@ mod tests {
                     half_width: None,
                     rank_score: None,
                     weight: None,
+                    pilot: None,
                 },
                 score: Score {
                     objectives,

@@ -100,6 +100,7 @@ fn route(decision: RouteDecision, attack: f64) -> Route {
         half_width: Some(Objectives { attack: 0.1, realism: 0.123456 }),
         rank_score: Some(0.0),
         weight: None,
+        pilot: None,
     }
 }
 

@@ -260,6 +260,21 @@ pub struct Route {
     /// Of a candidate that was simulated because it was drawn: for how many of those drawn from it stands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weight: Option<f64>,
+    /// What a pilot showed before candidates were ranked; the rank score holds it, the prediction does not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pilot: Option<Pilot>,
+}
+
+/// Rollouts of a candidate in a few scenes, made before candidates are ranked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pilot {
+    /// Ids of the scenes that were simulated, in the order in which the pilot takes them.
+    pub scenes: Vec<String>,
+    /// Mean over those that have labels of candidate and parent: attack and realism less the parent's; 0 where none has.
+    pub difference: Objectives,
+    /// How many these are.
+    pub labelled: u32,
 }
 
 /// d_φ: what the world evaluator does with a candidate (paper eq. method-routing).

@@ -271,6 +271,20 @@ pub struct RoutingOptions {
     pub audit_share: f64,
     /// With fewer labelled candidates nobody is ranked: the budget is drawn at random.
     pub min_labels: u32,
+    /// Rollouts in a few scenes before anybody is ranked; absent where predictions alone rank.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pilot: Option<PilotOptions>,
+}
+
+/// A pilot: every admitted candidate is simulated in a few scenes, and what is seen there corrects its prediction before
+/// candidates are ranked (successive halving with two rungs).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PilotOptions {
+    /// Scenes of a pilot, at most: of those of the window in which the candidate may differ from its parent.
+    pub scenes: u32,
+    /// How many scenes the prediction counts for beside those that were seen.
+    pub prior_scenes: f64,
 }
 
 /// Count and means of the labels of a group.

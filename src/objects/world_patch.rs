@@ -80,7 +80,7 @@ pub enum PatchRefusal {
 }
 
 /// Words that name what the judge protects: generators, ego, simulator, labels, acceptance, what is spent.
-const PROTECTED: [&str; 23] = [
+const PROTECTED: [&str; 24] = [
     "generator",
     "generators",
     "program",
@@ -103,6 +103,7 @@ const PROTECTED: [&str; 23] = [
     "rollout_budget",
     "choice",
     "min_labels",
+    "pilot",
     "judge",
 ];
 
@@ -301,6 +302,7 @@ mod tests {
                 lambda_u: 0.2,
                 audit_share: 0.33,
                 min_labels: 30,
+                pilot: None,
             },
         }
     }

@@ -39,7 +39,14 @@ pub fn validate(configuration: &WorldConfiguration, schema: &FeatureSchema) -> R
         ("routing.lambda_u", r.lambda_u, r.lambda_u > 0.0 && r.lambda_u <= 1e9, positive),
         ("routing.audit_share", r.audit_share, (0.0..=1.0).contains(&r.audit_share), share),
     ];
-    for (option, value, holds, expected) in checks {
+    let pilot = r.pilot.map(|pilot| {
+        let (scenes, prior) = (pilot.scenes, pilot.prior_scenes);
+        [
+            ("routing.pilot.scenes", f64::from(scenes), (1..=1000).contains(&scenes), "a whole number from 1 to 1000"),
+            ("routing.pilot.prior_scenes", prior, prior > 0.0 && prior <= 1e6, "a number in (0, 1000000]"),
+        ]
+    });
+    for (option, value, holds, expected) in checks.into_iter().chain(pilot.into_iter().flatten()) {
         if !holds {
             return Err(ConfigurationError::Range { option, value, expected });
         }

@@ -9,6 +9,7 @@ mod held;
 mod interaction;
 mod judge;
 pub mod measures;
+mod pilot;
 mod prediction;
 mod ridge;
 mod router;
@@ -21,6 +22,7 @@ pub use features::{CandidateView, FeatureError, SceneView, row, schema};
 pub use held::{Evidence, Held, Judging, WorldAgentOptions, held};
 pub use interaction::Interaction;
 pub use judge::judge;
+pub use pilot::{pilot_order, pilot_places};
 pub use router::{Prediction, Router, RouterError, allot, audit_stream, drawn_by_monitor};
 
 #[cfg(test)]

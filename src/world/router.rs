@@ -4,11 +4,12 @@
 use super::{
     boosted,
     configuration::{ConfigurationError, validate},
+    pilot,
     prediction::{difference, spread},
 };
 use crate::kernel::{Digest, Seed, Stream, canon::CanonError};
 use crate::objects::{
-    LineageId, Objectives, Regression, Route, RouteDecision, RoutingChoice, RoutingOptions, WorldFit, WorldRow,
+    LineageId, Objectives, Pilot, Regression, Route, RouteDecision, RoutingChoice, RoutingOptions, WorldFit, WorldRow,
     WorldSnapshot,
 };
 
@@ -120,8 +121,20 @@ impl<'s> Router<'s> {
             half_width: prediction.half_width,
             rank_score: Some(prediction.rank_score),
             weight,
+            pilot: None,
         };
         predictions.iter().zip(allotted).map(route).collect()
+    }
+
+    /// A prediction that counts what a pilot showed when candidates are ranked; `open_share` is that of the candidate's row.
+    pub fn after_pilot(&self, prediction: Prediction, open_share: f64, pilot: &Pilot) -> Prediction {
+        let configuration = &self.snapshot.configuration;
+        let known = (&prediction.difference, prediction.half_width.as_ref());
+        let ranked = configuration
+            .routing
+            .pilot
+            .and_then(|options| pilot::rank_score(known, open_share, pilot, &options, configuration));
+        Prediction { rank_score: ranked.unwrap_or(prediction.rank_score), ..prediction }
     }
 }
 
@@ -136,7 +149,7 @@ pub type Allotted = (RouteDecision, Option<f64>, String);
 
 /// Who gets the rollouts of an epoch.
 ///
-/// 1. Fewer labels than `min_labels`, or a random choice: the budget is drawn at random; each drawn one stands for as many as
+/// 1. Fewer labels than `min_labels` and no pilot, or a random choice: the budget is drawn at random; each drawn one stands for as many as
 ///    there are for one place of the budget.
 /// 2. A candidate is weak that is predicted to lose more than λ_A of attack or λ_R of realism, with an uncertainty of at most λ_U.
 /// 3. The budget less its audits goes to the best by rank that are not weak.
@@ -146,7 +159,9 @@ pub fn allot(predictions: &[Prediction], labels: u32, options: &RoutingOptions, 
     let budget = (options.rollout_budget as usize).min(n);
     // It is drawn in every case, so that another budget changes no other draw of the stream.
     let draw = stream.unit();
-    if options.choice == RoutingChoice::Random || labels < options.min_labels {
+    // Behind a pilot something is known of everybody, however few were labelled before.
+    let scarce = labels < options.min_labels && options.pilot.is_none();
+    if options.choice == RoutingChoice::Random || scarce {
         return drawn(n, budget, labels, options, stream);
     }
     let mut order: Vec<usize> = (0..n).collect();

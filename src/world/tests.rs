@@ -33,6 +33,7 @@ pub(super) fn configuration(model: WorldModel) -> WorldConfiguration {
             lambda_u: 1.0,
             audit_share: 0.0,
             min_labels: 10,
+            pilot: None,
         },
     }
 }
@@ -244,6 +245,56 @@ fn without_evidence_and_by_choice_the_budget_is_drawn() {
         }
         assert!(counts.iter().sum::<i32>() == 2000 && counts.iter().all(|n| (140..260).contains(n)), "{counts:?}");
     }
+}
+
+#[test]
+fn a_pilot_takes_the_first_open_scenes_of_an_order_that_all_share() {
+    let options = PilotOptions { scenes: 2, prior_scenes: 3.0 };
+    let order = pilot_order(Seed(1), &LineageId::new("cat-idm"), 4, 6);
+    assert_eq!(order.iter().copied().collect::<BTreeSet<usize>>(), (0..6).collect());
+    assert_ne!(order, pilot_order(Seed(1), &LineageId::new("cat-idm"), 5, 6), "another epoch begins elsewhere");
+    assert_eq!(pilot_places(&order, &[true; 6], &options), order[..2]);
+    let mut open = [false; 6];
+    (open[order[1]], open[order[4]], open[order[5]]) = (true, true, true);
+    assert_eq!(pilot_places(&order, &open, &options), [order[1], order[4]], "elsewhere it is its parent's label");
+    assert!(pilot_places(&order, &[false; 6], &options).is_empty());
+}
+
+#[test]
+fn what_a_pilot_shows_is_mixed_with_the_prediction_by_the_scenes_seen() {
+    let mut snapshot = settled(&stepped(60), &configuration(WorldModel::Boosted));
+    snapshot.configuration.routing.pilot = Some(PilotOptions { scenes: 3, prior_scenes: 3.0 });
+    (snapshot.configuration.realism_weight, snapshot.configuration.explore) = (0.5, 0.2);
+    let of = |attack: f64, realism: f64| Objectives { attack, realism };
+    let expected = Prediction {
+        objectives: of(0.5, 0.9),
+        difference: of(-0.1, 0.04),
+        half_width: Some(of(0.2, 0.1)),
+        rank_score: -0.08 + 0.2 * 0.25,
+    };
+    let router = Router::new(&snapshot).unwrap();
+    let after = |labelled: u32, open_share: f64| {
+        let pilot = Pilot { scenes: Vec::new(), difference: of(0.4, -0.2), labelled };
+        router.after_pilot(expected, open_share, &pilot)
+    };
+    // Half of the window is open; a gain of .4 - .5 * .2 in an open scene is .15 of the window.
+    let three = (-0.08 + 0.15) / 2.0 + 0.2 * 0.25 * 0.5_f64.sqrt();
+    assert!((after(3, 0.5).rank_score - three).abs() < 1e-12, "{}", after(3, 0.5).rank_score);
+    assert!(after(9, 0.5).rank_score > after(3, 0.5).rank_score);
+    assert_eq!(after(3, 0.5).difference, expected.difference, "what was predicted stays on record");
+    for nothing in [after(0, 0.5), after(3, 0.0)] {
+        assert_eq!(nothing, expected);
+    }
+}
+
+#[test]
+fn behind_a_pilot_candidates_are_ranked_however_few_were_labelled_before() {
+    let predictions: Vec<Prediction> = (0..10).map(|k| prediction(f64::from(k))).collect();
+    let pilot = Some(PilotOptions { scenes: 3, prior_scenes: 3.0 });
+    let scarce = RoutingOptions { min_labels: 101, pilot, ..options(5, 0.0) };
+    let found = routed(&predictions, &scarce, 1);
+    let chosen = |(decision, ..): &(RouteDecision, Option<f64>, String)| *decision == RouteDecision::Select;
+    assert_eq!(found.iter().map(chosen).collect::<Vec<bool>>(), (0..10).map(|k| k >= 5).collect::<Vec<bool>>());
 }
 
 #[test]

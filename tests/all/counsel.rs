@@ -4,22 +4,22 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use crate::harness::{Recorded, events, experiment, folder_below, record, run as evodrive, write_small};
+use crate::harness::{Recorded, events, experiment, folder_below, record, run as evodrive, set, write_small};
 use serde_json::Value;
 
 /// LLM-Attacker's experiment with a few scenes, as `change` leaves it.
 fn small(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
     let mut table = experiment("metadrive/llm_attacker-idm.toml");
-    let mut set = |path: [&str; 2], value: i64| {
-        table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value.into());
-    };
-    set(["scenes", "count"], 14);
-    set(["split", "held_out"], 3);
-    set(["split", "window"], 4);
-    set(["budget", "epochs"], 2);
-    set(["budget", "slots"], 2);
-    set(["budget", "probe_scenes"], 1);
-    set(["budget", "finalists"], 1);
+    let changes = [
+        ("scenes", "count", 14.into()),
+        ("split", "held_out", 3.into()),
+        ("split", "window", 4.into()),
+        ("budget", "epochs", 2.into()),
+        ("budget", "slots", 2.into()),
+        ("budget", "probe_scenes", 1.into()),
+        ("budget", "finalists", 1.into()),
+    ];
+    set(&mut table, &changes);
     table["split"]["evolution"]["count"] = 6.into();
     table["models"]["scripted"]["sampling"]["malformed_json_rate"] = 0.3.into();
     change(&mut table);
@@ -179,15 +179,15 @@ fn counsel_is_declared_exactly_where_a_family_takes_it() {
 /// ChatScene's experiment with two routes, as `change` leaves it.
 fn described(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
     let mut table = experiment("safebench/chatscene-idm.toml");
-    let mut set = |path: [&str; 2], value: toml::Value| {
-        table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value);
-    };
-    set(["split", "held_out"], 2.into());
-    set(["split", "window"], 4.into());
-    set(["budget", "epochs"], 1.into());
-    set(["budget", "slots"], 1.into());
-    set(["budget", "probe_scenes"], 1.into());
-    set(["budget", "finalists"], 1.into());
+    let changes = [
+        ("split", "held_out", 2.into()),
+        ("split", "window", 4.into()),
+        ("budget", "epochs", 1.into()),
+        ("budget", "slots", 1.into()),
+        ("budget", "probe_scenes", 1.into()),
+        ("budget", "finalists", 1.into()),
+    ];
+    set(&mut table, &changes);
     table["scenes"]["options"]["routes"] = vec![4, 5].into();
     table["scenes"]["options"]["draws"] = 1.into();
     table["evaluation"]["safebench"]["selected_per_group"] = 1.into();

@@ -4,26 +4,26 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use crate::harness::{Recorded, events, experiment, record, run as evodrive, write_small};
+use crate::harness::{Recorded, events, experiment, record, run as evodrive, set, write_small};
 use serde_json::Value;
 
 /// The world experiment with few scenes, as `change` leaves it: every proposal is simulated, so that there is something to judge.
 fn small(folder: &Path, change: impl FnOnce(&mut toml::Table)) -> PathBuf {
     let mut table = experiment("world/evolving.toml");
-    let mut set = |path: [&str; 2], value: toml::Value| {
-        table[path[0]].as_table_mut().unwrap().insert(path[1].into(), value);
-    };
-    set(["scenes", "count"], 14.into());
-    set(["split", "held_out"], 2.into());
-    set(["split", "window"], 4.into());
-    set(["budget", "epochs"], 5.into());
-    set(["budget", "slots"], 4.into());
-    set(["budget", "probe_scenes"], 2.into());
-    set(["budget", "finalists"], 1.into());
-    set(["world", "trees"], 5.into());
-    set(["world_agent", "fit_labels_min"], 2.into());
-    set(["world_agent", "held_labels_min"], 2.into());
-    set(["world_agent", "gain_errors"], 0.0.into());
+    let changes = [
+        ("scenes", "count", 14.into()),
+        ("split", "held_out", 2.into()),
+        ("split", "window", 4.into()),
+        ("budget", "epochs", 5.into()),
+        ("budget", "slots", 4.into()),
+        ("budget", "probe_scenes", 2.into()),
+        ("budget", "finalists", 1.into()),
+        ("world", "trees", 5.into()),
+        ("world_agent", "fit_labels_min", 2.into()),
+        ("world_agent", "held_labels_min", 2.into()),
+        ("world_agent", "gain_errors", 0.0.into()),
+    ];
+    set(&mut table, &changes);
     table["world"]["routing"]["min_labels"] = 4.into();
     table["split"]["evolution"]["count"] = 10.into();
     table["models"]["scripted"]["sampling"]["out_of_range_rate"] = 0.3.into();

@@ -20,6 +20,13 @@ pub fn experiment(name: &str) -> toml::Table {
     evodrive::experiment::composed(&home().join("experiments").join(name)).unwrap().table
 }
 
+/// Sets keys of an experiment's tables.
+pub fn set(table: &mut toml::Table, changes: &[(&str, &str, toml::Value)]) {
+    for (part, key, value) in changes {
+        table[*part].as_table_mut().unwrap().insert((*key).into(), value.clone());
+    }
+}
+
 /// Writes an experiment that a test made smaller, with a cassette of its own beside it.
 pub fn write_small(folder: &Path, mut table: toml::Table) -> PathBuf {
     table.insert("cassette".into(), "small.jsonl".into());

@@ -30,6 +30,7 @@ mod not_losing_work;
 mod nudge;
 mod own_ego;
 mod parents;
+mod piloting;
 mod plan;
 mod pools;
 mod programs;

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
-use crate::objects::LineageId;
+use crate::objects::{Attempt, LineageId};
 
 /// The measures of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -35,8 +35,11 @@ pub struct Against {
     /// Hypervolume of the fronts after the last epoch, summed over lineages, as a share of the other run's sum. A mean of the
     /// lineages' shares would be decided by those whose fronts are nearly nothing.
     pub hypervolume_share: f64,
-    /// Simulated candidates as a share of the other run's.
+    /// Rollouts that candidates got as a share of the other run's: one a candidate and scene of its window or pilot. Those on
+    /// earlier windows, which only who gains on its own window gets, are not counted.
     pub rollout_share: f64,
+    /// Candidates that were simulated on the whole window, as a share of the other run's.
+    pub candidate_share: f64,
     /// Lineages that both runs finished.
     pub lineages: usize,
     /// Mean over lineages of the hypervolume less the other run's of the same lineage, and its standard error.
@@ -67,26 +70,35 @@ fn against(run: &RecordedRun, full: &RecordedRun) -> Option<Against> {
     let last = |run: &RecordedRun| -> BTreeMap<LineageId, f64> {
         run.settled.iter().map(|settled| (settled.lineage.clone(), settled.hypervolume)).collect()
     };
-    let simulated = |run: &RecordedRun, lineage: &LineageId| {
-        run.attempts.iter().filter(|a| a.lineage == *lineage && a.exit.score().is_some()).count() as f64
-    };
     let (own, other) = (last(run), last(full));
-    let shared: Vec<&LineageId> =
-        own.keys().filter(|lineage| other.get(*lineage).is_some_and(|hv| *hv > 0.0)).collect();
+    let shared: Vec<&LineageId> = own.keys().filter(|lineage| other.contains_key(*lineage)).collect();
     let sum = |of: &BTreeMap<LineageId, f64>| num::sum(shared.iter().map(|lineage| of[*lineage]));
-    let hypervolume_share = sum(&own) / sum(&other);
-    let total = |run: &RecordedRun| num::sum(shared.iter().map(|lineage| simulated(run, lineage)));
-    let whole = total(full);
+    let area = sum(&other);
+    let of = |run: &RecordedRun, count: fn(&Attempt) -> usize| -> f64 {
+        run.attempts.iter().filter(|attempt| shared.contains(&&attempt.lineage)).map(count).sum::<usize>() as f64
+    };
+    let (whole, candidates) = (of(full, rollouts), of(full, simulated));
     let differences: Vec<f64> = shared.iter().map(|lineage| own[*lineage] - other[*lineage]).collect();
-    (whole > 0.0).then(|| Against {
-        hypervolume_share,
-        rollout_share: total(run) / whole,
+    (area > 0.0 && whole > 0.0 && candidates > 0.0).then(|| Against {
+        hypervolume_share: sum(&own) / area,
+        rollout_share: of(run, rollouts) / whole,
+        candidate_share: of(run, simulated) / candidates,
         lineages: shared.len(),
         hypervolume_difference: num::mean(&differences).unwrap_or(0.0),
         hypervolume_difference_error: standard_error(&differences),
         lineages_better: differences.iter().filter(|difference| **difference > 0.0).count(),
         lineages_worse: differences.iter().filter(|difference| **difference < 0.0).count(),
     })
+}
+
+/// Scenes in which a candidate was rolled out: those of its window, or of its pilot where it went no farther.
+fn rollouts(attempt: &Attempt) -> usize {
+    let pilot = attempt.exit.route().and_then(|route| route.pilot.as_ref());
+    attempt.exit.score().map_or(pilot.map_or(0, |pilot| pilot.scenes.len()), |score| score.scenes.len())
+}
+
+fn simulated(attempt: &Attempt) -> usize {
+    usize::from(attempt.exit.score().is_some())
 }
 
 /// Of the mean of a sample.

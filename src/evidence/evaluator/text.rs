@@ -52,11 +52,12 @@ pub fn text(report: &EvaluatorReport) -> String {
     if let Some(against) = &report.against {
         let _ = writeln!(
             out,
-            "beside the other run, {} lineages: {:.1} % of its hypervolume with {:.1} % of its simulated candidates; by lineage {:+.4} ± {} \
+            "beside the other run, {} lineages: {:.1} % of its hypervolume with {:.1} % of its rollouts, {:.1} % of its simulated candidates; by lineage {:+.4} ± {} \
              (more in {}, less in {})",
             against.lineages,
             100.0 * against.hypervolume_share,
             100.0 * against.rollout_share,
+            100.0 * against.candidate_share,
             against.hypervolume_difference,
             number(against.hypervolume_difference_error, 4),
             against.lineages_better,

@@ -454,6 +454,7 @@ pub(super) fn simulated(routed: RouteDecision, accepted: bool, attack_change: f6
         half_width: None,
         rank_score: None,
         weight: None,
+        pilot: None,
     };
     let mut story = scripted();
     add(&mut story, &SAGE);

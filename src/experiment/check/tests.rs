@@ -14,6 +14,7 @@ fn whole() -> Vec<Table> {
         "recorded_traffic",
         "agreement/metadrive",
         "world/evolving",
+        "world/pilot",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
     let mut all: Vec<Table> =

@@ -287,6 +287,7 @@ fn window() -> Vec<SceneRow> {
         nearest_m: Some(nearest_m),
         note: note.into(),
         diagnostics: BTreeMap::from([("bounded_jerk".into(), 0.62), ("map_validity".into(), 1.0)]),
+        metrics: BTreeMap::new(),
     };
     vec![
         row(1, "attack", Some("cut_in"), 0.0, ""),
@@ -334,6 +335,7 @@ pub fn measures(safebench: bool) -> Measures {
             counts: vec!["ego_strikes".into()],
             counts_if_avoidable: vec!["cut_in".into(), "crossing".into()],
             when: None,
+            metrics: Vec::new(),
             diagnostics: vec![
                 diagnostic("bounded_jerk", 0.6, &[("jerk_mps3", 8.0, 4.0)]),
                 diagnostic("collision_validity", 0.4, &[]),

@@ -25,6 +25,8 @@ pub enum Protocol {
         counts_if_avoidable: Vec<String>,
         /// The experiment's own expression, which decides in their place.
         when: Option<String>,
+        /// The experiment's own metrics: name and expression.
+        metrics: Vec<(String, String)>,
         /// The diagnostics with their weights.
         diagnostics: Vec<Diagnostic>,
     },
@@ -88,8 +90,9 @@ impl Measures {
             "coverage_floor": coverage_floor, "realism_min": realism_min,
         });
         match &self.protocol {
-            Protocol::Metadrive { counts, counts_if_avoidable, when, diagnostics } => {
+            Protocol::Metadrive { counts, counts_if_avoidable, when, metrics, diagnostics } => {
                 values["when"] = when.clone().into();
+                values["metrics"] = metrics.iter().map(|(name, of)| json!({"name": name, "of": of})).collect::<Vec<_>>().into();
                 values["counts"] = listed(counts).into();
                 values["counts_if_avoidable"] = listed(counts_if_avoidable).into();
                 let first = diagnostics.first().map(|diagnostic| diagnostic.weight);

@@ -30,11 +30,16 @@ pub struct SceneRow {
     pub note: String,
     /// d_j of each diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
+    /// Values of the experiment's own metrics.
+    pub metrics: BTreeMap<String, f64>,
 }
 
 /// The table, a row a line.
 pub fn table(rows: &[SceneRow]) -> String {
-    let head = "scene | place and tags | adversaries | outcome | nearest_m | below 1".to_string();
+    let mut head = "scene | place and tags | adversaries | outcome | nearest_m | below 1".to_string();
+    if rows.iter().any(|row| !row.metrics.is_empty()) {
+        head += " | measured";
+    }
     [head].into_iter().chain(rows.iter().map(row)).collect::<Vec<_>>().join("\n")
 }
 
@@ -53,5 +58,10 @@ fn row(row: &SceneRow) -> String {
     let nearest_m = row.nearest_m.map_or("-".into(), |m| num::rounded(m, 1).to_string());
     let (place, actors, below) = (place.join(" "), row.actors.join(" "), below.join("; "));
     let outcome = format!("{}{share}{contact}", row.outcome);
-    [row.scene.as_str(), &place, &actors, &outcome, &nearest_m, &below].join(" | ")
+    let line = [row.scene.as_str(), &place, &actors, &outcome, &nearest_m, &below].join(" | ");
+    if row.metrics.is_empty() {
+        return line;
+    }
+    let measured = row.metrics.iter().map(|(name, value)| format!("{name} {}", num::rounded(*value, 3)));
+    format!("{line} | {}", measured.collect::<Vec<_>>().join("; "))
 }

@@ -153,6 +153,7 @@ pub(super) mod samples {
             realism: *realism,
             contact: None,
             diagnostics: BTreeMap::new(),
+            metrics: Default::default(),
             intervened: *intervened,
             acted: *intervened,
             request: Digest::of_bytes(&[]),

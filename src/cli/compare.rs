@@ -169,11 +169,11 @@ fn text(first: &Side, second: &Side, rows: &[(String, Comparison)], changes: &[C
             Paired::Evolution => "evolution",
         };
         text += &format!("\n{name}: A {}, B {}; {} {suite} scenes, paired\n", of.first, of.second, of.scenes);
-        text += &format!("  {:<12} {:>24} {:>24} {:>26}\n", "", "A", "B", "B - A");
+        text += &format!("  {:<20} {:>24} {:>24} {:>26}\n", "", "A", "B", "B - A");
         for row in &of.quantities {
             let [a, b] = [row.first, row.second].map(|estimate| estimated(estimate, false));
             let fewer = if row.scenes < of.scenes { format!("  ({} scenes)", row.scenes) } else { String::new() };
-            text += &format!("  {:<12} {a:>24} {b:>24} {:>26}{fewer}\n", row.quantity, estimated(row.difference, true));
+            text += &format!("  {:<20} {a:>24} {b:>24} {:>26}{fewer}\n", row.quantity, estimated(row.difference, true));
         }
     }
     text += "\nin brackets: 95 % bootstrap intervals over scenes; realism is that of scenes in which both act\n";

@@ -52,6 +52,7 @@ fn metadrive(options: &MetadriveOptions) -> Protocol {
         counts: names(&options.attack.counts),
         counts_if_avoidable: names(&options.attack.counts_if_avoidable),
         when: options.attack.when.as_ref().map(|when| when.text().to_string()),
+        metrics: options.metrics.iter().map(|(name, of)| (name.clone(), of.text().to_string())).collect(),
         diagnostics: options.realism.weights().into_iter().map(diagnostic).collect(),
     }
 }

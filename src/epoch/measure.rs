@@ -91,6 +91,8 @@ mod tests {
             realism,
             acted: true,
             diagnostics: BTreeMap::new(),
+            metrics: Default::default(),
+            metrics: Default::default(),
             contact: None,
             intervened: true,
             request: Digest::of_bytes(name.as_bytes()),

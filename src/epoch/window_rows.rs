@@ -49,6 +49,7 @@ fn row(
         nearest_m: record.outcome.distance_m_min.filter(|_| scene.acted),
         note: note(&decision),
         diagnostics: if scene.acted { scene.diagnostics.clone() } else { Default::default() },
+        metrics: scene.metrics.clone(),
     })
 }
 

@@ -165,6 +165,10 @@ fn labels(out: &mut String, score: &Score) {
             scene.request.short(12),
             if missed.is_empty() { String::new() } else { format!("  [{}]", missed.join(", ")) }
         );
+        if !scene.metrics.is_empty() {
+            let measured = scene.metrics.iter().map(|(name, value)| format!("{name} {value:.4}"));
+            let _ = writeln!(out, "  {:<34} {}", "", measured.collect::<Vec<_>>().join("  "));
+        }
     }
     for failure in &score.failures {
         let _ = writeln!(out, "  {:<34} no label: {}", failure.scene, failure.reason);

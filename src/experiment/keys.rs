@@ -454,6 +454,16 @@ fn metadrive() -> Vec<Key> {
             "An expression over the outcome that decides in place of the two lists; see docs/OBJECTIVES.md.",
         )],
     );
+    let measured = table(
+        || With("evaluation.metrics"),
+        vec![(
+            "evaluation.metrics.*",
+            "",
+            "",
+            Text(2000),
+            "A metric of one's own, by its name: an expression over the outcome, measured in every scene beside the objectives.",
+        )],
+    );
     let mut keys = table(
         || Without("evaluation.safebench"),
         vec![
@@ -491,6 +501,7 @@ fn metadrive() -> Vec<Key> {
         ],
     );
     keys.extend(own);
+    keys.extend(measured);
     keys
 }
 

@@ -127,6 +127,9 @@ pub struct SceneScore {
     pub acted: bool,
     /// d_j of each realism diagnostic, 1 = satisfied.
     pub diagnostics: BTreeMap<String, f64>,
+    /// Values of the metrics that the experiment declares besides.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub metrics: BTreeMap<String, f64>,
     /// Whom the ego met, if anyone: the first contact, which ends the rollout.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<Met>,

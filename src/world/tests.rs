@@ -401,6 +401,8 @@ fn scored(scene: &str, attack: f64) -> SceneScore {
         acted: true,
         contact: None,
         diagnostics: BTreeMap::new(),
+        metrics: Default::default(),
+        metrics: Default::default(),
         intervened: true,
         request: Digest::of_bytes(b"q"),
         record: Digest::of_bytes(b"r"),

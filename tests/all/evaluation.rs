@@ -33,6 +33,7 @@ fn options() -> MetadriveOptions {
     let (vehicle, cyclist, pedestrian, fixed) = (limits(), limits(), limits(), limits());
     MetadriveOptions {
         attack: attack_options(),
+        metrics: BTreeMap::new(),
         realism: RealismOptions {
             weights: Weights {
                 map_validity: 0.2,

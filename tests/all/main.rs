@@ -29,6 +29,7 @@ mod models;
 mod not_losing_work;
 mod nudge;
 mod own_ego;
+mod own_metrics;
 mod parents;
 mod piloting;
 mod plan;

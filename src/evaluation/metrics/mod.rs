@@ -22,6 +22,7 @@ pub use outcome_formula::{OutcomeFormula, outcome_fields};
 pub use realism::{OptionsError, RealismOptions, Weights};
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Everything that turns outcomes into objectives: one of the two protocols. Comes from the experiment file, where
 /// `[evaluation.attack]` and `[evaluation.realism]` stand for MetaDrive's and `[evaluation.safebench]` for the other.
@@ -41,7 +42,16 @@ pub enum EvaluationOptions {
 pub struct MetadriveOptions {
     pub attack: AttackOptions,
     pub realism: RealismOptions,
+    /// Quantities of the experiment's own, measured in every scene beside the objectives: name -> expression over the outcome. They are
+    /// shown to agents and readers and decide nothing.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub metrics: BTreeMap<String, OutcomeFormula>,
 }
+
+/// Own metrics that an experiment may declare: each is a column of every prompt's window.
+const METRICS_MAX: usize = 8;
+/// Longest name of one.
+const METRIC_NAME_CHARS: usize = 40;
 
 impl EvaluationOptions {
     /// Options of SafeBench's protocol, if this is it.
@@ -60,10 +70,12 @@ struct WrittenOptions {
     attack: Option<AttackOptions>,
     realism: Option<RealismOptions>,
     safebench: Option<safebench::SafebenchOptions>,
+    #[serde(default)]
+    metrics: BTreeMap<String, OutcomeFormula>,
 }
 
 /// `[evaluation]` that names no protocol, or two.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ProtocolError {
     #[error(
         "[evaluation.{0}] is read by the MetaDrive protocol only, and [evaluation.safebench] asks for SafeBench's; \
@@ -75,18 +87,40 @@ pub enum ProtocolError {
          SafeBench's needs [evaluation.safebench] alone"
     )]
     Missing(&'static str),
+    #[error(
+        "evaluation.metrics.{0} is no name of a metric; expected lower-case letters, digits and _, a letter first, at most 40 characters"
+    )]
+    MetricName(String),
+    #[error("[evaluation.metrics] has {0} metrics; expected at most 8, because each is a column of every prompt's window")]
+    Metrics(usize),
+}
+
+/// Refuses names and numbers of own metrics that cannot be columns.
+fn named_metrics(metrics: &BTreeMap<String, OutcomeFormula>) -> Result<(), ProtocolError> {
+    let fits = |name: &str| {
+        let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        name.starts_with(|c: char| c.is_ascii_lowercase()) && name.chars().all(plain) && name.len() <= METRIC_NAME_CHARS
+    };
+    match metrics.keys().find(|name| !fits(name)) {
+        Some(name) => Err(ProtocolError::MetricName(name.clone())),
+        None if metrics.len() > METRICS_MAX => Err(ProtocolError::Metrics(metrics.len())),
+        None => Ok(()),
+    }
 }
 
 impl TryFrom<WrittenOptions> for EvaluationOptions {
     type Error = ProtocolError;
 
     fn try_from(written: WrittenOptions) -> Result<EvaluationOptions, ProtocolError> {
+        let metrics = written.metrics;
+        named_metrics(&metrics)?;
         match (written.safebench, written.attack, written.realism) {
+            (Some(_), None, None) if !metrics.is_empty() => Err(ProtocolError::Unread("metrics")),
             (Some(safebench), None, None) => Ok(EvaluationOptions::Safebench { safebench }),
             (Some(_), Some(_), _) => Err(ProtocolError::Unread("attack")),
             (Some(_), None, Some(_)) => Err(ProtocolError::Unread("realism")),
             (None, Some(attack), Some(realism)) => {
-                Ok(EvaluationOptions::Metadrive(MetadriveOptions { attack, realism }))
+                Ok(EvaluationOptions::Metadrive(MetadriveOptions { attack, realism, metrics }))
             }
             (None, None, _) => Err(ProtocolError::Missing("attack")),
             (None, Some(_), None) => Err(ProtocolError::Missing("realism")),

@@ -142,9 +142,14 @@ impl OutcomeFormula {
         &self.text
     }
 
-    /// Its value between 0 and 1; a truth value is one of the two.
-    pub fn share(&self, outcome: &Outcome) -> f64 {
+    /// Its value; a truth value is 0 or 1.
+    pub fn value(&self, outcome: &Outcome) -> f64 {
         let values = FIELDS.each_ref().map(|field| (field.read)(outcome));
-        self.code.number(&values).clamp(0.0, 1.0)
+        self.code.number(&values)
+    }
+
+    /// Its value between 0 and 1.
+    pub fn share(&self, outcome: &Outcome) -> f64 {
+        self.value(outcome).clamp(0.0, 1.0)
     }
 }

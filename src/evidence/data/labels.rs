@@ -73,6 +73,12 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
         let meaning = "Realism diagnostic of this name, 1 = satisfied (docs/OBJECTIVES.md).";
         columns.number(&heading, "", meaning, move |(_, label)| label.diagnostics.get(&name).copied())
     });
+    let metrics: BTreeSet<String> = rows.iter().flat_map(|(_, label)| label.metrics.keys().cloned()).collect();
+    let columns = metrics.into_iter().fold(columns, |columns, name| {
+        let heading = format!("m_{name}");
+        let meaning = "Metric of this name, as the experiment declares it in evaluation.metrics.";
+        columns.number(&heading, "", meaning, move |(_, label)| label.metrics.get(&name).copied())
+    });
     let columns = columns.text("request", "Key of the rollout request.", |(_, label)| label.request).text(
         "record",
         "Digest of the rollout's record: the key into the table of rollouts.",

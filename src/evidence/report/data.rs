@@ -56,6 +56,7 @@ pub fn of(story: &RecordedRun, beside: &Beside<'_>) -> Value {
         "findings": audit(story),
         "scenes": names.scenes,
         "diagnostics": names.diagnostics,
+        "metrics": names.metrics,
         "model_names": names.models,
         "roles": ROLES.map(Role::name),
         "terms": terms(),
@@ -138,6 +139,7 @@ fn counsel(counselled: &Counselled) -> Value {
 struct Names {
     scenes: Vec<String>,
     diagnostics: Vec<String>,
+    metrics: Vec<String>,
     models: Vec<String>,
 }
 
@@ -150,6 +152,7 @@ impl Names {
         Names {
             scenes: sorted(&mut labelled().map(|scene| &scene.scene)),
             diagnostics: sorted(&mut labelled().flat_map(|scene| scene.diagnostics.keys())),
+            metrics: sorted(&mut labelled().flat_map(|scene| scene.metrics.keys())),
             models: sorted(
                 &mut story.attempts.iter().flat_map(|a| &a.proposal.exchanges).map(|exchange| &exchange.model),
             ),
@@ -163,7 +166,8 @@ impl Names {
         json!([role(exchange.role), exchange.round, model, request, response, exchange.refusal])
     }
 
-    /// `[scene, attack, realism, applied, [[diagnostic, value], ...]]`, of the diagnostics only those below 1.
+    /// `[scene, attack, realism, applied, [[diagnostic, value], ...], [metric, ...]]`, of the diagnostics only those below 1; the metrics in
+    /// the order of their names, where the experiment declares any.
     fn label(&self, label: &SceneScore) -> Value {
         let place = |names: &[String], name: &String| names.binary_search(name).ok();
         let below = label.diagnostics.iter().filter(|(_, value)| **value < 1.0);
@@ -174,7 +178,8 @@ impl Names {
             num::rounded(label.attack, 3),
             num::rounded(label.realism, 4),
             u8::from(label.intervened),
-            below
+            below,
+            self.metrics.iter().map(|name| label.metrics.get(name).map(|value| num::rounded(*value, 4))).collect::<Vec<_>>()
         ])
     }
 }

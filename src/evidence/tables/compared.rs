@@ -1,7 +1,7 @@
 //! Two programs of any two runs beside each other, paired by scene: what each amounts to, the difference, its interval.
 
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::labels::{self, Reading};
@@ -20,7 +20,7 @@ pub enum Paired {
 /// One quantity of both programs over the scenes that are paired.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Compared {
-    pub quantity: &'static str,
+    pub quantity: String,
     /// Scenes in which both have it.
     pub scenes: usize,
     pub first: Estimate,
@@ -58,7 +58,10 @@ pub fn compared(first: (&RecordedRun, &SolutionId), second: (&RecordedRun, &Solu
         if pairs.is_empty() {
             return None;
         }
-        let quantities = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, *reading, &pairs)).collect();
+        let shared = pairs.iter().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
+        let own = shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), &pairs));
+        let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, &pairs));
+        let quantities = shipped.chain(own).collect();
         let (first, second) = (first.1.clone(), second.1.clone());
         Some(Comparison { first, second, on, scenes: pairs.len(), quantities })
     })
@@ -83,7 +86,7 @@ fn by_scene<'a>(labels: impl Iterator<Item = &'a SceneScore>) -> ByScene<'a> {
 }
 
 /// The three estimates of a quantity, over the scenes in which both programs have it and from the same draws.
-fn quantity(name: &'static str, reading: Reading, pairs: &[[&SceneScore; 2]]) -> Option<Compared> {
+fn quantity(name: &str, reading: &dyn Fn(&SceneScore) -> Option<f64>, pairs: &[[&SceneScore; 2]]) -> Option<Compared> {
     let both: Vec<[f64; 2]> =
         pairs.iter().filter_map(|[first, second]| Some([reading(first)?, reading(second)?])).collect();
     let suite = Digest::of_bytes(b"compared");
@@ -93,7 +96,7 @@ fn quantity(name: &'static str, reading: Reading, pairs: &[[&SceneScore; 2]]) ->
     };
     let found = bootstrap::estimates(&[of(&|pair| pair[0]), of(&|pair| pair[1]), of(&|pair| pair[1] - pair[0])]);
     let [Some(first), Some(second), Some(difference)] = found[..] else { return None };
-    Some(Compared { quantity: name, scenes: both.len(), first, second, difference })
+    Some(Compared { quantity: name.to_string(), scenes: both.len(), first, second, difference })
 }
 
 #[cfg(test)]
@@ -107,6 +110,8 @@ mod tests {
             realism,
             acted,
             diagnostics: BTreeMap::new(),
+            metrics: Default::default(),
+            metrics: Default::default(),
             contact: None,
             intervened: acted,
             request: Digest::of_bytes(b"request"),
@@ -123,15 +128,15 @@ mod tests {
         let second: Vec<SceneScore> =
             scenes.iter().enumerate().map(|(k, s)| label(s, (k % 2) as f64 * 0.9 + 0.1, true, 0.7)).collect();
         let pairs: Vec<[&SceneScore; 2]> = first.iter().zip(&second).map(|(a, b)| [a, b]).collect();
-        let attack = quantity("attack", QUANTITIES[0].1, &pairs).unwrap();
+        let attack = quantity("attack", &QUANTITIES[0].1, &pairs).unwrap();
         assert!((attack.first.value - 0.45).abs() < 1e-12 && (attack.difference.value - 0.1).abs() < 1e-12);
         let [low, high] = attack.difference.interval.unwrap();
         assert!(low > 0.099 && high < 0.101, "{low} {high}");
         let [low, high] = attack.first.interval.unwrap();
         assert!(high - low > 0.2, "the programs by themselves are not so sure: {low} {high}");
-        let realism = quantity("realism", QUANTITIES[1].1, &pairs).unwrap();
+        let realism = quantity("realism", &QUANTITIES[1].1, &pairs).unwrap();
         assert!(realism.scenes == 19 && (realism.difference.value + 0.1).abs() < 1e-12);
         let nobody = [[&first[3], &second[3]]];
-        assert!(quantity("realism", QUANTITIES[1].1, &nobody).is_none());
+        assert!(quantity("realism", &QUANTITIES[1].1, &nobody).is_none());
     }
 }

@@ -76,6 +76,7 @@ pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
                 anyway: false,
             }),
             diagnostics: BTreeMap::new(),
+            metrics: Default::default(),
             intervened: true,
             request: Digest::of_bytes(format!("{of} {id}").as_bytes()),
             record: Digest::of_bytes(b"record"),

@@ -92,7 +92,8 @@ impl Measures {
         match &self.protocol {
             Protocol::Metadrive { counts, counts_if_avoidable, when, metrics, diagnostics } => {
                 values["when"] = when.clone().into();
-                values["metrics"] = metrics.iter().map(|(name, of)| json!({"name": name, "of": of})).collect::<Vec<_>>().into();
+                values["metrics"] =
+                    metrics.iter().map(|(name, of)| json!({"name": name, "of": of})).collect::<Vec<_>>().into();
                 values["counts"] = listed(counts).into();
                 values["counts_if_avoidable"] = listed(counts_if_avoidable).into();
                 let first = diagnostics.first().map(|diagnostic| diagnostic.weight);

@@ -92,7 +92,6 @@ mod tests {
             acted: true,
             diagnostics: BTreeMap::new(),
             metrics: Default::default(),
-            metrics: Default::default(),
             contact: None,
             intervened: true,
             request: Digest::of_bytes(name.as_bytes()),

@@ -402,7 +402,6 @@ fn scored(scene: &str, attack: f64) -> SceneScore {
         contact: None,
         diagnostics: BTreeMap::new(),
         metrics: Default::default(),
-        metrics: Default::default(),
         intervened: true,
         request: Digest::of_bytes(b"q"),
         record: Digest::of_bytes(b"r"),

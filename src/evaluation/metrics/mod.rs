@@ -91,7 +91,9 @@ pub enum ProtocolError {
         "evaluation.metrics.{0} is no name of a metric; expected lower-case letters, digits and _, a letter first, at most 40 characters"
     )]
     MetricName(String),
-    #[error("[evaluation.metrics] has {0} metrics; expected at most 8, because each is a column of every prompt's window")]
+    #[error(
+        "[evaluation.metrics] has {0} metrics; expected at most 8, because each is a column of every prompt's window"
+    )]
     Metrics(usize),
 }
 

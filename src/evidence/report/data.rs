@@ -179,7 +179,10 @@ impl Names {
             num::rounded(label.realism, 4),
             u8::from(label.intervened),
             below,
-            self.metrics.iter().map(|name| label.metrics.get(name).map(|value| num::rounded(*value, 4))).collect::<Vec<_>>()
+            self.metrics
+                .iter()
+                .map(|name| label.metrics.get(name).map(|value| num::rounded(*value, 4)))
+                .collect::<Vec<_>>()
         ])
     }
 }

@@ -59,7 +59,8 @@ pub fn compared(first: (&RecordedRun, &SolutionId), second: (&RecordedRun, &Solu
             return None;
         }
         let shared = pairs.iter().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
-        let own = shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), &pairs));
+        let own =
+            shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), &pairs));
         let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, &pairs));
         let quantities = shipped.chain(own).collect();
         let (first, second) = (first.1.clone(), second.1.clone());
@@ -110,7 +111,6 @@ mod tests {
             realism,
             acted,
             diagnostics: BTreeMap::new(),
-            metrics: Default::default(),
             metrics: Default::default(),
             contact: None,
             intervened: acted,

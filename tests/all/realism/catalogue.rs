@@ -190,7 +190,8 @@ fn played_without_a_program(scenes: impl IntoIterator<Item = Scene>, ego: &Polic
     use evodrive::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions, Playing, replay_row};
     use evodrive::sim::{ContactClass, SimulatorOptions};
     let attack = AttackOptions { counts: ContactClass::ALL.into(), counts_if_avoidable: [].into(), when: None };
-    let evaluation = EvaluationOptions::Metadrive(MetadriveOptions { attack, realism: options() });
+    let evaluation =
+        EvaluationOptions::Metadrive(MetadriveOptions { attack, realism: options(), metrics: Default::default() });
     let (simulator, seed) = (&SimulatorOptions::SHIPPED, Seed(1));
     let playing = Playing { ego, simulator, backend: Backend::Own, seed, evaluation: &evaluation };
     let scenes: Vec<_> = scenes.into_iter().map(|scene| PreparedScene::new(Arc::new(scene))).collect();

@@ -3,6 +3,7 @@
 mod front;
 mod gates;
 mod objectives;
+pub mod openevolve;
 mod paired;
 mod pf_area;
 mod plane;

@@ -37,6 +37,9 @@ mod rounds;
 mod route;
 mod run;
 mod seal;
+mod search;
+#[cfg(test)]
+mod search_tests;
 mod settle;
 mod situations;
 mod standings;
@@ -54,7 +57,7 @@ pub use briefing::cluster_of;
 pub use cost::{Clock, Meter};
 pub use desk::{Desk, Tools};
 pub use error::RunError;
-pub use options::{CompositionOptions, CounselOptions};
+pub use options::{CompositionOptions, CounselOptions, Without};
 pub use plan::plan;
 pub use play::{Player, Traced};
 pub use progress::Progress;

@@ -6,6 +6,7 @@ use super::{
     draft::{Draft, Predicted, Reached, RoutedCandidate},
     freeze::{Parent, Snapshot},
     in_effect::InScene,
+    search,
     study::Study,
 };
 use crate::objects::{Candidate, ProbePair, ProgramPatch};
@@ -74,5 +75,6 @@ pub fn allot(
             ended => Ok(ended),
         })
     };
-    drafts.into_iter().map(|draft| draft.and_then(&mut routed)).collect()
+    let drafts = drafts.into_iter().map(|draft| draft.and_then(&mut routed)).collect();
+    search::within_budget(study, snapshot, drafts)
 }

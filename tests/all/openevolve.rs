@@ -158,3 +158,21 @@ fn inspirations_are_the_best_then_neighbours_then_anybody_and_never_the_parent()
         }
     }
 }
+
+#[test]
+fn an_equal_takes_no_cell_and_lives_on_its_island_all_the_same() {
+    let options = options(&json!({
+        "num_islands": 1, "archive_size": 1, "population_size": 100, "feature_dimensions": ["own"],
+        "feature_bins": 10, "migration_interval": 50, "migration_rate": 0.1, "diversity_reference_size": 20,
+    }));
+    let mut database = Database::new(options);
+    for id in ["first", "equal"] {
+        let metrics = BTreeMap::from([("own".to_string(), 0.5)]);
+        let member = Member { id: id.into(), code: id.into(), metrics, fitness: 0.5, copy_of: None };
+        database.add(member, 0, &mut || 0.0);
+    }
+    let found = state(&database);
+    assert_eq!(found["cells"], json!([{"5": "first"}]));
+    assert_eq!(found["islands"], json!([["equal", "first"]]));
+    assert_eq!((&found["archive"], &found["best"]), (&json!(["first"]), &json!("first")));
+}

@@ -79,5 +79,9 @@ mod tests {
             0.0
         });
         assert_eq!((diversity.reference.len(), asked), (2, 1));
+        // A full reference is never taken anew, and a text keeps its value.
+        let (before, frozen) = (diversity.of("a", &[], 2, &mut || 0.0), diversity.reference.clone());
+        diversity.of("another text", &["x", "y"], 2, &mut || 0.0);
+        assert_eq!((diversity.of("a", &[], 2, &mut || 0.0), diversity.reference), (before, frozen));
     }
 }

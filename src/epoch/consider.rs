@@ -8,7 +8,7 @@ use super::{
     freeze::Snapshot,
     labels::Labelling,
     measure::measure,
-    search,
+    rival, search,
     standings::{Standing, Standings},
     study::Study,
 };
@@ -138,7 +138,7 @@ fn accept(
 ) -> Result<Decision, RunError> {
     let parent = &snapshot.parent_of(slot).program.solution_id;
     let mut gates = compared(study, judged, parent, window, tools, |standing| &standing.window)?;
-    gates.method = search::verdict(study, snapshot, slot, (candidate, window), &gates, judged);
+    gates.method = rival::verdict(study, snapshot, slot, (candidate, window), &gates, &mut judged.search);
     gates.parent_tradeoff.holds &= !study.without.tradeoff;
     let mut score = window.clone();
     if gates.any() && snapshot.so_far.len() > snapshot.window.len() {

@@ -32,6 +32,7 @@ mod progress;
 mod propose;
 mod questions;
 mod replayed;
+mod rival;
 mod rollouts;
 mod rounds;
 mod route;

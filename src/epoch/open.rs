@@ -9,7 +9,7 @@ use super::{
     counsels::Counsels,
     desk::Desk,
     freeze::freeze,
-    search,
+    rival,
     state::State,
     study::{LineageSpec, Study},
 };
@@ -95,6 +95,6 @@ fn adopt(study: &Study, spec: &LineageSpec, state: &mut State, desk: &mut Desk<'
     counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
     let first = freeze(study, state, 0, spec, &desk.tools)?;
     state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(study, &first)?)?;
-    state.search.extend(search::begin(study, &first).map(|begun| (spec.id.clone(), begun)));
+    state.search.extend(rival::begin(study, &first).map(|begun| (spec.id.clone(), begun)));
     Ok(())
 }

@@ -8,7 +8,7 @@ use super::{
     desk::Tools,
     draft::{Draft, Head, Reached, Verdict},
     freeze::Snapshot,
-    search,
+    rival, search,
     study::Study,
     target::Aims,
 };
@@ -29,7 +29,7 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
     };
     let target = search::target(study, &aims, snapshot.event.epoch, slot);
     if study.method() == Method::Random {
-        return search::random(study, snapshot, slot, target.text);
+        return rival::random(study, snapshot, slot, target.text);
     }
     let critics = study.critics();
     let task = Task {

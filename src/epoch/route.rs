@@ -6,7 +6,7 @@ use super::{
     draft::{Draft, Predicted, Reached, RoutedCandidate},
     freeze::{Parent, Snapshot},
     in_effect::InScene,
-    search,
+    rival,
     study::Study,
 };
 use crate::objects::{Candidate, ProbePair, ProgramPatch};
@@ -76,5 +76,5 @@ pub fn allot(
         })
     };
     let drafts = drafts.into_iter().map(|draft| draft.and_then(&mut routed)).collect();
-    search::within_budget(study, snapshot, drafts)
+    rival::within_budget(study, snapshot, drafts)
 }

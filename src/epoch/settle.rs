@@ -7,7 +7,7 @@ use super::{
     consider::Judged,
     freeze::Snapshot,
     history::change,
-    search,
+    rival,
     state::{Settling, State},
     study::Study,
 };
@@ -30,7 +30,7 @@ pub fn settle(
     threads: &Threads,
 ) -> Result<Settled, RunError> {
     let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
-    let spent = search::spent_after(snapshot, &judged);
+    let spent = rival::spent_after(snapshot, &judged.attempts);
     for attempt in &judged.attempts {
         state.lineages.attach(attempt)?;
     }

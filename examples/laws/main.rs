@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use evodrive::backend::Backend;
-use evodrive::candidates::{Trials, admit};
+use evodrive::candidates::{Judging, Trials, admit};
 use evodrive::epoch::{Applied, Labelled, SceneEntry};
 use evodrive::experiment::Experiment;
 use evodrive::kernel::Threads;
@@ -32,7 +32,8 @@ fn patched(family: &Source, operations: &Path) -> Result<Program, Failed> {
     };
     let child = SolutionId::new(format!("{lineage}/e0s0"));
     let registry = families::registry();
-    let admission = admit(&parent, &patch, child, &family.contract, &registry, &|_, _| Trials::default());
+    let judging = Judging { contract: &family.contract, registry: &registry, skipped: &[], closed: &[] };
+    let admission = admit(&parent, &patch, child, &judging, &|_, _| Trials::default());
     let failed: Vec<String> = admission.gates.failed().flat_map(|verdict| verdict.problems.clone()).collect();
     let candidate = admission.candidate.ok_or_else(|| format!("{}: {}", operations.display(), failed.join("; ")))?;
     Ok(candidate.program)

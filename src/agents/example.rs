@@ -49,6 +49,7 @@ impl Example {
             foreign_vocabulary: &foreign,
             protected_words: &["ego", "simulator"],
             measures,
+            omitted: super::Omitted::default(),
         };
         Example {
             handbook: Handbook::of(&parts).unwrap(),
@@ -351,5 +352,5 @@ pub fn measures(safebench: bool) -> Measures {
         coverage_floor: 0.8,
         realism_min: 0.95,
     };
-    Measures { protocol, acceptance }
+    Measures { protocol, acceptance, rule: None, tradeoff: true }
 }

@@ -12,6 +12,10 @@ pub struct Measures {
     pub protocol: Protocol,
     /// What makes a child a member of the lineage.
     pub acceptance: Acceptance,
+    /// The rule of acceptance in words, where another method than the gates decides.
+    pub rule: Option<String>,
+    /// Whether a bounded trade with the parent is one of the gates.
+    pub tradeoff: bool,
 }
 
 /// One of the two protocols.
@@ -87,7 +91,7 @@ impl Measures {
         let Acceptance { r0, a0, epsilon_r, epsilon_a, level, coverage_floor, realism_min } = self.acceptance;
         let mut values = json!({
             "r0": r0, "a0": a0, "epsilon_r": epsilon_r, "epsilon_a": epsilon_a, "level": level,
-            "coverage_floor": coverage_floor, "realism_min": realism_min,
+            "coverage_floor": coverage_floor, "realism_min": realism_min, "rule": self.rule, "tradeoff": self.tradeoff,
         });
         match &self.protocol {
             Protocol::Metadrive { counts, counts_if_avoidable, when, metrics, diagnostics } => {

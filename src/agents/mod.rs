@@ -25,7 +25,7 @@ pub use contract_text::contract_text;
 pub use findings::Findings;
 pub use history::{Change, PastEdit};
 pub use measures::{Acceptance, Diagnostic, Measures, Protocol};
-pub use prompt::{Briefing, Handbook, HandbookParts};
+pub use prompt::{Briefing, Handbook, HandbookParts, Omitted};
 pub use propose::{AgentError, Check, End, Proposed, propose};
 pub use reply::{Refusal, schema};
 pub use tables::{Cluster, FrontPoint};

@@ -63,6 +63,19 @@ pub struct HandbookParts<'a> {
     pub protected_words: &'a [&'a str],
     /// How programs are labelled and accepted.
     pub measures: &'a Measures,
+    /// What an ablation leaves out.
+    pub omitted: Omitted,
+}
+
+/// Parts of the system that a handbook does not speak of, because the run does without them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Omitted {
+    /// The isolation gate and the words of other families.
+    pub isolation: bool,
+    /// Rules of the scene-conditioned policy.
+    pub rules: bool,
+    /// Mechanism modules.
+    pub modules: bool,
 }
 
 /// The message that stands first in every question to the roles that evolve programs of a family: words, objectives, language,
@@ -73,8 +86,10 @@ pub struct Handbook(Text);
 impl Handbook {
     /// Writes the handbook out.
     pub fn of(parts: &HandbookParts<'_>) -> Result<Handbook, PromptError> {
-        let HandbookParts { contract, contract_text, parent, foreign_vocabulary, protected_words, measures } = *parts;
+        let HandbookParts { contract, contract_text, parent, foreign_vocabulary, protected_words, measures, omitted } =
+            *parts;
         let Examples { works, rule } = examples(contract, parent);
+        let (works, rule) = (works.filter(|_| !omitted.modules), rule.filter(|_| !omitted.rules));
         let blocks = json!({
             "family": contract.family,
             "measures": measures.text()?.trim_end(),
@@ -83,7 +98,10 @@ impl Handbook {
             "filters": contract.operators.get(&Slot::Filter).is_some_and(|kinds| !kinds.is_empty()),
             "examples": {"works": works, "rule": rule},
             "contract": contract_text,
-            "foreign_words": !foreign_vocabulary.is_empty(),
+            "isolation": !omitted.isolation,
+            "rules": !omitted.rules,
+            "modules": !omitted.modules,
+            "foreign_words": !omitted.isolation && !foreign_vocabulary.is_empty(),
             "foreign_vocabulary": stable_json(&json!(foreign_vocabulary.join(" "))),
         });
         Ok(Handbook(fill("handbook.md", &blocks)?.into()))

@@ -151,8 +151,8 @@ impl Talk<'_> {
 
     /// The critics' reviews; who gave no readable one is not among them.
     fn reviews(&mut self, round: u32, patch: &str, findings: &Findings) -> Result<Vec<Review>, AgentError> {
-        let mut reviews = Vec::with_capacity(Role::CRITICS.len());
-        for role in Role::CRITICS {
+        let mut reviews = Vec::with_capacity(self.task.critics.len());
+        for &role in self.task.critics {
             reviews.extend(self.review(role, round, patch, findings)?);
         }
         Ok(reviews)

@@ -100,6 +100,8 @@ pub struct Task<'a> {
     pub target: &'a Target,
     /// The model of each role; the experiment file names them one by one.
     pub models: &'a BTreeMap<Role, ModelSpec>,
+    /// The critics who are asked; all four, unless the run does without some.
+    pub critics: &'a [Role],
     /// K_r: how many times the patch may be repaired.
     pub max_repair_rounds: u32,
 }

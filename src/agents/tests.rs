@@ -110,7 +110,14 @@ fn run_with(
     let table = Table { answers, asked: Mutex::new(vec![]) };
     let (example, target, models) = (Example::toy(), target(), models());
     let briefing = example.briefing();
-    let task = Task { briefing: &briefing, slot: 5, target: &target, models: &models, max_repair_rounds };
+    let task = Task {
+        briefing: &briefing,
+        slot: 5,
+        target: &target,
+        models: &models,
+        critics: &Role::CRITICS,
+        max_repair_rounds,
+    };
     let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> { Ok(gates(patch)) };
     let proposed = propose(&task, &table, &check).unwrap();
     (proposed, table.asked.into_inner().unwrap())

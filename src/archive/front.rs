@@ -111,6 +111,13 @@ impl Archive {
         Ok(())
     }
 
+    /// The same entries with these programs shown as the front, in this order: what another method than the front's asks a
+    /// proposer to look at. For prompts; nothing is accepted by it.
+    pub fn showing(&self, shown: &[SolutionId]) -> Archive {
+        let place = |solution: &SolutionId| self.entries.iter().position(|entry| entry.solution == *solution);
+        Archive { front: shown.iter().filter_map(place).collect(), ..self.clone() }
+    }
+
     /// Area that a member of the front alone dominates; 0 for anybody else.
     pub fn contribution(&self, solution: &SolutionId, reference: [f64; 2]) -> f64 {
         if !self.on_front(solution) {

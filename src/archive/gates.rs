@@ -108,6 +108,7 @@ pub fn consider(
         coverage: coverage_floor(&panel, options),
         differing_scenes: panel.differing(CHILD, PARENT),
         scenes: panel.scenes(),
+        method: None,
     })
 }
 

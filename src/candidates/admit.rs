@@ -34,16 +34,37 @@ pub struct Trials {
 /// What the compiler says of a program with this hash over probe scenes.
 pub type Compiles<'a> = dyn Fn(&Program, Digest) -> Trials + Sync + 'a;
 
+/// What patches are judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Judging<'a> {
+    /// I_b of the family.
+    pub contract: &'a Contract,
+    /// All families, for the isolation gate.
+    pub registry: &'a Registry,
+    /// Gates that an ablation does without: they refuse nothing.
+    pub skipped: &'a [Gate],
+    /// Parts of a program that no patch of the run may touch.
+    pub closed: &'a [&'static str],
+}
+
+#[cfg(test)]
+impl<'a> Judging<'a> {
+    /// By all gates, with no part closed.
+    pub fn whole(contract: &'a Contract, registry: &'a Registry) -> Judging<'a> {
+        Judging { contract, registry, skipped: &[], closed: &[] }
+    }
+}
+
 /// Judges a patch for a parent. `compiles` is the compiler over probe scenes; it sees only programs that are clean by the
 /// contract.
 pub fn admit(
     parent: &Program,
     patch: &ProgramPatch,
     child: SolutionId,
-    contract: &Contract,
-    registry: &Registry,
+    judging: &Judging<'_>,
     compiles: &Compiles<'_>,
 ) -> Admission {
+    let Judging { contract, registry, skipped, closed } = *judging;
     let about_patch = texts(&schema::check_patch(patch));
     let parent_hash = parent.hash();
     let applied = match &parent_hash {
@@ -61,16 +82,20 @@ pub fn admit(
         Ok(Err(problems)) => (problems, vec![]),
         Err(_) => (nothing_to_look_at(), vec![]),
     };
-    let verdicts = vec![
+    let mut verdicts = vec![
         verdict(Gate::Schema, schema),
         verdict(Gate::Parent, texts(&parent_gate::check(parent, &parent_hash, patch, &child, contract))),
-        verdict(Gate::Interface, texts(&interface::check(patch, contract, changes_nothing))),
+        verdict(
+            Gate::Interface,
+            [closed_parts(patch, closed), texts(&interface::check(patch, contract, changes_nothing))].concat(),
+        ),
         verdict(Gate::Isolation, texts(&isolation::check(parent, patch, contract, registry, &applied))),
         verdict(Gate::Protected, texts(&protected::check(parent, patch, contract, &applied))),
         verdict(Gate::Mechanism, of_child(&applied, |program| mechanism(contract, program))),
         verdict(Gate::Compile, lowered),
         verdict(Gate::Effect, effect),
     ];
+    verdicts.iter_mut().filter(|verdict| skipped.contains(&verdict.gate)).for_each(|verdict| verdict.problems.clear());
     let gates = GateReport { verdicts };
     let candidate = if gates.passed() {
         applied.ok().zip(child_hash).and_then(|(p, hash)| candidate(p, hash, patch))
@@ -86,6 +111,13 @@ fn of_child(applied: &Result<Program, super::ApplyError>, gate: impl FnOnce(&Pro
         Ok(program) => gate(program),
         Err(_) => nothing_to_look_at(),
     }
+}
+
+/// Edits of parts that the run has closed.
+fn closed_parts(patch: &ProgramPatch, closed: &[&str]) -> Vec<String> {
+    let touched = |path: &str| closed.iter().any(|part| path == *part || path.starts_with(&format!("{part}/")));
+    let paths = patch.operations.iter().map(|operation| operation.path.as_str()).filter(|path| touched(path));
+    paths.map(|path| format!("{path} is closed in this run; expected edits of other parts alone")).collect()
 }
 
 fn nothing_to_look_at() -> Vec<String> {

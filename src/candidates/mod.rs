@@ -6,11 +6,13 @@ mod interface;
 mod isolation;
 mod parent;
 mod protected;
+mod random;
 mod schema;
 #[cfg(test)]
 mod tests;
 mod weight;
 
-pub use admit::{Admission, Trials, admit};
+pub use admit::{Admission, Judging, Trials, admit};
 pub use apply::{ApplyError, apply};
 pub use protected::PROTECTED;
+pub use random::{Places, random_patch};

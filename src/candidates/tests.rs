@@ -44,7 +44,7 @@ fn child_id() -> SolutionId {
 }
 
 fn judge(patch: &ProgramPatch) -> Admission {
-    admit(&program(), patch, child_id(), &contract(), &registry(), &|_, _| Trials::default())
+    admit(&program(), patch, child_id(), &Judging::whole(&contract(), &registry()), &|_, _| Trials::default())
 }
 
 /// Which gates fail.
@@ -177,7 +177,7 @@ fn a_child_can_be_a_parent() {
     next.parent_solution_id = parent.solution_id.clone();
     next.parent_program_hash = parent.hash().unwrap().to_hex();
     let id = SolutionId::new("toy-idm/e2s0");
-    let admission = admit(&parent, &next, id, &contract(), &registry(), &|_, _| Trials::default());
+    let admission = admit(&parent, &next, id, &Judging::whole(&contract(), &registry()), &|_, _| Trials::default());
     assert_eq!(admission.candidate.map(|candidate| candidate.program.generation), Some(2));
 }
 
@@ -217,7 +217,10 @@ fn the_parent_gate_refuses_stale_foreign_and_misplaced_patches() {
     for id in ["swarm-idm/e1s0", "toy-idm", "toy-idm/parent"] {
         let id = SolutionId::new(id);
         let gates =
-            admit(&program(), &patch(vec![longer()]), id, &contract(), &registry(), &|_, _| Trials::default()).gates;
+            admit(&program(), &patch(vec![longer()]), id, &Judging::whole(&contract(), &registry()), &|_, _| {
+                Trials::default()
+            })
+            .gates;
         assert_eq!(gates.failed().map(|verdict| verdict.gate).collect::<Vec<_>>(), [Gate::Parent]);
     }
 }
@@ -227,7 +230,10 @@ fn the_parent_gate_counts_the_ancestors() {
     let mut orphan = program();
     orphan.generation = 3;
     let gates =
-        admit(&orphan, &patch(vec![longer()]), child_id(), &contract(), &registry(), &|_, _| Trials::default()).gates;
+        admit(&orphan, &patch(vec![longer()]), child_id(), &Judging::whole(&contract(), &registry()), &|_, _| {
+            Trials::default()
+        })
+        .gates;
     assert_eq!(gates.failed().map(|verdict| verdict.gate).collect::<Vec<_>>(), [Gate::Parent]);
 }
 
@@ -323,7 +329,7 @@ fn the_compile_gate_refuses_what_leaves_the_contract_and_what_the_compiler_canno
     assert_eq!(failing_with(vec![remove("/operator_graph/choice")]), [Gate::Compile]);
     assert_eq!(failing_with(vec![replace("/operator_graph/search/inputs/0", json!("filter"))]), [Gate::Compile]);
     let refuses = |_: &Program, _| Trials { problems: vec!["scene 3: no lane".to_string()], ..Trials::default() };
-    let admission = admit(&program(), &structural(), child_id(), &contract(), &registry(), &refuses);
+    let admission = admit(&program(), &structural(), child_id(), &Judging::whole(&contract(), &registry()), &refuses);
     let failed: Vec<_> = admission.gates.failed().collect();
     assert_eq!((failed[0].gate, failed[0].problems.as_slice()), (Gate::Compile, &["scene 3: no lane".to_string()][..]));
     assert_eq!((failed.len(), admission.candidate), (1, None));
@@ -333,7 +339,8 @@ fn the_compile_gate_refuses_what_leaves_the_contract_and_what_the_compiler_canno
 fn the_effect_gate_refuses_a_child_that_does_what_its_parent_does_on_every_probe_scene() {
     let failed = |compared, differing| {
         let trials = move |_: &Program, _: Digest| Trials { compared, differing, ..Trials::default() };
-        let admission = admit(&program(), &structural(), child_id(), &contract(), &registry(), &trials);
+        let admission =
+            admit(&program(), &structural(), child_id(), &Judging::whole(&contract(), &registry()), &trials);
         assert_eq!(admission.candidate.is_some(), admission.gates.passed());
         admission.gates.failed().map(|verdict| (verdict.gate, verdict.problems[0].clone())).collect::<Vec<_>>()
     };
@@ -346,7 +353,9 @@ fn the_effect_gate_refuses_a_child_that_does_what_its_parent_does_on_every_probe
 fn the_compiler_never_sees_a_program_outside_the_contract() {
     let patch = patch(vec![replace("/parameters/duration_s", json!(11))]);
     let never = |_: &Program, _| -> Trials { panic!("called") };
-    assert!(admit(&program(), &patch, child_id(), &contract(), &registry(), &never).candidate.is_none());
+    assert!(
+        admit(&program(), &patch, child_id(), &Judging::whole(&contract(), &registry()), &never).candidate.is_none()
+    );
 }
 
 #[test]

@@ -35,6 +35,12 @@ pub enum Which {
     SafebenchRounds,
     /// Either protocol: what became of proposals, a row a source family.
     Proposals,
+    /// MetaDrive, search methods at the same rollouts; the first run is what the others are compared with.
+    AttackOnly,
+    /// MetaDrive, the system without one part at a time; the whole first.
+    Without,
+    /// MetaDrive, how many proposals an epoch has, a row a run and family.
+    Kwidth,
 }
 
 impl Which {
@@ -60,6 +66,9 @@ impl Which {
             Which::SafebenchMain => tables::safebench_main(stories),
             Which::SafebenchRounds => tables::safebench_rounds(stories),
             Which::Proposals => tables::proposals(stories),
+            Which::AttackOnly => tables::attack_only(stories),
+            Which::Without => tables::without(stories),
+            Which::Kwidth => tables::kwidth(stories),
         }
     }
 }

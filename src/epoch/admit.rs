@@ -12,7 +12,7 @@ use super::{
     probes::probes,
     study::Study,
 };
-use crate::candidates::{self, Trials};
+use crate::candidates::{self, Judging, Trials};
 use crate::kernel::Digest;
 use crate::objects::{AttemptId, Program, ProgramPatch, SolutionId};
 
@@ -70,7 +70,9 @@ pub fn admission(
         *outcome.lock().unwrap_or_else(PoisonError::into_inner) = found;
         trials
     };
-    let admission = candidates::admit(&parent.program, patch, child, contract, &study.registry, &compiles);
+    let (skipped, closed) = (study.skipped_gates(), study.without.closed());
+    let judging = Judging { contract, registry: &study.registry, skipped: &skipped, closed: &closed };
+    let admission = candidates::admit(&parent.program, patch, child, &judging, &compiles);
     let (trials, in_effect) = outcome.into_inner().unwrap_or_else(PoisonError::into_inner)?;
     Ok(Verdict { admission, trials, in_effect })
 }

@@ -8,9 +8,11 @@ use super::{
     freeze::Snapshot,
     labels::Labelling,
     measure::measure,
+    rival, search,
     standings::{Standing, Standings},
     study::Study,
 };
+use crate::archive::search::SearchState;
 use crate::archive::{self, Archive, Contender, Leaders, promote};
 use crate::kernel::Digest;
 use crate::objects::entry::diagnostics_mean;
@@ -28,13 +30,16 @@ pub struct Judged {
     pub standing: Standings,
     /// Who leads from now on; `None` where that is who led before.
     pub leaders: Option<Leaders>,
+    /// What another method than the archive's own remembers.
+    pub search: Option<SearchState>,
 }
 
 impl Judged {
     /// The archive as the epoch found it, and nothing judged yet.
     pub fn before(snapshot: &Snapshot<'_>) -> Judged {
         let (archive, standing) = (snapshot.archive.clone(), snapshot.standing.clone());
-        Judged { attempts: Vec::new(), archive, labels: Vec::new(), standing, leaders: None }
+        let search = snapshot.search.clone();
+        Judged { attempts: Vec::new(), archive, labels: Vec::new(), standing, leaders: None, search }
     }
 
     /// Decides who leads, and writes what the epoch as a whole decided into its attempts, before they are sealed.
@@ -48,7 +53,10 @@ impl Judged {
             snapshot.parents.iter().filter_map(|parent| contender(&parent.program.solution_id)).collect();
         let accepted: Vec<Contender> = self.attempts.iter().filter_map(accepted).filter_map(contender).collect();
         let options = &study.archive;
-        self.leaders = promote(options.promotion, &front, &parents, &accepted, options.reference);
+        self.leaders = match study.rival() {
+            None => promote(options.promotion, &front, &parents, &accepted, options.reference),
+            Some(rival) => search::lead(rival, &parents, &accepted),
+        };
         for attempt in &mut self.attempts {
             let Exit::Evaluated { candidate, decision, .. } = &mut attempt.exit else { continue };
             let solution = &candidate.program.solution_id;
@@ -130,11 +138,14 @@ fn accept(
 ) -> Result<Decision, RunError> {
     let parent = &snapshot.parent_of(slot).program.solution_id;
     let mut gates = compared(study, judged, parent, window, tools, |standing| &standing.window)?;
+    gates.method = rival::verdict(study, snapshot, slot, (candidate, window), &gates, &mut judged.search);
+    gates.parent_tradeoff.holds &= !study.without.tradeoff;
     let mut score = window.clone();
     if gates.any() && snapshot.so_far.len() > snapshot.window.len() {
         let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
         score = labelling.score((&candidate.program, candidate.program_hash), &snapshot.so_far)?;
         gates = compared(study, judged, parent, &score, tools, |standing| &standing.so_far)?;
+        gates.parent_tradeoff.holds &= !study.without.tradeoff;
     }
     let accepted = gates.any();
     let scenes = study.scenes_digest(if accepted { &snapshot.so_far } else { &snapshot.window })?;

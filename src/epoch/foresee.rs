@@ -17,7 +17,7 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::agents::reply;
-use crate::candidates::{self, Trials};
+use crate::candidates::{self, Judging, Trials};
 use crate::kernel::Digest;
 use crate::llm::{Cassette, Recorded};
 use crate::objects::event::{ParentAdopted, kind};
@@ -32,7 +32,8 @@ pub fn foresee(study: &Study, events: &[Event], recorded: &Cassette, tools: &Too
     for spec in &study.lineages {
         let Some(adopted) = parents.iter().find(|adopted| adopted.lineage == spec.id) else { continue };
         let ahead = Ahead { study, spec, counsels: &counsels, tools };
-        ahead.lineage((&adopted.program, adopted.program_hash), &approved(recorded, &spec.id))?;
+        let patches = approved(recorded, &spec.id, &study.critics());
+        ahead.lineage((&adopted.program, adopted.program_hash), &patches)?;
     }
     Ok(())
 }
@@ -46,19 +47,19 @@ fn bodies<T: DeserializeOwned>(events: &[Event], wanted: &str) -> Vec<T> {
 type Talk<'a> = BTreeMap<(&'a str, u32), Vec<&'a Recorded>>;
 
 /// The patches on which all critics agreed who gave a readable review, by epoch and slot.
-fn approved(recorded: &Cassette, lineage: &LineageId) -> Vec<(u32, u32, ProgramPatch)> {
+fn approved(recorded: &Cassette, lineage: &LineageId, critics: &[Role]) -> Vec<(u32, u32, ProgramPatch)> {
     let mut talks: BTreeMap<(u32, u32), Talk<'_>> = BTreeMap::new();
     for exchange in recorded.exchanges().iter().filter(|exchange| exchange.slot.lineage == lineage.as_str()) {
         let slot = &exchange.slot;
         let talk = talks.entry((slot.epoch, slot.slot)).or_default();
         talk.entry((slot.role.as_str(), slot.round)).or_default().push(exchange);
     }
-    let agreed = |(&(epoch, slot), talk): (&(u32, u32), &Talk<'_>)| Some((epoch, slot, last_patch(talk)?));
+    let agreed = |(&(epoch, slot), talk): (&(u32, u32), &Talk<'_>)| Some((epoch, slot, last_patch(talk, critics)?));
     talks.iter().filter_map(agreed).collect()
 }
 
 /// The patch of the last round, if it was approved.
-fn last_patch(talk: &Talk<'_>) -> Option<ProgramPatch> {
+fn last_patch(talk: &Talk<'_>, critics: &[Role]) -> Option<ProgramPatch> {
     let of = |role: Role, round: u32| talk.get(&(role.name(), round)).map(Vec::as_slice).unwrap_or_default();
     let last = talk.keys().filter(|(role, _)| *role == Role::Repair.name()).map(|(_, round)| *round).max().unwrap_or(0);
     let role = if last == 0 { Role::Actor } else { Role::Repair };
@@ -69,7 +70,7 @@ fn last_patch(talk: &Talk<'_>) -> Option<ProgramPatch> {
         // Who was asked and gave no readable review abstains.
         !answers.is_empty() && review.is_none_or(|review| review.decision == Advice::Approve)
     };
-    Role::CRITICS.into_iter().all(approves).then_some(patch)
+    critics.iter().all(|critic| approves(*critic)).then_some(patch)
 }
 
 /// One lineage ahead of the run.
@@ -139,7 +140,9 @@ impl Ahead<'_> {
         };
         let child = SolutionId::new(AttemptId::at(&spec.id, epoch, slot).0);
         let contract = &study.source(spec)?.contract;
-        let admission = candidates::admit(parent, patch, child, contract, &study.registry, &compiles);
+        let (skipped, closed) = (study.skipped_gates(), study.without.closed());
+        let judging = Judging { contract, registry: &study.registry, skipped: &skipped, closed: &closed };
+        let admission = candidates::admit(parent, patch, child, &judging, &compiles);
         let (child, trouble) = found.into_inner().unwrap_or_else(PoisonError::into_inner);
         match trouble {
             None => {}

@@ -1,7 +1,7 @@
 //! The immutable snapshot of the state that an epoch's slots see. Everybody with whom a child will be compared is labelled
 //! first: its parents and the front, on the epoch's window and on all scenes that earlier windows opened.
 
-use std::collections::{BTreeMap, btree_map::Entry};
+use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 use super::{
     RunError, briefing,
@@ -11,6 +11,7 @@ use super::{
     history,
     in_effect::{InScene, in_effect},
     labels::Labelling,
+    search,
     standings::Standings,
     state::State,
     study::{LineageSpec, Study},
@@ -18,6 +19,7 @@ use super::{
 };
 use crate::agents::{AgentError, Briefing, Context, Handbook, ParentOutcome};
 use crate::archive::Archive;
+use crate::archive::search::{SearchState, SlotDraw};
 use crate::kernel::Digest;
 use crate::memory::{Query, retrieve};
 use crate::objects::{
@@ -44,6 +46,10 @@ pub struct Snapshot<'a> {
     pub so_far: Vec<usize>,
     /// Tags that say something about a scene of the window, sorted.
     pub scene_tags: Vec<String>,
+    /// What another method than the archive's own remembers, once the epoch's parents are drawn.
+    pub search: Option<SearchState>,
+    /// Requests of the lineage's labels on evolution scenes so far, where their number is bounded.
+    pub spent: BTreeSet<Digest>,
 }
 
 /// A program that slots edit.
@@ -65,7 +71,7 @@ pub struct Parent {
 impl Snapshot<'_> {
     /// The program that a slot edits.
     pub fn parent_of(&self, slot: u32) -> &Parent {
-        &self.parents[usize::from(self.event.second_parent(slot).is_some())]
+        &self.parents[self.event.parent_place(slot)]
     }
 }
 
@@ -84,7 +90,10 @@ pub fn freeze<'a>(
     let mut archive = state.archives.get(&spec.id).cloned().unwrap_or_default();
     let mut standing = Standings::new();
     let leaders = leaders(state, spec)?;
-    let live: Vec<SolutionId> = leaders.iter().cloned().chain(archive.front().map(|e| e.solution.clone())).collect();
+    let mut search = state.search.get(&spec.id).cloned();
+    let drawn = search::draw(study, spec, epoch, &mut search);
+    let live = leaders.iter().chain(drawn.iter().map(|slot| &slot.parent)).cloned();
+    let live: Vec<SolutionId> = live.chain(archive.front().map(|e| e.solution.clone())).collect();
     let programs = live.iter().map(|solution| state.lineages.program(&spec.id, solution));
     labelling.ahead(&programs.collect::<Result<Vec<_>, _>>()?, &so_far)?;
     for solution in live {
@@ -97,16 +106,22 @@ pub fn freeze<'a>(
     let fresh: BTreeMap<SolutionId, Objectives> =
         standing.iter().map(|(solution, labels)| (solution.clone(), labels.so_far.objectives)).collect();
     archive.relabel(&fresh, study.scenes_digest(&so_far)?)?;
+    let spent = search::spent(study, state, spec, &standing);
     let leaders = with_portfolio(study, state, spec, leaders, &archive, &standing, epoch)?;
     let scene_tags = study.telling_tags(&window);
     let mut parents = Vec::with_capacity(leaders.len());
     for solution in &leaders {
         let score = standing[solution].window.clone();
-        parents.push(freezing.parent(solution, score, &archive, &scene_tags)?);
+        parents.push(freezing.parent(solution, score, (&archive, &archive), &scene_tags)?);
     }
-    let event = freezing.event(&parents, &archive, &window, &so_far)?;
+    for SlotDraw { parent, shown } in &drawn {
+        let score = standing[parent].window.clone();
+        let seen = if shown.is_empty() { archive.clone() } else { archive.showing(shown) };
+        parents.push(freezing.parent(parent, score, (&archive, &seen), &scene_tags)?);
+    }
+    let event = freezing.event(&parents, !drawn.is_empty(), &archive, &window, &so_far)?;
     let world = state.world.clone();
-    Ok(Snapshot { spec, event, parents, archive, standing, world, counsels, window, so_far, scene_tags })
+    Ok(Snapshot { spec, event, parents, archive, standing, world, counsels, window, so_far, scene_tags, search, spent })
 }
 
 /// Whom the slots edit: one program, or the two anchors where they differ.
@@ -127,7 +142,8 @@ fn with_portfolio(
     standing: &Standings,
     epoch: u32,
 ) -> Result<Vec<SolutionId>, RunError> {
-    if state.lineages.get(&spec.id)?.realism_anchor.is_some() || study.budget.slots < 3 {
+    let one_parent = study.rival().is_some() || study.budget.slots < 3;
+    if state.lineages.get(&spec.id)?.realism_anchor.is_some() || one_parent {
         return Ok(leaders);
     }
     let acts = |solution: &&SolutionId| standing.get(*solution).is_some_and(|labels| labels.window.coverage > 0.0);
@@ -149,12 +165,12 @@ struct Freezing<'f> {
 }
 
 impl Freezing<'_> {
-    /// A parent with what its slots' agents are told.
+    /// A parent with what its slots' agents are told. Memory goes by the lineage's archive; its questions show the front of `seen`.
     fn parent(
         &self,
         solution: &SolutionId,
         score: Score,
-        archive: &Archive,
+        (archive, seen): (&Archive, &Archive),
         scene_tags: &[String],
     ) -> Result<Parent, RunError> {
         let Freezing { study, state, epoch, spec, .. } = *self;
@@ -162,8 +178,10 @@ impl Freezing<'_> {
         let hash = program.hash()?;
         let front: Vec<AttemptId> = archive.front().filter_map(|entry| entry.attempt.clone()).collect();
         let query = Query { parent: &program, epoch, scene_tags, front: &front };
-        let memory: Vec<Card> =
-            retrieve(&state.memory, &query, &study.memory).into_iter().map(|(card, _)| card.clone()).collect();
+        let memory: Vec<Card> = match study.has_memory() {
+            true => retrieve(&state.memory, &query, &study.memory).into_iter().map(|(card, _)| card.clone()).collect(),
+            false => Vec::new(),
+        };
         let outcome = briefing::parent_outcome(&score);
         let context = Context {
             lineage: &spec.id,
@@ -176,8 +194,8 @@ impl Freezing<'_> {
             clusters: &briefing::clusters(study, &score),
             parent_outcome: Some(&outcome),
             window: &window_rows::rows(study, &score, scene_tags, self.tools)?,
-            history: &history::shown(state, &spec.id, archive, &memory),
-            front: &briefing::front(archive, solution),
+            history: &history::shown(state, &spec.id, seen, &memory),
+            front: &briefing::front(seen, solution),
         };
         let briefing = Briefing::of(&context).map_err(AgentError::from)?;
         let memory_shown = memory.iter().map(|card| card.id.0.clone()).collect();
@@ -189,18 +207,21 @@ impl Freezing<'_> {
     fn event(
         &self,
         parents: &[Parent],
+        drawn: bool,
         archive: &Archive,
         window: &[usize],
         so_far: &[usize],
     ) -> Result<Frozen, RunError> {
         let Freezing { study, state, epoch, spec, .. } = *self;
         let first = &parents[0];
-        let second = parents.get(1).map(|parent| FrozenParent {
+        let frozen = |parent: &Parent| FrozenParent {
             parent: parent.program.solution_id.clone(),
             parent_hash: parent.hash,
             parent_score: parent.score.clone(),
             memory_shown: parent.memory_shown.clone(),
-        });
+        };
+        let drawn: Vec<FrozenParent> = if drawn { parents[1..].iter().map(frozen).collect() } else { Vec::new() };
+        let second = parents.get(1).filter(|_| drawn.is_empty()).map(frozen);
         let anchored = state.lineages.get(&spec.id)?.realism_anchor.is_some();
         let (realism_anchor, portfolio) = if anchored { (second, None) } else { (None, second) };
         Ok(Frozen {
@@ -212,6 +233,7 @@ impl Freezing<'_> {
             parent_score: first.score.clone(),
             realism_anchor,
             portfolio,
+            drawn,
             front: archive
                 .front()
                 .map(|e| FrontPoint { solution: e.solution.clone(), objectives: e.objectives })

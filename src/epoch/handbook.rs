@@ -4,7 +4,7 @@ use super::{
     RunError,
     study::{LineageSpec, Study},
 };
-use crate::agents::{Acceptance, AgentError, Diagnostic, Handbook, HandbookParts, Measures, Protocol};
+use crate::agents::{Acceptance, AgentError, Diagnostic, Handbook, HandbookParts, Measures, Omitted, Protocol};
 use crate::candidates::PROTECTED;
 use crate::evaluation::{EvaluationOptions, Limits, MetadriveOptions, SafebenchOptions};
 
@@ -18,6 +18,11 @@ pub fn handbook(study: &Study, spec: &LineageSpec) -> Result<Handbook, RunError>
         foreign_vocabulary: &study.foreign_vocabulary(spec),
         protected_words: &PROTECTED,
         measures: &measures(study),
+        omitted: Omitted {
+            isolation: study.without.isolation,
+            rules: study.without.conditions,
+            modules: study.without.mechanisms,
+        },
     };
     Ok(Handbook::of(&parts).map_err(AgentError::from)?)
 }
@@ -38,7 +43,8 @@ pub fn measures(study: &Study) -> Measures {
         coverage_floor: archive.coverage_floor,
         realism_min: study.selector.realism_min,
     };
-    Measures { protocol, acceptance }
+    let rule = study.search.as_ref().and_then(|search| search.told());
+    Measures { protocol, acceptance, rule, tradeoff: !study.without.tradeoff }
 }
 
 fn metadrive(options: &MetadriveOptions) -> Protocol {

@@ -9,6 +9,7 @@ use super::{
     counsels::Counsels,
     desk::Desk,
     freeze::freeze,
+    rival,
     state::State,
     study::{LineageSpec, Study},
 };
@@ -19,7 +20,7 @@ use crate::lineage::LineageStore;
 use crate::memory::Memory;
 use crate::objects::{
     FamilyName,
-    event::{Opened, ParentAdopted, Versions, kind},
+    event::{Opened, ParentAdopted, Searched, Versions, kind},
 };
 use crate::sim::SIM_VERSION;
 use crate::world::{self, CalibrationSet};
@@ -41,6 +42,8 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
         versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },
         contracts,
         models: study.models.iter().map(|(role, model)| (role.name().to_string(), model.label())).collect(),
+        search: study.search.as_ref().map(|of| Searched { method: of.method.name().into(), rollouts: of.rollouts }),
+        without: study.without.names().into_iter().map(String::from).collect(),
     })
 }
 
@@ -59,6 +62,8 @@ pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunErr
         counsels: Counsels::default(),
         attempts: Vec::new(),
         changes: BTreeMap::new(),
+        search: BTreeMap::new(),
+        spent: BTreeMap::new(),
         settled: Vec::new(),
         digest: Digest::of_bytes(&[]),
     };
@@ -90,5 +95,6 @@ fn adopt(study: &Study, spec: &LineageSpec, state: &mut State, desk: &mut Desk<'
     counsel::take(study, spec, &study.evolution, &mut state.counsels, desk)?;
     let first = freeze(study, state, 0, spec, &desk.tools)?;
     state.archives.entry(spec.id.clone()).or_default().insert(parent_entry(study, &first)?)?;
+    state.search.extend(rival::begin(study, &first).map(|begun| (spec.id.clone(), begun)));
     Ok(())
 }

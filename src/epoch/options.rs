@@ -5,6 +5,52 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+/// `[without]`: parts of the system that a run does without, so that their worth can be told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Without {
+    /// No critic is asked; the gates' verdicts still call for repairs.
+    pub critics: bool,
+    /// No patch is repaired.
+    pub repair: bool,
+    /// No card is written or shown.
+    pub memory: bool,
+    /// No new rule of a scene-conditioned policy.
+    pub conditions: bool,
+    /// No new mechanism module.
+    pub mechanisms: bool,
+    /// Neither the isolation gate nor its critic.
+    pub isolation: bool,
+    /// No share of the rollouts is drawn at random among those that the router leaves out.
+    pub audit: bool,
+    /// The parent trade-off gate accepts nobody.
+    pub tradeoff: bool,
+}
+
+impl Without {
+    /// Names of what is left out.
+    pub fn names(&self) -> Vec<&'static str> {
+        let Without { critics, repair, memory, conditions, mechanisms, isolation, audit, tradeoff } = *self;
+        let all = [
+            ("critics", critics),
+            ("repair", repair),
+            ("memory", memory),
+            ("conditions", conditions),
+            ("mechanisms", mechanisms),
+            ("isolation", isolation),
+            ("audit", audit),
+            ("tradeoff", tradeoff),
+        ];
+        all.into_iter().filter(|(_, left_out)| *left_out).map(|(name, _)| name).collect()
+    }
+
+    /// Parts of a program that no patch may touch.
+    pub fn closed(&self) -> Vec<&'static str> {
+        let conditions = self.conditions.then_some("/scenario_conditioned_policy");
+        conditions.into_iter().chain(self.mechanisms.then_some("/mechanism_modules")).collect()
+    }
+}
+
 /// `[composition]`: what the template agent is asked for.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -8,10 +8,12 @@ use super::{
     desk::Tools,
     draft::{Draft, Head, Reached, Verdict},
     freeze::Snapshot,
+    rival, search,
     study::Study,
-    target::{Aims, target},
+    target::Aims,
 };
 use crate::agents::{self, End, Findings, Task};
+use crate::archive::search::Method;
 use crate::objects::{Objectives, ProgramPatch};
 
 /// Asks for the proposal of one slot.
@@ -25,13 +27,18 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
         epsilon_r: study.archive.epsilon_r,
         epsilon_a: study.archive.epsilon_a,
     };
-    let target = target(&aims, snapshot.event.epoch, slot, study.budget.slots);
+    let target = search::target(study, &aims, snapshot.event.epoch, slot);
+    if study.method() == Method::Random {
+        return rival::random(study, snapshot, slot, target.text);
+    }
+    let critics = study.critics();
     let task = Task {
         briefing: &parent.briefing,
         slot,
         target: &target,
         models: &study.models,
-        max_repair_rounds: study.budget.max_repair_rounds,
+        critics: &critics,
+        max_repair_rounds: if study.without.repair { 0 } else { study.budget.max_repair_rounds },
     };
     // What the gates said of the latest patch: the next step asks the same of the one that is left.
     let latest: RefCell<Option<(ProgramPatch, Verdict)>> = RefCell::new(None);

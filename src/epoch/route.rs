@@ -6,6 +6,7 @@ use super::{
     draft::{Draft, Predicted, Reached, RoutedCandidate},
     freeze::{Parent, Snapshot},
     in_effect::InScene,
+    rival,
     study::Study,
 };
 use crate::objects::{Candidate, ProbePair, ProgramPatch, Route};
@@ -75,5 +76,6 @@ pub fn allot(
             ended => Ok(ended),
         })
     };
-    drafts.into_iter().map(|draft| draft.and_then(&mut routed)).collect()
+    let drafts = drafts.into_iter().map(|draft| draft.and_then(&mut routed)).collect();
+    rival::within_budget(study, snapshot, drafts)
 }

@@ -16,6 +16,7 @@ use super::{
     propose::propose,
     route::{allot, predict},
     seal::seal,
+    search,
     settle::settle,
     state::State,
     study::{LineageSpec, Study},
@@ -32,6 +33,9 @@ pub fn run(study: &Study, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
     for epoch in 0..study.budget.epochs {
         for spec in &study.lineages {
             desk.tools.go_on()?;
+            if search::is_over(study, &state, spec) {
+                continue;
+            }
             one_epoch(study, &mut state, epoch, spec, desk)?;
         }
         // "W_{phi_{t+1}} <- WorldAgentUpdate(W_{phi_t}, E_{t+1})": one evaluator routes all lineages of an epoch.

@@ -7,6 +7,7 @@ use super::{
     consider::Judged,
     freeze::Snapshot,
     history::change,
+    rival,
     state::{Settling, State},
     study::Study,
 };
@@ -29,6 +30,7 @@ pub fn settle(
     threads: &Threads,
 ) -> Result<Settled, RunError> {
     let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
+    let spent = rival::spent_after(snapshot, &judged.attempts);
     for attempt in &judged.attempts {
         state.lineages.attach(attempt)?;
     }
@@ -51,6 +53,10 @@ pub fn settle(
         state.world = world::settle(schema, configuration, &state.calibration, epoch + 1, threads)?;
     }
     state.archives.insert(lineage.clone(), judged.archive);
+    if study.search.is_some() {
+        state.spent.insert(lineage.clone(), spent);
+    }
+    state.search.extend(judged.search.map(|search| (lineage.clone(), search)));
     let world = state.world.digest()?;
     let line = state.lineages.get(lineage)?;
     let settling = Settling {
@@ -65,6 +71,7 @@ pub fn settle(
         cards: &cards,
         labels: &state.calibration.labels()[labels_before..],
         world,
+        search: state.search.get(lineage),
     };
     state.digest = Digest::of("evodrive/state/3", &settling)?;
     let promoted = judged.attempts.iter().find(|a| a.exit.decision().is_some_and(|d| d.promoted)).map(|a| a.id.clone());
@@ -95,6 +102,9 @@ fn cards(
     judged: &Judged,
     changes: &BTreeMap<AttemptId, Change>,
 ) -> Result<Vec<Card>, RunError> {
+    if !study.has_memory() {
+        return Ok(Vec::new());
+    }
     let contract = &study.source(snapshot.spec)?.contract;
     let plain = CurationContext {
         family: &contract.family,

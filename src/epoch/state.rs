@@ -1,11 +1,12 @@
 //! What evolution changes.
 
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{RunError, counsels::Counsels};
 use crate::agents::Change;
 use crate::archive::Archive;
+use crate::archive::search::SearchState;
 use crate::kernel::Digest;
 use crate::lineage::{AttemptRecord, LineageStore};
 use crate::memory::Memory;
@@ -31,6 +32,10 @@ pub struct State {
     pub attempts: Vec<Attempt>,
     /// What each simulated attempt changed against its parent, for prompts and cards. It follows from labels on record.
     pub changes: BTreeMap<AttemptId, Change>,
+    /// What a method other than the archive's own remembers; empty under that one.
+    pub search: BTreeMap<LineageId, SearchState>,
+    /// Requests of rollouts on evolution scenes so far, where a budget bounds them. They follow from labels on record.
+    pub spent: BTreeMap<LineageId, BTreeSet<Digest>>,
     /// One an epoch and lineage.
     pub settled: Vec<Settled>,
     /// Of everything above: after an epoch, the digest before it with all that the epoch changed (`Settling`).
@@ -55,12 +60,19 @@ pub struct Settling<'a> {
     pub labels: &'a [WorldLabel],
     /// Digest of the world's new snapshot.
     pub world: Digest,
+    /// What another method than the archive's own now remembers of the lineage.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub search: Option<&'a SearchState>,
 }
 
 impl State {
     /// The digest of a state that no epoch has changed yet: over everything that later epochs can depend on.
     pub fn first_digest(&self) -> Result<Digest, RunError> {
-        let State { archives, lineages, memory, calibration, world, .. } = self;
+        let State { archives, lineages, memory, calibration, world, search, .. } = self;
+        if !search.is_empty() {
+            let all = (archives, lineages, memory, calibration, world, search);
+            return Ok(Digest::of("evodrive/state/3", &all)?);
+        }
         Ok(Digest::of("evodrive/state/3", &(archives, lineages, memory, calibration, world))?)
     }
 }

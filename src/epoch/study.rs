@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::RunError;
-use super::options::{CompositionOptions, CounselOptions};
+use super::options::{CompositionOptions, CounselOptions, Without};
 use crate::adapters::Registry;
+use crate::archive::search::{Method, SearchOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::backend::{BackendOptions, PlanAround};
 use crate::ego::Policy;
@@ -13,7 +14,9 @@ use crate::evaluation::{EvaluationOptions, Group};
 use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::llm::ModelSpec;
 use crate::memory::{CurationOptions, MemoryOptions};
-use crate::objects::{Composed, FamilyName, LineageId, Origin, ParameterValue, Program, Role, WorldConfiguration};
+use crate::objects::{
+    Composed, FamilyName, Gate, LineageId, Origin, ParameterValue, Program, Role, WorldConfiguration,
+};
 use crate::scene::{PreparedScene, Scene, SceneFeatures};
 use crate::sim::SimulatorOptions;
 use crate::stage::{Source, Sources};
@@ -46,6 +49,10 @@ pub struct Study {
     pub backend: Option<BackendOptions>,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
+    /// Which method searches, where that is not the archive's own, and its budget of rollouts.
+    pub search: Option<SearchOptions>,
+    /// Parts of the system that this run does without.
+    pub without: Without,
     pub selector: SelectorOptions,
     pub memory: MemoryOptions,
     pub curation: CurationOptions,
@@ -127,6 +134,35 @@ impl SceneEntry {
 }
 
 impl Study {
+    /// The method that searches.
+    pub fn method(&self) -> Method {
+        self.search.as_ref().map_or(Method::Pareto, |search| search.method)
+    }
+
+    /// The options of a method other than the archive's own.
+    pub fn rival(&self) -> Option<&SearchOptions> {
+        self.search.as_ref().filter(|search| search.method != Method::Pareto)
+    }
+
+    /// The critics that review proposals.
+    pub fn critics(&self) -> Vec<Role> {
+        let asked = !self.without.critics && self.search.as_ref().is_none_or(SearchOptions::has_critics);
+        let of = |role: &Role| asked && !(self.without.isolation && *role == Role::IsolationCritic);
+        Role::CRITICS.into_iter().filter(of).collect()
+    }
+
+    /// Whether attempts leave memory cards, and prompts show some.
+    pub fn has_memory(&self) -> bool {
+        !self.without.memory && !matches!(self.method(), Method::OpenEvolve | Method::Random)
+    }
+
+    /// Gates that this run does not ask.
+    pub fn skipped_gates(&self) -> Vec<Gate> {
+        let effect = (self.method() == Method::OpenEvolve).then_some(Gate::Effect);
+        let isolation = (self.without.isolation || effect.is_some()).then_some(Gate::Isolation);
+        isolation.into_iter().chain(effect).collect()
+    }
+
     /// What of the simulator counts into a rollout's key: its options, and the backend where that is another simulator.
     pub fn rules(&self) -> Result<Digest, CanonError> {
         let own = self.simulator.digest()?;

@@ -24,7 +24,7 @@ use crate::scripted::Scripted;
 use crate::store::{Store, Transcript, read_events};
 
 /// The quickstart's CAT lineage on a few scenes.
-fn experiment(promotion: PromotionRule, seeds: u32) -> Experiment {
+pub(super) fn experiment(promotion: PromotionRule, seeds: u32) -> Experiment {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
     let mut experiment = Experiment::read(&file).unwrap();
     let SceneSource::Synth { count, .. } = &mut experiment.scenes else { panic!("generated scenes") };
@@ -43,21 +43,21 @@ fn experiment(promotion: PromotionRule, seeds: u32) -> Experiment {
     experiment
 }
 
-fn study(experiment: &Experiment, threads: &Threads) -> Study {
+pub(super) fn study(experiment: &Experiment, threads: &Threads) -> Study {
     let scenes = experiment.scenes(&[], threads).unwrap();
     experiment.study(scenes, threads).unwrap()
 }
 
 /// What a run left behind.
-struct Ran {
-    result: RunResult,
-    frozen: Vec<Frozen>,
-    attempts: Vec<Attempt>,
-    settled: Vec<Settled>,
-    finalists: Vec<Finalist>,
+pub(super) struct Ran {
+    pub result: RunResult,
+    pub frozen: Vec<Frozen>,
+    pub attempts: Vec<Attempt>,
+    pub settled: Vec<Settled>,
+    pub finalists: Vec<Finalist>,
 }
 
-fn carried_out(experiment: &Experiment) -> Ran {
+pub(super) fn carried_out(experiment: &Experiment) -> Ran {
     let threads = Threads::new(2).unwrap();
     let study = study(experiment, &threads);
     let folder = tempfile::tempdir().unwrap();

@@ -47,6 +47,8 @@ pub enum Range {
     Pair(f64, f64),
     /// A low and a high end from the first to the second, both included.
     Ends(f64, f64),
+    /// `true` or `false`.
+    Truth,
     /// Any value: what it must be depends on others, which are checked afterwards.
     Any,
 }
@@ -70,7 +72,9 @@ impl Range {
             (Range::Whole(least, most), toml::Value::Integer(x)) => (least..=most).contains(&x),
             (Range::Number(..) | Range::Above(..), _) => number(value).is_some_and(|x| self.holds(x)),
             (Range::Text(most), toml::Value::String(text)) => (1..=*most).contains(&text.chars().count()),
-            (Range::Unshown, toml::Value::String(_)) | (Range::Any, _) => true,
+            (Range::Unshown, toml::Value::String(_)) | (Range::Truth, toml::Value::Boolean(_)) | (Range::Any, _) => {
+                true
+            }
             (Range::Name, toml::Value::String(name)) => is_name(name),
             (Range::Word(words), toml::Value::String(word)) => {
                 let words = words();
@@ -168,6 +172,7 @@ impl std::fmt::Display for Range {
             Range::Wholes(least, most) => write!(f, "a list of whole numbers from {least} to {most}"),
             Range::Pair(least, below) => write!(f, "two numbers from {} up to but not including {}", least, below),
             Range::Ends(least, most) => write!(f, "a low and a high end from {least} to {most}"),
+            Range::Truth => write!(f, "true or false"),
             Range::Any => write!(f, "a value"),
         }
     }

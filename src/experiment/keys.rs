@@ -1,13 +1,14 @@
 //! Every key of an experiment file, in the order in which a file is written: the one list behind the check and the page.
 
 use super::key::{Key, Need, Range};
+use crate::archive::search::Method;
 use crate::families;
 use crate::llm::client::{ANTHROPIC, COMMAND, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::ContactClass;
 use crate::synth::WorldKind;
 use Need::{Always, Of, Optional, With, Without};
-use Range::{Above, Any, Ends, Name, Number, Pair, Subset, Text, Texts, Unshown, Whole, Wholes, Word, Words};
+use Range::{Above, Any, Ends, Name, Number, Pair, Subset, Text, Texts, Truth, Unshown, Whole, Wholes, Word, Words};
 
 const LIVE: &[&str] = &[OPENAI_COMPATIBLE, ANTHROPIC];
 /// The largest whole number that is an f64 and all those below it are too.
@@ -20,10 +21,22 @@ const WEIGHT: Range = Number(0.0, 1000.0);
 
 /// The list.
 pub fn keys() -> Vec<Key> {
-    [study(), scenes(), models(), simulator(), backend(), driver(), metadrive(), safebench(), acceptance(), world()]
-        .into_iter()
-        .flatten()
-        .collect()
+    [
+        study(),
+        scenes(),
+        models(),
+        simulator(),
+        backend(),
+        driver(),
+        metadrive(),
+        safebench(),
+        acceptance(),
+        world(),
+        search(),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 type Row = (&'static str, &'static str, &'static str, Range, &'static str);
@@ -690,6 +703,91 @@ fn world() -> Vec<Key> {
         ],
     ));
     keys
+}
+
+/// Other ways to search, and parts that a run does without (docs/ABLATIONS.md).
+fn search() -> Vec<Key> {
+    const ONE_SCORE: &[&str] = &["openevolve", "hill_climbing"];
+    let mut keys = table(
+        || With("search"),
+        vec![(
+            "search.method",
+            "",
+            "",
+            Word(|| Method::ALL.map(|method| method.name().to_string()).to_vec()),
+            "Who decides what is kept and edited; `pareto` is the archive's own, as without this table.",
+        )],
+    );
+    keys.extend(table(
+        || Of("search.method", ONE_SCORE),
+        vec![("search.attack_weight", "w", "", SHARE, "The one score is w A + (1 - w) R.")],
+    ));
+    keys.extend(table(
+        || Of("search.method", &["nsga2"]),
+        vec![("search.population", "", "programs", Whole(2, 1000), "Most members of the population.")],
+    ));
+    keys.extend(table(
+        || Of("search.method", &["random"]),
+        vec![("search.edits_max", "", "edits", Whole(1, 8), "Most edits of a random patch.")],
+    ));
+    keys.extend(table(|| Of("search.method", &["openevolve"]), openevolve()));
+    keys.extend(table(
+        || Optional,
+        vec![
+            (
+                "search.rollouts",
+                "",
+                "rollouts",
+                Whole(1, 1_000_000_000),
+                "Distinct rollouts on evolution scenes that a lineage may use; a lineage that cannot pay for a candidate stops.",
+            ),
+            ("without.critics", "", "", Truth, "No critic is asked."),
+            ("without.repair", "", "", Truth, "No patch is repaired."),
+            ("without.memory", "", "", Truth, "No memory card is written or shown."),
+            ("without.conditions", "", "", Truth, "The scene-conditioned policy is closed to patches."),
+            ("without.mechanisms", "", "", Truth, "Mechanism modules are closed to patches."),
+            ("without.isolation", "", "", Truth, "Neither the isolation gate nor its critic."),
+            ("without.audit", "", "", Truth, "No rollouts are drawn among candidates that the router leaves out."),
+            ("without.tradeoff", "", "", Truth, "The parent trade-off gate accepts nobody."),
+        ],
+    ));
+    keys
+}
+
+/// OpenEvolve's options under its own names.
+fn openevolve() -> Vec<Row> {
+    let axes = Words(|| words(["complexity", "diversity", "attack", "realism"]));
+    vec![
+        ("search.openevolve.num_islands", "", "islands", Whole(1, 100), "Populations that evolve apart."),
+        ("search.openevolve.archive_size", "", "programs", Whole(1, 100_000), "Places of the archive of the best."),
+        ("search.openevolve.population_size", "", "programs", Whole(2, 100_000), "Most programs over all islands."),
+        ("search.openevolve.feature_dimensions", "", "", axes, "Axes of the grid."),
+        ("search.openevolve.feature_bins", "", "cells", Whole(1, 1000), "Cells of an axis."),
+        (
+            "search.openevolve.migration_interval",
+            "",
+            "programs",
+            Whole(1, 100_000),
+            "Programs of an island between migrations.",
+        ),
+        ("search.openevolve.migration_rate", "", "", SHARE, "Share of an island that migrates."),
+        (
+            "search.openevolve.diversity_reference_size",
+            "",
+            "texts",
+            Whole(1, 1000),
+            "Texts that diversity is measured against.",
+        ),
+        ("search.openevolve.exploration_ratio", "", "", SHARE, "Share of parents drawn from their whole island."),
+        ("search.openevolve.exploitation_ratio", "", "", SHARE, "Share of parents drawn from the archive."),
+        (
+            "search.openevolve.elite_selection_ratio",
+            "",
+            "",
+            SHARE,
+            "Share of the inspirations that are their island's best.",
+        ),
+    ]
 }
 
 fn required(rows: Vec<Row>) -> Vec<Key> {

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use super::ego_weights::{self, EgoWeights};
 use super::{ExperimentError, ModelOptions, ParentProgram};
+use crate::archive::search::SearchOptions;
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::backend::{BackendOptions, DriverOptions};
 use crate::ego::Policy;
-use crate::epoch::{CompositionOptions, CounselOptions};
+use crate::epoch::{CompositionOptions, CounselOptions, Without};
 use crate::evaluation::EvaluationOptions;
 use crate::kernel::Digest;
 use crate::llm::SpendCap;
@@ -72,6 +73,12 @@ pub struct Experiment {
     /// How the world agent may change it; without it the configuration stays as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_agent: Option<WorldAgentOptions>,
+    /// Which method searches, and its budget of rollouts; without it the archive's own, bounded by epochs and slots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchOptions>,
+    /// Parts of the system that the run does without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub without: Option<Without>,
     /// The file that it was read from.
     #[serde(skip)]
     pub file: PathBuf,

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::{ContractMark, Experiment, LineageOptions, OptionError, ParentProgram, SceneSource};
 use crate::adapters::Contract;
+use crate::archive::search::Method;
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::llm::client;
@@ -41,11 +42,41 @@ pub fn check(experiment: &Experiment) -> Result<(), Problem> {
     scenes(experiment)?;
     simulator(experiment)?;
     labels(experiment)?;
+    searched(experiment)?;
     let several = |error: &dyn std::fmt::Display| Problem::Several(error.to_string());
     experiment.archive.validate().map_err(|error| several(&error))?;
     experiment.memory.validate().map_err(|error| several(&error))?;
     let families: Vec<FamilyName> = experiment.lineages.iter().map(|lineage| lineage.family.clone()).collect();
     world::validate(&experiment.world, &world::schema(&families)).map_err(|error| several(&error))
+}
+
+/// A method other than the archive's own takes the MetaDrive protocol, and shares of its draws that leave nothing negative.
+fn searched(experiment: &Experiment) -> Result<(), OptionError> {
+    if experiment.without.is_some_and(|without| without.audit) && experiment.world_agent.is_some() {
+        let why = "nothing beside [world_agent], which may change the share of audits; take one of the two out";
+        return Err(OptionError::new("without.audit", true, why));
+    }
+    if experiment.world.routing.pilot.is_some()
+        && let Some(rollouts) = experiment.search.as_ref().and_then(|search| search.rollouts)
+    {
+        let why = "nothing beside [world.routing.pilot], whose rollouts it would not count; take one of the two out";
+        return Err(OptionError::new("search.rollouts", rollouts, why));
+    }
+    let Some(search) = experiment.search.as_ref().filter(|search| search.method != Method::Pareto) else {
+        return Ok(());
+    };
+    if experiment.evaluation.safebench().is_some() {
+        let why = "\"pareto\" under SafeBench's protocol, whose archive keeps scenes by group";
+        return Err(OptionError::new("search.method", format!("{:?}", search.method.name()), why));
+    }
+    match &search.openevolve {
+        Some(of) if of.exploration_ratio + of.exploitation_ratio > 1.0 => Err(OptionError::new(
+            "search.openevolve.exploitation_ratio",
+            of.exploitation_ratio,
+            format!("at most 1 - exploration_ratio = {}", 1.0 - of.exploration_ratio),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// Lineages have names of their own, and parents that their families' contracts allow.

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use super::{Experiment, ExperimentError, models};
 use crate::agents::contract_text;
-use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study};
+use crate::archive::search::Method;
+use crate::epoch::{Budget, LineageSpec, SceneEntry, Start, Study, Without};
 use crate::families;
 use crate::kernel::{Seed, Threads};
 use crate::objects::LineageId;
@@ -28,6 +29,16 @@ impl Experiment {
                 self.split.window,
                 split.evolution.len(),
                 pool.scenes.len()
+            )));
+        }
+        let rival = self.search.as_ref().filter(|search| search.method != Method::Pareto);
+        if let Some(rival) = rival.filter(|_| self.split.window != split.evolution.len()) {
+            return Err(self.problem(format!(
+                "split.window is {}, expected all {} evolution scenes, because search.method is {:?}: its programs are compared across \
+                 epochs by labels on the same scenes",
+                self.split.window,
+                split.evolution.len(),
+                rival.method.name()
             )));
         }
         let chosen = split.evolution.iter().chain(&split.held_out).filter_map(|entry| pool.scene(&entry.id));
@@ -67,7 +78,12 @@ impl Experiment {
             pool.scenes.into_iter().map(|s| (s.id.clone(), Arc::new(s))).collect();
         let chosen: Vec<Arc<Scene>> = wanted.iter().filter_map(|id| by_id.remove(*id)).collect();
         let entries = threads.map(&chosen, |_, scene| SceneEntry::new(scene.clone()));
-        let sources = families::sources();
+        let without = self.without.unwrap_or_default();
+        let sources = families::sources().map(|source| limited(source, &without));
+        let mut world = self.world.clone();
+        if without.audit {
+            world.routing.audit_share = 0.0;
+        }
         let text = |f: &Source| (f.contract.family.clone(), contract_text(&f.contract));
         let used = |f: &&Source| lineages.iter().any(|spec| spec.family == f.contract.family);
         let contract_texts = sources.iter().filter(used).map(text).collect();
@@ -96,10 +112,12 @@ impl Experiment {
             backend: self.simulator.backend.clone(),
             evaluation: self.evaluation.clone(),
             archive: self.archive.clone(),
+            search: self.search.clone(),
+            without,
             selector: self.selector.clone(),
             memory: self.memory.clone(),
             curation: self.curation.clone(),
-            world: self.world.clone(),
+            world,
             world_agent: self.world_agent,
             composition: self.composition.clone(),
             counsel: self.counsel,
@@ -109,4 +127,15 @@ impl Experiment {
         }
         Ok(study)
     }
+}
+
+/// A source whose contract allows no more rules or modules than its parent has, where the run does without them.
+fn limited(mut source: Source, without: &Without) -> Source {
+    if without.conditions {
+        source.contract.limits.rules = source.parent.scenario_conditioned_policy.len();
+    }
+    if without.mechanisms {
+        source.contract.limits.modules = source.parent.mechanism_modules.len();
+    }
+    source
 }

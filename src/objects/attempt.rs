@@ -317,12 +317,31 @@ pub struct AcceptanceGates {
     pub differing_scenes: usize,
     /// How many scenes were paired: what every difference here rests on.
     pub scenes: usize,
+    /// Where another method than the three gates decides: what it says. The gates above are told all the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<MethodVerdict>,
+}
+
+/// What another search method than the gates says of a child.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MethodVerdict {
+    /// Name of the method.
+    pub method: String,
+    /// Whether it keeps the child.
+    pub holds: bool,
+    /// The child's score under the method, 1; `None` where it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub score: Option<f64>,
 }
 
 impl AcceptanceGates {
     /// Whether the child is accepted: by one of the three gates, if it acts often enough and does something else than its
-    /// parent.
+    /// parent; or by the method that decides in their place, if it acts at all.
     pub fn any(&self) -> bool {
+        if let Some(verdict) = &self.method {
+            return verdict.holds && self.coverage.coverage > 0.0;
+        }
         let by_a_gate = self.densification.holds || self.local_push.holds || self.parent_tradeoff.holds;
         self.coverage.holds && self.differing_scenes > 0 && by_a_gate
     }

@@ -64,6 +64,22 @@ pub struct Opened {
     pub contracts: BTreeMap<FamilyName, Digest>,
     /// Label of the model of each role. It begins with the model's kind.
     pub models: BTreeMap<String, String>,
+    /// Which method searches and its budget, where the experiment says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<Searched>,
+    /// Parts of the system that the run does without.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without: Vec<String>,
+}
+
+/// How a run searches.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Searched {
+    /// Name of the method.
+    pub method: String,
+    /// Distinct rollouts on evolution scenes that a lineage may use; `None` where epochs and slots alone bound it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rollouts: Option<usize>,
 }
 
 impl Opened {
@@ -122,6 +138,9 @@ pub struct Frozen {
     /// Another member of the front, which the slots that widen it edit, where one program leads and the front has more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub portfolio: Option<FrozenParent>,
+    /// Under a method that draws parents: the one of each slot.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drawn: Vec<FrozenParent>,
     /// The front as measured on the scenes of all windows so far.
     pub front: Vec<FrontPoint>,
     /// How many scenes those are.
@@ -135,9 +154,20 @@ pub struct Frozen {
 }
 
 impl Frozen {
+    /// Place of a slot's parent among those of the epoch: 0 for the first one.
+    pub fn parent_place(&self, slot: u32) -> usize {
+        match self.drawn.is_empty() {
+            false => slot as usize + 1,
+            true => usize::from(self.second_parent(slot).is_some()),
+        }
+    }
+
     /// The second parent that a slot edits; `None` where it edits the first. Under the rule of two anchors the odd slots edit the
     /// second; else every third slot, whose target is to widen the front, edits the portfolio's member.
     pub fn second_parent(&self, slot: u32) -> Option<&FrozenParent> {
+        if !self.drawn.is_empty() {
+            return self.drawn.get(slot as usize);
+        }
         match &self.realism_anchor {
             Some(anchor) => Some(anchor).filter(|_| slot % 2 == 1),
             None => self.portfolio.as_ref().filter(|_| slot % 3 == 2),

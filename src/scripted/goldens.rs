@@ -10,7 +10,7 @@ use crate::agents::{
     examples::examples,
     prompt::{Subject, patch_text, request},
 };
-use crate::candidates::{Trials, admit};
+use crate::candidates::{Judging, Trials, admit};
 use crate::families;
 use crate::kernel::Digest;
 use crate::llm::{ModelSpec, Request};
@@ -46,7 +46,14 @@ fn asked(family: &str) -> Vec<Request> {
         instruction: "Look at who is chosen.".into(),
     };
     let models = BTreeMap::new();
-    let task = Task { briefing: &briefing, slot: 0, target: &target, models: &models, max_repair_rounds: 1 };
+    let task = Task {
+        briefing: &briefing,
+        slot: 0,
+        target: &target,
+        models: &models,
+        critics: &Role::CRITICS,
+        max_repair_rounds: 1,
+    };
     let patch = patch_text(&ProgramPatch {
         source_baseline: example.parent.source_family.clone(),
         parent_solution_id: example.parent.solution_id.clone(),
@@ -121,7 +128,7 @@ fn the_examples_of_a_prompt_pass_the_gates_of_their_family() {
                 };
                 let compiles = |_: &Program, _: Digest| Trials::default();
                 let child = SolutionId::new("a-lineage/e0s0");
-                let gates = admit(&parent, &patch, child, contract, &registry, &compiles).gates;
+                let gates = admit(&parent, &patch, child, &Judging::whole(contract, &registry), &compiles).gates;
                 let problems: Vec<&String> = gates.failed().flat_map(|verdict| &verdict.problems).collect();
                 // Between its first and its last operation the node leads nowhere yet.
                 let whole = length == 1 || length == operations.len();

@@ -13,7 +13,7 @@ use crate::{
         prompt::{Subject, patch_text},
         propose, reply,
     },
-    candidates::{Trials, admit},
+    candidates::{Judging, Trials, admit},
     kernel::Digest,
     llm::{Ask, AskError, Model, ModelError, ModelSpec, Reply, Request},
     objects::{Advice, GateReport, Program, ProgramPatch, Review, Role, SolutionId},
@@ -67,7 +67,14 @@ fn target(slot: u32) -> Target {
 
 fn asked(stage: &Stage, slot: u32, spec: &ModelSpec, role: Role, round: u32, subject: &Subject<'_>) -> Request {
     let (target, models) = (target(slot), BTreeMap::new());
-    let task = Task { briefing: &stage.briefing, slot, target: &target, models: &models, max_repair_rounds: 1 };
+    let task = Task {
+        briefing: &stage.briefing,
+        slot,
+        target: &target,
+        models: &models,
+        critics: &Role::CRITICS,
+        max_repair_rounds: 1,
+    };
     prompt::request(&task, spec, role, round, subject).unwrap()
 }
 
@@ -89,7 +96,8 @@ fn drafted(stage: &Stage, slot: u32, spec: &ModelSpec) -> ProgramPatch {
 fn gates(stage: &Stage, patch: &ProgramPatch) -> GateReport {
     let child = SolutionId::new(format!("{}/e3s0", stage.example.parent.lineage_id));
     let nothing_compiled = |_: &Program, _: Digest| Trials::default();
-    admit(&stage.example.parent, patch, child, &stage.example.contract, &stage.registry, &nothing_compiled).gates
+    let judging = Judging::whole(&stage.example.contract, &stage.registry);
+    admit(&stage.example.parent, patch, child, &judging, &nothing_compiled).gates
 }
 
 fn gate_problems(stage: &Stage, patch: &ProgramPatch) -> Vec<String> {
@@ -285,7 +293,14 @@ fn whole_proposals_end_in_patches_and_in_declines() {
         let mut ends = BTreeMap::<&str, usize>::new();
         for slot in 0..150 {
             let target = target(slot);
-            let task = Task { briefing: &stage.briefing, slot, target: &target, models: &models, max_repair_rounds: 2 };
+            let task = Task {
+                briefing: &stage.briefing,
+                slot,
+                target: &target,
+                models: &models,
+                critics: &Role::CRITICS,
+                max_repair_rounds: 2,
+            };
             let check = |patch: &ProgramPatch| -> Result<Findings, AgentError> {
                 Ok(Findings { gates: gates(&stage, patch), ..Findings::default() })
             };

@@ -100,6 +100,11 @@ impl Sources {
         self.0.values()
     }
 
+    /// The same with every source changed.
+    pub fn map(self, change: impl Fn(Source) -> Source) -> Sources {
+        Sources(self.0.into_iter().map(|(name, source)| (name, change(source))).collect())
+    }
+
     /// What the gates judge patches by.
     pub fn registry(&self) -> Registry {
         Registry::new(self.iter().map(|of| Family { contract: of.contract.clone(), parent: of.parent.clone() }))

@@ -31,7 +31,7 @@ fn read(path: &Path) -> Experiment {
 
 #[test]
 fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
-    let folders = ["", "/llm", "/metadrive", "/safebench", "/world"].map(|of| format!("experiments{of}"));
+    let folders = ["", "/ablations", "/llm", "/metadrive", "/safebench", "/world"].map(|of| format!("experiments{of}"));
     let paths = folders.iter().map(|of| files(of)).collect::<Vec<_>>().concat();
     assert!(paths.len() >= 17, "{paths:?}");
     let (families, mut names) = (sources(), BTreeSet::new());

@@ -2,7 +2,7 @@
 //! gate, wherever the word stands, and the same patch without it does not.
 
 use evodrive::adapters::{Family, Registry};
-use evodrive::candidates::{Admission, Trials, admit};
+use evodrive::candidates::{Admission, Judging, Trials, admit};
 use evodrive::families;
 use evodrive::objects::{Gate, LineageId, Operation, OperationKind, ProgramPatch, SolutionId};
 use serde_json::{Value, json};
@@ -23,7 +23,8 @@ fn judged(registry: &Registry, family: &Family, operation: Operation) -> Admissi
         repair_summary: None,
     };
     let child = SolutionId::new(format!("{lineage}/e1s0"));
-    admit(&parent, &patch, child, &family.contract, registry, &|_, _| Trials::default())
+    let judging = Judging { contract: &family.contract, registry, skipped: &[], closed: &[] };
+    admit(&parent, &patch, child, &judging, &|_, _| Trials::default())
 }
 
 fn add(path: String, value: Value) -> Operation {

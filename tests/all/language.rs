@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use evodrive::candidates::{Admission, Trials, admit};
+use evodrive::candidates::{Admission, Judging, Trials, admit};
 use evodrive::compiler::{Compiled, Prepared, Situation};
 use evodrive::ego::Policy;
 use evodrive::families::{grammar, registry, sources};
@@ -44,7 +44,9 @@ fn admitted(family: &Source, operations: Vec<Operation>) -> Admission {
         repair_summary: None,
     };
     let child = SolutionId::new(format!("{lineage}/e0s0"));
-    admit(&parent, &patch, child, &family.contract, &registry(), &|_, _| Trials::default())
+    let registry = registry();
+    let judging = Judging { contract: &family.contract, registry: &registry, skipped: &[], closed: &[] };
+    admit(&parent, &patch, child, &judging, &|_, _| Trials::default())
 }
 
 /// The shipped patch of this name.

@@ -28,6 +28,7 @@ mod live;
 mod models;
 mod not_losing_work;
 mod nudge;
+mod openevolve;
 mod own_ego;
 mod own_metrics;
 mod parents;

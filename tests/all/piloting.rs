@@ -67,12 +67,12 @@ fn pilots_rank_the_candidates_and_say_what_they_saw() {
         let parent = second.map_or(&before["parent_score"], |second| &second["parent_score"]);
         if let (true, Some(score)) = (selected, Some(&exit["score"]).filter(|score| !score.is_null())) {
             let (own, parent) = (labels(score), labels(parent));
-            let pairs = seen.iter().filter_map(|id| Some((own.get(*id)?, parent.get(*id)?)));
-            let pairs: Vec<(&(f64, f64), &(f64, f64))> = pairs.collect();
+            let pairs = seen.iter().filter_map(|id| Some([own.get(*id)?, parent.get(*id)?]));
+            let pairs: Vec<[&(f64, f64); 2]> = pairs.collect();
             assert_eq!(pilot["labelled"].as_u64().unwrap() as usize, pairs.len());
-            let mean = pairs.iter().map(|(own, parent)| own.0 - parent.0).sum::<f64>() / pairs.len().max(1) as f64;
+            let mean = pairs.iter().map(|[own, parent]| own.0 - parent.0).sum::<f64>() / pairs.len().max(1) as f64;
             assert!((pilot["difference"]["attack"].as_f64().unwrap() - mean).abs() < 1e-12, "{pilot} {mean}");
-            let mean = pairs.iter().map(|(own, parent)| own.1 - parent.1).sum::<f64>() / pairs.len().max(1) as f64;
+            let mean = pairs.iter().map(|[own, parent]| own.1 - parent.1).sum::<f64>() / pairs.len().max(1) as f64;
             assert!((pilot["difference"]["realism"].as_f64().unwrap() - mean).abs() < 1e-12, "{pilot} {mean}");
             compared += usize::from(!pairs.is_empty());
         }

@@ -51,6 +51,29 @@ pub type Quantity = Vec<Search>;
 
 /// Value and interval of each quantity, all from the same draws. `None` where a quantity rests on no label.
 pub fn estimates(quantities: &[Quantity]) -> Vec<Option<Estimate>> {
+    quantities.iter().zip(&resampled(quantities)).map(|(quantity, values)| estimate(quantity, values)).collect()
+}
+
+/// The same for differences, each with its chance under no difference: twice the share of resamples on the far side of 0, the
+/// value itself counted as one of them, at most 1.
+pub fn compared_with_zero(differences: &[Quantity]) -> Vec<Option<(Estimate, f64)>> {
+    let chance = |values: &[f64]| {
+        let beyond = |holds: &dyn Fn(f64) -> bool| values.iter().filter(|value| holds(**value)).count();
+        let least = beyond(&|value| value <= 0.0).min(beyond(&|value| value >= 0.0));
+        (2.0 * (least + 1) as f64 / (values.len() + 1) as f64).min(1.0)
+    };
+    let drawn = resampled(differences);
+    let all = differences.iter().zip(&drawn);
+    all.map(|(quantity, values)| Some((estimate(quantity, values)?, chance(values)))).collect()
+}
+
+fn estimate(quantity: &Quantity, values: &[f64]) -> Option<Estimate> {
+    let value = mean_over(quantity, |s| (0..s.seeds.len()).collect(), |part| (0..part.values.len()).collect())?;
+    Some(Estimate { value, interval: interval(values) })
+}
+
+/// Resampled values of each quantity, all from the same draws.
+fn resampled(quantities: &[Quantity]) -> Vec<Vec<f64>> {
     let (mut suites, mut searches) = (BTreeMap::new(), BTreeMap::new());
     for search in quantities.iter().flatten() {
         searches.insert(search.id, search.seeds.len());
@@ -67,11 +90,7 @@ pub fn estimates(quantities: &[Quantity]) -> Vec<Option<Estimate>> {
             values.extend(mean_over(quantity, |s| drawn(&seeds, &s.id), |part| drawn(&scenes, &part.suite)));
         }
     }
-    let estimate = |(quantity, values): (&Quantity, &Vec<f64>)| {
-        let value = mean_over(quantity, |s| (0..s.seeds.len()).collect(), |part| (0..part.values.len()).collect())?;
-        Some(Estimate { value, interval: interval(values) })
-    };
-    quantities.iter().zip(&resampled).map(estimate).collect()
+    resampled
 }
 
 /// The 95 % percentile interval of a quantity's resampled values; `None` without any.
@@ -171,6 +190,18 @@ mod tests {
         };
         assert_eq!(width(vec![once(suite("a", &x)), once(suite("a", &y))]), 0.0);
         assert!(width(vec![once(suite("a", &x)), once(suite("b", &y))]) > 0.2);
+    }
+
+    #[test]
+    fn a_difference_that_is_everywhere_is_sure_and_one_that_evens_out_is_not() {
+        let found = |values: &[f64]| compared_with_zero(&[vec![once(suite("a", values))]])[0].unwrap();
+        let (estimate, chance) = found(&[0.1; 12]);
+        assert!((estimate.value - 0.1).abs() < 1e-12 && chance < 0.002, "{chance}");
+        let (_, even) = found(&[0.1, -0.1, 0.2, -0.2, 0.3, -0.3]);
+        assert!(even > 0.8, "{even}");
+        // Without any difference nothing speaks against none.
+        assert_eq!(found(&[0.0; 5]).1, 1.0);
+        assert_eq!(found(&[0.1; 12]).0, estimates(&[vec![once(suite("a", &[0.1; 12]))]])[0].unwrap());
     }
 
     #[test]

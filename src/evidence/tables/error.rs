@@ -6,6 +6,8 @@ use crate::objects::{LineageId, SolutionId};
 /// Runs that give no table.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
+    #[error("no run is named; name at least one with --run")]
+    NoRuns,
     #[error("run {run} is not finished, so its held-out scenes have not been opened; finish it with `evodrive resume`")]
     Unfinished { run: String },
     #[error(

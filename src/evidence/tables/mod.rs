@@ -1,5 +1,6 @@
 //! The paper's tables from recorded runs: our numbers with their intervals, the paper's beside them, and what both rest on.
 
+mod ablations;
 mod applied;
 mod archives;
 mod bases;
@@ -27,6 +28,7 @@ mod stopped;
 #[cfg(test)]
 mod tests;
 
+pub use ablations::{attack_only, kwidth, without};
 pub use applied::{Applied, Played, applied};
 pub use bases::Bases;
 pub use basis::{Basis, Leaf, Piece};

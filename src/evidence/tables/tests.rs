@@ -34,6 +34,8 @@ pub(super) fn run(name: &str, models: &[(&str, &str)]) -> RecordedRun {
             versions: Versions { adapter: 1, sim: 1, eval: 1 },
             contracts: BTreeMap::new(),
             models: models.iter().map(text).collect(),
+            search: None,
+            without: Vec::new(),
         },
         parents: Vec::new(),
         composed: Vec::new(),

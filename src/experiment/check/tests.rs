@@ -15,6 +15,9 @@ fn whole() -> Vec<Table> {
         "agreement/metadrive",
         "world/evolving",
         "world/pilot",
+        "ablations/openevolve",
+        "ablations/nsga2",
+        "ablations/random",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
     let mut all: Vec<Table> =
@@ -27,6 +30,12 @@ fn whole() -> Vec<Table> {
         .into(),
     );
     all.push(pool);
+    // A run that does without everything.
+    let mut bare = all[0].clone();
+    let parts = ["critics", "repair", "memory", "conditions", "mechanisms", "isolation", "audit", "tradeoff"];
+    let parts: Table = parts.map(|part| (part.to_string(), Value::Boolean(true))).into_iter().collect();
+    bare.insert("without".into(), parts.into());
+    all.push(bare);
     // Models behind a folder and a program, which no shipped experiment names.
     let mut behind = all[3].clone();
     let models = behind["models"].as_table_mut().unwrap();
@@ -107,6 +116,10 @@ fn wrong(range: &Range) -> Vec<Value> {
         Range::Pair(least, below) => values.extend([vec![*least].into(), vec![*least, *below].into()]),
         Range::Ends(least, most) => {
             values.extend([vec![*least].into(), vec![*most, *least].into(), vec![*least, most + 1.0].into()])
+        }
+        Range::Truth => {
+            values.remove(0);
+            values.extend([1.into(), "true".into()]);
         }
         Range::Any => values.clear(),
     }

@@ -1,0 +1,103 @@
+//! `[search]`: which method searches, and how many rollouts it has.
+
+use serde::{Deserialize, Serialize};
+
+use super::super::openevolve::OpenEvolveOptions;
+use crate::objects::Objectives;
+
+/// Who decides what is kept and edited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// The whole system: three acceptance gates over a front of attack and realism.
+    Pareto,
+    /// The whole system with one gate: more attack than the parent, shown at the archive's level. Realism has no say.
+    AttackOnly,
+    /// OpenEvolve's database by one score (`archive::openevolve`); no critics, memory or acceptance gates.
+    #[serde(rename = "openevolve")]
+    OpenEvolve,
+    /// Random legal patches of the first parent; no model is asked.
+    Random,
+    /// The best by one score is edited; a child with a larger one takes its place.
+    HillClimbing,
+    /// NSGA-II by attack and realism, one child at a time (Deb et al. 2002; the (mu + 1) form of Durillo et al. 2009).
+    Nsga2,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Method; 6] =
+        [Method::Pareto, Method::AttackOnly, Method::OpenEvolve, Method::Random, Method::HillClimbing, Method::Nsga2];
+
+    /// The word in experiment files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Pareto => "pareto",
+            Method::AttackOnly => "attack_only",
+            Method::OpenEvolve => "openevolve",
+            Method::Random => "random",
+            Method::HillClimbing => "hill_climbing",
+            Method::Nsga2 => "nsga2",
+        }
+    }
+}
+
+/// The table `[search]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SearchOptions {
+    /// The method.
+    pub method: Method,
+    /// Distinct rollouts on evolution scenes that a lineage may use; without it epochs and slots alone bound the search.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rollouts: Option<usize>,
+    /// w of the score w A + (1 - w) R, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attack_weight: Option<f64>,
+    /// Most members of NSGA-II's population.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub population: Option<usize>,
+    /// Most edits of a random patch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edits_max: Option<usize>,
+    /// OpenEvolve's own options.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub openevolve: Option<OpenEvolveOptions>,
+}
+
+impl SearchOptions {
+    /// The one score of the methods that have one: attack alone, or the weighted sum.
+    pub fn scalar(&self, of: Objectives) -> f64 {
+        let weight = self.attack_weight.unwrap_or(1.0);
+        weight * of.attack + (1.0 - weight) * of.realism
+    }
+
+    /// Whether proposals are reviewed by critics.
+    pub fn has_critics(&self) -> bool {
+        !matches!(self.method, Method::OpenEvolve | Method::Random)
+    }
+
+    /// The rule of acceptance as prompts tell it; `None` for the system's own.
+    pub fn told(&self) -> Option<String> {
+        let same = "A child is compared with its parent on the same scenes.";
+        match self.method {
+            Method::Pareto => None,
+            Method::AttackOnly => Some(format!(
+                "{same} It is accepted if it has more attack, at the confidence of the experiment; realism does not count."
+            )),
+            Method::HillClimbing | Method::OpenEvolve => {
+                let weight = self.attack_weight.unwrap_or(1.0);
+                Some(format!(
+                    "Programs are compared by one score, {weight} A + {} R, on the same scenes; the larger, the better.",
+                    crate::kernel::num::rounded(1.0 - weight, 6)
+                ))
+            }
+            Method::Nsga2 => Some(
+                "A population is kept by NSGA-II: who is dominated by fewest stays, of equals who stands farther from its neighbours \
+                 in attack and realism."
+                    .into(),
+            ),
+            Method::Random => Some("Nobody is asked.".into()),
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! Small studies under other search methods, and without parts of the system: that each keeps, edits and asks what it should,
+//! within its rollouts.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::Without;
+use super::tests::{Ran, carried_out, experiment};
+use crate::archive::PromotionRule;
+use crate::archive::openevolve::OpenEvolveOptions;
+use crate::archive::search::{Method, SearchOptions};
+use crate::experiment::Experiment;
+use crate::kernel::Digest;
+use crate::objects::attempt::Gate;
+use crate::objects::{Attempt, Exit, LineageId, Objectives, Role, Score, SolutionId};
+
+/// Rollouts of a lineage: the parent's and five candidates'.
+const ROLLOUTS: usize = 60;
+const SCENES: usize = 10;
+
+fn searching(method: Method) -> Experiment {
+    let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    (experiment.split.window, experiment.budget.epochs, experiment.budget.slots) = (SCENES, 8, 4);
+    experiment.world.routing.rollout_budget = 4;
+    let openevolve = OpenEvolveOptions {
+        num_islands: 2,
+        archive_size: 4,
+        population_size: 20,
+        feature_dimensions: vec!["complexity".into(), "diversity".into()],
+        feature_bins: 10,
+        migration_interval: 2,
+        migration_rate: 0.5,
+        diversity_reference_size: 20,
+        exploration_ratio: 0.2,
+        exploitation_ratio: 0.7,
+        elite_selection_ratio: 0.1,
+    };
+    experiment.search = Some(SearchOptions {
+        method,
+        rollouts: Some(ROLLOUTS),
+        attack_weight: Some(0.5).filter(|_| matches!(method, Method::OpenEvolve | Method::HillClimbing)),
+        population: Some(3).filter(|_| method == Method::Nsga2),
+        edits_max: Some(3).filter(|_| method == Method::Random),
+        openevolve: Some(openevolve).filter(|_| method == Method::OpenEvolve),
+    });
+    experiment
+}
+
+fn without(change: impl Fn(&mut Without)) -> Experiment {
+    let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    let mut parts = Without::default();
+    change(&mut parts);
+    experiment.without = Some(parts);
+    experiment
+}
+
+/// Distinct rollouts on evolution scenes that a run's search rested on.
+fn rollouts(ran: &Ran) -> usize {
+    let parents = ran.frozen.iter().map(|frozen| &frozen.parent_score);
+    let scores = parents.chain(ran.attempts.iter().filter_map(|attempt| attempt.exit.score()));
+    let requests = |score: &Score| score.scenes.iter().map(|scene| scene.request).collect::<Vec<Digest>>();
+    scores.flat_map(requests).collect::<BTreeSet<Digest>>().len()
+}
+
+fn roles(ran: &Ran) -> BTreeSet<Role> {
+    ran.attempts.iter().flat_map(|attempt| &attempt.proposal.exchanges).map(|exchange| exchange.role).collect()
+}
+
+/// Labels of every program of the search.
+fn labels(ran: &Ran) -> BTreeMap<SolutionId, Objectives> {
+    let parents = ran.frozen.iter().map(|frozen| (frozen.parent.clone(), frozen.parent_score.objectives));
+    let child = |attempt: &Attempt| {
+        Some((attempt.exit.candidate()?.program.solution_id.clone(), attempt.exit.score()?.objectives))
+    };
+    parents.chain(ran.attempts.iter().filter_map(child)).collect()
+}
+
+/// What holds under every method: the budget is used up and not exceeded, and attempts edit what was frozen for them.
+fn holds_everywhere(ran: &Ran, method: Method) {
+    let used = rollouts(ran);
+    assert!(used <= ROLLOUTS, "{method:?} used {used} rollouts of {ROLLOUTS}");
+    assert!(used > ROLLOUTS - SCENES, "{method:?} stopped at {used} rollouts of {ROLLOUTS}");
+    let cut = ran
+        .attempts
+        .iter()
+        .filter(|attempt| matches!(&attempt.exit, Exit::Rejected { route, .. } if route.reason.contains("is used up")));
+    let last = ran.frozen.last().unwrap().epoch;
+    assert!(cut.into_iter().all(|attempt| attempt.epoch == last), "{method:?}: only the last epoch runs out");
+    for attempt in &ran.attempts {
+        let frozen = ran.frozen.iter().find(|frozen| frozen.epoch == attempt.epoch).unwrap();
+        let parent = frozen.second_parent(attempt.slot).map_or(&frozen.parent, |second| &second.parent);
+        assert_eq!(attempt.parent, *parent, "{method:?}: {}", attempt.id);
+        let verdict = attempt.exit.decision().map(|decision| decision.gates.method.as_ref());
+        if let Some(verdict) = verdict {
+            assert_eq!(
+                verdict.map(|verdict| verdict.method.as_str()),
+                (method != Method::Pareto).then(|| method.name())
+            );
+        }
+    }
+}
+
+#[test]
+fn a_declared_method_of_the_archives_own_changes_nothing() {
+    let mut plain = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    let before = carried_out(&plain);
+    plain.search = Some(SearchOptions {
+        method: Method::Pareto,
+        rollouts: None,
+        attack_weight: None,
+        population: None,
+        edits_max: None,
+        openevolve: None,
+    });
+    plain.without = Some(Without::default());
+    let after = carried_out(&plain);
+    assert_eq!((after.settled, after.attempts), (before.settled, before.attempts));
+}
+
+#[test]
+fn the_archive_itself_keeps_to_its_rollouts() {
+    holds_everywhere(&carried_out(&searching(Method::Pareto)), Method::Pareto);
+}
+
+#[test]
+fn attack_alone_accepts_more_attack_whatever_becomes_of_realism() {
+    let ran = carried_out(&searching(Method::AttackOnly));
+    holds_everywhere(&ran, Method::AttackOnly);
+    let mut accepted = 0;
+    for decision in ran.attempts.iter().filter_map(|attempt| attempt.exit.decision()) {
+        let trade = &decision.gates.parent_tradeoff;
+        // At a level of one half every measured gain counts.
+        assert_eq!(decision.gates.method.as_ref().unwrap().holds, trade.attack_change > 1e-12, "{trade:?}");
+        accepted += usize::from(decision.gates.any());
+    }
+    let all = labels(&ran);
+    let led: Vec<f64> = ran.settled.iter().map(|settled| all[&settled.active].attack).collect();
+    assert!(led.windows(2).all(|pair| pair[1] >= pair[0]), "{led:?}");
+    assert!(accepted > 0, "nothing was accepted, so nothing was shown");
+}
+
+#[test]
+fn hill_climbing_edits_the_best_score_so_far() {
+    let ran = carried_out(&searching(Method::HillClimbing));
+    holds_everywhere(&ran, Method::HillClimbing);
+    let score = |of: &Objectives| 0.5 * (of.attack + of.realism);
+    let all = labels(&ran);
+    for frozen in &ran.frozen {
+        let earlier = ran.attempts.iter().filter(|attempt| attempt.epoch < frozen.epoch);
+        let scores = earlier.filter_map(|attempt| {
+            let acts = attempt.exit.score()?.coverage > 0.0;
+            Some(score(&attempt.exit.score()?.objectives)).filter(|_| acts)
+        });
+        let parent = &ran.frozen[0].parent;
+        let best = scores.fold(score(&all[parent]), f64::max);
+        assert_eq!(score(&all[&frozen.parent]), best, "epoch {}", frozen.epoch);
+    }
+}
+
+#[test]
+fn random_patches_ask_nobody_lead_nowhere_and_are_legal() {
+    let ran = carried_out(&searching(Method::Random));
+    holds_everywhere(&ran, Method::Random);
+    assert!(roles(&ran).is_empty());
+    let parent = ran.frozen[0].parent.clone();
+    assert!(ran.settled.iter().all(|settled| settled.active == parent));
+    let patches: BTreeSet<String> =
+        ran.attempts.iter().map(|attempt| format!("{:?}", attempt.proposal.patch().unwrap().operations)).collect();
+    assert!(patches.len() * 10 >= ran.attempts.len() * 9, "{} of {}", patches.len(), ran.attempts.len());
+    // What may refuse them is whether the whole can be compiled and does something, not the form of an edit.
+    for attempt in &ran.attempts {
+        if let Exit::Invalid { gates } = &attempt.exit {
+            let failed: BTreeSet<Gate> = gates.failed().map(|verdict| verdict.gate).collect();
+            let form = [Gate::Schema, Gate::Parent, Gate::Isolation, Gate::Protected];
+            assert!(form.iter().all(|gate| !failed.contains(gate)), "{}: {gates:?}", attempt.id);
+        }
+    }
+    let kept = ran.attempts.iter().filter(|attempt| attempt.exit.decision().is_some_and(|d| d.gates.any())).count();
+    assert!(kept > 0 && !ran.settled.last().unwrap().front.is_empty(), "the best of them can be reported");
+}
+
+#[test]
+fn nsga2_draws_parents_from_a_population_that_it_keeps_small() {
+    let ran = carried_out(&searching(Method::Nsga2));
+    holds_everywhere(&ran, Method::Nsga2);
+    assert!(ran.frozen.iter().all(|frozen| frozen.drawn.len() == 4));
+    assert!(roles(&ran).contains(&Role::AttackCritic), "its proposals are the system's");
+    let drawn: BTreeSet<&SolutionId> =
+        ran.frozen.iter().flat_map(|frozen| &frozen.drawn).map(|drawn| &drawn.parent).collect();
+    assert!(drawn.len() > 1, "a population has more than one parent: {drawn:?}");
+    // Whoever is drawn was kept when it was labelled.
+    for attempt in &ran.attempts {
+        let Some(candidate) = attempt.exit.candidate() else { continue };
+        let kept = attempt.exit.decision().is_some_and(|d| d.gates.method.as_ref().unwrap().holds);
+        assert!(kept || !drawn.contains(&candidate.program.solution_id), "{} was not kept", attempt.id);
+    }
+}
+
+#[test]
+fn openevolve_draws_from_islands_and_asks_no_critic() {
+    let ran = carried_out(&searching(Method::OpenEvolve));
+    holds_everywhere(&ran, Method::OpenEvolve);
+    assert!(roles(&ran).is_subset(&BTreeSet::from([Role::Actor, Role::Repair])), "{:?}", roles(&ran));
+    assert!(ran.settled.iter().all(|settled| settled.cards.is_empty()));
+    assert!(ran.frozen.iter().all(|frozen| frozen.drawn.len() == 4 && frozen.memory_shown.is_empty()));
+    let judged = ran.attempts.iter().filter_map(|attempt| attempt.exit.gates());
+    assert!(judged.flat_map(|gates| gates.failed()).all(|v| v.gate != Gate::Effect && v.gate != Gate::Isolation));
+    // A worse child is a parent of a later one, which no acceptor by improvement would allow.
+    let all = labels(&ran);
+    let score = |of: &Objectives| 0.5 * (of.attack + of.realism);
+    let first = score(&all[&ran.frozen[0].parent]);
+    let drawn: Vec<f64> =
+        ran.frozen.iter().flat_map(|f| &f.drawn).map(|drawn| score(&drawn.parent_score.objectives)).collect();
+    assert!(drawn.iter().any(|value| *value != first), "only the parent was ever drawn");
+    let kept = ran.attempts.iter().filter_map(|a| a.exit.decision()).filter(|d| d.gates.method.as_ref().unwrap().holds);
+    assert!(kept.count() > 0);
+}
+
+#[test]
+fn a_run_under_a_method_is_the_same_twice() {
+    for method in [Method::OpenEvolve, Method::Nsga2] {
+        let states = |ran: Ran| ran.settled.into_iter().map(|settled| settled.state).collect::<Vec<Digest>>();
+        assert_eq!(states(carried_out(&searching(method))), states(carried_out(&searching(method))), "{method:?}");
+    }
+}
+
+#[test]
+fn without_critics_and_repair_nobody_of_them_is_asked() {
+    let with = roles(&carried_out(&without(|_| {})));
+    assert!(with.contains(&Role::Repair) && with.contains(&Role::IsolationCritic));
+    let none = roles(&carried_out(&without(|parts| parts.critics = true)));
+    assert!(Role::CRITICS.iter().all(|critic| !none.contains(critic)) && none.contains(&Role::Repair), "{none:?}");
+    let none = roles(&carried_out(&without(|parts| parts.repair = true)));
+    assert!(!none.contains(&Role::Repair) && none.contains(&Role::AttackCritic), "{none:?}");
+}
+
+#[test]
+fn without_memory_no_card_is_written_or_shown() {
+    let cards = |ran: &Ran| ran.settled.iter().map(|settled| settled.cards.len()).sum::<usize>();
+    assert!(cards(&carried_out(&without(|_| {}))) > 0);
+    let ran = carried_out(&without(|parts| parts.memory = true));
+    assert_eq!(cards(&ran), 0);
+    assert!(ran.frozen.iter().all(|frozen| frozen.memory_shown.is_empty()));
+}
+
+#[test]
+fn without_conditions_or_mechanisms_no_admitted_child_touches_them() {
+    let wide = |change: &dyn Fn(&mut Without)| {
+        let mut experiment = without(change);
+        (experiment.budget.slots, experiment.world.routing.rollout_budget) = (12, 12);
+        carried_out(&experiment)
+    };
+    let touching = |ran: &Ran, part: &str, admitted: bool| {
+        let attempts = ran.attempts.iter().filter(|attempt| !admitted || attempt.exit.candidate().is_some());
+        let patches = attempts.filter_map(|attempt| attempt.proposal.patch());
+        patches.flat_map(|patch| &patch.operations).filter(|operation| operation.path.starts_with(part)).count()
+    };
+    let whole = wide(&|_| {});
+    for (part, open, closed) in [
+        ("/scenario_conditioned_policy", &whole, wide(&|parts| parts.conditions = true)),
+        ("/mechanism_modules", &whole, wide(&|parts| parts.mechanisms = true)),
+    ] {
+        assert!(touching(open, part, false) > 0, "{part} is used where it is open");
+        assert_eq!(touching(&closed, part, true), 0, "{part}");
+        assert!(closed.attempts.iter().any(|attempt| attempt.exit.candidate().is_some()), "{part}: others go on");
+    }
+}
+
+#[test]
+fn without_isolation_neither_its_gate_nor_its_critic_speaks() {
+    let ran = carried_out(&without(|parts| parts.isolation = true));
+    assert!(!roles(&ran).contains(&Role::IsolationCritic) && roles(&ran).contains(&Role::StructuralCritic));
+    let mut failed = ran.attempts.iter().filter_map(|attempt| attempt.exit.gates()).flat_map(|gates| gates.failed());
+    assert!(failed.all(|verdict| verdict.gate != Gate::Isolation));
+    assert!(ran.attempts.iter().any(|attempt| attempt.exit.candidate().is_some()), "the other gates let some through");
+}
+
+#[test]
+fn without_the_trade_off_gate_nobody_is_accepted_by_it_alone() {
+    let alone = |ran: &Ran| {
+        let gates = ran.attempts.iter().filter_map(|attempt| Some(&attempt.exit.decision()?.gates));
+        let by_trade = gates.filter(|gates| gates.any() && !gates.densification.holds && !gates.local_push.holds);
+        by_trade.count()
+    };
+    let held = |ran: &Ran| ran.attempts.iter().filter_map(|a| a.exit.decision()).any(|d| d.gates.parent_tradeoff.holds);
+    assert!(held(&carried_out(&without(|_| {}))), "the gate holds somewhere in the whole system");
+    let ran = carried_out(&without(|parts| parts.tradeoff = true));
+    assert!(alone(&ran) == 0 && !held(&ran));
+}
+
+#[test]
+fn without_audit_the_router_draws_nobody() {
+    let mut experiment = without(|parts| parts.audit = true);
+    experiment.world.routing.audit_share = 0.5;
+    let study = super::tests::study(&experiment, &crate::kernel::Threads::new(1).unwrap());
+    assert_eq!(study.world.routing.audit_share, 0.0);
+    experiment.without = None;
+    let study = super::tests::study(&experiment, &crate::kernel::Threads::new(1).unwrap());
+    assert_eq!(study.world.routing.audit_share, 0.5);
+    assert_eq!(study.lineages[0].id, LineageId::new("cat-idm"));
+}

@@ -33,6 +33,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("fsck", "evodrive fsck --read"),
     ("report", "evodrive report"),
     ("table", "evodrive table metadrive-main --format csv"),
+    ("figure", "evodrive figure case-evolution --lineage cat-idm --out cat.svg"),
     ("why", "evodrive why proposals:cat-idm:accepted"),
     ("impact", "evodrive impact cat-idm/e1s0"),
     ("world", "evodrive world"),

@@ -23,6 +23,7 @@ mod examples;
 mod exchange;
 mod exit;
 mod exit_from;
+mod figure;
 mod folder;
 mod fsck;
 mod held;

@@ -35,6 +35,8 @@ pub enum Which {
     SafebenchRounds,
     /// Either protocol: what became of proposals, a row a source family.
     Proposals,
+    /// Either protocol: what critics did with proposals before simulation, a row a source family.
+    ActorCritic,
 }
 
 impl Which {
@@ -60,6 +62,7 @@ impl Which {
             Which::SafebenchMain => tables::safebench_main(stories),
             Which::SafebenchRounds => tables::safebench_rounds(stories),
             Which::Proposals => tables::proposals(stories),
+            Which::ActorCritic => tables::actor_critic(stories),
         }
     }
 }

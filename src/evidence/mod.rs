@@ -11,6 +11,7 @@ pub mod counsel_text;
 pub mod data;
 pub mod differing;
 pub mod evaluator;
+pub mod figures;
 pub mod impact;
 pub mod lineage_text;
 pub mod recorded_run;

@@ -8,6 +8,7 @@ mod bootstrap;
 mod cells;
 mod compared;
 mod contacts;
+mod critics;
 mod csv;
 mod error;
 mod labels;
@@ -23,6 +24,7 @@ mod safebench;
 #[cfg(test)]
 mod safebench_tests;
 mod searches;
+mod shares;
 mod stopped;
 #[cfg(test)]
 mod tests;
@@ -30,10 +32,11 @@ mod tests;
 pub use applied::{Applied, Played, applied};
 pub use bases::Bases;
 pub use basis::{Basis, Leaf, Piece};
-pub use bootstrap::{Estimate, interval};
+pub use bootstrap::{Estimate, PerScene, RESAMPLES, Search, estimates, interval};
 pub use compared::{Compared, Comparison, Paired, compared};
 pub use contacts::metadrive_contacts;
-pub use csv::csv;
+pub use critics::{INTERVENED, REPAIRED, REVIEWED, STOPPED, actor_critic};
+pub use csv::{csv, line as csv_line};
 pub use error::TableError;
 pub use latex::latex;
 pub use layout::{Cell, Column, Form, Head, Part, Row, RunSource, Table};
@@ -41,3 +44,17 @@ pub use markdown::markdown;
 pub use metadrive::{metadrive_main, metadrive_policy};
 pub use proposals::proposals;
 pub use safebench::{safebench_main, safebench_rounds};
+
+/// From runs to a table.
+pub type Make = fn(&[super::RecordedRun]) -> Result<Table, TableError>;
+
+/// All tables by their names.
+pub const NAMED: [(&str, Make); 7] = [
+    ("metadrive-main", metadrive_main),
+    ("metadrive-policy", metadrive_policy),
+    ("metadrive-contacts", metadrive_contacts),
+    ("safebench-main", safebench_main),
+    ("safebench-rounds", safebench_rounds),
+    ("proposals", proposals),
+    ("actor-critic", actor_critic),
+];

@@ -55,15 +55,8 @@ impl Which {
 
     /// The table of these runs.
     pub fn of(self, stories: &[RecordedRun]) -> Result<Table, TableError> {
-        match self {
-            Which::MetadriveMain => tables::metadrive_main(stories),
-            Which::MetadrivePolicy => tables::metadrive_policy(stories),
-            Which::MetadriveContacts => tables::metadrive_contacts(stories),
-            Which::SafebenchMain => tables::safebench_main(stories),
-            Which::SafebenchRounds => tables::safebench_rounds(stories),
-            Which::Proposals => tables::proposals(stories),
-            Which::ActorCritic => tables::actor_critic(stories),
-        }
+        let (_, make) = tables::NAMED[self as usize];
+        make(stories)
     }
 }
 
@@ -88,4 +81,17 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         Format::Latex => tables::latex(&table),
     };
     Ok(Answer::new(text, table.json()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_means_the_table_of_that_name() {
+        for (place, (name, _)) in tables::NAMED.iter().enumerate() {
+            assert_eq!(Which::named(name).unwrap() as usize, place, "{name}");
+        }
+        assert_eq!(Which::all().len(), tables::NAMED.len());
+    }
 }

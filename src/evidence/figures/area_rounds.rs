@@ -3,8 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::legend;
-use super::{FigureError, source};
+use super::error::FigureError;
+use super::legend::{self, source};
 use crate::archive::hypervolume;
 use crate::draw::{Axes, BLACK, Figure, Ink, Mark, ORANGE, Scale};
 use crate::evidence::recorded_run::RecordedRun;

@@ -1,8 +1,8 @@
 //! fig:case-evolution-main and its companions: the proposals of one lineage step by step, and the chain that leads to the generator
 //! that is reported, with its patches.
 
-use super::legend::{self, LETTERS};
-use super::{FigureError, source};
+use super::error::FigureError;
+use super::legend::{self, LETTERS, source};
 use crate::draw::{
     Anchor, Axes, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, Scale, VERMILION, WHITE, wrapped,
 };

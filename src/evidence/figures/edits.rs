@@ -1,7 +1,7 @@
 //! fig:patch-surface-distribution: which parts of a program patches edit, and how.
 
-use super::legend::{self, LETTERS};
-use super::{FigureError, source};
+use super::error::FigureError;
+use super::legend::{self, LETTERS, source};
 use crate::draw::{Anchor, Axes, BLUE, Figure, GREEN, GREY, Ink, Mark, ORANGE, SKY, Scale};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::{Attempt, OperationKind, Surface, edit_categories};

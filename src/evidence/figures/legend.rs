@@ -1,6 +1,7 @@
 //! What figures share: a row of signs with their meaning, and the line of the source below.
 
 use crate::draw::{Anchor, Figure, GREY, Ink, Mark, Words, width, wrapped};
+use crate::evidence::recorded_run::RecordedRun;
 
 /// Size of letters, points.
 pub const LETTERS: f64 = 7.5;
@@ -29,4 +30,13 @@ pub fn foot(figure: &mut Figure, text: &str) {
         figure.height += 8.0;
     }
     figure.height += 4.0;
+}
+
+/// What stands under a figure: the runs, and what their proposals came from.
+pub fn source(stories: &[&RecordedRun]) -> String {
+    let named: Vec<String> =
+        stories.iter().map(|story| format!("{} (root {})", story.opened.name, story.root.short(12))).collect();
+    let scripted = stories.iter().any(|story| !story.opened.scripted_roles().is_empty());
+    let from = if scripted { "; proposals of the scripted stand-in, which is no language model" } else { "" };
+    format!("Recorded: {}{from}.", named.join(", "))
 }

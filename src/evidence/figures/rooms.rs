@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::FigureError;
+use super::error::FigureError;
 use super::legend;
 use crate::draw::{Anchor, BLACK, Figure, GREEN, GREY, Ink, ORANGE, PURPLE, Rgb, SKY, Words, YELLOW, wrapped};
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::legend::{self, LETTERS};
-use super::{FigureError, source};
+use super::error::FigureError;
+use super::legend::{self, LETTERS, source};
 use crate::draw::{Anchor, Axes, BLACK, BLUE, Figure, GREY, Ink, Mark, Scale};
 use crate::evidence::evaluator::order::{Epoch, epochs};
 use crate::evidence::evaluator::report;

@@ -16,6 +16,7 @@ mod latex;
 mod layout;
 mod markdown;
 mod metadrive;
+mod named;
 mod notes;
 mod paper;
 mod proposals;
@@ -27,7 +28,7 @@ mod searches;
 mod shares;
 mod stopped;
 #[cfg(test)]
-mod tests;
+pub(in crate::evidence) mod tests;
 
 pub use applied::{Applied, Played, applied};
 pub use bases::Bases;
@@ -38,23 +39,10 @@ pub use contacts::metadrive_contacts;
 pub use critics::{INTERVENED, REPAIRED, REVIEWED, STOPPED, actor_critic};
 pub use csv::{csv, line as csv_line};
 pub use error::TableError;
-pub use latex::latex;
+pub use latex::{escaped, latex};
 pub use layout::{Cell, Column, Form, Head, Part, Row, RunSource, Table};
 pub use markdown::markdown;
 pub use metadrive::{metadrive_main, metadrive_policy};
+pub use named::{Make, NAMED};
 pub use proposals::proposals;
 pub use safebench::{safebench_main, safebench_rounds};
-
-/// From runs to a table.
-pub type Make = fn(&[super::RecordedRun]) -> Result<Table, TableError>;
-
-/// All tables by their names.
-pub const NAMED: [(&str, Make); 7] = [
-    ("metadrive-main", metadrive_main),
-    ("metadrive-policy", metadrive_policy),
-    ("metadrive-contacts", metadrive_contacts),
-    ("safebench-main", safebench_main),
-    ("safebench-rounds", safebench_rounds),
-    ("proposals", proposals),
-    ("actor-critic", actor_critic),
-];

@@ -8,8 +8,9 @@ use super::examples::with_examples;
 use super::exit::Failure;
 use super::folder::RUNS;
 use super::{
-    agree, apply, bench, bundle, calibrate, compare, data, diff, egos, exchange, fsck, impact, init, known, lineage,
-    manual, options, plan, program, report, run, scenes, shard, show, table, train, why, worker, world,
+    agree, apply, bench, bundle, calibrate, claims, compare, data, diff, egos, exchange, figure, fsck, impact, init,
+    known, lineage, manual, options, paper, plan, program, report, run, scenes, shard, show, table, train, why, worker,
+    world,
 };
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
@@ -70,6 +71,12 @@ pub enum Command {
     Report(report::Options),
     /// Print one of the paper's tables from recorded runs, with intervals and the paper's numbers beside ours.
     Table(table::Options),
+    /// Judge the paper's claims by recorded runs: estimate, interval, verdict, and what each rests on; those that fail first.
+    Claims(claims::Options),
+    /// Make every table, figure, claim and number of our paper again from the runs of paper/plan.toml, and compare or write them.
+    Paper(paper::Options),
+    /// Draw one of the paper's figures from recorded runs, as SVG or PDF.
+    Figure(figure::Options),
     /// Say what a cell of a table rests on, from its formula down to scenes, patches, prompts and answers (docs/LEDGER.md).
     Why(why::Options),
     /// Say which cells of which tables rest on a rollout, program, patch, question, answer or scene (docs/LEDGER.md).
@@ -180,6 +187,9 @@ impl Command {
             Command::Apply(options) => apply::run(&options, jobs),
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),
+            Command::Claims(options) => claims::run(&options),
+            Command::Paper(options) => paper::run(&options, jobs),
+            Command::Figure(options) => figure::run(&options),
             Command::Table(options) => table::run(&options),
             Command::Why(options) => why::run(&options),
             Command::Impact(options) => impact::run(&options),

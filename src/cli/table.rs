@@ -35,6 +35,8 @@ pub enum Which {
     SafebenchRounds,
     /// Either protocol: what became of proposals, a row a source family.
     Proposals,
+    /// Either protocol: what critics did with proposals before simulation, a row a source family.
+    ActorCritic,
     /// MetaDrive, search methods at the same rollouts; the first run is what the others are compared with.
     AttackOnly,
     /// MetaDrive, the system without one part at a time; the whole first.
@@ -59,17 +61,8 @@ impl Which {
 
     /// The table of these runs.
     pub fn of(self, stories: &[RecordedRun]) -> Result<Table, TableError> {
-        match self {
-            Which::MetadriveMain => tables::metadrive_main(stories),
-            Which::MetadrivePolicy => tables::metadrive_policy(stories),
-            Which::MetadriveContacts => tables::metadrive_contacts(stories),
-            Which::SafebenchMain => tables::safebench_main(stories),
-            Which::SafebenchRounds => tables::safebench_rounds(stories),
-            Which::Proposals => tables::proposals(stories),
-            Which::AttackOnly => tables::attack_only(stories),
-            Which::Without => tables::without(stories),
-            Which::Kwidth => tables::kwidth(stories),
-        }
+        let (_, make) = tables::NAMED[self as usize];
+        make(stories)
     }
 }
 
@@ -94,4 +87,17 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         Format::Latex => tables::latex(&table),
     };
     Ok(Answer::new(text, table.json()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_means_the_table_of_that_name() {
+        for (place, (name, _)) in tables::NAMED.iter().enumerate() {
+            assert_eq!(Which::named(name).unwrap() as usize, place, "{name}");
+        }
+        assert_eq!(Which::all().len(), tables::NAMED.len());
+    }
 }

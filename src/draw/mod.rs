@@ -1,11 +1,22 @@
-//! Pictures of scenes and rollouts: an SVG, and a page that plays them without a network.
+//! Pictures of scenes and rollouts: an SVG, and a page that plays them without a network; figures of numbers as SVG and PDF.
 
+mod axes;
 mod drawing;
+mod figure;
+mod figure_pdf;
+mod helvetica;
 mod player;
 mod strip;
 mod svg;
 
+pub use axes::{Axes, Scale, tick_text};
 pub use drawing::{Actor, Contact, Drawing, DrawnLight, LineStyle, RoadLine, Role, role_of};
+pub use figure::{
+    Anchor, BLACK, BLUE, Figure, GREEN, GREY, Ink, LIGHT, Mark, ORANGE, PURPLE, Rgb, SKY, Shape, VERMILION, WHITE,
+    Words, YELLOW,
+};
+pub use figure_pdf::pdf;
+pub use helvetica::{width, wrapped};
 pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, players_html, script_json};
 pub use strip::{StripOptions, even_steps, strip};
 pub use svg::{Frame, SvgOptions, Theme, svg};

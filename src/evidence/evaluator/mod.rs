@@ -4,11 +4,12 @@
 
 mod case;
 mod evolution;
+pub mod order;
 mod quality;
 mod report;
 mod text;
 
-pub use case::Case;
+pub use case::{Case, cases};
 pub use evolution::{Evolution, measures, said};
 pub use quality::{Quality, quality};
 pub use report::{Against, EvaluatorReport, report};

@@ -9,6 +9,7 @@ mod terms;
 pub use beside::Beside;
 pub use stage::{Playable, Stage, Unplayed};
 
+use super::figures;
 use super::recorded_run::RecordedRun;
 use crate::draw::{PLAYER_CSS, PLAYER_JS, script_json};
 
@@ -19,7 +20,7 @@ const SCRIPT: &str = include_str!("assets/report.js");
 
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
 pub fn html(story: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
-    let data = script_json(&(data::of(story, beside), packed::stage(stage)));
+    let data = script_json(&(data::of(story, beside), packed::stage(stage), figures::of_run(story)));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),

@@ -7,7 +7,8 @@ use super::basis::{Basis, Combine, LabelRead, Leaf, Piece, Selected};
 use super::error::TableError;
 use super::labels::{self, LineageLabels, ReplayLabels, Side};
 use super::layout::{REPLAY, Row, Table};
-use super::{contacts, metadrive, paper, proposals, safebench};
+use super::shares::Spec;
+use super::{contacts, critics, metadrive, paper, proposals, safebench};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::event::LineageResult;
@@ -69,7 +70,8 @@ impl<'s> Bases<'s> {
                 let of = |group: &str| key == paper::safebench::AVERAGE || group.split('/').next() == Some(key);
                 Some(self.of_rounds(row, key, &number, |at, group| at as usize == round && of(group)))
             }
-            "proposals" => Some(self.counted(row, key)),
+            "proposals" => Some(self.counted(&proposals::SPEC, row, key)),
+            "actor-critic" => Some(self.counted(&critics::SPEC, row, key)),
             _ => None,
         }
     }
@@ -282,7 +284,7 @@ impl<'s> Bases<'s> {
     }
 
     /// A share of proposals.
-    fn counted(&self, row: &Row, key: &str) -> Basis {
+    fn counted(&self, spec: &Spec, row: &Row, key: &str) -> Basis {
         let [family, policy] = [0, 1].map(|at| row.labels.get(at).cloned().unwrap_or_default());
         let mut parts = Vec::new();
         for (run, story) in self.stories.iter().enumerate() {
@@ -293,7 +295,7 @@ impl<'s> Bases<'s> {
             for parent in own {
                 let attempts = story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage);
                 let leaf = |attempt: &crate::objects::Attempt| {
-                    let (counts, holds) = proposals::counted(key, attempt)?;
+                    let (counts, holds) = spec.counted(key, attempt)?;
                     let value = counts.then(|| labels::share(holds));
                     Some(Leaf { attempt: Some(attempt.id.clone()), ..Leaf::scene(attempt.id.as_str(), &[], value) })
                 };

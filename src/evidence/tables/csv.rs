@@ -28,7 +28,8 @@ pub fn csv(table: &Table) -> String {
     out
 }
 
-fn line(fields: &[String]) -> String {
+/// One line of fields, quoted where they need it.
+pub fn line(fields: &[String]) -> String {
     let quoted = |field: &String| match field.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", field.replace('"', "\"\"")),
         false => field.clone(),

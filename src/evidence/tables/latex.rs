@@ -75,7 +75,7 @@ fn line(out: &mut String, cells: Vec<String>) {
 }
 
 /// Text that LaTeX prints as it stands. A bracket is kept from being read as the option of a line's end.
-fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

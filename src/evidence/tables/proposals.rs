@@ -1,75 +1,50 @@
 //! What became of proposals, a row a source family and ego over all its lineages: how far they came, what refused them, how many
 //! of the simulated children do nothing new, and how many patches only change numbers.
 
-use std::collections::BTreeMap;
-
-use super::bootstrap::Estimate;
 use super::error::TableError;
-use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, Row, Table};
-use super::metadrive::SEEDS;
-use super::{labels, notes, paper};
+use super::layout::{Head, Table};
+use super::shares::{self, Holds, Share, Spec, percent};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::attempt::Gate;
 use crate::objects::{Attempt, Exit, Role};
 
-/// What a share is taken of.
-#[derive(Clone, Copy)]
-enum Of {
-    /// All proposals.
-    Proposals,
-    /// Proposals with a patch that could be read.
-    Patches,
-    /// Simulated children.
-    Children,
-}
-
-impl Of {
-    fn counts(self, attempt: &Attempt) -> bool {
-        match self {
-            Of::Proposals => true,
-            Of::Patches => attempt.proposal.patch().is_some(),
-            Of::Children => attempt.exit.decision().is_some(),
-        }
-    }
-}
-
-/// Whether a proposal counts for a share.
-type Holds = fn(&Attempt) -> bool;
-
-const fn column(key: &'static str, group: &'static str, head: &'static str) -> Column {
-    Column { key, group, head, upward: None, form: Form::Percent }
-}
+/// What a share is taken of: all proposals, those with a patch that could be read, simulated children.
+const PROPOSALS: Holds = |_| true;
+const PATCHES: Holds = |of| of.proposal.patch().is_some();
+const CHILDREN: Holds = |of| of.exit.decision().is_some();
 
 /// Every share with what it is taken of.
-const SHARES: [(Column, Of, Holds); 12] = [
-    (column("readable_at_once_pct", "Of proposals", "Readable at once"), Of::Proposals, readable_at_once),
-    (column("repaired_pct", "Of proposals", "Repaired"), Of::Proposals, |of| of.proposal.rounds.len() > 1),
-    (column("declined_pct", "Of proposals", "Declined"), Of::Proposals, |of| matches!(of.exit, Exit::Declined { .. })),
-    (column("refused_pct", "Of proposals", "Refused by gates"), Of::Proposals, |of| of.exit.name() == "invalid"),
-    (column("refused_effect_pct", "Of proposals", "By effect gate"), Of::Proposals, |of| refused_by(of, Gate::Effect)),
-    (column("refused_compile_pct", "Of proposals", "By compile gate"), Of::Proposals, |of| {
-        refused_by(of, Gate::Compile)
-    }),
-    (column("not_simulated_pct", "Of proposals", "Not simulated"), Of::Proposals, |of| of.exit.name() == "rejected"),
-    (column("evaluated_pct", "Of proposals", "Evaluated"), Of::Proposals, |of| of.exit.decision().is_some()),
-    (column("accepted_pct", "Of proposals", "Accepted"), Of::Proposals, accepted),
-    (column("numbers_only_pct", "Of patches", "Numbers only"), Of::Patches, numbers_only),
-    (column("without_effect_pct", "Of children", "Without effect"), Of::Children, without_effect),
-    (column("acting_less_pct", "Of children", "Act too rarely"), Of::Children, acts_too_rarely),
+const SHARES: [Share; 12] = [
+    percent("readable_at_once_pct", "Of proposals", "Readable at once", PROPOSALS, readable_at_once),
+    percent("repaired_pct", "Of proposals", "Repaired", PROPOSALS, |of| of.proposal.rounds.len() > 1),
+    percent("declined_pct", "Of proposals", "Declined", PROPOSALS, |of| matches!(of.exit, Exit::Declined { .. })),
+    percent("refused_pct", "Of proposals", "Refused by gates", PROPOSALS, |of| of.exit.name() == "invalid"),
+    percent("refused_effect_pct", "Of proposals", "By effect gate", PROPOSALS, |of| refused_by(of, Gate::Effect)),
+    percent("refused_compile_pct", "Of proposals", "By compile gate", PROPOSALS, |of| refused_by(of, Gate::Compile)),
+    percent("not_simulated_pct", "Of proposals", "Not simulated", PROPOSALS, |of| of.exit.name() == "rejected"),
+    percent("evaluated_pct", "Of proposals", "Evaluated", PROPOSALS, |of| of.exit.decision().is_some()),
+    percent("accepted_pct", "Of proposals", "Accepted", PROPOSALS, accepted),
+    percent("numbers_only_pct", "Of patches", "Numbers only", PATCHES, numbers_only),
+    percent("without_effect_pct", "Of children", "Without effect", CHILDREN, without_effect),
+    percent("acting_less_pct", "Of children", "Act too rarely", CHILDREN, acts_too_rarely),
 ];
 
-/// Whether a proposal counts for a column at all, and whether what the column says holds of it; `None` without such a column.
-pub(super) fn counted(key: &str, attempt: &Attempt) -> Option<(bool, bool)> {
-    let (_, of, holds) = SHARES.iter().find(|(column, ..)| column.key == key)?;
-    let counts = of.counts(attempt);
-    Some((counts, counts && holds(attempt)))
-}
-
-const COUNTS: [Head; 3] = [
-    Head { key: "attempts", head: "Proposals" },
-    Head { key: "patches", head: "Patches" },
-    Head { key: "children", head: "Children" },
-];
+/// The table.
+pub(super) const SPEC: Spec = Spec {
+    name: "proposals",
+    title: "What became of proposals",
+    source: None,
+    shares: &SHARES,
+    counts: &[
+        (Head { key: "attempts", head: "Proposals" }, PROPOSALS),
+        (Head { key: "patches", head: "Patches" }, PATCHES),
+        (Head { key: "children", head: "Children" }, CHILDREN),
+    ],
+    figures: |_, _| None,
+    note: "Shares are of what stands above them: of all proposals, of those with a patch that could be read (the last one of each), \
+           of the children that were simulated. Refused by gates: nothing was simulated; the first gate that refused counts. Numbers \
+           only: every operation puts a number in the place of another. Without effect: the child has its parent's labels in every scene.",
+};
 
 /// The actor's own answer held a patch.
 fn readable_at_once(attempt: &Attempt) -> bool {
@@ -108,67 +83,7 @@ fn acts_too_rarely(attempt: &Attempt) -> bool {
 
 /// What became of the proposals of these runs.
 pub fn proposals(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let mut rows: BTreeMap<(String, String), Group<'_>> = BTreeMap::new();
-    for story in stories {
-        for parent in &story.parents {
-            let key = (parent.program.source_family.to_string(), parent.ego.clone());
-            let group = rows.entry(key).or_default();
-            group.lineages.push(parent.lineage.to_string());
-            group.attempts.extend(story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage));
-            group.proposals = labels::proposals(story);
-        }
-    }
-    let mut told = vec![
-        "Shares are of what stands above them: of all proposals, of those with a patch that could be read (the last one of each), \
-         of the children that were simulated. Refused by gates: nothing was simulated; the first gate that refused counts. Numbers \
-         only: every operation puts a number in the place of another. Without effect: the child has its parent's labels in every scene."
-            .to_string(),
-    ];
-    told.extend(stories.iter().map(notes::run));
-    told.extend(notes::different_versions(stories));
-    Ok(Table {
-        name: "proposals",
-        labels: vec![METHOD, POLICY],
-        columns: SHARES.iter().map(|(column, ..)| *column).collect(),
-        counts: COUNTS.into_iter().chain([SEEDS]).collect(),
-        parts: vec![Part {
-            name: "proposals".into(),
-            title: "What became of proposals".into(),
-            source: None,
-            rows: rows.into_iter().map(|((family, ego), group)| group.row(family, &ego)).collect(),
-        }],
-        runs: notes::runs(stories)?,
-        notes: told,
-    })
-}
-
-/// The attempts of one family against one ego.
-#[derive(Default)]
-struct Group<'a> {
-    lineages: Vec<String>,
-    attempts: Vec<&'a Attempt>,
-    proposals: String,
-}
-
-impl Group<'_> {
-    fn row(self, family: String, ego: &str) -> Row {
-        let of = |of: Of| self.attempts.iter().filter(move |attempt| of.counts(attempt));
-        let share = |(column, among, holds): &(Column, Of, Holds)| {
-            let (all, found) = (of(*among).count(), of(*among).filter(|attempt| holds(attempt)).count());
-            (all > 0).then(|| (column.key, Estimate::plain(100.0 * found as f64 / all as f64)))
-        };
-        let numbers: Numbers = SHARES.iter().filter_map(share).collect();
-        let columns: Vec<Column> = SHARES.iter().map(|(column, ..)| *column).collect();
-        let counts = [Of::Proposals, Of::Patches, Of::Children].map(|what| of(what).count());
-        Row {
-            labels: vec![family, paper::policy(ego)],
-            cells: Cell::row(&columns, &numbers, None),
-            counts: counts.into_iter().chain([self.lineages.len()]).collect(),
-            lineages: self.lineages,
-            proposals: self.proposals,
-            notes: Vec::new(),
-        }
-    }
+    shares::table(&SPEC, stories)
 }
 
 #[cfg(test)]

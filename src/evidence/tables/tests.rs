@@ -16,12 +16,12 @@ use crate::objects::{
 };
 
 /// Attack and realism of one scene; `None` = its rollout failed.
-pub(super) type Label = Option<(f64, f64)>;
+pub(in crate::evidence) type Label = Option<(f64, f64)>;
 
 const SCENES: [&str; 4] = ["s1", "s2", "s3", "s4"];
 
 /// A finished run without lineages.
-pub(super) fn run(name: &str, models: &[(&str, &str)]) -> RecordedRun {
+pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedRun {
     let digest = Digest::of_bytes(b"any");
     let text = |(role, label): &(&str, &str)| (role.to_string(), label.to_string());
     RecordedRun {
@@ -63,7 +63,7 @@ fn scripted() -> RecordedRun {
     run("made", &[("actor", "scripted"), ("repair", "scripted")])
 }
 
-pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
+pub(in crate::evidence) fn score(of: &str, labels: &[Label; 4]) -> Score {
     let scene = |(id, label): (&&str, &Label)| {
         let (attack, realism) = (*label)?;
         Some(SceneScore {
@@ -94,17 +94,17 @@ pub(super) fn score(of: &str, labels: &[Label; 4]) -> Score {
 }
 
 /// A lineage's end: parent, and where there is one, the evolved program.
-pub(super) struct End<'a> {
-    id: &'a str,
-    family: &'a str,
-    ego: &'a str,
-    weight: Option<f64>,
-    parent: [Label; 4],
-    evolved: Option<[Label; 4]>,
-    pf_area_at_3_pct: f64,
+pub(in crate::evidence) struct End<'a> {
+    pub(in crate::evidence) id: &'a str,
+    pub(in crate::evidence) family: &'a str,
+    pub(in crate::evidence) ego: &'a str,
+    pub(in crate::evidence) weight: Option<f64>,
+    pub(in crate::evidence) parent: [Label; 4],
+    pub(in crate::evidence) evolved: Option<[Label; 4]>,
+    pub(in crate::evidence) pf_area_at_3_pct: f64,
 }
 
-pub(super) fn add(story: &mut RecordedRun, end: &End<'_>) {
+pub(in crate::evidence) fn add(story: &mut RecordedRun, end: &End<'_>) {
     let lineage = LineageId::new(end.id);
     let parent = SolutionId::new(format!("{}/parent", end.id));
     let child = SolutionId::new(format!("{}/e0s0", end.id));
@@ -156,7 +156,7 @@ pub(super) fn add(story: &mut RecordedRun, end: &End<'_>) {
     });
 }
 
-pub(super) const CAT: End<'static> = End {
+pub(in crate::evidence) const CAT: End<'static> = End {
     id: "cat-idm",
     family: "cat",
     ego: "idm",
@@ -184,12 +184,12 @@ fn ours(table: &Table, method: &str, key: &str) -> Estimate {
     row(table, method).cell(key).ours.unwrap()
 }
 
-pub(super) fn near(found: f64, expected: f64) {
+pub(in crate::evidence) fn near(found: f64, expected: f64) {
     assert!((found - expected).abs() < 1e-12, "{found}, expected {expected}");
 }
 
 /// Holds every number of a table to what its parts give, bit for bit; how many there are.
-pub(super) fn from_their_parts(table: &Table, stories: &[RecordedRun]) -> usize {
+pub(in crate::evidence) fn from_their_parts(table: &Table, stories: &[RecordedRun]) -> usize {
     let bases = Bases::of(table, stories).unwrap();
     let mut count = 0;
     for (row, cell) in table.rows().flat_map(|row| row.cells.iter().map(move |cell| (row, cell))) {
@@ -424,7 +424,7 @@ fn a_scene_without_a_label_counts_nowhere_and_is_told() {
     assert!(table.notes.iter().any(|note| note.starts_with("cat-idm: up to 1 of 4 held-out scenes have no label")));
 }
 
-pub(super) fn attempt(lineage: &str, slot: u32, exit: Exit) -> Attempt {
+pub(in crate::evidence) fn attempt(lineage: &str, slot: u32, exit: Exit) -> Attempt {
     let lineage = LineageId::new(lineage);
     Attempt {
         id: AttemptId::at(&lineage, 0, slot),
@@ -445,7 +445,7 @@ fn failed(gates: &[Gate]) -> GateReport {
     GateReport { verdicts: gates.iter().map(verdict).collect() }
 }
 
-pub(super) fn simulated(routed: RouteDecision, accepted: bool, attack_change: f64) -> Exit {
+pub(in crate::evidence) fn simulated(routed: RouteDecision, accepted: bool, attack_change: f64) -> Exit {
     let any = Digest::of_bytes(b"any");
     let predicted = Objectives { attack: 0.0, realism: 1.0 };
     let route = Route {

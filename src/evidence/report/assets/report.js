@@ -1,7 +1,7 @@
 "use strict";
 // Draws the report from the JSON beside it. All text goes in as text nodes, never as markup.
 (() => {
-  const [data, stage] = JSON.parse(document.getElementById("data").textContent);
+  const [data, stage, figures = []] = JSON.parse(document.getElementById("data").textContent);
   const byId = (id) => document.getElementById(id);
   const COLOURS = { evaluated: "#1a9e60", accepted: "#1f6fd6", promoted: "#8a3fd1", rejected: "#c98a10", invalid: "#d0473d", declined: "#8b949e" };
 
@@ -369,6 +369,17 @@
     byId("evolution-active").querySelector("tbody").replaceChildren(...found.active.map((row) => el("tr", {},
       el("td", {}, String(row.from_epoch)), el("td", { class: "mono" }, row.configuration.slice(0, 12)), el("td", {}, el("code", {}, said(row.changes) || "as the experiment says")))));
   }
+
+  // --- figures as `evodrive figure` draws them: pictures, so that nothing in them can act
+  function openFigures() {
+    byId("figures").hidden = !figures.length;
+    byId("figures-list").append(...figures.map(({ title, svg: text }) => {
+      const name = title.replace(/[^A-Za-z0-9_.-]+/g, "_");
+      return el("figure", {}, el("img", { src: `data:image/svg+xml,${encodeURIComponent(text)}`, alt: title, class: "sheet" }),
+        el("figcaption", {}, `${title} `, el("button", { class: "save", onclick: () => save(`${name}.svg`, "image/svg+xml", text) }, "SVG")));
+    }));
+  }
+  openFigures();
 
   // --- agreement: the same rollouts in another simulator
   const CAUSES = {

@@ -100,6 +100,17 @@ const POLICY: [(&str, &str, [f64; 7]); 20] = [
     ("STRIVE", "RL", [0.220, 0.04, 0.220, 0.04, 0.190, 0.53, 0.0]),
 ];
 
+/// tab:actor-critic-diagnostic, which names no ego: per cent of the proposals that were reviewed.
+pub const CRITICS_LABEL: &str = "tab:actor-critic-diagnostic";
+/// Keys of its columns.
+pub const CRITIC_COLUMNS: [&str; 3] = ["intervened_pct", "repaired_pct", "stopped_pct"];
+const CRITICS: [(&str, [f64; 3]); 2] = [("cat", [89.0, 88.5, 23.5]), ("adv_bmt", [87.3, 85.9, 13.2])];
+
+/// Figures of a family's row of the critics' table.
+pub fn critic_figures(family: &str, _: &str) -> Option<Figures> {
+    CRITICS.iter().find(|(name, _)| *name == family).map(|(_, figures)| Figures::new(CRITIC_COLUMNS, figures))
+}
+
 /// Figures of a row of the main table.
 pub fn main_figures(group: &str) -> Option<Figures> {
     MAIN.iter().find(|(name, _)| *name == group).map(|(_, figures)| Figures::new(MAIN_COLUMNS, figures))

@@ -1,0 +1,58 @@
+//! `claims`: the paper's claims against recorded runs.
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+use super::answer::Answer;
+use super::exit::Failure;
+use super::folder::RunFolder;
+use crate::evidence::RecordedRun;
+use crate::evidence::claims::{self, Judgement};
+use crate::store;
+
+/// Bytes that a file of claims may have.
+const BYTES_MAX: u64 = 1 << 20;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// File of claims.
+    #[arg(default_value = "paper/claims.toml")]
+    pub file: PathBuf,
+    /// Run folder; may be given again, one an experiment that the file names. Without it the latest one below runs/.
+    #[arg(long)]
+    pub run: Vec<PathBuf>,
+    /// How to write it.
+    #[arg(long, default_value = "markdown")]
+    pub format: Format,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Format {
+    Markdown,
+    /// A line a claim and row, numbers unrounded.
+    Csv,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let named: Vec<Option<&PathBuf>> =
+        if options.run.is_empty() { vec![None] } else { options.run.iter().map(Some).collect() };
+    let story = |dir: Option<&PathBuf>| RunFolder::find(dir.map(PathBuf::as_path))?.story();
+    let stories = named.into_iter().map(story).collect::<Result<Vec<_>, _>>()?;
+    let found = judged(&options.file, &stories)?;
+    let text = match options.format {
+        Format::Markdown => claims::markdown(&found),
+        Format::Csv => claims::csv(&found),
+    };
+    Ok(Answer::new(text, json!(found)))
+}
+
+/// The claims of a file, judged by these runs.
+pub fn judged(file: &Path, stories: &[RecordedRun]) -> Result<Judgement, Failure> {
+    let bytes = store::read_bounded(file, BYTES_MAX)?;
+    let name = file.display().to_string();
+    let text = String::from_utf8(bytes)
+        .map_err(|_| Failure::bad_input(format!("{name} is no UTF-8 text; expected a TOML file of claims")))?;
+    let read = claims::read(&name, &text).map_err(Failure::bad_input)?;
+    claims::judge(&read, stories).map_err(Failure::bad_input)
+}

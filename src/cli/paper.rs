@@ -1,0 +1,306 @@
+//! `paper`: carries out the runs that the plan names, makes every table, figure, claim and number of the paper from them, and compares
+//! them with `golden/paper`, or writes them there.
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use super::answer::{Answer, progress};
+use super::args::{JobArgs, RunArgs};
+use super::exit::{Exit, Failure};
+use super::folder::{RUNS, RunFolder};
+use super::run::Job;
+use super::table::Which as WhichTable;
+use super::{claims, figure, run, timed};
+use crate::draw::{Figure, pdf};
+use crate::evidence::RecordedRun;
+use crate::evidence::claims::{csv as claims_csv, latex as claims_latex, markdown as claims_markdown};
+use crate::evidence::paper::{Piece, Plan, What, numbers, of_agreement, plan, typed_numbers};
+use crate::evidence::tables::{self, Table};
+use crate::kernel::Digest;
+use crate::store;
+
+/// Bytes that a golden or a file of the paper may have.
+const BYTES_MAX: u64 = 1 << 26;
+/// What a full form makes beside its pieces.
+const WHOLE: [&str; 5] = ["claims.md", "claims.csv", "claims.tex", "numbers.tex", "provenance.toml"];
+
+#[derive(Debug, Args)]
+#[group(id = "what", required = true, multiple = false)]
+pub struct Wanted {
+    /// Make everything again, compare it with the goldens, and look for typed numbers in the text.
+    #[arg(long)]
+    pub check: bool,
+    /// Make everything again and write it as goldens; the commit says why what moved.
+    #[arg(long)]
+    pub bless: bool,
+    /// Make one table or figure by its label or file, and write it to --out.
+    #[arg(long, value_name = "LABEL", requires = "out")]
+    pub figure: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub wanted: Wanted,
+    /// Only what the short runs give, the quickstart.
+    #[arg(long)]
+    pub short: bool,
+    /// Take finished runs as they are recorded below --runs; without it each is carried out again, with stored rollouts.
+    #[arg(long)]
+    pub as_recorded: bool,
+    /// Folder for run folders.
+    #[arg(long, default_value = RUNS)]
+    pub runs: PathBuf,
+    /// Folder of the plan, the claims and the text.
+    #[arg(long, default_value = "paper")]
+    pub paper: PathBuf,
+    /// Folder of the goldens.
+    #[arg(long, default_value = "golden")]
+    pub golden: PathBuf,
+    /// Folder for the files of --figure.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+/// Files by their name in the goldens' folder.
+type Made = BTreeMap<String, Vec<u8>>;
+
+/// The runs that are needed, and what they rest on.
+struct Ran {
+    stories: BTreeMap<String, RecordedRun>,
+    /// Experiment file, and digest of its cassette.
+    sources: BTreeMap<String, (String, Digest)>,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let plan = read_plan(&options.paper)?;
+    if let (Some(label), Some(out)) = (&options.wanted.figure, &options.out) {
+        return one(&plan, label, out, options, jobs);
+    }
+    if options.short && options.wanted.bless {
+        return Err(Failure::bad_input("--bless makes all goldens: expected it without --short"));
+    }
+    let wanted = plan.wanted(options.short);
+    let ran = carry_out(&plan, &wanted, !options.short, options, jobs)?;
+    let made = make(&wanted, &ran, options)?;
+    let folder = options.golden.join("paper");
+    if options.wanted.bless {
+        store::create_dir(&folder)?;
+        for (name, bytes) in &made {
+            store::write_atomic(&folder.join(name), bytes)?;
+        }
+        let text = format!("{} files written to {}", made.len(), folder.display());
+        return Ok(Answer::new(text, json!({"written": made.keys().collect::<Vec<_>>()})));
+    }
+    check(&made, &folder, &options.paper.join("evodrive.tex"))
+}
+
+fn text_of(path: &Path) -> Result<String, Failure> {
+    let bytes = store::read_bounded(path, BYTES_MAX)?;
+    String::from_utf8(bytes).map_err(|_| Failure::bad_input(format!("{}: expected UTF-8 text", path.display())))
+}
+
+fn read_plan(paper: &Path) -> Result<Plan, Failure> {
+    let path = paper.join("plan.toml");
+    plan(&path.display().to_string(), &text_of(&path)?).map_err(Failure::bad_input)
+}
+
+/// The runs of these pieces, and of the claims where `claims` are wanted.
+fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, options: &Options, jobs: usize) -> Result<Ran, Failure> {
+    let named: BTreeSet<&str> = wanted.iter().flat_map(|piece| &piece.runs).map(String::as_str).collect();
+    let mut ran = Ran { stories: BTreeMap::new(), sources: BTreeMap::new() };
+    let needed = plan.runs.iter().filter(|run| all || named.contains(run.name.as_str()));
+    for planned in needed {
+        let job = JobArgs {
+            experiment: PathBuf::from(&planned.experiment),
+            out: options.runs.clone(),
+            cassette: None,
+            scenes: Vec::new(),
+            set: Vec::new(),
+        };
+        let made = Job::new(&job, jobs)?;
+        let cassette = Digest::of_bytes(&store::read_bounded(&made.cassette(&job), 1 << 30)?);
+        let folder =
+            RunFolder::of(&options.runs, &made.experiment.name, made.experiment.digest()?, made.scenes.digest())?;
+        if !options.as_recorded {
+            progress(format!("paper: run {} of {}", planned.name, planned.experiment));
+            let (done, took) = timed::timed(|| run::run(&RunArgs { job, no_report: true }, jobs));
+            done?;
+            progress(format!("paper: {} took {:.0} s", planned.name, took.as_secs_f64()));
+        }
+        ran.stories.insert(planned.name.clone(), folder.story()?);
+        ran.sources.insert(planned.name.clone(), (planned.experiment.clone(), cassette));
+    }
+    Ok(ran)
+}
+
+impl Ran {
+    fn of(&self, piece: &Piece) -> Vec<RecordedRun> {
+        piece.runs.iter().filter_map(|name| self.stories.get(name)).cloned().collect()
+    }
+}
+
+/// A piece's table or figure.
+enum Sheet {
+    Table(Table),
+    Figure(Figure),
+}
+
+fn sheet(piece: &Piece, ran: &Ran) -> Result<Sheet, Failure> {
+    let stories = ran.of(piece);
+    Ok(match piece.what() {
+        What::Table(name) => {
+            let which = WhichTable::named(&name).map_err(Failure::bad_input)?;
+            Sheet::Table(which.of(&stories).map_err(Failure::bad_input)?)
+        }
+        What::Figure(name) => {
+            let which = figure::Which::from_str(&name, false).map_err(|_| {
+                Failure::bad_input(format!(
+                    "piece {}: no figure `{name}`; `evodrive figure --help` lists them",
+                    piece.file
+                ))
+            })?;
+            Sheet::Figure(which.of(&stories, piece.lineage.as_deref()).map_err(Failure::bad_input)?)
+        }
+    })
+}
+
+fn files(piece: &Piece, sheet: &Sheet) -> Vec<(String, Vec<u8>)> {
+    let named = |ending: &str| format!("{}.{ending}", piece.file);
+    match sheet {
+        Sheet::Table(table) => vec![
+            (named("md"), tables::markdown(table).into_bytes()),
+            (named("csv"), tables::csv(table).into_bytes()),
+            (named("tex"), tables::latex(table).into_bytes()),
+        ],
+        Sheet::Figure(figure) => vec![(named("svg"), figure.svg().into_bytes()), (named("pdf"), pdf(figure))],
+    }
+}
+
+fn make(wanted: &[&Piece], ran: &Ran, options: &Options) -> Result<Made, Failure> {
+    let (mut made, mut shown) = (Made::new(), Vec::new());
+    for piece in wanted {
+        let sheet = sheet(piece, ran)?;
+        made.extend(files(piece, &sheet));
+        if let Sheet::Table(table) = sheet {
+            // Its short form has the name of the whole one's table.
+            shown.extend((!piece.file.starts_with("quickstart-")).then_some(table));
+        }
+    }
+    if options.short {
+        return Ok(made);
+    }
+    let stories: Vec<RecordedRun> = ran.stories.values().cloned().collect();
+    let judged = claims::judged(&options.paper.join("claims.toml"), &stories)?;
+    // The sets' own tables are goldens elsewhere; their numbers are macros like all others.
+    for (run, names) in
+        [("metadrive", ["metadrive-main", "proposals"].as_slice()), ("safebench", ["safebench-main"].as_slice())]
+    {
+        for name in names {
+            let which = WhichTable::named(name).map_err(Failure::bad_input)?;
+            let own: Vec<RecordedRun> = ran.stories.get(run).cloned().into_iter().collect();
+            shown.push(which.of(&own).map_err(Failure::bad_input)?);
+        }
+    }
+    let agreement = options.golden.join("agreement").join("agreement.md");
+    let others = if agreement.exists() { of_agreement(&text_of(&agreement)?) } else { BTreeMap::new() };
+    made.extend([
+        ("claims.md".to_string(), claims_markdown(&judged).into_bytes()),
+        ("claims.csv".to_string(), claims_csv(&judged).into_bytes()),
+        ("claims.tex".to_string(), claims_latex(&judged).into_bytes()),
+        ("numbers.tex".to_string(), numbers(&shown, Some(&judged), &others).into_bytes()),
+    ]);
+    let provenance = provenance(wanted, ran, &made)?;
+    made.insert("provenance.toml".into(), provenance.into_bytes());
+    Ok(made)
+}
+
+/// What each file was made from.
+fn provenance(wanted: &[&Piece], ran: &Ran, made: &Made) -> Result<String, Failure> {
+    let runs: BTreeMap<&String, Value> = ran
+        .stories
+        .iter()
+        .map(|(name, story)| {
+            let (experiment, cassette) =
+                ran.sources.get(name).map_or_else(Default::default, |(file, digest)| (file.clone(), digest.to_hex()));
+            let opened = &story.opened;
+            let object = json!({
+                "experiment": experiment,
+                "experiment_digest": opened.experiment,
+                "pool_digest": opened.pool,
+                "cassette_digest": cassette,
+                "root": story.root,
+                "models": opened.models,
+                "scripted_roles": opened.scripted_roles(),
+                "versions": opened.versions,
+            });
+            (name, object)
+        })
+        .collect();
+    let digest = |name: &str| made.get(name).map(|bytes| Digest::of_bytes(bytes).to_hex());
+    let piece = |piece: &&Piece| {
+        let own: BTreeMap<&str, String> = ["md", "csv", "tex", "svg", "pdf"]
+            .into_iter()
+            .filter_map(|ending| Some((ending, digest(&format!("{}.{ending}", piece.file))?)))
+            .collect();
+        json!({
+            "file": piece.file,
+            "label": piece.label,
+            "runs": piece.runs,
+            "command": format!("evodrive paper --figure {} --out OUT", piece.file),
+            "digests": own,
+        })
+    };
+    let whole: BTreeMap<&str, String> = WHOLE.into_iter().filter_map(|name| Some((name, digest(name)?))).collect();
+    let pieces: Vec<Value> = wanted.iter().map(piece).collect();
+    let all = json!({"run": runs, "whole": whole, "piece": pieces});
+    let text = toml::to_string(&all).map_err(Failure::internal)?;
+    Ok(format!(
+        "# Made by `evodrive paper --bless`: what every file of this folder was made from, and its digest.\n\n{text}"
+    ))
+}
+
+/// One piece by its label or file; of several with the label the last, which is not the short form's.
+fn one(plan: &Plan, label: &str, out: &Path, options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let fits = |piece: &&Piece| piece.file == label || piece.label == label;
+    let Some(piece) = plan.pieces.iter().rev().find(fits) else {
+        let known: Vec<&str> = plan.pieces.iter().map(|piece| piece.file.as_str()).collect();
+        let expected = "expected a label of the plan or one of its files";
+        return Err(Failure::bad_input(format!("--figure {label}: {expected}: {}", known.join(", "))));
+    };
+    let ran = carry_out(plan, &[piece], false, options, jobs)?;
+    store::create_dir(out)?;
+    let mut written = Vec::new();
+    for (name, bytes) in files(piece, &sheet(piece, &ran)?) {
+        store::write_atomic(&out.join(&name), &bytes)?;
+        written.push(out.join(name));
+    }
+    let names: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
+    Ok(Answer::new(format!("{}: {}", piece.label, names.join(", ")), json!({"label": piece.label, "written": written})))
+}
+
+/// What was made against what stands in the goldens, and the text's typed numbers.
+fn check(made: &Made, folder: &Path, text: &Path) -> Result<Answer, Failure> {
+    let mut wrong = Vec::new();
+    for (name, bytes) in made {
+        let path = folder.join(name);
+        let there = if path.exists() { Some(store::read_bounded(&path, BYTES_MAX)?) } else { None };
+        match there {
+            None => wrong.push(format!("{} is missing", path.display())),
+            Some(there) if there != *bytes => wrong.push(format!("{} came out differently", path.display())),
+            Some(_) => {}
+        }
+    }
+    for typed in typed_numbers(&text_of(text)?) {
+        let remedy = "take it from golden/paper/numbers.tex with \\evo{...}";
+        wrong.push(format!("{}: line {}: a typed number near {:?}; {remedy}", text.display(), typed.line, typed.text));
+    }
+    let told = match wrong.is_empty() {
+        true => format!("{} files are as in {}; the text holds no typed number", made.len(), folder.display()),
+        false => format!("{}\nif this is meant: `evodrive paper --bless`, and the commit says why", wrong.join("\n")),
+    };
+    let exit = if wrong.is_empty() { Exit::Success } else { Exit::Divergence };
+    Ok(Answer { exit, ..Answer::new(told, json!({"checked": made.len(), "wrong": wrong})) })
+}

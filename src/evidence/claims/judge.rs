@@ -1,0 +1,283 @@
+//! From estimates to verdicts.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+use super::file::{Claim, Claims, ClaimsError, Direction};
+use super::measure;
+use crate::evidence::recorded_run::RecordedRun;
+use crate::evidence::tables::{self, Estimate, RESAMPLES, Row, Table};
+use crate::kernel::num;
+
+/// What recorded runs say of a claim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The contrary is shown somewhere, or nothing moved at all.
+    NotSupported,
+    /// Neither is shown.
+    Undecided,
+    /// Shown in every row.
+    Supported,
+    /// There is no such number.
+    NotTestable,
+}
+
+impl Verdict {
+    /// All, in the order in which they are told: what fails first.
+    pub const ALL: [Verdict; 4] = [Verdict::NotSupported, Verdict::Undecided, Verdict::Supported, Verdict::NotTestable];
+
+    /// As readers see it.
+    pub fn words(self) -> &'static str {
+        match self {
+            Verdict::NotSupported => "not supported",
+            Verdict::Undecided => "undecided",
+            Verdict::Supported => "supported",
+            Verdict::NotTestable => "not testable here",
+        }
+    }
+}
+
+/// One number that a claim rests on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Part {
+    /// Row of the table, or the measure.
+    pub row: String,
+    /// Ours.
+    pub estimate: Estimate,
+    /// The paper's, where it prints one.
+    pub paper: Option<f64>,
+    /// One-sided p that it lies on the claimed side, and on the other.
+    pub p_for: f64,
+    pub p_against: f64,
+    /// What `evodrive why` is asked; `None` of a measure.
+    pub cell: Option<String>,
+}
+
+/// A claim with what was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judged {
+    pub id: String,
+    pub label: String,
+    pub text: String,
+    /// The statistic with direction and threshold, in words.
+    pub asked: String,
+    pub verdict: Verdict,
+    /// Why it is not testable.
+    pub reason: Option<String>,
+    /// After Holm; `None` where it was not tested.
+    pub p_for: Option<f64>,
+    pub p_against: Option<f64>,
+    pub parts: Vec<Part>,
+    /// Root of its run.
+    pub root: Option<String>,
+}
+
+/// All claims, those that fail first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judgement {
+    pub level: f64,
+    /// How many were tested: what Holm's correction counts.
+    pub tested: usize,
+    /// Name, root, and whether its proposals came from the scripted stand-in.
+    pub runs: Vec<(String, String, bool)>,
+    pub claims: Vec<Judged>,
+}
+
+/// Judges the claims by these runs. A run that no claim names is passed over.
+pub fn judge(claims: &Claims, stories: &[RecordedRun]) -> Result<Judgement, ClaimsError> {
+    let mut made: BTreeMap<(String, String), Table> = BTreeMap::new();
+    let mut judged = Vec::with_capacity(claims.claims.len());
+    for claim in &claims.claims {
+        judged.push(match asked_of(claim, claims, stories) {
+            Err(reason) => untested(claim, reason, None),
+            Ok(story) => one(claim, story, &mut made)?,
+        });
+    }
+    let tested = correct(&mut judged, claims.level);
+    judged.sort_by_key(|claim| claim.verdict);
+    let named = |story: &&RecordedRun| claims.runs.values().any(|name| *name == story.opened.name);
+    let source = |story: &RecordedRun| {
+        (story.opened.name.clone(), story.root.to_hex(), !story.opened.scripted_roles().is_empty())
+    };
+    Ok(Judgement {
+        level: claims.level,
+        tested,
+        runs: stories.iter().filter(named).map(source).collect(),
+        claims: judged,
+    })
+}
+
+/// The run that a claim is asked of, or why there is none.
+fn asked_of<'s>(claim: &Claim, claims: &Claims, stories: &'s [RecordedRun]) -> Result<&'s RecordedRun, String> {
+    if let Some(reason) = &claim.not_testable {
+        return Err(reason.clone());
+    }
+    let run = claim.run.as_deref().unwrap_or_default();
+    let Some(name) = claims.runs.get(run) else { return Err(format!("the file names no run `{run}`")) };
+    let story = stories.iter().find(|story| story.opened.name == *name);
+    story.ok_or_else(|| format!("no run of the experiment {name} was given"))
+}
+
+fn untested(claim: &Claim, reason: String, story: Option<&RecordedRun>) -> Judged {
+    Judged {
+        id: claim.id.clone(),
+        label: claim.label.clone(),
+        text: claim.text.clone(),
+        asked: asked(claim),
+        verdict: Verdict::NotTestable,
+        reason: Some(reason),
+        p_for: None,
+        p_against: None,
+        parts: Vec::new(),
+        root: story.map(|story| story.root.to_hex()),
+    }
+}
+
+fn asked(claim: &Claim) -> String {
+    let what = match (&claim.table, &claim.column, &claim.measure) {
+        (Some(table), Some(column), _) if claim.rows.is_empty() => format!("{table}: {column} in every row"),
+        (Some(table), Some(column), _) => format!("{table}: {column} of {}", claim.rows.join(", ")),
+        (_, _, Some(measure)) if claim.families.is_empty() => measure.clone(),
+        (_, _, Some(measure)) => format!("{measure} of {}", claim.families.join(", ")),
+        _ => return String::new(),
+    };
+    let side = match claim.direction {
+        Some(Direction::Below) => "<",
+        _ => ">",
+    };
+    format!("{what} {side} {}", claim.threshold.unwrap_or(0.0))
+}
+
+fn one(
+    claim: &Claim,
+    story: &RecordedRun,
+    made: &mut BTreeMap<(String, String), Table>,
+) -> Result<Judged, ClaimsError> {
+    let found = match (&claim.table, &claim.column, &claim.measure) {
+        (Some(name), Some(column), _) => {
+            let key = (name.clone(), story.opened.name.clone());
+            if !made.contains_key(&key) {
+                let make = tables::NAMED.iter().find(|(known, _)| known == name);
+                if let Some((_, make)) = make {
+                    made.insert(key.clone(), make(std::slice::from_ref(story))?);
+                }
+            }
+            made.get(&key).map_or_else(|| Err(format!("no table `{name}`")), |table| cells(claim, table, column))
+        }
+        (_, _, Some(name)) => measure::measured(name, story, &claim.families)
+            .map(|estimate| vec![(name.clone(), estimate, None, None)])
+            .ok_or_else(|| format!("the run {} holds nothing that {name} counts", story.opened.name)),
+        _ => Err("nothing is asked".into()),
+    };
+    let found = match found {
+        Err(reason) => return Ok(untested(claim, reason, Some(story))),
+        Ok(found) => found,
+    };
+    let mut parts = Vec::with_capacity(found.len());
+    for (row, estimate, paper, cell) in found {
+        let Some([p_for, p_against]) = sides(claim, &estimate) else {
+            let reason = format!("the number of {row} has no interval, because nothing was repeated");
+            return Ok(untested(claim, reason, Some(story)));
+        };
+        parts.push(Part { row, estimate, paper, p_for, p_against, cell });
+    }
+    let largest = parts.iter().map(|part| part.p_for).fold(0.0, f64::max);
+    let least = parts.iter().map(|part| part.p_against).fold(1.0, f64::min);
+    let (p_for, p_against) = (Some(largest), Some((least * parts.len() as f64).min(1.0)));
+    Ok(Judged { reason: None, p_for, p_against, parts, ..untested(claim, String::new(), Some(story)) })
+}
+
+type Found = (String, Estimate, Option<f64>, Option<String>);
+
+/// The cells that a claim names; every one must be there.
+fn cells(claim: &Claim, table: &Table, column: &str) -> Result<Vec<Found>, String> {
+    let name = |row: &Row| row.labels.iter().take(2).cloned().collect::<Vec<_>>().join(" / ");
+    let rows: Vec<(String, Option<&Row>)> = match claim.rows.as_slice() {
+        [] => table.rows().filter(|row| row.in_paper()).map(|row| (name(row), Some(row))).collect(),
+        named => {
+            let find = |wanted: &String| {
+                let fits = |row: &&Row| row.labels.first() == Some(wanted) || name(row) == *wanted;
+                (wanted.clone(), table.rows().find(fits))
+            };
+            named.iter().map(find).collect()
+        }
+    };
+    if rows.is_empty() {
+        return Err(format!("{} has none of the paper's rows", table.name));
+    }
+    let found = |(wanted, row): (String, Option<&Row>)| {
+        let cell = row.and_then(|row| row.cells.iter().find(|cell| cell.column.key == column));
+        let cell = cell.ok_or_else(|| format!("{} has no {column} of {wanted}", table.name))?;
+        let ours = cell.ours.ok_or_else(|| format!("{wanted} has no number of {column} in this run"))?;
+        let first = row.and_then(|row| row.labels.first()).map_or(wanted.as_str(), String::as_str);
+        let place = format!("{}:{}:{column}", table.name, first.to_lowercase().replace(' ', "-"));
+        Ok((wanted, ours, cell.paper, Some(place)))
+    };
+    rows.into_iter().map(found).collect()
+}
+
+/// One-sided p for the claimed side of the threshold and for the other; `None` without an interval.
+fn sides(claim: &Claim, estimate: &Estimate) -> Option<[f64; 2]> {
+    let [low, high] = estimate.interval?;
+    let threshold = claim.threshold?;
+    let (above, below) = (
+        shown(estimate.value - threshold, estimate.value - low),
+        shown(threshold - estimate.value, high - estimate.value),
+    );
+    // A number on the threshold that no draw moves is nothing at all, and that is shown.
+    let nothing = estimate.value == threshold && low == high;
+    Some(match claim.direction {
+        _ if nothing => [1.0, least_p()],
+        Some(Direction::Below) => [below, above],
+        _ => [above, below],
+    })
+}
+
+/// The smallest p that so many resamples can tell.
+fn least_p() -> f64 {
+    1.0 / (RESAMPLES as f64 + 1.0)
+}
+
+/// One-sided p of a distance to the threshold, with the half of a 95 % interval that faces it.
+fn shown(distance: f64, half: f64) -> f64 {
+    /// Standard errors in half a 95 % interval.
+    const IN_HALF: f64 = 1.959_964;
+    if distance <= 0.0 {
+        return 1.0;
+    }
+    let error = half / IN_HALF;
+    let p = if error > 0.0 { 0.5 * num::erfc(distance / error / std::f64::consts::SQRT_2) } else { 0.0 };
+    p.max(least_p())
+}
+
+/// Corrects all tests after Holm, each side by itself, and gives the verdicts; tells how many were tested.
+fn correct(judged: &mut [Judged], level: f64) -> usize {
+    let tested: Vec<usize> = (0..judged.len()).filter(|&at| judged[at].p_for.is_some()).collect();
+    let of = |read: &dyn Fn(&Judged) -> Option<f64>| -> Vec<f64> {
+        holm(&tested.iter().map(|&at| read(&judged[at]).unwrap_or(1.0)).collect::<Vec<f64>>())
+    };
+    let (p_for, p_against) = (of(&|claim| claim.p_for), of(&|claim| claim.p_against));
+    for ((&at, p_for), p_against) in tested.iter().zip(p_for).zip(p_against) {
+        let claim = &mut judged[at];
+        (claim.p_for, claim.p_against) = (Some(p_for), Some(p_against));
+        claim.verdict = match (p_for <= level, p_against <= level) {
+            (_, true) => Verdict::NotSupported,
+            (true, false) => Verdict::Supported,
+            (false, false) => Verdict::Undecided,
+        };
+    }
+    tested.len()
+}
+
+/// Holm's step-down correction, in the order given.
+pub fn holm(p: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..p.len()).collect();
+    order.sort_by(|&a, &b| p[a].total_cmp(&p[b]).then(a.cmp(&b)));
+    let (mut corrected, mut largest) = (vec![1.0; p.len()], 0.0f64);
+    for (before, &at) in order.iter().enumerate() {
+        largest = largest.max((p.len() - before) as f64 * p[at]).min(1.0);
+        corrected[at] = largest;
+    }
+    corrected
+}

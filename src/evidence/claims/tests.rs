@@ -1,0 +1,123 @@
+use super::judge::holm;
+use super::*;
+use crate::evidence::recorded_run::RecordedRun;
+use crate::evidence::tables::tests::{CAT, End, add, run};
+
+const FILE: &str = r#"
+level = 0.05
+[runs]
+made = "made"
+[[claim]]
+id = "realism"
+label = "tab:any"
+text = "CAT's penalty falls."
+run = "made"
+table = "metadrive-policy"
+column = "rp_change_pp"
+rows = ["CAT"]
+direction = "below"
+threshold = 0.0
+[[claim]]
+id = "learned"
+label = "tab:any"
+text = "The same against the learned ego."
+run = "made"
+table = "metadrive-policy"
+column = "rp_change_pp"
+rows = ["CAT / RL"]
+direction = "below"
+threshold = 0.0
+[[claim]]
+id = "elsewhere"
+label = "tab:any"
+text = "Of a run that is not there."
+run = "ablations"
+measure = "edits_structural_pct"
+direction = "above"
+threshold = 50.0
+"#;
+
+fn story() -> RecordedRun {
+    let mut story = run("made", &[("actor", "scripted (s, s)")]);
+    add(&mut story, &CAT);
+    story
+}
+
+fn of(stories: &[RecordedRun], id: &str) -> Judged {
+    let found = judge(&read("claims.toml", FILE).unwrap(), stories).unwrap();
+    found.claims.into_iter().find(|claim| claim.id == id).unwrap()
+}
+
+/// The run with parent and evolved program of every lineage in each other's place.
+fn swapped(mut story: RecordedRun) -> RecordedRun {
+    for lineage in &mut story.result.as_mut().unwrap().lineages {
+        std::mem::swap(&mut lineage.parent, &mut lineage.evolved);
+    }
+    story
+}
+
+#[test]
+fn a_fall_in_every_scene_is_supported_and_its_parts_can_be_asked_for() {
+    let claim = of(&[story()], "realism");
+    assert_eq!(claim.verdict, Verdict::Supported, "{claim:?}");
+    assert_eq!(claim.parts[0].cell.as_deref(), Some("metadrive-policy:cat:rp_change_pp"));
+    assert_eq!(claim.root, Some(story().root.to_hex()));
+}
+
+#[test]
+fn with_parent_and_evolved_swapped_the_claim_fails_and_stands_first() {
+    let found = judge(&read("claims.toml", FILE).unwrap(), &[swapped(story())]).unwrap();
+    assert_eq!((found.claims[0].id.as_str(), found.claims[0].verdict), ("realism", Verdict::NotSupported));
+    let told = markdown(&found);
+    assert!(told.find("## Not supported") < told.find("## Not testable here"), "{told}");
+    assert!(told.contains("scripted stand-in"));
+}
+
+#[test]
+fn a_run_that_only_reports_its_parents_supports_nothing() {
+    let mut still = run("made", &[]);
+    add(&mut still, &End { evolved: None, ..CAT });
+    assert_eq!(of(&[still], "realism").verdict, Verdict::NotSupported);
+}
+
+#[test]
+fn what_is_not_measured_is_not_testable_and_says_why() {
+    for (id, reason) in [("learned", "CAT / RL"), ("elsewhere", "ablations")] {
+        let claim = of(&[story()], id);
+        assert_eq!((claim.verdict, claim.parts.len()), (Verdict::NotTestable, 0));
+        assert!(claim.reason.unwrap().contains(reason));
+    }
+    assert_eq!(of(&[], "realism").verdict, Verdict::NotTestable);
+}
+
+#[test]
+fn holm_steps_down_and_never_falls() {
+    // Three tests: 0.01 * 3, 0.02 * 2, 0.04 * 1 -> 0.03, 0.04, 0.04.
+    let close = |found: Vec<f64>, wanted: &[f64]| {
+        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    };
+    close(holm(&[0.04, 0.01, 0.02]), &[0.04, 0.03, 0.04]);
+    close(holm(&[0.9, 0.8]), &[1.0, 1.0]);
+    assert!(holm(&[]).is_empty());
+}
+
+#[test]
+fn a_file_that_cannot_be_used_is_refused_with_what_was_expected() {
+    for (from, to, told) in [
+        ("level = 0.05", "level = 2.0", "less than 1"),
+        ("id = \"learned\"", "id = \"realism\"", "twice"),
+        ("\"metadrive-policy\"", "\"metadrive-polcy\"", "there are metadrive-main"),
+        ("edits_structural_pct", "edits", "there are edits_structural_pct"),
+        ("direction = \"above\"\n", "", "direction"),
+        ("threshold = 50.0", "threshold = nan", "finite threshold"),
+    ] {
+        let error = read("claims.toml", &FILE.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains("claims.toml") && error.contains(told), "{error}");
+    }
+}
+
+#[test]
+fn the_shipped_claims_can_be_read() {
+    let text = include_str!("../../../paper/claims.toml");
+    assert!(read("paper/claims.toml", text).unwrap().claims.len() > 20);
+}

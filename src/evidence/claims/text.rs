@@ -1,0 +1,140 @@
+//! Judged claims as Markdown and CSV.
+
+use std::fmt::Write as _;
+
+use super::judge::{Judged, Judgement, Part, Verdict};
+use crate::evidence::tables::escaped;
+use crate::kernel::num;
+
+/// The claims with their verdicts, those that fail first.
+pub fn markdown(found: &Judgement) -> String {
+    let mut out = String::from("# Claims of the paper\n\n");
+    let count = |verdict: Verdict| found.claims.iter().filter(|claim| claim.verdict == verdict).count();
+    let counts: Vec<String> =
+        Verdict::ALL.iter().map(|verdict| format!("{} {}", count(*verdict), verdict.words())).collect();
+    let _ = writeln!(out, "{} claims: {}.\n", found.claims.len(), counts.join(", "));
+    for (name, root, scripted) in &found.runs {
+        let from = if *scripted {
+            "proposals from the scripted stand-in, which is no language model"
+        } else {
+            "no scripted role"
+        };
+        let _ = writeln!(out, "- run {name}, root {}: {from}", root.get(..12).unwrap_or(root));
+    }
+    let _ = writeln!(
+        out,
+        "- {} claims were tested; p is one-sided and corrected after Holm over them; level {}. A claim over several rows is supported only \
+         if every row shows it, and not supported where one row shows the contrary or a number stands on the threshold without spread.\n",
+        found.tested, found.level
+    );
+    for verdict in Verdict::ALL {
+        let of: Vec<&Judged> = found.claims.iter().filter(|claim| claim.verdict == verdict).collect();
+        if of.is_empty() {
+            continue;
+        }
+        let _ = writeln!(out, "## {}\n", capital(verdict.words()));
+        for claim in of {
+            one(&mut out, claim);
+        }
+    }
+    out
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+fn one(out: &mut String, claim: &Judged) {
+    let _ = writeln!(out, "**{}** (`{}`): {}", claim.id, claim.label, claim.text);
+    if !claim.asked.is_empty() {
+        let _ = writeln!(out, "\n- asked: {}", claim.asked);
+    }
+    if let Some(reason) = &claim.reason {
+        let _ = writeln!(out, "- {reason}");
+    }
+    if let (Some(p_for), Some(p_against)) = (claim.p_for, claim.p_against) {
+        let _ = writeln!(out, "- p for it {}, against it {}", p(p_for), p(p_against));
+    }
+    for part in &claim.parts {
+        let paper = part.paper.map_or(String::new(), |paper| format!("; paper {paper}"));
+        let why = part.cell.as_ref().map_or(String::new(), |cell| format!(" (`evodrive why {cell}`)"));
+        let _ = writeln!(out, "- {}: {}{paper}{why}", part.row, estimate(part));
+    }
+    out.push('\n');
+}
+
+fn p(value: f64) -> String {
+    format!("{value:.4}")
+}
+
+fn short(value: f64) -> String {
+    num::rounded(value, 4).to_string()
+}
+
+fn estimate(part: &Part) -> String {
+    let interval = part.estimate.interval.map(|[low, high]| format!(" [{}, {}]", short(low), short(high)));
+    format!("{}{}", short(part.estimate.value), interval.unwrap_or_default())
+}
+
+/// The same as LaTeX with booktabs and longtable, a line a claim with its least convincing row.
+pub fn latex(found: &Judgement) -> String {
+    let mut out = String::from(
+        "% needs \\usepackage{booktabs} and \\usepackage{longtable}\n\\begin{longtable}{@{}p{20mm}p{72mm}p{38mm}p{30mm}@{}}\n\\toprule\n\
+         Verdict & Claim & Where the paper says it & Estimate, p \\\\\n\\midrule\n\\endhead\n",
+    );
+    for claim in &found.claims {
+        let least = claim.parts.iter().max_by(|a, b| a.p_for.total_cmp(&b.p_for));
+        let tested = claim.p_for.map_or(String::new(), |value| format!("; p {}", p(value)));
+        let of = |part: &Part| match claim.parts.len() {
+            1 => estimate(part),
+            _ => format!("{}: {}", part.row, estimate(part)),
+        };
+        let found = least.map_or("--".to_string(), |part| format!("{}{tested}", of(part)));
+        let cells = [claim.verdict.words(), &claim.text, &claim.label, &found].map(escaped);
+        let _ = writeln!(
+            out,
+            "{} & {} & {{\\footnotesize {}}} & {} \\\\",
+            cells[0],
+            cells[1],
+            cells[2].replace('-', "-\\allowbreak "),
+            cells[3]
+        );
+    }
+    out.push_str("\\bottomrule\n\\end{longtable}\n");
+    out
+}
+
+/// A line a claim and row, numbers unrounded.
+pub fn csv(found: &Judgement) -> String {
+    let mut out = String::from(
+        "verdict,id,label,asked,row,value,low,high,paper,p_for_holm,p_against_holm,root,cell,reason,text\n",
+    );
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    for claim in &found.claims {
+        let parts: Vec<Option<&Part>> =
+            if claim.parts.is_empty() { vec![None] } else { claim.parts.iter().map(Some).collect() };
+        for part in parts {
+            let interval = part.and_then(|part| part.estimate.interval);
+            let fields = [
+                claim.verdict.words().to_string(),
+                claim.id.clone(),
+                claim.label.clone(),
+                claim.asked.clone(),
+                part.map_or(String::new(), |part| part.row.clone()),
+                number(part.map(|part| part.estimate.value)),
+                number(interval.map(|i| i[0])),
+                number(interval.map(|i| i[1])),
+                number(part.and_then(|part| part.paper)),
+                number(claim.p_for),
+                number(claim.p_against),
+                claim.root.clone().unwrap_or_default(),
+                part.and_then(|part| part.cell.clone()).unwrap_or_default(),
+                claim.reason.clone().unwrap_or_default(),
+                claim.text.clone(),
+            ];
+            out.push_str(&crate::evidence::tables::csv_line(&fields));
+        }
+    }
+    out
+}

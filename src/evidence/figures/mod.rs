@@ -1,0 +1,21 @@
+//! The paper's figures from recorded runs, each one function from runs to a sheet of shapes (`draw::Figure`): what the command
+//! `figure`, the report and the paper show is the same sheet.
+
+mod area_rounds;
+mod case_evolution;
+mod edits;
+mod error;
+mod legend;
+mod rooms;
+mod shown;
+#[cfg(test)]
+mod tests;
+mod world_order;
+
+pub use area_rounds::area_rounds;
+pub use case_evolution::case_evolution;
+pub use edits::patch_surface;
+pub use error::FigureError;
+pub use rooms::architecture;
+pub use shown::{Shown, of_run};
+pub use world_order::world_order;

@@ -1,0 +1,28 @@
+//! The figures of one run, as its report shows them.
+
+use super::area_rounds::area_rounds;
+use super::case_evolution::case_evolution;
+use super::edits::patch_surface;
+use super::world_order::world_order;
+use crate::evidence::recorded_run::RecordedRun;
+
+/// Most lineages whose steps a report shows: a run of fifty would make its page half as large again.
+const LINEAGES_MAX: usize = 12;
+
+/// A figure in a report.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Shown {
+    /// Its title.
+    pub title: String,
+    /// Stand-alone SVG.
+    pub svg: String,
+}
+
+/// Every figure that one run gives, as SVG: what its report shows.
+pub fn of_run(story: &RecordedRun) -> Vec<Shown> {
+    let alone = std::slice::from_ref(story);
+    let whole = [patch_surface(alone), world_order(alone), area_rounds(alone)];
+    let steps = story.parents.iter().take(LINEAGES_MAX).map(|parent| case_evolution(story, &parent.lineage));
+    let found = whole.into_iter().chain(steps).filter_map(Result::ok);
+    found.map(|figure| Shown { svg: figure.svg(), title: figure.title }).collect()
+}

@@ -1,0 +1,94 @@
+//! The numbers of the paper's text, as macros: `\evo{table:row:column}` gives the number as the table prints it, with its interval.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use crate::evidence::claims::{Judgement, Verdict};
+use crate::evidence::tables::{Table, escaped};
+
+/// What the file begins with: a name that is not there stops LaTeX.
+const HEAD: &str = "% Made by `evodrive paper --bless`; every number of the text is one of these.\n\
+    \\newcommand{\\evo}[1]{\\ifcsname evo:#1\\endcsname\\csname evo:#1\\endcsname\\else\\errmessage{no number of that name: #1}\\fi}\n";
+
+/// Every cell of these tables, counts of the claims by verdict, and what was read from other goldens.
+pub fn numbers(tables: &[Table], claims: Option<&Judgement>, others: &BTreeMap<String, String>) -> String {
+    let mut all: BTreeMap<String, String> = others.clone();
+    for table in tables {
+        for row in table.rows() {
+            let first = row.labels.first().map(String::as_str).unwrap_or_default();
+            for cell in &row.cells {
+                let Some(ours) = cell.ours else { continue };
+                let form = cell.column.form;
+                let interval = ours.interval.map_or(String::new(), |of| format!(" {}", form.interval(of)));
+                // The first row of a name counts: tables by part repeat theirs.
+                let name = format!("{}:{first}:{}", table.name, cell.column.key);
+                all.entry(name).or_insert(format!("{}{interval}", form.number(ours.value)));
+            }
+            for (head, count) in table.counts.iter().zip(&row.counts) {
+                all.entry(format!("{}:{first}:{}", table.name, head.key)).or_insert(count.to_string());
+            }
+        }
+        for run in &table.runs {
+            for (name, count) in [
+                ("attempts", run.attempts),
+                ("rollouts", run.rollouts),
+                ("evolution_scenes", run.evolution_scenes),
+                ("held_out_scenes", run.held_out_scenes),
+                ("epochs", run.epochs as usize),
+            ] {
+                all.insert(format!("run:{}:{name}", run.name), count.to_string());
+            }
+        }
+    }
+    if let Some(claims) = claims {
+        for verdict in Verdict::ALL {
+            let count = claims.claims.iter().filter(|claim| claim.verdict == verdict).count();
+            all.insert(format!("claims:{}", verdict.words()), count.to_string());
+        }
+        all.insert("claims:all".into(), claims.claims.len().to_string());
+        all.insert("claims:tested".into(), claims.tested.to_string());
+        all.insert("claims:level".into(), claims.level.to_string());
+    }
+    let mut out = HEAD.to_string();
+    for (name, number) in all {
+        let _ = writeln!(out, "\\expandafter\\def\\csname evo:{name}\\endcsname{{{}}}", escaped(&number));
+    }
+    out
+}
+
+/// The first row of the table of agreement, each cell under `agreement:<its head>`; nothing without such a table.
+pub fn of_agreement(markdown: &str) -> BTreeMap<String, String> {
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_string()).collect::<Vec<_>>();
+    let mut lines = markdown.lines().filter(|line| line.starts_with('|'));
+    let (head, first) = (lines.next().map(cells), lines.nth(1).map(cells));
+    let (Some(head), Some(first)) = (head, first) else { return BTreeMap::new() };
+    let plain = |text: &str| text.chars().filter(|c| c.is_ascii_alphanumeric() || *c == ' ').collect::<String>();
+    head.iter().zip(first).map(|(head, cell)| (format!("agreement:{}", plain(head).trim()), cell)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::tables::metadrive_policy;
+    use crate::evidence::tables::tests::{CAT, add, run};
+
+    #[test]
+    fn every_cell_has_its_macro_and_none_can_break_the_text() {
+        let mut story = run("made", &[("actor", "scripted")]);
+        add(&mut story, &CAT);
+        let table = metadrive_policy(&[story]).unwrap();
+        let text = numbers(&[table], None, &BTreeMap::from([("other".to_string(), "5 %".to_string())]));
+        assert!(text.contains("csname evo:metadrive-policy:CAT:evolved_attack\\endcsname{0.500 "), "{text}");
+        assert!(text.contains("evo:other\\endcsname{5 \\%}") && text.contains("evo:run:made:held_out_scenes"));
+    }
+
+    #[test]
+    fn the_agreement_is_read_from_its_first_row() {
+        let found = of_agreement(
+            "told\n\n| rollouts of | n | agreement % |\n|---|---|---|\n| all | 400 | 89.8 |\n| b | 1 | 2 |\n",
+        );
+        assert_eq!(found["agreement:n"], "400");
+        assert_eq!(found["agreement:agreement"], "89.8");
+        assert!(of_agreement("no table").is_empty());
+    }
+}

@@ -1,0 +1,127 @@
+//! Finds numbers that somebody typed into the text of the paper: each must come from a golden.
+
+/// A number in the text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Typed {
+    /// Line, from 1.
+    pub line: usize,
+    /// The number with what stands around it.
+    pub text: String,
+}
+
+/// Commands whose arguments hold names, lengths and files, no results.
+const NAMES: [&str; 14] = [
+    "evo",
+    "input",
+    "includegraphics",
+    "label",
+    "ref",
+    "documentclass",
+    "usepackage",
+    "texttt",
+    "url",
+    "vspace",
+    "hspace",
+    "setlength",
+    "begin",
+    "end",
+];
+
+/// The numbers of a LaTeX document that stand in its text: digits outside of comments, of names of commands, and of the arguments of
+/// commands that take names. `PF-Area@3` is a word, `2 seeds` is a number.
+pub fn typed_numbers(text: &str) -> Vec<Typed> {
+    let letters: Vec<char> = text.chars().collect();
+    let (mut at, mut line, mut found) = (0, 1, Vec::new());
+    while at < letters.len() {
+        match letters[at] {
+            '\n' => line += 1,
+            '%' => {
+                at += letters[at..].iter().take_while(|c| **c != '\n').count();
+                continue;
+            }
+            '\\' => {
+                let name: String = letters[at + 1..].iter().take_while(|c| c.is_ascii_alphabetic()).collect();
+                at += 1 + name.len().max(1);
+                if NAMES.contains(&name.as_str()) {
+                    let (after, lines) = behind_arguments(&letters, at);
+                    (at, line) = (after, line + lines);
+                }
+                continue;
+            }
+            c if c.is_ascii_digit() => {
+                let before = at.checked_sub(1).map(|before| letters[before]);
+                let number: String =
+                    letters[at..].iter().take_while(|c| c.is_ascii_digit() || matches!(c, '.' | ',')).collect();
+                let word = before.is_some_and(|c| {
+                    c.is_alphabetic() || matches!(c, '_' | '@') || c == '-' && at > 1 && letters[at - 2].is_alphabetic()
+                });
+                if !word {
+                    let from = at.saturating_sub(20);
+                    let text: String = letters[from..letters.len().min(at + 20)].iter().collect();
+                    found.push(Typed { line, text: text.replace('\n', " ") });
+                }
+                at += number.chars().count();
+                continue;
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+    found
+}
+
+/// Place behind the arguments in brackets and braces that follow, and how many lines they span.
+fn behind_arguments(letters: &[char], mut at: usize) -> (usize, usize) {
+    let mut lines = 0;
+    while let Some(open) = letters.get(at) {
+        let close = match open {
+            '{' => '}',
+            '[' => ']',
+            _ => break,
+        };
+        let mut depth = 0;
+        while let Some(c) = letters.get(at) {
+            lines += usize::from(*c == '\n');
+            depth += i32::from(c == open) - i32::from(*c == close);
+            at += 1;
+            if depth == 0 {
+                break;
+            }
+        }
+    }
+    (at, lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_typed_number_is_found_with_its_line() {
+        let found = typed_numbers("All well.\nAttack rose by 0.25 here.\n");
+        assert_eq!((found.len(), found[0].line), (1, 2));
+        assert!(found[0].text.contains("0.25"));
+        assert_eq!(typed_numbers("$p < 0.05$ and 12\\%").len(), 2);
+    }
+
+    #[test]
+    fn names_files_comments_and_macros_are_no_numbers() {
+        for text in [
+            "\\evo{metadrive-main:CAT:attack}",
+            "\\includegraphics[width=0.9\\linewidth]{../golden/paper/fig-1.pdf}",
+            "% 42 in a comment",
+            "PF-Area@3 is a name",
+            "\\begin{tabular}{p{2cm}}",
+            "the model GPT4 and R2",
+        ] {
+            let left = typed_numbers(text);
+            assert!(left.is_empty(), "{text}: {left:?}");
+        }
+    }
+
+    #[test]
+    fn the_paper_has_no_typed_number() {
+        let found = typed_numbers(include_str!("../../../paper/evodrive.tex"));
+        assert!(found.is_empty(), "{found:?}");
+    }
+}

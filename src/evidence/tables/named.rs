@@ -1,0 +1,28 @@
+//! All tables by their names.
+
+use super::ablations::{attack_only, kwidth, without};
+use super::contacts::metadrive_contacts;
+use super::critics::actor_critic;
+use super::error::TableError;
+use super::layout::Table;
+use super::metadrive::{metadrive_main, metadrive_policy};
+use super::proposals::proposals;
+use super::safebench::{safebench_main, safebench_rounds};
+use crate::evidence::recorded_run::RecordedRun;
+
+/// From runs to a table.
+pub type Make = fn(&[RecordedRun]) -> Result<Table, TableError>;
+
+/// All tables by their names.
+pub const NAMED: [(&str, Make); 10] = [
+    ("metadrive-main", metadrive_main),
+    ("metadrive-policy", metadrive_policy),
+    ("metadrive-contacts", metadrive_contacts),
+    ("safebench-main", safebench_main),
+    ("safebench-rounds", safebench_rounds),
+    ("proposals", proposals),
+    ("actor-critic", actor_critic),
+    ("attack-only", attack_only),
+    ("without", without),
+    ("kwidth", kwidth),
+];

@@ -138,13 +138,15 @@ impl<'p> Walk<'_, 'p> {
         searched.of(key, || run(parts).map(Arc::from)).map(|parts| parts.to_vec())
     }
 
-    /// Digest of all that decides what a node comes to. A gate in front of everything is no part of it: where it is shut,
-    /// nobody comes as far as a search.
+    /// Digest of all that decides what a node comes to. The scene's id is part of it, because random streams are named by it: scenes of
+    /// one content under two ids are searched apart, whichever is asked for first. A gate in front of everything is no part of it:
+    /// where it is shut, nobody comes as far as a search.
     fn key(&self, name: &str) -> Result<Digest, CanonError> {
         let situation = self.stage.situation;
         let counsel = self.stage.counsel.map(Counsel::digest).transpose()?;
-        let place = (situation.digest(), situation.policy.digest(), self.stage.seed.0, counsel);
-        Digest::of("evodrive/searched/1", &(place, self.upstream(name)?))
+        let scene = (situation.scene_id(), situation.digest());
+        let place = (scene, situation.policy.digest(), self.stage.seed.0, counsel);
+        Digest::of("evodrive/searched/2", &(place, self.upstream(name)?))
     }
 
     /// Digest of a node as it takes effect here and of all nodes that feed it.

@@ -28,7 +28,7 @@ const NAMES: [&str; 14] = [
 ];
 
 /// The numbers of a LaTeX document that stand in its text: digits outside of comments, of names of commands, and of the arguments of
-/// commands that take names. `PF-Area@3` is a word, `2 seeds` is a number.
+/// commands that take names. `PF-Area@3`, `#1` and `[3]` are words, `2 seeds` is a number.
 pub fn typed_numbers(text: &str) -> Vec<Typed> {
     let letters: Vec<char> = text.chars().collect();
     let (mut at, mut line, mut found) = (0, 1, Vec::new());
@@ -53,7 +53,9 @@ pub fn typed_numbers(text: &str) -> Vec<Typed> {
                 let number: String =
                     letters[at..].iter().take_while(|c| c.is_ascii_digit() || matches!(c, '.' | ',')).collect();
                 let word = before.is_some_and(|c| {
-                    c.is_alphabetic() || matches!(c, '_' | '@') || c == '-' && at > 1 && letters[at - 2].is_alphabetic()
+                    c.is_alphabetic()
+                        || matches!(c, '_' | '@' | '#' | '[')
+                        || c == '-' && at > 1 && letters[at - 2].is_alphabetic()
                 });
                 if !word {
                     let from = at.saturating_sub(20);

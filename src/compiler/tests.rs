@@ -336,12 +336,16 @@ fn programs_that_are_alike_in_effect_compile_alike() {
 #[test]
 fn a_kept_search_is_that_of_its_scene_its_ego_its_seed_and_its_counsel() {
     let searched = Searched::new(64 << 20);
-    let under = |ahead_m: f64, policy: &ego::Policy| {
+    let called = |id: &str, ahead_m: f64, policy: &ego::Policy| {
         let mut scene = two_lane_scene();
+        scene.id = id.into();
         scene.tracks[0].samples = crate::scene::fixture::straight(60, Vec2::new(ahead_m, 0.0), 0.0, 8.0);
         Situation::new(Arc::new(scene), policy).unwrap()
     };
+    let under = |ahead_m: f64, policy: &ego::Policy| called("usual", ahead_m, policy);
     let usual = under(20.0, &ego::Policy::Idm);
+    let twin = called("twin", 20.0, &ego::Policy::Idm);
+    assert_eq!(twin.digest(), usual.digest(), "one content under two ids");
     for name in ["at", "llm_attacker"] {
         let family = family(name);
         let prepared = Prepared::new(&family.parent, &family).unwrap();
@@ -356,6 +360,8 @@ fn a_kept_search_is_that_of_its_scene_its_ego_its_seed_and_its_counsel() {
         assert_ne!(commanded(&under(24.0, &ego::Policy::Idm), 1, Some(&advised[0])), before, "{name}: another scene");
         if name == "at" {
             assert_ne!(commanded(&usual, 2, Some(&advised[0])), before, "other draws");
+            // Random streams are named by the scene's id, so that the first of two twins must not decide for both.
+            assert_ne!(commanded(&twin, 1, Some(&advised[0])), before, "another id");
             assert_ne!(commanded(&under(20.0, &ego::Policy::Replay), 1, Some(&advised[0])), before, "another ego");
         } else {
             assert_ne!(commanded(&usual, 1, Some(&advised[1])), before, "another counsel");

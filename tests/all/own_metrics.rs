@@ -101,7 +101,7 @@ fn a_metric_is_measured_in_every_scene_and_moves_nothing_else() {
     assert!(rows.iter().any(|row| number(row, "m_impact_speed").is_some_and(|speed| speed > 0.0)));
     assert!(rows.iter().all(|row| number(row, "m_near_miss").is_some()));
     let report = report_data(&std::fs::read_to_string(run.join("report.html")).unwrap());
-    assert_eq!(report["metrics"], serde_json::json!(["impact_speed", "near_miss"]));
+    assert_eq!(report[0]["metrics"], serde_json::json!(["impact_speed", "near_miss"]));
     let folder = run.to_str().unwrap();
     let compared = evodrive(&["compare", &format!("{folder}:cat-idm"), &format!("{folder}:cat-idm")]);
     assert!(compared.stdout.contains("near_miss"), "{}", compared.stdout);

@@ -173,17 +173,18 @@ impl Names {
         let below = label.diagnostics.iter().filter(|(_, value)| **value < 1.0);
         let below: Vec<Value> =
             below.map(|(name, value)| json!([place(&self.diagnostics, name), num::rounded(*value, 3)])).collect();
-        json!([
-            place(&self.scenes, &label.scene),
-            num::rounded(label.attack, 3),
-            num::rounded(label.realism, 4),
-            u8::from(label.intervened),
-            below,
-            self.metrics
-                .iter()
-                .map(|name| label.metrics.get(name).map(|value| num::rounded(*value, 4)))
-                .collect::<Vec<_>>()
-        ])
+        let mut row = vec![
+            json!(place(&self.scenes, &label.scene)),
+            json!(num::rounded(label.attack, 3)),
+            json!(num::rounded(label.realism, 4)),
+            json!(u8::from(label.intervened)),
+            json!(below),
+        ];
+        if !self.metrics.is_empty() {
+            let measured = self.metrics.iter().map(|name| label.metrics.get(name).map(|value| num::rounded(*value, 4)));
+            row.push(json!(measured.collect::<Vec<_>>()));
+        }
+        Value::Array(row)
     }
 }
 

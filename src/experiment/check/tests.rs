@@ -61,6 +61,8 @@ fn whole() -> Vec<Table> {
     driver.insert("digest".into(), "0".repeat(64).into());
     driver.insert("folder".into(), "somewhere".into());
     own["evaluation"]["attack"].as_table_mut().unwrap().insert("when".into(), "contact_adversary".into());
+    let measured = toml::toml! { impact_speed = "contact_speed_mps" };
+    own["evaluation"].as_table_mut().unwrap().insert("metrics".into(), measured.into());
     all.push(own);
     all
 }

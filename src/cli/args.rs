@@ -9,8 +9,8 @@ use super::exit::Failure;
 use super::folder::RUNS;
 use super::{
     agree, apply, bench, bundle, calibrate, claims, compare, data, diff, egos, exchange, figure, fsck, impact, init,
-    known, lineage, manual, options, paper, plan, program, report, run, scenes, shard, show, table, train, why, worker,
-    world,
+    known, lineage, manual, options, paper, plan, program, report, run, scenes, shard, show, table, train, watch, why,
+    worker, world,
 };
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
@@ -69,6 +69,8 @@ pub enum Command {
     Fsck(fsck::Options),
     /// Write a run's report as one HTML file.
     Report(report::Options),
+    /// Write a run's report while the run goes on, anew whenever it has something new; an open page follows it.
+    Watch(watch::Options),
     /// Print one of the paper's tables from recorded runs, with intervals and the paper's numbers beside ours.
     Table(table::Options),
     /// Judge the paper's claims by recorded runs: estimate, interval, verdict, and what each rests on; those that fail first.
@@ -187,6 +189,7 @@ impl Command {
             Command::Apply(options) => apply::run(&options, jobs),
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),
+            Command::Watch(options) => watch::run(&options, jobs),
             Command::Claims(options) => claims::run(&options),
             Command::Paper(options) => paper::run(&options, jobs),
             Command::Figure(options) => figure::run(&options),

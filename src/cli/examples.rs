@@ -32,6 +32,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("apply", "evodrive apply my_program.json --scenes my.pool --ego idm"),
     ("fsck", "evodrive fsck --read"),
     ("report", "evodrive report"),
+    ("watch", "evodrive watch runs/RUN"),
     ("table", "evodrive table metadrive-main --format csv"),
     ("claims", "evodrive claims --run runs/ONE --run runs/OTHER"),
     ("figure", "evodrive figure case-evolution --lineage cat-idm --out cat.svg"),

@@ -69,6 +69,7 @@ mod timed;
 mod train;
 mod train_text;
 mod typed;
+mod watch;
 mod why;
 mod worker;
 mod worker_process;

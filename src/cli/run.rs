@@ -444,7 +444,7 @@ pub fn write_report(
 ) -> Result<(), Failure> {
     let playables = playables::choose(&Player::of(study, &story.counsels, backend), story, threads);
     let cost = cost::kept(folder)?;
-    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), agreement };
+    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), agreement, live: None };
     Ok(store::write_atomic(&folder.report(), report::html(story, &playables, &beside).as_bytes())?)
 }
 

@@ -1,9 +1,10 @@
-//! Pictures of scenes and rollouts: an SVG, and a page that plays them without a network; figures of numbers as SVG and PDF.
+//! Pictures of scenes and rollouts: an SVG, a film, and a page that plays them without a network; figures of numbers as SVG and PDF.
 
 mod axes;
 mod drawing;
 mod figure;
 mod figure_pdf;
+mod film;
 mod helvetica;
 mod player;
 mod strip;
@@ -16,6 +17,7 @@ pub use figure::{
     Words, YELLOW,
 };
 pub use figure_pdf::pdf;
+pub use film::{Film, FilmError, FilmOptions, film, gif};
 pub use helvetica::{width, wrapped};
 pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, players_html, script_json};
 pub use strip::{StripOptions, even_steps, strip};

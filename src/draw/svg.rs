@@ -90,7 +90,7 @@ impl Theme {
 }
 
 /// Colours that people with any colour vision can tell apart (after Okabe and Ito), one a role.
-fn colour(role: Role, theme: Theme) -> &'static str {
+pub(super) fn colour(role: Role, theme: Theme) -> &'static str {
     match (role, theme) {
         (Role::Ego, Theme::Light) => "#0064b0",
         (Role::Ego, Theme::Dark) => "#56b4e9",
@@ -362,7 +362,7 @@ fn draw_trail(out: &mut String, actor: &Actor, view: &View, step: usize, theme: 
 }
 
 fn draw_actor(out: &mut String, actor: &Actor, view: &View, step: usize, options: &SvgOptions, palette: &Palette) {
-    let Some(Some([x, y, heading, speed])) = actor.samples.get(step) else { return };
+    let Some(Some([x, y, heading, _])) = actor.samples.get(step) else { return };
     let centre = Vec2::new(*x, *y);
     if !view.shows(&[centre]) {
         return;
@@ -387,21 +387,43 @@ fn draw_actor(out: &mut String, actor: &Actor, view: &View, step: usize, options
         let pane = [ahead(0.5 * l, w), ahead(0.5 * l, -w), ahead(0.2 * l, -w), ahead(0.2 * l, w)];
         let _ = writeln!(out, "<path d=\"{}Z\" fill=\"{}\" fill-opacity=\"0.75\"/>", view.path(&pane), palette.outline);
     }
-    if lead || options.labels {
-        let (px, py) = view.at(centre);
+    if let Some(Label { x, y, text }) = label(actor, view, step).filter(|_| lead || options.labels) {
         let size = if lead { 13.0 } else { 10.0 };
         let _ = writeln!(
             out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"{size}\" font-weight=\"{}\" fill=\"{}\" stroke=\"{}\" \
-             stroke-width=\"3\" paint-order=\"stroke\">{} {speed:.1} m/s</text>",
-            px + 0.6 * view.stroke(actor.width_m, 6.0) + 4.0,
-            py - 0.6 * view.stroke(actor.width_m, 6.0) - 3.0,
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" font-weight=\"{}\" fill=\"{}\" stroke=\"{}\" \
+             stroke-width=\"3\" paint-order=\"stroke\">{}</text>",
             if lead { 600 } else { 400 },
             palette.text,
             palette.ground,
-            escaped(&actor.label)
+            escaped(&text)
         );
     }
+}
+
+/// Words at a place of a picture, pixels: the left end of their base line.
+pub(super) struct Label {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) text: String,
+}
+
+/// Who somebody is and how fast, beside where it is at a step.
+fn label(actor: &Actor, view: &View, step: usize) -> Option<Label> {
+    let [x, y, _, speed] = (*actor.samples.get(step)?)?;
+    let ((px, py), aside) = (view.at(Vec2::new(x, y)), 0.6 * view.stroke(actor.width_m, 6.0));
+    Some(Label { x: px + aside + 4.0, y: py - aside - 3.0, text: format!("{} {speed:.1} m/s", actor.label) })
+}
+
+/// The labels that a picture of a step has: those of the main road users in sight, and that of the contact from when it happens.
+pub(super) fn labels(drawing: &Drawing, view: &View, step: usize) -> Vec<Label> {
+    let inside = |label: &Label| (0.0..view.width_px).contains(&label.x) && (0.0..view.height_px).contains(&label.y);
+    let main = drawing.actors.iter().filter(|actor| leading(actor.role)).filter_map(|actor| label(actor, view, step));
+    let met = drawing.contact.as_ref().filter(|contact| step >= contact.step).map(|contact| {
+        let (x, y) = view.at(contact.point);
+        Label { x: x + 18.0, y: y + 24.0, text: contact.label.clone() }
+    });
+    main.chain(met).filter(inside).collect()
 }
 
 fn draw_contact(out: &mut String, drawing: &Drawing, view: &View, palette: &Palette) {

@@ -137,3 +137,53 @@ fn even_steps_begin_and_end_where_asked_and_never_repeat() {
     assert_eq!(even_steps(9, 9, 4), [9]);
     assert_eq!(even_steps(9, 3, 2), [9], "an end before the start is the start");
 }
+
+fn film_options(steps: Vec<usize>) -> FilmOptions {
+    let title = "a title that is longer than one line of the film is, so that it goes on in a second line and is cut behind that one, here";
+    FilmOptions { width_px: 481.0, theme: Theme::Light, frame: Frame::Around(12.0), steps, title: title.into() }
+}
+
+#[test]
+fn a_film_shows_every_step_and_its_gif_gives_it_back() {
+    let drawing = Drawing::of_scene(&scene(WorldKind::SignalledCrossing));
+    let options = film_options((10..22).collect());
+    let film_on = |threads: usize| film(&drawing, &options, &crate::kernel::Threads::new(threads).unwrap()).unwrap();
+    let whole = film_on(1);
+    assert_eq!((whole.width, whole.height % 2, whole.pictures.len()), (482, 0, 12));
+    assert_eq!(whole, film_on(3), "who makes a picture does not matter");
+    assert!(whole.pictures.windows(2).all(|two| two[0] != two[1]), "the ego drives");
+    // The boxes of the ego are where the drawing has it.
+    let ego: Vec<u8> = whole.pictures[0].chunks_exact(3).flat_map(|p| [u8::from(p == [0x00, 0x64, 0xb0])]).collect();
+    assert!(ego.iter().filter(|is| **is == 1).count() > 60, "the ego's colour, in the key and on the road");
+
+    let bytes = gif(&whole, 10, 150).unwrap();
+    assert_eq!(bytes, gif(&film_on(2), 10, 150).unwrap());
+    let mut read = ::gif::DecodeOptions::new();
+    read.set_color_output(::gif::ColorOutput::RGBA);
+    let mut read = read.read_info(bytes.as_slice()).unwrap();
+    let (width, mut delays) = (usize::from(read.width()), Vec::new());
+    let mut shown = vec![0u8; width * usize::from(read.height()) * 3];
+    for picture in &whole.pictures {
+        let frame = read.read_next_frame().unwrap().expect("a picture");
+        delays.push(frame.delay);
+        let [left, top, wide] = [frame.left, frame.top, frame.width].map(usize::from);
+        for (k, pixel) in frame.buffer.chunks_exact(4).enumerate() {
+            let at = 3 * ((top + k / wide) * width + left + k % wide);
+            shown[at..at + 3].copy_from_slice(&pixel[..3]);
+        }
+        let off = shown.iter().zip(picture).filter(|(a, b)| a.abs_diff(**b) > 24).count();
+        assert!(off * 200 < shown.len(), "{off} of {} values are another colour", shown.len());
+    }
+    assert!(read.read_next_frame().unwrap().is_none());
+    assert_eq!((delays[0], delays[11]), (10, 150));
+}
+
+#[test]
+fn a_film_that_is_too_large_or_empty_is_no_panic() {
+    let threads = crate::kernel::Threads::new(1).unwrap();
+    let empty = Drawing { dt_s: 0.1, steps: 1, ..Drawing::default() };
+    let none = film(&empty, &film_options(vec![]), &threads).unwrap();
+    assert!(none.pictures.is_empty() && !gif(&none, 10, 10).unwrap().is_empty());
+    let large = Film { width: 70_000, height: 2, pictures: vec![] };
+    assert!(gif(&large, 10, 10).unwrap_err().to_string().contains("--panel"));
+}

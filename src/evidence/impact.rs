@@ -230,7 +230,7 @@ impl Rests<'_> {
         let mut numbers = BTreeSet::new();
         let mut through = BTreeSet::new();
         for (basis, part) in self.parts().filter(|(_, part)| part.run == run) {
-            for leaf in part.leaves.iter().filter(|leaf| leaf.name == scene) {
+            for leaf in part.leaves.iter().filter(|leaf| leaf.name == scene && !of_one_program(leaf)) {
                 if solution.is_none() && leaf.programs.is_empty() && leaf.attempt.is_none() {
                     through.insert(format!("the replay of {scene}"));
                 }
@@ -287,6 +287,11 @@ impl Rests<'_> {
         let (_, part) = self.parts().find(|(_, part)| of(part) && open(part))?;
         Some((How::Chosen, format!("what evolution chose in {}", part.lineage), Vec::new()))
     }
+}
+
+/// Whether a difference is that of a program from itself, where no descendant was chosen: nought, whatever the label.
+fn of_one_program(leaf: &Leaf) -> bool {
+    matches!(leaf.programs.as_slice(), [one, other] if one == other)
 }
 
 /// `cat-idm` of `cat-idm/e2s5`.

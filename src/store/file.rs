@@ -88,6 +88,15 @@ pub fn read_head(path: &Path, count: usize) -> Result<Vec<u8>, StoreError> {
     Ok(bytes)
 }
 
+/// Bytes of a file; 0 where there is none.
+pub fn length(path: &Path) -> Result<u64, StoreError> {
+    match std::fs::metadata(path) {
+        Ok(metadata) => Ok(metadata.len()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(0),
+        Err(source) => Err(StoreError::io("look at", path, source)),
+    }
+}
+
 /// Gives a file another name in its folder; what had that name is gone.
 pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
     fs::rename(from, to).map_err(|source| StoreError::io("rename", from, source))?;

@@ -15,8 +15,8 @@ pub use canonical::{reader, write_filled};
 pub use difference::{first_difference, shortened};
 pub use error::{Damage, Divergence, StoreError};
 pub use file::{
-    copy, create_dir, list_dirs, list_files, read_bounded, read_head, remove_dir, remove_empty_dir, remove_file,
-    rename, write_atomic,
+    copy, create_dir, length, list_dirs, list_files, read_bounded, read_head, remove_dir, remove_empty_dir,
+    remove_file, rename, write_atomic,
 };
 pub use fsck::{FsckReport, fsck};
 pub use objects::{MemoKind, Opening, Store};

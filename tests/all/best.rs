@@ -1,11 +1,12 @@
 //! The most telling rollouts of a run, each shown by the command that is printed beside it; strips of them.
 
 use std::path::PathBuf;
+use std::process::Command;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use serde_json::Value;
 
-use crate::harness::run;
+use crate::harness::{Ran, evodrive, run, skip};
 use crate::quickstart::copied;
 
 /// A copy of the finished run: ranking holds its store, and other tests hold the one of the original.
@@ -56,7 +57,7 @@ fn the_most_severe_rollouts_are_of_any_program_and_their_commands_play_them_at_t
 
 #[test]
 fn by_realism_the_most_realistic_of_one_lineage_come_first() {
-    let rows = best(&["--top", "400", "--by", "realism", "--lineage", "at-idm"]);
+    let rows = best(&["--top", "4000", "--by", "realism", "--lineage", "at-idm"]);
     let realism: Vec<f64> = rows.iter().map(|row| row["rollout"]["realism"].as_f64().unwrap()).collect();
     assert!(realism.is_sorted_by(|a, b| a >= b) && realism[0] > realism[rows.len() - 1]);
     assert!(rows.iter().all(|row| row["rollout"]["lineage"] == "at-idm"));
@@ -96,4 +97,46 @@ fn parent_and_replay_are_drawn_as_attempts_are_and_a_strip_has_the_same_bytes_ea
     refused(&["--frames", "0"], "expected 1 to 24 panels");
     refused(&["--at", "500"], "expected seconds of the scene");
     refused(&["--around", "-3"], "expected 0 to 1000 metres");
+}
+
+#[test]
+fn a_rollout_is_a_film_as_well_and_what_cannot_be_filmed_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let shown = &best(&["--top", "1"])[0]["rollout"];
+    let (name, scene) = (shown["program"].as_str().unwrap(), shown["scene"].as_str().unwrap());
+    let draw = |file: &str, more: &[&str], path: Option<&str>| {
+        let to = dir.path().join(file);
+        let words =
+            ["scenes", "draw", "--run", folder(), "--attempt", name, "--scene", scene, "--panel", "240", "--out"];
+        let mut command = evodrive();
+        command.args(words).arg(&to).args(more);
+        if let Some(path) = path {
+            command.env("PATH", path);
+        }
+        (Ran::of(&mut command), std::fs::read(&to).ok())
+    };
+    let (ran, film) = draw("one.gif", &[], None);
+    assert!(ran.code == 0 && ran.stdout.contains(" pictures of 240 by "), "{}", ran.stderr);
+    let film = film.unwrap();
+    assert!(film.starts_with(b"GIF89a"));
+    assert_eq!(draw("again.gif", &["--jobs", "3"], None).1, Some(film), "the same bytes each time");
+    for (file, more, path, expected) in [
+        ("one.avi", &[][..], None, "ends in .svg (a strip), .gif or .mp4 (a film)"),
+        ("one", &[], None, "ends in .svg"),
+        ("two.gif", &["--frames", "3"], None, "a film shows every step"),
+        ("two.gif", &["--at", "2.0"], None, "a film shows every step"),
+        ("none.mp4", &[], Some("/nowhere"), "MP4 needs ffmpeg"),
+    ] {
+        let (ran, left) = draw(file, more, path);
+        assert!(ran.code == 2 && ran.stderr.contains(expected) && left.is_none(), "{file}: {}", ran.stderr);
+    }
+    assert!(!dir.path().join("none.mp4.part").exists());
+    match Command::new("ffmpeg").arg("-version").output() {
+        Ok(_) => {
+            let (ran, film) = draw("one.mp4", &[], None);
+            assert_eq!(ran.code, 0, "{}", ran.stderr);
+            assert_eq!(&film.unwrap()[4..8], b"ftyp");
+        }
+        Err(_) => skip("ffmpeg is not installed, so no MP4 is written"),
+    }
 }

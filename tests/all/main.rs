@@ -52,5 +52,6 @@ mod simulator;
 mod snapshots;
 mod tamper;
 mod training;
+mod watching;
 mod why;
 mod worlds;

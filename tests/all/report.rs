@@ -13,7 +13,14 @@ use crate::quickstart::finished;
 const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
 
 fn attempts(story: &RecordedRun) -> Vec<Value> {
-    report_data(&html(story, &Stage::default(), &Beside { selector: &SELECTOR, cost: None, agreement: None }))[0]["attempts"].as_array().unwrap().clone()
+    report_data(&html(
+        story,
+        &Stage::default(),
+        &Beside { selector: &SELECTOR, cost: None, agreement: None, live: None },
+    ))[0]["attempts"]
+        .as_array()
+        .unwrap()
+        .clone()
 }
 
 /// A page of ten thousand whole stories has forty megabytes: of a large run only accepted attempts are told in full. None is left

@@ -1,5 +1,7 @@
 //! What a page tells beside the run's events.
 
+use serde::Serialize;
+
 use super::super::agreement;
 use crate::archive::SelectorOptions;
 use crate::objects::cost::RunCost;
@@ -12,4 +14,17 @@ pub struct Beside<'a> {
     pub cost: Option<&'a RunCost>,
     /// How far another simulator's run agrees, where one was compared.
     pub agreement: Option<&'a agreement::Report>,
+    /// How far a run should go that is not finished, where the page is to follow it.
+    pub live: Option<Live>,
+}
+
+/// A run that goes on while its page is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Live {
+    /// Epochs that there will be.
+    pub epochs: u32,
+    /// Proposals of all lineages in all epochs.
+    pub proposals: u64,
+    /// Seconds after which the page loads itself again.
+    pub reload_s: f64,
 }

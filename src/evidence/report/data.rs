@@ -65,6 +65,9 @@ pub fn of(story: &RecordedRun, beside: &Beside<'_>) -> Value {
     if let Some(evolution) = Evolution::of(story) {
         page["evolution"] = json!(evolution);
     }
+    if let Some(live) = beside.live {
+        page["live"] = json!(live);
+    }
     if let Some(agreement) = beside.agreement {
         page["agreement"] = json!(agreement);
     }

@@ -6,7 +6,7 @@ mod packed;
 mod stage;
 mod terms;
 
-pub use beside::Beside;
+pub use beside::{Beside, Live};
 pub use stage::{Playable, Stage, Unplayed};
 
 use super::figures;

@@ -471,7 +471,7 @@
   function drawPlayer() {
     byId("play-lacking").append(...(stage.unplayed || []).map((u) => el("li", {}, `${u.solution} in ${u.scene} cannot be played: ${u.reason}`)));
     const solutions = [...new Map(stage.rollouts.map((p) => [p.solution, p.role]))];
-    if (!solutions.length) { byId("play-caption").textContent = "No rollout was kept for playing."; return; }
+    if (!solutions.length) { byId("play-caption").textContent = data.live ? "Rollouts can be played here once the run is finished." : "No rollout was kept for playing."; return; }
     byId("play-solution").append(...solutions.map(([solution, role]) => el("option", { value: solution }, `${solution} – ${role}`)));
     if (stage.repetitions_left_out) byId("play-note").textContent = `Of lineages that differ in their draws alone the first is played; ${stage.repetitions_left_out} others are not. \u201cevodrive scenes show\u201d draws any rollout.`;
     let player = null;
@@ -501,6 +501,36 @@
     scenes();
   }
 
+  // --- a run that goes on: its page loads itself again, and is then as the reader left it
+  const LEFT = `evodrive ${location.pathname}`;
+  const fields = () => [...document.querySelectorAll("select[id], input[id]")];
+  const stored = (action) => { try { return action(sessionStorage); } catch { return null; } };
+  function follow() {
+    const left = JSON.parse(stored((s) => s.getItem(LEFT)) || "null");
+    if (left) {
+      stored((s) => s.removeItem(LEFT));
+      open = left.open;
+      for (const field of fields()) {
+        const value = left.fields[field.id];
+        if (value === undefined) continue;
+        if (field.type === "checkbox") field.checked = value; else if (field.tagName === "INPUT" || [...field.options].some((o) => o.value === value)) field.value = value; else continue;
+        for (const name of ["input", "change"]) field.dispatchEvent(new Event(name));
+      }
+      sortedBy = left.sortedBy; page = left.page; drawAttempts();
+      scrollTo(0, left.y);
+    }
+    if (!data.live) return;
+    const { proposals, epochs, reload_s: seconds } = data.live, judged = data.attempts.length, settled = Math.max(-1, ...data.lineages.flatMap((l) => l.epochs.map((e) => e.epoch))) + 1;
+    byId("live").hidden = false;
+    byId("live-standing").textContent = `${judged} of ${proposals} proposals are judged, ${Math.min(100, Math.round(100 * judged / Math.max(1, proposals)))} %; ${settled} of ${epochs} epochs are settled. The page loads itself again every ${seconds} s; held-out scenes and the player come at the end.`;
+    setInterval(() => {
+      if (byId("live-hold").checked || document.hidden) return;
+      const kept = Object.fromEntries(fields().map((f) => [f.id, f.type === "checkbox" ? f.checked : f.value]));
+      stored((s) => s.setItem(LEFT, JSON.stringify({ fields: kept, open, sortedBy, page, y: scrollY })));
+      location.reload();
+    }, 1000 * seconds);
+  }
+
   const option = (value, label) => el("option", { value }, label);
   byId("front-lineage").append(...data.lineages.map((l) => option(l.id, l.id)));
   byId("filter-lineage").append(option("", "all"), ...data.lineages.map((l) => option(l.id, l.id)));
@@ -516,7 +546,7 @@
   for (const id of ["filter-text", "filter-lineage", "filter-exit", "filter-accepted"]) byId(id).addEventListener("input", () => { page = 0; drawAttempts(); });
   // Of a large run the accepted ones are what a reader comes for.
   byId("filter-accepted").checked = data.attempts.some((a) => a.in_short);
-  resultTable(); auditList(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); openEvolution(); openAgreement(); drawPlayer();
+  resultTable(); auditList(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); openEvolution(); openAgreement(); drawPlayer(); follow();
   document.querySelectorAll("h2, th").forEach(explain);
   document.body.dataset.ready = "yes";
 })();

@@ -1,0 +1,142 @@
+//! `watch`: the report of a run that goes on, written anew as events land.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::answer::{Answer, progress};
+use super::exit::Failure;
+use super::folder::RunFolder;
+use super::interrupt::Interrupt;
+use super::timed::timed;
+use super::typed::resume_command;
+use super::{behind, cost, run};
+use crate::backend::Answers;
+use crate::evidence::RecordedRun;
+use crate::evidence::report::{self, Beside, Live, Stage};
+use crate::experiment::Experiment;
+use crate::kernel::Threads;
+use crate::store;
+
+/// How soon Ctrl-C is noticed.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// A page of a large run takes seconds to make: the pause behind it is at least so many times as long.
+const PAUSE_TIMES: u32 = 4;
+
+/// Without an event for so long whoever watches is told how to go on.
+const SILENT: Duration = Duration::from_secs(60);
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Run folder; without it the one below runs/ that is not finished, or else the latest.
+    pub run: Option<PathBuf>,
+    /// Seconds between two looks at the run, and after which an open page loads itself again.
+    #[arg(long, default_value_t = 2.0, allow_negative_numbers = true)]
+    pub every: f64,
+}
+
+/// Writes report.html whenever the run has a new event, until the run is finished; then the page is the one that `report` writes.
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    if !(0.2..=3600.0).contains(&options.every) {
+        return Err(Failure::bad_input(format!("--every {}: expected 0.2 to 3600 seconds", options.every)));
+    }
+    let folder = match (&options.run, RunFolder::unfinished()?) {
+        (None, Some(unfinished)) => unfinished,
+        (named, _) => RunFolder::find(named.as_deref())?,
+    };
+    let interrupt = Interrupt::listen()?;
+    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let experiment = folder.read_experiment()?;
+    let page = folder.report();
+    progress(format!("page: {}; it follows the run until that is finished, Ctrl-C ends this", page.display()));
+    let (mut written, mut silent) = (0, Duration::ZERO);
+    loop {
+        if !folder.has_card() {
+            return Err(Failure::bad_input(format!(
+                "{}: the run folder is gone: the command that made it has failed, and said why",
+                folder.dir.display()
+            )));
+        }
+        let bytes = store::length(&folder.transcript())?;
+        let (seen, took) = timed(|| match bytes > written {
+            true => look(&folder, &experiment, options.every, &threads),
+            false => Ok(None),
+        });
+        match seen? {
+            Some(story) if story.result.is_some() => return finished(&folder, &experiment, &story, &threads),
+            Some(story) => progress(standing(&story, &experiment)),
+            None => {}
+        }
+        let pause = Duration::from_secs_f64(options.every).max(took * PAUSE_TIMES);
+        silent = if bytes > written { Duration::ZERO } else { silent + pause };
+        if silent >= SILENT && silent < SILENT + pause {
+            let go_on = resume_command(&folder.dir);
+            progress(format!("no new event for a minute; if nobody works on the run, it goes on with: {go_on}"));
+        }
+        written = bytes;
+        if !waited(pause, &interrupt) {
+            return Err(Failure::interrupted(format!(
+                "watching has ended, the run is as it was; the page so far: {}",
+                page.display()
+            )));
+        }
+    }
+}
+
+/// Reads the run as far as it goes and writes the page of what it holds; a run without a parent yet has nothing to show. The page of a finished run is
+/// not written here.
+fn look(
+    folder: &RunFolder,
+    experiment: &Experiment,
+    reload_s: f64,
+    threads: &Threads,
+) -> Result<Option<RecordedRun>, Failure> {
+    let story = folder.story_on(Some(threads))?;
+    if story.result.is_some() || story.parents.is_empty() {
+        return Ok(Some(story).filter(|story| story.result.is_some()));
+    }
+    let live = Live { epochs: experiment.budget.epochs, proposals: proposals(experiment), reload_s };
+    let cost = cost::kept(folder)?;
+    let beside = Beside { selector: &experiment.selector, cost: cost.as_ref(), agreement: None, live: Some(live) };
+    store::write_atomic(&folder.report(), report::html(&story, &Stage::default(), &beside).as_bytes())?;
+    Ok(Some(story))
+}
+
+/// The whole report, as `run` and `report` write it.
+fn finished(
+    folder: &RunFolder,
+    experiment: &Experiment,
+    story: &RecordedRun,
+    threads: &Threads,
+) -> Result<Answer, Failure> {
+    let study = experiment.study(folder.read_pool()?, threads)?;
+    let replay = behind::replay_of(experiment, folder)?;
+    let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
+    run::write_report(&study, folder, story, behind::backend(experiment, answers), None, threads)?;
+    let page = folder.report();
+    let text = format!("the run is finished\nreport: {}\nroot: {}", page.display(), story.root);
+    Ok(Answer::new(text, json!({"report": page, "root": story.root})))
+}
+
+fn proposals(experiment: &Experiment) -> u64 {
+    let lineages = experiment.lineages.len() as u64 * u64::from(experiment.seeds);
+    u64::from(experiment.budget.epochs) * u64::from(experiment.budget.slots) * lineages
+}
+
+fn standing(story: &RecordedRun, experiment: &Experiment) -> String {
+    let settled = story.settled.last().map(|s| format!(", {} settled epoch {}", s.lineage, s.epoch));
+    format!("{} of {} proposals are judged{}", story.attempts.len(), proposals(experiment), settled.unwrap_or_default())
+}
+
+/// Whether the pause went by without Ctrl-C.
+fn waited(pause: Duration, interrupt: &Interrupt) -> bool {
+    let mut left = pause;
+    while !left.is_zero() && !interrupt.is_asked() {
+        let step = left.min(LOOK);
+        std::thread::sleep(step);
+        left -= step;
+    }
+    !interrupt.is_asked()
+}

@@ -63,7 +63,14 @@ pub fn events(run: &Path) -> Vec<Value> {
 pub fn report_data(page: &str) -> Value {
     let (_, rest) = page.split_once("<script id=\"data\" type=\"application/json\">").expect("the data");
     let (data, _) = rest.split_once("</script>").expect("the data's end");
-    serde_json::from_str(data).unwrap()
+    match serde_json::from_str(data).unwrap() {
+        Value::String(packed) => {
+            use base64::{Engine, engine::general_purpose::STANDARD};
+            let bytes = STANDARD.decode(packed).unwrap();
+            serde_json::from_reader(flate2::read::ZlibDecoder::new(bytes.as_slice())).unwrap()
+        }
+        plain => plain,
+    }
 }
 
 /// The first folder below `folder`: the run folder below `--out`.

@@ -100,7 +100,7 @@ fn band(sheet: &mut Figure, floor: &str, rooms: &[&Room], colour: Rgb, high: f64
         let imports = match room.imports {
             Some(1) => "imports 1 room".to_string(),
             Some(count) => format!("imports {count} rooms"),
-            None => "imports what it conducts".to_string(),
+            None => "imports any room".to_string(),
         };
         let (at, anchor) = ((x + BOX[0] - 3.0, y + 9.5), Anchor::End);
         let small = Words { at, size: 4.8, anchor, bold: false, colour: GREY, upwards: false, text: imports };

@@ -24,7 +24,7 @@ pub fn html(story: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),
-        ("/*DATA*/", data),
+        ("/*DATA*/", packed::held(data)),
         ("/*PLAYER*/", PLAYER_JS.into()),
         ("/*SCRIPT*/", format!("{UNPACK}\n{SCRIPT}")),
     ];

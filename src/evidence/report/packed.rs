@@ -1,7 +1,11 @@
 //! Motion and roads as the page carries them: whole hundredths, each number as its difference from the one before. That
 //! is what a drawing shows, in a third of the space; `assets/unpack.js` turns it back into what the player reads.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::{Compression, write::ZlibEncoder};
 use serde_json::{Value, json};
+use std::io::Write;
 
 use super::stage::{Playable, Stage, Unplayed};
 use crate::draw::{Actor, Drawing};
@@ -9,6 +13,22 @@ use crate::kernel::{Vec2, num};
 
 /// Units of a sample's numbers: centimetres, milliradians, centimetres a second.
 const SCALES: [f64; 4] = [100.0, 100.0, 1000.0, 100.0];
+
+/// Bytes of data from which on a page carries them deflated. Smaller ones stay readable for people and programs.
+const PLAIN_BYTES_MAX: usize = 2 << 20;
+
+/// The data's JSON as the page holds it: as it is, or as a JSON text of base64 of the deflated bytes, which `assets/unpack.js` reads.
+pub fn held(data: String) -> String {
+    if data.len() <= PLAIN_BYTES_MAX {
+        return data;
+    }
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+    match encoder.write_all(data.as_bytes()).and_then(|()| encoder.finish()) {
+        Ok(bytes) => format!("\"{}\"", STANDARD.encode(bytes)),
+        // Writing to memory does not fail; if it did, the plain page is whole.
+        Err(_) => data,
+    }
+}
 
 /// The whole stage.
 pub fn stage(stage: &Stage) -> Value {
@@ -137,6 +157,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn data_of_a_large_page_are_deflated_and_come_back() {
+        assert_eq!(held("[1]".into()), "[1]", "people and programs read a small one as it is");
+        let large = format!("[{}0]", "{\"id\":\"cat-idm/e0s0\"},".repeat(200_000));
+        let text: String = serde_json::from_str(&held(large.clone())).unwrap();
+        assert!(text.len() * 20 < large.len());
+        let mut back = String::new();
+        let bytes = STANDARD.decode(text).unwrap();
+        std::io::Read::read_to_string(&mut flate2::read::ZlibDecoder::new(bytes.as_slice()), &mut back).unwrap();
+        assert!(back == large);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 "use strict";
 // Draws the report from the JSON beside it. All text goes in as text nodes, never as markup.
-(() => {
-  const [data, stage, figures = []] = JSON.parse(document.getElementById("data").textContent);
+(async () => {
+  const [data, stage, figures = []] = await EvoUnpack.whole(JSON.parse(document.getElementById("data").textContent));
   const byId = (id) => document.getElementById(id);
   const COLOURS = { evaluated: "#1a9e60", accepted: "#1f6fd6", promoted: "#8a3fd1", rejected: "#c98a10", invalid: "#d0473d", declined: "#8b949e" };
 
@@ -549,4 +549,4 @@
   resultTable(); auditList(); costTable(); if (data.lineages.length) { drawFront(); drawTree(); } drawAttempts(); openCounsel(); openEvolution(); openAgreement(); drawPlayer(); follow();
   document.querySelectorAll("h2, th").forEach(explain);
   document.body.dataset.ready = "yes";
-})();
+})().catch((error) => document.querySelector("header").append(String(error.message)));

@@ -1,5 +1,5 @@
 "use strict";
-// Turns the stage of the page (see report/packed.rs) into drawings, each when it is first played.
+// Turns the data and the stage of the page (see report/packed.rs) into what it draws, a drawing when it is first played.
 const EvoUnpack = (() => {
   const points = (packed) => {
     const out = [];
@@ -22,5 +22,12 @@ const EvoUnpack = (() => {
     ...packed, surfaces: packed.surfaces.map(points), lines: packed.lines.map((l) => ({ ...l, points: points(l.points) })),
     crosswalks: packed.crosswalks.map(points), route: points(packed.route), actors: packed.actors.map(actor),
   });
-  return { actor, drawing };
+  // The data of a large page are base64 of deflated JSON.
+  const whole = async (held) => {
+    if (typeof held !== "string") return held;
+    if (typeof DecompressionStream === "undefined") throw new Error("This browser cannot unpack the page; open it in one of 2023 or later.");
+    const bytes = Uint8Array.from(atob(held), (c) => c.charCodeAt(0));
+    return JSON.parse(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text());
+  };
+  return { actor, drawing, whole };
 })();

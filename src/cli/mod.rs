@@ -39,6 +39,7 @@ mod models;
 mod moving_line;
 mod options;
 mod overwriting;
+mod page;
 mod paper;
 mod plan;
 mod plan_cost;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::{agree, behind, run};
+use super::{agree, behind, page};
 use crate::backend::Answers;
 use crate::kernel::Threads;
 
@@ -31,7 +31,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let against = options.against.as_deref();
     let agreement = against.map(|other| agree::agreement(&folder.dir, other, &threads)).transpose()?;
     let story = folder.story_on(Some(&threads))?;
-    run::write_report(&study, &folder, &story, behind::backend(&experiment, answers), agreement.as_ref(), &threads)?;
+    page::write(&study, &folder, &story, behind::backend(&experiment, answers), agreement.as_ref(), &threads)?;
     let path = folder.report();
     Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))
 }

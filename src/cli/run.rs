@@ -13,14 +13,11 @@ use super::interrupt::{Interrupt, Until};
 use super::moving_line::MovingLine;
 use super::typed::{record_command, resume_command};
 use super::worker_process::Processes;
-use super::{behind, cost, left_out, models, overwriting, playables, result_text};
-use crate::backend::{
-    Answers, Backend, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers,
-};
-use crate::epoch::{self, Desk, Meter, Mode, Player, Progress, Rollouts, Study, Tools};
+use super::{behind, cost, left_out, models, overwriting, page, result_text};
+use crate::backend::{Answers, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers};
+use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study, Tools};
+use crate::evidence::RecordedRun;
 use crate::evidence::choice::Choice;
-use crate::evidence::report::Beside;
-use crate::evidence::{RecordedRun, agreement, report};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
@@ -427,25 +424,10 @@ impl Done {
         let story = folder.story_on(Some(&self.threads))?;
         if report {
             let backend = behind::backend(&self.experiment, rollouts);
-            write_report(&self.study, folder, &story, backend, None, &self.threads)?;
+            page::write(&self.study, folder, &story, backend, None, &self.threads)?;
         }
         Ok(answer(&self.experiment, folder, &story, &self.result, self.root, self.counts))
     }
-}
-
-/// Writes report.html of a finished run.
-pub fn write_report(
-    study: &Study,
-    folder: &RunFolder,
-    story: &RecordedRun,
-    backend: Backend<'_>,
-    agreement: Option<&agreement::Report>,
-    threads: &Threads,
-) -> Result<(), Failure> {
-    let playables = playables::choose(&Player::of(study, &story.counsels, backend), story, threads);
-    let cost = cost::kept(folder)?;
-    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), agreement, live: None };
-    Ok(store::write_atomic(&folder.report(), report::html(story, &playables, &beside).as_bytes())?)
 }
 
 fn answer(

@@ -11,7 +11,7 @@ use super::folder::RunFolder;
 use super::interrupt::Interrupt;
 use super::timed::timed;
 use super::typed::resume_command;
-use super::{behind, cost, run};
+use super::{behind, cost, page};
 use crate::backend::Answers;
 use crate::evidence::RecordedRun;
 use crate::evidence::report::{self, Beside, Live, Stage};
@@ -49,8 +49,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let interrupt = Interrupt::listen()?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = folder.read_experiment()?;
-    let page = folder.report();
-    progress(format!("page: {}; it follows the run until that is finished, Ctrl-C ends this", page.display()));
+    let shown = folder.report();
+    progress(format!("page: {}; it follows the run until that is finished, Ctrl-C ends this", shown.display()));
     let (mut written, mut silent) = (0, Duration::ZERO);
     loop {
         if !folder.has_card() {
@@ -79,7 +79,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         if !waited(pause, &interrupt) {
             return Err(Failure::interrupted(format!(
                 "watching has ended, the run is as it was; the page so far: {}",
-                page.display()
+                shown.display()
             )));
         }
     }
@@ -114,10 +114,10 @@ fn finished(
     let study = experiment.study(folder.read_pool()?, threads)?;
     let replay = behind::replay_of(experiment, folder)?;
     let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
-    run::write_report(&study, folder, story, behind::backend(experiment, answers), None, threads)?;
-    let page = folder.report();
-    let text = format!("the run is finished\nreport: {}\nroot: {}", page.display(), story.root);
-    Ok(Answer::new(text, json!({"report": page, "root": story.root})))
+    page::write(&study, folder, story, behind::backend(experiment, answers), None, threads)?;
+    let report = folder.report();
+    let text = format!("the run is finished\nreport: {}\nroot: {}", report.display(), story.root);
+    Ok(Answer::new(text, json!({"report": report, "root": story.root})))
 }
 
 fn proposals(experiment: &Experiment) -> u64 {

@@ -12,7 +12,7 @@ const ALLOWED: &[(&str, &str)] = &[
     ("agents/counsel agents/scene_prompt", "a case and its prompt"),
     ("agents/prompt agents/task", "a task and its prompt"),
     (
-        "cli/args cli/bundle cli/bundle_replay cli/paper cli/plan cli/report cli/run cli/shard cli/shard_merge cli/shard_plan cli/shard_target",
+        "cli/args cli/bundle cli/bundle_replay cli/paper cli/plan cli/run cli/shard cli/shard_merge cli/shard_plan cli/shard_target",
         "arguments and the commands that take them",
     ),
     (

@@ -520,7 +520,7 @@
       scrollTo(0, left.y);
     }
     if (!data.live) return;
-    const { proposals, epochs, reload_s: seconds } = data.live, judged = data.attempts.length, settled = Math.max(-1, ...data.lineages.flatMap((l) => l.epochs.map((e) => e.epoch))) + 1;
+    const { proposals, epochs, reload_s: seconds } = data.live, judged = data.attempts.length, settled = Math.min(epochs, ...data.lineages.map((l) => l.epochs.length));
     byId("live").hidden = false;
     byId("live-standing").textContent = `${judged} of ${proposals} proposals are judged, ${Math.min(100, Math.round(100 * judged / Math.max(1, proposals)))} %; ${settled} of ${epochs} epochs are settled. The page loads itself again every ${seconds} s; held-out scenes and the player come at the end.`;
     setInterval(() => {

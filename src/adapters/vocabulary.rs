@@ -139,4 +139,5 @@ pub const CANDIDATE: &[Feature] = &[
     number("off_road_added_m", "m", "farther off the road than the actor's log"),
     number("acceleration_added_mps2", "m/s^2", "harder acceleration or braking than the actor's log"),
     number("jerk_added_mps3", "m/s^3", "more jerk than the actor's log"),
+    number("log_way_share", "1", "share of the actor's logged way that it drives by the predicted contact or its end"),
 ];

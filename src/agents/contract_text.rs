@@ -154,7 +154,7 @@ fn features(whole: &Value, text: &mut Vec<String>) {
     for (name, feature) in members(&whole["features"]) {
         let read_by = readers.get(name.as_str()).cloned().unwrap_or_default();
         let kind = match word(&feature["type"]) {
-            "boolean" => "?".to_string(),
+            "boolean" => " (bool)".to_string(),
             _ => match unit_of(name, word(&feature["unit"])) {
                 unit if unit.is_empty() => unit,
                 unit => format!(" ({})", unit.trim_start()),

@@ -335,6 +335,7 @@ pub fn measures(safebench: bool) -> Measures {
         false => Protocol::Metadrive {
             counts: vec!["ego_strikes".into()],
             counts_if_avoidable: vec!["cut_in".into(), "crossing".into()],
+            reaction_s: 1.15,
             when: None,
             metrics: Vec::new(),
             diagnostics: vec![

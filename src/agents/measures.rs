@@ -27,6 +27,8 @@ pub enum Protocol {
         counts: Vec<String>,
         /// Contact classes that count where the ego could have avoided the contact.
         counts_if_avoidable: Vec<String>,
+        /// How long after it sees a threat the ego begins to evade, in the trials that decide what was avoidable, s.
+        reaction_s: f64,
         /// The experiment's own expression, which decides in their place.
         when: Option<String>,
         /// The experiment's own metrics: name and expression.
@@ -94,11 +96,12 @@ impl Measures {
             "coverage_floor": coverage_floor, "realism_min": realism_min, "rule": self.rule, "tradeoff": self.tradeoff,
         });
         match &self.protocol {
-            Protocol::Metadrive { counts, counts_if_avoidable, when, metrics, diagnostics } => {
+            Protocol::Metadrive { counts, counts_if_avoidable, reaction_s, when, metrics, diagnostics } => {
                 values["when"] = when.clone().into();
                 values["metrics"] =
                     metrics.iter().map(|(name, of)| json!({"name": name, "of": of})).collect::<Vec<_>>().into();
                 values["counts"] = listed(counts).into();
+                values["reaction_s"] = (*reaction_s).into();
                 values["counts_if_avoidable"] = listed(counts_if_avoidable).into();
                 let first = diagnostics.first().map(|diagnostic| diagnostic.weight);
                 let alike = first.filter(|first| diagnostics.iter().all(|diagnostic| diagnostic.weight == *first));

@@ -120,6 +120,8 @@ pub struct Briefing {
     epoch: u32,
     handbook: Text,
     text: Text,
+    /// What a patch repeats of its parent: member of the reply -> value.
+    repeats: BTreeMap<&'static str, String>,
 }
 
 impl Briefing {
@@ -147,7 +149,12 @@ impl Briefing {
         });
         let text = fill("context.md", &blocks)?.into();
         let handbook = context.handbook.text().clone();
-        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, handbook, text })
+        let repeats = BTreeMap::from([
+            ("source_baseline", context.parent.source_family.to_string()),
+            ("parent_solution_id", context.parent.solution_id.to_string()),
+            ("parent_program_hash", context.parent_hash.to_hex()),
+        ]);
+        Ok(Briefing { lineage: context.lineage.to_string(), epoch: context.epoch, handbook, text, repeats })
     }
 
     /// The text that all slots and roles of the epoch share.
@@ -236,7 +243,7 @@ impl Aside<'_> {
         asked.iter().for_each(|(name, value)| task[*name] = (*value).into());
         let block = |(title, value): (&str, Value)| json!({"title": title, "json": stable_json(&value)});
         let blocks: Vec<Value> = blocks.into_iter().map(block).collect();
-        let text = task_text(&slot, &task, &blocks)?;
+        let text = task_text(&slot, &task, &blocks, None)?;
         let messages = vec![
             Message { role: "system".into(), text: system },
             Message { role: "user".into(), text: self.shown.clone() },
@@ -246,9 +253,10 @@ impl Aside<'_> {
     }
 }
 
-fn task_text(slot: &DrawSlot, asked: &Value, blocks: &[Value]) -> Result<String, PromptError> {
+fn task_text(slot: &DrawSlot, asked: &Value, blocks: &[Value], form: Option<&str>) -> Result<String, PromptError> {
     let values = json!({
         "slot": slot.slot, "role": slot.role, "round": slot.round, "task": stable_json(asked), "blocks": blocks,
+        "form": form,
     });
     fill("task.md", &values)
 }
@@ -277,7 +285,7 @@ pub fn instructions(role: Role) -> Result<&'static Instructions, PromptError> {
 fn instruct(role: Role) -> Result<Instructions, PromptError> {
     let name = role_template(role);
     let schema = reply::schema(role);
-    let text = fill(name, &json!({"form": reply_form::form(&schema)}))?.into();
+    let text = fill(name, &json!({"form": reply_form::form(&schema, &BTreeMap::new())}))?.into();
     let schema = Schema::new(schema).map_err(|error| PromptError { template: name, reason: error.to_string() })?;
     Ok(Instructions { text, schema })
 }
@@ -306,7 +314,10 @@ fn question(task: &Task<'_>, role: Role, slot: &DrawSlot, subject: &Subject<'_>)
         ],
         Subject::Unreadable { reply, refusal } => vec![unreadable(reply, refusal)],
     };
-    task_text(slot, &asked, &blocks)
+    let mut known = task.briefing.repeats.clone();
+    known.insert("response_id", response_id(slot));
+    known.insert("role", role.name().into());
+    task_text(slot, &asked, &blocks, Some(&reply_form::form(&reply::schema(role), &known)))
 }
 
 /// The reviews that object: what a repair must clear.

@@ -255,13 +255,13 @@ fn the_context_shows_measured_numbers_to_four_decimals_and_the_identity_exactly(
 }
 
 #[test]
-fn every_role_has_a_message_with_the_form_of_its_reply() {
+fn every_role_has_a_message_and_those_outside_the_loop_the_form_of_their_reply_in_it() {
     for role in [Role::Actor, Role::Repair, Role::WorldAgent].into_iter().chain(Role::CRITICS) {
         let text = prompt::instructions(role).unwrap().text.clone();
-        assert!(
-            text.contains("{\"response_id\": \"<text>\"") || text.contains("\"response_id\": \"<text>\"}"),
-            "{role:?}"
-        );
+        let form = text.contains("{\"response_id\": \"<text>\"") || text.contains("\"response_id\": \"<text>\"}");
+        // In the loop the form ends the task, with the values that a reply repeats.
+        assert_eq!(form, role == Role::WorldAgent, "{role:?}");
+        assert!(form || text.contains("The task ends with the form"), "{role:?}");
         assert!(!text.contains("{{"), "{role:?}");
         assert!(schema(role).is_object());
     }
@@ -425,6 +425,7 @@ fn valid(schema: &Value, value: &Value) -> bool {
         "maxItems" => value.as_array().is_none_or(|items| items.len() as u64 <= rule.as_u64().unwrap()),
         "minLength" => value.as_str().is_none_or(|s| s.chars().count() as u64 >= rule.as_u64().unwrap()),
         "maxLength" => value.as_str().is_none_or(|s| s.chars().count() as u64 <= rule.as_u64().unwrap()),
+        "description" => rule.is_string(),
         other => panic!("keyword `{other}` is not checked"),
     })
 }

@@ -101,6 +101,26 @@ impl RolloutCassette {
         RolloutCassette { file: file.into(), backend, rollouts: BTreeMap::new() }
     }
 
+    /// These rollouts, and those of a file that they do not have and that the same backend told; with how many those are. A file of
+    /// another backend or a damaged one has nothing that could stand beside them.
+    pub fn beside(mut self, path: &Path) -> (RolloutCassette, usize) {
+        let own = self.rollouts.len();
+        if let Ok(there) = RolloutCassette::load(path)
+            && there.backend == self.backend
+        {
+            for (key, recorded) in there.rollouts {
+                self.rollouts.entry(key).or_insert(recorded);
+            }
+        }
+        let others = self.rollouts.len() - own;
+        (self, others)
+    }
+
+    /// Ids of the scenes of which rollouts are here.
+    pub fn scenes(&self) -> std::collections::BTreeSet<&str> {
+        self.rollouts.values().map(|recorded| recorded.scene.as_str()).collect()
+    }
+
     /// Reads a file, and verifies every digest.
     pub fn load(path: &Path) -> Result<RolloutCassette, RolloutCassetteError> {
         let file = path.display().to_string();

@@ -43,7 +43,8 @@ pub enum Command {
     /// Derive a finished run again from its recorded answers and rollouts, and compare every event.
     #[command(alias = "replay")]
     Check(FolderArgs),
-    /// Derive a finished run again and simulate every rollout again.
+    /// Derive a finished run again and simulate every rollout again; those of another simulator or of a planner of one's own come
+    /// from recorded motion.
     Verify(FolderArgs),
     /// Ask the experiment's models and write its cassette.
     Record(RecordArgs),
@@ -158,7 +159,7 @@ pub struct RecordArgs {
     /// Ask everything anew, also what the cassette holds already.
     #[arg(long)]
     pub fresh: bool,
-    /// Write over a cassette though it holds answers that this recording does not ask for.
+    /// Write over cassettes though they hold answers or rollouts that this recording does not ask for.
     #[arg(long)]
     pub overwrite: bool,
 }

@@ -11,8 +11,11 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use super::run;
 use crate::bundle::{Opened, key_name, verified};
-use crate::evidence::{Gravity, audit};
+use crate::evidence::{Gravity, RecordedRun, audit};
+use crate::families;
+use crate::kernel::Digest;
 use crate::llm::Cassette;
+use crate::objects::FamilyName;
 use crate::store;
 
 pub fn run(options: &VerifyOptions, jobs: usize) -> Result<Answer, Failure> {
@@ -74,9 +77,28 @@ fn stored(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path) -> R
     Ok(Answer { exit: exit_of(clean), ..Answer::new(text, object) })
 }
 
+/// Whether this build's families offer what those of the bundle offered: a contract counts into every question, so another one has no
+/// recorded answer. A run that closes parts of a contract is told by its first event.
+fn check_contracts(story: &RecordedRun, bundle: &Path) -> Result<(), Failure> {
+    let sources = families::sources();
+    let other = |(family, then): &(&FamilyName, &Digest)| -> bool {
+        sources.get(family).is_none_or(|source| source.contract.digest().is_ok_and(|now| now != **then))
+    };
+    let Some((family, _)) = story.opened.contracts.iter().filter(|_| story.opened.without.is_empty()).find(other)
+    else {
+        return Ok(());
+    };
+    Err(Failure::bad_input(format!(
+        "{}: made under other versions of meaning: the contract of family {family} has changed since, and its questions with it. Verify it with the \
+         build that made it, or `--stored` to hold the stored bytes against each other",
+        bundle.display()
+    )))
+}
+
 /// Derives every event again and simulates every rollout again.
 fn executed(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path, jobs: usize) -> Result<Answer, Failure> {
     check_versions(&opened.manifest, bundle)?;
+    check_contracts(&folder.story()?, bundle)?;
     let done = run::verify(&FolderArgs { run: Some(folder.dir.clone()) }, jobs)?;
     let rollouts = done.json["rollouts"]["simulated"].as_u64().unwrap_or_default();
     let mut events = 0u64;

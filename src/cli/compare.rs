@@ -168,7 +168,11 @@ fn text(first: &Side, second: &Side, rows: &[(String, Comparison)], changes: &[C
             Paired::HeldOut => "held-out",
             Paired::Evolution => "evolution",
         };
-        text += &format!("\n{name}: A {}, B {}; {} {suite} scenes, paired\n", of.first, of.second, of.scenes);
+        let left_out = match of.left_out {
+            [0, 0] => String::new(),
+            [a, b] => format!("; {a} more of A's and {b} of B's have no counterpart and count nowhere here"),
+        };
+        text += &format!("\n{name}: A {}, B {}; {} {suite} scenes, paired{left_out}\n", of.first, of.second, of.scenes);
         text += &format!("  {:<20} {:>24} {:>24} {:>26}\n", "", "A", "B", "B - A");
         for row in &of.quantities {
             let [a, b] = [row.first, row.second].map(|estimate| estimated(estimate, false));

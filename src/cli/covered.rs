@@ -1,17 +1,22 @@
 //! What the seal of a run covers: which files of its folder say what the sealed events say, and which nothing speaks for.
 
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 
 use super::folder::RunFolder;
+use crate::backend::RolloutCassette;
 use crate::evidence::RecordedRun;
 use crate::experiment::{Experiment, read_pool};
 use crate::kernel::Digest;
 use crate::llm::Cassette;
-use crate::objects::Exchange;
+use crate::objects::{Exchange, LineageId};
 use crate::store;
 
 /// Bytes that a result file may have.
 pub const RESULT_BYTES_MAX: u64 = 1 << 28;
+
+/// How parents name an ego that is a program of the experimenter's own.
+const OWN_EGO: &str = "command";
 
 /// What was found.
 #[derive(Debug, Default)]
@@ -54,6 +59,7 @@ pub fn coverage(folder: &RunFolder, story: &RecordedRun, read: bool) -> Coverage
     } else {
         if read {
             coverage.file("cassette.jsonl", cassette(folder, story));
+            coverage.damage.extend(rollouts(folder, story).err());
         }
         match (&story.result, folder.result().exists()) {
             (Some(_), _) => coverage.file("result.json", result(folder, story)),
@@ -116,6 +122,33 @@ fn cassette(folder: &RunFolder, story: &RecordedRun) -> Result<(), String> {
         "{}: expected the answer of the {role} to request {key}, found {found}; {lacking} of {} answers that the events name are lacking; {RESTORE}",
         path.display(),
         all.len()
+    ))
+}
+
+/// Every scene that was labelled against a driver of the backend has a recorded rollout there. Which one a label needs follows from
+/// its compiled program alone, which `verify` makes.
+fn rollouts(folder: &RunFolder, story: &RecordedRun) -> Result<(), String> {
+    let experiment = folder.read_experiment().map_err(|failure| failure.message)?;
+    let Some(options) = &experiment.simulator.backend else { return Ok(()) };
+    let path = folder.rollouts();
+    let recorded = RolloutCassette::load(&path).map_err(|error| error.to_string())?;
+    recorded.check(options).map_err(|error| error.to_string())?;
+    let (there, place) = (recorded.scenes(), path.display());
+    let asks = |lineage: &LineageId| {
+        let ego = story.parents.iter().find(|parent| parent.lineage == *lineage).map(|parent| parent.ego.as_str());
+        !options.drives() || ego == Some(OWN_EGO)
+    };
+    let labelled: BTreeSet<&str> = story
+        .scores()
+        .filter(|(lineage, ..)| asks(lineage))
+        .flat_map(|(.., score)| score.scenes.iter().map(|label| label.scene.as_str()))
+        .collect();
+    let lacking: Vec<&&str> = labelled.iter().filter(|scene| !there.contains(**scene)).collect();
+    let Some(first) = lacking.first() else { return Ok(()) };
+    Err(format!(
+        "{place}: expected a recorded rollout of every scene that was labelled, found none of {first}; {} of {} scenes are lacking; {RESTORE}",
+        lacking.len(),
+        labelled.len()
     ))
 }
 

@@ -45,7 +45,7 @@ const FRONTS_MAX: usize = 12;
 pub fn summary(
     experiment: &Experiment,
     folder: &RunFolder,
-    (result, choices): (&RunResult, &[Choice]),
+    (result, choices, unlabelled): (&RunResult, &[Choice], &[String]),
     root: Digest,
 ) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
@@ -71,6 +71,9 @@ pub fn summary(
     }
     if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
         let _ = writeln!(out, "\n{words}");
+    }
+    for told in unlabelled {
+        let _ = writeln!(out, "\n{told}");
     }
     let fronts = if result.lineages.len() <= FRONTS_MAX { &result.lineages[..] } else { &[] };
     if fronts.is_empty() {

@@ -16,8 +16,8 @@ use super::worker_process::Processes;
 use super::{behind, cost, left_out, models, overwriting, page, result_text};
 use crate::backend::{Answers, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers};
 use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study, Tools};
-use crate::evidence::RecordedRun;
 use crate::evidence::choice::Choice;
+use crate::evidence::{RecordedRun, unlabelled};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
@@ -58,13 +58,18 @@ fn replayed(
     if !folder.cassette().exists() {
         store::copy(path, &folder.cassette())?;
     }
-    if let Some(of) = behind::path(&job.experiment) {
-        store::copy(&of, &folder.rollouts())?;
+    let of = behind::path(&job.experiment);
+    // So do its rollouts.
+    if let Some(of) = of.as_ref().filter(|_| !folder.rollouts().exists()) {
+        store::copy(of, &folder.rollouts())?;
     }
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
-    let sources = Sources { ask: &replay, rollouts, mode: Mode::Reuse, purpose: Purpose::Carry };
+    let sources = Sources { ask: &replay, rollouts, mode: Mode::Reuse, purpose: Purpose::Carry, retold: true };
     let done = carry_out(job, folder, objects, &sources, interrupt)?;
     store::copy(path, &folder.cassette())?;
+    if let Some(of) = of {
+        store::copy(&of, &folder.rollouts())?;
+    }
     done.told(folder, rollouts, report)
 }
 
@@ -83,6 +88,8 @@ struct Sources<'a> {
     rollouts: Option<&'a dyn Answers>,
     mode: Mode,
     purpose: Purpose,
+    /// Whether those rollouts are recorded motion, and nobody is asked.
+    retold: bool,
 }
 
 /// What a run is carried out for.
@@ -149,7 +156,7 @@ fn carry_out_recording(
     let asked = rollouts.as_ref().map(|recorder| recorder as &dyn Answers);
     // What the store has was not asked of the recorder, and would be missing in the cassette.
     let mode = if asked.is_some() { Mode::Verify } else { Mode::Reuse };
-    let sources = Sources { ask: &recorder, rollouts: asked, mode, purpose: Purpose::Carry };
+    let sources = Sources { ask: &recorder, rollouts: asked, mode, purpose: Purpose::Carry, retold: false };
     let done = carry_out(job, folder, objects, &sources, interrupt)?;
     // The report comes behind the cassette: what was answered must not hang on a drawing.
     let cassette = recorder.into_cassette(&name, &[])?;
@@ -162,7 +169,7 @@ fn carry_out_recording(
         progress(format!("where the planner's files are not at hand, write into [driver]: digest = \"{digest}\""));
     }
     if let (Some(recorder), Some(path)) = (&rollouts, &recording.rollouts) {
-        keep_rollouts(recorder, folder, path, &name)?;
+        keep_rollouts(recorder, folder, recording, path)?;
     }
     folder.write_card(&name, None)?;
     folder.forget_what_was_set_aside()?;
@@ -190,11 +197,21 @@ fn rollout_recorder<'a>(
     Ok(Recorder::new(answers, before, asked, name))
 }
 
-fn keep_rollouts(recorder: &Recorder<'_>, folder: &RunFolder, path: &Path, name: &str) -> Result<(), Failure> {
-    let (cassette, failed) = recorder.cassette();
-    cassette.save(path, name)?;
-    store::copy(path, &folder.rollouts())?;
-    progress(format!("recorded {} rollouts in {}; {failed} of them failed", cassette.len(), path.display()));
+/// The folder keeps the rollouts of its run. The cassette keeps those of other runs too, which may have no other copy: another seed,
+/// other scenes, another file with the same planner.
+fn keep_rollouts(
+    recorder: &Recorder<'_>,
+    folder: &RunFolder,
+    recording: &Recording,
+    path: &Path,
+) -> Result<(), Failure> {
+    let (own, failed) = recorder.cassette();
+    let name = folder.card()?.name;
+    own.save(&folder.rollouts(), &name)?;
+    let (all, others) = if recording.overwrite { (own.clone(), 0) } else { own.clone().beside(path) };
+    all.save(path, &name)?;
+    let beside = if others == 0 { String::new() } else { format!(", beside {others} of other recordings") };
+    progress(format!("recorded {} rollouts in {}{beside}; {failed} of them failed", own.len(), path.display()));
     Ok(())
 }
 
@@ -254,7 +271,13 @@ fn again(folder: RunFolder, jobs: usize, mode: Mode, purpose: Purpose) -> Result
     let rollouts = behind::replay_of(&job.experiment, &folder)?;
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
     let interrupt = Interrupt::listen()?;
-    let done = carry_out(job, &folder, &objects, &Sources { ask: &replay, rollouts, mode, purpose }, &interrupt)?;
+    let done = carry_out(
+        job,
+        &folder,
+        &objects,
+        &Sources { ask: &replay, rollouts, mode, purpose, retold: true },
+        &interrupt,
+    )?;
     done.told(&folder, rollouts, purpose == Purpose::Carry)
 }
 
@@ -364,7 +387,13 @@ fn carry_out(
     }
     progress(cost::table(&cost));
     let (reused, simulated) = counts;
-    progress(format!("rollouts: {simulated} simulated, {reused} read from the store"));
+    let motion = match sources.rollouts.is_some() && sources.retold {
+        true => {
+            "; those of the planner or the other simulator were summed up again from recorded motion, and nobody was asked"
+        }
+        false => "",
+    };
+    progress(format!("rollouts: {simulated} simulated, {reused} read from the store{motion}"));
     Ok(Done { experiment, study, threads, result, root, counts })
 }
 
@@ -440,7 +469,7 @@ fn answer(
 ) -> Answer {
     let choices: Vec<Choice> =
         result.lineages.iter().filter_map(|of| Choice::of(story, &of.lineage, &experiment.selector)).collect();
-    let text = result_text::summary(experiment, folder, (result, &choices), root);
+    let text = result_text::summary(experiment, folder, (result, &choices, &unlabelled(story)), root);
     let object = json!({
         "name": experiment.name,
         "root": root,

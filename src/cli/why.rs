@@ -57,7 +57,12 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         let name = cell::cell_name(&table, named.row, &named.cell.column);
         let why =
             if named.row.missing() { "its lineages are missing in these runs" } else { "nothing there counts for it" };
-        return Err(Failure::bad_input(format!("{name} holds no number of ours: {why}")));
+        let ours: Vec<String> =
+            table.rows().filter(|row| row.cells.iter().any(|c| c.ours.is_some())).map(cell::row_name).collect();
+        return Err(Failure::bad_input(format!(
+            "{name} holds no number of ours: {why}; rows that hold some: {}",
+            ours.join(", ")
+        )));
     };
     let places = folders.iter().map(places).collect::<Result<Vec<_>, _>>()?;
     let why = Why { table: &table, named: &named, basis: &basis, bases: &bases, stories: &stories, places: &places };

@@ -30,7 +30,7 @@ pub fn handbook(study: &Study, spec: &LineageSpec) -> Result<Handbook, RunError>
 /// How the study labels and accepts.
 pub fn measures(study: &Study) -> Measures {
     let protocol = match &study.evaluation {
-        EvaluationOptions::Metadrive(options) => metadrive(options),
+        EvaluationOptions::Metadrive(options) => metadrive(options, study.simulator.avoidance.reaction_s),
         EvaluationOptions::Safebench { safebench } => Protocol::Safebench { limits: safebench_limits(safebench) },
     };
     let archive = &study.archive;
@@ -47,7 +47,7 @@ pub fn measures(study: &Study) -> Measures {
     Measures { protocol, acceptance, rule, tradeoff: !study.without.tradeoff }
 }
 
-fn metadrive(options: &MetadriveOptions) -> Protocol {
+fn metadrive(options: &MetadriveOptions, reaction_s: f64) -> Protocol {
     let names = |classes: &std::collections::BTreeSet<crate::sim::ContactClass>| {
         classes.iter().map(|class| class.name().to_string()).collect()
     };
@@ -57,6 +57,7 @@ fn metadrive(options: &MetadriveOptions) -> Protocol {
     Protocol::Metadrive {
         counts: names(&options.attack.counts),
         counts_if_avoidable: names(&options.attack.counts_if_avoidable),
+        reaction_s,
         when: options.attack.when.as_ref().map(|when| when.text().to_string()),
         metrics: options.metrics.iter().map(|(name, of)| (name.clone(), of.text().to_string())).collect(),
         diagnostics: options.realism.weights().into_iter().map(diagnostic).collect(),

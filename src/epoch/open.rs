@@ -14,7 +14,7 @@ use super::{
     study::{LineageSpec, Study},
 };
 use crate::adapters::ADAPTER_VERSION;
-use crate::evaluation::EVAL_VERSION;
+use crate::evaluation::{EVAL_VERSION, EvaluationOptions};
 use crate::kernel::Digest;
 use crate::lineage::LineageStore;
 use crate::memory::Memory;
@@ -44,6 +44,10 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
         models: study.models.iter().map(|(role, model)| (role.name().to_string(), model.label())).collect(),
         search: study.search.as_ref().map(|of| Searched { method: of.method.name().into(), rollouts: of.rollouts }),
         without: study.without.names().into_iter().map(String::from).collect(),
+        attack: match &study.evaluation {
+            EvaluationOptions::Metadrive(options) => options.attack.when.as_ref().map(|when| when.text().to_string()),
+            EvaluationOptions::Safebench { .. } => None,
+        },
     })
 }
 

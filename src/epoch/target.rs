@@ -9,6 +9,8 @@ use crate::objects::Objectives;
 pub struct Aims<'a> {
     /// The parent's labels on the window.
     pub parent: &'a ParentOutcome,
+    /// Whether the parent is the child of an accepted patch.
+    pub inherits: bool,
     /// The front, as measured on all scenes so far.
     pub front: &'a [Objectives],
     /// Least realism of a program that is reported, 1.
@@ -16,6 +18,16 @@ pub struct Aims<'a> {
     /// Realism and attack that a child may lose for more of the other, 1.
     pub epsilon_r: f64,
     pub epsilon_a: f64,
+}
+
+impl Aims<'_> {
+    fn meet(&self, needs: Needs) -> bool {
+        match needs {
+            Needs::Nothing => true,
+            Needs::OtherMembers => self.front.len() > 1,
+            Needs::InheritedEdits => self.inherits,
+        }
+    }
 }
 
 /// Realism from which there is nothing left to raise.
@@ -36,13 +48,30 @@ const REALISM: [&str; 5] = [
     "Look at who is chosen: an adversary from where the contact needs no violent motion.",
     "Look at timing: an earlier or longer change needs less acceleration.",
 ];
-const PORTFOLIO: [&str; 5] = [
-    "Take a member of the front and add the mechanism of another one.",
-    "Use a mechanism slot, an operator kind or a scene feature that no past edit used.",
-    "Split the scenes: one behaviour where the parent attacks, another one where it does not.",
-    "Trade: give up attack where a diagnostic is low, and seek it where realism is high.",
-    "Undo an inherited edit that costs more than it brings, and put a simpler one in its place.",
+const PORTFOLIO: [(Needs, &str); 6] = [
+    (Needs::OtherMembers, "Take the mechanism of another member of the front and add it to the parent."),
+    (Needs::Nothing, "Use a mechanism slot, an operator kind or a scene feature that no past edit used."),
+    (
+        Needs::Nothing,
+        "Use a slot of the contract that the parent leaves empty, such as a law, or a fallback between two ways.",
+    ),
+    (Needs::Nothing, "Split the scenes: one behaviour where the parent attacks, another one where it does not."),
+    (Needs::Nothing, "Trade: give up attack where a diagnostic is low, and seek it where realism is high."),
+    (
+        Needs::InheritedEdits,
+        "Undo an inherited edit that costs more than it brings, and put a simpler one in its place.",
+    ),
 ];
+
+/// What there must be, so that an instruction can be followed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Needs {
+    Nothing,
+    /// A front of more than the parent.
+    OtherMembers,
+    /// A parent that is a child itself.
+    InheritedEdits,
+}
 
 /// The target of a slot. `epoch` turns the list of instructions, so that an idea comes back only when all were asked for.
 pub fn target(aims: &Aims<'_>, epoch: u32, slot: u32, slots: u32) -> Target {
@@ -53,7 +82,13 @@ pub fn target(aims: &Aims<'_>, epoch: u32, slot: u32, slots: u32) -> Target {
         1 if realism < PERFECT => {
             Target { kind: TargetKind::RaiseRealism, text: raise_realism(aims), instruction: told(&REALISM) }
         }
-        2 => Target { kind: TargetKind::Diversify, text: widen(aims.front), instruction: told(&PORTFOLIO) },
+        2 => Target {
+            kind: TargetKind::Diversify,
+            text: widen(aims.front),
+            instruction: told(
+                &PORTFOLIO.iter().filter(|(needs, _)| aims.meet(*needs)).map(|of| of.1).collect::<Vec<_>>(),
+            ),
+        },
         // A parent whose realism cannot be raised has a second slot for attack, with another instruction.
         kind => Target {
             kind: TargetKind::RaiseAttack,
@@ -125,7 +160,8 @@ mod tests {
     }
 
     fn of(parent: &ParentOutcome, front: &[Objectives], epoch: u32, slot: u32) -> Target {
-        let aims = Aims { parent, front, realism_min: 0.95, epsilon_r: 0.01, epsilon_a: 0.02 };
+        let aims =
+            Aims { parent, inherits: front.len() > 1, front, realism_min: 0.95, epsilon_r: 0.01, epsilon_a: 0.02 };
         target(&aims, epoch, slot, 6)
     }
 
@@ -154,6 +190,22 @@ mod tests {
         assert_eq!(all.len(), 12, "{all:?}");
         let perfect = super::tests::parent(0.3, 1.0);
         assert_ne!(of(&perfect, &[], 0, 0).instruction, of(&perfect, &[], 0, 1).instruction);
+    }
+
+    /// The first epoch has one program and nothing inherited; later ones come round to every instruction.
+    #[test]
+    fn nobody_is_asked_for_what_there_is_not_yet() {
+        let parent = parent(0.3, 0.7);
+        let told = |front: &[Objectives]| -> BTreeSet<String> {
+            (0..20).flat_map(|epoch| [2, 5].map(|slot| of(&parent, front, epoch, slot).instruction)).collect()
+        };
+        let point = |attack, realism| Objectives { attack, realism };
+        let first = told(&[point(0.3, 0.7)]);
+        assert!(
+            first.len() == 4 && first.iter().all(|told| !told.contains("another member") && !told.contains("Undo")),
+            "{first:?}"
+        );
+        assert_eq!(told(&[point(0.3, 0.7), point(0.2, 0.9)]).len(), PORTFOLIO.len());
     }
 
     #[test]

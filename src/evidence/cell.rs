@@ -13,7 +13,8 @@ pub struct Named<'t> {
 
 /// `cat/idm/evolved` of a row's labels: lower case, words joined by hyphens.
 pub fn row_name(row: &Row) -> String {
-    row.labels.iter().map(|label| plain(label)).collect::<Vec<_>>().join("/")
+    let labels = row.labels.iter().map(|label| plain(label)).filter(|label| !label.is_empty());
+    labels.collect::<Vec<_>>().join("/")
 }
 
 /// The name of a cell.

@@ -19,8 +19,10 @@ pub mod paper;
 pub mod recorded_run;
 pub mod report;
 pub mod tables;
+mod unlabelled;
 pub mod why;
 pub mod world_text;
 
 pub use audit::{Finding, Gravity, audit};
 pub use recorded_run::{Reading, RecordedRun, RecordedRunError};
+pub use unlabelled::unlabelled;

@@ -55,7 +55,8 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
             return Err(refuse("files", missing, expected));
         }
     };
-    let folder = std::path::absolute(place.path_beside(Path::new("")))
+    // A file named without a folder lies in the working directory, and an empty path cannot be made absolute.
+    let folder = std::path::absolute(place.path_beside(Path::new(".")))
         .map_err(|error| refuse("folder", error.to_string(), "a folder in which the program can be started"))?;
     driver.insert("digest".into(), Value::String(digest.to_hex()));
     driver.insert("folder".into(), Value::String(folder.to_string_lossy().into_owned()));

@@ -70,6 +70,9 @@ pub struct Opened {
     /// Parts of the system that the run does without.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub without: Vec<String>,
+    /// The experiment's own expression of attack, where it has one: its attack is no other experiment's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attack: Option<String>,
 }
 
 /// How a run searches.

@@ -186,7 +186,7 @@ impl Lines {
         Some(())
     }
 
-    /// `read by <slots>:`, `<name>: meaning`, `<name>?: meaning` of one that is true or false, `<name> (<unit>): meaning`.
+    /// `read by <slots>:`, `<name>: meaning`, `<name> (bool): meaning` of one that is true or false, `<name> (<unit>): meaning`.
     fn feature(&mut self, line: &str) -> Option<()> {
         if let Some(readers) = line.strip_prefix("read by ") {
             self.read_by = readers.strip_suffix(':')?.split(", ").map(str::to_string).collect();
@@ -194,9 +194,9 @@ impl Lines {
         }
         let (head, _) = line.split_once(": ")?;
         let (name, said) = head.split_once(" (").map_or((head, ""), |(name, said)| (name, said.trim_end_matches(')')));
-        let (name, value, unit) = match name.strip_suffix('?') {
-            Some(name) => (name, "boolean", String::new()),
-            None => (name, "number", unit_of(name, said)),
+        let (value, unit) = match said {
+            "bool" => ("boolean", String::new()),
+            _ => ("number", unit_of(name, said)),
         };
         self.features.insert(name.into(), Feature { value: value.into(), unit });
         for reader in &self.read_by {

@@ -35,6 +35,7 @@ pub struct Needs {
     pub bystanders: bool,
     pub contact: bool,
     pub harm: bool,
+    pub way: bool,
 }
 
 impl Needs {
@@ -58,6 +59,7 @@ impl Needs {
                 "contact_angle_rad" | "meets_ego_front" | "meets_ego_flank" | "meets_ego_rear" | "strikes_ego"
                 | "struck_by_ego" | "seen_coming_s" => needs.contact = true,
                 "wrong_way_m" | "off_road_added_m" | "acceleration_added_mps2" | "jerk_added_mps3" => needs.harm = true,
+                "log_way_share" => needs.way = true,
                 _ => {}
             }
         }
@@ -69,7 +71,7 @@ impl Needs {
 pub fn features(candidate: &Candidate, judged: &Judged<'_>, needs: Needs) -> Vec<f64> {
     let mut values = Vec::with_capacity(vocabulary::CANDIDATE.len() + vocabulary::ACTOR.len());
     values.push(candidate.prior_log_probability);
-    let ego = if needs.ego { ego_relation(&candidate.samples, judged) } else { EgoRelation::default() };
+    let ego = if needs.ego || needs.way { ego_relation(&candidate.samples, judged) } else { EgoRelation::default() };
     values.extend([ego.distance_m_min, ego.approach_s, ego.speed_mps, ego.likelihood]);
     let motion = if needs.kinematics { kinematics(&candidate.samples, judged) } else { Kinematics::default() };
     values.extend([
@@ -98,6 +100,7 @@ pub fn features(candidate: &Candidate, judged: &Judged<'_>, needs: Needs) -> Vec
     ]);
     let harm = if needs.harm { harm(&candidate.samples, whose) } else { Harm::default() };
     values.extend([harm.wrong_way_m, harm.off_road_m, harm.acceleration_mps2, harm.jerk_mps3]);
+    values.push(if needs.way { log_way_share(until_contact(&candidate.samples, &ego), judged) } else { 0.0 });
     debug_assert_eq!(values.len(), vocabulary::CANDIDATE.len());
     values
 }
@@ -114,12 +117,15 @@ struct EgoRelation {
     approach_s: f64,
     speed_mps: f64,
     likelihood: f64,
+    /// Samples up to the first overlap and with it; all where there is none.
+    samples: usize,
 }
 
 fn ego_relation(samples: &[Sample], judged: &Judged<'_>) -> EgoRelation {
     let situation = judged.situation;
     let now = situation.scene.current_step;
-    let mut found = EgoRelation { distance_m_min: 200.0, approach_s: 20.0, ..EgoRelation::default() };
+    let mut found =
+        EgoRelation { distance_m_min: 200.0, approach_s: 20.0, samples: samples.len(), ..EgoRelation::default() };
     for (k, sample) in samples.iter().enumerate() {
         let step = judged.from_step + k;
         let (Some(ego), Some(body)) = (situation.ego.at(step), situation.ego.body(step)) else { break };
@@ -137,6 +143,7 @@ fn ego_relation(samples: &[Sample], judged: &Judged<'_>) -> EgoRelation {
         if distance == 0.0 {
             // First overlap: CAT's discount per 0.5 s.
             found.likelihood = num::pow(0.99, (k / 5 + 1) as f64);
+            found.samples = k + 1;
             break;
         }
     }
@@ -208,6 +215,34 @@ fn log_deviation_m(samples: &[Sample], judged: &Judged<'_>) -> f64 {
     let track = judged.situation.track(judged.actor);
     let steps = samples.iter().enumerate().filter_map(|(k, s)| Some((s, track.at(judged.from_step + k)?)));
     steps.map(|(own, log)| own.position.distance(log.position)).fold(0.0, f64::max)
+}
+
+fn until_contact<'s>(samples: &'s [Sample], ego: &EgoRelation) -> &'s [Sample] {
+    &samples[..ego.samples.min(samples.len())]
+}
+
+/// Shortest logged way of which a share is told, metres; the same as realism's.
+const LOGGED_WAY_M_MIN: f64 = 5.0;
+
+/// Arc length of the last sample's place along the logged way over that of the log at the same time: what the diagnostic
+/// `route_completion` measures of the simulated motion. 1 where the log has no such way.
+fn log_way_share(samples: &[Sample], judged: &Judged<'_>) -> f64 {
+    let Some(last) = samples.last() else { return 1.0 };
+    let track = judged.situation.track(judged.actor);
+    let from = judged.from_step.saturating_sub(1);
+    let logged = (from..judged.from_step + samples.len()).map_while(|k| track.at(k)).map(|sample| sample.position);
+    let way: Vec<_> = logged.collect();
+    let (mut way_m, mut driven_m, mut nearest_m) = (0.0, 0.0, f64::INFINITY);
+    for pair in way.windows(2) {
+        let step = pair[1] - pair[0];
+        let share = ((last.position - pair[0]).dot(step) / step.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+        let off_m = last.position.distance(pair[0].lerp(pair[1], share));
+        if off_m <= nearest_m {
+            (nearest_m, driven_m) = (off_m, way_m + share * step.norm());
+        }
+        way_m += step.norm();
+    }
+    if way_m < LOGGED_WAY_M_MIN { 1.0 } else { driven_m / way_m }
 }
 
 fn bystander_gap_m(samples: &[Sample], judged: &Judged<'_>) -> f64 {

@@ -8,6 +8,7 @@ use evodrive::compiler::{Compiled, Prepared, Situation};
 use evodrive::ego::Policy;
 use evodrive::families::{grammar, registry, sources};
 use evodrive::kernel::{Seed, num};
+use evodrive::motion::Candidate;
 use evodrive::objects::{
     FamilyName, LineageId, MechanismModule, Operation, Program, ProgramPatch, Setting, Slot, SolutionId, ValueType,
 };
@@ -15,6 +16,7 @@ use evodrive::scene::Sample;
 use evodrive::sim::{Action, rollout_assessed};
 use evodrive::stage::Source;
 use evodrive::stage::foreseen::{Whose, foreseen, harm};
+use evodrive::stage::judged::{Judged, Needs, feature, features};
 use evodrive::synth::WorldKind;
 
 use crate::scenes::{car, sample, straight, straight_road};
@@ -319,6 +321,32 @@ fn harm_is_what_a_candidate_adds_to_the_actors_own_record() {
     let (situation, against) = would(straight(sample(60.0, 0.0, num::PI, 10.0), 91));
     let wrong = harm(&against, whose(&situation)).wrong_way_m;
     assert!(beside > 5.0 && wrong > 20.0, "{beside} {wrong}");
+}
+
+/// What realism's route completion measures of the simulated motion, foreseen: by the end, and by the contact.
+#[test]
+fn the_share_of_the_logged_way_is_that_of_the_place_at_the_contact_or_the_end() {
+    let share = |candidate: Vec<Option<Sample>>| {
+        let (situation, samples) = would(candidate);
+        let judged = Judged { situation: &situation, actor: 0, from_step: 1, adversaries: &[0] };
+        let candidate = Candidate::new(samples, 0.0);
+        let values = features(&candidate, &judged, Needs::of(["log_way_share"]));
+        feature(&values, "log_way_share").unwrap()
+    };
+    let beside = |speed| straight(sample(-30.0, 3.5, 0.0, speed), 91);
+    assert!((share(beside(10.0)) - 1.0).abs() < 1e-9, "{}", share(beside(10.0)));
+    assert!((share(beside(5.0)) - 0.5).abs() < 1e-9, "{}", share(beside(5.0)));
+    assert!(share(beside(0.0)) < 1e-9 && share(beside(20.0)) == 1.0);
+    // It stops for good after 2 s, 20 m on: 20 of 90 m where nobody meets it.
+    let stops = |y| {
+        let place = |k: usize| Some(sample(-30.0 + (k as f64).min(20.0), y, 0.0, if k < 20 { 10.0 } else { 0.0 }));
+        (0..91).map(place).collect::<Vec<_>>()
+    };
+    assert!((share(stops(3.5)) - 20.0 / 90.0).abs() < 1e-9, "{}", share(stops(3.5)));
+    // From behind in the ego's lane, twice as fast, it strikes the ego within 4 s; where it is put after that counts for nothing.
+    let mut strikes = straight(sample(-30.0, 0.0, 0.0, 20.0), 91);
+    strikes[60..].fill(Some(sample(-30.0, 0.0, 0.0, 0.0)));
+    assert_eq!(share(strikes), 1.0);
 }
 
 /// CAT with its candidates reshaped behind their search, so that the same one is taken: the way that it commands.

@@ -126,6 +126,79 @@ fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     }
 }
 
+/// An experiment named without a folder, from its own; another seed's recording keeps the first one's rollouts; a replay that fails leaves a
+/// finished run as it was; and a folder with another run's rollouts is not called whole.
+#[test]
+fn one_cassette_holds_the_rollouts_of_several_recordings_and_no_failed_replay_moves_a_finished_run() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let home = folder.path();
+    copied(home, &["evodrive_driver.py", "idm.py"]);
+    experiment(home, "mine", &driver("idm.py").replace("mine.jsonl.zst", "motion.jsonl"));
+    let here = |args: &[&str]| Ran::of(evodrive().current_dir(home).args(args));
+    let root = here(&["record", "mine.toml", "--no-report", "--out", "a"]).root();
+    let other =
+        here(&["record", "mine.toml", "--no-report", "--out", "b", "--set", "scenes.seed=8", "--cassette", "o.jsonl"]);
+    let other_root = other.root();
+    assert!(other.stderr.contains(" of other recordings"), "{}", other.stderr);
+    assert_ne!(root, other_root);
+    // Both replay from the one cassette, and from their folders.
+    assert_eq!(here(&["run", "./mine.toml", "--no-report", "--out", "c"]).root(), root);
+    let again = ["run", "mine.toml", "--no-report", "--out", "d", "--set", "scenes.seed=8", "--cassette", "o.jsonl"];
+    assert_eq!(here(&again).root(), other_root);
+    let below = |out: &str| crate::harness::folder_below(&home.join(out));
+    let (first, second) = (below("a"), below("b"));
+    let kept = std::fs::read(first.join("rollouts.jsonl")).unwrap();
+    // With the second one's rollouts alone the first experiment has none, and its finished run keeps its own.
+    std::fs::write(home.join("motion.jsonl"), std::fs::read(second.join("rollouts.jsonl")).unwrap()).unwrap();
+    let failed = here(&["run", "mine.toml", "--no-report", "--out", "a"]);
+    assert!(failed.code != 0 && failed.stderr.contains("no recorded rollout"), "{}", failed.stderr);
+    assert_eq!(std::fs::read(first.join("rollouts.jsonl")).unwrap(), kept);
+    let (checked, verified) = (here(&["check", first.to_str().unwrap()]), here(&["verify", first.to_str().unwrap()]));
+    assert_eq!((checked.code, verified.code), (0, 0), "{} {}", checked.stderr, verified.stderr);
+    assert!(verified.stderr.contains("nobody was asked"), "{}", verified.stderr);
+    let whole = here(&["fsck", "--read", first.to_str().unwrap()]);
+    assert_eq!(whole.code, 0, "{} {}", whole.stdout, whole.stderr);
+    std::fs::copy(second.join("rollouts.jsonl"), first.join("rollouts.jsonl")).unwrap();
+    let damaged = here(&["fsck", "--read", first.to_str().unwrap()]);
+    let said = format!("{} {}", damaged.stdout, damaged.stderr);
+    assert!(damaged.code == 5 && said.contains("a recorded rollout of every scene"), "{said}");
+}
+
+/// A driver that ends where somebody is near has fewer labels, and is not to look safer for it.
+#[test]
+fn scenes_in_which_the_planner_ends_are_counted_where_the_result_is_told() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    copied(folder.path(), &["evodrive_driver.py", "idm.py"]);
+    let idm = std::fs::read_to_string(folder.path().join("idm.py")).unwrap();
+    let decide = "    def decide(self, scene, step):\n";
+    let ends = "        if SCENE_ENDS(scene):\n            raise ValueError('sensor lost')\n";
+    let which = "def SCENE_ENDS(scene):\n    return scene['scene'].endswith(('1', '3', '5', '7', '9'))\n\n\nclass ";
+    let text = idm.replace(decide, &format!("{decide}{ends}")).replacen("class ", which, 1);
+    std::fs::write(folder.path().join("idm.py"), text).unwrap();
+    let path = experiment(folder.path(), "mine", &driver("idm.py"));
+    let table = std::fs::read_to_string(&path).unwrap().replace("held_out = 3", "held_out = 6");
+    std::fs::write(&path, table).unwrap();
+    let recorded = Ran::of(evodrive().args([
+        "record",
+        path.to_str().unwrap(),
+        "--out",
+        folder.path().join("a").to_str().unwrap(),
+    ]));
+    assert_eq!(recorded.code, 0, "{}", recorded.stderr);
+    let told = recorded.stdout.lines().find(|line| line.contains("held-out scenes the parent is labelled in"));
+    let told = told.unwrap_or_else(|| panic!("{}", recorded.stdout));
+    assert!(told.contains("of 6 held-out scenes") && told.contains("sensor lost"), "{told}");
+    let page = crate::harness::folder_below(&folder.path().join("a")).join("report.html");
+    let report = crate::harness::report_data(&std::fs::read_to_string(page).unwrap());
+    assert_eq!(report[0]["unlabelled"], serde_json::json!([told]));
+}
+
 #[test]
 fn a_table_that_fits_no_lineage_is_refused_with_its_key() {
     let folder = tempfile::tempdir().unwrap();

@@ -107,6 +107,33 @@ fn a_metric_is_measured_in_every_scene_and_moves_nothing_else() {
     assert!(compared.stdout.contains("near_miss"), "{}", compared.stdout);
 }
 
+/// Attack of one's own: every table that prints it says what it is, has no row of the paper's beside it, and sets it against no other measure.
+#[test]
+fn an_attack_of_ones_own_is_named_wherever_it_is_printed() {
+    let when = "contact_adversary or ttc_s_min < 1.5";
+    let own = record(|folder| {
+        small(folder, |table| {
+            let mut attack = toml::Table::new();
+            attack.insert("when".into(), when.into());
+            for list in ["counts", "counts_if_avoidable"] {
+                attack.insert(list.into(), toml::Value::Array(Vec::new()));
+            }
+            table["evaluation"].as_table_mut().unwrap().insert("attack".into(), attack.into());
+        })
+    });
+    let plain = record(|folder| small(folder, |_| {}));
+    let (run, other) = (own.run.to_str().unwrap(), plain.run.to_str().unwrap());
+    let printed = evodrive(&["table", "metadrive-main", "--run", run]);
+    assert!(printed.stdout.contains("where the program acts: contact_adversary or ttc_s_min"), "{}", printed.stdout);
+    let line = |text: &str| text.lines().find(|line| line.starts_with("| cat")).unwrap_or_default().to_lowercase();
+    assert!(!line(&printed.stdout).contains("paper"), "{}", printed.stdout);
+    let mixed = evodrive(&["table", "attack-only", "--run", run, "--run", other]);
+    assert!(mixed.code == 2 && mixed.stderr.contains("two measures have no difference"), "{}", mixed.stderr);
+    assert_eq!(evodrive(&["table", "attack-only", "--run", run, "--run", run]).code, 0);
+    let report = report_data(&std::fs::read_to_string(own.run.join("report.html")).unwrap());
+    assert_eq!(report[0]["attack"], when);
+}
+
 #[test]
 fn a_metric_that_cannot_be_measured_is_refused_with_its_name() {
     let folder = tempfile::tempdir().unwrap();

@@ -8,8 +8,8 @@ use super::super::recorded_run::RecordedRun;
 use super::super::tables::compared;
 use super::beside::Beside;
 use super::terms::terms;
-use crate::evidence::audit;
 use crate::evidence::evaluator::Evolution;
+use crate::evidence::{audit, unlabelled};
 use crate::kernel::num;
 use crate::objects::{
     Attempt, Counselled, Exchange, Exit, LineageId, Origin, Role, Round, SceneScore, edit_categories,
@@ -54,6 +54,8 @@ pub fn of(story: &RecordedRun, beside: &Beside<'_>) -> Value {
         "counsels": story.counsels.iter().map(counsel).collect::<Vec<_>>(),
         "cost": beside.cost,
         "findings": audit(story),
+        "unlabelled": unlabelled(story),
+        "attack": story.opened.attack,
         "scenes": names.scenes,
         "diagnostics": names.diagnostics,
         "metrics": names.metrics,

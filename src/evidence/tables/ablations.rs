@@ -35,16 +35,18 @@ const fn column(
     Column { key, group, head, upward, form }
 }
 
-const ATTACK: Column = column("attack", "", "Attack", Some(true), Form::Rate);
-const REALISM: Column = column("realism", "", "Realism", Some(true), Form::Rate);
-const PF_AREA: Column = column("pf_area_at_3_pct", "", "PF-Area@3", Some(true), Form::Gain);
-const ATTACK_CHANGE: Column =
+pub(super) const ATTACK: Column = column("attack", "", "Attack", Some(true), Form::Rate);
+pub(super) const REALISM: Column = column("realism", "", "Realism", Some(true), Form::Rate);
+pub(super) const PF_AREA: Column = column("pf_area_at_3_pct", "", "PF-Area@3", Some(true), Form::Gain);
+pub(super) const ATTACK_CHANGE: Column =
     column("attack_change", "Against the whole", "Attack diff.", Some(true), Form::RateChange);
-const ATTACK_REL: Column = column("attack_change_pct", "Against the whole", "Attack rel.", Some(true), Form::Gain);
+pub(super) const ATTACK_REL: Column =
+    column("attack_change_pct", "Against the whole", "Attack rel.", Some(true), Form::Gain);
 const ATTACK_P: Column = column("attack_p_holm", "Against the whole", "Attack p", None, Form::Rate);
-const REALISM_CHANGE: Column =
+pub(super) const REALISM_CHANGE: Column =
     column("realism_change", "Against the whole", "Realism diff.", Some(true), Form::RateChange);
-const REALISM_REL: Column = column("realism_change_pct", "Against the whole", "Realism rel.", Some(true), Form::Gain);
+pub(super) const REALISM_REL: Column =
+    column("realism_change_pct", "Against the whole", "Realism rel.", Some(true), Form::Gain);
 const REALISM_P: Column = column("realism_p_holm", "Against the whole", "Realism p", None, Form::Rate);
 
 const COLUMNS: [Column; 9] =
@@ -56,10 +58,64 @@ const LINEAGES: Head = Head { key: "lineages", head: "Searches" };
 const PROPOSED: Head = Head { key: "proposed", head: "Proposed" };
 
 /// r(τ) of the scenes that the program acts in.
-const ACTED_REALISM: Reading = |scene| scene.acted.then_some(scene.realism);
+pub(super) const ACTED_REALISM: Reading = |scene| scene.acted.then_some(scene.realism);
+
+/// The run that a row of one of these tables is of, its place among those that the table was made from. Rows of one title follow
+/// each other as their runs do.
+pub(super) fn run_of(table: &Table, row: &Row, stories: &[RecordedRun]) -> Option<usize> {
+    let label = row.labels.first()?;
+    if label == PARENT {
+        return Some(0);
+    }
+    let before = table.rows().take_while(|other| !std::ptr::eq(*other, row)).filter(|other| other.labels == row.labels);
+    let fits = |story: &RecordedRun| match row.labels.get(1) {
+        Some(slots) => width(story).to_string() == *slots && has(story, row),
+        None => title(story) == *label,
+    };
+    stories.iter().enumerate().filter(|(_, story)| fits(story)).map(|(place, _)| place).nth(before.count())
+}
+
+fn has(story: &RecordedRun, row: &Row) -> bool {
+    row.lineages.iter().all(|id| story.parents.iter().any(|parent| parent.lineage.as_str() == id))
+}
+
+/// The run that differences of another one are taken from.
+pub(super) fn whole_of(table: &Table, run: usize, stories: &[RecordedRun]) -> Option<usize> {
+    let whole = match table.name {
+        "attack-only" => Some(0),
+        "without" => stories.get(..=run)?.iter().rposition(|story| story.opened.without.is_empty()).or(Some(0)),
+        _ => None,
+    };
+    whole.filter(|whole| *whole != run)
+}
+
+/// What a run is called in a row: its method, and what it leaves out; the run's own name behind it.
+fn title(story: &RecordedRun) -> String {
+    let opened = &story.opened;
+    let what = match (opened.without.as_slice(), method(story)) {
+        ([], method) => method.to_string(),
+        (parts, "pareto") => format!("without {}", parts.join(", ")),
+        (parts, method) => format!("{method} without {}", parts.join(", ")),
+    };
+    format!("{what} ({})", opened.name)
+}
+
+fn method(story: &RecordedRun) -> &str {
+    story.opened.search.as_ref().map_or("pareto", |search| &search.method)
+}
+
+/// K.
+fn width(story: &RecordedRun) -> u32 {
+    story.frozen.first().map_or(0, |frozen| frozen.slots)
+}
+
+/// Title of the row of the parents.
+pub(super) const PARENT: &str = "parent (no search)";
 
 /// The paper's row of a method: attack, realism, and their changes in percent.
-fn printed(method: &str) -> Option<Figures> {
+fn printed(story: &RecordedRun) -> Option<Figures> {
+    // The paper has none under a measure of the experimenter's own.
+    let method = Some(method(story)).filter(|_| story.opened.attack.is_none())?;
     let figures = match method {
         "pareto" => [0.400, 0.983, 0.0, 0.0],
         "attack_only" => [0.210, 0.933, -47.5, -5.0],
@@ -77,24 +133,18 @@ struct Ablation<'a> {
 
 impl<'a> Ablation<'a> {
     fn all(stories: &'a [RecordedRun]) -> Result<Vec<Ablation<'a>>, TableError> {
+        notes::one_attack(stories)?;
         let one =
             |story: &'a RecordedRun| Ok(Ablation { story, lineages: labels::lineages(std::slice::from_ref(story))? });
         stories.iter().map(one).collect()
     }
 
     fn method(&self) -> &str {
-        self.story.opened.search.as_ref().map_or("pareto", |search| &search.method)
+        method(self.story)
     }
 
-    /// What it is called in a row: its method, and what it leaves out; the run's own name behind it.
     fn title(&self) -> String {
-        let opened = &self.story.opened;
-        let what = match (opened.without.as_slice(), self.method()) {
-            ([], method) => method.to_string(),
-            (parts, "pareto") => format!("without {}", parts.join(", ")),
-            (parts, method) => format!("{method} without {}", parts.join(", ")),
-        };
-        format!("{what} ({})", opened.name)
+        title(self.story)
     }
 
     /// A reading of the programs on one side.
@@ -240,6 +290,7 @@ fn told(stories: &[RecordedRun], all: &[Ablation<'_>], compared: String) -> Vec<
             ));
         }
     }
+    told.extend(notes::own_attack(stories));
     told.extend(stories.iter().map(notes::run));
     told.extend(notes::different_versions(stories));
     told
@@ -259,7 +310,7 @@ fn cheapest(whole: &Ablation<'_>) -> Vec<Row> {
         whole.quantity(Side::Parent, ACTED_REALISM),
     ]);
     let numbers = [ATTACK.key, REALISM.key].into_iter().zip(found).filter_map(|(key, of)| Some((key, of?))).collect();
-    let mut parent = whole.row("parent (no search)".into(), &numbers, None);
+    let mut parent = whole.row(PARENT.into(), &numbers, None);
     for row in [&mut idle, &mut parent] {
         row.counts[3..].fill(0);
         row.proposals = "none".into();
@@ -272,13 +323,13 @@ pub fn attack_only(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = Ablation::all(stories)?;
     let Some((whole, others)) = all.split_first() else { return Err(TableError::NoRuns) };
     let mut rows = cheapest(whole);
-    rows.push(whole.row(whole.title(), &whole.own_numbers(), printed(whole.method()).as_ref()));
+    rows.push(whole.row(whole.title(), &whole.own_numbers(), printed(whole.story).as_ref()));
     let pending = others.iter().map(|one| {
         let mut numbers = one.own_numbers();
         let p = compared(one, whole, &mut numbers);
         // The paper's one row of OpenEvolve stands beside the first of ours.
         let first = others.iter().find(|other| other.method() == one.method());
-        let figures = printed(one.method()).filter(|_| first.is_some_and(|first| std::ptr::eq(first, one)));
+        let figures = printed(one.story).filter(|_| first.is_some_and(|first| std::ptr::eq(first, one)));
         Pending { row: one.row(one.title(), &numbers, figures.as_ref()), numbers, figures, p }
     });
     rows.extend(corrected(pending.collect()));
@@ -312,15 +363,24 @@ pub fn without(stories: &[RecordedRun]) -> Result<Table, TableError> {
     table("without", part, stories, told(stories, &all, compared))
 }
 
-const YIELD: Column = column("accepted_of_simulated_pct", "", "Accepted of simulated", Some(true), Form::Percent);
+pub(super) const YIELD: Column =
+    column("accepted_of_simulated_pct", "", "Accepted of simulated", Some(true), Form::Percent);
 const SERIAL_H: Column = column("serial_h", "Wall clock", "Serial, h", None, Form::Rate);
 const PARALLEL_H: Column = column("parallel_h", "Wall clock", "Parallel, h", None, Form::Rate);
 const SPEEDUP: Column = column("speedup", "Wall clock", "Speed-up", Some(true), Form::Rate);
-const PROPOSED_MEAN: Column = column("proposed", "A search", "Proposed", None, Form::Rate);
-const SIMULATED_MEAN: Column = column("simulated", "A search", "Simulator-eval.", None, Form::Rate);
-const ACCEPTED_MEAN: Column = column("validated", "A search", "Validated", Some(true), Form::Rate);
+pub(super) const PROPOSED_MEAN: Column = column("proposed", "A search", "Proposed", None, Form::Rate);
+pub(super) const SIMULATED_MEAN: Column = column("simulated", "A search", "Simulator-eval.", None, Form::Rate);
+pub(super) const ACCEPTED_MEAN: Column = column("validated", "A search", "Validated", Some(true), Form::Rate);
 const WIDTH_COLUMNS: [Column; 9] =
     [PROPOSED_MEAN, SIMULATED_MEAN, ACCEPTED_MEAN, YIELD, SERIAL_H, PARALLEL_H, SPEEDUP, ATTACK, REALISM];
+
+pub(super) fn simulated(attempt: &Attempt) -> bool {
+    attempt.exit.decision().is_some()
+}
+
+pub(super) fn accepted(attempt: &Attempt) -> bool {
+    attempt.exit.decision().is_some_and(|decision| decision.gates.any())
+}
 
 /// The paper's row of a family against IDM at a width.
 fn printed_width(family: &str, slots: u32) -> Option<Figures> {
@@ -380,8 +440,8 @@ fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
     let counted = |holds: fn(&Attempt) -> bool| {
         mean(&|lineage: &LineageId| one.attempts(lineage).filter(|attempt| holds(attempt)).count() as f64)
     };
-    let simulated = counted(|attempt| attempt.exit.decision().is_some());
-    let accepted = counted(|attempt| attempt.exit.decision().is_some_and(|decision| decision.gates.any()));
+    let simulated = counted(simulated);
+    let accepted = counted(accepted);
     let [serial, parallel] = [0, 1].map(|way| mean(&|lineage: &LineageId| wall_clock_s(one, lineage)[way]));
     let mut numbers = searches.own_numbers();
     let plain = [
@@ -396,9 +456,9 @@ fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
     if simulated > 0.0 {
         numbers.insert(YIELD.key, Estimate::plain(100.0 * accepted / simulated));
     }
-    let slots = one.story.frozen.first().map_or(0, |frozen| frozen.slots);
+    let slots = width(one.story);
     let name = format!("{} + {}", of[0].name, paper::policy(&of[0].ego));
-    let figures = printed_width(&of[0].name, slots).filter(|_| of[0].ego == "idm");
+    let figures = printed_width(&of[0].name, slots).filter(|_| of[0].ego == "idm" && one.story.opened.attack.is_none());
     let mut row = searches.row(name, &numbers, None);
     row.counts[4] = of.iter().map(|lineage| one.attempts(&lineage.lineage).count()).sum();
     row.labels.push(slots.to_string());
@@ -408,6 +468,7 @@ fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
 
 #[cfg(test)]
 mod tests {
+    use super::super::bases::Bases;
     use super::super::layout::Table;
     use super::super::tests::{CAT, add, attempt, near, run};
     use super::*;
@@ -484,6 +545,40 @@ mod tests {
         near(value(&table, "CAT + IDM", SPEEDUP.key), 80.0 / 50.0);
         near(value(&table, "CAT + IDM", PROPOSED_MEAN.key), 2.0);
         near(value(&table, "CAT + IDM", SIMULATED_MEAN.key), 0.0);
+    }
+
+    /// Every number but p-values, wall clocks and the zero of no program comes out again of labels and proposals.
+    #[test]
+    fn every_number_comes_out_of_its_basis() {
+        let mut stories = vec![
+            story("whole", "pareto", &[], false),
+            story("no-critics", "pareto", &["critics"], true),
+            story("routed", "pareto", &[], true),
+            story("no-audit", "pareto", &["audit"], false),
+        ];
+        stories[1].attempts.push(attempt("cat-idm", 0, Exit::Declined { reason: "no patch".into() }));
+        let untold = [ATTACK_P.key, REALISM_P.key, SERIAL_H.key, PARALLEL_H.key, SPEEDUP.key];
+        let mut told = BTreeSet::new();
+        for table in [attack_only(&stories).unwrap(), without(&stories).unwrap(), kwidth(&stories).unwrap()] {
+            let bases = Bases::of(&table, &stories).unwrap();
+            for row in table.rows() {
+                for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
+                    let (key, ours) = (cell.column.key, cell.ours.unwrap().value);
+                    let Some(basis) = bases.basis(&table, row, key) else {
+                        assert!(
+                            untold.contains(&key) || row.labels[0] == REPLAY,
+                            "{} {:?} {key}",
+                            table.name,
+                            row.labels
+                        );
+                        continue;
+                    };
+                    near(basis.value().unwrap(), ours);
+                    told.insert((table.name, key));
+                }
+            }
+        }
+        assert!(told.len() >= 7 + 6 + 5, "{told:?}");
     }
 
     #[test]

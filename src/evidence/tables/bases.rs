@@ -7,7 +7,7 @@ use super::basis::{Basis, Combine, LabelRead, Leaf, Piece, Selected};
 use super::error::TableError;
 use super::labels::{self, LineageLabels, ReplayLabels, Side};
 use super::layout::{REPLAY, Row, Table};
-use super::shares::Spec;
+use super::shares::{Spec, is_of};
 use super::{contacts, critics, metadrive, paper, proposals, safebench};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
@@ -17,10 +17,12 @@ use crate::objects::{SceneScore, SolutionId};
 
 /// Where the cells of a table come from.
 pub struct Bases<'s> {
-    stories: &'s [RecordedRun],
+    pub(super) stories: &'s [RecordedRun],
     /// By run: labels by program and scene.
     labels: Vec<BTreeMap<(&'s SolutionId, &'s str), &'s SceneScore>>,
     lineages: Vec<LineageLabels>,
+    /// By run: its lineages, in tables that compare runs.
+    pub(super) searched: Vec<Vec<LineageLabels>>,
     archives: Vec<LineageArchive>,
     replays: Vec<ReplayLabels>,
 }
@@ -33,8 +35,11 @@ impl<'s> Bases<'s> {
             scores.flat_map(|(_, of, _, score)| score.scenes.iter().map(move |l| ((of, l.scene.as_str()), l))).collect()
         };
         let (recorded, staged) = (table.name.starts_with("metadrive"), table.name.starts_with("safebench"));
+        let compared = matches!(table.name, "attack-only" | "without" | "kwidth");
+        let own = |story| labels::lineages(std::slice::from_ref(story));
         Ok(Bases {
             stories,
+            searched: if compared { stories.iter().map(own).collect::<Result<_, _>>()? } else { Vec::new() },
             labels: stories.iter().map(labelled).collect(),
             lineages: if recorded { labels::lineages(stories)? } else { Vec::new() },
             archives: if staged { archives::lineages(stories)? } else { Vec::new() },
@@ -72,6 +77,7 @@ impl<'s> Bases<'s> {
             }
             "proposals" => Some(self.counted(&proposals::SPEC, row, key)),
             "actor-critic" => Some(self.counted(&critics::SPEC, row, key)),
+            "attack-only" | "without" | "kwidth" => self.of_searches(table, row, key),
             _ => None,
         }
     }
@@ -93,7 +99,7 @@ impl<'s> Bases<'s> {
             return Some(Basis { terms, ..Basis::of(formula, Combine::Relative, Vec::new()) });
         }
         if key == metadrive::FRONTIER {
-            return Some(self.frontier(row));
+            return Some(self.frontier(self.lineages_of(row)));
         }
         let (side, reading) = metadrive::read_of(key)?;
         if side == Side::Endpoint && self.lineages_of(row).any(|l| l.endpoint.is_none()) {
@@ -102,8 +108,18 @@ impl<'s> Bases<'s> {
         Some(self.means(row, side, key, Box::new(reading)))
     }
 
-    /// Means of a reading over held-out labels.
     fn means(&self, row: &Row, side: Side, key: &str, read: LabelRead) -> Basis {
+        self.means_of(self.lineages_of(row), side, &words(key), read)
+    }
+
+    /// Means of a reading over held-out labels.
+    pub(super) fn means_of<'l>(
+        &self,
+        lineages: impl Iterator<Item = &'l LineageLabels>,
+        side: Side,
+        what: &str,
+        read: LabelRead,
+    ) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
             let (run, story, result) = self.result(&l.run, l.lineage.as_str())?;
             let programs = programs(side, result);
@@ -120,14 +136,14 @@ impl<'s> Bases<'s> {
             let value = num::mean(&leaves.iter().filter_map(|leaf| leaf.value).collect::<Vec<f64>>());
             Some(part_of(l, run, programs, value, leaves))
         };
-        let parts = self.lineages_of(row).filter_map(part).collect();
+        let parts = lineages.filter_map(part).collect();
         let change = if side == Side::Change { "evolved minus parent, scene by scene, of " } else { "" };
-        let formula = format!("{MEANS} {change}{}", words(key));
+        let formula = format!("{MEANS} {change}{what}");
         Basis { read: Some(read), ..Basis::of(formula, Combine::Means, parts) }
     }
 
     /// PF-Area@3 as the sealed results have it, with the held-out labels of the parent and of the chosen descendants.
-    fn frontier(&self, row: &Row) -> Basis {
+    pub(super) fn frontier<'l>(&self, lineages: impl Iterator<Item = &'l LineageLabels>) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
             let (run, story, result) = self.result(&l.run, l.lineage.as_str())?;
             let counts = |roles: &[String]| roles.iter().any(|role| role == "parent" || role == "descendant");
@@ -140,7 +156,7 @@ impl<'s> Bases<'s> {
         let formula = format!(
             "{SEARCHES} PF-Area@3 as sealed in the result: 100 times the frontier area that up to three descendants add to the parent's, over the parent's, on held-out objectives"
         );
-        Basis::of(formula, Combine::Means, self.lineages_of(row).filter_map(part).collect())
+        Basis::of(formula, Combine::Means, lineages.filter_map(part).collect())
     }
 
     /// Means over the scenes without a program.
@@ -291,7 +307,8 @@ impl<'s> Bases<'s> {
             let own = story
                 .parents
                 .iter()
-                .filter(|p| p.program.source_family.as_str() == family && paper::policy(&p.ego) == policy);
+                .filter(|p| is_of(&family, p.program.source_family.as_str(), &story.opened.name))
+                .filter(|p| paper::policy(&p.ego) == policy);
             for parent in own {
                 let attempts = story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage);
                 let leaf = |attempt: &crate::objects::Attempt| {

@@ -19,6 +19,10 @@ pub(super) enum Combine {
     Pooled,
     /// 100 (after - before) / before of the two terms.
     Relative,
+    /// The second term minus the first, paired by lineage and scene; scenes that count in both.
+    Paired,
+    /// 100 times the first term over the second.
+    Percent,
 }
 
 /// Where a number comes from.
@@ -95,6 +99,11 @@ impl Basis {
                 let [before, after] = [self.terms.first()?.value()?, self.terms.get(1)?.value()?];
                 (before > 0.0).then(|| 100.0 * (after - before) / before)
             }
+            Combine::Paired => self.paired(),
+            Combine::Percent => {
+                let [part, whole] = [self.terms.first()?.value()?, self.terms.get(1)?.value()?];
+                (whole > 0.0).then(|| 100.0 * part / whole)
+            }
             Combine::Pooled => {
                 let counted: Vec<f64> = self.leaves().filter_map(|(_, leaf)| leaf.value).collect();
                 let holds = counted.iter().filter(|value| **value > 0.0).count();
@@ -105,6 +114,22 @@ impl Basis {
                 num::mean(&means?)
             }
         }
+    }
+
+    /// Mean over searches of the mean over repetitions of the mean over paired scenes.
+    fn paired(&self) -> Option<f64> {
+        let (before, after) = (self.terms.first()?, self.terms.get(1)?);
+        let of_part = |part: &Piece| -> Option<f64> {
+            let other = before.parts.iter().find(|other| other.lineage == part.lineage)?;
+            let value = |leaf: &Leaf| {
+                let same = other.leaves.iter().find(|other| other.name == leaf.name)?;
+                Some(leaf.value? - same.value?)
+            };
+            num::mean(&part.leaves.iter().filter_map(value).collect::<Vec<f64>>())
+        };
+        let of_search =
+            |parts: &Vec<&Piece>| num::mean(&parts.iter().filter_map(|part| of_part(part)).collect::<Vec<_>>());
+        num::mean(&after.searches().iter().map(of_search).collect::<Option<Vec<f64>>>()?)
     }
 
     fn mean_of(&self, parts: &[&Piece]) -> Option<f64> {

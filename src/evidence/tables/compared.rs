@@ -36,6 +36,8 @@ pub struct Comparison {
     pub second: SolutionId,
     pub on: Paired,
     pub scenes: usize,
+    /// Labelled scenes of each that the other has no label of: no number here rests on them.
+    pub left_out: [usize; 2],
     pub quantities: Vec<Compared>,
 }
 
@@ -63,8 +65,9 @@ pub fn compared(first: (&RecordedRun, &SolutionId), second: (&RecordedRun, &Solu
             shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), &pairs));
         let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, &pairs));
         let quantities = shipped.chain(own).collect();
+        let left_out = [of_first.len(), of_second.len()].map(|all| all - pairs.len());
         let (first, second) = (first.1.clone(), second.1.clone());
-        Some(Comparison { first, second, on, scenes: pairs.len(), quantities })
+        Some(Comparison { first, second, on, scenes: pairs.len(), left_out, quantities })
     })
 }
 

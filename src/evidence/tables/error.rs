@@ -19,6 +19,11 @@ pub enum TableError {
     Twice { row: String, ego: String, first: String, second: String },
     #[error("run {run} followed {found}; its tables are {tables}")]
     OtherProtocol { run: String, found: &'static str, tables: &'static str },
+    #[error(
+        "attack of run {first} is `{of_first}`, that of run {second} is `{of_second}`: two measures have no difference; name runs of \
+         experiments with one [evaluation.attack]"
+    )]
+    OtherAttack { first: String, of_first: String, second: String, of_second: String },
     #[error("run {run}: the archive of lineage {lineage} {what}; derive the run again with `evodrive replay`")]
     Archive { run: String, lineage: LineageId, what: String },
     #[error("run {run}: {error}")]

@@ -297,6 +297,7 @@ fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>)
             bootstrap::SEED.0
         ),
     ];
+    told.extend(notes::own_attack(stories));
     told.extend(average);
     if !all.iter().any(|l| paper::policy_name(&l.ego) == Some("RL")) {
         told.push("The paper's learned ego (RL) is absent: no run named here has one.".into());

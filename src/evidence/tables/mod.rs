@@ -4,6 +4,7 @@ mod ablations;
 mod applied;
 mod archives;
 mod bases;
+mod bases_searched;
 mod basis;
 mod bootstrap;
 mod cells;

@@ -54,6 +54,32 @@ pub fn run(story: &RecordedRun) -> String {
     )
 }
 
+/// Whose attack is the experiment's own expression, and what that is.
+pub fn own_attack(stories: &[RecordedRun]) -> Vec<String> {
+    let own = |story: &RecordedRun| {
+        let when = story.opened.attack.as_ref()?;
+        Some(format!(
+            "Attack of run {} is the experiment's own, where the program acts: {when}. No row of the paper's stands beside it.",
+            labels::run_name(story)
+        ))
+    };
+    stories.iter().filter_map(own).collect()
+}
+
+/// Refuses runs whose attacks are different measures: their difference says nothing.
+pub fn one_attack(stories: &[RecordedRun]) -> Result<(), TableError> {
+    let Some(pair) = stories.windows(2).find(|pair| pair[0].opened.attack != pair[1].opened.attack) else {
+        return Ok(());
+    };
+    let told = |story: &RecordedRun| story.opened.attack.clone().unwrap_or_else(|| "the protocol's".into());
+    Err(TableError::OtherAttack {
+        first: labels::run_name(&pair[0]),
+        of_first: told(&pair[0]),
+        second: labels::run_name(&pair[1]),
+        of_second: told(&pair[1]),
+    })
+}
+
 /// Whether the runs may not be compared without more ado.
 pub fn different_versions(stories: &[RecordedRun]) -> Option<String> {
     let differ = stories.windows(2).any(|pair| pair[0].opened.versions != pair[1].opened.versions);

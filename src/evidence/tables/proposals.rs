@@ -90,6 +90,7 @@ pub fn proposals(stories: &[RecordedRun]) -> Result<Table, TableError> {
 mod tests {
     use serde_json::{Value, json};
 
+    use super::super::bases::Bases;
     use super::super::tests::{CAT, add, attempt, run, simulated};
     use super::proposals;
     use crate::objects::attempt::{Exchange, Round};
@@ -151,5 +152,36 @@ mod tests {
         assert_eq!([share("evaluated_pct"), share("accepted_pct"), share("not_simulated_pct")], [50.0, 25.0, 25.0]);
         assert_eq!(share("without_effect_pct"), 50.0, "of the two that were simulated");
         assert!((share("numbers_only_pct") - 100.0 / 3.0).abs() < 1e-9, "of the three patches");
+    }
+
+    /// Runs of one proposer are told in one row, those of two in two, and each cell comes out of its own run's proposals.
+    #[test]
+    fn what_two_proposers_did_is_told_apart() {
+        let made = |name: &str, model: &str, attempts: Vec<Attempt>| {
+            let mut story = run(name, &[("actor", model)]);
+            add(&mut story, &CAT);
+            story.attempts = attempts;
+            story
+        };
+        let declined = || attempt("cat-idm", 0, Exit::Declined { reason: "no JSON".into() });
+        let taken = || proposed(1, simulated(RouteDecision::Select, true, 0.1), &[json!(2.0)], 0);
+        let stories = [
+            made("rules", "scripted (s, s)", vec![declined(), taken()]),
+            made("agent", "exchange (a, a)", vec![taken()]),
+        ];
+        let table = proposals(&stories).unwrap();
+        let told: Vec<(&str, f64, usize)> = table
+            .rows()
+            .map(|row| (row.labels[0].as_str(), row.cell("declined_pct").ours.unwrap().value, row.counts[0]))
+            .collect();
+        assert_eq!(told, [("cat (agent)", 0.0, 1), ("cat (rules)", 50.0, 2)]);
+        let bases = Bases::of(&table, &stories).unwrap();
+        for row in table.rows() {
+            let basis = bases.basis(&table, row, "declined_pct").unwrap();
+            assert_eq!(basis.value(), Some(row.cell("declined_pct").ours.unwrap().value), "{:?}", row.labels);
+        }
+        let together = [made("a", "scripted (s, s)", vec![declined()]), made("b", "scripted (s, s)", vec![taken()])];
+        let table = proposals(&together).unwrap();
+        assert_eq!(table.rows().map(|row| row.labels[0].as_str()).collect::<Vec<_>>(), ["cat"]);
     }
 }

@@ -1,6 +1,6 @@
 //! Tables of shares of proposals, a row a source family and ego over all its lineages.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::Estimate;
 use super::error::TableError;
@@ -63,10 +63,13 @@ impl Spec {
 
 /// The table of these runs.
 pub(super) fn table(spec: &Spec, stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let mut rows: BTreeMap<(String, String), Group<'_>> = BTreeMap::new();
+    let mut rows: BTreeMap<(String, String, Option<String>), Group<'_>> = BTreeMap::new();
+    // What two proposers did is told apart; runs of one proposer are told together.
+    let kinds: BTreeSet<String> = stories.iter().map(labels::proposals).collect();
     for story in stories {
+        let run = (kinds.len() > 1).then(|| story.opened.name.clone());
         for parent in &story.parents {
-            let key = (parent.program.source_family.to_string(), parent.ego.clone());
+            let key = (parent.program.source_family.to_string(), parent.ego.clone(), run.clone());
             let group = rows.entry(key).or_default();
             group.lineages.push(parent.lineage.to_string());
             group.attempts.extend(story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage));
@@ -85,7 +88,7 @@ pub(super) fn table(spec: &Spec, stories: &[RecordedRun]) -> Result<Table, Table
             name: spec.name.into(),
             title: spec.title.into(),
             source: spec.source,
-            rows: rows.into_iter().map(|((family, ego), group)| group.row(spec, family, &ego)).collect(),
+            rows: rows.into_iter().map(|((family, ego, run), group)| group.row(spec, &family, &ego, run)).collect(),
         }],
         runs: notes::runs(stories)?,
         notes: told,
@@ -101,7 +104,7 @@ struct Group<'a> {
 }
 
 impl Group<'_> {
-    fn row(self, spec: &Spec, family: String, ego: &str) -> Row {
+    fn row(self, spec: &Spec, family: &str, ego: &str, run: Option<String>) -> Row {
         let count = |holds: &dyn Fn(&Attempt) -> bool| self.attempts.iter().filter(|attempt| holds(attempt)).count();
         let share = |share: &Share| {
             let (all, found) =
@@ -110,9 +113,9 @@ impl Group<'_> {
         };
         let numbers: Numbers = spec.shares.iter().filter_map(share).collect();
         let counts: Vec<usize> = spec.counts.iter().map(|(_, counts)| count(counts)).collect();
-        let figures = (spec.figures)(&family, ego);
+        let figures = (spec.figures)(family, ego);
         Row {
-            labels: vec![family, paper::policy(ego)],
+            labels: vec![of_run(family, run.as_deref()), paper::policy(ego)],
             cells: Cell::row(&spec.columns(), &numbers, figures.as_ref()),
             counts: counts.into_iter().chain([self.lineages.len()]).collect(),
             lineages: self.lineages,
@@ -120,4 +123,14 @@ impl Group<'_> {
             notes: Vec::new(),
         }
     }
+}
+
+/// A family's label in a row of all runs, or of one.
+fn of_run(family: &str, run: Option<&str>) -> String {
+    run.map_or_else(|| family.to_string(), |run| format!("{family} ({run})"))
+}
+
+/// Whether a row's label is of a family's proposals in a run.
+pub(super) fn is_of(label: &str, family: &str, run: &str) -> bool {
+    label == family || label == of_run(family, Some(run))
 }

@@ -36,6 +36,7 @@ pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedR
             models: models.iter().map(text).collect(),
             search: None,
             without: Vec::new(),
+            attack: None,
         },
         parents: Vec::new(),
         composed: Vec::new(),

@@ -48,13 +48,20 @@ pub fn read(answer: &Value) -> Result<Said, String> {
         _ => End::Whole,
     };
     let metadata = Metadata {
-        model: text_at(answer, "/model").unwrap_or_default(),
+        model: text_at(answer, "/model").map(|said| without_folder(&said).to_string()).unwrap_or_default(),
         finish_reason,
         input_tokens: count_at(answer, "/usage/prompt_tokens"),
         output_tokens: count_at(answer, "/usage/completion_tokens"),
         fingerprint: text_at(answer, "/system_fingerprint"),
     };
     Ok(Said { text: refusal.unwrap_or(content).into_bytes(), end, metadata })
+}
+
+/// A model's name without the folder of its file. llama.cpp's server, unless told an alias, names the model by the path of its
+/// file, and a path of somebody's machine does not belong into a recording. `publisher/model` stays as it is.
+fn without_folder(said: &str) -> &str {
+    let is_path = said.starts_with(['/', '\\', '~', '.']) || said.get(1..3) == Some(":\\");
+    if is_path { said.rsplit(['/', '\\']).next().unwrap_or_default() } else { said }
 }
 
 #[cfg(test)]
@@ -74,6 +81,22 @@ mod tests {
         assert_eq!(end(json!({"finish_reason": "content_filter", "message": {"content": ""}})), End::Declined);
         let refused = read(&json!({"choices": [{"message": {"content": null, "refusal": "I will not."}}]})).unwrap();
         assert_eq!((refused.end, refused.text), (End::Declined, b"I will not.".to_vec()));
+    }
+
+    #[test]
+    fn a_model_named_by_its_file_keeps_the_name_of_the_file_alone() {
+        let told = |model: &str| {
+            let message = json!({"message": {"content": "{}"}});
+            read(&json!({"model": model, "choices": [message]})).unwrap().metadata.model
+        };
+        for path in
+            ["/home/somebody/models/qwen.gguf", r"C:\Users\somebody\qwen.gguf", "./models/qwen.gguf", "~/qwen.gguf"]
+        {
+            assert_eq!(told(path), "qwen.gguf", "{path}");
+        }
+        for name in ["gpt-5.2", "Qwen/Qwen2.5-Coder-1.5B-Instruct-GGUF", "qwen2.5:1.5b", ""] {
+            assert_eq!(told(name), name);
+        }
     }
 
     #[test]

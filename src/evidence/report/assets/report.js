@@ -51,26 +51,23 @@
     const groups = [["", 1], ["Parent", 4], ["Evolved", 4], ["Change", 2], ["Frontier", 1], ["", 1]];
     const fourHeads = ["attack", "any crash", "RP %", "coverage"];
     const head = ["Lineage", ...fourHeads, ...fourHeads, "attack", "RP pp", "PF-Area@3 %", "Chosen program"];
-    const name = (text) => el("td", { class: "name" }, text);
-    const cell = (text, number = true) => el("td", number ? { class: "num" } : {}, text);
-    const four = (m) => [cell(fixed(m.objectives.attack, 3)), cell(fixed(m.any_contact, 3)), cell(fixed(m.realism_penalty_pct, 2)), cell(fixed(m.coverage, 2))];
-    // The recorded scenes without a program stand under the parent's heads.
-    const nothing = (r) => el("tr", { class: "replay" }, name(`no program, ${r.ego}`), cell("0.000"), cell(fixed(r.contact_rate, 3)), cell(r.realism === null ? "–" : fixed(100 * (1 - r.realism), 2)), cell("0.00"), ...Array.from({ length: 7 }, () => cell("–")), el("td", {}, "none"));
-    byId("result-table").append(el("table", {},
-      el("thead", {},
-        el("tr", {}, groups.map(([text, columns]) => el("th", { class: "group", colspan: columns }, text))),
-        el("tr", {}, head.map((h, i) => el("th", i && i < 12 ? { class: "num" } : {}, h)))),
-      el("tbody", {}, data.replay.filter((r) => r.suite === "held_out").map(nothing), rows.map(({ result: r }) => el("tr", {}, name(r.lineage), ...four(r.parent), ...four(r.evolved),
-        cell(signed(r.evolved.objectives.attack - r.parent.objectives.attack, 3)), cell(signed(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2)),
-        cell(signed(r.pf_area_at_3_pct, 1)), el("td", {}, el("code", {}, r.evolved.solution), " ", playButton(r.evolved.solution)))))));
-    byId("result-table").append(downloads(null, "result", [["lineage", ...["parent", "evolved"].flatMap((of) => ["attack", "any crash", "RP %", "coverage"].map((h) => `${of} ${h}`)), "PF-Area@3 %", "chosen program"],
-      ...rows.map(({ result: r }) => [r.lineage, ...[r.parent, r.evolved].flatMap((m) => [m.objectives.attack, m.any_contact, m.realism_penalty_pct, m.coverage]), r.pf_area_at_3_pct, r.evolved.solution])]));
+    const four = (m) => [[m.objectives.attack, 3], [m.any_contact, 3], [m.realism_penalty_pct, 2], [m.coverage, 2]];
+    // The recorded scenes without a program stand under the parent's heads, above the lineages however these are sorted.
+    const none = Array.from({ length: 7 }, () => [null, 0]);
+    const nothing = (r) => [`no program, ${r.ego}`, [0, 3], [r.contact_rate, 3], [r.realism === null ? null : 100 * (1 - r.realism), 2], [0, 2], ...none, ""];
+    const chosen = (r) => ({ by: r.evolved.solution, node: el("span", {}, el("code", {}, r.evolved.solution), " ", playButton(r.evolved.solution)) });
+    const change = (value, digits) => [value, digits, signed(value, digits)];
+    const line = ({ result: r }) => [r.lineage, ...four(r.parent), ...four(r.evolved), change(r.evolved.objectives.attack - r.parent.objectives.attack, 3),
+      change(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2), change(r.pf_area_at_3_pct, 1), chosen(r)];
+    const file = ["lineage", ...["parent", "evolved", "change of"].flatMap((of) => fourHeads.slice(0, of === "change of" ? 1 : 4).map((h) => `${of} ${h}`)), "change of RP pp", "PF-Area@3 %", "chosen program"];
+    byId("result-table").append(sortable(head, rows.map(line), "result", { groups, file, pinned: data.replay.filter((r) => r.suite === "held_out").map(nothing) }));
     const estimate = (e, sign) => (sign ? signed(e.value, 3) : fixed(e.value, 3)) + (e.interval ? ` [${e.interval.map((x) => sign ? signed(x, 3) : fixed(x, 3)).join(", ")}]` : "");
     const compared = rows.filter((l) => l.compared).flatMap((l) => l.compared.quantities.map((q) => [l.id, q.quantity, q.scenes, estimate(q.first), estimate(q.second), estimate(q.difference, true)]));
     byId("compared").hidden = !compared.length;
-    if (compared.length) byId("compared-table").append(sortable(["Lineage", "Quantity", "Paired scenes", "Parent", "Chosen", "Chosen − parent"], compared.map((row) => row.map((cell, i) => i === 2 ? [cell, 0] : cell)), "compared", 24));
+    if (compared.length) byId("compared-table").append(sortable(["Lineage", "Quantity", "Paired scenes", "Parent", "Chosen", "Chosen − parent"], compared.map((row) => row.map((cell, i) => i === 2 ? [cell, 0] : cell)), "compared", { rowsAPage: 24 }));
+    byId("result-table").append(...data.unlabelled.map((told) => el("p", { class: "note" }, told)));
     const scenes = rows[0].result.held_out_scenes;
-    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families, realism is ARS" : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the ego meets anyone. RP = 100 (1 − realism), lower is more realistic: over the scenes that a program acts in or, where that is worse, over those in which it succeeds; coverage is the share of scenes acted in. The first row is the recorded scenes without a program: what the ego runs into anyway, and the RP of the recorded traffic itself.` +
+    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families, realism is ARS" : data.attack ? `the experiment's own measure, the mean over scenes of ${data.attack}` : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the ego meets anyone. RP = 100 (1 − realism), lower is more realistic: over the scenes that a program acts in or, where that is worse, over those in which it succeeds; coverage is the share of scenes acted in. The first row is the recorded scenes without a program: what the ego runs into anyway, and the RP of the recorded traffic itself.` +
       (!data.scripted_roles.length ? "" : data.scripted_roles.length === Object.keys(data.models).length
         ? " Proposals came from the scripted stand-in, not from a language model: these numbers say nothing about LLM agents."
         : ` The scripted stand-in, which is no language model, answered as ${data.scripted_roles.join(", ")}.`);
@@ -88,13 +85,10 @@
     if (!cost) return byId("cost").remove();
     const wall = cost.lineages.reduce((sum, l) => sum + l.wall_s, 0);
     const head = ["Lineage", "Wall s", "Share", "Rollouts", "Rollout s", "Compiled", "Compile s", "Answers", "Model s", "Tokens in", "Tokens out"];
-    const cell = (text, number = true) => el("td", number ? { class: "num" } : {}, String(text));
-    const tokens = (n) => n ? n.toLocaleString("en") : "–";
-    byId("cost-table").append(el("table", {},
-      el("thead", {}, el("tr", {}, head.map((h, i) => el("th", i ? { class: "num" } : {}, h)))),
-      el("tbody", {}, [...cost.lineages].sort((a, b) => b.wall_s - a.wall_s).map((l) => el("tr", {}, cell(l.lineage, false),
-        cell(fixed(l.wall_s, 1)), cell(wall ? `${fixed(100 * l.wall_s / wall, 0)} %` : "–"), cell(l.rollouts), cell(fixed(l.rollout_s, 1)),
-        cell(l.compiled), cell(fixed(l.compile_s, 1)), cell(l.answers), cell(fixed(l.model_s, 1)), cell(tokens(l.input_tokens)), cell(tokens(l.output_tokens)))))));
+    const tokens = (n) => [n, 0, n ? n.toLocaleString("en") : "–"];
+    const line = (l) => [l.lineage, [l.wall_s, 1], [wall ? 100 * l.wall_s / wall : null, 0, wall ? `${fixed(100 * l.wall_s / wall, 0)} %` : "–"], [l.rollouts, 0], [l.rollout_s, 1],
+      [l.compiled, 0], [l.compile_s, 1], [l.answers, 0], [l.model_s, 1], tokens(l.input_tokens), tokens(l.output_tokens)];
+    byId("cost-table").append(sortable(head, [...cost.lineages].sort((a, b) => b.wall_s - a.wall_s).map(line), "cost"));
     byId("cost-note").textContent = `${cost.simulated} rollouts simulated and ${cost.reused} read from the store in ${fixed(wall, 1)} s on ${cost.threads} threads. Times of rollouts, compiling and models are summed over threads; compiling holds the search of a family, with the simulations inside it. No result depends on any of this.`;
   }
 
@@ -200,23 +194,29 @@
     const file = name.replace(/[^A-Za-z0-9_.-]+/g, "_"), button = (text, action) => el("button", { class: "save", onclick: action }, text);
     return el("p", { class: "saves" }, root ? button("SVG", () => save(`${file}.svg`, "image/svg+xml", standalone(root))) : null, root ? " " : null, button("CSV", () => save(`${file}.csv`, "text/csv", csv(rows))));
   }
-  // A table whose heads sort, in pages; a number cell is [value, digits]. A missing value stands last.
-  function sortable(heads, rows, name, rowsAPage = 50) {
-    const number = (i) => rows.some((row) => Array.isArray(row[i])), value = (cell) => Array.isArray(cell) ? cell[0] : cell;
+  // A table whose heads sort, in pages. A cell is a text, { node, by } with what it sorts by, or a number as [value, digits, text] with what is shown in
+  // place of the digits; a missing value stands last. `groups` are heads above the heads with their widths, `pinned` rows stay on top, `file` are the CSV's heads.
+  function sortable(heads, rows, name, { rowsAPage = 50, groups = null, pinned = [], file = heads } = {}) {
+    const number = (i) => rows.some((row) => Array.isArray(row[i])), value = (cell) => Array.isArray(cell) ? cell[0] : cell && cell.node ? cell.by : cell;
     let by = null, up = true, at = 0;
     const tbody = el("tbody"), count = el("span", { role: "status" }), before = el("button", { onclick: () => { at--; draw(); } }, "before"), next = el("button", { onclick: () => { at++; draw(); } }, "next");
-    const head = (text, i) => el("th", number(i) ? { class: "num" } : {}, el("button", { class: "sort", title: [meaning(text), `sort by ${text.toLowerCase()}`].filter(Boolean).join(" – "), onclick: () => { up = by === i ? !up : !number(i); by = i; at = 0; draw(); } }, text));
+    const sort = (i) => { up = by === i ? !up : !number(i); by = i; at = 0; draw(); };
+    const titles = heads.map((text, i) => el("th", { scope: "col", ...(number(i) ? { class: "num" } : {}) }, el("button", { class: "sort", title: [meaning(text), `sort by ${text.toLowerCase()}`].filter(Boolean).join(" – "), onclick: () => sort(i) }, text)));
     const nothing = (v) => v === null || v === undefined || v === "";
+    const ordered = () => rows.map((row, i) => [value(row[by]), i, row]).sort(([x, i], [y, j]) => nothing(x) - nothing(y) || (x < y ? -1 : x > y ? 1 : 0) * (up ? 1 : -1) || i - j).map(([, , row]) => row);
+    const numberCell = ([x, digits, text]) => el("td", { class: "num" }, text ?? fixed(x, digits));
+    const textCell = (cell, i) => el("td", i === 0 && typeof cell === "string" && cell.length < 40 || /^[−+\d][\d.]* \[/.test(cell) ? { class: "name" } : {}, cell && cell.node ? cell.node : cell);
+    const shown = (row, kind) => el("tr", kind ? { class: kind } : {}, row.map((cell, i) => Array.isArray(cell) ? numberCell(cell) : textCell(cell, i)));
     function draw() {
-      const shown = by === null ? rows : rows.map((row, i) => [value(row[by]), i, row]).sort(([x, i], [y, j]) => nothing(x) - nothing(y) || (x < y ? -1 : x > y ? 1 : 0) * (up ? 1 : -1) || i - j).map(([, , row]) => row);
       const pages = Math.max(1, Math.ceil(rows.length / rowsAPage));
-      tbody.replaceChildren(...shown.slice(at * rowsAPage, (at + 1) * rowsAPage).map((row) => el("tr", {}, row.map((cell) => Array.isArray(cell) ? el("td", { class: "num" }, fixed(cell[0], cell[1])) : el("td", /^[−+\d][\d.]* \[/.test(cell) ? { class: "name" } : {}, cell)))));
+      tbody.replaceChildren(...pinned.map((row) => shown(row, "replay")), ...(by === null ? rows : ordered()).slice(at * rowsAPage, (at + 1) * rowsAPage).map((row) => shown(row)));
+      titles.forEach((th, i) => by === i ? th.setAttribute("aria-sort", up ? "ascending" : "descending") : th.removeAttribute("aria-sort"));
       count.textContent = `page ${at + 1} of ${pages}`; before.disabled = at === 0; next.disabled = at + 1 >= pages;
     }
     draw();
-    const text = (cell) => cell instanceof Node ? cell.textContent : value(cell) ?? "";
-    return el("div", {}, el("table", {}, el("thead", {}, el("tr", {}, heads.map(head))), tbody),
-      el("div", { class: "controls below" }, rows.length > rowsAPage ? [before, count, next] : null, downloads(null, name, [heads, ...rows.map((row) => row.map(text))])));
+    const text = (cell) => value(cell) ?? "", band = groups ? el("tr", {}, groups.map(([title, columns]) => el("th", { class: "group", colspan: columns }, title))) : null;
+    return el("div", {}, el("table", {}, el("thead", {}, band, el("tr", {}, titles)), tbody),
+      el("div", { class: "controls below" }, rows.length > rowsAPage ? [before, count, next] : null, downloads(null, name, [file, ...[...pinned, ...rows].map((row) => row.map(text))])));
   }
 
   // --- lineage tree: epochs from left to right, an edge from the parent that was edited
@@ -327,7 +327,7 @@
   }
 
   // --- counsel: who was advised to attack in a scene, and how that was found
-  const COUNSEL_SHOWN = 60;
+  const COUNSEL_A_PAGE = 40;
   function counselRound(round) {
     const distance = round.outcome === "contact" || round.distance_m === null ? "" : `, nearest ${fixed(round.distance_m, 1)} m`;
     return el("li", {}, el("code", {}, round.attackers.join(", ")), " ", el("b", { class: round.outcome === "contact" ? "pass" : "fail" }, round.outcome.replace("_", " ")), distance,
@@ -338,10 +338,10 @@
     const says = (c) => [c.scene, ...c.rounds.flatMap((r) => [...r.attackers, r.outcome, r.outcome.replace("_", " "), r.by])].join(" ").toLowerCase();
     const shown = data.counsels.filter((c) => c.lineage === lineage && (!text || says(c).includes(text)));
     const refusals = (c) => c.exchanges.filter((x) => x.refusal).map((x) => el("li", {}, el("span", { class: "note" }, `round ${x.round}: answer not used: ${x.refusal}`)));
-    byId("counsel-count").textContent = `${shown.length} scenes` + (shown.length > COUNSEL_SHOWN ? `, the first ${COUNSEL_SHOWN} shown` : "");
-    byId("counsel-table").querySelector("tbody").replaceChildren(...shown.slice(0, COUNSEL_SHOWN).map((c) => el("tr", {},
-      el("td", {}, c.scene), el("td", {}, c.rounds.length ? el("ol", {}, c.rounds.map(counselRound), refusals(c)) : "no vehicle can attack"),
-      el("td", {}, el("code", {}, (c.advised || []).join(", ") || "nobody")))));
+    byId("counsel-count").textContent = `${shown.length} scenes`;
+    const sets = (c) => ({ by: c.rounds.length ? c.rounds.length + (c.rounds.some((r) => r.outcome === "contact") ? 0 : 1000) : null, node: c.rounds.length ? el("ol", {}, c.rounds.map(counselRound), refusals(c)) : el("span", {}, "no vehicle can attack") });
+    const advised = (c) => ({ by: (c.advised || []).join(", "), node: el("code", {}, (c.advised || []).join(", ") || "nobody") });
+    byId("counsel-table").replaceChildren(sortable(["Scene", "Sets tried, and what became of them", "Advised"], shown.map((c) => [c.scene, sets(c), advised(c)]), `counsel-${lineage}`, { rowsAPage: COUNSEL_A_PAGE, file: ["scene", "sets tried, 1000 more where none met the ego", "advised"] }));
     const all = data.counsels.filter((c) => c.lineage === lineage), met = (c) => c.rounds.some((r) => r.outcome === "contact");
     byId("counsel-note").textContent = `The attacker agent named attackers scene by scene, before any program met the scene; each set was tried with the parent program without a search of its own. ${all.filter(met).length} of ${all.length} advised sets met the ego, ${all.filter((c) => c.rounds.length && c.rounds[0].outcome === "contact").length} of them at once.`;
   }

@@ -1,0 +1,88 @@
+//! The bases of cells in tables that compare runs: search methods, left-out parts, parallel proposals. p-values and wall clocks have
+//! none: the former come from resamples of all differences of the table, the latter from declared latencies.
+
+use super::ablations::{self as columns, ACTED_REALISM};
+use super::bases::Bases;
+use super::basis::{Basis, Combine, Leaf, Piece};
+use super::labels::{self, LineageLabels, Reading, Side};
+use super::layout::{Row, Table};
+use crate::objects::Attempt;
+
+impl Bases<'_> {
+    /// The basis of a cell of `attack-only`, `without` or `kwidth`.
+    pub(super) fn of_searches(&self, table: &Table, row: &Row, key: &str) -> Option<Basis> {
+        let run = columns::run_of(table, row, self.stories)?;
+        let of_row = |lineage: &&LineageLabels| row.lineages.iter().any(|id| *id == lineage.lineage.as_str());
+        let own: Vec<&LineageLabels> = self.searched.get(run)?.iter().filter(of_row).collect();
+        let side =
+            if row.labels.first().is_some_and(|label| label == columns::PARENT) { Side::Parent } else { Side::Evolved };
+        let read = |of: &[&LineageLabels], (what, reading): (&str, Reading)| {
+            self.means_of(of.iter().copied(), side, what, Box::new(reading))
+        };
+        let against = |reading| {
+            let whole = self.searched.get(columns::whole_of(table, run, self.stories)?)?;
+            let all: Vec<&LineageLabels> = whole.iter().collect();
+            let terms = vec![read(&shared(&all, &own), reading), read(&shared(&own, &all), reading)];
+            let formula =
+                "the second term minus the first, paired by lineage and scene, over scenes that count in both";
+            Some((Basis { terms, ..Basis::of(formula.into(), Combine::Paired, Vec::new()) }, read(&all, reading)))
+        };
+        let relative = |reading| {
+            let (change, whole) = against(reading)?;
+            let formula = "100 times the paired difference over the number of the whole".to_string();
+            Some(Basis { terms: vec![change, whole], ..Basis::of(formula, Combine::Percent, Vec::new()) })
+        };
+        let (attack, realism): ((&str, Reading), (&str, Reading)) =
+            (("attack", labels::ATTACK), ("realism where the program acts", ACTED_REALISM));
+        match key {
+            _ if key == columns::ATTACK.key => Some(read(&own, attack)),
+            _ if key == columns::REALISM.key => Some(read(&own, realism)),
+            _ if key == columns::PF_AREA.key => Some(self.frontier(own.into_iter())),
+            _ if key == columns::ATTACK_CHANGE.key => against(attack).map(|(change, _)| change),
+            _ if key == columns::REALISM_CHANGE.key => against(realism).map(|(change, _)| change),
+            _ if key == columns::ATTACK_REL.key => relative(attack),
+            _ if key == columns::REALISM_REL.key => relative(realism),
+            _ if key == columns::PROPOSED_MEAN.key => Some(self.numbered(run, &own, "proposals", |_| true)),
+            _ if key == columns::SIMULATED_MEAN.key => {
+                Some(self.numbered(run, &own, "simulated proposals", columns::simulated))
+            }
+            _ if key == columns::ACCEPTED_MEAN.key => {
+                Some(self.numbered(run, &own, "accepted proposals", columns::accepted))
+            }
+            _ if key == columns::YIELD.key => {
+                let terms = vec![
+                    self.numbered(run, &own, "accepted proposals", columns::accepted),
+                    self.numbered(run, &own, "simulated proposals", columns::simulated),
+                ];
+                let formula = "100 times accepted over simulated proposals".to_string();
+                Some(Basis { terms, ..Basis::of(formula, Combine::Percent, Vec::new()) })
+            }
+            _ => None,
+        }
+    }
+
+    /// How many proposals of a lineage something holds of, in the mean.
+    fn numbered(&self, run: usize, own: &[&LineageLabels], what: &str, holds: fn(&Attempt) -> bool) -> Basis {
+        let part = |l: &&LineageLabels| -> Option<Piece> {
+            let attempts = self.stories.get(run)?.attempts.iter().filter(|attempt| attempt.lineage == l.lineage);
+            let leaf = |attempt: &Attempt| Leaf {
+                attempt: Some(attempt.id.clone()),
+                ..Leaf::scene(attempt.id.as_str(), &[], Some(labels::share(holds(attempt))))
+            };
+            let leaves: Vec<Leaf> = attempts.map(leaf).collect();
+            let value = leaves.iter().filter_map(|leaf| leaf.value).sum();
+            let (search, lineage) = (format!("{} {}", l.name, l.ego), l.lineage.to_string());
+            Some(Piece { search, run, lineage, replica: l.replica, programs: Vec::new(), value: Some(value), leaves })
+        };
+        let formula = format!("mean over searches of the mean over their repetitions of the number of {what}");
+        Basis::of(formula, Combine::Means, own.iter().filter_map(part).collect())
+    }
+}
+
+/// Those of some lineages that others have too.
+fn shared<'l>(of: &[&'l LineageLabels], with: &[&LineageLabels]) -> Vec<&'l LineageLabels> {
+    let same = |one: &LineageLabels, other: &LineageLabels| {
+        one.lineage == other.lineage && one.suite == other.suite && one.ego == other.ego
+    };
+    of.iter().copied().filter(|one| with.iter().any(|other| same(one, other))).collect()
+}

@@ -83,11 +83,16 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             number(of.contact.map(|contact| contact.speed_mps)),
             number(of.ttc_s_min)
         );
+        if let Some(first) = of.also.first() {
+            let more = of.also.len() - 1;
+            let others = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let _ = writeln!(text, "    the same in {first}{others}");
+        }
         let _ = writeln!(text, "    {}", command(of, "show", "--html rollout.html"));
     }
     let _ = write!(
         text,
-        "{} of {} rollouts in which a program acts. For a figure: {}\nto export: {}",
+        "{} of {} different rollouts in which a program acts. For a figure: {}\nto export: {}",
         shown.len(),
         found.ranked.len(),
         command(&shown[0], "draw", "--out strip.svg"),

@@ -44,6 +44,8 @@ pub struct Ranked {
     pub distance_m_min: Option<f64>,
     /// Digest of the stored rollout.
     pub record: Digest,
+    /// Other programs of the lineage in whose rollout of the scene the same happened, in the order of the record.
+    pub also: Vec<SolutionId>,
 }
 
 /// A contact as it is ranked.
@@ -94,7 +96,31 @@ pub fn best(
         By::Severity => ranked.sort_by(severer),
         By::Realism => ranked.sort_by(|a, b| b.realism.total_cmp(&a.realism).then_with(|| severer(a, b))),
     }
-    Best { ranked, lacking }
+    Best { ranked: folded(ranked), lacking }
+}
+
+/// One row for what happened in the rollouts of several programs: a child that does in a scene what its parent does makes no other event.
+fn folded(ranked: Vec<Ranked>) -> Vec<Ranked> {
+    let mut rows: Vec<Ranked> = Vec::with_capacity(ranked.len());
+    let mut places: BTreeMap<(LineageId, String), Vec<usize>> = BTreeMap::new();
+    for one in ranked {
+        let known = places.entry((one.lineage.clone(), one.scene.clone())).or_default();
+        match known.iter().find(|place| rows[**place].same_event(&one)) {
+            Some(place) => rows[*place].also.push(one.program),
+            None => {
+                known.push(rows.len());
+                rows.push(one);
+            }
+        }
+    }
+    rows
+}
+
+impl Ranked {
+    fn same_event(&self, other: &Ranked) -> bool {
+        let measured = |of: &Ranked| (of.attack, of.realism, of.contact, of.ttc_s_min, of.distance_m_min);
+        measured(self) == measured(other)
+    }
 }
 
 fn one(
@@ -119,13 +145,14 @@ fn one(
         ttc_s_min: outcome.ttc_s_min,
         distance_m_min: outcome.distance_m_min,
         record: label.record,
+        also: Vec::new(),
     }
 }
 
-/// The more severe one first. A contact that counts is above everything else; between two of them the larger label, then the
-/// larger impact speed decides; between two others the smaller time to collision, then the smaller distance. What was never measured is last.
+/// The more severe one first. What counts as attack is above everything else; between two of them the larger label, then the
+/// larger impact speed decides (0 without a contact, where an experiment's own attack counts near misses); between two others the smaller time to collision, then the smaller distance. What was never measured is last.
 fn severer(a: &Ranked, b: &Ranked) -> Ordering {
-    let counts = |of: &Ranked| of.attack > 0.0 && of.contact.is_some();
+    let counts = |of: &Ranked| of.attack > 0.0;
     let speed = |of: &Ranked| of.contact.filter(|_| counts(of)).map_or(0.0, |contact| contact.speed_mps);
     let label = |of: &Ranked| if counts(of) { of.attack } else { 0.0 };
     let small = |value: Option<f64>| value.unwrap_or(f64::INFINITY);
@@ -153,6 +180,7 @@ mod tests {
             ttc_s_min: ttc,
             distance_m_min: Some(metres),
             record: Digest::of_bytes(name.as_bytes()),
+            also: Vec::new(),
         }
     }
 
@@ -161,6 +189,7 @@ mod tests {
         let ordered = [
             ranked("counts, fast", 1.0, Some(9.0), Some(0.5), 0.0),
             ranked("counts, slow", 1.0, Some(2.0), Some(0.1), 0.0),
+            ranked("a near miss that counts", 1.0, None, Some(0.8), 0.3),
             ranked("half a label, faster", 0.5, Some(12.0), Some(0.1), 0.0),
             ranked("a bystander at speed, late seen", 0.0, Some(20.0), Some(0.2), 0.0),
             ranked("near miss", 0.0, None, Some(0.9), 0.4),
@@ -173,5 +202,24 @@ mod tests {
         let names: Vec<&str> = shuffled.iter().map(|of| of.program.as_str()).collect();
         let expected: Vec<&str> = ordered.iter().map(|of| of.program.as_str()).collect();
         assert_eq!(names, expected);
+    }
+
+    #[test]
+    fn what_several_programs_do_alike_in_a_scene_is_one_row() {
+        let elsewhere = |mut of: Ranked| {
+            of.scene = "t".into();
+            of
+        };
+        let all = vec![
+            ranked("parent", 1.0, Some(9.0), Some(0.5), 0.0),
+            ranked("child", 1.0, Some(9.0), Some(0.5), 0.0),
+            elsewhere(ranked("child", 1.0, Some(9.0), Some(0.5), 0.0)),
+            ranked("other", 1.0, Some(8.0), Some(0.5), 0.0),
+            ranked("grandchild", 1.0, Some(9.0), Some(0.5), 0.0),
+        ];
+        let rows = folded(all);
+        let told: Vec<(&str, Vec<&str>)> =
+            rows.iter().map(|of| (of.program.as_str(), of.also.iter().map(SolutionId::as_str).collect())).collect();
+        assert_eq!(told, [("parent", vec!["child", "grandchild"]), ("child", vec![]), ("other", vec![])]);
     }
 }

@@ -61,7 +61,14 @@ fn by_realism_the_most_realistic_of_one_lineage_come_first() {
     let realism: Vec<f64> = rows.iter().map(|row| row["rollout"]["realism"].as_f64().unwrap()).collect();
     assert!(realism.is_sorted_by(|a, b| a >= b) && realism[0] > realism[rows.len() - 1]);
     assert!(rows.iter().all(|row| row["rollout"]["lineage"] == "at-idm"));
-    let program = |name: &str| rows.iter().any(|row| row["rollout"]["program"] == name);
+    let program = |name: &str| {
+        let also = |row: &Value| row["rollout"]["also"].as_array().unwrap().iter().any(|of| of == name);
+        rows.iter().any(|row| row["rollout"]["program"] == name || also(row))
+    };
+    assert!(
+        rows.iter().any(|row| !row["rollout"]["also"].as_array().unwrap().is_empty()),
+        "children do much as parents do"
+    );
     assert!(program("at-idm/parent") && program("at-idm/e3s3"), "parents are ranked, too");
     let unknown = run(&["scenes", "best", folder(), "--lineage", "at-idx"]);
     assert!(unknown.code == 2 && unknown.stderr.contains("did you mean `at-idm`"), "{}", unknown.stderr);

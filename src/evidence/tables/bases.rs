@@ -92,11 +92,11 @@ impl<'s> Bases<'s> {
     }
 
     fn of_labels(&self, row: &Row, key: &str) -> Option<Basis> {
-        let [relative, before, after] = metadrive::RELATIVE;
+        let [relative, change, before] = metadrive::RELATIVE;
         if key == relative {
-            let terms = [before, after].into_iter().map(|key| self.of_labels(row, key)).collect::<Option<_>>()?;
-            let formula = format!("100 ({after} - {before}) / {before}");
-            return Some(Basis { terms, ..Basis::of(formula, Combine::Relative, Vec::new()) });
+            let terms = [change, before].into_iter().map(|key| self.of_labels(row, key)).collect::<Option<_>>()?;
+            let formula = format!("100 {change} / {before}");
+            return Some(Basis { terms, ..Basis::of(formula, Combine::Percent, Vec::new()) });
         }
         if key == metadrive::FRONTIER {
             return Some(self.frontier(self.lineages_of(row)));

@@ -17,8 +17,6 @@ pub(super) enum Combine {
     MeansOfAll,
     /// 100 times the share of all counted leaves that hold.
     Pooled,
-    /// 100 (after - before) / before of the two terms.
-    Relative,
     /// The second term minus the first, paired by lineage and scene; scenes that count in both.
     Paired,
     /// 100 times the first term over the second.
@@ -95,10 +93,6 @@ impl Basis {
     /// The number, from the parts.
     pub fn value(&self) -> Option<f64> {
         match self.combine {
-            Combine::Relative => {
-                let [before, after] = [self.terms.first()?.value()?, self.terms.get(1)?.value()?];
-                (before > 0.0).then(|| 100.0 * (after - before) / before)
-            }
             Combine::Paired => self.paired(),
             Combine::Percent => {
                 let [part, whole] = [self.terms.first()?.value()?, self.terms.get(1)?.value()?];

@@ -86,8 +86,8 @@ pub(super) fn read_of_replay(key: &str) -> Option<ReplayRead> {
     READ_OF_REPLAY.iter().find(|(column, _)| column.key == key).map(|(_, read)| *read)
 }
 
-/// Keys of the relative change with those of its two numbers, before and after.
-pub(super) const RELATIVE: [&str; 3] = [ATTACK_CHANGE_PCT.key, PARENT_ATTACK.key, EVOLVED_ATTACK.key];
+/// Keys of the relative change with those of its two numbers: the change, paired by scene, and what it is taken of.
+pub(super) const RELATIVE: [&str; 3] = [ATTACK_CHANGE_PCT.key, ATTACK_CHANGE.key, PARENT_ATTACK.key];
 /// Key of the column of frontier gains.
 pub(super) const FRONTIER: &str = PF_AREA.key;
 
@@ -187,8 +187,9 @@ fn expected_policies(all: &[LineageLabels]) -> Vec<(&'static str, &'static str)>
 
 fn main_row(method: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Row {
     let mut ours = measured(of);
-    if let (Some(before), Some(after)) = (ours.get(PARENT_ATTACK.key), ours.get(EVOLVED_ATTACK.key)) {
-        let relative = (before.value > 0.0).then(|| 100.0 * (after.value - before.value) / before.value);
+    // The row's own change: where scenes lack a label, parent and evolved rest on different ones, and their difference is no change.
+    if let (Some(before), Some(change)) = (ours.get(PARENT_ATTACK.key), ours.get(ATTACK_CHANGE.key)) {
+        let relative = (before.value > 0.0).then(|| 100.0 * change.value / before.value);
         ours.extend(relative.map(|relative| (ATTACK_CHANGE_PCT.key, Estimate::plain(relative))));
     }
     let policies: BTreeSet<String> = of.iter().map(|l| l.policy()).collect();

@@ -272,6 +272,24 @@ fn the_main_table_averages_over_the_papers_egos_and_says_which() {
     assert_eq!((apart.labels[1].as_str(), apart.in_paper()), ("replay", false));
 }
 
+/// Parent .5 over four scenes, evolved 1/3 over three: in the three that both are labelled in nothing changed.
+#[test]
+fn a_relative_change_is_that_of_the_rows_own_paired_difference() {
+    let mut story = scripted();
+    let hit = Some((1.0, 0.9));
+    let missed = Some((0.0, 0.9));
+    add(&mut story, &End { parent: [hit, hit, missed, missed], evolved: Some([None, hit, missed, missed]), ..CAT });
+    let stories = [story];
+    let table = metadrive_main(&stories).unwrap();
+    for (key, expected) in
+        [("parent_attack", 0.5), ("evolved_attack", 1.0 / 3.0), ("attack_change", 0.0), ("attack_change_pct", 0.0)]
+    {
+        near(ours(&table, "CAT", key).value, expected);
+        let bases = Bases::of(&table, &stories).unwrap();
+        near(bases.basis(&table, row(&table, "CAT"), key).unwrap().value().unwrap(), expected);
+    }
+}
+
 /// Four held-out scenes without a program: one crash, and one scene in which no vehicle moves.
 fn replayed() -> Replayed {
     let scene = |(id, (contact, realism)): (&str, (bool, Option<f64>))| ReplayScene {

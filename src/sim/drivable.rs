@@ -16,6 +16,8 @@ use crate::scene::pieces::{Piece, Pieces};
 pub const OFF_ROAD_M_CAP: f64 = 50.0;
 /// A piece whose centre line is shorter is no surface, metres.
 const PIECE_M_MIN: f64 = 1e-9;
+/// For rounding, where the rectangle around a piece says that the piece is farther away than something, m².
+const SLACK_M2: f64 = 1e-6;
 
 /// The drivable surface of a scene.
 #[derive(Clone, Debug)]
@@ -58,7 +60,8 @@ impl Drivable {
         }
         let mut best_m = best.sqrt();
         self.pieces.outward(point, best_m, |ix, piece| {
-            if counts(piece) {
+            // The rectangle around a piece is asked first, for most pieces of a cell are far from the place.
+            if counts(piece) && piece.bound_distance_squared(point) <= best + SLACK_M2 {
                 let squared = squared_distance(&corners(piece), point);
                 if squared < best {
                     (best, *hint) = (squared, ix);
@@ -72,7 +75,8 @@ impl Drivable {
 
     /// Whether a point lies on the surface: [`Drivable::distance_m`] is 0, for less where it is not. `hint` as there.
     pub fn holds(&self, point: Vec2, hint: &mut u32) -> bool {
-        let on = |piece: &Piece| squared_distance(&corners(piece), point) <= 0.0;
+        let near = |piece: &Piece| piece.bound_distance_squared(point) <= SLACK_M2;
+        let on = |piece: &Piece| near(piece) && squared_distance(&corners(piece), point) <= 0.0;
         if !self.is_known() || self.piece(*hint).is_some_and(on) {
             return true;
         }

@@ -241,9 +241,13 @@ fn look_ahead_m(car: &Car) -> f64 {
 
 /// How far the road goes on sideways, metres, in steps of [`PROBE_M`]; 0 where the place is no road.
 fn room_m(road: &Drivable, from: Vec2, side: Vec2, hint: &mut u32) -> f64 {
-    let on_road = |probe: &usize| road.holds(from + side * (*probe as f64 * PROBE_M), hint);
-    let probes = (0..=PROBES).take_while(on_road).count();
-    probes.saturating_sub(1) as f64 * PROBE_M
+    if !road.holds(from, hint) {
+        return 0.0;
+    }
+    // The next step begins beside the vehicle again, so where the probes end is no hint for it.
+    let mut near = *hint;
+    let on_road = |probe: &usize| road.holds(from + side * (*probe as f64 * PROBE_M), &mut near);
+    (1..=PROBES).take_while(on_road).count() as f64 * PROBE_M
 }
 
 /// Where a path first comes to the ego's route: along each, metres.

@@ -1,7 +1,7 @@
 //! A scene prepared once for many rollouts. What was recorded stays in the scene, which is shared; here stand the rows
 //! that say who is where at a step, the route, the road's surface and who may turn reactive.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::kernel::{Digest, Vec2};
 use crate::scene::{AgentKind, LaneGraph, Light, LightState, PreparedScene, Sample, Scene, Track, TrackIx};
@@ -70,6 +70,8 @@ pub struct Plant {
     /// Vehicles that may turn reactive, by the simulated step at which they appear.
     pub(super) candidates: Vec<Vec<Candidate>>,
     pub(super) lights: Vec<RouteLight>,
+    /// What realism judges of each track's recording, worked out when it is first asked for: every rollout asks again.
+    recorded: Vec<OnceLock<Feasibility>>,
     /// Digest of everything above that a rollout replays.
     pub(super) digest: Digest,
 }
@@ -105,6 +107,7 @@ impl Plant {
             candidates: candidates_of(scene, &rows, steps),
             lights: scene.lights.iter().filter_map(|l| route_light(l, &route, first_step)).collect(),
             rows,
+            recorded: vec![OnceLock::new(); sizes.len()],
             sizes,
             ego_size: ego_size(&scene.ego.track, options.plant.ego_box),
             ego_start: start,
@@ -187,7 +190,9 @@ impl Plant {
 
     /// What realism judges, of a track as it was recorded.
     pub fn recorded(&self, track: TrackIx) -> Feasibility {
-        feasibility::of_recording(&self.drivable, &self.scene().tracks[track].samples, &self.sizes[track])
+        *self.recorded[track].get_or_init(|| {
+            feasibility::of_recording(&self.drivable, &self.scene().tracks[track].samples, &self.sizes[track])
+        })
     }
 
     /// What realism judges, of a motion of a road user of this size, one sample a step.

@@ -25,11 +25,26 @@ def serve(policy):
             if hasattr(policy, "begin"):
                 policy.begin(scene)
         elif told["type"] == "step":
-            answer = policy.decide(scene, told)
-            if isinstance(answer, tuple):
-                _say(out, {"acceleration_mps2": float(answer[0]), "steering_rad": float(answer[1])})
-            else:
-                _say(out, {"trajectory": [[float(x), float(y)] for x, y in answer]})
+            _say(out, _answered(policy.decide(scene, told), told))
+
+
+def _answered(answer, step):
+    """The line for what a policy decided. A number that is none is refused here, where its author reads what it was."""
+    try:
+        if isinstance(answer, tuple):
+            acceleration_mps2, steering_rad = map(float, answer)
+            message, numbers = {"acceleration_mps2": acceleration_mps2, "steering_rad": steering_rad}, answer
+        else:
+            points = [[float(x), float(y)] for x, y in answer]
+            message, numbers = {"trajectory": points}, [value for point in points for value in point]
+    except (TypeError, ValueError):
+        numbers = [math.nan]
+    if not numbers or not all(math.isfinite(value) for value in numbers):
+        sys.exit(
+            f"decide answered {answer!r} at {step['time_s']:.1f} s; expected (acceleration_mps2, steering_rad) or a list of "
+            "points [x, y], all of them finite numbers"
+        )
+    return message
 
 
 def _say(out, message):

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::answer::{Answer, AnswerLine};
-use super::spec::BackendOptions;
+use super::spec::{BackendOptions, DRIVER};
 use crate::kernel::Digest;
 use crate::store::{self, StoreError, shortened};
 
@@ -34,6 +34,11 @@ pub enum RolloutCassetteError {
          cassette, or record anew with `evodrive record --fresh`"
     )]
     Backend { file: String, field: &'static str, expected: String, found: String },
+    #[error(
+        "{file} holds rollouts of another planner: its digest is {found}, the files and arguments that [driver] names come to {expected}. A file \
+         or an argument changed; restore it, or give driver.cassette another name and record: answers of models that are recorded are kept"
+    )]
+    Planner { file: String, expected: String, found: String },
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -185,6 +190,9 @@ impl RolloutCassette {
         ];
         match fields.into_iter().find(|(_, expected, found)| expected != found) {
             None => Ok(()),
+            Some(("digest", expected, found)) if declared.name == DRIVER => {
+                Err(RolloutCassetteError::Planner { file: self.file.clone(), expected, found })
+            }
             Some((field, expected, found)) => {
                 Err(RolloutCassetteError::Backend { file: self.file.clone(), field, expected, found })
             }
@@ -195,6 +203,11 @@ impl RolloutCassette {
     /// expected, and what was found.
     pub fn read_line(&mut self, line: &[u8]) -> Result<(), (String, String)> {
         self.read(line)
+    }
+
+    /// Identity of whoever it was recorded of.
+    pub fn recorded_of(&self) -> Digest {
+        self.backend.digest
     }
 
     /// The lines of its rollouts, each with its end, in the order of their keys.

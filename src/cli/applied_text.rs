@@ -131,7 +131,9 @@ fn listed(text: &mut String, what: &str, lines: Vec<String>) {
 fn notes(of: &Comparison) -> Vec<String> {
     let conditions = &of.file.conditions;
     let mut notes = Vec::new();
-    if of.familiar > 0 {
+    if of.file.is_parent() {
+        notes.push("the program is its lineage's parent itself, so both rows are the same".into());
+    } else if of.familiar > 0 {
         notes.push(format!(
             "the program was evolved on {} of these {} scenes: there it was chosen by these very labels, and only the others \
              show what it does in new traffic",

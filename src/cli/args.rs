@@ -193,7 +193,7 @@ impl Command {
             Command::Watch(options) => watch::run(&options, jobs),
             Command::Claims(options) => claims::run(&options),
             Command::Paper(options) => paper::run(&options, jobs),
-            Command::Figure(options) => figure::run(&options),
+            Command::Figure(options) => figure::run(&options, jobs),
             Command::Table(options) => table::run(&options),
             Command::Why(options) => why::run(&options),
             Command::Impact(options) => impact::run(&options),

@@ -49,6 +49,10 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
 
 /// The claims of a file, judged by these runs.
 pub fn judged(file: &Path, stories: &[RecordedRun]) -> Result<Judgement, Failure> {
+    if !file.exists() {
+        let expected = "a file of claims; the paper's is paper/claims.toml of a clone of this repository";
+        return Err(Failure::bad_input(format!("{}: no such file, expected {expected}", file.display())));
+    }
     let bytes = store::read_bounded(file, BYTES_MAX)?;
     let name = file.display().to_string();
     let text = String::from_utf8(bytes)

@@ -20,6 +20,9 @@ use crate::objects::spelling::nearest;
 /// Characters of a value that a line shows.
 const SHOWN_CHARS: usize = 60;
 
+/// Below so many scenes a bootstrap over them promises too much.
+const FEW_SCENES: usize = 10;
+
 #[derive(Debug, Args)]
 pub struct Options {
     /// A run folder, one of its lineages (runs/RUN:cat-idm) or programs (runs/RUN:cat-idm/e0s3, runs/RUN:cat-idm/parent).
@@ -59,6 +62,19 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     }
     let changes = changed(&first.folder, &second.folder)?;
     let mut notes = unpaired;
+    let [one, other] = [&first.story, &second.story].map(|story| story.opened.attack.clone());
+    if one != other {
+        // Their difference would look like a number and say nothing.
+        rows.iter_mut().for_each(|(_, of)| of.quantities.retain(|row| row.quantity != "attack"));
+        let [one, other] = [one, other].map(|when| when.unwrap_or_else(|| "the protocol's".into()));
+        notes.push(format!("attack is left out, for it is another measure in each: A's is {one}, B's is {other}"));
+    }
+    let few = rows.iter().map(|(_, of)| of.scenes).min().unwrap_or(0);
+    if few < FEW_SCENES {
+        notes.push(format!(
+            "{few} scenes are few: an interval over them is narrower than what is not known, and has no width where all of them agree"
+        ));
+    }
     if first.story.opened.pool != second.story.opened.pool {
         notes.push("the pools differ: scenes are paired by their ids, and may not be the same scenes".into());
     }

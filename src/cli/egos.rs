@@ -80,7 +80,7 @@ fn planned(asked: &Asked, plants: &[Plant], seed: u64, threads: &Threads) -> Res
         }
     }
     match outcomes.is_empty() {
-        true => Err(Failure::bad_input("the program drove no scene to its end; the reasons stand above")),
+        true => Err(Failure::bad_input("the ego drove no scene to its end; the reasons stand above")),
         false => Ok(figures(&outcomes)),
     }
 }

@@ -113,7 +113,9 @@ fn of_rollouts(error: &RolloutCassetteError) -> Failure {
     match error {
         RolloutCassetteError::Damaged { .. } => Failure::corruption(error),
         RolloutCassetteError::Store(store) => of_store(store),
-        RolloutCassetteError::Version { .. } | RolloutCassetteError::Backend { .. } => Failure::bad_input(error),
+        RolloutCassetteError::Version { .. }
+        | RolloutCassetteError::Backend { .. }
+        | RolloutCassetteError::Planner { .. } => Failure::bad_input(error),
     }
 }
 

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::{playables, rollout};
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
-use crate::evidence::figures::{self, FigureError};
-use crate::objects::LineageId;
+use crate::evidence::figures::{self, Case, FigureError, Side};
+use crate::objects::{LineageId, SolutionId};
 use crate::store;
 
 #[derive(Debug, Args)]
@@ -38,17 +39,29 @@ pub enum Which {
     CaseEvolution,
     /// Pareto area by group over rounds (fig:carla-pareto-evolution).
     CarlaPareto,
+    /// Scenes that the evolved generators win, beside how their parents play them, a row a lineage (fig:carla-cases).
+    Cases,
     /// The rooms of the code, from docs/ARCHITECTURE.md (fig:method-architecture, fig:system-arch).
     Architecture,
 }
 
+/// A run and where it lies, for figures that play its scenes again.
+pub type Told = (RunFolder, RecordedRun);
+
 impl Which {
     /// The figure of these runs; of a lineage where it is of one.
-    pub fn of(self, stories: &[RecordedRun], lineage: Option<&str>) -> Result<Figure, FigureError> {
+    pub fn of(self, runs: &[Told], lineage: Option<&str>, jobs: usize) -> Result<Figure, Failure> {
+        let stories: Vec<RecordedRun> = runs.iter().map(|(_, story)| story.clone()).collect();
+        let played = if self == Which::Cases { cases(runs, jobs)? } else { Vec::new() };
+        self.drawn(&stories, lineage, &played).map_err(Failure::bad_input)
+    }
+
+    fn drawn(self, stories: &[RecordedRun], lineage: Option<&str>, played: &[Case]) -> Result<Figure, FigureError> {
         match (self, stories) {
             (Which::PatchSurface, _) => figures::patch_surface(stories),
             (Which::WorldSidecar, _) => figures::world_order(stories),
             (Which::CarlaPareto, _) => figures::area_rounds(stories),
+            (Which::Cases, _) => figures::cases(played, stories),
             (Which::Architecture, _) => figures::architecture(),
             (Which::CaseEvolution, []) => Err(FigureError::NoPatches),
             (Which::CaseEvolution, [first, ..]) => {
@@ -63,16 +76,38 @@ impl Which {
     }
 }
 
-pub fn run(options: &Options) -> Result<Answer, Failure> {
+/// The scenes that lineages won, played by both programs.
+fn cases(runs: &[Told], jobs: usize) -> Result<Vec<Case>, Failure> {
+    let mut cases = Vec::new();
+    for (folder, story) in runs {
+        for won in figures::won_scenes(story) {
+            let side = |solution: &SolutionId| -> Result<Side, Failure> {
+                let scene = std::slice::from_ref(&won.scene);
+                let played = rollout::of_attempt(Some(&folder.dir), solution.as_str(), scene, jobs)?.swap_remove(0);
+                let ending = playables::end_in_words(&played.outcome).to_string();
+                Ok(Side { drawing: played.drawing(), ending })
+            };
+            let (original, evolved) = (side(&won.original)?, side(&won.evolved)?);
+            cases.push(Case { won, original, evolved });
+        }
+    }
+    Ok(cases)
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let ending = ending(&options.out)?;
     let named: Vec<Option<&PathBuf>> = match (options.run.as_slice(), options.figure) {
         ([], Which::Architecture) => Vec::new(),
         ([], _) => vec![None],
         (runs, _) => runs.iter().map(Some).collect(),
     };
-    let story = |dir: Option<&PathBuf>| RunFolder::find(dir.map(PathBuf::as_path))?.story();
-    let stories = named.into_iter().map(story).collect::<Result<Vec<_>, _>>()?;
-    let figure = options.figure.of(&stories, options.lineage.as_deref()).map_err(Failure::bad_input)?;
+    let told = |dir: Option<&PathBuf>| -> Result<Told, Failure> {
+        let folder = RunFolder::find(dir.map(PathBuf::as_path))?;
+        let story = folder.story()?;
+        Ok((folder, story))
+    };
+    let runs = named.into_iter().map(told).collect::<Result<Vec<_>, _>>()?;
+    let figure = options.figure.of(&runs, options.lineage.as_deref(), jobs)?;
     let bytes = match ending {
         Ending::Svg => figure.svg().into_bytes(),
         Ending::Pdf => pdf(&figure),

@@ -2,12 +2,12 @@
 
 use clap::Args;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::scenes;
-use crate::experiment::{Starter, starter};
+use crate::experiment::{Starter, StarterDriver, starter};
 use crate::store;
 
 #[derive(Debug, Args)]
@@ -21,6 +21,29 @@ pub struct Options {
     /// Generator family to evolve.
     #[arg(long, default_value = "cat")]
     pub family: String,
+    /// Your planner as the ego under test: a program, or a .py file, beside which the helper evodrive_driver.py is found.
+    /// Without it the ego is IDM.
+    #[arg(long)]
+    pub driver: Option<PathBuf>,
+}
+
+/// The helper of examples/own_ego, which a planner in Python may import.
+const HELPER: &str = "evodrive_driver.py";
+
+/// How the planner is started from the folder of the experiment file, which is the working directory.
+fn driver(path: &Path) -> Result<StarterDriver, Failure> {
+    if !path.is_file() {
+        let expected = "the program or Python file that drives (docs/EGOS.md, \"A planner of your own\")";
+        return Err(Failure::bad_input(format!("--driver {}: no such file; expected {expected}", path.display())));
+    }
+    let named = path.display().to_string();
+    if path.extension().is_none_or(|ending| ending != "py") {
+        let command = if path.components().count() == 1 { format!("./{named}") } else { named.clone() };
+        return Ok(StarterDriver { command: vec![command], files: vec![named] });
+    }
+    let helper = path.with_file_name(HELPER);
+    let files = std::iter::once(named.clone()).chain(helper.is_file().then(|| helper.display().to_string()));
+    Ok(StarterDriver { command: vec!["python3".into(), named], files: files.collect() })
 }
 
 /// Reads the scenes, so that what cannot be used is told now and the split fits them.
@@ -31,7 +54,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let read = |path: &PathBuf| Ok::<_, Failure>((path.clone(), scenes::read(std::slice::from_ref(path), jobs)?));
     let scenes = options.scenes.as_ref().map(read).transpose()?;
-    let begun = Starter { name: options.name.clone(), family: options.family.clone(), scenes };
+    let driver = options.driver.as_deref().map(driver).transpose()?;
+    let begun = Starter { name: options.name.clone(), family: options.family.clone(), scenes, driver };
     let text = starter(&begun)?;
     store::write_atomic(&path, text.as_bytes())?;
     let shown = path.display();

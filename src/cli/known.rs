@@ -10,6 +10,7 @@ use crate::adapters::vocabulary::{self, Feature};
 use crate::evaluation::outcome_fields;
 use crate::families;
 use crate::objects::ValueType;
+use crate::scene::features::{TAGS, TAGS_MEAN};
 
 /// The source families that `lineage[].family` can name.
 pub fn families() -> Answer {
@@ -42,6 +43,13 @@ pub fn formats() -> Answer {
     Answer::new(text, json!({"read": read, "written": written}))
 }
 
+/// The unit that stands last in a name, but for `min` and `max`; names without one are counts, shares and scores.
+fn unit_of(name: &str) -> &'static str {
+    let stem = name.trim_end_matches("_min").trim_end_matches("_max");
+    let units = [("_mps3", "m/s3"), ("_mps2", "m/s2"), ("_mps", "m/s"), ("_rad", "rad"), ("_s", "s"), ("_m", "m")];
+    units.into_iter().find(|(ending, _)| stem.ends_with(ending)).map_or("number", |(_, unit)| unit)
+}
+
 /// Where expressions may read which features.
 const PLACES: [(&str, &[Feature]); 6] = [
     ("scene", vocabulary::SCENE),
@@ -67,8 +75,13 @@ pub fn features() -> Answer {
         }
     }
     for (name, unit, describes) in outcome_fields() {
+        let unit = if unit == "number" { unit_of(name) } else { unit };
         text += &format!("{:<12} {name:<34} {unit:<8} {describes}\n", "outcome");
         rows.push(json!({"of": "outcome", "name": name, "unit": unit, "describes": describes}));
+    }
+    for (name, describes) in TAGS.into_iter().zip(TAGS_MEAN) {
+        text += &format!("{:<12} {name:<34} {:<8} {describes}\n", "tag", "tag");
+        rows.push(json!({"of": "tag", "name": name, "unit": "tag", "describes": describes}));
     }
     Answer::new(text, json!({"features": rows}))
 }

@@ -1,19 +1,24 @@
 //! Progress of a run on stderr, from its start: which epoch of how many, the share done, the rate, the time left. On a terminal
 //! one moving line, which names the run folder too, and a line that stays for each epoch; in a file or pipe a line for each
-//! piece of news.
+//! piece of news. A model that takes its time is told of answer by answer: an epoch of a small local model is an hour.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::cell::Cell;
 use std::io::IsTerminal;
 use std::path::Path;
-use std::time::Instant;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use super::answer::progress;
 use super::result_text;
+use super::timed::timed;
 use crate::epoch::{Progress, Study};
+use crate::llm::{Ask, AskError, DrawSlot, Reply, Request};
 
 /// What comes first stays on a narrow terminal.
 const LOOK: &str = "{bar:10} {wide_msg}";
+
+/// An answer that took so long is told of; those that were recorded or come from rules are not.
+const SLOW: Duration = Duration::from_secs(2);
 
 /// Tells what happens in a run.
 pub struct MovingLine {
@@ -24,7 +29,9 @@ pub struct MovingLine {
     way: Way,
     begun: Instant,
     /// Proposals that were judged.
-    done: Cell<u64>,
+    done: AtomicU64,
+    /// Answers that took their time.
+    answered: AtomicU64,
 }
 
 impl MovingLine {
@@ -34,7 +41,7 @@ impl MovingLine {
         let way = Way::of(study);
         let bar = std::io::stderr().is_terminal().then(|| bar(way.proposals(), ProgressDrawTarget::stderr()));
         let place = folder.display().to_string();
-        let line = MovingLine { bar, place, way, begun: Instant::now(), done: Cell::new(0) };
+        let line = MovingLine { bar, place, way, begun: Instant::now(), done: 0.into(), answered: 0.into() };
         match &line.bar {
             Some(bar) => {
                 bar.set_message(format!("{}: {}", line.place, line.standing()));
@@ -48,12 +55,12 @@ impl MovingLine {
     /// One piece of news; `rollouts` were read from the store and simulated so far.
     pub fn tell(&self, news: &Progress, (reused, simulated): (usize, usize)) {
         if matches!(news, Progress::Attempt { .. }) {
-            self.done.set(self.done.get() + 1);
+            self.done.fetch_add(1, Ordering::Relaxed);
         }
         let text = result_text::progress(news);
         match (&self.bar, news) {
             (Some(bar), Progress::Attempt { .. }) => {
-                bar.set_position(self.done.get());
+                bar.set_position(self.done.load(Ordering::Relaxed));
                 let (place, standing, rollouts) = (&self.place, self.standing(), reused + simulated);
                 bar.set_message(format!("{place}: {standing}, {rollouts} rollouts  {}", text.trim()));
             }
@@ -64,12 +71,40 @@ impl MovingLine {
     }
 
     fn standing(&self) -> String {
-        self.way.standing(self.done.get(), self.begun.elapsed().as_secs_f64())
+        self.way.standing(self.done.load(Ordering::Relaxed), self.begun.elapsed().as_secs_f64())
+    }
+
+    /// A model that told its answer, or failed to, after so long.
+    fn heard(&self, request: &Request, took: Duration) {
+        let count = self.answered.fetch_add(1, Ordering::Relaxed) + 1;
+        let text = answer_text(count, &request.slot, took);
+        match &self.bar {
+            Some(bar) => bar.set_message(format!("{}: {}, {text}", self.place, self.standing())),
+            None => progress(text),
+        }
     }
 
     /// Takes the line away, so that what follows stands alone.
     pub fn finish(&self) {
         self.bar.iter().for_each(ProgressBar::finish_and_clear);
+    }
+}
+
+/// Whoever answers, with the line that tells of slow answers.
+pub struct Heard<'a> {
+    /// Who answers.
+    pub ask: &'a dyn Ask,
+    /// Where it is told.
+    pub line: &'a MovingLine,
+}
+
+impl Ask for Heard<'_> {
+    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        let (reply, took) = timed(|| self.ask.ask(request));
+        if took >= SLOW {
+            self.line.heard(request, took);
+        }
+        reply
     }
 }
 
@@ -115,6 +150,12 @@ impl Way {
     }
 }
 
+/// What is said of an answer; they are counted since the command began.
+fn answer_text(count: u64, of: &DrawSlot, took: Duration) -> String {
+    let seconds = lasting(took.as_secs_f64());
+    format!("answer {count}: {}/e{}s{} {} round {}, after {seconds}", of.lineage, of.epoch, of.slot, of.role, of.round)
+}
+
 /// A rate in the unit in which it is at least one.
 fn rated(per_s: f64) -> String {
     match per_s {
@@ -153,5 +194,12 @@ mod tests {
         assert_eq!(way.standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
         assert_eq!(way.standing(40, 1.0), "all 40 proposals of 4 epochs are judged");
         assert_eq!(Way { epochs: 1, each: 0 }.standing(0, 0.0), "all 0 proposals of 1 epochs are judged");
+    }
+
+    #[test]
+    fn an_answer_is_told_with_whose_it_is_and_how_long_it_took() {
+        let of = DrawSlot { lineage: "cat-idm".into(), epoch: 2, slot: 3, role: "repair".into(), round: 1 };
+        let told = answer_text(7, &of, Duration::from_millis(95_400));
+        assert_eq!(told, "answer 7: cat-idm/e2s3 repair round 1, after 95 s");
     }
 }

@@ -70,6 +70,7 @@ type Made = BTreeMap<String, Vec<u8>>;
 /// The runs that are needed, and what they rest on.
 struct Ran {
     stories: BTreeMap<String, RecordedRun>,
+    folders: BTreeMap<String, RunFolder>,
     /// Experiment file, and digest of its cassette.
     sources: BTreeMap<String, (String, Digest)>,
 }
@@ -81,7 +82,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let wanted = plan.wanted(options.short);
     let ran = carry_out(&plan, &wanted, !options.short, options, jobs)?;
-    let made = make(&wanted, &ran, options)?;
+    let made = make(&wanted, &ran, options, jobs)?;
     let folder = options.golden.join("paper");
     if options.wanted.bless {
         store::create_dir(&folder)?;
@@ -107,7 +108,7 @@ fn read_plan(paper: &Path) -> Result<Plan, Failure> {
 /// The runs of these pieces, and of the claims where `claims` are wanted.
 fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, options: &Options, jobs: usize) -> Result<Ran, Failure> {
     let named: BTreeSet<&str> = wanted.iter().flat_map(|piece| &piece.runs).map(String::as_str).collect();
-    let mut ran = Ran { stories: BTreeMap::new(), sources: BTreeMap::new() };
+    let mut ran = Ran { stories: BTreeMap::new(), folders: BTreeMap::new(), sources: BTreeMap::new() };
     let needed = plan.runs.iter().filter(|run| all || named.contains(run.name.as_str()));
     for planned in needed {
         let job = JobArgs {
@@ -128,6 +129,7 @@ fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, options: &Options, jobs:
             progress(format!("paper: {} took {:.0} s", planned.name, took.as_secs_f64()));
         }
         ran.stories.insert(planned.name.clone(), folder.story()?);
+        ran.folders.insert(planned.name.clone(), folder);
         ran.sources.insert(planned.name.clone(), (planned.experiment.clone(), cassette));
     }
     Ok(ran)
@@ -137,6 +139,11 @@ impl Ran {
     fn of(&self, piece: &Piece) -> Vec<RecordedRun> {
         piece.runs.iter().filter_map(|name| self.stories.get(name)).cloned().collect()
     }
+
+    fn told(&self, piece: &Piece) -> Vec<figure::Told> {
+        let told = |name: &String| Some((self.folders.get(name)?.clone(), self.stories.get(name)?.clone()));
+        piece.runs.iter().filter_map(told).collect()
+    }
 }
 
 /// A piece's table or figure.
@@ -145,12 +152,11 @@ enum Sheet {
     Figure(Figure),
 }
 
-fn sheet(piece: &Piece, ran: &Ran) -> Result<Sheet, Failure> {
-    let stories = ran.of(piece);
+fn sheet(piece: &Piece, ran: &Ran, jobs: usize) -> Result<Sheet, Failure> {
     Ok(match piece.what() {
         What::Table(name) => {
             let which = WhichTable::named(&name).map_err(Failure::bad_input)?;
-            Sheet::Table(which.of(&stories).map_err(Failure::bad_input)?)
+            Sheet::Table(which.of(&ran.of(piece)).map_err(Failure::bad_input)?)
         }
         What::Figure(name) => {
             let which = figure::Which::from_str(&name, false).map_err(|_| {
@@ -159,7 +165,7 @@ fn sheet(piece: &Piece, ran: &Ran) -> Result<Sheet, Failure> {
                     piece.file
                 ))
             })?;
-            Sheet::Figure(which.of(&stories, piece.lineage.as_deref()).map_err(Failure::bad_input)?)
+            Sheet::Figure(which.of(&ran.told(piece), piece.lineage.as_deref(), jobs)?)
         }
     })
 }
@@ -176,10 +182,10 @@ fn files(piece: &Piece, sheet: &Sheet) -> Vec<(String, Vec<u8>)> {
     }
 }
 
-fn make(wanted: &[&Piece], ran: &Ran, options: &Options) -> Result<Made, Failure> {
+fn make(wanted: &[&Piece], ran: &Ran, options: &Options, jobs: usize) -> Result<Made, Failure> {
     let (mut made, mut shown) = (Made::new(), Vec::new());
     for piece in wanted {
-        let sheet = sheet(piece, ran)?;
+        let sheet = sheet(piece, ran, jobs)?;
         made.extend(files(piece, &sheet));
         if let Sheet::Table(table) = sheet {
             // Its short form has the name of the whole one's table.
@@ -270,7 +276,7 @@ fn one(plan: &Plan, label: &str, out: &Path, options: &Options, jobs: usize) -> 
     let ran = carry_out(plan, &[piece], false, options, jobs)?;
     store::create_dir(out)?;
     let mut written = Vec::new();
-    for (name, bytes) in files(piece, &sheet(piece, &ran)?) {
+    for (name, bytes) in files(piece, &sheet(piece, &ran, jobs)?) {
         store::write_atomic(&out.join(&name), &bytes)?;
         written.push(out.join(name));
     }

@@ -162,9 +162,14 @@ impl Planned<'_> {
                 return text;
             }
             End::Answers => {}
-            End::Rollouts => text.push_str(
-                "the walk stopped at a rollout of the other simulator that is not recorded; `evodrive record` asks its worker\n",
-            ),
+            End::Rollouts => {
+                let whose = if self.experiment.driver.is_some() { "your planner" } else { "the other simulator" };
+                let _ = writeln!(
+                    text,
+                    "the walk stopped at a rollout of {whose} that is not recorded, so no question to a model is known yet; `evodrive \
+                     record` asks for both"
+                );
+            }
         }
         for question in self.seen.missing.values().take(NAMED_MAX) {
             let slot = &question.slot;
@@ -194,7 +199,7 @@ impl Planned<'_> {
 
     fn table(&self) -> String {
         let mut text = format!(
-            "{:<18} {:<16} {:>7} {:>7} {:>8} {:>9} {:>9}  tokens from\n",
+            "questions, and the tokens of one:\n{:<18} {:<16} {:>7} {:>7} {:>8} {:>9} {:>9}  estimated from\n",
             "role", "model", "known", "likely", "at most", "tokens in", "out"
         );
         for of in self.costs.iter().filter(|of| of.at_most > 0) {
@@ -219,7 +224,7 @@ struct Money {
 impl Money {
     fn text(&self) -> String {
         let row = |(count, usd): (u64, f64)| format!("{count} questions, {usd:.4} USD");
-        let likely = self.likely.map_or("not known: no occasion was walked through".to_string(), row);
+        let likely = self.likely.map_or("not known yet: no proposal has all its answers recorded".to_string(), row);
         format!(
             "known to be missing: {}\nlikely: {likely}\nat most: {} (the longest answers)\n\
              prices are those of the experiment file (none: 0), tokens are estimates\n",

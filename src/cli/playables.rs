@@ -157,18 +157,27 @@ pub fn contact_s(contact: &sim::Contact, from_step: usize) -> f64 {
 pub fn ending(outcome: &Outcome, from_step: usize) -> String {
     let end = match (outcome.end, outcome.contact) {
         (End::Contact, Some(contact)) => format!(
-            "contact with {} at {:.1} s of the scene, {:.1} m/s relative speed",
-            if contact.adversary { "the adversary" } else { "a bystander" },
+            "{} at {:.1} s of the scene, {:.1} m/s relative speed",
+            end_in_words(outcome),
             contact_s(&contact, from_step),
             contact.relative_speed_mps
         ),
-        (End::Contact, None) => "contact".to_string(),
-        (End::OffRoad, _) => "the ego left its route".to_string(),
-        (End::Arrived, _) => "the ego arrived".to_string(),
-        (End::Horizon, _) => "no contact up to the horizon".to_string(),
+        _ => end_in_words(outcome).to_string(),
     };
     let distance = outcome.distance_m_min.map_or(String::new(), |d| format!("; nearest {d:.1} m"));
     format!("{end}{distance}; ego completed {:.0} % of its route", 100.0 * outcome.route_completion)
+}
+
+/// How a rollout ended, without its numbers.
+pub fn end_in_words(outcome: &Outcome) -> &'static str {
+    match (outcome.end, outcome.contact) {
+        (End::Contact, Some(contact)) if contact.adversary => "contact with the adversary",
+        (End::Contact, Some(_)) => "contact with a bystander",
+        (End::Contact, None) => "contact",
+        (End::OffRoad, _) => "the ego left its route",
+        (End::Arrived, _) => "the ego arrived",
+        (End::Horizon, _) => "no contact up to the horizon",
+    }
 }
 
 fn label(scene: &Scene, actor: ActorRef) -> String {

@@ -10,7 +10,7 @@ use super::exit::Failure;
 use super::folder::{Recording, RunCard, RunFolder};
 use super::held::Held;
 use super::interrupt::{Interrupt, Until};
-use super::moving_line::MovingLine;
+use super::moving_line::{Heard, MovingLine};
 use super::typed::{record_command, resume_command};
 use super::worker_process::Processes;
 use super::{behind, cost, left_out, models, overwriting, page, result_text};
@@ -364,7 +364,8 @@ fn carry_out(
     let line = MovingLine::new(&study, &folder.dir);
     let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
     let backend = behind::backend(&experiment, sources.rollouts);
-    let (ask, stop) = (Until { ask: sources.ask, interrupt }, || interrupt.is_asked());
+    let heard = Heard { ask: sources.ask, line: &line };
+    let (ask, stop) = (Until { ask: &heard, interrupt }, || interrupt.is_asked());
     let tools = Tools::new(&study, &ask, &threads, &rollouts, Meter::new(&clock)).behind(backend).until(&stop);
     let mut desk = Desk { log, watch: &mut watch, tools };
     let result = epoch::run(&study, &mut desk).or_else(|error| {
@@ -394,6 +395,9 @@ fn carry_out(
         false => "",
     };
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store{motion}"));
+    if sources.purpose == Purpose::Compare {
+        progress(format!("all {confirmed} recorded events and the result agree with what was derived again"));
+    }
     Ok(Done { experiment, study, threads, result, root, counts })
 }
 

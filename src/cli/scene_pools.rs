@@ -127,7 +127,10 @@ pub fn filter(options: &FilterOptions, jobs: usize) -> Result<Answer, Failure> {
             "none of the {all} scenes is left, so no pool is written; `evodrive scenes list` shows their tags, `evodrive scenes stats` their quantities"
         )));
     }
-    scenes::written(&pool, &options.out, &threads)
+    let mut answer = scenes::written(&pool, &options.out, &threads)?;
+    answer.text += &format!("{} of {all} scenes are kept\n", pool.scenes.len());
+    answer.json["of"] = json!(all);
+    Ok(answer)
 }
 
 /// The union of pools.

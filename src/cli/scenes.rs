@@ -129,11 +129,17 @@ fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {
     written(&experiment.scenes(&options.scenes, &threads)?, &options.out, &threads)
 }
 
+/// Scenes of a pool just written that are told one by one.
+const SHOWN_MAX: usize = 20;
+
 /// Writes a pool and says what is in it.
 pub fn written(pool: &Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure> {
     store::write_atomic(out, &pool::encode(pool))?;
     let rows = rows(pool, threads);
-    let mut text = listing(&rows);
+    let mut text = listing(&rows[..rows.len().min(SHOWN_MAX)]);
+    if let Some(more) = rows.len().checked_sub(SHOWN_MAX).filter(|more| *more > 0) {
+        let _ = writeln!(text, "and {more} more: evodrive scenes list {}", out.display());
+    }
     for line in left_out::lines(pool) {
         let _ = writeln!(text, "{line}");
     }
@@ -220,16 +226,19 @@ pub fn unnamed(pool: &Pool, path: &Path) -> Failure {
 }
 
 fn listing(rows: &[Row]) -> String {
-    let file = rows.iter().map(|row| row.file.chars().count()).max().unwrap_or(0).clamp(4, 40);
+    let wide = |text: fn(&Row) -> &String, least: usize| {
+        rows.iter().map(|row| text(row).chars().count()).max().unwrap_or(0).clamp(least, 48)
+    };
+    let (id, format, file) = (wide(|row| &row.id, 5), wide(|row| &row.format, 6), wide(|row| &row.file, 4));
     let mut out = format!(
-        "{:<40} {:<18} {:<file$} {:>7} {:>7} {:>6}  tags\n",
+        "{:<id$} {:<format$} {:<file$} {:>7} {:>7} {:>6}  tags\n",
         "scene", "format", "file", "seconds", "tracks", "lanes"
     );
     for row in rows {
         let note = row.unusable.as_ref().map_or(String::new(), |reason| format!("  [not used: {reason}]"));
         let _ = writeln!(
             out,
-            "{:<40} {:<18} {:<file$} {:>7.1} {:>7} {:>6}  {}{note}",
+            "{:<id$} {:<format$} {:<file$} {:>7.1} {:>7} {:>6}  {}{note}",
             row.id,
             row.format,
             row.file,

@@ -122,6 +122,8 @@ pub enum Shape {
     Disc((f64, f64), f64, Ink),
     /// A line of text.
     Text(Words),
+    /// Shapes of which only what lies within a rectangle (left, top, width, height) is seen.
+    Within([f64; 4], Vec<Shape>),
 }
 
 /// A figure: its size in points of print (1/72 inch), and its shapes, the later ones on top.
@@ -201,26 +203,40 @@ impl Figure {
              font-family=\"Helvetica, Arial, 'Liberation Sans', sans-serif\" role=\"img\">\n<title>{title}</title>\n\
              <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
         );
-        for shape in &self.shapes {
-            match shape {
-                Shape::Rect([x, y, w, h], ink) => {
-                    let [x, y, w, h] = [x, y, w, h].map(|v| number(*v));
-                    let _ = writeln!(out, "<rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"{}/>", painted(ink));
-                }
-                Shape::Path(points, ink) => {
-                    let points: Vec<String> =
-                        points.iter().map(|(x, y)| format!("{},{}", number(*x), number(*y))).collect();
-                    let _ = writeln!(out, "<polyline points=\"{}\"{}/>", points.join(" "), painted(ink));
-                }
-                Shape::Disc((x, y), r, ink) => {
-                    let [x, y, r] = [x, y, r].map(|v| number(*v));
-                    let _ = writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\"{}/>", painted(ink));
-                }
-                Shape::Text(words) => svg_text(&mut out, words),
-            }
-        }
+        svg_shapes(&mut out, &self.shapes);
         out.push_str("</svg>\n");
         out
+    }
+}
+
+fn svg_shapes(out: &mut String, shapes: &[Shape]) {
+    for shape in shapes {
+        match shape {
+            Shape::Rect([x, y, w, h], ink) => {
+                let [x, y, w, h] = [x, y, w, h].map(|v| number(*v));
+                let _ = writeln!(out, "<rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"{}/>", painted(ink));
+            }
+            Shape::Path(points, ink) => {
+                let points: Vec<String> =
+                    points.iter().map(|(x, y)| format!("{},{}", number(*x), number(*y))).collect();
+                let _ = writeln!(out, "<polyline points=\"{}\"{}/>", points.join(" "), painted(ink));
+            }
+            Shape::Disc((x, y), r, ink) => {
+                let [x, y, r] = [x, y, r].map(|v| number(*v));
+                let _ = writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{r}\"{}/>", painted(ink));
+            }
+            Shape::Text(words) => svg_text(out, words),
+            // A picture within the picture, in the same coordinates: it cuts off what lies outside without a name to refer to.
+            Shape::Within([x, y, w, h], shapes) => {
+                let [x, y, w, h] = [x, y, w, h].map(|v| number(*v));
+                let _ = writeln!(
+                    out,
+                    "<svg x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" viewBox=\"{x} {y} {w} {h}\" overflow=\"hidden\">"
+                );
+                svg_shapes(out, shapes);
+                out.push_str("</svg>\n");
+            }
+        }
     }
 }
 
@@ -291,7 +307,7 @@ mod tests {
                     Shape::Path(points, _) => assert!(points.iter().copied().all(within), "{mark:?}"),
                     Shape::Rect([x, y, w, h], _) => assert!(within((*x, *y)) && within((x + w, y + h))),
                     Shape::Disc(at, ..) => assert!(within(*at)),
-                    Shape::Text(_) => unreachable!("a mark is no text"),
+                    Shape::Text(_) | Shape::Within(..) => unreachable!("a mark is neither text nor a cutting"),
                 }
             }
         }

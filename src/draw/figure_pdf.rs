@@ -32,34 +32,43 @@ pub fn pdf(figure: &Figure) -> Vec<u8> {
 
 fn content(figure: &Figure) -> Vec<u8> {
     let mut out = Content::new();
-    let up = |y: f64| figure.height - y;
     out.set_line_cap(LineCapStyle::RoundCap);
-    for shape in &figure.shapes {
+    draw(&mut out, &figure.shapes, figure.height);
+    out.finish().into_vec()
+}
+
+fn draw(out: &mut Content, shapes: &[Shape], height: f64) {
+    let up = |y: f64| height - y;
+    for shape in shapes {
         match shape {
             Shape::Rect([x, y, w, h], ink) => {
-                begin(&mut out, ink);
+                begin(out, ink);
                 out.rect(short(*x), short(up(y + h)), short(*w), short(*h));
-                paint(&mut out, ink);
+                paint(out, ink);
             }
             Shape::Path(points, ink) => {
-                begin(&mut out, ink);
+                begin(out, ink);
                 for (place, (x, y)) in points.iter().enumerate() {
                     match place {
                         0 => out.move_to(short(*x), short(up(*y))),
                         _ => out.line_to(short(*x), short(up(*y))),
                     };
                 }
-                paint(&mut out, ink);
+                paint(out, ink);
             }
             Shape::Disc((x, y), r, ink) => {
-                begin(&mut out, ink);
-                disc(&mut out, (*x, up(*y)), *r);
-                paint(&mut out, ink);
+                begin(out, ink);
+                disc(out, (*x, up(*y)), *r);
+                paint(out, ink);
             }
-            Shape::Text(words) => text(&mut out, words, up(words.at.1)),
+            Shape::Text(words) => text(out, words, up(words.at.1)),
+            Shape::Within([x, y, w, h], shapes) => {
+                out.save_state().rect(short(*x), short(up(y + h)), short(*w), short(*h)).clip_nonzero().end_path();
+                draw(out, shapes, height);
+                out.restore_state();
+            }
         }
     }
-    out.finish().into_vec()
 }
 
 fn begin(out: &mut Content, ink: &Ink) {
@@ -146,6 +155,8 @@ mod tests {
         figure.rect([10.0, 5.0, 20.0, 10.0], Ink::fill(BLUE));
         figure.line((0.0, 0.0), (100.0, 50.0), Ink::line(BLACK, 0.5));
         figure.text((50.0, 40.0), 8.0, Anchor::Middle, "Größe (1)");
+        let beyond = Shape::Path(vec![(0.0, 0.0), (90.0, 9.0)], Ink::line(BLUE, 1.0));
+        figure.shapes.push(Shape::Within([40.0, 5.0, 20.0, 10.0], vec![beyond]));
         let bytes = pdf(&figure);
         assert_eq!(bytes, pdf(&figure));
         let text: String = bytes.iter().map(|b| char::from(*b)).collect();
@@ -153,5 +164,7 @@ mod tests {
         // Letters beyond ASCII stand as hex digits, in the font's encoding.
         assert!(text.to_uppercase().contains("4772F6DF65") && text.contains("/Helvetica"), "{text}");
         assert!(!text.contains("CreationDate"));
+        let clip = text.find("40 35 20 10 re").unwrap();
+        assert!(text[clip..].starts_with("40 35 20 10 re\nW\nn") && text[clip..].contains("90 41 l"), "{text}");
     }
 }

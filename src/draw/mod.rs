@@ -6,6 +6,7 @@ mod figure;
 mod figure_pdf;
 mod film;
 mod helvetica;
+mod panel;
 mod player;
 mod strip;
 mod svg;
@@ -19,6 +20,7 @@ pub use figure::{
 pub use figure_pdf::pdf;
 pub use film::{Film, FilmError, FilmOptions, film, gif};
 pub use helvetica::{width, wrapped};
+pub use panel::{Panel, colour, panel};
 pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, players_html, script_json};
 pub use strip::{StripOptions, even_steps, strip};
 pub use svg::{Frame, SvgOptions, Theme, svg};

@@ -125,10 +125,11 @@ fn gate_report(out: &mut String, gates: &GateReport) {
 
 fn routed(out: &mut String, route: &Route) {
     let decision = format!("{:?}", route.decision).to_lowercase();
+    // Some reasons open with the decision.
+    let reason = route.reason.strip_prefix(&format!("{decision}: ")).unwrap_or(&route.reason);
     let _ = writeln!(
         out,
-        "\nroute: {decision}: {}\n  predicted {}  uncertainty {:.3}  world snapshot {}",
-        route.reason,
+        "\nroute: {decision}: {reason}\n  predicted {}  uncertainty {:.3}  world snapshot {}",
         objectives(&route.predicted),
         route.uncertainty,
         route.snapshot.short(12)

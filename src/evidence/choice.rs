@@ -19,8 +19,11 @@ pub struct Choice {
     pub chosen: SolutionId,
     /// The lineage's parent, which is always among those who are compared.
     pub parent: SolutionId,
-    /// Scenes of the evolution pool on which everybody was labelled.
+    /// Scenes of the evolution pool on which the parent was labelled.
     pub scenes: usize,
+    /// Scenes of it in which the parent has no label.
+    #[serde(skip_serializing_if = "is_none")]
+    pub unlabelled: usize,
     /// The rule, in one sentence with the experiment's numbers.
     pub rule: String,
     /// Why this one, sentence by sentence. The last one is for a parent that stays.
@@ -102,6 +105,7 @@ impl Choice {
             chosen: result.evolved.solution.clone(),
             parent: result.parent.solution.clone(),
             scenes: finalists.first().map_or(0, |of| of.score.scenes.len()),
+            unlabelled: finalists.first().map_or(0, |of| of.score.failures.len()),
             rule: rule(options),
             reasons,
             rows,
@@ -111,9 +115,13 @@ impl Choice {
 
     /// Table and reasons, as a terminal shows them.
     pub fn text(&self) -> String {
+        let scenes = match self.unlabelled {
+            0 => self.scenes.to_string(),
+            without => format!("{} of {}", self.scenes, self.scenes + without),
+        };
         let mut out = format!(
-            "why {} (labels on the whole evolution pool, {} scenes)\n  rule: {}\n  {:<24} {:>7} {:>8} {:>8} {:>9}\n",
-            self.chosen, self.scenes, self.rule, "program", "attack", "realism", "coverage", "any crash"
+            "why {} (labels on the whole evolution pool, {scenes} scenes)\n  rule: {}\n  {:<24} {:>7} {:>8} {:>8} {:>9}\n",
+            self.chosen, self.rule, "program", "attack", "realism", "coverage", "any crash"
         );
         for Row { measured, on_front, standing } in &self.rows {
             let mut said: Vec<&str> = standing.iter().map(|standing| standing.words()).collect();
@@ -136,6 +144,10 @@ impl Choice {
         }
         out
     }
+}
+
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 fn contender(of: &Measured) -> Contender {

@@ -1,13 +1,34 @@
-//! Held-out scenes in which a program that a result names has no label: the driver under test ended there, or the program could not be
-//! compiled. Their numbers rest on the other scenes.
+//! Scenes in which a program that a result names, or was chosen from, has no label: the driver under test ended there, or the program
+//! could not be compiled. Their numbers rest on the other scenes.
+
+use std::collections::BTreeMap;
 
 use super::RecordedRun;
 use crate::objects::event::LineageResult;
 use crate::objects::{SceneFailure, SolutionId};
 
-/// One sentence a lineage in which parent or evolved program has no label in some held-out scene; nothing where all are labelled.
+/// One sentence a lineage in which parent or evolved program has no label in some held-out scene, and one in which somebody who was
+/// compared for the choice has none in some evolution scene; nothing where all are labelled.
 pub fn unlabelled(story: &RecordedRun) -> Vec<String> {
-    story.result.iter().flat_map(|result| &result.lineages).filter_map(|lineage| told(story, lineage)).collect()
+    let lineages = || story.result.iter().flat_map(|result| &result.lineages);
+    let (held_out, chosen) =
+        (lineages().filter_map(|of| told(story, of)), lineages().filter_map(|of| told_of_choice(story, of)));
+    held_out.chain(chosen).collect()
+}
+
+fn told_of_choice(story: &RecordedRun, lineage: &LineageResult) -> Option<String> {
+    let own = story.finalists.iter().filter(|of| of.lineage == lineage.lineage);
+    let failures: BTreeMap<&str, &str> =
+        own.flat_map(|of| &of.score.failures).map(|of| (of.scene.as_str(), of.reason.as_str())).collect();
+    let (scene, reason) = failures.first_key_value()?;
+    Some(format!(
+        "{}: in {} of {} evolution scenes somebody who was compared for the choice has no label; {scene} has none, because {}. \
+         `evodrive data` lists them (table unlabelled).",
+        lineage.lineage,
+        failures.len(),
+        story.opened.evolution_scenes.len(),
+        on_one_line(reason)
+    ))
 }
 
 fn told(story: &RecordedRun, lineage: &LineageResult) -> Option<String> {
@@ -22,7 +43,7 @@ fn told(story: &RecordedRun, lineage: &LineageResult) -> Option<String> {
     Some(format!(
         "{}: of {all} held-out scenes the parent is labelled in {parent} and the evolved program in {evolved}, and their numbers rest on \
          these alone; {} has none, because {}. A driver that ends where it is in trouble looks safer than it is; `evodrive table` pairs \
-         the scenes that both are labelled in.",
+         the scenes that both are labelled in, `evodrive data` lists the others (table unlabelled).",
         lineage.lineage,
         first.scene,
         on_one_line(&first.reason)

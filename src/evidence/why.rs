@@ -12,6 +12,9 @@ use super::tables::{Bases, Basis, Leaf, Piece, Table};
 use crate::kernel::Digest;
 use crate::objects::{Attempt, Exchange, Program, SceneScore, SolutionId};
 
+/// Scenes of a repetition that are named where only they move its number.
+const NAMED_MAX: usize = 6;
+
 /// Where something stands in the files of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
@@ -78,17 +81,23 @@ impl Why<'_> {
                 self.part(&mut out, part);
             }
         }
-        let scene =
-            self.first(|leaf| leaf.attempt.is_none()).map(|leaf| self.command(&format!(" --scene {}", leaf.name)));
+        let scene = self.telling().map(|leaf| self.command(&format!(" --scene {}", leaf.name)));
         let attempt = self.attempts().into_iter().next().map(|id| self.command(&format!(" --attempt {id}")));
         let more: Vec<String> = scene.into_iter().chain(attempt).chain([self.command(" --full")]).collect();
         let _ = writeln!(out, "more: {}", more.join("\n      "));
         out
     }
 
-    fn first(&self, wanted: impl Fn(&Leaf) -> bool) -> Option<&Leaf> {
-        let all = self.basis.all();
-        all.into_iter().flat_map(|basis| &basis.parts).flat_map(|part| &part.leaves).find(|leaf| wanted(leaf))
+    /// The scene that moves the number most; of equal ones the first.
+    fn telling(&self) -> Option<&Leaf> {
+        let size = |leaf: &Leaf| leaf.value.map_or(-1.0, f64::abs);
+        let mut best: Option<&Leaf> = None;
+        for leaf in self.basis.all().into_iter().flat_map(|basis| &basis.parts).flat_map(|part| &part.leaves) {
+            if leaf.attempt.is_none() && best.is_none_or(|before| size(leaf) > size(before)) {
+                best = Some(leaf);
+            }
+        }
+        best
     }
 
     fn part(&self, out: &mut String, part: &Piece) {
@@ -106,6 +115,11 @@ impl Why<'_> {
             of.opened.name,
             of.root.short(8)
         );
+        let moving: Vec<&str> =
+            part.leaves.iter().filter(|l| l.value.is_some_and(|v| v != 0.0)).map(|l| l.name.as_str()).collect();
+        if (1..=NAMED_MAX).contains(&moving.len()) && moving.len() < part.leaves.len() {
+            let _ = writeln!(out, "    not 0 in {}", moving.join(", "));
+        }
     }
 
     /// Names of the attempts and parents that the cell rests on, each once, those that are read first.
@@ -149,6 +163,10 @@ impl Why<'_> {
                 let note = leaf.note.as_ref().map_or(String::new(), |note| format!("  ({note})"));
                 let _ = writeln!(out, "{} seed {}: {id}: {value}{note}", part.lineage, part.replica);
                 self.labels(&mut out, part, leaf, true);
+                if let Some(when) = &self.stories[part.run].opened.attack {
+                    let fields = "`evodrive data` lays its fields out: rollouts, in the row of this record";
+                    let _ = writeln!(out, "  attack is the experiment's own: {when}\n    {fields}");
+                }
             }
         }
         (!out.is_empty()).then_some(out)

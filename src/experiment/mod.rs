@@ -38,5 +38,5 @@ pub use program_file::{
     BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, ProgramFile, ProgramFileError,
 };
 pub use scenes::{import, read_pool, read_scenes};
-pub use starter::{Starter, starter};
+pub use starter::{Starter, StarterDriver, starter};
 pub use training_file::TrainingFile;

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 use super::options::COMMAND;
 use super::place::Place;
 use super::{Experiment, ExperimentError, OptionError};
-use crate::backend::DriverOptions;
+use crate::backend::{DriverOptions, RolloutCassette};
 use crate::kernel::Digest;
 use crate::store;
 
@@ -50,9 +50,15 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
         // Recorded rollouts are replayed without the program.
         (Err(_), Some(declared)) => declared,
         (Err(missing), None) => {
-            let expected =
-                "files beside the experiment file, or driver.digest of a program whose rollouts are recorded";
-            return Err(refuse("files", missing, expected));
+            let recorded =
+                driver.get("cassette").and_then(Value::as_str).map(|name| place.path_beside(Path::new(name)));
+            let recorded =
+                recorded.and_then(|path| RolloutCassette::load(&path).ok()).map(|of| of.recorded_of().to_hex());
+            let digest = recorded.as_deref().unwrap_or("64 hex digits, which `evodrive record` printed");
+            let expected = format!(
+                "files beside the experiment file; to replay what is recorded without them write into [driver]: digest = \"{digest}\""
+            );
+            return Err(refuse("files", missing, &expected));
         }
     };
     // A file named without a folder lies in the working directory, and an empty path cannot be made absolute.

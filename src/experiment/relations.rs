@@ -140,7 +140,7 @@ fn start_of(i: usize, lineage: &LineageOptions, start: &ParentProgram, contract:
     }
     let several = |error: &dyn std::fmt::Display| Problem::Several(format!("{}: {error}", place("")));
     let now = ContractMark::of(contract).map_err(|error| several(&error))?;
-    if let Some(changed) = start.contract.changed(&now) {
+    if let Some(changed) = start.contract.broken_by(&now) {
         let why = "a program of this version's contract; carry the run on with the version of evodrive that began it";
         return Err(OptionError::new(place(".contract"), changed, why).into());
     }

@@ -16,6 +16,17 @@ pub struct Starter {
     pub family: String,
     /// The scenes as the file names them, with what they hold; generated ones without.
     pub scenes: Option<(PathBuf, Pool)>,
+    /// The planner that is the ego; IDM without.
+    pub driver: Option<StarterDriver>,
+}
+
+/// A planner as `[driver]` names it.
+#[derive(Clone, Debug)]
+pub struct StarterDriver {
+    /// Program and arguments.
+    pub command: Vec<String>,
+    /// Its identity, as the file names them.
+    pub files: Vec<String>,
 }
 
 /// Scenes of a small generated study.
@@ -34,11 +45,17 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
     let name = toml::Value::String(starter.name.clone());
     super::key::Range::Name.check("NAME", &name).map_err(option)?;
     let staged = found.contract.backend == "safebench";
+    if staged && starter.driver.is_some() {
+        let expected = "a family of recorded traffic (`evodrive families`); SafeBench's protocol has no planners";
+        return Err(option(OptionError::new("--driver", format!("given beside --family {family}"), expected)));
+    }
+    let ego = if starter.driver.is_some() { "command" } else { "idm" };
+    let against = if starter.driver.is_some() { "a planner of one's own" } else { "the IDM ego" };
     let protocol = if staged { "safebench" } else { "metadrive" };
     let mut text = format!(
         "# An experiment of your own. What does not stand here stands in its base; docs/EXPERIMENT.md lists every key.\n\
          base = \"evodrive:{protocol}\"\nname = \"{name}\"\n\
-         describes = \"{family} evolved against the IDM ego\"\n\
+         describes = \"{family} evolved against {against}\"\n\
          cassette = \"{name}.jsonl\"   # recorded answers: `evodrive record {name}.toml` writes them\n",
         name = starter.name
     );
@@ -55,9 +72,22 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
     let _ = write!(
         text,
         "\n[budget]\nepochs = 4\nslots = 6   # parallel proposals of an epoch\n\n\
-         [[lineage]]\nid = \"{0}-idm\"\nfamily = \"{0}\"\nego = \"idm\"\n",
-        starter.family
+         [[lineage]]\nid = \"{0}-{1}\"\nfamily = \"{0}\"\nego = \"{ego}\"\n",
+        starter.family,
+        if starter.driver.is_some() { "mine" } else { "idm" }
     );
+    if let Some(driver) = &starter.driver {
+        let list = |words: &[String]| toml::Value::from(words.to_vec());
+        let _ = write!(
+            text,
+            "\n[driver]   # docs/EGOS.md, \"A planner of your own\"\ncommand = {}   # started in the folder of this file\n\
+             files = {}   # its identity: add every file whose change would change a decision\n\
+             cassette = \"{}.rollouts.jsonl.zst\"   # its recorded rollouts\n",
+            list(&driver.command),
+            list(&driver.files),
+            starter.name
+        );
+    }
     Ok(text)
 }
 

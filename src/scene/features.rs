@@ -19,6 +19,20 @@ pub const TAGS: [&str; 11] = [
     "slow_traffic",
     "stop_sign",
 ];
+/// What each of [`TAGS`] says of a scene, in their order. Staged scenes have the name of their traffic family as a tag besides.
+pub const TAGS_MEAN: [&str; 11] = [
+    "There is a crosswalk.",
+    "The ego's route bends by more than 0.02 1/m somewhere.",
+    "There is a cyclist.",
+    "There are 15 vehicles or more.",
+    "The route lies on a freeway, or its speed limit is above 22 m/s.",
+    "Lanes cross or join within the route.",
+    "There is a traffic light.",
+    "The route has two lanes of its direction or more.",
+    "Somebody is on foot.",
+    "There are vehicles, and their mean speed is below 3 m/s.",
+    "There is a stop sign.",
+];
 /// The distance that is reported where there is nothing to measure to, metres.
 pub const NOTHING_NEAR_M: f64 = 200.0;
 /// Where no speed limit is known: 50 km/h.

@@ -329,6 +329,31 @@ fn init_writes_a_short_file_for_every_family_that_is_read_outside_the_repository
 }
 
 #[test]
+fn init_names_a_planner_with_its_helper_as_the_driver() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["planner.py", "evodrive_driver.py", "drives"] {
+        std::fs::write(dir.path().join(name), "").unwrap();
+    }
+    for (driver, command, files) in [
+        ("planner.py", ["python3", "planner.py"].as_slice(), ["planner.py", "evodrive_driver.py"].as_slice()),
+        ("drives", &["./drives"], &["drives"]),
+    ] {
+        let name = format!("of-{}", driver.replace('.', "-"));
+        let (code, text) = evodrive(dir.path(), &["init", &name, "--driver", driver]);
+        assert_eq!(code, 0, "{text}");
+        let experiment = read(&dir.path().join(format!("{name}.toml")));
+        let named = experiment.driver.unwrap();
+        assert_eq!(named.command, command);
+        assert_eq!(named.files, files.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!((experiment.lineages[0].id.as_str(), experiment.lineages[0].ego.as_str()), ("cat-mine", "command"));
+    }
+    let (code, text) = evodrive(dir.path(), &["init", "gone", "--driver", "planer.py"]);
+    assert!(code == 2 && text.contains("--driver planer.py: no such file"), "{text}");
+    let (code, text) = evodrive(dir.path(), &["init", "staged", "--driver", "planner.py", "--family", "human"]);
+    assert!(code == 2 && text.contains("has no planners"), "{text}");
+}
+
+#[test]
 fn init_fits_the_split_to_ones_own_scenes_and_the_experiment_runs() {
     let dir = tempfile::tempdir().unwrap();
     let done = |args: &[&str]| {

@@ -55,6 +55,7 @@ fn a_planner_is_recorded_and_its_run_replays_without_it() {
     std::fs::remove_file(folder.path().join("idm.py")).unwrap();
     let missing = call("run", &path, &folder.path().join("c"));
     assert!(missing.code == 2 && missing.stderr.contains("driver.files is \"idm.py\""), "{}", missing.stderr);
+    assert!(missing.stderr.contains(&format!("write into [driver]: digest = {digest}")), "{}", missing.stderr);
     let text = std::fs::read_to_string(&path).unwrap();
     std::fs::write(&path, text.replace("[driver]\n", &format!("[driver]\ndigest = {digest}\n"))).unwrap();
     assert_eq!(call("run", &path, &folder.path().join("d")).root(), root);
@@ -119,11 +120,18 @@ fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     std::fs::write(folder.path().join("idm.py"), crashes).unwrap();
     let ran = Ran::of(evodrive().args(["egos", path.to_str().unwrap()]));
     assert_eq!(ran.code, 2, "{}", ran.stdout);
-    for part in
-        ["planner `python3 idm.py`, decision 0 (0.0 s): the process ended", "ValueError: no weights", "drove no scene"]
-    {
+    for part in [
+        "planner `python3 idm.py`, decision 0 (0.0 s): the process ended",
+        "ValueError: no weights",
+        "the ego drove no scene",
+    ] {
         assert!(ran.stderr.contains(part), "{part}: {}", ran.stderr);
     }
+    let no_number = "from evodrive_driver import serve\nclass Lost:\n    def decide(self, scene, step):\n        return float('nan'), 0.0\nserve(Lost())\n";
+    std::fs::write(folder.path().join("idm.py"), no_number).unwrap();
+    let ran = Ran::of(evodrive().args(["egos", path.to_str().unwrap()]));
+    let said = "decide answered (nan, 0.0) at 0.0 s; expected (acceleration_mps2, steering_rad)";
+    assert!(ran.code == 2 && ran.stderr.contains(said), "{}", ran.stderr);
 }
 
 /// An experiment named without a folder, from its own; another seed's recording keeps the first one's rollouts; a replay that fails leaves a
@@ -159,6 +167,9 @@ fn one_cassette_holds_the_rollouts_of_several_recordings_and_no_failed_replay_mo
     let (checked, verified) = (here(&["check", first.to_str().unwrap()]), here(&["verify", first.to_str().unwrap()]));
     assert_eq!((checked.code, verified.code), (0, 0), "{} {}", checked.stderr, verified.stderr);
     assert!(verified.stderr.contains("nobody was asked"), "{}", verified.stderr);
+    for ran in [&checked, &verified] {
+        assert!(ran.stderr.contains("recorded events and the result agree"), "{}", ran.stderr);
+    }
     let whole = here(&["fsck", "--read", first.to_str().unwrap()]);
     assert_eq!(whole.code, 0, "{} {}", whole.stdout, whole.stderr);
     std::fs::copy(second.join("rollouts.jsonl"), first.join("rollouts.jsonl")).unwrap();
@@ -196,7 +207,18 @@ fn scenes_in_which_the_planner_ends_are_counted_where_the_result_is_told() {
     assert!(told.contains("of 6 held-out scenes") && told.contains("sensor lost"), "{told}");
     let page = crate::harness::folder_below(&folder.path().join("a")).join("report.html");
     let report = crate::harness::report_data(&std::fs::read_to_string(page).unwrap());
-    assert_eq!(report[0]["unlabelled"], serde_json::json!([told]));
+    assert_eq!(report[0]["unlabelled"][0], told);
+    // So are those of the choice among finalists, which no held-out number shows.
+    let choice = report[0]["unlabelled"][1].as_str().unwrap();
+    assert!(choice.contains("evolution scenes somebody who was compared for the choice has no label"), "{choice}");
+    assert!(recorded.stdout.contains(choice), "{}", recorded.stdout);
+    let (run, tables) = (crate::harness::folder_below(&folder.path().join("a")), folder.path().join("tables"));
+    let laid_out = Ran::of(evodrive().args(["data", run.to_str().unwrap(), "--out", tables.to_str().unwrap()]));
+    assert_eq!(laid_out.code, 0, "{}", laid_out.stderr);
+    let listed = std::fs::read_to_string(tables.join("unlabelled.csv")).unwrap();
+    let parents = listed.lines().filter(|line| line.starts_with("cat-mine,cat-mine/parent,held_out,")).count();
+    let all: usize = told.split(" is labelled in ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(parents == 6 - all && listed.contains("sensor lost"), "{listed}\n{told}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! A row a label: one program in one scene.
+//! A row a label: one program in one scene; and a row a scene without one.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,6 +27,32 @@ fn labels(story: &RecordedRun) -> Vec<Row<'_>> {
         }
     }
     found.into_iter().collect()
+}
+
+/// Scenes in which a program has no label, with the reason, once each.
+fn failures(story: &RecordedRun) -> Vec<(Whose<'_>, &str)> {
+    let mut found: BTreeMap<Whose<'_>, &str> = BTreeMap::new();
+    for (lineage, solution, suite, score) in story.scores() {
+        for failure in &score.failures {
+            found.entry(Whose { lineage, solution, suite, scene: &failure.scene }).or_insert(&failure.reason);
+        }
+    }
+    found.into_iter().collect()
+}
+
+/// What labels cannot show: where there is none.
+pub fn unlabelled(story: &RecordedRun) -> Sheet {
+    let columns = Columns::<(Whose<'_>, &str)>::new()
+        .text("lineage", "The lineage.", |(of, _)| of.lineage.to_string())
+        .text("solution", "The program, as in labels.", |(of, _)| of.solution.to_string())
+        .text("suite", "evolution or held_out.", |(of, _)| of.suite)
+        .text("scene", "The scene, which counts in no number of this program.", |(of, _)| of.scene)
+        .text(
+            "reason",
+            "Why: the program could not be compiled, or the driver under test ended there.",
+            |(_, reason)| *reason,
+        );
+    columns.laid_out("unlabelled", "a program in a scene without a label", &failures(story))
 }
 
 /// Digests of the rollout records behind the labels, sorted.

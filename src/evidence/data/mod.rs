@@ -1,4 +1,4 @@
-//! A recorded run as tables for other programs: attempts, labels, rollouts, reviews, exchanges and cost, each column with its unit and
+//! A recorded run as tables for other programs: attempts, labels, scenes without one, rollouts, reviews, exchanges and cost, each column with its unit and
 //! meaning, as CSV and Parquet.
 
 mod attempts;
@@ -24,6 +24,7 @@ pub fn sheets(story: &RecordedRun, rollouts: &[(Digest, Rollout)], cost: Option<
     let mut all = vec![
         attempts::sheet(story),
         labels::sheet(story),
+        labels::unlabelled(story),
         rollouts::sheet(rollouts),
         exchanges::reviews(story),
         exchanges::sheet(story),

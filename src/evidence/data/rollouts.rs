@@ -50,7 +50,7 @@ pub fn sheet(rollouts: &[Row]) -> Sheet {
         });
     let columns = columns
         .flag("contact_adversary", "Whether the ego met an adversary; empty without contact.", of_contact!(adversary))
-        .number("contact_s", "s", "Time of the contact since the first simulated step.", of_contact!(time_s))
+        .number("contact_s", "s", "Time of the contact since the first simulated step; captions and `scenes best` count from the scene's beginning.", of_contact!(time_s))
         .number("contact_relative_speed_mps", "m/s", "Relative speed of the contact.", of_contact!(relative_speed_mps))
         .number(
             "contact_angle_rad",

@@ -18,6 +18,11 @@ pub enum FigureError {
         "no run holds archives by round; name a run of SafeBench's protocol, e.g. of experiments/safebench/all-idm.toml"
     )]
     NoRounds,
+    #[error(
+        "in no lineage of these runs is there a held-out scene in which the reported program attacks and its parent does not, so there is no \
+         pair to show"
+    )]
+    NothingWon,
     #[error("docs/ARCHITECTURE.md holds no table of rooms: expected lines `| floor | room | holds | may import |`")]
     NoRooms,
 }

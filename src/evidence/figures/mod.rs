@@ -3,6 +3,7 @@
 
 mod area_rounds;
 mod case_evolution;
+mod cases;
 mod edits;
 mod error;
 mod legend;
@@ -14,6 +15,7 @@ mod world_order;
 
 pub use area_rounds::area_rounds;
 pub use case_evolution::case_evolution;
+pub use cases::{Case, Side, WonScene, cases, won_scenes};
 pub use edits::patch_surface;
 pub use error::FigureError;
 pub use rooms::architecture;

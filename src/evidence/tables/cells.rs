@@ -26,16 +26,15 @@ pub fn outer_heads(table: &Table) -> (Vec<String>, Vec<String>) {
 pub fn lines(table: &Table, part: &Part, spelling: &Spelling) -> Vec<Vec<String>> {
     let both = |row: &Row| {
         let paper = row.in_paper().then(|| paper(table, row, spelling));
-        [Some(ours(table, row, spelling)), paper].into_iter().flatten()
+        [Some(ours(row, spelling)), paper].into_iter().flatten()
     };
-    part.rows.iter().flat_map(both).collect()
+    part.printed().flat_map(both).collect()
 }
 
-fn ours(table: &Table, row: &Row, spelling: &Spelling) -> Vec<String> {
+fn ours(row: &Row, spelling: &Spelling) -> Vec<String> {
     let mut cells: Vec<String> = row.labels.iter().map(|label| (spelling.text)(label)).collect();
     for Cell { column, ours, .. } in &row.cells {
         cells.push(match ours {
-            None if row.missing() => "missing".into(),
             None => spelling.none.into(),
             Some(estimate) => {
                 let interval = estimate.interval.map(|i| (spelling.interval)(column.form.interval(i)));
@@ -43,12 +42,8 @@ fn ours(table: &Table, row: &Row, spelling: &Spelling) -> Vec<String> {
             }
         });
     }
-    if row.missing() {
-        cells.extend(vec![spelling.none.to_string(); table.counts.len() + 1]);
-    } else {
-        cells.extend(row.counts.iter().map(usize::to_string));
-        cells.push((spelling.text)(&row.proposals));
-    }
+    cells.extend(row.counts.iter().map(usize::to_string));
+    cells.push((spelling.text)(&row.proposals));
     cells
 }
 

@@ -45,7 +45,7 @@ const QUANTITIES: [(&str, Reading); 4] = [
     ("attack", |scene| Some(scene.attack)),
     ("realism", |scene| scene.acted.then_some(scene.realism)),
     ("coverage", labels::ACTED),
-    ("any contact", labels::ANY_CONTACT),
+    ("any crash", labels::ANY_CONTACT),
 ];
 
 type ByScene<'a> = BTreeMap<&'a str, &'a SceneScore>;

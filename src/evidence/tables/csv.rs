@@ -1,6 +1,6 @@
 //! A table as CSV (RFC 4180 quoting): one line a row, numbers unrounded, the paper's in columns of their own.
 
-use super::layout::{PROPOSALS, Table};
+use super::layout::{PROPOSALS, Part, Table};
 
 /// For every column its value, the interval's ends and the paper's figure; empty = there is none.
 pub fn csv(table: &Table) -> String {
@@ -12,16 +12,15 @@ pub fn csv(table: &Table) -> String {
     head.extend(table.counts.iter().chain([&PROPOSALS]).map(|count| count.key.to_string()));
     head.push("notes".into());
     let mut out = line(&head);
-    for row in table.rows() {
-        let status = if row.missing() { "missing" } else { "measured" };
+    for row in table.printed().into_iter().flat_map(Part::printed) {
         let mut fields = row.labels.clone();
-        fields.extend([status.to_string(), row.lineages.join(" ")]);
+        fields.extend(["measured".to_string(), row.lineages.join(" ")]);
         for cell in &row.cells {
             let interval = cell.ours.and_then(|estimate| estimate.interval);
             let numbers = [cell.ours.map(|e| e.value), interval.map(|i| i[0]), interval.map(|i| i[1]), cell.paper];
             fields.extend(numbers.map(|number| number.map_or(String::new(), |x| x.to_string())));
         }
-        fields.extend(row.counts.iter().map(|n| if row.missing() { String::new() } else { n.to_string() }));
+        fields.extend(row.counts.iter().map(usize::to_string));
         fields.extend([row.proposals.clone(), row.notes.join(" ")]);
         out.push_str(&line(&fields));
     }

@@ -253,13 +253,15 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, Tab
             solution: solution.clone(),
         })
     };
-    let method = method(story, result);
+    let published = method(story, result);
+    // The paper has no row under a measure of the experimenter's own.
+    let method = published.filter(|_| story.opened.attack.is_none());
     Ok(LineageLabels {
         lineage: result.lineage.clone(),
         replica: result.replica,
         run: run_name(story),
         method,
-        name: method.map_or_else(|| stem(result).to_string(), |method| method.name.to_string()),
+        name: published.map_or_else(|| stem(result).to_string(), |method| method.name.to_string()),
         ego: result.ego.clone(),
         suite: digest,
         suite_scenes: names.len(),
@@ -282,10 +284,6 @@ pub fn stem(result: &LineageResult) -> &str {
 /// The paper's row: the family's own lineage from the published parent on, and for SAGE the one of its parent's preference weight. A lineage with
 /// another id, such as `cat-short-idm`, is a variant with a row of its own.
 fn method(story: &RecordedRun, result: &LineageResult) -> Option<&'static Method> {
-    // The paper has no row under a measure of the experimenter's own.
-    if story.opened.attack.is_some() {
-        return None;
-    }
     let family = result.family.as_str();
     let parent = story.parents.iter().find(|p| p.lineage == result.lineage);
     if parent.is_some_and(|parent| !parent.origins.is_empty()) {

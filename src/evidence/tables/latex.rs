@@ -14,8 +14,9 @@ const SPELLING: Spelling = Spelling {
 /// A `table*` environment a part; the notes stand below the last.
 pub fn latex(table: &Table) -> String {
     let mut out = String::from("% needs \\usepackage{booktabs} and \\usepackage{graphicx}\n");
-    for (at, one) in table.parts.iter().enumerate() {
-        let notes = if at + 1 == table.parts.len() { table.notes.as_slice() } else { &[] };
+    let printed = table.printed();
+    for (at, one) in printed.iter().enumerate() {
+        let notes = if at + 1 == printed.len() { table.notes.as_slice() } else { &[] };
         part(&mut out, table, one, notes);
     }
     out

@@ -170,6 +170,13 @@ pub struct Part {
     pub rows: Vec<Row>,
 }
 
+impl Part {
+    /// The rows that are printed: a row of the paper's without one of ours beside it says nothing. A note and the JSON form name them.
+    pub fn printed(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| !row.missing())
+    }
+}
+
 /// A whole table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
@@ -185,6 +192,11 @@ pub struct Table {
 }
 
 impl Table {
+    /// The parts that are printed: those with a row that is.
+    pub fn printed(&self) -> Vec<&Part> {
+        self.parts.iter().filter(|part| part.printed().next().is_some()).collect()
+    }
+
     /// All rows, part after part.
     pub fn rows(&self) -> impl Iterator<Item = &Row> {
         self.parts.iter().flat_map(|part| &part.rows)

@@ -11,7 +11,7 @@ const SPELLING: Spelling =
 /// The table with its notes as a list.
 pub fn markdown(table: &Table) -> String {
     let mut out = String::new();
-    for part in &table.parts {
+    for part in table.printed() {
         let source = part.source.map_or(String::new(), |label| format!(" (paper: `{label}`)"));
         out.push_str(&format!("**{}**{source}\n\n", part.title));
         let (before, after) = cells::outer_heads(table);

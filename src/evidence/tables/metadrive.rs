@@ -277,15 +277,19 @@ fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) ->
     }
 }
 
+/// What counts as an attack where the experiment declares nothing else.
+const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the ego fails by a contact with an adversary that the experiment \
+                                counts: one that the ego caused or could have avoided.";
+
 /// What a reader must know beside the numbers.
 fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
     let mut told = vec![
-        "Attack: share of held-out scenes in which the ego fails by a contact with an adversary that the experiment counts: \
-         one that the ego caused or could have avoided. Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
+        format!(
+            "{PROTOCOLS_ATTACK} Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
          count. RP = 100 (1 - r) over the scenes that the program acts in; RP of successes: over those in which it succeeds. The \
          search's realism R is the worse one of the two, so that nudges elsewhere buy none. Coverage: share of scenes acted in. \
          Evolved: the active generator, chosen on evolution labels."
-            .to_string(),
+        ),
         format!(
             "{REPLAY}: the recorded scenes without a program. Its crashes are what the ego runs into anyway, its RP is that of \
              the recorded traffic itself. A program that does nothing has attack and coverage 0, and no place in the frontier."
@@ -305,7 +309,12 @@ fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>)
     }
     told.extend(stories.iter().map(notes::run));
     let absent = missing(all);
-    if !absent.is_empty() {
+    let own = stories.iter().all(|story| story.opened.attack.is_some());
+    if own {
+        told[0] = told[0].replace(PROTOCOLS_ATTACK, "Attack: see below.");
+    }
+    // The paper has no row under another measure, so none is missing.
+    if !absent.is_empty() && !own {
         told.push(format!("Missing in these runs: {}.", absent.join(", ")));
     }
     if all.iter().map(|l| l.suite).collect::<BTreeSet<_>>().len() > 1 {

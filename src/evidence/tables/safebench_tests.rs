@@ -208,7 +208,7 @@ fn what_was_not_run_is_missing_and_a_variant_stands_apart() {
     assert_eq!(missing, [false, true, true, true, false]);
     assert!(!main.rows().last().unwrap().in_paper());
     let text = markdown(&main);
-    assert!(text.contains("| AT |  | missing |") && text.contains("Missing in these runs: AT, CS, Human."), "{text}");
+    assert!(!text.contains("| AT |") && text.contains("Missing in these runs: AT, CS, Human."), "{text}");
     assert!(text.contains("learned policy (RL)"), "{text}");
     let rounds = safebench_rounds(&[made]).unwrap();
     assert_eq!(rounds.parts.iter().map(|part| part.rows.len()).collect::<Vec<_>>(), [15, 15, 15, 15, 6]);
@@ -329,18 +329,18 @@ fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
         let text = markdown(&table);
         let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
         let cells = |line: &&str| line.matches(" | ").count();
-        assert!(lines.len() > 8 && lines.iter().all(|line| cells(line) == cells(&lines[0])), "{text}");
+        assert!(lines.len() >= 4 && lines.iter().all(|line| cells(line) == cells(&lines[0])), "{text}");
         let text = latex(&table);
         let rows: Vec<&str> =
             text.lines().filter(|line| line.ends_with("\\\\") && !line.contains("multicolumn")).collect();
         let cells = |line: &&str| line.matches(" & ").count();
         assert!(rows.iter().all(|line| cells(line) == cells(&rows[0])), "{text}");
-        assert_eq!(text.matches("\\begin{table*}").count(), table.parts.len());
+        assert_eq!(text.matches("\\begin{table*}").count(), table.printed().len());
         assert!(text.is_ascii(), "LaTeX engines differ in what else they print");
         let text = csv(&table);
         let heads = table.labels.len() + 2 + 4 * table.columns.len() + table.counts.len() + 2;
         assert_eq!(text.lines().next().unwrap().split(',').count(), heads);
-        assert_eq!(text.lines().count(), 1 + table.rows().count());
+        assert_eq!(text.lines().count(), 1 + table.rows().filter(|row| !row.missing()).count());
         let json = table.json();
         assert_eq!(json["rows"][0]["groups"], 4);
         assert_eq!(json["rows"][0]["source"], table.parts[0].source.unwrap());

@@ -30,26 +30,23 @@ impl ContractMark {
         Ok(ContractMark { adapter: ADAPTER_VERSION, digest: contract.digest()?, names: contract.names() })
     }
 
-    /// What is different now, in words; `None` if nothing is.
-    pub fn changed(&self, now: &ContractMark) -> Option<String> {
-        if self == now {
-            return None;
-        }
+    /// Why a program of this mark can mean something else under the contract as it is now, in words; `None` if it cannot. Names
+    /// that came in since, and texts that explain, change nothing of a program that does without them; what bounds allow is asked
+    /// of the program itself; and the adapter version rises when a meaning changes.
+    pub fn broken_by(&self, now: &ContractMark) -> Option<String> {
+        let gone: Vec<&String> = self.names.difference(&now.names).collect();
         let mut changes = Vec::new();
         if self.adapter != now.adapter {
             changes.push(format!("adapter version {} in the file, {} here", self.adapter, now.adapter));
         }
+        changes.extend((!gone.is_empty()).then(|| format!("unknown now: {}", listed(&gone))));
+        if changes.is_empty() {
+            return None;
+        }
+        let new: Vec<&String> = now.names.difference(&self.names).collect();
+        changes.extend((!new.is_empty()).then(|| format!("new since: {}", listed(&new))));
         if self.digest != now.digest {
             changes.push(format!("contract {} in the file, {} here", self.digest.short(16), now.digest.short(16)));
-        }
-        let gone: Vec<&String> = self.names.difference(&now.names).collect();
-        let new: Vec<&String> = now.names.difference(&self.names).collect();
-        match (gone.is_empty(), new.is_empty()) {
-            (true, true) => changes.push("its names are all known still, so bounds or meanings moved".into()),
-            _ => {
-                changes.extend((!gone.is_empty()).then(|| format!("unknown now: {}", listed(&gone))));
-                changes.extend((!new.is_empty()).then(|| format!("new since: {}", listed(&new))));
-            }
         }
         Some(changes.join("; "))
     }

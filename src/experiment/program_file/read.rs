@@ -120,7 +120,7 @@ impl ProgramFile {
     }
 }
 
-/// The family's code, if the file is of this format and the family's contract is still the file's.
+/// The family's code, if the file is of this format and its program means the same under the family's contract as it is now.
 fn about(file: &str, value: &Value) -> Result<Source, ProgramFileError> {
     let format = value.get("format");
     if format.and_then(Value::as_str) != Some(FORMAT) {
@@ -144,7 +144,7 @@ fn about(file: &str, value: &Value) -> Result<Source, ProgramFileError> {
     let mark: ContractMark = serde_json::from_value(field("contract")?.clone()).map_err(|error| shape(file, &error))?;
     let now = ContractMark::of(&source.contract)
         .map_err(|error| ProgramFileError::Options { file: file.into(), reason: error.to_string() })?;
-    match mark.changed(&now) {
+    match mark.broken_by(&now) {
         Some(changed) => Err(ProgramFileError::Contract { file: file.into(), family: family.to_string(), changed }),
         None => Ok(source),
     }

@@ -1,0 +1,157 @@
+//! A moment of a drawing as shapes of a figure: figures of papers that show scenes are made of such panels.
+
+use super::drawing::{Actor, Drawing, LineStyle, Role};
+use super::figure::{BLACK, BLUE, Figure, GREEN, Ink, Mark, ORANGE, PURPLE, Rgb, Shape, VERMILION, WHITE};
+use crate::kernel::{OrientedBox, Vec2};
+
+/// Beside the road.
+const GROUND: Rgb = [240, 242, 238];
+const SURFACE: Rgb = [207, 212, 218];
+const EDGE: Rgb = [110, 118, 128];
+const TRAFFIC: Rgb = [128, 136, 146];
+
+/// Which part of a drawing is shown, and where on the sheet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Panel {
+    /// Left, top, width, height, points.
+    pub place: [f64; 4],
+    /// What lies in its middle, metres.
+    pub middle: Vec2,
+    /// Metres from its left to its right side.
+    pub width_m: f64,
+    /// Step of the scene; ways are drawn up to it.
+    pub step: usize,
+}
+
+impl Panel {
+    fn scale(&self) -> f64 {
+        self.place[2] / self.width_m
+    }
+
+    fn at(&self, point: Vec2) -> (f64, f64) {
+        let [x, y, w, h] = self.place;
+        let away = point - self.middle;
+        (x + 0.5 * w + away.x * self.scale(), y + 0.5 * h - away.y * self.scale())
+    }
+
+    /// Whether the rectangle around these points reaches into the panel.
+    fn shows(&self, points: &[Vec2]) -> bool {
+        let half = Vec2::new(0.5 * self.width_m, 0.5 * self.place[3] / self.scale());
+        let spans = |of: fn(&Vec2) -> f64, middle: f64, half: f64| {
+            let (low, high) =
+                points.iter().map(of).fold((f64::INFINITY, -f64::INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            low <= middle + half && high >= middle - half
+        };
+        spans(|p| p.x, self.middle.x, half.x) && spans(|p| p.y, self.middle.y, half.y)
+    }
+
+    fn path(&self, points: &[Vec2], ink: Ink) -> Shape {
+        Shape::Path(points.iter().map(|p| self.at(*p)).collect(), ink)
+    }
+
+    fn closed(&self, points: &[Vec2], ink: Ink) -> Shape {
+        Shape::Path(points.iter().chain(points.first()).map(|p| self.at(*p)).collect(), ink)
+    }
+}
+
+/// Puts the moment on the sheet: road, everyone's box, the ways of ego and adversaries so far, and a cross where they touch.
+pub fn panel(figure: &mut Figure, drawing: &Drawing, panel: &Panel) {
+    let mut shapes = vec![Shape::Rect(panel.place, Ink::fill(GROUND))];
+    for surface in drawing.surfaces.iter().filter(|points| panel.shows(points)) {
+        shapes.push(panel.closed(surface, Ink::fill(SURFACE).edged(SURFACE, 0.3)));
+    }
+    for line in drawing.lines.iter().filter(|line| panel.shows(&line.points)) {
+        let ink = match line.style {
+            LineStyle::Edge => Ink::line(EDGE, 0.5),
+            LineStyle::Opposite => Ink::line(ORANGE, 0.4),
+            LineStyle::Divider => Ink::line(WHITE, 0.4).dashed(),
+        };
+        shapes.push(panel.path(&line.points, ink));
+    }
+    for actor in drawing.actors.iter().filter(|actor| matches!(actor.role, Role::Ego | Role::Adversary)) {
+        let way = actor.samples.iter().take(panel.step + 1).flatten().map(|s| Vec2::new(s[0], s[1]));
+        let way: Vec<Vec2> = way.collect();
+        if way.len() > 1 && panel.shows(&way) {
+            shapes.push(panel.path(&way, Ink::line(colour(actor.role), 0.8)));
+        }
+    }
+    shapes.extend(drawing.actors.iter().filter_map(|actor| boxed(panel, actor)));
+    if let Some(contact) = drawing.contact.as_ref().filter(|contact| contact.step <= panel.step) {
+        let mut cross = Figure::new(0.0, 0.0, "");
+        cross.mark(Mark::Cross, panel.at(contact.point), 4.0, Ink::line(WHITE, 2.4));
+        cross.mark(Mark::Cross, panel.at(contact.point), 4.0, Ink::line(BLACK, 1.2));
+        shapes.extend(cross.shapes);
+    }
+    figure.shapes.push(Shape::Within(panel.place, shapes));
+    figure.rect(panel.place, Ink::line(EDGE, 0.4));
+}
+
+fn boxed(panel: &Panel, actor: &Actor) -> Option<Shape> {
+    let [x, y, heading_rad, _] = (*actor.samples.get(panel.step)?)?;
+    let corners = OrientedBox::new(Vec2::new(x, y), heading_rad, actor.length_m, actor.width_m).corners();
+    let ink = match actor.role {
+        Role::Ghost => Ink::line(TRAFFIC, 0.4).dashed(),
+        role => Ink::fill(colour(role)).edged(WHITE, 0.3),
+    };
+    panel.shows(&corners).then(|| panel.closed(&corners, ink))
+}
+
+/// Of the Okabe and Ito palette where somebody matters.
+pub fn colour(role: Role) -> Rgb {
+    match role {
+        Role::Ego => BLUE,
+        Role::Adversary => VERMILION,
+        Role::Cyclist => GREEN,
+        Role::Pedestrian => PURPLE,
+        Role::Interacting | Role::Traffic | Role::Static | Role::Ghost => TRAFFIC,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::draw::{Contact, RoadLine};
+
+    fn shapes(step: usize) -> Vec<Shape> {
+        let moving = |role, x: f64| Actor {
+            label: "a".into(),
+            role,
+            length_m: 4.0,
+            width_m: 2.0,
+            samples: (0..5).map(|k| Some([x + f64::from(k), 0.0, 0.0, 10.0])).collect(),
+        };
+        let drawing = Drawing {
+            dt_s: 0.1,
+            steps: 5,
+            lines: vec![RoadLine {
+                style: LineStyle::Edge,
+                points: vec![Vec2::new(500.0, 0.0), Vec2::new(600.0, 0.0)],
+            }],
+            actors: vec![moving(Role::Ego, 0.0), moving(Role::Adversary, 3.0), moving(Role::Traffic, 900.0)],
+            contact: Some(Contact { step: 3, point: Vec2::new(5.0, 0.0), label: "met".into() }),
+            ..Drawing::default()
+        };
+        let mut figure = Figure::new(100.0, 100.0, "");
+        panel(
+            &mut figure,
+            &drawing,
+            &Panel { place: [10.0, 10.0, 80.0, 40.0], middle: Vec2::ZERO, width_m: 40.0, step },
+        );
+        let Shape::Within(place, shapes) = figure.shapes.swap_remove(0) else { panic!("{:?}", figure.shapes) };
+        assert_eq!(place, [10.0, 10.0, 80.0, 40.0]);
+        shapes
+    }
+
+    #[test]
+    fn a_panel_has_who_is_in_sight_and_the_contact_from_when_it_happens() {
+        // Ground, two ways, two boxes; the road's edge and a third vehicle are far away.
+        let before = shapes(2);
+        assert_eq!(before.len(), 5, "{before:?}");
+        // Two crosses of two lines each, one as the other's rim.
+        assert_eq!(shapes(3).len(), 9);
+        let Shape::Path(corners, _) = &before[3] else { panic!("{before:?}") };
+        // The ego's middle is 2 m right of the panel's, which is 4 points there.
+        let middle = corners[..4].iter().fold((0.0, 0.0), |sum, p| (sum.0 + 0.25 * p.0, sum.1 + 0.25 * p.1));
+        assert!((middle.0 - 54.0).abs() < 1e-9 && (middle.1 - 30.0).abs() < 1e-9, "{middle:?}");
+    }
+}

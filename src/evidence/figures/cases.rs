@@ -1,0 +1,186 @@
+//! fig:carla-cases: a scene as the original and the evolved generator play it, side by side, a row a lineage.
+//!
+//! Which scene is shown follows from the labels alone, so that nobody picks it: of the held-out scenes in which the reported program
+//! attacks and the parent does not, the one with the highest realism, and of equal ones the first by its id.
+
+use super::error::FigureError;
+use super::legend::{self, LETTERS, source};
+use crate::draw::{
+    Actor, Anchor, BLACK, Drawing, Figure, GREEN, GREY, Ink, Mark, PURPLE, Panel, Role, Words, colour, panel, wrapped,
+};
+use crate::evidence::recorded_run::RecordedRun;
+use crate::kernel::Vec2;
+use crate::objects::event::LineageResult;
+use crate::objects::{SceneScore, SolutionId};
+
+/// A scene that a figure shows, and by which programs it is played.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WonScene {
+    /// The lineage's name.
+    pub lineage: String,
+    pub scene: String,
+    pub original: SolutionId,
+    pub evolved: SolutionId,
+}
+
+/// One lineage's scene, played.
+pub struct Case {
+    pub won: WonScene,
+    pub original: Side,
+    pub evolved: Side,
+}
+
+/// A rollout as it is shown.
+pub struct Side {
+    pub drawing: Drawing,
+    /// How it ended, in a few words.
+    pub ending: String,
+}
+
+/// The scene of every lineage that has one; lineages whose reported program is their parent, or wins nothing, have none.
+pub fn won_scenes(story: &RecordedRun) -> Vec<WonScene> {
+    story.result.iter().flat_map(|result| &result.lineages).filter_map(|lineage| won(story, lineage)).collect()
+}
+
+fn won(story: &RecordedRun, lineage: &LineageResult) -> Option<WonScene> {
+    let labels = |solution: &SolutionId| -> Option<&[SceneScore]> {
+        let own = story.held_out.iter().find(|of| of.lineage == lineage.lineage && of.solution == *solution);
+        own.map(|held_out| held_out.score.scenes.as_slice())
+    };
+    let (original, evolved) = (&lineage.parent.solution, &lineage.evolved.solution);
+    let parents = labels(original)?;
+    let missed = |scene: &str| parents.iter().any(|of| of.scene == scene && of.attack == 0.0);
+    let mut best: Option<&SceneScore> = None;
+    for label in labels(evolved)?.iter().filter(|label| label.attack > 0.0 && missed(&label.scene)) {
+        let nearer = |than: &SceneScore| (-label.realism, &label.scene) < (-than.realism, &than.scene);
+        if best.is_none_or(nearer) {
+            best = Some(label);
+        }
+    }
+    Some(WonScene {
+        lineage: lineage.lineage.to_string(),
+        scene: best?.scene.clone(),
+        original: original.clone(),
+        evolved: evolved.clone(),
+    })
+}
+
+/// Points on the sheet.
+const PANEL: [f64; 2] = [225.0, 118.0];
+const LEFT: f64 = 10.0;
+const GAP: f64 = 10.0;
+/// From one lineage's row to the next.
+const ROW: f64 = PANEL[1] + 40.0;
+/// Metres from a panel's left to its right side.
+const WIDTH_M: f64 = 70.0;
+
+/// A row a case: both rollouts at the time at which the evolved one ends, each around its ego.
+///
+/// # Errors
+/// No case.
+pub fn cases(cases: &[Case], stories: &[RecordedRun]) -> Result<Figure, FigureError> {
+    if cases.is_empty() {
+        return Err(FigureError::NothingWon);
+    }
+    let title = "Scenes by the original and the evolved generator";
+    let mut sheet = Figure::new(2.0 * (PANEL[0] + LEFT) + GAP, 30.0 + ROW * cases.len() as f64, title);
+    let sign = |role: Role, text: &'static str| (Mark::Square, Ink::fill(colour(role)), text);
+    let signs = [
+        sign(Role::Ego, "ego"),
+        sign(Role::Adversary, "adversary"),
+        sign(Role::Traffic, "traffic"),
+        (Mark::Square, Ink::fill(GREEN), "cyclist"),
+        (Mark::Square, Ink::fill(PURPLE), "pedestrian"),
+        (Mark::Cross, Ink::line(BLACK, 1.2), "contact"),
+    ];
+    legend::row(&mut sheet, (LEFT, 14.0), &signs);
+    for (place, case) in cases.iter().enumerate() {
+        row(&mut sheet, 26.0 + ROW * place as f64, case);
+    }
+    let rule = "Of the held-out scenes in which the reported program attacks and its parent does not, the one with the highest realism. Both at \
+                the time at which the evolved rollout ends, or at their own end before it.";
+    legend::foot(&mut sheet, &format!("{rule} {}", source(&stories.iter().collect::<Vec<_>>())));
+    Ok(sheet)
+}
+
+fn row(sheet: &mut Figure, top: f64, case: &Case) {
+    let end = |side: &Side| side.drawing.steps.saturating_sub(1);
+    let moment = side_end(&case.evolved);
+    let name = format!("{}: {}", case.won.lineage, case.won.scene);
+    sheet.heading((LEFT, top + 8.0), LETTERS, name);
+    for (place, (head, side)) in [("original", &case.original), ("evolved", &case.evolved)].into_iter().enumerate() {
+        let x = LEFT + place as f64 * (PANEL[0] + GAP);
+        let step = moment.min(end(side));
+        let ego = side.drawing.actors.iter().find(|actor| actor.role == Role::Ego);
+        let middle = ego.and_then(|ego| place_at(ego, step)).unwrap_or(Vec2::ZERO);
+        panel(
+            sheet,
+            &side.drawing,
+            &Panel { place: [x, top + 12.0, PANEL[0], PANEL[1]], middle, width_m: WIDTH_M, step },
+        );
+        // The parent's labels say that it did not attack there, so this contact is one that the ego could not avoid or has anyway.
+        let spared = place == 0 && side.drawing.contact.as_ref().is_some_and(|contact| contact.step <= step);
+        let counts = if spared { ", which does not count as an attack" } else { "" };
+        let told = format!("{head}, {:.1} s: {}{counts}", step as f64 * side.drawing.dt_s, side.ending);
+        for (line, text) in wrapped(&told, 6.5, PANEL[0], 2).into_iter().enumerate() {
+            let at = (x, top + PANEL[1] + 20.0 + 7.5 * line as f64);
+            let (anchor, bold, upwards) = (Anchor::Start, false, false);
+            sheet.words(Words { at, size: 6.5, anchor, bold, colour: GREY, upwards, text });
+        }
+    }
+}
+
+/// The last step that a rollout shows: that of the contact, if there was one.
+fn side_end(side: &Side) -> usize {
+    side.drawing.contact.as_ref().map_or(side.drawing.steps.saturating_sub(1), |contact| contact.step)
+}
+
+fn place_at(actor: &Actor, step: usize) -> Option<Vec2> {
+    let seen = actor.samples.iter().take(step + 1).rev().flatten().next();
+    seen.map(|sample| Vec2::new(sample[0], sample[1]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::draw::{Contact, Shape, width};
+
+    fn side(contact: Option<usize>, steps: usize) -> Side {
+        let samples = (0..steps).map(|k| Some([k as f64, 0.0, 0.0, 10.0])).collect();
+        let ego = Actor { label: "ego".into(), role: Role::Ego, length_m: 4.0, width_m: 2.0, samples };
+        let contact = contact.map(|step| Contact { step, point: Vec2::new(step as f64, 0.0), label: "met".into() });
+        let drawing = Drawing { dt_s: 0.1, steps, actors: vec![ego], contact, ..Drawing::default() };
+        Side { drawing, ending: "as it ended".into() }
+    }
+
+    #[test]
+    fn both_sides_stand_at_the_evolved_ones_end_and_the_case_is_named() {
+        let won = || WonScene {
+            lineage: "cat-idm".into(),
+            scene: "synthetic-7".into(),
+            original: SolutionId::new("cat-idm/parent"),
+            evolved: SolutionId::new("cat-idm/e1s1"),
+        };
+        let case = Case { won: won(), original: side(None, 40), evolved: side(Some(20), 30) };
+        let sheet = cases(&[case], &[]).unwrap();
+        let text = |shape: &Shape| match shape {
+            Shape::Text(words) => Some(words.text.clone()),
+            _ => None,
+        };
+        let words: Vec<String> = sheet.shapes.iter().filter_map(text).collect();
+        for told in ["cat-idm: synthetic-7", "original, 2.0 s: as it ended", "evolved, 2.0 s: as it ended"] {
+            assert!(words.iter().any(|line| line == told), "{told}: {words:?}");
+        }
+        let panels = sheet.shapes.iter().filter(|shape| matches!(shape, Shape::Within(..))).count();
+        assert_eq!(panels, 2);
+        let case = Case { won: won(), original: side(Some(10), 11), evolved: side(Some(20), 30) };
+        let sheet = cases(&[case], &[]).unwrap();
+        let mut words = sheet.shapes.iter().filter_map(text);
+        assert!(words.any(|line| line == "original, 1.0 s: as it ended, which does not count as an attack"));
+        assert!(matches!(cases(&[], &[]), Err(FigureError::NothingWon)));
+        assert!(sheet.shapes.iter().all(|shape| match shape {
+            Shape::Text(words) => words.at.0 + width(&words.text, words.size) < sheet.width + 12.0,
+            _ => true,
+        }));
+    }
+}

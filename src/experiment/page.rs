@@ -37,30 +37,38 @@ pub fn page() -> String {
     let mut page = HEAD.to_string();
     let bases: Vec<Table> = PROTOCOLS.iter().filter_map(|(_, text)| text.parse().ok()).collect();
     let names = PROTOCOLS.map(|(name, _)| name).join(" | ");
-    let mut section = "";
-    for key in keys() {
-        let table = key.key.split(['.', '[']).next().unwrap_or_default();
-        let title = if key.key.contains(['.', '[']) { table } else { "" };
-        if page.len() == HEAD.len() || title != section {
-            section = title;
-            let heading = if section.is_empty() { "The file itself".to_string() } else { format!("`[{section}]`") };
-            let _ = write!(page, "\n## {heading}\n\n| key | symbol | unit | range | {names} | meaning |\n");
-            page.push_str("|---|---|---|---|---|---|---|\n");
+    let all = keys();
+    let mut sections: Vec<&str> = Vec::new();
+    for key in &all {
+        if !sections.contains(&section(key)) {
+            sections.push(section(key));
         }
-        let values: Vec<String> = bases.iter().map(|base| value(base, &key)).collect();
-        let _ = writeln!(
-            page,
-            "| `{}` | {} | {} | {}{} | {} | {} |",
-            key.key,
-            key.symbol,
-            key.unit,
-            key.range,
-            needed(&key.need),
-            values.join(" | "),
-            key.meaning
-        );
+    }
+    for title in sections {
+        let heading = if title.is_empty() { "The file itself".to_string() } else { format!("`[{title}]`") };
+        let _ = write!(page, "\n## {heading}\n\n| key | symbol | unit | range | {names} | meaning |\n");
+        page.push_str("|---|---|---|---|---|---|---|\n");
+        for key in all.iter().filter(|key| section(key) == title) {
+            let values: Vec<String> = bases.iter().map(|base| value(base, key)).collect();
+            let _ = writeln!(
+                page,
+                "| `{}` | {} | {} | {}{} | {} | {} |",
+                key.key,
+                key.symbol,
+                key.unit,
+                key.range,
+                needed(&key.need),
+                values.join(" | "),
+                key.meaning
+            );
+        }
     }
     page
+}
+
+/// The table that a key stands in; empty for those of the file itself.
+fn section(key: &Key) -> &str {
+    if key.key.contains(['.', '[']) { key.key.split(['.', '[']).next().unwrap_or_default() } else { "" }
 }
 
 /// When the key is needed, where that is not always.

@@ -21,17 +21,17 @@ pub const TAGS: [&str; 11] = [
 ];
 /// What each of [`TAGS`] says of a scene, in their order. Staged scenes have the name of their traffic family as a tag besides.
 pub const TAGS_MEAN: [&str; 11] = [
-    "There is a crosswalk.",
+    "The map has a crosswalk.",
     "The ego's route bends by more than 0.02 1/m somewhere.",
-    "There is a cyclist.",
-    "There are 15 vehicles or more.",
-    "The route lies on a freeway, or its speed limit is above 22 m/s.",
-    "Lanes cross or join within the route.",
-    "There is a traffic light.",
-    "The route has two lanes of its direction or more.",
-    "Somebody is on foot.",
-    "There are vehicles, and their mean speed is below 3 m/s.",
-    "There is a stop sign.",
+    "A cyclist is there at the current step.",
+    "15 vehicles or more are there at the current step.",
+    "The ego starts on a freeway, or the speed limit there is above 22 m/s.",
+    "The ego's route crosses another lane, or a lane of it is entered from several.",
+    "A traffic light stands over a lane of the ego's route.",
+    "Two lanes or more lie abreast where the ego starts.",
+    "Somebody on foot is there at the current step.",
+    "Vehicles are there at the current step, and their mean speed is below 3 m/s.",
+    "The map has a stop sign.",
 ];
 /// The distance that is reported where there is nothing to measure to, metres.
 pub const NOTHING_NEAR_M: f64 = 200.0;

@@ -115,7 +115,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 }
 
 /// A driver by its name, or by the file of its weights.
-fn driver(name: &str) -> Result<Policy, Failure> {
+pub fn driver(name: &str) -> Result<Policy, Failure> {
     if name.ends_with(".safetensors") {
         return egos::learned(Path::new(name));
     }

@@ -8,9 +8,9 @@ use super::examples::with_examples;
 use super::exit::Failure;
 use super::folder::RUNS;
 use super::{
-    agree, apply, bench, bundle, calibrate, claims, compare, data, diff, egos, exchange, figure, fsck, impact, init,
-    known, lineage, manual, options, paper, plan, program, report, run, scenes, shard, show, table, train, watch, why,
-    worker, world,
+    agree, apply, bench, bundle, calibrate, claims, compare, data, diff, downstream, egos, exchange, figure, fsck,
+    impact, init, known, lineage, manual, options, paper, plan, program, report, run, scenes, shard, show, table,
+    train, watch, why, worker, world,
 };
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
@@ -117,6 +117,9 @@ pub enum Command {
     Shard(shard::Command),
     /// Train a learned ego on generated scenes and write its weights and card (docs/EGOS.md).
     Train(train::Options),
+    /// Train egos on scenes of the original and of the evolved generator, and compare how they drive: replayed from a record, or
+    /// trained (docs/DOWNSTREAM.md).
+    Downstream(downstream::Options),
     /// Drive an experiment's held-out scenes with replay, IDM and learned egos: who crashes, who arrives (docs/EGOS.md).
     Egos(egos::Options),
     /// Measure speed.
@@ -211,6 +214,7 @@ impl Command {
             Command::Worker => worker::run(),
             Command::Shard(command) => shard::run(&command, jobs),
             Command::Train(options) => train::run(&options, jobs),
+            Command::Downstream(options) => downstream::run(&options, jobs),
             Command::Egos(options) => egos::run(&options, jobs),
             Command::Bench(command) => bench::run(command, jobs),
         }

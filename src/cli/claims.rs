@@ -2,9 +2,11 @@
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
+use super::downstream;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::evidence::RecordedRun;
@@ -58,5 +60,12 @@ pub fn judged(file: &Path, stories: &[RecordedRun]) -> Result<Judgement, Failure
     let text = String::from_utf8(bytes)
         .map_err(|_| Failure::bad_input(format!("{name} is no UTF-8 text; expected a TOML file of claims")))?;
     let read = claims::read(&name, &text).map_err(Failure::bad_input)?;
-    claims::judge(&read, stories).map_err(Failure::bad_input)
+    let mut studies = BTreeMap::new();
+    for (name, path) in &read.studies {
+        // A study that is not there leaves its claims untested.
+        if Path::new(path).exists() {
+            studies.insert(name.clone(), downstream::as_recorded(Path::new(path))?);
+        }
+    }
+    claims::judge(&read, stories, &studies).map_err(Failure::bad_input)
 }

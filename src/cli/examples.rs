@@ -59,6 +59,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("shard work", "evodrive shard work runs/RUN/shards/0.shard"),
     ("shard merge", "evodrive shard merge experiments/quickstart.toml"),
     ("train", "evodrive train experiments/train/sac-metadrive.toml"),
+    ("downstream", "evodrive downstream experiments/downstream/metadrive.toml"),
     ("egos", "evodrive egos examples/own_ego/idm.toml"),
     ("bench sim", "evodrive bench sim --pool my.pool"),
     ("bench ledger", "evodrive bench ledger --scratch empty"),

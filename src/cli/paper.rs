@@ -12,10 +12,11 @@ use super::exit::{Exit, Failure};
 use super::folder::{RUNS, RunFolder};
 use super::run::Job;
 use super::table::Which as WhichTable;
-use super::{claims, figure, run, timed};
+use super::{claims, downstream, figure, run, timed};
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
 use crate::evidence::claims::{csv as claims_csv, latex as claims_latex, markdown as claims_markdown};
+use crate::evidence::downstream as evidence_downstream;
 use crate::evidence::paper::{Piece, Plan, What, numbers, of_agreement, plan, typed_numbers};
 use crate::evidence::tables::{self, Table};
 use crate::kernel::Digest;
@@ -158,6 +159,14 @@ fn sheet(piece: &Piece, ran: &Ran, jobs: usize) -> Result<Sheet, Failure> {
             let which = WhichTable::named(&name).map_err(Failure::bad_input)?;
             Sheet::Table(which.of(&ran.of(piece)).map_err(Failure::bad_input)?)
         }
+        What::Downstream { is_table } => {
+            let study = piece.study.as_deref().map(Path::new).unwrap_or(Path::new(""));
+            let record = downstream::as_recorded(study)?;
+            match is_table {
+                true => Sheet::Table(evidence_downstream::table(&record)),
+                false => Sheet::Figure(evidence_downstream::figure(&record)),
+            }
+        }
         What::Figure(name) => {
             let which = figure::Which::from_str(&name, false).map_err(|_| {
                 Failure::bad_input(format!(
@@ -252,6 +261,7 @@ fn provenance(wanted: &[&Piece], ran: &Ran, made: &Made) -> Result<String, Failu
             "file": piece.file,
             "label": piece.label,
             "runs": piece.runs,
+            "study": piece.study.clone().unwrap_or_default(),
             "command": format!("evodrive paper --figure {} --out OUT", piece.file),
             "digests": own,
         })

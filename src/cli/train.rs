@@ -14,7 +14,7 @@ use super::typed::again_with;
 use crate::ego::Policy;
 use crate::experiment::TrainingFile;
 use crate::kernel::{Digest, Threads};
-use crate::learn::{CheckpointError, Grounds, Training, TrainingError, trial};
+use crate::learn::{CheckpointError, Grounds, Lesson, Training, TrainingError, trial};
 use crate::scene::{Pool, PreparedScene};
 use crate::sim::{Plant, SimulatorOptions};
 use crate::store;
@@ -55,7 +55,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let threads = scenes::threads(jobs)?;
     let pools = file.pools(&threads)?;
     let recipe = file.recipe(&pools)?;
-    let [training, validation] = pools.each_ref().map(|pool| plants(pool, &file.simulator, &threads));
+    let [training, validation] = pools.each_ref().map(|pool| lessons(pool, &file.simulator, &threads));
     let (training, validation) = (training?, validation?);
     progress(format!("{}: {} scenes to learn on, {} to compare by", file.name, training.len(), validation.len()));
     let grounds = Grounds { training: &training, validation: &validation, threads: &threads };
@@ -94,12 +94,12 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     Ok(Answer::new(trained.text(&weights_path, digest), card))
 }
 
-/// The scenes of a pool, prepared; one that cannot be simulated is an error.
-pub fn plants(pool: &Pool, simulator: &SimulatorOptions, threads: &Threads) -> Result<Vec<Plant>, Failure> {
+/// The scenes of a pool as they are, prepared; one that cannot be simulated is an error.
+pub fn lessons(pool: &Pool, simulator: &SimulatorOptions, threads: &Threads) -> Result<Vec<Lesson>, Failure> {
     let scenes: Vec<_> = pool.scenes.iter().collect();
     let prepared =
         threads.map(&scenes, |_, scene| Plant::with_options(PreparedScene::new(Arc::new((*scene).clone())), simulator));
-    prepared.into_iter().collect::<Result<Vec<Plant>, _>>().map_err(Failure::bad_input)
+    prepared.into_iter().map(|plant| plant.map(Lesson::from).map_err(Failure::bad_input)).collect()
 }
 
 /// A training from its beginning, or from the bytes of a checkpoint.

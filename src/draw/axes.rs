@@ -37,6 +37,14 @@ impl Scale {
         Scale { low, high, ticks }
     }
 
+    /// The same ticks with more room at both ends, as a share of the whole.
+    pub fn widened(mut self, share: f64) -> Scale {
+        let room = share * (self.high - self.low);
+        self.low -= room;
+        self.high += room;
+        self
+    }
+
     /// 0 at the low end, 1 at the high end.
     fn share(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)

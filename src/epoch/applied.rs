@@ -15,7 +15,7 @@ use crate::evaluation::{
 };
 use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::{Counsel, Program, Score, benchmark::SafebenchRun};
-use crate::sim::SimulatorOptions;
+use crate::sim::{Intervention, SimulatorOptions};
 use crate::stage::Source;
 
 /// Under which conditions programs of one family are played.
@@ -58,15 +58,40 @@ impl Applied<'_> {
         scenes: &[SceneEntry],
         threads: &Threads,
     ) -> Result<Vec<Labelled>, RunError> {
-        let prepared = programs.iter().map(|program| Prepared::new(program, self.source));
-        let prepared: Vec<Prepared<'_>> =
-            prepared.collect::<Result<_, _>>().map_err(|failure| RunError::Study(failure.to_string()))?;
+        let prepared = self.prepared(programs)?;
         let found = threads.map(scenes, |_, entry| self.found(&prepared, entry));
         let of = |(k, prepared): (usize, &Prepared<'_>)| {
             let records: Vec<&Found> = found.iter().map(|of_scene| &of_scene[k]).collect();
             self.scored(prepared.hash(), scenes, &records, threads)
         };
         prepared.iter().enumerate().map(of).collect()
+    }
+
+    /// What each program makes others do in each scene, in the order of the scenes, and within a scene of the programs; or why it
+    /// cannot be said. Nothing is simulated for it but what the family itself plans by.
+    ///
+    /// # Errors
+    /// A program that its family's contract does not allow.
+    pub fn interventions(
+        &self,
+        programs: &[&Program],
+        scenes: &[SceneEntry],
+        threads: &Threads,
+    ) -> Result<Vec<Vec<Result<Intervention, String>>>, RunError> {
+        let prepared = self.prepared(programs)?;
+        let compiled = |prepared: &Prepared<'_>, situation: &Situation, entry: &SceneEntry| {
+            let compiled = prepared.compile_counselled(situation, self.seed, self.counsel(entry));
+            compiled.map(|compiled| compiled.intervention).map_err(|failure| failure.to_string())
+        };
+        Ok(threads.map(scenes, |_, entry| match self.situation(entry) {
+            Ok(situation) => prepared.iter().map(|prepared| compiled(prepared, &situation, entry)).collect(),
+            Err(reason) => vec![Err(reason); prepared.len()],
+        }))
+    }
+
+    fn prepared<'p>(&'p self, programs: &[&'p Program]) -> Result<Vec<Prepared<'p>>, RunError> {
+        let prepared = programs.iter().map(|program| Prepared::new(program, self.source));
+        prepared.collect::<Result<_, _>>().map_err(|failure| RunError::Study(failure.to_string()))
     }
 
     /// One rollout of a program with its motion.

@@ -11,6 +11,7 @@ pub mod composition_text;
 pub mod counsel_text;
 pub mod data;
 pub mod differing;
+pub mod downstream;
 pub mod evaluator;
 pub mod figures;
 pub mod impact;

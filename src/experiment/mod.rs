@@ -2,6 +2,7 @@
 
 mod calibration;
 mod check;
+mod downstream_file;
 mod ego_weights;
 mod error;
 mod file;
@@ -22,8 +23,10 @@ mod scenes;
 mod set;
 mod starter;
 mod study;
+mod toml_file;
 mod training_file;
 
+pub use downstream_file::{Arm, DownstreamFile, Schedule, SetSizes};
 pub use ego_weights::EgoWeights;
 pub use error::{ExperimentError, OptionError, did_you_mean};
 pub use file::{Composed, composed};

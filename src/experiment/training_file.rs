@@ -1,18 +1,15 @@
 //! Training files: on which scenes an ego learns, by which rules, and how long.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::scenes::pool_of;
-use super::{ExperimentError, SceneSource};
+use super::{ExperimentError, SceneSource, toml_file};
 use crate::kernel::{Digest, Threads};
 use crate::learn::TrainingOptions;
-use crate::scene::Pool;
+use crate::scene::{Pool, Scene};
 use crate::sim::SimulatorOptions;
-use crate::store;
-
-/// Bytes that a training file may have.
-const FILE_BYTES_MAX: u64 = 1 << 20;
 
 /// A whole training file.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -43,18 +40,10 @@ impl TrainingFile {
     /// # Errors
     /// What cannot be read; an option that is unknown, missing or out of its range.
     pub fn read(path: &Path) -> Result<TrainingFile, ExperimentError> {
-        let problem = |problem: String| ExperimentError::File { file: path.display().to_string(), problem };
-        let bytes = store::read_bounded(path, FILE_BYTES_MAX)?;
-        let text =
-            String::from_utf8(bytes).map_err(|_| problem("is no UTF-8; a training file is a text file".into()))?;
-        let read: Result<TrainingFile, toml::de::Error> = toml::from_str(&text);
-        let mut file = read.map_err(|error| problem(error.to_string().trim_end().to_string()))?;
-        let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
-        if file.name.is_empty() || !file.name.chars().all(fits) {
-            return Err(problem(format!("name is {:?}, expected lower-case letters, digits, - and _", file.name)));
-        }
-        file.training.check().map_err(|error| problem(error.to_string()))?;
-        file.simulator.check().map_err(|error| problem(error.to_string()))?;
+        let mut file: TrainingFile = toml_file::read(path, "training")?;
+        toml_file::check_name(path, &file.name)?;
+        file.training.check().map_err(|error| toml_file::problem(path, error))?;
+        file.simulator.check().map_err(|error| toml_file::problem(path, error))?;
         file.file = path.to_path_buf();
         Ok(file)
     }
@@ -67,10 +56,7 @@ impl TrainingFile {
         let beside = |path: &Path| self.file.parent().unwrap_or(Path::new(".")).join(path);
         let [training, validation] = [&self.scenes, &self.validation].map(|source| pool_of(source, &beside, threads));
         let (training, validation) = (training?, validation?);
-        if let Some(both) = validation.scenes.iter().find(|scene| training.scenes.contains(scene)) {
-            let problem = format!("[validation] holds scene {}, which [scenes] holds too; name another seed", both.id);
-            return Err(ExperimentError::File { file: self.file.display().to_string(), problem });
-        }
+        apart(&self.file, "validation", &training, &validation)?;
         Ok([training, validation])
     }
 
@@ -80,9 +66,21 @@ impl TrainingFile {
     /// Options that have no canonical form.
     pub fn recipe(&self, pools: &[Pool; 2]) -> Result<Digest, ExperimentError> {
         let content = (&self.training, &self.simulator, pools.each_ref().map(Pool::digest));
-        Digest::of("evodrive/training/1", &content).map_err(|error| ExperimentError::File {
-            file: self.file.display().to_string(),
-            problem: error.to_string(),
-        })
+        Digest::of("evodrive/training/1", &content).map_err(|error| toml_file::problem(&self.file, error))
+    }
+}
+
+/// Checks that no scene to learn on is one to compare by.
+///
+/// # Errors
+/// The first scene that is in both; `table` is the one of the second pool.
+pub fn apart(file: &Path, table: &str, training: &Pool, other: &Pool) -> Result<(), ExperimentError> {
+    let known: BTreeSet<Digest> = training.scenes.iter().map(Scene::digest).collect();
+    match other.scenes.iter().find(|scene| known.contains(&scene.digest())) {
+        None => Ok(()),
+        Some(both) => {
+            let problem = format!("[{table}] holds scene {}, which [scenes] holds too; name another seed", both.id);
+            Err(toml_file::problem(file, problem))
+        }
     }
 }

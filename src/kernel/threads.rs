@@ -12,7 +12,7 @@ pub fn beside(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
 const STACK_BYTES: usize = 16 << 20;
 
 /// Worker threads. Results never depend on how many there are.
-pub struct Threads(rayon::ThreadPool);
+pub struct Threads(Option<rayon::ThreadPool>);
 
 /// Worker threads could not be started.
 #[derive(Debug, thiserror::Error)]
@@ -30,20 +30,27 @@ impl Threads {
             // A map within a map: who waits for its end may begin another item of the outer one on the same stack.
             .stack_size(STACK_BYTES)
             .build()
-            .map(Threads)
+            .map(|pool| Threads(Some(pool)))
             .map_err(|source| ThreadsError { threads, source })
     }
 
-    /// How many worker threads there are.
+    /// No worker: a map runs on its caller's thread, one item after the other. For maps within long items of another map, whose
+    /// thread would otherwise take up another long item while it waits.
+    pub const fn none() -> Threads {
+        Threads(None)
+    }
+
+    /// How many threads work.
     pub fn count(&self) -> usize {
-        self.0.current_num_threads()
+        self.0.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
     /// `f` of every item, in item order. `f` sees the index too, to name its random stream by.
     pub fn map<T: Sync, R: Send>(&self, items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
         // An item is a search or a rollout, long enough to be a job of its own: in longer jobs one thread would be left with
         // several items while the others wait.
-        self.0.install(|| items.par_iter().enumerate().with_max_len(1).map(|(i, item)| f(i, item)).collect())
+        let Some(pool) = &self.0 else { return items.iter().enumerate().map(|(i, item)| f(i, item)).collect() };
+        pool.install(|| items.par_iter().enumerate().with_max_len(1).map(|(i, item)| f(i, item)).collect())
     }
 }
 
@@ -56,6 +63,8 @@ mod tests {
         let items: Vec<u64> = (0..500).collect();
         let one = Threads::new(1).unwrap().map(&items, |i, x| x * 3 + i as u64);
         let four = Threads::new(4).unwrap().map(&items, |i, x| x * 3 + i as u64);
+        let none = Threads::none().map(&items, |i, x| x * 3 + i as u64);
         assert_eq!(one, four);
+        assert_eq!(one, none);
     }
 }

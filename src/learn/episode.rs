@@ -4,8 +4,9 @@ use crate::ego::Setting;
 use crate::ego::network::Mlp;
 use crate::ego::observation::{ACTION, route_turn_rad};
 use crate::kernel::Stream;
-use crate::sim::{Control, Driver, End, Intervention, Plant, SimError, View, ending};
+use crate::sim::{Control, Driver, End, Plant, SimError, View, ending};
 
+use super::lesson::Lesson;
 use super::memory::Episode;
 use super::reward::{Reward, Step};
 use super::sac::explore;
@@ -19,9 +20,9 @@ pub struct Driven {
     pub completion: f64,
 }
 
-/// Explores one scene without a program. `actor` is `None` where actions are drawn evenly.
+/// Explores one scene. `actor` is `None` where actions are drawn evenly.
 pub fn drive(
-    plant: &Plant,
+    lesson: &Lesson,
     setting: Setting,
     reward: &Reward,
     actor: Option<&Mlp>,
@@ -38,7 +39,7 @@ pub fn drive(
         values: Vec::new(),
         spare: Vec::new(),
     };
-    let (end, _) = ending(plant, &Intervention::default(), &mut explorer)?;
+    let (end, _) = ending(&lesson.plant, &lesson.intervention, &mut explorer)?;
     let Explorer { episode, completion, .. } = explorer;
     Ok(Driven { episode, end, completion })
 }

@@ -5,6 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::episode::{Driven, drive};
+use super::lesson::Lesson;
 use super::memory::Memory;
 use super::options::TrainingOptions;
 use super::sac::{Batch, Losses, Room, Sac};
@@ -12,7 +13,7 @@ use super::trial::{Trial, trial};
 use crate::ego::network::Mlp;
 use crate::ego::{Policy, Weights, WeightsError};
 use crate::kernel::{Seed, Threads, num};
-use crate::sim::{End, Plant, SimError};
+use crate::sim::{End, SimError};
 
 use super::options::TrainingOptionsError;
 use crate::ego::observation::ACTION;
@@ -20,9 +21,9 @@ use crate::ego::observation::ACTION;
 /// Where one trains.
 pub struct Grounds<'a> {
     /// Scenes that are driven for learning.
-    pub training: &'a [Plant],
+    pub training: &'a [Lesson],
     /// Scenes by which actors are compared; never learned from.
-    pub validation: &'a [Plant],
+    pub validation: &'a [Lesson],
     pub threads: &'a Threads,
 }
 
@@ -76,7 +77,9 @@ pub struct News {
     pub route_completion: f64,
     /// Of its last update.
     pub losses: Losses,
-    /// The evaluation that ended it, if one was due.
+    /// Whether an evaluation is due behind it.
+    pub is_due: bool,
+    /// That evaluation, where the round made it.
     pub evaluated: Option<Trial>,
 }
 
@@ -95,9 +98,18 @@ impl Training {
         self.updates >= self.options.updates
     }
 
-    /// One round.
+    /// One round, with the evaluation that is due behind it.
     pub fn round(&mut self, grounds: &Grounds<'_>) -> Result<News, TrainingError> {
-        let driven = self.drive(grounds)?;
+        let mut news = self.advance(grounds.training, grounds.threads)?;
+        if news.is_due {
+            news.evaluated = Some(self.evaluate(grounds)?);
+        }
+        Ok(news)
+    }
+
+    /// One round without an evaluation: for who evaluates otherwise, or not at all. No actor is kept but the present one.
+    pub fn advance(&mut self, lessons: &[Lesson], threads: &Threads) -> Result<News, TrainingError> {
+        let driven = self.drive(lessons, threads)?;
         self.rounds += 1;
         self.episodes += driven.len() as u64;
         for episode in &driven {
@@ -114,23 +126,21 @@ impl Training {
         let before = self.updates;
         news.losses = self.learn()?;
         let every = self.options.evaluate_every;
-        if before / every < self.updates / every || (self.is_over() && before < self.updates) {
-            news.evaluated = Some(self.evaluate(grounds)?);
-        }
+        news.is_due = before / every < self.updates / every || (self.is_over() && before < self.updates);
         Ok(news)
     }
 
-    fn drive(&self, grounds: &Grounds<'_>) -> Result<Vec<Driven>, TrainingError> {
-        if grounds.training.is_empty() {
+    fn drive(&self, lessons: &[Lesson], threads: &Threads) -> Result<Vec<Driven>, TrainingError> {
+        if lessons.is_empty() {
             return Err(TrainingError::NoScene("training"));
         }
         let TrainingOptions { seed, setting, reward, .. } = &self.options;
         let actor = (self.steps >= self.options.steps_before).then_some(&self.sac.actor);
         let numbers: Vec<u64> = (0..self.options.episodes_per_round as u64).map(|i| self.episodes + i).collect();
-        let driven = grounds.threads.map(&numbers, |_, number| {
+        let driven = threads.map(&numbers, |_, number| {
             let mut stream = Seed(*seed).stream(&["learn", "episode", &number.to_string()]);
-            let plant = &grounds.training[stream.below(grounds.training.len())];
-            drive(plant, *setting, reward, actor, stream)
+            let lesson = &lessons[stream.below(lessons.len())];
+            drive(lesson, *setting, reward, actor, stream)
         });
         Ok(driven.into_iter().collect::<Result<Vec<_>, SimError>>()?)
     }

@@ -1,10 +1,11 @@
-//! How an ego drives a set of scenes without a program: the figures by which actors are screened and compared.
+//! How an ego drives a set of scenes: the figures by which actors are screened and compared.
 
 use serde::{Deserialize, Serialize};
 
+use super::lesson::Lesson;
 use crate::ego::Policy;
 use crate::kernel::{Threads, num};
-use crate::sim::{End, Intervention, Outcome, Plant, SimError, rollout};
+use crate::sim::{Control, Driver, End, Outcome, Plant, SimError, View, rollout};
 
 /// Figures over scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,13 +24,41 @@ pub struct Trial {
     pub speed_mps: f64,
 }
 
-/// Drives every scene once.
-pub fn trial(plants: &[Plant], policy: &Policy, threads: &Threads) -> Result<Trial, SimError> {
-    let driven = threads.map(plants, |_, plant| rollout(plant, &Intervention::default(), policy.driver().as_mut()));
-    Ok(figures(&driven.into_iter().collect::<Result<Vec<_>, _>>()?))
+/// Brakes and stands. Who drives nowhere crashes little: a trained ego is worth its crash rate only beside this one's, and beside
+/// the way that it drives.
+#[derive(Clone, Copy, Debug)]
+pub struct Standing;
+
+impl Driver for Standing {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, _: &View<'_>) -> Control {
+        // Clamped to what the brakes give.
+        Control::Drive { acceleration_mps2: -100.0, steering_rad: 0.0 }
+    }
 }
 
-/// Figures of rollouts without a program, whoever drove.
+/// Drives every scene once: what came of each, in their order.
+pub fn driven(lessons: &[Lesson], policy: &Policy, threads: &Threads) -> Result<Vec<Outcome>, SimError> {
+    driven_by(lessons, &|| policy.driver(), threads)
+}
+
+/// The same by any driver, a new one for each scene.
+pub fn driven_by(
+    lessons: &[Lesson],
+    driver: &(dyn Fn() -> Box<dyn Driver> + Sync),
+    threads: &Threads,
+) -> Result<Vec<Outcome>, SimError> {
+    let one = |_: usize, lesson: &Lesson| rollout(&lesson.plant, &lesson.intervention, driver().as_mut());
+    threads.map(lessons, one).into_iter().collect()
+}
+
+/// Drives every scene once, for its figures.
+pub fn trial(lessons: &[Lesson], policy: &Policy, threads: &Threads) -> Result<Trial, SimError> {
+    driven(lessons, policy, threads).map(|outcomes| figures(&outcomes))
+}
+
+/// Figures of rollouts, whoever drove.
 pub fn figures(outcomes: &[Outcome]) -> Trial {
     let count = outcomes.len();
     let share = |end: End| outcomes.iter().filter(|o| o.end == end).count() as f64 / count.max(1) as f64;

@@ -8,6 +8,7 @@ pub mod composition;
 pub mod cost;
 pub mod counsel;
 pub mod diff;
+pub mod downstream;
 pub mod entry;
 pub mod event;
 pub mod expr;

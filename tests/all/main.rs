@@ -13,6 +13,7 @@ mod commands;
 mod counsel;
 mod damage;
 mod data;
+mod downstream;
 mod evaluation;
 mod evolving;
 mod exchange;

@@ -298,6 +298,7 @@ fn help_texts_are_goldens() {
         "worker",
         "bench",
         "train",
+        "downstream",
         "egos",
     ] {
         text += &format!("\n---- evodrive {command} --help\n{}", run(&[command, "--help"]).stdout);

@@ -2,7 +2,7 @@
 
 use crate::ego::Setting;
 use crate::kernel::{Digest, Threads};
-use crate::learn::{CheckpointError, Grounds, Reward, SacOptions, Training, TrainingOptions};
+use crate::learn::{CheckpointError, Grounds, Lesson, Reward, SacOptions, Training, TrainingOptions};
 use crate::scenes::{car, crossing, sample, straight, straight_road};
 use crate::sim::Plant;
 
@@ -42,16 +42,16 @@ fn options() -> TrainingOptions {
     }
 }
 
-fn plants() -> Vec<Plant> {
+fn lessons() -> Vec<Lesson> {
     let lead = car("lead", straight(sample(30.0, 0.0, 0.0, 6.0), 61));
     let scenes = [straight_road(61, 8.0, vec![lead]), crossing(4, 8, 61), crossing(5, 8, 61)];
-    scenes.iter().map(|scene| Plant::new(scene).unwrap()).collect()
+    scenes.iter().map(|scene| Plant::new(scene).unwrap().into()).collect()
 }
 
 /// Trains on from a state; a state that is stopped after each evaluation goes through a checkpoint.
 fn trained(mut state: Training, jobs: usize, stops: bool) -> Digest {
-    let (plants, threads) = (plants(), Threads::new(jobs).unwrap());
-    let grounds = Grounds { training: &plants, validation: &plants[..2], threads: &threads };
+    let (lessons, threads) = (lessons(), Threads::new(jobs).unwrap());
+    let grounds = Grounds { training: &lessons, validation: &lessons[..2], threads: &threads };
     let recipe = Digest::of_bytes(b"recipe");
     while !state.is_over() {
         let news = state.round(&grounds).unwrap();

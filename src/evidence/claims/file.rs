@@ -6,6 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::measure;
 use crate::evidence::tables;
 
+/// The table of a downstream study.
+const DOWNSTREAM: &str = "downstream";
+
 /// A file of claims that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ClaimsError {
@@ -40,6 +43,9 @@ pub struct Claim {
     /// Which of the file's runs it is asked of.
     #[serde(default)]
     pub run: Option<String>,
+    /// Or which of the file's downstream studies, whose table is `downstream`.
+    #[serde(default)]
+    pub study: Option<String>,
     /// A table of ours and the key of its column.
     #[serde(default)]
     pub table: Option<String>,
@@ -63,14 +69,36 @@ pub struct Claim {
     pub not_testable: Option<String>,
 }
 
+/// Experiments that a name of the file stands for.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Named {
+    One(String),
+    /// Such as one an ego, over which the paper's tables average.
+    Several(Vec<String>),
+}
+
+impl Named {
+    /// Names of the experiments.
+    pub fn experiments(&self) -> &[String] {
+        match self {
+            Named::One(name) => std::slice::from_ref(name),
+            Named::Several(names) => names,
+        }
+    }
+}
+
 /// A file of claims.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claims {
     /// Of the tests together.
     pub level: f64,
-    /// Name in this file -> name of the experiment whose run is meant.
-    pub runs: BTreeMap<String, String>,
+    /// Name in this file -> name of the experiment whose run is meant, or of several that answer together.
+    pub runs: BTreeMap<String, Named>,
+    /// Name in this file -> file of the downstream study that is meant.
+    #[serde(default)]
+    pub studies: BTreeMap<String, String>,
     #[serde(rename = "claim")]
     pub claims: Vec<Claim>,
 }
@@ -81,6 +109,9 @@ pub fn read(file: &str, text: &str) -> Result<Claims, ClaimsError> {
     let read: Claims = toml::from_str(text).map_err(|error| unreadable(error.to_string()))?;
     if !(read.level > 0.0 && read.level < 1.0) {
         return Err(unreadable(format!("level is {}, expected more than 0 and less than 1", read.level)));
+    }
+    if let Some((name, _)) = read.runs.iter().find(|(_, named)| named.experiments().is_empty()) {
+        return Err(unreadable(format!("runs.{name} names no experiment")));
     }
     let mut seen = BTreeSet::new();
     for claim in &read.claims {
@@ -99,6 +130,11 @@ fn check(claim: &Claim) -> Result<(), String> {
         return if asked { Err("expected either not_testable or a table or measure".into()) } else { Ok(()) };
     }
     match (&claim.table, &claim.column, &claim.measure) {
+        (Some(table), Some(_), None) if claim.study.is_some() => {
+            if table != DOWNSTREAM {
+                return Err(format!("a study has no table `{table}`; expected {DOWNSTREAM}"));
+            }
+        }
         (Some(table), Some(_), None) => {
             let known: Vec<&str> = tables::NAMED.iter().map(|(name, _)| *name).collect();
             if !known.contains(&table.as_str()) {
@@ -109,6 +145,8 @@ fn check(claim: &Claim) -> Result<(), String> {
         (None, None, Some(name)) => return Err(format!("no measure `{name}`; there are {}", measure::names())),
         _ => return Err("expected table and column, or measure, or not_testable".into()),
     }
-    let whole = claim.run.is_some() && claim.direction.is_some() && claim.threshold.is_some_and(f64::is_finite);
-    if whole { Ok(()) } else { Err("expected run, direction and a finite threshold".into()) }
+    let whole = claim.run.is_some() != claim.study.is_some()
+        && claim.direction.is_some()
+        && claim.threshold.is_some_and(f64::is_finite);
+    if whole { Ok(()) } else { Err("expected run or study, direction and a finite threshold".into()) }
 }

@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 
 use super::file::{Claim, Claims, ClaimsError, Direction};
 use super::measure;
+use crate::evidence::downstream;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::evidence::tables::{self, Estimate, RESAMPLES, Row, Table};
+use crate::evidence::tables::{self, Estimate, RESAMPLES, Row, Table, TableError};
 use crate::kernel::num;
+use crate::objects::downstream::Downstream;
 
 /// What recorded runs say of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -84,42 +86,107 @@ pub struct Judgement {
     pub claims: Vec<Judged>,
 }
 
-/// Judges the claims by these runs. A run that no claim names is passed over.
-pub fn judge(claims: &Claims, stories: &[RecordedRun]) -> Result<Judgement, ClaimsError> {
+/// What a claim is asked of.
+enum Asked<'s> {
+    Runs(Vec<&'s RecordedRun>),
+    Study(&'s Downstream),
+}
+
+impl Asked<'_> {
+    fn name(&self) -> String {
+        match self {
+            Asked::Runs(stories) => joined(stories, |story| story.opened.name.clone()),
+            Asked::Study(record) => record.opening.name.clone(),
+        }
+    }
+
+    /// Roots of the runs, or the study's recipe.
+    fn root(&self) -> String {
+        match self {
+            Asked::Runs(stories) => joined(stories, |story| story.root.to_hex()),
+            Asked::Study(record) => record.opening.recipe.to_hex(),
+        }
+    }
+
+    fn table(&self, name: &str) -> Result<Option<Table>, TableError> {
+        match self {
+            Asked::Study(record) => Ok(Some(downstream::table(record))),
+            Asked::Runs(stories) => {
+                let stories: Vec<RecordedRun> = stories.iter().map(|story| (*story).clone()).collect();
+                let make = tables::NAMED.iter().find(|(known, _)| *known == name);
+                make.map(|(_, make)| make(&stories)).transpose()
+            }
+        }
+    }
+
+    fn measured(&self, name: &str, families: &[String]) -> Option<Estimate> {
+        match self {
+            Asked::Runs(stories) => measure::measured(name, stories, families),
+            Asked::Study(_) => None,
+        }
+    }
+}
+
+fn joined(stories: &[&RecordedRun], of: fn(&RecordedRun) -> String) -> String {
+    stories.iter().map(|story| of(story)).collect::<Vec<_>>().join(" + ")
+}
+
+/// Judges the claims by these runs, and by these studies under their names in the file. What no claim names is passed over.
+pub fn judge(
+    claims: &Claims,
+    stories: &[RecordedRun],
+    studies: &BTreeMap<String, Downstream>,
+) -> Result<Judgement, ClaimsError> {
     let mut made: BTreeMap<(String, String), Table> = BTreeMap::new();
     let mut judged = Vec::with_capacity(claims.claims.len());
     for claim in &claims.claims {
-        judged.push(match asked_of(claim, claims, stories) {
+        judged.push(match asked_of(claim, claims, stories, studies) {
             Err(reason) => untested(claim, reason, None),
-            Ok(story) => one(claim, story, &mut made)?,
+            Ok(of) => one(claim, &of, &mut made)?,
         });
     }
     let tested = correct(&mut judged, claims.level);
     judged.sort_by_key(|claim| claim.verdict);
-    let named = |story: &&RecordedRun| claims.runs.values().any(|name| *name == story.opened.name);
+    let named =
+        |story: &&RecordedRun| claims.runs.values().any(|named| named.experiments().contains(&story.opened.name));
     let source = |story: &RecordedRun| {
         (story.opened.name.clone(), story.root.to_hex(), !story.opened.scripted_roles().is_empty())
+    };
+    let study = |record: &Downstream| {
+        let scripted = record.opening.proposals.split(" + ").any(|kind| kind == "scripted");
+        (record.opening.name.clone(), record.opening.recipe.to_hex(), scripted)
     };
     Ok(Judgement {
         level: claims.level,
         tested,
-        runs: stories.iter().filter(named).map(source).collect(),
+        runs: stories.iter().filter(named).map(source).chain(studies.values().map(study)).collect(),
         claims: judged,
     })
 }
 
-/// The run that a claim is asked of, or why there is none.
-fn asked_of<'s>(claim: &Claim, claims: &Claims, stories: &'s [RecordedRun]) -> Result<&'s RecordedRun, String> {
+/// The runs or the study that a claim is asked of, or why there are none.
+fn asked_of<'s>(
+    claim: &Claim,
+    claims: &Claims,
+    stories: &'s [RecordedRun],
+    studies: &'s BTreeMap<String, Downstream>,
+) -> Result<Asked<'s>, String> {
     if let Some(reason) = &claim.not_testable {
         return Err(reason.clone());
     }
+    if let Some(name) = &claim.study {
+        return studies.get(name).map(Asked::Study).ok_or_else(|| format!("no record of the study `{name}` was given"));
+    }
     let run = claim.run.as_deref().unwrap_or_default();
-    let Some(name) = claims.runs.get(run) else { return Err(format!("the file names no run `{run}`")) };
-    let story = stories.iter().find(|story| story.opened.name == *name);
-    story.ok_or_else(|| format!("no run of the experiment {name} was given"))
+    let Some(named) = claims.runs.get(run) else { return Err(format!("the file names no run `{run}`")) };
+    let given = |name: &String| {
+        let story = stories.iter().find(|story| story.opened.name == *name);
+        story.ok_or_else(|| format!("no run of the experiment {name} was given"))
+    };
+    Ok(Asked::Runs(named.experiments().iter().map(given).collect::<Result<_, _>>()?))
 }
 
-fn untested(claim: &Claim, reason: String, story: Option<&RecordedRun>) -> Judged {
+fn untested(claim: &Claim, reason: String, of: Option<&Asked<'_>>) -> Judged {
     Judged {
         id: claim.id.clone(),
         label: claim.label.clone(),
@@ -130,7 +197,7 @@ fn untested(claim: &Claim, reason: String, story: Option<&RecordedRun>) -> Judge
         p_for: None,
         p_against: None,
         parts: Vec::new(),
-        root: story.map(|story| story.root.to_hex()),
+        root: of.map(|of| of.root()),
     }
 }
 
@@ -149,43 +216,39 @@ fn asked(claim: &Claim) -> String {
     format!("{what} {side} {}", claim.threshold.unwrap_or(0.0))
 }
 
-fn one(
-    claim: &Claim,
-    story: &RecordedRun,
-    made: &mut BTreeMap<(String, String), Table>,
-) -> Result<Judged, ClaimsError> {
+fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Table>) -> Result<Judged, ClaimsError> {
     let found = match (&claim.table, &claim.column, &claim.measure) {
         (Some(name), Some(column), _) => {
-            let key = (name.clone(), story.opened.name.clone());
-            if !made.contains_key(&key) {
-                let make = tables::NAMED.iter().find(|(known, _)| known == name);
-                if let Some((_, make)) = make {
-                    made.insert(key.clone(), make(std::slice::from_ref(story))?);
-                }
+            let key = (name.clone(), of.name());
+            if !made.contains_key(&key)
+                && let Some(table) = of.table(name)?
+            {
+                made.insert(key.clone(), table);
             }
             made.get(&key).map_or_else(|| Err(format!("no table `{name}`")), |table| cells(claim, table, column))
         }
-        (_, _, Some(name)) => measure::measured(name, story, &claim.families)
+        (_, _, Some(name)) => of
+            .measured(name, &claim.families)
             .map(|estimate| vec![(name.clone(), estimate, None, None)])
-            .ok_or_else(|| format!("the run {} holds nothing that {name} counts", story.opened.name)),
+            .ok_or_else(|| format!("{} holds nothing that {name} counts", of.name())),
         _ => Err("nothing is asked".into()),
     };
     let found = match found {
-        Err(reason) => return Ok(untested(claim, reason, Some(story))),
+        Err(reason) => return Ok(untested(claim, reason, Some(of))),
         Ok(found) => found,
     };
     let mut parts = Vec::with_capacity(found.len());
     for (row, estimate, paper, cell) in found {
         let Some([p_for, p_against]) = sides(claim, &estimate) else {
             let reason = format!("the number of {row} has no interval, because nothing was repeated");
-            return Ok(untested(claim, reason, Some(story)));
+            return Ok(untested(claim, reason, Some(of)));
         };
         parts.push(Part { row, estimate, paper, p_for, p_against, cell });
     }
     let largest = parts.iter().map(|part| part.p_for).fold(0.0, f64::max);
     let least = parts.iter().map(|part| part.p_against).fold(1.0, f64::min);
     let (p_for, p_against) = (Some(largest), Some((least * parts.len() as f64).min(1.0)));
-    Ok(Judged { reason: None, p_for, p_against, parts, ..untested(claim, String::new(), Some(story)) })
+    Ok(Judged { reason: None, p_for, p_against, parts, ..untested(claim, String::new(), Some(of)) })
 }
 
 type Found = (String, Estimate, Option<f64>, Option<String>);
@@ -211,8 +274,9 @@ fn cells(claim: &Claim, table: &Table, column: &str) -> Result<Vec<Found>, Strin
         let cell = cell.ok_or_else(|| format!("{} has no {column} of {wanted}", table.name))?;
         let ours = cell.ours.ok_or_else(|| format!("{wanted} has no number of {column} in this run"))?;
         let first = row.and_then(|row| row.labels.first()).map_or(wanted.as_str(), String::as_str);
+        // `why` asks runs; a study's cells come from its record.
         let place = format!("{}:{}:{column}", table.name, first.to_lowercase().replace(' ', "-"));
-        Ok((wanted, ours, cell.paper, Some(place)))
+        Ok((wanted, ours, cell.paper, claim.run.is_some().then_some(place)))
     };
     rows.into_iter().map(found).collect()
 }

@@ -40,21 +40,23 @@ pub fn names() -> String {
     MEASURES.map(|(name, _)| name).join(", ")
 }
 
-/// A measure of a run over lineages of these families (all where none is named); `None` where nothing is counted.
-pub fn measured(name: &str, run: &RecordedRun, families: &[String]) -> Option<Estimate> {
+/// A measure of these runs over lineages of these families (all where none is named); `None` where nothing is counted.
+pub fn measured(name: &str, runs: &[&RecordedRun], families: &[String]) -> Option<Estimate> {
     let (_, count) = MEASURES.iter().find(|(known, _)| *known == name)?;
-    let mut counted = count(run);
-    let wanted = |lineage: &LineageId| {
-        let parent = run.parents.iter().find(|parent| parent.lineage == *lineage);
-        let family = parent.map(|parent| parent.program.source_family.to_string());
-        families.is_empty() || family.is_some_and(|family| families.contains(&family))
-    };
-    counted.retain(|lineage, values| wanted(lineage) && !values.is_empty());
     let mut searches: BTreeMap<String, Vec<PerScene>> = BTreeMap::new();
-    for (lineage, values) in counted {
-        let suite = Digest::of_bytes(lineage.as_str().as_bytes());
-        let values = values.into_iter().map(Some).collect();
-        searches.entry(group(run, &lineage)).or_default().push(PerScene { suite, values });
+    for run in runs {
+        let mut counted = count(run);
+        let wanted = |lineage: &LineageId| {
+            let parent = run.parents.iter().find(|parent| parent.lineage == *lineage);
+            let family = parent.map(|parent| parent.program.source_family.to_string());
+            families.is_empty() || family.is_some_and(|family| families.contains(&family))
+        };
+        counted.retain(|lineage, values| wanted(lineage) && !values.is_empty());
+        for (lineage, values) in counted {
+            let suite = Digest::of_bytes(lineage.as_str().as_bytes());
+            let values = values.into_iter().map(Some).collect();
+            searches.entry(group(run, &lineage)).or_default().push(PerScene { suite, values });
+        }
     }
     let search = |(id, seeds): (String, Vec<PerScene>)| Search { id: Digest::of_bytes(id.as_bytes()), seeds };
     let quantity: Vec<Search> = searches.into_iter().map(search).collect();

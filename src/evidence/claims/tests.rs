@@ -1,5 +1,7 @@
 use super::judge::holm;
 use super::*;
+use std::collections::BTreeMap;
+
 use crate::evidence::recorded_run::RecordedRun;
 use crate::evidence::tables::tests::{CAT, End, add, run};
 
@@ -44,7 +46,7 @@ fn story() -> RecordedRun {
 }
 
 fn of(stories: &[RecordedRun], id: &str) -> Judged {
-    let found = judge(&read("claims.toml", FILE).unwrap(), stories).unwrap();
+    let found = judge(&read("claims.toml", FILE).unwrap(), stories, &BTreeMap::new()).unwrap();
     found.claims.into_iter().find(|claim| claim.id == id).unwrap()
 }
 
@@ -66,7 +68,7 @@ fn a_fall_in_every_scene_is_supported_and_its_parts_can_be_asked_for() {
 
 #[test]
 fn with_parent_and_evolved_swapped_the_claim_fails_and_stands_first() {
-    let found = judge(&read("claims.toml", FILE).unwrap(), &[swapped(story())]).unwrap();
+    let found = judge(&read("claims.toml", FILE).unwrap(), &[swapped(story())], &BTreeMap::new()).unwrap();
     assert_eq!((found.claims[0].id.as_str(), found.claims[0].verdict), ("realism", Verdict::NotSupported));
     let told = markdown(&found);
     assert!(told.find("## Not supported") < told.find("## Not testable here"), "{told}");
@@ -120,4 +122,29 @@ fn a_file_that_cannot_be_used_is_refused_with_what_was_expected() {
 fn the_shipped_claims_can_be_read() {
     let text = include_str!("../../../paper/claims.toml");
     assert!(read("paper/claims.toml", text).unwrap().claims.len() > 20);
+}
+
+/// Two runs behind one name answer together, as the paper averages over egos; where one is missing, nothing is tested.
+#[test]
+fn runs_of_several_experiments_answer_together() {
+    let file =
+        FILE.replace("made = \"made\"", "made = [\"made\", \"other\"]").replace("metadrive-policy", "metadrive-main");
+    let of = |stories: &[RecordedRun]| {
+        let found = judge(&read("claims.toml", &file).unwrap(), stories, &BTreeMap::new()).unwrap();
+        found.claims.into_iter().find(|claim| claim.id == "realism").unwrap()
+    };
+    let alone = of(&[story()]);
+    assert_eq!(alone.reason.as_deref(), Some("no run of the experiment other was given"));
+    let mut other = run("other", &[("actor", "scripted (s, s)")]);
+    add(&mut other, &End { id: "cat-sac", ego: "learned", ..CAT });
+    let one = judge(
+        &read("claims.toml", &FILE.replace("metadrive-policy", "metadrive-main")).unwrap(),
+        &[story()],
+        &BTreeMap::new(),
+    );
+    let one = one.unwrap().claims.into_iter().find(|claim| claim.id == "realism").unwrap().parts[0].estimate.value;
+    let both = of(&[story(), swapped(other)]).parts[0].estimate.value;
+    assert!(one < 0.0 && both.abs() < 1e-9, "one ego {one}, the mean with an ego of the opposite change {both}");
+    let none = FILE.replace("made = \"made\"", "made = []");
+    assert!(read("claims.toml", &none).unwrap_err().to_string().contains("runs.made names no experiment"));
 }

@@ -6,7 +6,7 @@ mod case_evolution;
 mod cases;
 mod edits;
 mod error;
-mod legend;
+pub mod legend;
 mod rooms;
 mod shown;
 #[cfg(test)]

@@ -35,6 +35,11 @@ pub enum What {
     Table(String),
     /// A figure by its name.
     Figure(String),
+    /// Table or figure of a downstream study.
+    Downstream {
+        /// The table, not the figure.
+        is_table: bool,
+    },
 }
 
 /// A table or figure of the paper.
@@ -55,12 +60,16 @@ pub struct Piece {
     /// Runs by their names in the plan.
     #[serde(default)]
     pub runs: Vec<String>,
+    /// File of the downstream study whose table or figure it is, in the place of runs.
+    #[serde(default)]
+    pub study: Option<String>,
 }
 
 impl Piece {
     /// Whether it is a table or a figure, and which.
     pub fn what(&self) -> What {
         match (&self.table, &self.figure) {
+            _ if self.study.is_some() => What::Downstream { is_table: self.table.is_some() },
             (Some(table), _) => What::Table(table.clone()),
             (None, figure) => What::Figure(figure.clone().unwrap_or_default()),
         }
@@ -110,6 +119,9 @@ pub fn plan(file: &str, text: &str) -> Result<Plan, PlanError> {
         }
         if piece.table.is_some() == piece.figure.is_some() {
             return Err(refuse("expected either table or figure".into()));
+        }
+        if piece.study.is_some() && !piece.runs.is_empty() {
+            return Err(refuse("expected either study or runs".into()));
         }
         if let Some(unknown) = piece.runs.iter().find(|name| read.run(name).is_none()) {
             let known: Vec<&str> = read.runs.iter().map(|run| run.name.as_str()).collect();

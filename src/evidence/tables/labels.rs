@@ -275,10 +275,12 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, Tab
     })
 }
 
-/// The id of a lineage in the experiment file without its ego: the same for all seeds.
+/// The id of a lineage in the experiment file without its ego: the same for all seeds. A learned ego may stand there as its method.
 pub fn stem(result: &LineageResult) -> &str {
-    let id = result.group.as_str();
-    id.strip_suffix(result.ego.as_str()).and_then(|rest| rest.strip_suffix('-')).unwrap_or(id)
+    let (id, ego) = (result.group.as_str(), result.ego.as_str());
+    let methods: &[&str] = if ego == "learned" { &["sac", "rl"] } else { &[] };
+    let without = |ending: &&str| id.strip_suffix(ending).and_then(|rest| rest.strip_suffix('-'));
+    std::iter::once(&ego).chain(methods).find_map(without).unwrap_or(id)
 }
 
 /// The paper's row: the family's own lineage from the published parent on, and for SAGE the one of its parent's preference weight. A lineage with

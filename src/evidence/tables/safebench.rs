@@ -209,7 +209,7 @@ pub fn safebench_rounds(stories: &[RecordedRun]) -> Result<Table, TableError> {
 }
 
 /// Heads as in the paper's tables.
-fn round_columns() -> Vec<Column> {
+pub(in crate::evidence) fn round_columns() -> Vec<Column> {
     let heads = [
         "Straight Obs.",
         "Turn. Obs.",

@@ -1,5 +1,6 @@
 # Shared by .ci/metadrive, .ci/safebench and .ci/world, which source it: an experiment set from its cassettes, its roots and tables
-# against golden/$set. They name `set`, its files `singles`, the one of the short form `short`, and its `tables`.
+# against golden/$set. They name `set`, its files `singles`, those of the tables `common`
+# (one an ego), the one of the short form `short`, and its `tables`.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 cargo build --release --quiet
@@ -24,13 +25,14 @@ check() { # experiment, threads, folder
   echo "$1, $2 threads: $got"
 }
 
-write_tables() { # run folder's parent, target folder
-  local folder table
-  folder=$(echo "$1/$set"-all-idm-*)
+write_tables() { # run folders' parent, target folder
+  local runs table one
+  runs=()
+  for one in $common; do runs+=(--run "$(echo "$1/$set-$one"-*)"); done
   for table in $tables; do
-    "$bin" table "$table" --run "$folder" > "$2/$table.md"
-    "$bin" table "$table" --run "$folder" --format csv > "$2/$table.csv"
-    "$bin" table "$table" --run "$folder" --format latex > "$2/$table.tex"
+    "$bin" table "$table" "${runs[@]}" > "$2/$table.md"
+    "$bin" table "$table" "${runs[@]}" --format csv > "$2/$table.csv"
+    "$bin" table "$table" "${runs[@]}" --format latex > "$2/$table.tex"
   done
 }
 
@@ -41,18 +43,17 @@ check_set() { # option
     "") check "$short" 2 one ;;
     --full)
       for one in $singles; do check "$one" 2 single; done
-      check all-idm 2 all
-      check all-idm 2 all
+      for one in $common; do check "$one" 2 all; check "$one" 2 all; done
       write_tables "$scratch/all" "$scratch"
       for file in "$golden"/*.md "$golden"/*.csv "$golden"/*.tex; do
         diff -u "$file" "$scratch/$(basename "$file")"
       done
-      check all-idm 8 eight
+      for one in $common; do check "$one" 8 eight; done
       ;;
     --bless)
       { echo "# Roots of experiments/$set; made by .ci/$set --bless, checked by .ci/$set."
         for one in $singles; do echo "\"$one\" = \"$(run "$one" 2 single)\""; done
-        echo "\"all-idm\" = \"$(run all-idm 2 all)\""
+        for one in $common; do echo "\"$one\" = \"$(run "$one" 2 all)\""; done
       } > "$scratch/roots.toml"
       mkdir -p "$golden"
       cp "$scratch/roots.toml" "$golden/roots.toml"

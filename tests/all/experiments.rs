@@ -93,9 +93,15 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
     assert_eq!((all.len(), &all), (10, &together));
 }
 
+/// The id of the same lineage against IDM.
+fn as_idm(id: LineageId) -> LineageId {
+    LineageId::new(id.as_str().replace("-sac", "-idm"))
+}
+
 #[test]
 fn the_safebench_experiments_share_everything_but_their_sources() {
-    let (mut alone, mut together, mut shared): (Vec<LineageId>, Vec<LineageId>, BTreeSet<String>) = Default::default();
+    let [mut alone, mut together, mut learned]: [Vec<LineageId>; 3] = Default::default();
+    let mut shared = BTreeSet::new();
     for path in files("experiments/safebench") {
         let experiment = read(&path);
         let stem = path.file_stem().unwrap().to_str().unwrap();
@@ -114,6 +120,8 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
         let ids = experiment.lineages.iter().map(|lineage| lineage.id.clone());
         if stem == "all-idm" {
             together.extend(ids)
+        } else if stem == "all-sac" {
+            learned.extend(ids.map(as_idm))
         } else {
             alone.extend(ids)
         }
@@ -131,7 +139,8 @@ fn the_safebench_experiments_share_everything_but_their_sources() {
     assert_eq!(shared.len(), 1);
     alone.sort();
     together.sort();
-    assert_eq!((alone.len(), &alone), (4, &together));
+    learned.sort();
+    assert_eq!((alone.len(), &alone, &alone), (4, &together, &learned));
 }
 
 /// The message with which a changed copy of a file is refused.

@@ -25,6 +25,16 @@ check() { # experiment, threads, folder
   echo "$1, $2 threads: $got"
 }
 
+recorded() { # experiment, folder -> root: answers made anew by the scripted model, which is a function of the prompts
+  # A copy beside the other files, so that the cassette that is recorded is no part of the checkout.
+  local copy=experiments/$set/.$1.recorded.toml
+  sed "s|cassettes/$set/$1.jsonl.zst|target/$set/$1.jsonl.zst|" "experiments/$set/$1.toml" > "$copy"
+  mkdir -p "target/$set"
+  "$bin" record "$copy" --overwrite --jobs 2 --out "$scratch/$2" --no-report 2>"$scratch/stderr" \
+    | sed -n '$s/^root: //p' || { rm -f "$copy"; cat "$scratch/stderr" >&2; echo "$1 failed" >&2; exit 1; }
+  rm -f "$copy"
+}
+
 write_tables() { # run folders' parent, target folder
   local runs table one
   runs=()

@@ -15,6 +15,7 @@ use crate::experiment::Experiment;
 use crate::kernel::{Seed, Threads};
 use crate::learn::{Lesson, Trial, figures, trial};
 use crate::scene::Pool;
+use crate::sim::SimError;
 use crate::store;
 
 /// Bytes that a file of weights may have.
@@ -56,7 +57,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         match trial(&lessons, &policy, &threads) {
             Ok(found) => rows.push((name, found)),
             // SafeBench's scenes have no recorded ego; the others drive all the same.
-            Err(error) if policy == Policy::Replay => progress(format!("replay is left out: {error}")),
+            Err(SimError::NoLog { scene, .. }) if policy == Policy::Replay => {
+                progress(format!("replay is left out: scene {scene} has no recorded drive of its ego"));
+            }
             Err(error) => return Err(Failure::bad_input(error)),
         }
     }

@@ -207,12 +207,13 @@ fn make(wanted: &[&Piece], ran: &Ran, options: &Options, jobs: usize) -> Result<
     let stories: Vec<RecordedRun> = ran.stories.values().cloned().collect();
     let judged = claims::judged(&options.paper.join("claims.toml"), &stories)?;
     // The sets' own tables are goldens elsewhere; their numbers are macros like all others.
-    for (run, names) in
-        [("metadrive", ["metadrive-main", "proposals"].as_slice()), ("safebench", ["safebench-main"].as_slice())]
-    {
+    for (runs, names) in [
+        (["metadrive", "metadrive-sac"], ["metadrive-main", "proposals"].as_slice()),
+        (["safebench", "safebench-sac"], ["safebench-main"].as_slice()),
+    ] {
         for name in names {
             let which = WhichTable::named(name).map_err(Failure::bad_input)?;
-            let own: Vec<RecordedRun> = ran.stories.get(run).cloned().into_iter().collect();
+            let own: Vec<RecordedRun> = runs.iter().filter_map(|run| ran.stories.get(*run)).cloned().collect();
             shown.push(which.of(&own).map_err(Failure::bad_input)?);
         }
     }
@@ -257,14 +258,17 @@ fn provenance(wanted: &[&Piece], ran: &Ran, made: &Made) -> Result<String, Failu
             .into_iter()
             .filter_map(|ending| Some((ending, digest(&format!("{}.{ending}", piece.file))?)))
             .collect();
-        json!({
+        let mut object = json!({
             "file": piece.file,
             "label": piece.label,
             "runs": piece.runs,
-            "study": piece.study.clone().unwrap_or_default(),
             "command": format!("evodrive paper --figure {} --out OUT", piece.file),
             "digests": own,
-        })
+        });
+        if let Some(study) = &piece.study {
+            object["study"] = json!(study);
+        }
+        object
     };
     let whole: BTreeMap<&str, String> = WHOLE.into_iter().filter_map(|name| Some((name, digest(name)?))).collect();
     let pieces: Vec<Value> = wanted.iter().map(piece).collect();

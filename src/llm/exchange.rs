@@ -210,7 +210,10 @@ mod tests {
     fn answered(dir: &Path) -> (Exchange, Arc<AtomicUsize>) {
         let (looks, home) = (Arc::new(AtomicUsize::new(0)), dir.to_path_buf());
         let counted = looks.clone();
+        // Several threads wait at once; one person answers.
+        let answering = std::sync::Mutex::new(());
         let pause = move || {
+            let _one = answering.lock().unwrap();
             if counted.fetch_add(1, Ordering::Relaxed) % 3 == 2 {
                 for entry in status(&home).unwrap().into_iter().filter(|entry| !entry.answered) {
                     let text = format!("reply to {} of slot {}", entry.number, entry.slot.slot);

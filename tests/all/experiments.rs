@@ -56,8 +56,7 @@ fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() 
 
 #[test]
 fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
-    let mut all: Vec<LineageId> = Vec::new();
-    let mut together: Vec<LineageId> = Vec::new();
+    let [mut all, mut together, mut learned]: [Vec<LineageId>; 3] = Default::default();
     let mut shared = BTreeSet::new();
     for path in files("experiments/metadrive") {
         let experiment = read(&path);
@@ -70,6 +69,8 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
         let ids = experiment.lineages.iter().map(|lineage| lineage.id.clone());
         if stem == "all-idm" {
             together.extend(ids)
+        } else if stem == "all-sac" {
+            learned.extend(ids.map(as_idm))
         } else if stem.ends_with("-idm") {
             all.extend(ids)
         }
@@ -77,7 +78,7 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
         let mut table = composed(&path).unwrap().table;
         assert_eq!(table["split"]["evolution"]["count"].as_integer(), Some(240), "{stem}");
         // One search is no result: the set repeats each.
-        assert_eq!(experiment.seeds, if stem == "all-idm" { 5 } else { 1 }, "{stem}");
+        assert_eq!(experiment.seeds, if stem.starts_with("all-") { 5 } else { 1 }, "{stem}");
         for own in ["name", "describes", "cassette", "lineage", "seeds"] {
             table.remove(own).unwrap();
         }
@@ -90,7 +91,8 @@ fn the_metadrive_experiments_follow_the_papers_protocol_on_one_split() {
     assert_eq!(shared.len(), 1);
     all.sort();
     together.sort();
-    assert_eq!((all.len(), &all), (10, &together));
+    learned.sort();
+    assert_eq!((all.len(), &all, &all), (10, &together, &learned));
 }
 
 /// The id of the same lineage against IDM.
@@ -387,4 +389,19 @@ fn init_fits_the_split_to_ones_own_scenes_and_the_experiment_runs() {
     assert_eq!(root(&recorded), root(&replayed));
     assert_eq!(root(&done(&["check"])), root(&recorded));
     assert_eq!(root(&done(&["replay", "--jobs", "1"])), root(&recorded), "the old name still works");
+}
+
+/// A clone stays small: all cassettes together have at most 60 MB. What is over it is recorded anew by a check's full form, or packed tighter.
+#[test]
+fn the_cassettes_of_the_repository_stay_small() {
+    fn bytes(dir: &Path) -> u64 {
+        let entries = std::fs::read_dir(dir).unwrap().map(|entry| entry.unwrap());
+        let of = |entry: std::fs::DirEntry| match entry.file_type().unwrap().is_dir() {
+            true => bytes(&entry.path()),
+            false => entry.metadata().unwrap().len(),
+        };
+        entries.map(of).sum()
+    }
+    let found = bytes(&crate::harness::home().join("cassettes"));
+    assert!(found <= 60_000_000, "cassettes/ holds {found} bytes; expected at most 60 MB");
 }

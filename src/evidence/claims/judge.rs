@@ -83,6 +83,8 @@ pub struct Judgement {
     pub tested: usize,
     /// Name, root, and whether its proposals came from the scripted stand-in.
     pub runs: Vec<(String, String, bool)>,
+    /// The same of the studies, the recipe in the root's place.
+    pub studies: Vec<(String, String, bool)>,
     pub claims: Vec<Judged>,
 }
 
@@ -159,7 +161,8 @@ pub fn judge(
     Ok(Judgement {
         level: claims.level,
         tested,
-        runs: stories.iter().filter(named).map(source).chain(studies.values().map(study)).collect(),
+        runs: stories.iter().filter(named).map(source).collect(),
+        studies: studies.values().map(study).collect(),
         claims: judged,
     })
 }
@@ -273,9 +276,14 @@ fn cells(claim: &Claim, table: &Table, column: &str) -> Result<Vec<Found>, Strin
         let cell = row.and_then(|row| row.cells.iter().find(|cell| cell.column.key == column));
         let cell = cell.ok_or_else(|| format!("{} has no {column} of {wanted}", table.name))?;
         let ours = cell.ours.ok_or_else(|| format!("{wanted} has no number of {column} in this run"))?;
-        let first = row.and_then(|row| row.labels.first()).map_or(wanted.as_str(), String::as_str);
+        let first = row.and_then(|row| row.labels.first()).unwrap_or(&wanted);
+        let alike = table.rows().filter(|row| row.labels.first() == Some(first)).count();
+        let named = match row {
+            Some(row) if alike > 1 => row.labels.join("/"),
+            _ => first.clone(),
+        };
         // `why` asks runs; a study's cells come from its record.
-        let place = format!("{}:{}:{column}", table.name, first.to_lowercase().replace(' ', "-"));
+        let place = format!("{}:{}:{column}", table.name, named.to_lowercase().replace(' ', "-"));
         Ok((wanted, ours, cell.paper, claim.run.is_some().then_some(place)))
     };
     rows.into_iter().map(found).collect()

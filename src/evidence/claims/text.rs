@@ -13,13 +13,15 @@ pub fn markdown(found: &Judgement) -> String {
     let counts: Vec<String> =
         Verdict::ALL.iter().map(|verdict| format!("{} {}", count(*verdict), verdict.words())).collect();
     let _ = writeln!(out, "{} claims: {}.\n", found.claims.len(), counts.join(", "));
-    for (name, root, scripted) in &found.runs {
+    let runs = found.runs.iter().map(|source| ("run", "root", source));
+    let studies = found.studies.iter().map(|source| ("study", "recipe", source));
+    for (what, by, (name, root, scripted)) in runs.chain(studies) {
         let from = if *scripted {
             "proposals from the scripted stand-in, which is no language model"
         } else {
             "no scripted role"
         };
-        let _ = writeln!(out, "- run {name}, root {}: {from}", root.get(..12).unwrap_or(root));
+        let _ = writeln!(out, "- {what} {name}, {by} {}: {from}", root.get(..12).unwrap_or(root));
     }
     let _ = writeln!(
         out,

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::bootstrap::{self, Estimate, PerScene, Quantity};
+use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::error::TableError;
 use super::labels::{self, LineageLabels, Reading, Side};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, Part, REPLAY, Row, Table};
@@ -12,7 +12,7 @@ use super::metadrive::{SCENES, SEEDS, quantity};
 use super::notes;
 use super::paper::{self, Figures};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::kernel::{Digest, num};
+use crate::kernel::Digest;
 use crate::objects::event::Frozen;
 use crate::objects::{Attempt, LineageId, Score};
 
@@ -418,7 +418,7 @@ pub fn kwidth(stories: &[RecordedRun]) -> Result<Table, TableError> {
     }
     let mut notes = told(stories, &all, "A row a run and family.".into());
     notes.push(format!(
-        "Proposed, simulated and validated (accepted): means over the seeds. Wall clock: questions and rollouts as counted, {ANSWER_S} s \
+        "Proposed, simulated and validated (accepted): means over the seeds, intervals over them. Wall clock: questions and rollouts as counted, {ANSWER_S} s \
          an answer and {ROLLOUT_S} s a rollout as declared; serial asks one question after the other, parallel those of an epoch's \
          slots at once, and both simulate one rollout after the other."
     ));
@@ -434,27 +434,34 @@ const WIDTH: Head = Head { key: "k", head: "K" };
 
 fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
     let searches = Ablation { story: one.story, lineages: of.iter().map(|lineage| (*lineage).clone()).collect() };
-    let mean = |count: &dyn Fn(&LineageId) -> f64| {
-        num::mean(&of.iter().map(|lineage| count(&lineage.lineage)).collect::<Vec<f64>>()).unwrap_or(0.0)
+    // One value a seed: only seeds are drawn.
+    let over_seeds = |count: &dyn Fn(&LineageId) -> f64| -> Quantity {
+        let seed = |lineage: &&LineageLabels| PerScene {
+            suite: Digest::of_bytes(lineage.lineage.as_str().as_bytes()),
+            values: vec![Some(count(&lineage.lineage))],
+        };
+        vec![Search { id: Digest::of_bytes(of[0].name.as_bytes()), seeds: of.iter().map(seed).collect() }]
     };
     let counted = |holds: fn(&Attempt) -> bool| {
-        mean(&|lineage: &LineageId| one.attempts(lineage).filter(|attempt| holds(attempt)).count() as f64)
+        over_seeds(&|lineage: &LineageId| one.attempts(lineage).filter(|attempt| holds(attempt)).count() as f64)
     };
-    let simulated = counted(simulated);
-    let accepted = counted(accepted);
-    let [serial, parallel] = [0, 1].map(|way| mean(&|lineage: &LineageId| wall_clock_s(one, lineage)[way]));
+    let hours = |way: usize| over_seeds(&|lineage: &LineageId| wall_clock_s(one, lineage)[way] / 3600.0);
+    let (simulated, accepted) = (counted(simulated), counted(accepted));
+    let means = [counted(|_| true), simulated.clone(), accepted.clone(), hours(0), hours(1)]
+        .map(|quantity| bootstrap::estimates(&[quantity]).pop().flatten());
+    let percent = |found: Estimate| Estimate {
+        value: 100.0 * found.value,
+        interval: found.interval.map(|ends| ends.map(|end| 100.0 * end)),
+    };
+    let keys = [PROPOSED_MEAN, SIMULATED_MEAN, ACCEPTED_MEAN, SERIAL_H, PARALLEL_H].map(|column| column.key);
+    let mut found: Vec<(&'static str, Option<Estimate>)> = keys.into_iter().zip(means).collect();
+    found.push((SPEEDUP.key, bootstrap::ratio(&hours(0), &hours(1))));
+    found.push((YIELD.key, bootstrap::ratio(&accepted, &simulated).map(percent)));
     let mut numbers = searches.own_numbers();
-    let plain = [
-        (PROPOSED_MEAN.key, counted(|_| true)),
-        (SIMULATED_MEAN.key, simulated),
-        (ACCEPTED_MEAN.key, accepted),
-        (SERIAL_H.key, serial / 3600.0),
-        (PARALLEL_H.key, parallel / 3600.0),
-        (SPEEDUP.key, serial / parallel.max(f64::MIN_POSITIVE)),
-    ];
-    numbers.extend(plain.map(|(key, value)| (key, Estimate::plain(value))));
-    if simulated > 0.0 {
-        numbers.insert(YIELD.key, Estimate::plain(100.0 * accepted / simulated));
+    for (key, estimate) in found.into_iter().filter_map(|(key, estimate)| Some((key, estimate?))) {
+        // One search has no spread.
+        let interval = estimate.interval.filter(|_| of.len() > 1);
+        numbers.insert(key, Estimate { interval, ..estimate });
     }
     let slots = width(one.story);
     let name = format!("{} + {}", of[0].name, paper::policy(&of[0].ego));

@@ -67,6 +67,16 @@ pub fn compared_with_zero(differences: &[Quantity]) -> Vec<Option<(Estimate, f64
     all.map(|(quantity, values)| Some((estimate(quantity, values)?, chance(values)))).collect()
 }
 
+/// One quantity divided by another, both from the same draws. `None` where either rests on nothing or the divisor is 0.
+pub fn ratio(of: &Quantity, by: &Quantity) -> Option<Estimate> {
+    let both = [of.clone(), by.clone()];
+    let drawn = resampled(&both);
+    let value = |at: usize| estimate(&both[at], &drawn[at]).map(|found| found.value);
+    let (above, below) = (value(0)?, value(1)?);
+    let ratios: Vec<f64> = drawn[0].iter().zip(&drawn[1]).filter(|(_, b)| **b != 0.0).map(|(a, b)| a / b).collect();
+    (below != 0.0).then(|| Estimate { value: above / below, interval: interval(&ratios) })
+}
+
 fn estimate(quantity: &Quantity, values: &[f64]) -> Option<Estimate> {
     let value = mean_over(quantity, |s| (0..s.seeds.len()).collect(), |part| (0..part.values.len()).collect())?;
     Some(Estimate { value, interval: interval(values) })
@@ -144,6 +154,21 @@ mod tests {
     /// A search without repetition.
     fn once(part: PerScene) -> Search {
         Search { id: Digest::of_bytes(b"search"), seeds: vec![part] }
+    }
+
+    #[test]
+    fn a_ratio_is_of_the_same_draws() {
+        let of = |values: &[f64]| -> Quantity {
+            let seed = |(at, value): (usize, &f64)| suite(&at.to_string(), &[*value]);
+            vec![Search { id: Digest::of_bytes(b"search"), seeds: values.iter().enumerate().map(seed).collect() }]
+        };
+        let (above, below) = (of(&[2.0, 6.0, 1.0]), of(&[1.0, 3.0, 0.5]));
+        let found = ratio(&above, &below).unwrap();
+        assert_eq!((found.value, found.interval), (2.0, Some([2.0, 2.0])), "twice in every draw");
+        let spread = ratio(&above, &of(&[1.0, 1.0, 1.0])).unwrap();
+        assert_eq!((spread.value, spread.interval.unwrap()[0] < 2.0), (3.0, true));
+        assert!(spread.interval.unwrap()[1] > 4.0, "{spread:?}");
+        assert_eq!(ratio(&above, &of(&[0.0, 0.0, 0.0])), None);
     }
 
     fn one(values: &[f64]) -> Estimate {

@@ -41,7 +41,7 @@ pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let columns = main_columns();
     let row = |of: &Subject<'_>| {
         let ours = if of.seeds.is_empty() { Numbers::new() } else { main_numbers(&of.seeds) };
-        let figures = of.method.map(Method::main_figures);
+        let figures = of.printed.map(Method::main_figures);
         of.row(&[], Cell::row(&columns, &ours, figures.as_ref()))
     };
     let replays = replays(stories).into_iter().map(|replay| replay_row(replay, &columns));
@@ -227,11 +227,11 @@ pub(in crate::evidence) fn round_columns() -> Vec<Column> {
 
 fn round_rows(of: &Subject<'_>) -> Vec<Row> {
     let resampled = (!of.seeds.is_empty()).then(|| self::resampled(&of.seeds));
-    let printed = if of.method.is_some() { ROUNDS } else { 0 };
+    let printed = if of.printed.is_some() { ROUNDS } else { 0 };
     let rounds = of.seeds.iter().map(|archive| archive.rounds.len()).max().unwrap_or(0).max(printed);
     let columns = round_columns();
     let line = |metric: &Metric, round: usize| {
-        let figures = of.method.and_then(|method| method.round_figures(metric.name, round));
+        let figures = of.printed.and_then(|method| method.round_figures(metric.name, round));
         let ours = |column: &Column| {
             let found = resampled.as_ref()?.estimate(|rounds| round_number(metric.name, round, column.key, rounds));
             Some((column.key, found?))
@@ -245,6 +245,8 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
 /// Who has a row or a part: a method of the paper with a search that fills it, or without, or a search alone.
 struct Subject<'a> {
     method: Option<&'static Method>,
+    /// The method whose printed figures stand beside it: they are of the paper's ego, where that was run, and else beside what was.
+    printed: Option<&'static Method>,
     name: String,
     /// The search's repetitions, one a seed; none = missing.
     seeds: Vec<&'a LineageArchive>,
@@ -256,11 +258,22 @@ fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
     for method in &METHODS {
         let of = searches(all.iter().filter(|archive| archive.method == Some(method)));
         let missing = of.is_empty().then(Vec::new);
-        let subject = |seeds| Subject { method: Some(method), name: method.name.into(), seeds };
+        let papers =
+            |seeds: &Vec<&LineageArchive>| seeds.iter().any(|archive| paper::policy_name(&archive.ego) == Some(EGO));
+        let was_run = of.iter().any(papers);
+        let subject = |seeds| {
+            let printed = (!was_run || papers(&seeds)).then_some(method);
+            Subject { method: Some(method), printed, name: method.name.into(), seeds }
+        };
         order.extend(of.into_iter().chain(missing).map(subject));
     }
     let others = searches(all.iter().filter(|archive| archive.method.is_none()));
-    order.extend(others.into_iter().map(|seeds| Subject { method: None, name: seeds[0].name.clone(), seeds }));
+    order.extend(others.into_iter().map(|seeds| Subject {
+        method: None,
+        printed: None,
+        name: seeds[0].name.clone(),
+        seeds,
+    }));
     order
 }
 

@@ -197,6 +197,22 @@ fn the_rounds_stand_by_family_with_the_papers_beside_them() {
     assert_eq!(cell(&table, &row("ARS", "2"), "straight_obstacle").paper, Some(0.980));
 }
 
+/// The paper's ego is a learned one: once that was run, nothing printed stands beside another.
+#[test]
+fn the_papers_figures_stand_beside_its_ego_where_that_was_run() {
+    let mut made = story(&[&ADVSIM, &HUMAN]);
+    add(&mut made, &Lineage { id: "advsim-sac", ..ADVSIM });
+    made.result.as_mut().unwrap().lineages.last_mut().unwrap().ego = "learned".into();
+    let main = safebench_main(std::slice::from_ref(&made)).unwrap();
+    assert_eq!(cell(&main, &["AS", "RL"], "parent_attack").paper, Some(0.260));
+    assert_eq!(cell(&main, &["AS", "IDM"], "parent_attack").paper, None);
+    assert_eq!(cell(&main, &["Human", "IDM"], "parent_attack").paper, Some(0.264), "no other was run of it");
+    let rounds = safebench_rounds(&[made]).unwrap();
+    let of = |ego| rounds.rows().filter(|row| row.labels[..2] == ["AS", ego]).collect::<Vec<_>>();
+    assert!(of("RL").iter().all(|row| row.in_paper()) && of("IDM").iter().all(|row| !row.in_paper()));
+    assert_eq!((of("RL").len(), of("IDM").len()), (15, 6));
+}
+
 #[test]
 fn what_was_not_run_is_missing_and_a_variant_stands_apart() {
     let variant = Lineage { id: "advsim-slow-idm", ..ADVSIM };

@@ -30,6 +30,8 @@ pub struct MovingLine {
     begun: Instant,
     /// Proposals that were judged.
     done: AtomicU64,
+    /// Of these, those of an earlier try: while nothing had to be simulated. And the milliseconds that they took.
+    again: (AtomicU64, AtomicU64),
     /// Answers that took their time.
     answered: AtomicU64,
 }
@@ -41,7 +43,15 @@ impl MovingLine {
         let way = Way::of(study);
         let bar = std::io::stderr().is_terminal().then(|| bar(way.proposals(), ProgressDrawTarget::stderr()));
         let place = folder.display().to_string();
-        let line = MovingLine { bar, place, way, begun: Instant::now(), done: 0.into(), answered: 0.into() };
+        let line = MovingLine {
+            bar,
+            place,
+            way,
+            begun: Instant::now(),
+            done: 0.into(),
+            again: Default::default(),
+            answered: 0.into(),
+        };
         match &line.bar {
             Some(bar) => {
                 bar.set_message(format!("{}: {}", line.place, line.standing()));
@@ -57,6 +67,10 @@ impl MovingLine {
         if matches!(news, Progress::Attempt { .. }) {
             self.done.fetch_add(1, Ordering::Relaxed);
         }
+        if simulated == 0 {
+            self.again.0.store(self.done.load(Ordering::Relaxed), Ordering::Relaxed);
+            self.again.1.store(self.begun.elapsed().as_millis() as u64, Ordering::Relaxed);
+        }
         let text = result_text::progress(news);
         match (&self.bar, news) {
             (Some(bar), Progress::Attempt { .. }) => {
@@ -71,7 +85,9 @@ impl MovingLine {
     }
 
     fn standing(&self) -> String {
-        self.way.standing(self.done.load(Ordering::Relaxed), self.begun.elapsed().as_secs_f64())
+        let (done, seconds) = (self.done.load(Ordering::Relaxed), self.begun.elapsed().as_secs_f64());
+        let again = (self.again.0.load(Ordering::Relaxed), self.again.1.load(Ordering::Relaxed) as f64 / 1e3);
+        self.way.standing((done, seconds), again)
     }
 
     /// A model that told its answer, or failed to, after so long.
@@ -133,8 +149,9 @@ impl Way {
         self.epochs * self.each
     }
 
-    /// Where a run stands that has judged so many proposals in so many seconds. The rate is the mean since it began.
-    fn standing(self, done: u64, seconds: f64) -> String {
+    /// Where a run stands that has judged so many proposals in so many seconds. The rate is the mean since it began; where
+    /// it goes on from an earlier try, `again` of them were only read, and the rate is that of the others.
+    fn standing(self, (done, seconds): (u64, f64), again: (u64, f64)) -> String {
         let all = self.proposals();
         if done >= all {
             return format!("all {all} proposals of {} epochs are judged", self.epochs);
@@ -142,10 +159,11 @@ impl Way {
         let epoch = done / self.each.max(1) + 1;
         let share = 100.0 * done as f64 / all as f64;
         let begun = format!("epoch {epoch} of {}, {share:.0} % of {all} proposals", self.epochs);
-        if done == 0 || seconds <= 0.0 {
+        let (known, known_s) = if again.0 < done { again } else { (0, 0.0) };
+        if done == 0 || seconds <= known_s {
             return begun;
         }
-        let rate = done as f64 / seconds;
+        let rate = (done - known) as f64 / (seconds - known_s);
         format!("{begun}, {}, {} left", rated(rate), lasting((all - done) as f64 / rate))
     }
 }
@@ -188,12 +206,22 @@ mod tests {
     #[test]
     fn a_standing_names_epoch_share_rate_and_time_left() {
         let way = Way { epochs: 4, each: 10 };
-        assert_eq!(way.standing(0, 3.0), "epoch 1 of 4, 0 % of 40 proposals");
-        assert_eq!(way.standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
-        assert_eq!(way.standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
-        assert_eq!(way.standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
-        assert_eq!(way.standing(40, 1.0), "all 40 proposals of 4 epochs are judged");
-        assert_eq!(Way { epochs: 1, each: 0 }.standing(0, 0.0), "all 0 proposals of 1 epochs are judged");
+        let standing = |done, seconds| way.standing((done, seconds), (0, 0.0));
+        assert_eq!(standing(0, 3.0), "epoch 1 of 4, 0 % of 40 proposals");
+        assert_eq!(standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
+        assert_eq!(standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
+        assert_eq!(standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
+        assert_eq!(standing(40, 1.0), "all 40 proposals of 4 epochs are judged");
+        assert_eq!(Way { epochs: 1, each: 0 }.standing((0, 0.0), (0, 0.0)), "all 0 proposals of 1 epochs are judged");
+    }
+
+    #[test]
+    fn what_was_only_read_again_is_no_part_of_the_rate() {
+        let way = Way { epochs: 4, each: 10 };
+        // 20 read in a second, then 4 in 40 seconds: 16 more take 160.
+        assert_eq!(way.standing((24, 41.0), (20, 1.0)), "epoch 3 of 4, 60 % of 40 proposals, 6.0 a minute, 3 min left");
+        // Nothing but reading so far: at that rate.
+        assert_eq!(way.standing((20, 1.0), (20, 1.0)), "epoch 3 of 4, 50 % of 40 proposals, 20.0 a second, 1 s left");
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
 use crate::evidence::claims::{csv as claims_csv, latex as claims_latex, markdown as claims_markdown};
 use crate::evidence::downstream as evidence_downstream;
-use crate::evidence::paper::{Piece, Plan, What, numbers, of_agreement, plan, typed_numbers};
+use crate::evidence::paper::{Piece, Plan, What, numbers, of_agreement, plan, typed_numbers, unknown_numbers};
 use crate::evidence::tables::{self, Table};
 use crate::kernel::Digest;
 use crate::store;
@@ -209,7 +209,7 @@ fn make(wanted: &[&Piece], ran: &Ran, options: &Options, jobs: usize) -> Result<
     // The sets' own tables are goldens elsewhere; their numbers are macros like all others.
     for (runs, names) in [
         (["metadrive", "metadrive-sac"], ["metadrive-main", "proposals"].as_slice()),
-        (["safebench", "safebench-sac"], ["safebench-main"].as_slice()),
+        (["safebench", "safebench-sac"], ["safebench-main", "safebench-held-out"].as_slice()),
     ] {
         for name in names {
             let which = WhichTable::named(name).map_err(Failure::bad_input)?;
@@ -310,12 +310,28 @@ fn check(made: &Made, folder: &Path, text: &Path) -> Result<Answer, Failure> {
             Some(_) => {}
         }
     }
-    for typed in typed_numbers(&text_of(text)?) {
+    let written = text_of(text)?;
+    let numbers = match made.get("numbers.tex") {
+        Some(bytes) => String::from_utf8_lossy(bytes).into_owned(),
+        None => text_of(&folder.join("numbers.tex"))?,
+    };
+    for unknown in unknown_numbers(&written, &numbers) {
+        let place = format!("{}: line {}", text.display(), unknown.line);
+        wrong.push(format!(
+            "{place}: no number of the name {:?} is in golden/paper/numbers.tex; expected one of those there",
+            unknown.text
+        ));
+    }
+    for typed in typed_numbers(&written) {
         let remedy = "take it from golden/paper/numbers.tex with \\evo{...}";
         wrong.push(format!("{}: line {}: a typed number near {:?}; {remedy}", text.display(), typed.line, typed.text));
     }
     let told = match wrong.is_empty() {
-        true => format!("{} files are as in {}; the text holds no typed number", made.len(), folder.display()),
+        true => format!(
+            "{} files are as in {}; the text holds no typed number and names none that is not there",
+            made.len(),
+            folder.display()
+        ),
         false => format!("{}\nif this is meant: `evodrive paper --bless`, and the commit says why", wrong.join("\n")),
     };
     let exit = if wrong.is_empty() { Exit::Success } else { Exit::Divergence };

@@ -33,6 +33,8 @@ pub enum Which {
     SafebenchMain,
     /// SafeBench, every round by traffic family, a part a generator.
     SafebenchRounds,
+    /// SafeBench, the chosen programs on routes that evolution did not see, a row a generator and ego.
+    SafebenchHeldOut,
     /// Either protocol: what became of proposals, a row a source family.
     Proposals,
     /// Either protocol: what critics did with proposals before simulation, a row a source family.

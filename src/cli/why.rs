@@ -55,6 +55,12 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let key = named.cell.column.key;
     let Some(basis) = bases.basis(&table, named.row, key).filter(|_| named.cell.ours.is_some()) else {
         let name = cell::cell_name(&table, named.row, &named.cell.column);
+        if let Some(ours) = named.cell.ours {
+            let (number, rests) = (named.cell.column.form.number(ours.value), Bases::without_parts(key));
+            return Err(Failure::bad_input(format!(
+                "{name} = {number} has no parts that could be told one by one: {rests}"
+            )));
+        }
         let why =
             if named.row.missing() { "its lineages are missing in these runs" } else { "nothing there counts for it" };
         let ours: Vec<String> =

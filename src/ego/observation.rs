@@ -104,9 +104,9 @@ fn observe(view: &View<'_>, out: &mut Vec<f32>) {
         push(ahead / POINT_M);
         push(left / POINT_M);
     }
-    for direction in rays::<EDGE_RAYS>(ego.axis) {
-        push(closeness(view.road_edge_m(direction, EDGE_M), EDGE_M));
-    }
+    let mut edges_m = [0.0; EDGE_RAYS];
+    view.road_edges_m(&rays::<EDGE_RAYS>(ego.axis), EDGE_M, &mut edges_m);
+    edges_m.iter().for_each(|&edge_m| push(closeness(edge_m, EDGE_M)));
     let mut hits_m = [0.0; LIDAR_RAYS];
     view.lidar_m(&rays::<LIDAR_RAYS>(ego.axis), SIGHT_M, &mut hits_m);
     hits_m.iter().for_each(|&hit_m| push(closeness(hit_m, SIGHT_M)));

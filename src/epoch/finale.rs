@@ -7,6 +7,7 @@ use super::{
     RunError, counsel,
     desk::Desk,
     labels::Labelling,
+    measure::held_out_runs,
     progress::Progress,
     replayed, rounds,
     state::State,
@@ -231,9 +232,10 @@ fn held_out(
         ("descendant", choice.top.contains(solution)),
     ];
     let roles = roles.into_iter().filter(|(_, holds)| *holds).map(|(role, _)| role.to_string()).collect();
+    let runs = held_out_runs(study, &score, &desk.tools)?;
     desk.log.append(
         kind::HELD_OUT,
-        &HeldOut { lineage: spec.id.clone(), solution: solution.clone(), roles, score: score.clone() },
+        &HeldOut { lineage: spec.id.clone(), solution: solution.clone(), roles, score: score.clone(), runs },
     )?;
     Ok(score)
 }

@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 
 use super::{RunError, desk::Tools, study::Study};
 use crate::archive::{Account, MeanOverScenes, Means, Measure};
-use crate::evaluation::{Group, RolloutCache, Runs, SafebenchOptions, StagedRun};
+use crate::evaluation::{Group, RolloutCache, Runs, SafebenchOptions, StagedRun, group_name};
 use crate::kernel::Digest;
-use crate::objects::benchmark::SafebenchRun;
+use crate::objects::benchmark::{HeldOutRun, SafebenchRun};
 use crate::objects::{SceneScore, Score};
 
 /// The measure for comparing these scores.
 pub fn measure(study: &Study, scores: &[&Score], tools: &Tools<'_>) -> Result<Box<dyn Measure>, RunError> {
     let Some(options) = study.evaluation.safebench() else { return Ok(Box::new(MeanOverScenes)) };
-    let groups = groups(study);
+    let groups = groups(study, &study.evolution);
     let mut runs = BTreeMap::new();
     for scene in scores.iter().flat_map(|score| &score.scenes) {
         if let Some(staged) = staged_run(scene, &groups, options, tools)? {
@@ -54,9 +54,27 @@ pub fn staged_runs(
     score: &Score,
     tools: &Tools<'_>,
 ) -> Result<Vec<StagedRun>, RunError> {
-    let groups = groups(study);
+    let groups = groups(study, &study.evolution);
     let run = |scene: &SceneScore| staged_run(scene, &groups, options, tools).transpose();
     score.scenes.iter().filter_map(run).collect()
+}
+
+/// What became of the held-out scenes that a score is of, in its study's order; nothing outside SafeBench's protocol.
+pub fn held_out_runs(study: &Study, score: &Score, tools: &Tools<'_>) -> Result<Vec<HeldOutRun>, RunError> {
+    let Some(options) = study.evaluation.safebench() else { return Ok(Vec::new()) };
+    let groups = groups(study, &study.held_out);
+    let labels: BTreeMap<&str, &SceneScore> = score.scenes.iter().map(|label| (label.scene.as_str(), label)).collect();
+    let mut runs = Vec::with_capacity(study.held_out.len());
+    for &place in &study.held_out {
+        let scene = study.scenes[place].scene().id.as_str();
+        let Some(group) = groups.get(scene) else { continue };
+        let staged = match labels.get(scene) {
+            Some(label) => staged_run(label, &groups, options, tools)?,
+            None => None,
+        };
+        runs.push(HeldOutRun { group: group_name(*group), scene: scene.into(), run: staged.map(|staged| staged.run) });
+    }
+    Ok(runs)
 }
 
 fn staged_run(
@@ -71,9 +89,9 @@ fn staged_run(
     Ok(run.map(|run| StagedRun { scene: scene.scene.clone(), group: *group, run, acted: scene.acted }))
 }
 
-/// Groups of the evolution scenes by the scenes' ids.
-pub fn groups(study: &Study) -> BTreeMap<&str, Group> {
-    let entries = study.evolution.iter().map(|&place| &study.scenes[place]);
+/// Groups of some of a study's scenes by the scenes' ids.
+pub fn groups<'s>(study: &'s Study, places: &[usize]) -> BTreeMap<&'s str, Group> {
+    let entries = places.iter().map(|&place| &study.scenes[place]);
     entries.filter_map(|entry| Some((entry.scene().id.as_str(), entry.group()?))).collect()
 }
 

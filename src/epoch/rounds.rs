@@ -52,7 +52,7 @@ pub fn pf_area_by_group_pct(
     k: usize,
     desk: &Desk<'_>,
 ) -> Result<BTreeMap<String, f64>, RunError> {
-    let groups = groups(study);
+    let groups = groups(study, &study.evolution);
     let points = |score: &Score| -> Result<BTreeMap<Group, Objectives>, RunError> {
         let failed = score.failures.iter().filter_map(|failure| groups.get(failure.scene.as_str()).copied());
         Ok(group_points(&staged_runs(study, options, score, &desk.tools)?, &failed.collect::<Vec<Group>>()))

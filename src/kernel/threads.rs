@@ -3,6 +3,8 @@
 
 use rayon::prelude::*;
 
+use super::Seed;
+
 /// Does `work` beside everything else; nobody waits for its end. For reading and writing pipes, which may block for ever.
 pub fn beside(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
     std::thread::Builder::new().spawn(work).map(drop)
@@ -11,8 +13,13 @@ pub fn beside(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
 /// Of a worker. Memory is taken as it is touched.
 const STACK_BYTES: usize = 16 << 20;
 
-/// Worker threads. Results never depend on how many there are.
-pub struct Threads(Option<rayon::ThreadPool>);
+/// Worker threads. Results never depend on how many there are, nor on who is done first.
+pub struct Threads {
+    /// `None`: the caller's own thread.
+    pool: Option<rayon::ThreadPool>,
+    /// In whose order a map begins its items; in their own without.
+    order: Option<Seed>,
+}
 
 /// Worker threads could not be started.
 #[derive(Debug, thiserror::Error)]
@@ -30,27 +37,41 @@ impl Threads {
             // A map within a map: who waits for its end may begin another item of the outer one on the same stack.
             .stack_size(STACK_BYTES)
             .build()
-            .map(|pool| Threads(Some(pool)))
+            .map(|pool| Threads { pool: Some(pool), order: None })
             .map_err(|source| ThreadsError { threads, source })
     }
 
     /// No worker: a map runs on its caller's thread, one item after the other. For maps within long items of another map, whose
     /// thread would otherwise take up another long item while it waits.
     pub const fn none() -> Threads {
-        Threads(None)
+        Threads { pool: None, order: None }
+    }
+
+    /// The same, but a map begins its items in an order drawn from a seed. Results come back in item order all the same. For
+    /// tests: what hangs on the order in which work is done comes out differently.
+    pub fn shuffled(threads: usize, seed: Seed) -> Result<Threads, ThreadsError> {
+        Ok(Threads { order: Some(seed), ..Threads::new(threads)? })
     }
 
     /// How many threads work.
     pub fn count(&self) -> usize {
-        self.0.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
+        self.pool.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
     /// `f` of every item, in item order. `f` sees the index too, to name its random stream by.
     pub fn map<T: Sync, R: Send>(&self, items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
         // An item is a search or a rollout, long enough to be a job of its own: in longer jobs one thread would be left with
         // several items while the others wait.
-        let Some(pool) = &self.0 else { return items.iter().enumerate().map(|(i, item)| f(i, item)).collect() };
-        pool.install(|| items.par_iter().enumerate().with_max_len(1).map(|(i, item)| f(i, item)).collect())
+        let Some(pool) = &self.pool else { return items.iter().enumerate().map(|(i, item)| f(i, item)).collect() };
+        let Some(seed) = self.order else {
+            return pool.install(|| items.par_iter().enumerate().with_max_len(1).map(|(i, item)| f(i, item)).collect());
+        };
+        let mut order: Vec<usize> = (0..items.len()).collect();
+        seed.stream(&["kernel", "threads", &items.len().to_string()]).shuffle(&mut order);
+        let mut drawn: Vec<(usize, R)> =
+            pool.install(|| order.par_iter().with_max_len(1).map(|&i| (i, f(i, &items[i]))).collect());
+        drawn.sort_by_key(|(i, _)| *i);
+        drawn.into_iter().map(|(_, result)| result).collect()
     }
 }
 
@@ -66,5 +87,20 @@ mod tests {
         let none = Threads::none().map(&items, |i, x| x * 3 + i as u64);
         assert_eq!(one, four);
         assert_eq!(one, none);
+    }
+
+    #[test]
+    fn a_shuffled_map_begins_in_another_order_and_ends_in_the_same() {
+        let items: Vec<u64> = (0..500).collect();
+        let begun = std::sync::Mutex::new(Vec::new());
+        let mapped = Threads::shuffled(1, Seed(7)).unwrap().map(&items, |i, x| {
+            begun.lock().unwrap().push(i);
+            x * 3
+        });
+        assert_eq!(mapped, items.iter().map(|x| x * 3).collect::<Vec<u64>>());
+        let begun = begun.into_inner().unwrap();
+        let ordered = begun.windows(2).filter(|two| two[0] < two[1]).count();
+        assert!((150..350).contains(&ordered), "{ordered} of 499 neighbours in order");
+        assert_eq!(begun.iter().collect::<std::collections::BTreeSet<_>>().len(), 500, "each once");
     }
 }

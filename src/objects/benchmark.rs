@@ -81,6 +81,18 @@ pub struct Benchmark {
     pub mean: BenchmarkRow,
 }
 
+/// What became of a held-out scene in SafeBench's protocol.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HeldOutRun {
+    /// `family/route`.
+    pub group: String,
+    /// Id of the scene; a group may hold several.
+    pub scene: String,
+    /// The run, to compute the score of any set of runs; `None` for a scene that could not be run.
+    pub run: Option<SafebenchRun>,
+}
+
 /// The archive of a lineage after some rounds: per group the scenes that balanced selection keeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArchiveRound {

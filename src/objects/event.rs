@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use super::{
     attempt::Attempt,
+    benchmark::HeldOutRun,
     card::Card,
     ids::{AttemptId, FamilyName, LineageId, SolutionId},
     origin::Origin,
@@ -250,6 +251,9 @@ pub struct HeldOut {
     pub roles: Vec<String>,
     /// Its score on the held-out scenes.
     pub score: Score,
+    /// SafeBench's protocol: the runs that the score's rows are taken from, in the order of the scenes. Empty in the other.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub runs: Vec<HeldOutRun>,
 }
 
 /// Last event: the result.

@@ -18,6 +18,8 @@ pub const OFF_ROAD_M_CAP: f64 = 50.0;
 const PIECE_M_MIN: f64 = 1e-9;
 /// For rounding, where the rectangle around a piece says that the piece is farther away than something, m².
 const SLACK_M2: f64 = 1e-6;
+/// A place is this far from a line, metres: then rounding does not decide on which side of it the place lies.
+const SURE_M: f64 = 1e-6;
 
 /// The drivable surface of a scene.
 #[derive(Clone, Debug)]
@@ -76,13 +78,37 @@ impl Drivable {
     /// Whether a point lies on the surface: [`Drivable::distance_m`] is 0, for less where it is not. `hint` as there.
     pub fn holds(&self, point: Vec2, hint: &mut u32) -> bool {
         let near = |piece: &Piece| piece.bound_distance_squared(point) <= SLACK_M2;
-        let on = |piece: &Piece| near(piece) && squared_distance(&corners(piece), point) <= 0.0;
+        let on = |piece: &Piece| near(piece) && is_on(&corners(piece), point);
         if !self.is_known() || self.piece(*hint).is_some_and(on) {
             return true;
         }
         let found = self.pieces.at(point).find(|(_, piece)| counts(piece) && on(piece)).map(|(ix, _)| ix);
         *hint = found.unwrap_or(*hint);
         found.is_some()
+    }
+
+    /// How far a ray from a point in a unit direction surely stays on the piece `hint`, metres: [`Drivable::holds`] is true
+    /// all the way. 0 where the point is not well inside that piece.
+    pub fn surely_holds_for_m(&self, point: Vec2, direction: Vec2, hint: u32) -> f64 {
+        let Some(piece) = self.piece(hint) else { return 0.0 };
+        let corners = corners(piece);
+        let mut sure_m = f64::INFINITY;
+        let mut a = corners[3];
+        for b in corners {
+            // The corners run counter-clockwise, so inside is to the left of every edge. Where that holds of all four
+            // edges the surface winds once around the place, folded or not.
+            let edge = b - a;
+            let margin = SURE_M * (edge.x.abs() + edge.y.abs());
+            let (room, change) = (edge.cross(point - a) - margin, edge.cross(direction));
+            if room < 0.0 {
+                return 0.0;
+            }
+            if change < 0.0 {
+                sure_m = sure_m.min(room / -change);
+            }
+            a = b;
+        }
+        if sure_m.is_finite() { sure_m } else { 0.0 }
     }
 
     /// Whether a point lies on lanes all of which run against `axis` (more than 90° off). `hint` as in
@@ -136,6 +162,11 @@ impl Drivable {
         nearest.sqrt().min(OFF_ROAD_M_CAP)
     }
 
+    /// [`Drivable::holds`] by looking at every piece.
+    pub fn holds_by_walk(&self, point: Vec2) -> bool {
+        !self.is_known() || self.counted().any(|p| squared_distance(&corners(p), point) <= 0.0)
+    }
+
     /// [`Drivable::is_wrong_way`] by looking at every piece.
     pub fn is_wrong_way_by_walk(&self, point: Vec2, axis: Vec2) -> bool {
         let mut under = self.counted().filter(|p| contains(&corners(p), point)).peekable();
@@ -163,11 +194,32 @@ fn squared_distance(corners: &[Vec2; 4], point: Vec2) -> f64 {
     let mut best = f64::INFINITY;
     let mut a = corners[3];
     for &b in corners {
-        let along = b - a;
-        let squared = along.norm_squared();
-        let share = if squared > 0.0 { ((point - a).dot(along) / squared).clamp(0.0, 1.0) } else { 0.0 };
-        best = best.min((point - a - along * share).norm_squared());
+        best = best.min(squared_distance_to_edge(a, b, point));
         a = b;
     }
     best
+}
+
+fn squared_distance_to_edge(a: Vec2, b: Vec2, point: Vec2) -> f64 {
+    let along = b - a;
+    let squared = along.norm_squared();
+    let share = if squared > 0.0 { ((point - a).dot(along) / squared).clamp(0.0, 1.0) } else { 0.0 };
+    (point - a - along * share).norm_squared()
+}
+
+/// Whether [`squared_distance`] is 0. Divides only where the point lies on an edge's line or nearly so.
+fn is_on(corners: &[Vec2; 4], point: Vec2) -> bool {
+    if contains(corners, point) {
+        return true;
+    }
+    let mut a = corners[3];
+    for &b in corners {
+        let edge = b - a;
+        let off_line = edge.cross(point - a).abs() > SURE_M * (edge.x.abs() + edge.y.abs());
+        if !off_line && squared_distance_to_edge(a, b, point) <= 0.0 {
+            return true;
+        }
+        a = b;
+    }
+    false
 }

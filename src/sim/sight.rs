@@ -3,6 +3,7 @@
 use crate::kernel::{OrientedBox, Vec2};
 
 use super::body::Place;
+use super::drivable::Drivable;
 use super::driver::View;
 
 /// The road's edge is looked for at places this far apart along a ray, metres: a narrower gap may be missed.
@@ -11,29 +12,15 @@ const EDGE_STEP_M: f64 = 1.0;
 const EDGE_HALVINGS: u32 = 4;
 
 impl View<'_> {
-    /// Metres from the ego's centre to where the drivable surface ends in a unit direction, at most `reach_m`; 0 where the
-    /// centre is beside it already, `reach_m` where the scene does not say where one may drive.
-    pub fn road_edge_m(&self, direction: Vec2, reach_m: f64) -> f64 {
-        let drivable = &self.plant.drivable;
+    /// Sets each of `out` to the metres from the ego's centre to where the drivable surface ends in that unit direction, at
+    /// most `reach_m`; 0 where the centre is beside it already, `reach_m` where the scene does not say where one may drive.
+    pub fn road_edges_m(&self, directions: &[Vec2], reach_m: f64, out: &mut [f64]) {
+        let (drivable, center) = (&self.plant.drivable, self.ego.sample.position);
         let mut hint = 0;
-        let mut holds = |at_m: f64| drivable.holds(self.ego.sample.position + direction * at_m, &mut hint);
-        let mut inside_m = 0.0;
-        if !holds(inside_m) {
-            return 0.0;
+        let at_center = drivable.holds(center, &mut hint);
+        for (direction, edge_m) in directions.iter().zip(out) {
+            *edge_m = if at_center { edge_m_from(drivable, center, *direction, reach_m, hint) } else { 0.0 };
         }
-        while inside_m < reach_m {
-            let mut outside_m = (inside_m + EDGE_STEP_M).min(reach_m);
-            if holds(outside_m) {
-                inside_m = outside_m;
-                continue;
-            }
-            for _ in 0..EDGE_HALVINGS {
-                let middle_m = 0.5 * (inside_m + outside_m);
-                if holds(middle_m) { inside_m = middle_m } else { outside_m = middle_m }
-            }
-            return inside_m;
-        }
-        reach_m
     }
 
     /// Sets each of `out` to the metres from the ego's centre to the box of the nearest other road user on a ray, or to
@@ -54,6 +41,42 @@ impl View<'_> {
             }
         });
     }
+}
+
+/// Where the drivable surface ends on a ray from a place on it; `hint` is a piece near that place.
+fn edge_m_from(drivable: &Drivable, from: Vec2, direction: Vec2, reach_m: f64, mut hint: u32) -> f64 {
+    // Most places of a ray lie on a piece that a place before them lies on too: no need to ask for each.
+    let mut sure_m = drivable.surely_holds_for_m(from, direction, hint);
+    let holds = |at_m: f64| {
+        if at_m <= sure_m {
+            return true;
+        }
+        let place = from + direction * at_m;
+        let held = drivable.holds(place, &mut hint);
+        if held {
+            sure_m = at_m + drivable.surely_holds_for_m(place, direction, hint);
+        }
+        held
+    };
+    edge_by_places_m(holds, reach_m)
+}
+
+/// Where a ray that begins on the surface leaves it, by what `holds` says of places on it, metres from its start.
+fn edge_by_places_m(mut holds: impl FnMut(f64) -> bool, reach_m: f64) -> f64 {
+    let mut inside_m = 0.0;
+    while inside_m < reach_m {
+        let mut outside_m = (inside_m + EDGE_STEP_M).min(reach_m);
+        if holds(outside_m) {
+            inside_m = outside_m;
+            continue;
+        }
+        for _ in 0..EDGE_HALVINGS {
+            let middle_m = 0.5 * (inside_m + outside_m);
+            if holds(middle_m) { inside_m = middle_m } else { outside_m = middle_m }
+        }
+        return inside_m;
+    }
+    reach_m
 }
 
 /// Where a ray enters a box, metres from its start; 0 from inside, `None` where it misses.
@@ -80,7 +103,38 @@ fn ray_m(from: Vec2, direction: Vec2, body: &OrientedBox) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::scene::Road;
+    use crate::scene::pieces::Pieces;
+    use crate::sim::scenes::lane;
+
+    /// Lanes in all directions that cross, touch and leave gaps; some share an end or an edge.
+    fn surface(ends: &[(i32, i32)]) -> Drivable {
+        let place = |&(x, y): &(i32, i32)| Vec2::new(0.5 * f64::from(x), 0.5 * f64::from(y));
+        let lanes = ends.windows(2).filter(|e| e[0] != e[1]).map(|e| lane(place(&e[0]), place(&e[1])));
+        Drivable::of(std::sync::Arc::new(Pieces::of(&Road { lanes: lanes.collect(), ..Road::default() })))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+
+        #[test]
+        fn what_is_skipped_on_a_ray_changes_no_edge(
+            ends in prop::collection::vec((-40..=40, -40..=40), 2..12),
+            from in (-80..=80, -80..=80),
+            turn in 0..48,
+            hint in 0u32..12,
+        ) {
+            let drivable = surface(&ends);
+            let from = Vec2::new(0.25 * f64::from(from.0), 0.25 * f64::from(from.1));
+            let direction = Vec2::from_heading(f64::from(turn) * std::f64::consts::TAU / 48.0);
+            prop_assert_eq!(drivable.holds(from, &mut hint.clone()), drivable.holds_by_walk(from));
+            let plain = edge_by_places_m(|at_m| drivable.holds_by_walk(from + direction * at_m), 30.0);
+            prop_assert_eq!(edge_m_from(&drivable, from, direction, 30.0, hint), plain);
+        }
+    }
 
     #[test]
     fn a_ray_meets_a_box_where_it_stands() {

@@ -429,9 +429,12 @@ fn an_attack_of_ones_own_counts_what_its_expression_says_and_only_what_the_progr
     assert_eq!(score(missed(true), None, near), 0.75);
     assert_eq!(score(missed(false), None, near), 0.0);
     assert_eq!(score(Outcome { ttc_s_min: None, ..missed(true) }, None, near), 0.0, "held at 0");
-    for (bad, expected) in
-        [("contact and", "end"), ("contact_sped_mps > 2", "contact_speed_mps"), ("contact > 2", "number")]
-    {
+    for (bad, expected) in [
+        ("contact and", "end"),
+        ("contact_sped_mps > 2", "contact_speed_mps"),
+        ("contact > 2", "number"),
+        ("2", "reads nothing of it"),
+    ] {
         let error = formula(bad).unwrap_err().to_string();
         assert!(error.contains(expected) && error.contains("evodrive features"), "{error}");
     }

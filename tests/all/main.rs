@@ -49,6 +49,7 @@ mod scene_safebench;
 mod scene_scenarionet;
 mod scenes;
 mod shards;
+mod shuffled;
 mod simulator;
 mod snapshots;
 mod tamper;

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use crate::harness::{evodrive, files, folder_below, home, run, text};
 
-fn golden_root() -> String {
+pub fn golden_root() -> String {
     let text = text("golden/quickstart.toml");
     let golden: toml::Table = text.parse().unwrap();
     golden["root"].as_str().unwrap().to_string()

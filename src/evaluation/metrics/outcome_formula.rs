@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::objects::ValueType;
-use crate::objects::expr::{Compiled, Expr, ExprError, Scope};
+use crate::objects::expr::{Compiled, Expr, Scope};
 use crate::sim::{Contact, End, Outcome, Striker};
 
 /// Where there was nothing to measure, metres and seconds: as far as nobody looks.
@@ -110,10 +110,10 @@ impl Eq for OutcomeFormula {}
 
 /// A text that is no expression over outcomes.
 #[derive(Debug, thiserror::Error)]
-#[error("{text:?} is no expression over an outcome: {error}; `evodrive features` lists what it may read")]
+#[error("{text:?} is no expression over an outcome: {reason}; `evodrive features` lists what it may read")]
 pub struct OutcomeFormulaError {
     text: String,
-    error: ExprError,
+    reason: String,
 }
 
 impl TryFrom<String> for OutcomeFormula {
@@ -122,11 +122,15 @@ impl TryFrom<String> for OutcomeFormula {
     fn try_from(text: String) -> Result<OutcomeFormula, OutcomeFormulaError> {
         let kind = |field: &Field| if field.boolean { ValueType::Boolean } else { ValueType::Number };
         let scope = Scope::new(FIELDS.iter().map(|field| (field.name, kind(field))));
-        let read = Expr::parse(&text).and_then(|expr| Ok((expr.to_string(), expr.compile(&scope)?)));
-        match read {
-            Ok((text, code)) => Ok(OutcomeFormula { text, code: Arc::new(code) }),
-            Err(error) => Err(OutcomeFormulaError { text, error }),
-        }
+        let read = Expr::parse(&text).and_then(|expr| Ok((expr.compile(&scope)?, expr)));
+        let reason = match read {
+            Ok((_, expr)) if expr.names().is_empty() => {
+                "it reads nothing of it, so all scenes would have one value".into()
+            }
+            Ok((code, expr)) => return Ok(OutcomeFormula { text: expr.to_string(), code: Arc::new(code) }),
+            Err(error) => error.to_string(),
+        };
+        Err(OutcomeFormulaError { text, reason })
     }
 }
 

@@ -70,8 +70,12 @@ fn p(value: f64) -> String {
     format!("{value:.4}")
 }
 
+/// About three digits that count; all of them are in the CSV.
 fn short(value: f64) -> String {
-    num::rounded(value, 4).to_string()
+    let size = value.abs();
+    let digits =
+        [(10.0, 1), (1.0, 2), (0.1, 3)].into_iter().find(|(from, _)| size >= *from).map_or(4, |(_, digits)| digits);
+    format!("{:.digits$}", num::rounded(value, digits as u32))
 }
 
 fn estimate(part: &Part) -> String {
@@ -82,25 +86,26 @@ fn estimate(part: &Part) -> String {
 /// The same as LaTeX with booktabs and longtable, a line a claim with its least convincing row.
 pub fn latex(found: &Judgement) -> String {
     let mut out = String::from(
-        "% needs \\usepackage{booktabs} and \\usepackage{longtable}\n\\begin{longtable}{@{}p{20mm}p{72mm}p{38mm}p{30mm}@{}}\n\\toprule\n\
-         Verdict & Claim & Where the paper says it & Estimate, p \\\\\n\\midrule\n\\endhead\n",
+        "% needs \\usepackage{booktabs} and \\usepackage{longtable}\n\\begin{longtable}{@{}p{19mm}p{55mm}p{33mm}p{34mm}r@{}}\n\\toprule\n\
+         Verdict & Claim & Where the paper says it & Estimate & p \\\\\n\\midrule\n\\endhead\n",
     );
     for claim in &found.claims {
         let least = claim.parts.iter().max_by(|a, b| a.p_for.total_cmp(&b.p_for));
-        let tested = claim.p_for.map_or(String::new(), |value| format!("; p {}", p(value)));
+        let tested = claim.p_for.map_or("--".to_string(), p);
         let of = |part: &Part| match claim.parts.len() {
             1 => estimate(part),
             _ => format!("{}: {}", part.row, estimate(part)),
         };
-        let found = least.map_or("--".to_string(), |part| format!("{}{tested}", of(part)));
+        let found = least.map_or("--".to_string(), of);
         let cells = [claim.verdict.words(), &claim.text, &claim.label, &found].map(escaped);
         let _ = writeln!(
             out,
-            "{} & {} & {{\\footnotesize {}}} & {} \\\\",
+            "\\raggedright {} & \\raggedright {} & \\raggedright {{\\footnotesize {}}} & \\raggedright {} & {tested} \\\\[0.6ex]",
             cells[0],
             cells[1],
             cells[2].replace('-', "-\\allowbreak "),
-            cells[3]
+            // A space in an interval stays with what follows it.
+            cells[3].replace(", ", ",~")
         );
     }
     out.push_str("\\bottomrule\n\\end{longtable}\n");

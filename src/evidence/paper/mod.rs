@@ -6,4 +6,4 @@ mod typed;
 
 pub use numbers::{numbers, of_agreement};
 pub use plan::{Piece, Plan, PlanError, PlannedRun, What, plan};
-pub use typed::{Typed, typed_numbers};
+pub use typed::{Typed, typed_numbers, unknown_numbers};

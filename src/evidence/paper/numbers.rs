@@ -16,13 +16,18 @@ pub fn numbers(tables: &[Table], claims: Option<&Judgement>, others: &BTreeMap<S
     for table in tables {
         for row in table.rows() {
             let first = row.labels.first().map(String::as_str).unwrap_or_default();
+            let several = table.rows().filter(|other| other.labels.first() == row.labels.first()).count() > 1;
             for cell in &row.cells {
                 let Some(ours) = cell.ours else { continue };
                 let form = cell.column.form;
                 let interval = ours.interval.map_or(String::new(), |of| format!(" {}", form.interval(of)));
-                // The first row of a name counts: tables by part repeat theirs.
-                let name = format!("{}:{first}:{}", table.name, cell.column.key);
-                all.entry(name).or_insert(format!("{}{interval}", form.number(ours.value)));
+                let number = format!("{}{interval}", form.number(ours.value));
+                // Under its first label the first row counts; where more rows have it, each stands under all its labels too.
+                if several {
+                    let name = format!("{}:{}:{}", table.name, row.labels.join("/"), cell.column.key);
+                    all.entry(name).or_insert(number.clone());
+                }
+                all.entry(format!("{}:{first}:{}", table.name, cell.column.key)).or_insert(number);
             }
             for (head, count) in table.counts.iter().zip(&row.counts) {
                 all.entry(format!("{}:{first}:{}", table.name, head.key)).or_insert(count.to_string());
@@ -70,7 +75,7 @@ pub fn of_agreement(markdown: &str) -> BTreeMap<String, String> {
 mod tests {
     use super::*;
     use crate::evidence::tables::metadrive_policy;
-    use crate::evidence::tables::tests::{CAT, add, run};
+    use crate::evidence::tables::tests::{CAT, End, add, run};
 
     #[test]
     fn every_cell_has_its_macro_and_none_can_break_the_text() {
@@ -79,7 +84,20 @@ mod tests {
         let table = metadrive_policy(&[story]).unwrap();
         let text = numbers(&[table], None, &BTreeMap::from([("other".to_string(), "5 %".to_string())]));
         assert!(text.contains("csname evo:metadrive-policy:CAT:evolved_attack\\endcsname{0.500 "), "{text}");
+        assert!(!text.contains("CAT/IDM"), "one row of a name needs no more than it");
         assert!(text.contains("evo:other\\endcsname{5 \\%}") && text.contains("evo:run:made:held_out_scenes"));
+    }
+
+    #[test]
+    fn rows_of_one_method_are_told_apart_by_all_their_labels() {
+        let mut story = run("made", &[("actor", "scripted")]);
+        add(&mut story, &CAT);
+        add(&mut story, &End { id: "cat-sac", ego: "learned", pf_area_at_3_pct: 7.0, ..CAT });
+        let text = numbers(&[metadrive_policy(&[story]).unwrap()], None, &BTreeMap::new());
+        let number =
+            |row: &str| text.split(&format!("evo:metadrive-policy:{row}:pf_area_at_3_pct\\endcsname")).nth(1).unwrap();
+        assert!(number("CAT").starts_with("{+12.0") && number("CAT/IDM").starts_with("{+12.0"));
+        assert!(number("CAT/RL").starts_with("{+7.0"), "{text}");
     }
 
     #[test]

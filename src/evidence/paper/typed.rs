@@ -1,4 +1,4 @@
-//! Finds numbers that somebody typed into the text of the paper: each must come from a golden.
+//! Finds numbers that somebody typed into the text of the paper, and names of numbers that no golden holds: each must come from one.
 
 /// A number in the text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -72,6 +72,22 @@ pub fn typed_numbers(text: &str) -> Vec<Typed> {
     found
 }
 
+/// The `\evo{...}` of a LaTeX document whose name the numbers, as [`numbers`](super::numbers) writes them, do not define. LaTeX
+/// stops there, but only where it is installed.
+pub fn unknown_numbers(text: &str, numbers: &str) -> Vec<Typed> {
+    let mut found = Vec::new();
+    for (at, line) in text.lines().enumerate() {
+        let printed =
+            line.split_once('%').filter(|(before, _)| !before.ends_with('\\')).map_or(line, |(before, _)| before);
+        for name in printed.split("\\evo{").skip(1).filter_map(|rest| rest.split('}').next()) {
+            if !numbers.contains(&format!("\\csname evo:{name}\\endcsname")) {
+                found.push(Typed { line: at + 1, text: name.to_string() });
+            }
+        }
+    }
+    found
+}
+
 /// Place behind the arguments in brackets and braces that follow, and how many lines they span.
 fn behind_arguments(letters: &[char], mut at: usize) -> (usize, usize) {
     let mut lines = 0;
@@ -119,6 +135,16 @@ mod tests {
             let left = typed_numbers(text);
             assert!(left.is_empty(), "{text}: {left:?}");
         }
+    }
+
+    #[test]
+    fn every_number_that_the_paper_names_is_there() {
+        let numbers = include_str!("../../../golden/paper/numbers.tex");
+        let found = unknown_numbers(include_str!("../../../paper/evodrive.tex"), numbers);
+        assert!(found.is_empty(), "{found:?}");
+        let text =
+            "10 \\% of \\evo{claims:all}\n% \\evo{in a comment}\nso \\evo{claims:non} and \\evo{claims:tested}\n";
+        assert_eq!(unknown_numbers(text, numbers), [Typed { line: 3, text: "claims:non".into() }]);
     }
 
     #[test]

@@ -407,6 +407,11 @@ fn wall_clock_s(ablation: &Ablation<'_>, lineage: &LineageId) -> [f64; 2] {
     [serial + evaluation, parallel + evaluation]
 }
 
+/// Whether a column is a wall clock or made of two.
+pub(super) fn is_wall_clock(key: &str) -> bool {
+    [SERIAL_H, PARALLEL_H, SPEEDUP].iter().any(|column| column.key == key)
+}
+
 /// How many proposals an epoch has: yield, and wall clock with a declared latency.
 pub fn kwidth(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let all = Ablation::all(stories)?;

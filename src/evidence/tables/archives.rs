@@ -10,6 +10,7 @@ use super::stopped;
 use crate::evaluation::{Group, Runs};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::benchmark::{ArchiveRound, Benchmark, SafebenchRun};
+use crate::objects::event::Measured;
 use crate::objects::{LineageId, event::LineageResult};
 use crate::scene::safebench::TrafficFamily;
 
@@ -57,11 +58,16 @@ pub struct Archived<'a> {
 impl Archived<'_> {
     /// Every group of the study, also those without a scene.
     pub fn groups(&self) -> BTreeSet<Group> {
-        self.gains_pct.keys().chain(self.rounds.iter().flat_map(|round| round.runs.keys())).copied().collect()
+        self.gains_pct.keys().copied().chain(self.rounds.iter().flat_map(Round::groups)).collect()
     }
 }
 
 impl Round {
+    /// Its groups, also those in which nothing could be run.
+    pub fn groups(&self) -> BTreeSet<Group> {
+        self.runs.keys().chain(self.failures.keys()).copied().collect()
+    }
+
     /// Scores of the runs of these groups; one that is named twice counts twice. `None` without a run.
     pub fn scores(&self, groups: impl IntoIterator<Item = Group>) -> Option<Benchmark> {
         let mut runs = Runs::default();
@@ -105,6 +111,24 @@ impl Repeated for LineageArchive {
 
 /// All lineages of these runs, in their order. No row of a table may come from two of them.
 pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
+    gathered(stories, one)
+}
+
+/// The same with two rounds in place of the archive's: what the parent and what the program that was chosen did on held-out
+/// routes.
+pub fn held_out(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
+    gathered(stories, |story, result| {
+        let played = |of: &Measured| played(story, result, of);
+        let rounds = vec![played(&result.parent)?, played(&result.evolved)?];
+        let stopped = stopped::note(story, result);
+        Ok(LineageArchive { rounds, gains_pct: BTreeMap::new(), stopped, ..one(story, result)? })
+    })
+}
+
+fn gathered(
+    stories: &[RecordedRun],
+    one: impl Fn(&RecordedRun, &LineageResult) -> Result<LineageArchive, TableError>,
+) -> Result<Vec<LineageArchive>, TableError> {
     let mut all: Vec<LineageArchive> = Vec::new();
     for story in stories {
         let result = labels::result(story)?;
@@ -163,6 +187,31 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, Ta
         proposals: labels::proposals(story),
         stopped: stopped::archive_note(story, result, attack_change, descends),
     })
+}
+
+/// What one program did on the held-out routes.
+fn played(story: &RecordedRun, result: &LineageResult, of: &Measured) -> Result<Round, TableError> {
+    let (run, lineage) = (labels::run_name(story), result.lineage.clone());
+    let found = story.held_out.iter().find(|h| h.lineage == lineage && h.solution == of.solution);
+    let Some(held_out) = found else {
+        return Err(TableError::NoLabels { run, lineage, solution: of.solution.clone() });
+    };
+    if held_out.runs.is_empty() {
+        return Err(TableError::NoHeldOutRuns { run });
+    }
+    let damaged = |what: String| TableError::Archive { run: run.clone(), lineage: lineage.clone(), what };
+    let mut round = Round::default();
+    for one in &held_out.runs {
+        let group = group(&one.group).ok_or_else(|| damaged(format!("names the group {:?}", one.group)))?;
+        match one.run {
+            Some(run) => round.runs.entry(group).or_default().push(run),
+            None => *round.failures.entry(group).or_default() += 1,
+        }
+    }
+    match (round.scores(round.groups()), &held_out.score.benchmark) {
+        (Some(scores), Some(recorded)) if scores == **recorded => Ok(round),
+        _ => Err(damaged(format!("holds held-out scores of {} that are not those of its runs", of.solution))),
+    }
 }
 
 /// `right_turn/5`.

@@ -8,9 +8,10 @@ use super::error::TableError;
 use super::labels::{self, LineageLabels, ReplayLabels, Side};
 use super::layout::{REPLAY, Row, Table};
 use super::shares::{Spec, is_of};
-use super::{contacts, critics, metadrive, paper, proposals, safebench};
+use super::{contacts, critics, metadrive, paper, proposals, safebench, unseen};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
+use crate::objects::benchmark::HeldOutRun;
 use crate::objects::event::LineageResult;
 use crate::objects::replay::Suite;
 use crate::objects::{SceneScore, SolutionId};
@@ -42,7 +43,11 @@ impl<'s> Bases<'s> {
             searched: if compared { stories.iter().map(own).collect::<Result<_, _>>()? } else { Vec::new() },
             labels: stories.iter().map(labelled).collect(),
             lineages: if recorded { labels::lineages(stories)? } else { Vec::new() },
-            archives: if staged { archives::lineages(stories)? } else { Vec::new() },
+            archives: match table.name {
+                unseen::NAME => archives::held_out(stories)?,
+                _ if staged => archives::lineages(stories)?,
+                _ => Vec::new(),
+            },
             replays: if recorded { labels::replays(stories)? } else { Vec::new() },
         })
     }
@@ -75,11 +80,22 @@ impl<'s> Bases<'s> {
                 let of = |group: &str| key == paper::safebench::AVERAGE || group.split('/').next() == Some(key);
                 Some(self.of_rounds(row, key, &number, |at, group| at as usize == round && of(group)))
             }
+            unseen::NAME => self.unseen(row, key),
             "proposals" => Some(self.counted(&proposals::SPEC, row, key)),
             "actor-critic" => Some(self.counted(&critics::SPEC, row, key)),
             "attack-only" | "without" | "kwidth" => self.of_searches(table, row, key),
             _ => None,
         }
+    }
+
+    /// What a number of ours without a basis rests on, in words.
+    pub fn without_parts(key: &str) -> &'static str {
+        if super::ablations::is_wall_clock(key) {
+            return "wall clocks are answers and rollouts as counted, each with the seconds that the table's note declares; `why` \
+                    tells the counts: ask for `proposed` or `simulated` of that row";
+        }
+        "it comes from the resamples of all differences of the table together; ask for the difference itself, `attack_change` or \
+         `realism_change`"
     }
 
     /// The lineages of a row: two runs may have some of one name.
@@ -281,6 +297,45 @@ impl<'s> Bases<'s> {
             rounds_words(key, row)
         );
         Basis::of(formula, Combine::MeansOfAll, parts)
+    }
+
+    /// A number of one program's runs on held-out routes, or of its labels on those that evolution saw.
+    fn unseen(&self, row: &Row, key: &str) -> Option<Basis> {
+        let seen = unseen::seen_of(key);
+        let parts = self.archives_of(row).filter_map(|archive| -> Option<Piece> {
+            let (run, story, result) = self.result(&archive.run, archive.lineage.as_str())?;
+            let [parent, evolved] = [&result.parent.solution, &result.evolved.solution];
+            let sides = [(0, parent, !key.contains("evolved_")), (1, evolved, !key.contains("parent_"))];
+            let wanted: Vec<(u32, &SolutionId)> =
+                sides.into_iter().filter(|(.., wanted)| *wanted).map(|(round, of, _)| (round, of)).collect();
+            let programs: Vec<SolutionId> = wanted.iter().map(|(_, of)| (*of).clone()).collect();
+            if let Some(read) = seen {
+                let leaves = story.opened.evolution_scenes.iter().map(|scene| Leaf::scene(scene, &programs, None));
+                let value = unseen::seen(story, result).and_then(|both| read(&both));
+                return Some(part_of_archive(archive, run, programs.clone(), value, leaves.collect()));
+            }
+            let scores: Vec<_> = archive.rounds.iter().map(|of| of.scores(of.groups())).collect();
+            let runs = wanted.iter().flat_map(|(round, of)| {
+                let held_out = story.held_out.iter().find(|h| h.lineage == archive.lineage && h.solution == **of);
+                held_out.into_iter().flat_map(|held_out| &held_out.runs).map(|one| (*round, *of, one))
+            });
+            let leaf = |(round, of, one): (u32, &SolutionId, &HeldOutRun)| Leaf {
+                selected: one.run.map(|run| Selected { round, run }),
+                note: Some(match one.run {
+                    Some(_) => one.group.clone(),
+                    None => format!("{}: could not be run, counts as invalid", one.group),
+                }),
+                ..Leaf::scene(&one.scene, std::slice::from_ref(of), None)
+            };
+            let leaves = runs.map(leaf).collect();
+            Some(part_of_archive(archive, run, programs, safebench::main_number(key, &scores), leaves))
+        });
+        let (parts, where_): (Vec<Piece>, _) =
+            (parts.collect(), if seen.is_some() { "that evolution saw" } else { "held out" });
+        let formula = format!(
+            "mean over repetitions of {key} of all runs on the routes {where_}, families weighing alike (docs/SAFEBENCH.md)"
+        );
+        Some(Basis::of(formula, Combine::MeansOfAll, parts))
     }
 
     /// PF-Area@3 of SafeBench: the mean over groups, as sealed in the results.

@@ -10,8 +10,8 @@ pub struct Spelling {
     pub none: &'static str,
     /// Opens the paper's line.
     pub paper: &'static str,
-    /// An interval behind its number.
-    pub interval: fn(String) -> String,
+    /// A number with its interval.
+    pub interval: fn(String, String) -> String,
     /// A number of the paper's.
     pub figure: fn(String) -> String,
 }
@@ -37,8 +37,11 @@ fn ours(row: &Row, spelling: &Spelling) -> Vec<String> {
         cells.push(match ours {
             None => spelling.none.into(),
             Some(estimate) => {
-                let interval = estimate.interval.map(|i| (spelling.interval)(column.form.interval(i)));
-                format!("{}{}", (spelling.text)(&column.form.number(estimate.value)), interval.unwrap_or_default())
+                let number = (spelling.text)(&column.form.number(estimate.value));
+                match estimate.interval {
+                    Some(interval) => (spelling.interval)(number, column.form.interval(interval)),
+                    None => number,
+                }
             }
         });
     }

@@ -15,6 +15,11 @@ pub enum TableError {
          derive the run again with `evodrive replay`"
     )]
     NoLabels { run: String, lineage: LineageId, solution: SolutionId },
+    #[error(
+        "run {run} does not hold its runs on held-out routes one by one: an earlier build recorded it; make it again from its cassette \
+         with `evodrive run` and its experiment file"
+    )]
+    NoHeldOutRuns { run: String },
     #[error("row {row} with ego {ego} is in {first} and in {second}; name runs that hold it once")]
     Twice { row: String, ego: String, first: String, second: String },
     #[error("run {run} followed {found}; its tables are {tables}")]

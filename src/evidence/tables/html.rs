@@ -8,7 +8,7 @@ const SPELLING: Spelling = Spelling {
     text: escaped,
     none: "–",
     paper: "<i>paper</i>",
-    interval: |interval| format!(" <small>{}</small>", escaped(&interval)),
+    interval: |number, interval| format!("{number} <small>{}</small>", escaped(&interval)),
     figure: |figure| format!("<i>{figure}</i>"),
 };
 

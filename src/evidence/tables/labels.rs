@@ -233,7 +233,7 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableErro
     let mut all: Vec<LineageLabels> = Vec::new();
     for story in stories {
         if !story.rounds.is_empty() {
-            let (found, tables) = ("SafeBench's protocol", "safebench-main and safebench-rounds");
+            let (found, tables) = ("SafeBench's protocol", "safebench-main, safebench-rounds and safebench-held-out");
             return Err(TableError::OtherProtocol { run: run_name(story), found, tables });
         }
         for lineage in &result(story)?.lineages {

@@ -7,13 +7,17 @@ const SPELLING: Spelling = Spelling {
     text: escaped,
     none: "--",
     paper: "\\quad\\textit{paper}",
-    interval: |interval| format!("\\,{{\\tiny {}}}", escaped(&interval)),
+    interval: |number, interval| format!("\\evointerval{{{number}}}{{{}}}", escaped(&interval)),
     figure: |figure| format!("\\textit{{{figure}}}"),
 };
 
+/// An interval stands below its number: beside it, tables of many columns would have to shrink until nobody can read them.
+const HEAD: &str = "% needs \\usepackage{booktabs} and \\usepackage{graphicx}\n\
+    \\providecommand{\\evointerval}[2]{\\begin{tabular}[t]{@{}r@{}}#1\\\\[-0.4ex]{\\tiny #2}\\end{tabular}}\n";
+
 /// A `table*` environment a part; the notes stand below the last.
 pub fn latex(table: &Table) -> String {
-    let mut out = String::from("% needs \\usepackage{booktabs} and \\usepackage{graphicx}\n");
+    let mut out = String::from(HEAD);
     let printed = table.printed();
     for (at, one) in printed.iter().enumerate() {
         let notes = if at + 1 == printed.len() { table.notes.as_slice() } else { &[] };

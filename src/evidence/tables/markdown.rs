@@ -3,10 +3,13 @@
 use super::cells::{self, Spelling};
 use super::layout::{Column, Table};
 
-const SPELLING: Spelling =
-    Spelling {
-        text: escaped, none: "–", paper: "· paper", interval: |interval| format!(" {interval}"), figure: |f| f
-    };
+const SPELLING: Spelling = Spelling {
+    text: escaped,
+    none: "–",
+    paper: "· paper",
+    interval: |number, interval| format!("{number} {interval}"),
+    figure: |f| f,
+};
 
 /// The table with its notes as a list.
 pub fn markdown(table: &Table) -> String {

@@ -32,6 +32,7 @@ mod shares;
 mod stopped;
 #[cfg(test)]
 pub(in crate::evidence) mod tests;
+mod unseen;
 
 pub use applied::{Applied, Played, applied};
 pub use bases::Bases;
@@ -52,3 +53,4 @@ pub(in crate::evidence) use paper::safebench::AVERAGE;
 pub use proposals::proposals;
 pub(in crate::evidence) use safebench::round_columns as family_columns;
 pub use safebench::{safebench_main, safebench_rounds};
+pub use unseen::safebench_held_out;

@@ -8,18 +8,20 @@ use super::layout::Table;
 use super::metadrive::{metadrive_main, metadrive_policy};
 use super::proposals::proposals;
 use super::safebench::{safebench_main, safebench_rounds};
+use super::unseen::safebench_held_out;
 use crate::evidence::recorded_run::RecordedRun;
 
 /// From runs to a table.
 pub type Make = fn(&[RecordedRun]) -> Result<Table, TableError>;
 
 /// All tables by their names.
-pub const NAMED: [(&str, Make); 10] = [
+pub const NAMED: [(&str, Make); 11] = [
     ("metadrive-main", metadrive_main),
     ("metadrive-policy", metadrive_policy),
     ("metadrive-contacts", metadrive_contacts),
     ("safebench-main", safebench_main),
     ("safebench-rounds", safebench_rounds),
+    ("safebench-held-out", safebench_held_out),
     ("proposals", proposals),
     ("actor-critic", actor_critic),
     ("attack-only", attack_only),

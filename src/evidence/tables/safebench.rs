@@ -22,7 +22,7 @@ use crate::scene::safebench::TrafficFamily;
 const GROUPS: Head = Head { key: "groups", head: "Groups" };
 const SCENES: Head = Head { key: "scenes", head: "Scenes" };
 const SEEDS: Head = Head { key: "seeds", head: "Seeds" };
-const COUNTS: [Head; 4] = [GROUPS, SCENES, SEEDS, ROLLOUTS];
+pub(super) const COUNTS: [Head; 4] = [GROUPS, SCENES, SEEDS, ROLLOUTS];
 
 /// A rate of the tables, read off a row of the recorded scores.
 struct Metric {
@@ -58,7 +58,8 @@ pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     })
 }
 
-fn main_columns() -> Vec<Column> {
+/// Columns of the main table.
+pub(super) fn main_columns() -> Vec<Column> {
     let column = |key, group, head, upward, form| Column { key, group, head, upward: Some(upward), form };
     vec![
         column("parent_attack", "Parent", "Attack", true, Form::Rate),
@@ -83,7 +84,7 @@ fn resampled(seeds: &[&LineageArchive]) -> Resampled {
 }
 
 /// Ours under the keys of the main columns.
-fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
+pub(super) fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
     let resampled = resampled(seeds);
     let found = |column: &Column| match column.key {
         FRONTIER => resampled.gain(),
@@ -243,17 +244,17 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
 }
 
 /// Who has a row or a part: a method of the paper with a search that fills it, or without, or a search alone.
-struct Subject<'a> {
+pub(super) struct Subject<'a> {
     method: Option<&'static Method>,
     /// The method whose printed figures stand beside it: they are of the paper's ego, where that was run, and else beside what was.
     printed: Option<&'static Method>,
     name: String,
     /// The search's repetitions, one a seed; none = missing.
-    seeds: Vec<&'a LineageArchive>,
+    pub(super) seeds: Vec<&'a LineageArchive>,
 }
 
 /// The paper's methods, then what else was run.
-fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
+pub(super) fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
     let mut order = Vec::new();
     for method in &METHODS {
         let of = searches(all.iter().filter(|archive| archive.method == Some(method)));
@@ -279,7 +280,7 @@ fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
 
 impl Subject<'_> {
     /// A row of numbers, with labels after the method and the ego.
-    fn row(&self, labels: &[&str], cells: Vec<Cell>) -> Row {
+    pub(super) fn row(&self, labels: &[&str], cells: Vec<Cell>) -> Row {
         let policy = self.seeds.first().map_or(String::new(), |archive| paper::policy(&archive.ego));
         let groups: BTreeSet<_> = self.seeds.iter().flat_map(|archive| archive.groups()).collect();
         let sum = |of: fn(&LineageArchive) -> usize| self.seeds.iter().map(|archive| of(archive)).sum();
@@ -304,7 +305,7 @@ fn told(stories: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
         "Parent is what balanced selection keeps of the parent's scenes (round 0), Evolved what it keeps of all scenes up to \
          the last round, the same number for each group of family and route. So a gain is the archive's, put together \
          group by group from many programs, and as in the paper on the scenes that evolution saw; what the one chosen program \
-         does on held-out routes is in the run's own result. PF-Area@3 is the mean over groups, 0 for one without an \
+         does on held-out routes is in the table safebench-held-out. PF-Area@3 is the mean over groups, 0 for one without an \
          eligible descendant; a group whose parent scenes have less frontier area than the experiment's epsilon_pf, as those \
          without a collision, is divided by that epsilon instead, a choice of ours that the paper does not name."
             .to_string(),

@@ -6,7 +6,9 @@ use super::tests::{attempt, from_their_parts, near, run, score};
 use super::*;
 use crate::evaluation::Runs;
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::benchmark::{ArchiveRound, BenchmarkRow, Run as Drive, RunRealism, SafebenchRun, SelectedScene};
+use crate::objects::benchmark::{
+    ArchiveRound, BenchmarkRow, HeldOutRun, Run as Drive, RunRealism, SafebenchRun, SelectedScene,
+};
 use crate::objects::replay::{ReplayRow, Replayed, Suite};
 use crate::objects::{FamilyName, LineageId, Objectives, Score, SolutionId, attempt::*, event::*};
 use crate::scene::safebench::TrafficFamily;
@@ -304,6 +306,85 @@ fn the_first_row_is_what_a_program_that_does_nothing_scores() {
     let of_nothing = &rounds.parts[0].rows;
     assert_eq!(of_nothing.iter().map(|row| row.labels[2].as_str()).collect::<Vec<_>>(), ["CR", "OS", "ARS"]);
     near(of_nothing[1].cells.last().unwrap().ours.unwrap().value, 0.97);
+}
+
+/// Gives a program of the lineage `advsim-idm` scores on evolution scenes and runs on held-out routes.
+fn measured(story: &mut RecordedRun, solution: &str, seen: &[Selected], held_out: &[Selected], failed: &[&str]) {
+    let (lineage, solution) = (LineageId::new("advsim-idm"), SolutionId::new(solution));
+    let mut labels: Score = score("advsim", &[Some((0.0, 1.0)); 4]);
+    let scores = |scenes: &[Selected], failed: &[&str]| {
+        let mut runs = Runs::default();
+        scenes.iter().for_each(|(family, route, collision)| runs.add((*family, *route), drive(*collision)));
+        failed.iter().for_each(|_| runs.add_failure((RightTurn, 8)));
+        Some(Box::new(runs.benchmark().unwrap()))
+    };
+    labels.benchmark = scores(seen, &[]);
+    story.finalists.push(Finalist { lineage: lineage.clone(), solution: solution.clone(), score: labels.clone() });
+    labels.benchmark = scores(held_out, failed);
+    let run = |(family, route, collision): &Selected| HeldOutRun {
+        group: format!("{}/{route}", family.name()),
+        scene: format!("safebench/{}/{route:02}", family.name()),
+        run: Some(drive(*collision)),
+    };
+    let without = |scene: &&str| HeldOutRun { group: "right_turn/8".into(), scene: scene.to_string(), run: None };
+    let runs = held_out.iter().map(run).chain(failed.iter().map(without)).collect();
+    story.held_out.push(HeldOut { lineage, solution, roles: Vec::new(), score: labels, runs });
+}
+
+/// On the routes that it saw the chosen program makes the ego collide everywhere; on others only where its parent did, and once
+/// more.
+fn unseen() -> RecordedRun {
+    let mut made = story(&[&ADVSIM]);
+    made.result.as_mut().unwrap().lineages[0].evolved.solution = SolutionId::new("advsim-idm/e0s0");
+    let seen = |collision| [(LaneChanging, 4, collision), (RightTurn, 4, true)];
+    let held_out = |collision| [(LaneChanging, 8, false), (LaneChanging, 9, collision), (RightTurn, 8, true)];
+    measured(&mut made, "advsim-idm/parent", &seen(false), &held_out(false), &[]);
+    measured(&mut made, "advsim-idm/e0s0", &seen(true), &held_out(true), &["safebench/right_turn/08/1"]);
+    made
+}
+
+#[test]
+fn a_chosen_program_stands_on_routes_that_it_did_not_see_beside_those_that_it_saw() {
+    let made = unseen();
+    let table = safebench_held_out(std::slice::from_ref(&made)).unwrap();
+    let row = ["AS", "IDM"];
+    let attack = |rate: f64| rate * (1.0 - overall(rate));
+    for (key, expected) in [
+        ("seen_parent_attack", attack(0.5)),
+        ("seen_evolved_attack", attack(1.0)),
+        // CR and 1 - OS both double.
+        ("seen_attack_change_pct", 300.0),
+        ("seen_parent_ars", 0.8),
+        ("parent_cr", 0.5),
+        // One of two lane changes, all right turns.
+        ("evolved_cr", 0.75),
+        ("evolved_os", overall(0.75)),
+        ("attack_change_pct", 125.0),
+        ("cr_change_pp", 25.0),
+        // A right turn that could not be run counts as invalid: half of them are valid, so 0.8 becomes 0.4 there.
+        ("ars_change_pp", -20.0),
+    ] {
+        near(ours(&table, &row, key).value, expected);
+    }
+    assert_eq!(ours(&table, &row, "cr_change_pp").interval, Some([0.0, 50.0]), "paired by route");
+    assert_eq!(ours(&table, &row, "seen_parent_attack").interval, None);
+    assert_eq!(table.rows().next().unwrap().counts, [3, 3, 1, 4]);
+    assert!(from_their_parts(&table, std::slice::from_ref(&made)) >= 15);
+    assert_eq!(table.rows().count(), 1, "nothing of the paper's stands here, so nothing is missing");
+}
+
+#[test]
+fn held_out_scores_that_are_not_those_of_their_runs_are_refused() {
+    let mut changed = unseen();
+    changed.held_out[1].runs[1].run.as_mut().unwrap().run.collision = false;
+    let refused = |made: RecordedRun| safebench_held_out(&[made]).unwrap_err().to_string();
+    assert!(refused(changed).contains("held-out scores of advsim-idm/e0s0 that are not those of its runs"));
+    let mut earlier = unseen();
+    earlier.held_out.iter_mut().for_each(|of| of.runs.clear());
+    assert!(refused(earlier).contains("an earlier build recorded it"));
+    let mut without = unseen();
+    without.held_out.pop();
+    assert!(refused(without).contains("no held-out labels"));
 }
 
 #[test]

@@ -132,7 +132,8 @@ pub(in crate::evidence) fn add(story: &mut RecordedRun, end: &End<'_>) {
     let mut held_out = |solution: &SolutionId, labels: &[Label; 4]| {
         let score = score(solution.as_str(), labels);
         let measured = Measured::new(solution.clone(), &score);
-        story.held_out.push(HeldOut { lineage: lineage.clone(), solution: solution.clone(), roles: Vec::new(), score });
+        let (lineage, solution) = (lineage.clone(), solution.clone());
+        story.held_out.push(HeldOut { lineage, solution, roles: Vec::new(), score, runs: Vec::new() });
         measured
     };
     let before = held_out(&parent, &end.parent);
@@ -575,7 +576,7 @@ fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
         let cells = |line: &&str| line.matches(" & ").count();
         // The heads over columns span several of them.
         assert!(rows[1..].iter().all(|line| cells(line) == cells(&rows[1])), "{text}");
-        assert!(text.contains("0.250\\,{\\tiny {[}0.000, 0.750{]}}") && text.contains("10.00\\%"), "{text}");
+        assert!(text.contains("\\evointerval{0.250}{{[}0.000, 0.750{]}}") && text.contains("10.00\\%"), "{text}");
         let text = csv(&table);
         let head = text.lines().next().unwrap();
         assert_eq!(head.split(',').count(), 9 + 4 * table.columns.len());

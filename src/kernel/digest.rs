@@ -11,7 +11,7 @@ pub struct Digest([u8; 32]);
 
 /// Not 64 lower-case hex digits.
 #[derive(Debug, thiserror::Error)]
-#[error("expected 64 hex digits, found {0:?}")]
+#[error("expected 64 hex digits in lower case, found {0:?}")]
 pub struct NotADigest(pub String);
 
 impl Digest {
@@ -103,7 +103,10 @@ impl FromStr for Digest {
     type Err = NotADigest;
 
     fn from_str(text: &str) -> Result<Digest, NotADigest> {
-        blake3::Hash::from_hex(text).map(|hash| Digest(*hash.as_bytes())).map_err(|_| NotADigest(text.to_string()))
+        // A digest has one spelling: a changed byte that gave another one of the same digest would go unnoticed.
+        let lower = !text.bytes().any(|byte| byte.is_ascii_uppercase());
+        let read = if lower { blake3::Hash::from_hex(text).ok() } else { None };
+        read.map(|hash| Digest(*hash.as_bytes())).ok_or_else(|| NotADigest(text.to_string()))
     }
 }
 
@@ -116,5 +119,20 @@ impl Serialize for Digest {
 impl<'de> Deserialize<'de> for Digest {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Digest, D::Error> {
         String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_digest_has_one_spelling() {
+        let digest = Digest::of_bytes(b"a");
+        assert_eq!(digest.to_hex().parse::<Digest>().unwrap(), digest);
+        for other in [digest.to_hex().to_uppercase(), digest.short(63), format!("{digest} "), "zz".into()] {
+            let error = other.parse::<Digest>().unwrap_err().to_string();
+            assert!(error.contains("64 hex digits in lower case") && error.contains(&other), "{error}");
+        }
     }
 }

@@ -137,13 +137,17 @@ fn options(base_url: &str) -> ClientOptions {
 }
 
 fn client(kind: &str, options: &ClientOptions, tokens_max: u64) -> Client {
+    client_with(KEY, kind, options, tokens_max)
+}
+
+fn client_with(key: &str, kind: &str, options: &ClientOptions, tokens_max: u64) -> Client {
     let dir = tempfile::tempdir().unwrap();
     let cap = SpendCap { usd_max: 1.0, tokens_max };
     let ledger = Arc::new(Ledger::open(dir.path().join("spend.json"), cap, [("m", options)]).unwrap());
     let waits = Arc::new(Mutex::new(Vec::new()));
     let log = waits.clone();
     let pause = Arc::new(move |wait: Duration| log.lock().unwrap().push(wait.as_secs()));
-    let live = Live::new("m", kind, options, Some(Secret::new(KEY).unwrap()), ledger.clone(), pause).unwrap();
+    let live = Live::new("m", kind, options, Some(Secret::new(key).unwrap()), ledger.clone(), pause).unwrap();
     Client { live, ledger, waits, _dir: dir }
 }
 
@@ -334,6 +338,66 @@ fn an_answer_that_repeats_the_key_is_not_recorded() {
     assert!(
         matches!(openai(&server).error(), ModelError::Malformed { reason, .. } if reason.contains("repeats the api key"))
     );
+}
+
+/// A key in every spelling in which a server may repeat it.
+fn spelled(key: &str) -> Vec<String> {
+    use base64::Engine;
+    use base64::engine::general_purpose::{STANDARD, URL_SAFE};
+    let bytes = |form: &dyn Fn(u8) -> String| key.bytes().map(form).collect::<String>();
+    let reserved = |c: char| if c.is_ascii_alphanumeric() { c.to_string() } else { format!("%{:02X}", c as u32) };
+    vec![
+        key.to_string(),
+        STANDARD.encode(key),
+        URL_SAFE.encode(format!("Bearer {key}")),
+        STANDARD.encode(format!("user:{key}:")),
+        bytes(&|byte| format!("%{byte:02x}")),
+        key.chars().map(reserved).collect(),
+        bytes(&|byte| format!("\\u{byte:04x}")),
+        key.replace('/', "\\/"),
+        bytes(&|byte| format!("{byte:02X}")),
+    ]
+}
+
+#[test]
+fn no_spelling_of_the_key_comes_through_by_any_path() {
+    const RESERVED: &str = "sk/te+st=0123456789&abcdef";
+    let with = |place: &'static str, told: String| -> Reply {
+        let mut answer = json!({
+            "model": "m-1", "system_fingerprint": "f-1", "usage": {"prompt_tokens": 9, "completion_tokens": 9},
+            "choices": [{"finish_reason": "stop", "message": {"role": "assistant", "content": "fine"}}],
+        });
+        match place {
+            "content" => answer["choices"][0]["message"]["content"] = told.into(),
+            "model" | "system_fingerprint" => answer[place] = told.into(),
+            "refusal" => answer["choices"][0]["message"] = json!({"content": null, "refusal": told}),
+            "finish_reason" => answer["choices"][0] = json!({"finish_reason": told, "message": {"content": ""}}),
+            "no protocol" => answer = json!({ told: 1 }),
+            "status" => return Reply::status(401, json!({"error": {"message": told}})),
+            _ => return Reply { body: told.into_bytes(), ..chat("") },
+        }
+        Reply::json(answer)
+    };
+    let places =
+        ["content", "model", "system_fingerprint", "refusal", "finish_reason", "no protocol", "status", "no JSON"];
+    let (mut canaries, mut told) = (0, Vec::new());
+    for place in places {
+        for text in spelled(RESERVED) {
+            canaries += 1;
+            let sent = format!("your key {text} is wrong");
+            let server = Server::start(move |_, _| Some(with(place, sent.clone())));
+            let options = options(&format!("{}/v1", server.url));
+            let came = client_with(RESERVED, "openai_compatible", &options, 1_000_000).ask();
+            let kept = match &came {
+                Ok(completion) => format!("{} {:?}", String::from_utf8_lossy(&completion.bytes), completion.metadata),
+                Err(error) => format!("{error} {error:?}"),
+            };
+            if kept.contains(&text) || kept.contains(&text.replace('\\', "\\\\")) {
+                told.push(format!("{place}, {text}: {kept}"));
+            }
+        }
+    }
+    assert!(canaries >= 50 && told.is_empty(), "{} of {canaries}: {told:#?}", told.len());
 }
 
 #[test]

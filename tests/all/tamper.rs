@@ -400,6 +400,23 @@ fn bit_rot_in_covered_files_is_found_and_the_file_named() {
 }
 
 #[test]
+fn another_spelling_of_the_same_digest_is_damage() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let whole = std::fs::read_to_string(folder.join("cassette.jsonl")).unwrap();
+    for key in ["\"text\":\"", "\"schema\":\"", "\"response\":\""] {
+        let from = whole.match_indices(key).map(|(at, _)| at + key.len());
+        let is_digest = |at: &usize| whole[*at..].bytes().take(64).all(|byte| byte.is_ascii_hexdigit());
+        let at = from.clone().find(is_digest).unwrap();
+        let mut bytes = whole.clone().into_bytes();
+        bytes[at..at + 64].make_ascii_uppercase();
+        assert_ne!(bytes, whole.as_bytes());
+        let (is_found, said) = found(&folder, "cassette.jsonl", &bytes);
+        assert!(is_found, "{key} {said}");
+    }
+}
+
+#[test]
 #[ignore = "some thousand commands: .ci/tamper --full"]
 fn every_flip_truncation_and_swap_is_found() {
     let trials = trials();

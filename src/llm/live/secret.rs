@@ -1,5 +1,8 @@
 //! An api key in memory: it goes into one header and nowhere else.
 
+use base64::Engine;
+use base64::engine::general_purpose::{STANDARD_NO_PAD, URL_SAFE_NO_PAD};
+
 /// A key. Neither `Debug` nor `Display` shows it.
 #[derive(Clone)]
 pub struct Secret(String);
@@ -26,13 +29,69 @@ impl Secret {
         format!("{before}{}", self.0)
     }
 
+    /// Whether a text holds the key: as it stands, percent-encoded, escaped as in JSON, in hexadecimal digits or in base64.
     pub(super) fn is_in(&self, text: &str) -> bool {
-        self.0.len() >= SECRET_CHARS_MIN && text.contains(&self.0)
+        if self.0.len() < SECRET_CHARS_MIN {
+            return false;
+        }
+        let unescaped = without_escapes(text);
+        let read = [without_percents(&unescaped), without_percents(text), unescaped];
+        let hex: String = self.0.bytes().map(|byte| format!("{byte:02x}")).collect();
+        text.contains(&self.0)
+            || read.iter().any(|text| text.contains(&self.0))
+            || text.to_ascii_lowercase().contains(&hex)
+            || in_base64(&self.0).iter().any(|spelled| text.contains(spelled))
     }
 
+    /// A text without the key; nothing of it where the key is spelled in another way than as it stands.
     pub(super) fn redacted(&self, text: &str) -> String {
-        text.replace(&self.0, "[api key]")
+        let without = text.replace(&self.0, "[api key]");
+        if self.is_in(&without) { "[words that spell the api key]".into() } else { without }
     }
+}
+
+/// What every text in which the key stands has in common in base64: its place in a group of three bytes is not known, and the
+/// characters at its ends hang on what stands beside it.
+fn in_base64(key: &str) -> Vec<String> {
+    let inner = |before: usize, encode: &dyn Fn(&[u8]) -> String| {
+        let spelled = encode(&[&vec![0; before][..], key.as_bytes()].concat());
+        let (from, whole) = ((before * 8).div_ceil(6), (before + key.len()) * 8 / 6);
+        spelled.get(from..whole).unwrap_or_default().to_string()
+    };
+    let both = |before| {
+        [inner(before, &|bytes| STANDARD_NO_PAD.encode(bytes)), inner(before, &|bytes| URL_SAFE_NO_PAD.encode(bytes))]
+    };
+    (0..3).flat_map(both).collect()
+}
+
+/// `%41` read as `A`; what is no such pair stays.
+fn without_percents(text: &str) -> String {
+    decoded(text, |rest| {
+        let digits = rest.strip_prefix('%')?.get(..2)?;
+        Some((u8::from_str_radix(digits, 16).ok()? as char, 3))
+    })
+}
+
+/// `\u0041` read as `A`, and `\/` as `/`; what is no such escape stays.
+fn without_escapes(text: &str) -> String {
+    decoded(text, |rest| {
+        let escape = rest.strip_prefix('\\')?;
+        match escape.strip_prefix('u') {
+            Some(digits) => Some((char::from_u32(u32::from_str_radix(digits.get(..4)?, 16).ok()?)?, 6)),
+            None => escape.chars().next().filter(char::is_ascii_punctuation).map(|c| (c, 2)),
+        }
+    })
+}
+
+/// A text in which `read` finds characters, each with how many bytes spell it.
+fn decoded(text: &str, read: impl Fn(&str) -> Option<(char, usize)>) -> String {
+    let (mut out, mut rest) = (String::with_capacity(text.len()), text);
+    while let Some(first) = rest.chars().next() {
+        let (c, bytes) = read(rest).unwrap_or((first, first.len_utf8()));
+        out.push(c);
+        rest = &rest[bytes..];
+    }
+    out
 }
 
 impl std::fmt::Debug for Secret {
@@ -44,6 +103,7 @@ impl std::fmt::Debug for Secret {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn a_secret_is_trimmed_checked_and_never_shown() {
@@ -54,6 +114,26 @@ mod tests {
         assert!(secret.is_in("..sk-0123456789..") && !Secret::new("EMPTY").unwrap().is_in("EMPTY"));
         for text in [" ", "a b", "a\u{7f}", "ä"] {
             assert!(!Secret::new(text).unwrap_err().contains(text.trim()) || text.trim().is_empty());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_key_is_found_in_base64_whatever_stands_around_it(
+            key in "[!-~]{8,40}", before in prop::collection::vec(any::<u8>(), 0..7), after in prop::collection::vec(any::<u8>(), 0..7),
+        ) {
+            let secret = Secret::new(&key).unwrap();
+            let bytes = [&before[..], key.as_bytes(), &after[..]].concat();
+            for text in [STANDARD_NO_PAD.encode(&bytes), URL_SAFE_NO_PAD.encode(&bytes)] {
+                prop_assert!(secret.is_in(&text), "{text}");
+                prop_assert_eq!(secret.redacted(&text), "[words that spell the api key]");
+            }
+        }
+
+        #[test]
+        fn any_text_is_read_and_one_without_the_key_stays(text in "\\PC{0,60}") {
+            let secret = Secret::new("sk/te+st=0123456789").unwrap();
+            prop_assert_eq!(secret.redacted(&text), text);
         }
     }
 }

@@ -1,5 +1,7 @@
 //! An api key in memory: it goes into one header and nowhere else.
 
+use std::collections::BTreeSet;
+
 use base64::Engine;
 use base64::engine::general_purpose::{STANDARD_NO_PAD, URL_SAFE_NO_PAD};
 
@@ -10,6 +12,9 @@ pub struct Secret(String);
 /// Shorter keys are place-holders for servers without keys (`EMPTY`, `none`). Answers may contain them as ordinary
 /// words.
 const SECRET_CHARS_MIN: usize = 8;
+
+/// A server escapes what it repeats, and what holds its answer is escaped again before it is searched.
+const SPELLED_OVER_MAX: usize = 4;
 
 impl Secret {
     /// White space around the text is dropped: keys are often read from files. A text that a header cannot hold is
@@ -29,18 +34,28 @@ impl Secret {
         format!("{before}{}", self.0)
     }
 
-    /// Whether a text holds the key: as it stands, percent-encoded, escaped as in JSON, in hexadecimal digits or in base64.
+    /// Whether a text holds the key: as it stands, in hexadecimal digits or in base64, each also where the text was
+    /// percent-encoded or escaped as in JSON, up to [`SPELLED_OVER_MAX`] times over.
     pub(super) fn is_in(&self, text: &str) -> bool {
         if self.0.len() < SECRET_CHARS_MIN {
             return false;
         }
-        let unescaped = without_escapes(text);
-        let read = [without_percents(&unescaped), without_percents(text), unescaped];
         let hex: String = self.0.bytes().map(|byte| format!("{byte:02x}")).collect();
-        text.contains(&self.0)
-            || read.iter().any(|text| text.contains(&self.0))
-            || text.to_ascii_lowercase().contains(&hex)
-            || in_base64(&self.0).iter().any(|spelled| text.contains(spelled))
+        let base64 = in_base64(&self.0);
+        let holds = |text: &str| {
+            text.contains(&self.0)
+                || text.to_ascii_lowercase().contains(&hex)
+                || base64.iter().any(|spelled| text.contains(spelled))
+        };
+        // Each reading apart: a key may hold what looks like an escape of the other kind.
+        let mut readings = BTreeSet::from([text.to_string()]);
+        for _ in 0..SPELLED_OVER_MAX {
+            if readings.iter().any(|text| holds(text)) {
+                return true;
+            }
+            readings = readings.iter().flat_map(|text| [without_escapes(text), without_percents(text)]).collect();
+        }
+        readings.iter().any(|text| holds(text))
     }
 
     /// A text without the key; nothing of it where the key is spelled in another way than as it stands.
@@ -128,6 +143,17 @@ mod tests {
                 prop_assert!(secret.is_in(&text), "{text}");
                 prop_assert_eq!(secret.redacted(&text), "[words that spell the api key]");
             }
+        }
+
+        #[test]
+        fn a_key_is_found_where_it_was_escaped_or_percent_encoded_several_times_over(
+            key in "[!-~]{8,40}", ways in prop::collection::vec(any::<bool>(), 1..=3),
+        ) {
+            let secret = Secret::new(&key).unwrap();
+            let percent = |text: &str| text.bytes().map(|byte| format!("%{byte:02X}")).collect::<String>();
+            let json = |text: &str| serde_json::to_string(text).unwrap();
+            let text = ways.iter().fold(key, |text, way| if *way { percent(&text) } else { json(&text) });
+            prop_assert!(secret.is_in(&text), "{text}");
         }
 
         #[test]

@@ -7,6 +7,8 @@ use super::total;
 
 /// Most values that wait at once.
 pub const STACK_MAX: usize = 64;
+/// Room for the values of nearly every formula: it is cleared at every evaluation, so a smaller one costs less.
+const STACK_USUAL: usize = 8;
 
 /// One step of the code. It takes its operands off the stack and leaves its result there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,6 +81,8 @@ impl Op {
 #[serde(try_from = "Vec<Op>", into = "Vec<Op>")]
 pub struct Formula {
     code: Vec<Op>,
+    /// How many values wait at once at most.
+    height: usize,
 }
 
 /// Code that is no formula.
@@ -95,7 +99,7 @@ impl TryFrom<Vec<Op>> for Formula {
 
     fn try_from(code: Vec<Op>) -> Result<Formula, FormulaError> {
         let wrong = |step, expected: String, found: String| Err(FormulaError { step, expected, found });
-        let mut height = 0usize;
+        let (mut height, mut most) = (0usize, 0);
         for (step, op) in code.iter().enumerate() {
             if matches!(op, Op::Constant(value) if total::bounded(*value) != *value) {
                 return wrong(step, format!("a number of at most {:e}", total::MAGNITUDE_MAX), format!("{op:?}"));
@@ -105,9 +109,10 @@ impl TryFrom<Vec<Op>> for Formula {
                 return wrong(step, expected, format!("{height} waiting for {op:?}"));
             };
             height = left + 1;
+            most = height.max(most);
         }
         match height {
-            1 => Ok(Formula { code }),
+            1 => Ok(Formula { code, height: most }),
             _ => wrong(code.len(), "one value left at the end".into(), format!("{height}")),
         }
     }
@@ -133,12 +138,16 @@ impl Formula {
             }
             op => op,
         };
-        Formula { code: self.code.iter().map(fixed).collect() }
+        Formula { code: self.code.iter().map(fixed).collect(), height: self.height }
     }
 
     /// Its value: finite, at most 1e12 in size, never -0. A place beyond the given values reads 0.
     pub fn value(&self, given: &[f64]) -> f64 {
-        let mut stack = Stack { values: [0.0; STACK_MAX], height: 0 };
+        if self.height <= STACK_USUAL { self.run::<STACK_USUAL>(given) } else { self.run::<STACK_MAX>(given) }
+    }
+
+    fn run<const ROOM: usize>(&self, given: &[f64]) -> f64 {
+        let mut stack = Stack { values: [0.0; ROOM], height: 0 };
         for op in &self.code {
             stack.run(*op, given);
         }
@@ -146,12 +155,12 @@ impl Formula {
     }
 }
 
-struct Stack {
-    values: [f64; STACK_MAX],
+struct Stack<const ROOM: usize> {
+    values: [f64; ROOM],
     height: usize,
 }
 
-impl Stack {
+impl<const ROOM: usize> Stack<ROOM> {
     fn push(&mut self, value: f64) {
         self.values[self.height] = value;
         self.height += 1;
@@ -229,6 +238,16 @@ mod tests {
         assert_eq!(made(deep.clone()).unwrap().value(&[]), STACK_MAX as f64);
         deep.insert(0, Op::Constant(1.0));
         assert!(made(deep).unwrap_err().contains("64"));
+    }
+
+    #[test]
+    fn a_formula_of_any_height_has_room() {
+        for height in 1..=STACK_MAX {
+            let mut code: Vec<Op> = (1..=height).map(|value| Op::Constant(value as f64)).collect();
+            code.extend(vec![Op::Plus; height - 1]);
+            let formula = Formula::try_from(code).unwrap();
+            assert_eq!(formula.value(&[]), (height * (height + 1) / 2) as f64, "{height} values wait at once");
+        }
     }
 
     #[test]

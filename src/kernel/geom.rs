@@ -198,17 +198,22 @@ impl OrientedBox {
         }
         // Two convex polygons that do not overlap are nearest at a corner of one of them.
         let to_box = |points: [Vec2; 4], target: &OrientedBox| {
-            points.iter().map(|p| target.distance_to_point(*p)).fold(f64::INFINITY, f64::min)
+            points.iter().map(|p| target.squared_distance_to_point(*p)).fold(f64::INFINITY, f64::min)
         };
-        to_box(self.corners(), other).min(to_box(other.corners(), self))
+        // A larger square never has a smaller root, so one root will do.
+        to_box(self.corners(), other).min(to_box(other.corners(), self)).sqrt()
     }
 
     /// Distance from the box to a point, metres; 0 inside.
     pub fn distance_to_point(&self, point: Vec2) -> f64 {
+        self.squared_distance_to_point(point).sqrt()
+    }
+
+    fn squared_distance_to_point(&self, point: Vec2) -> f64 {
         let delta = point - self.center;
         let along = (delta.dot(self.axis).abs() - self.half_length_m).max(0.0);
         let across = (self.axis.cross(delta).abs() - self.half_width_m).max(0.0);
-        (along * along + across * across).sqrt()
+        along * along + across * across
     }
 }
 
@@ -293,6 +298,11 @@ impl Polyline {
     /// Arc length at each point, metres.
     pub fn lengths(&self) -> &[f64] {
         &self.lengths
+    }
+
+    /// Its points and the arc length at each, metres.
+    pub fn into_parts(self) -> (Vec<Vec2>, Vec<f64>) {
+        (self.points, self.lengths)
     }
 
     /// Arc length from the first point to the last, metres.
@@ -408,6 +418,12 @@ mod tests {
             prop_assert!((a.distance(&b) - exact).abs() < 1e-6, "{} {}", a.distance(&b), exact);
             if exact > 1e-6 {
                 prop_assert!(!a.overlaps(&b));
+            }
+            // One root of the least square is, to the bit, the least of eight roots.
+            if !a.overlaps(&b) {
+                let to = |points: [Vec2; 4], target: &OrientedBox| points.map(|p| target.distance_to_point(p));
+                let plain = to(a.corners(), &b).into_iter().chain(to(b.corners(), &a)).fold(f64::INFINITY, f64::min);
+                prop_assert_eq!(a.distance(&b).to_bits(), plain.to_bits());
             }
         }
 

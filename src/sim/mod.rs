@@ -35,6 +35,7 @@ mod evasion;
 mod motion;
 mod obedience;
 mod others;
+mod ray;
 mod recorder;
 mod retold;
 mod sight;

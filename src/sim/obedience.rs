@@ -6,13 +6,13 @@ use crate::scene::{DT_S, Sample};
 
 use super::bicycle::{Car, DEFAULT_LIMITS};
 use super::body::{Place, SUBSTEPS, Size};
-use super::drivable::Drivable;
 use super::gaps::time_to_collision_s;
 use super::intervention::ActorRef;
 use super::law::{FAR_M, Law, NEVER_S, NO_CONFLICT_M, OFFSET_M_MAX, OFFSET_MPS_MAX, Observation, Observed, Reads};
 use super::others::Others;
 use super::path::{Along, Path};
 use super::plant::Plant;
+use super::ray::room_m;
 use super::skills::EgoForecast;
 use super::triggered::{LOOK_AHEAD_M, LOOK_AHEAD_S, WHEEL_STEP_RAD};
 
@@ -22,9 +22,8 @@ const CONFLICT_M: f64 = 2.0;
 const ROUTE_WINDOW_M: f64 = 30.0;
 /// Who is this far beside its own half width is in its way, metres.
 const SIDE_ROOM_M: f64 = 0.5;
-/// The road beside the vehicle is looked at every this many metres, so many times.
-const PROBE_M: f64 = 0.5;
-const PROBES: usize = 10;
+/// More than rounding can make of a box's half size, metres.
+const ROUNDING_M: f64 = 1e-6;
 /// A place farther than this from every lane belongs to none, metres.
 const LANE_WITHIN_M: f64 = 4.0;
 
@@ -80,7 +79,7 @@ impl Obedience {
     /// `None` where the samples have no path.
     pub fn new(law: &Law, plant: &Plant, from_step: usize, samples: &[Sample]) -> Option<Obedience> {
         let points: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
-        let path = Path::new(&points, samples.first()?.heading_rad)?;
+        let path = Path::bare(&points, samples.first()?.heading_rad)?;
         let reads = Reads::of(law);
         let meets = reads.any(&[Observed::EgoToConflict, Observed::OwnToConflict]);
         Some(Obedience {
@@ -145,9 +144,11 @@ impl Obedience {
             let (sine, cosine) = (place.axis.cross(ego.place.axis), place.axis.dot(ego.place.axis));
             see(Observed::SeenEgoHeading, num::atan2(sine, cosine));
         }
-        if self.reads.any(&[Observed::SeenGap, Observed::SeenTtc]) {
-            let (own, other) = (size.at(place), ego.size.at(ego.place));
+        let (own, other) = (size.at(place), ego.size.at(ego.place));
+        if self.reads.any(&[Observed::SeenGap]) {
             see(Observed::SeenGap, own.distance(&other));
+        }
+        if self.reads.any(&[Observed::SeenTtc]) {
             let ttc_s = time_to_collision_s(&own, velocity, &other, ego.velocity);
             see(Observed::SeenTtc, ttc_s.unwrap_or(NEVER_S).min(NEVER_S));
         }
@@ -166,13 +167,21 @@ impl Obedience {
                 return;
             }
             let delta = near.position - place.position;
+            // What rules most of them out comes first: behind, or farther aside than a box that is turned across.
+            let aside_m = place.axis.cross(delta).abs();
+            let room_m = size.half_width_m + SIDE_ROOM_M;
+            let may_be_ahead =
+                of_ahead && delta.dot(place.axis) > 0.0 && aside_m < room_m + near.size.radius_m + ROUNDING_M;
+            if !of_all && !may_be_ahead {
+                return;
+            }
             // Boxes are never nearer than their circles, and the distance of boxes is what costs time here.
             let apart_m = delta.norm() - near.size.radius_m - size.radius_m;
             let nearer = of_all && apart_m < gap_m;
-            let ahead = of_ahead && apart_m < ahead_m && delta.dot(place.axis) > 0.0 && {
+            let ahead = may_be_ahead && apart_m < ahead_m && {
                 let half_m = near.size.half_length_m * near.axis.cross(place.axis).abs()
                     + near.size.half_width_m * near.axis.dot(place.axis).abs();
-                place.axis.cross(delta).abs() < size.half_width_m + half_m + SIDE_ROOM_M
+                aside_m < size.half_width_m + half_m + SIDE_ROOM_M
             };
             if !nearer && !ahead {
                 return;
@@ -237,17 +246,6 @@ impl Obedience {
 
 fn look_ahead_m(car: &Car) -> f64 {
     LOOK_AHEAD_M.max(LOOK_AHEAD_S * car.speed_mps)
-}
-
-/// How far the road goes on sideways, metres, in steps of [`PROBE_M`]; 0 where the place is no road.
-fn room_m(road: &Drivable, from: Vec2, side: Vec2, hint: &mut u32) -> f64 {
-    if !road.holds(from, hint) {
-        return 0.0;
-    }
-    // The next step begins beside the vehicle again, so where the probes end is no hint for it.
-    let mut near = *hint;
-    let on_road = |probe: &usize| road.holds(from + side * (*probe as f64 * PROBE_M), &mut near);
-    (1..=PROBES).take_while(on_road).count() as f64 * PROBE_M
 }
 
 /// Where a path first comes to the ego's route: along each, metres.

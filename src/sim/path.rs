@@ -21,6 +21,7 @@ pub struct Along {
 pub struct Path {
     points: Vec<Vec2>,
     directions: Vec<Vec2>,
+    /// Of every segment, or none of any: an arc tangent each, which a path that is made for one rollout does not need.
     headings_rad: Vec<f64>,
     lengths: Vec<f64>,
 }
@@ -29,11 +30,17 @@ impl Path {
     /// The path through `points`, thinned to [`ROUTE_SPACING_M`]. A path shorter than that becomes a metre straight
     /// ahead of its first point in direction `heading_rad`. `None` if a point is not finite or there is none.
     pub fn new(points: &[Vec2], heading_rad: f64) -> Option<Path> {
+        Path::bare(points, heading_rad).map(Path::with_headings)
+    }
+
+    /// [`Path::new`] for whoever hardly asks for headings: they are worked out when they are asked for.
+    pub fn bare(points: &[Vec2], heading_rad: f64) -> Option<Path> {
         let first = *points.first()?;
         if !points.iter().all(|p| p.is_finite()) {
             return None;
         }
-        let mut kept = vec![first];
+        let mut kept = Vec::with_capacity(points.len());
+        kept.push(first);
         for &point in &points[1..] {
             if kept[kept.len() - 1].distance(point) >= ROUTE_SPACING_M {
                 kept.push(point);
@@ -47,27 +54,31 @@ impl Path {
         if kept.len() == 1 {
             kept.push(first + Vec2::from_heading(heading_rad));
         }
-        Path::through(Polyline::new(kept).ok()?)
+        Polyline::new(kept).ok().map(Path::through)
     }
 
     /// [`Path::new`] with every point left out that lies within `tolerance_m` of the line without it.
     pub fn simplified(points: &[Vec2], heading_rad: f64, tolerance_m: f64) -> Option<Path> {
-        let fine = Path::new(points, heading_rad)?.points;
+        let fine = Path::bare(points, heading_rad)?.points;
         let mut kept = vec![fine[0]];
         let mut from = 0;
         while from + 1 < fine.len() {
             from = longest_chord(&fine, from, tolerance_m);
             kept.push(fine[from]);
         }
-        Path::through(Polyline::new(kept).ok()?)
+        Polyline::new(kept).ok().map(Path::through).map(Path::with_headings)
     }
 
-    fn through(line: Polyline) -> Option<Path> {
-        let (points, lengths) = (line.points(), line.lengths());
+    fn through(line: Polyline) -> Path {
+        let (points, lengths) = line.into_parts();
         let directions: Vec<Vec2> =
             points.windows(2).zip(lengths.windows(2)).map(|(p, l)| (p[1] - p[0]) * (1.0 / (l[1] - l[0]))).collect();
-        let headings_rad = directions.iter().map(|d| d.heading()).collect();
-        Some(Path { points: points.to_vec(), directions, headings_rad, lengths: lengths.to_vec() })
+        Path { points, directions, headings_rad: Vec::new(), lengths }
+    }
+
+    fn with_headings(mut self) -> Path {
+        self.headings_rad = self.directions.iter().map(|d| d.heading()).collect();
+        self
     }
 
     pub fn points(&self) -> &[Vec2] {
@@ -99,7 +110,8 @@ impl Path {
 
     /// Heading of the segment at arc length `s`, (-π, π].
     pub fn heading_at(&self, s_m: f64, known: usize) -> f64 {
-        self.headings_rad[self.segment_near(s_m, known)]
+        let segment = self.segment_near(s_m, known);
+        self.headings_rad.get(segment).copied().unwrap_or_else(|| self.directions[segment].heading())
     }
 
     /// Unit direction of a segment.
@@ -183,4 +195,20 @@ fn chord_holds(points: &[Vec2], tolerance_m: f64) -> bool {
         let share = ((p - a).dot(along) / squared).clamp(0.0, 1.0);
         (p - a.lerp(b, share)).norm_squared() <= tolerance_m * tolerance_m
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bare_path_has_the_headings_of_a_whole_one() {
+        let points: Vec<Vec2> = (0..40).map(|k| Vec2::new(f64::from(k), 0.03 * f64::from(k * k))).collect();
+        let (whole, bare) = (Path::new(&points, 0.0).unwrap(), Path::bare(&points, 0.0).unwrap());
+        assert_eq!((whole.points(), whole.length_m()), (bare.points(), bare.length_m()));
+        for k in 0..120 {
+            let s_m = 0.5 * f64::from(k);
+            assert_eq!(whole.heading_at(s_m, 0).to_bits(), bare.heading_at(s_m, 0).to_bits(), "{s_m}");
+        }
+    }
 }

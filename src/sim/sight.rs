@@ -5,6 +5,7 @@ use crate::kernel::{OrientedBox, Vec2};
 use super::body::Place;
 use super::drivable::Drivable;
 use super::driver::View;
+use super::ray::Ray;
 
 /// The road's edge is looked for at places this far apart along a ray, metres: a narrower gap may be missed.
 const EDGE_STEP_M: f64 = 1.0;
@@ -44,21 +45,9 @@ impl View<'_> {
 }
 
 /// Where the drivable surface ends on a ray from a place on it; `hint` is a piece near that place.
-fn edge_m_from(drivable: &Drivable, from: Vec2, direction: Vec2, reach_m: f64, mut hint: u32) -> f64 {
-    // Most places of a ray lie on a piece that a place before them lies on too: no need to ask for each.
-    let mut sure_m = drivable.surely_holds_for_m(from, direction, hint);
-    let holds = |at_m: f64| {
-        if at_m <= sure_m {
-            return true;
-        }
-        let place = from + direction * at_m;
-        let held = drivable.holds(place, &mut hint);
-        if held {
-            sure_m = at_m + drivable.surely_holds_for_m(place, direction, hint);
-        }
-        held
-    };
-    edge_by_places_m(holds, reach_m)
+fn edge_m_from(drivable: &Drivable, from: Vec2, direction: Vec2, reach_m: f64, hint: u32) -> f64 {
+    let mut ray = Ray::new(drivable, from, direction, hint);
+    edge_by_places_m(|at_m| ray.holds(at_m), reach_m)
 }
 
 /// Where a ray that begins on the surface leaves it, by what `holds` says of places on it, metres from its start.

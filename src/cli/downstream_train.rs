@@ -146,7 +146,7 @@ fn training(study: &Study<'_>, which: &Wanted, mut state: Training, pace: &Pace)
 }
 
 fn weights(state: &Training) -> Result<Vec<u8>, Failure> {
-    Weights::to_bytes(state.options.setting, &state.sac.actor).map_err(Failure::internal)
+    Weights::to_bytes(state.options.setting, state.present()).map_err(Failure::internal)
 }
 
 /// How the present actor drives every evaluation set, or of them the scenes of one family.

@@ -48,6 +48,9 @@ pub struct Schedule {
     pub buffer: usize,
     /// Updates between two examinations.
     pub evaluate_every: u64,
+    /// As in a training file: the average of the actors is examined in place of the present one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub average: Option<f64>,
     pub sac: SacOptions,
     pub reward: Reward,
 }
@@ -68,6 +71,7 @@ impl Schedule {
             episodes_per_round,
             buffer,
             evaluate_every,
+            average,
             sac,
             reward,
         } = *self;
@@ -84,6 +88,8 @@ impl Schedule {
             evaluate_every,
             crash_rate_max,
             route_completion_min,
+            average,
+            learning_rate_last: None,
             sac,
             reward,
         }

@@ -109,7 +109,7 @@ impl Training {
 
     /// Every list of numbers by name.
     fn lists(&mut self) -> Vec<(String, &mut Vec<f32>)> {
-        let Training { sac, memory, best, .. } = self;
+        let Training { sac, memory, best, average, .. } = self;
         let [first, second] = &mut sac.critics;
         let [first_target, second_target] = &mut sac.targets;
         let networks = [
@@ -119,6 +119,7 @@ impl Training {
             ("target_0", first_target),
             ("target_1", second_target),
         ];
+        let average = average.as_mut().map(|actor| ("average", actor));
         let kept = best.as_mut().map(|(_, actor)| ("kept", actor));
         let adams = [
             ("actor_adam", &mut sac.actor_adam),
@@ -126,7 +127,7 @@ impl Training {
             ("temperature_adam", &mut sac.temperature_adam),
         ];
         let mut lists = Vec::new();
-        for (name, network) in networks.into_iter().chain(kept) {
+        for (name, network) in networks.into_iter().chain(average).chain(kept) {
             let named = |(i, list)| (format!("{name}.{i}"), list);
             lists.extend(network.parameters_mut().enumerate().map(named));
         }

@@ -30,6 +30,14 @@ pub struct TrainingOptions {
     /// and complete at least `route_completion_min`: who stands still hardly crashes, and drives nowhere.
     pub crash_rate_max: f64,
     pub route_completion_min: f64,
+    /// Share of the actor in its average an update: the average is evaluated and kept, the actor itself explores (Polyak and
+    /// Juditsky 1992). Actors of one training differ from evaluation to evaluation by more than their averages do. Without it
+    /// the actor itself is evaluated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub average: Option<f64>,
+    /// The learning rate falls evenly from `sac.learning_rate` to this one over all updates. Without it, it stays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learning_rate_last: Option<f64>,
     pub sac: SacOptions,
     pub reward: Reward,
 }
@@ -44,6 +52,13 @@ pub struct TrainingOptionsError {
 }
 
 impl TrainingOptions {
+    /// The learning rate of the update behind so many others.
+    pub fn learning_rate(&self, updates: u64) -> f64 {
+        let first = self.sac.learning_rate;
+        let share = updates as f64 / self.updates.max(1) as f64;
+        self.learning_rate_last.map_or(first, |last| first + (last - first) * share)
+    }
+
     /// The first option that nothing can be trained with.
     pub fn check(&self) -> Result<(), TrainingOptionsError> {
         let refuse = |place: &str, found: String, expected: String| {
@@ -68,6 +83,8 @@ impl TrainingOptions {
         let real = [
             ("crash_rate_max", self.crash_rate_max, 0.0, 1.0),
             ("route_completion_min", self.route_completion_min, 0.0, 1.0),
+            ("average", self.average.unwrap_or(1.0), 1e-9, 1.0),
+            ("learning_rate_last", self.learning_rate_last.unwrap_or(sac.learning_rate), 1e-8, 1.0),
             ("sac.learning_rate", sac.learning_rate, 1e-8, 1.0),
             ("sac.gamma", sac.gamma, 0.0, 1.0),
             ("sac.tau", sac.tau, 0.0, 1.0),

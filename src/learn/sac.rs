@@ -114,9 +114,8 @@ impl Sac {
         }
     }
 
-    /// One update.
-    pub fn update(&mut self, batch: &Batch, room: &mut Room) -> Losses {
-        let rate = self.options.learning_rate;
+    /// One update at this learning rate.
+    pub fn update(&mut self, batch: &Batch, rate: f64, room: &mut Room) -> Losses {
         let count = batch.rewards.len().max(1) as f32;
         let drawn = draw(self.actor.outputs() / 2, room.actor.forward(&self.actor, &batch.observations), &batch.noise);
         // Before its own step, as the reference does.
@@ -124,8 +123,8 @@ impl Sac {
         let mean_log = sum(&drawn.log_probability) / count;
         self.step_temperature(mean_log, rate);
         let wanted = self.wanted(batch, temperature, &mut room.other);
-        let critic = self.step_critics(batch, &wanted, room);
-        let actor = self.step_actor(batch, &drawn, temperature, room);
+        let critic = self.step_critics(batch, &wanted, rate, room);
+        let actor = self.step_actor(batch, &drawn, temperature, rate, room);
         self.average_targets();
         Losses { critic, actor, temperature: f64::from(temperature), entropy: -f64::from(mean_log) }
     }
@@ -151,7 +150,7 @@ impl Sac {
     }
 
     /// Half the sum of both critics' mean squared errors, and a step against it.
-    fn step_critics(&mut self, batch: &Batch, wanted: &[f32], room: &mut Room) -> f64 {
+    fn step_critics(&mut self, batch: &Batch, wanted: &[f32], rate: f64, room: &mut Room) -> f64 {
         let rows = joined(&batch.observations, &batch.actions, wanted.len());
         let count = wanted.len().max(1) as f32;
         let mut gradients = self.critics.each_ref().map(zeros_like);
@@ -163,13 +162,12 @@ impl Sac {
             pass.backward(critic, &by_output, gradient);
         }
         let parameters = self.critics.iter_mut().flat_map(Mlp::parameters_mut);
-        let rate = self.options.learning_rate;
         self.critics_adam.step(parameters, gradients.iter().flat_map(Mlp::parameters), rate);
         loss
     }
 
     /// The mean of α ln π - min Q at the actor's own actions, and a step against it.
-    fn step_actor(&mut self, batch: &Batch, drawn: &Drawn, temperature: f32, room: &mut Room) -> f64 {
+    fn step_actor(&mut self, batch: &Batch, drawn: &Drawn, temperature: f32, rate: f64, room: &mut Room) -> f64 {
         let rows = joined(&batch.observations, &drawn.actions, batch.rewards.len());
         let count = batch.rewards.len().max(1) as f32;
         let [first, second] = [0, 1].map(|i| room.critics[i].forward(&self.critics[i], &rows).to_vec());
@@ -188,7 +186,7 @@ impl Sac {
         let by_heads = drawn.by_heads(&by_action, &batch.noise, temperature / count, numbers);
         let mut gradient = zeros_like(&self.actor);
         room.actor.backward(&self.actor, &by_heads, &mut gradient);
-        self.actor_adam.step(self.actor.parameters_mut(), gradient.parameters(), self.options.learning_rate);
+        self.actor_adam.step(self.actor.parameters_mut(), gradient.parameters(), rate);
         loss
     }
 

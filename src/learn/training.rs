@@ -64,6 +64,8 @@ pub struct Training {
     pub steps: u64,
     pub updates: u64,
     pub curve: Vec<Point>,
+    /// The average of the actors so far, where the options ask for one.
+    pub average: Option<Mlp>,
     /// The actor that is kept so far, and its place in the curve.
     pub best: Option<(usize, Mlp)>,
 }
@@ -90,7 +92,9 @@ impl Training {
         let width = options.setting.length();
         let sac = Sac::new(options.sac, width, ACTION, &mut Seed(options.seed).stream(&["learn", "weights"]));
         let memory = Memory::new(width, options.buffer);
-        Ok(Training { options, sac, memory, rounds: 0, episodes: 0, steps: 0, updates: 0, curve: vec![], best: None })
+        let average = options.average.map(|_| sac.actor.clone());
+        let (rounds, episodes, steps, updates) = (0, 0, 0, 0);
+        Ok(Training { options, sac, memory, rounds, episodes, steps, updates, curve: vec![], average, best: None })
     }
 
     /// Whether all updates are made.
@@ -153,8 +157,9 @@ impl Training {
         let (mut batch, mut room, mut losses) = (Batch::default(), Room::default(), Losses::default());
         for _ in 0..due {
             self.memory.sample(self.options.sac.batch, &mut stream, &mut batch);
-            losses = self.sac.update(&batch, &mut room);
+            losses = self.sac.update(&batch, self.options.learning_rate(self.updates), &mut room);
             self.updates += 1;
+            self.average_actors();
         }
         if losses.critic.is_finite() && losses.actor.is_finite() {
             Ok(losses)
@@ -163,11 +168,25 @@ impl Training {
         }
     }
 
+    /// Takes the present actor into the average. The first ones count evenly, so that the beginning does not linger.
+    fn average_actors(&mut self) {
+        let (Some(share), Some(average)) = (self.options.average, &mut self.average) else { return };
+        let take = share_of(share, self.updates);
+        for (mean, now) in average.parameters_mut().zip(self.sac.actor.parameters()) {
+            mean.iter_mut().zip(now).for_each(|(mean, x)| *mean += take * (x - *mean));
+        }
+    }
+
+    /// The actor as it would be handed out now.
+    pub fn present(&self) -> &Mlp {
+        self.average.as_ref().unwrap_or(&self.sac.actor)
+    }
+
     fn evaluate(&mut self, grounds: &Grounds<'_>) -> Result<Trial, TrainingError> {
         if grounds.validation.is_empty() {
             return Err(TrainingError::NoScene("validation"));
         }
-        let bytes = Weights::to_bytes(self.options.setting, &self.sac.actor)?;
+        let bytes = Weights::to_bytes(self.options.setting, self.present())?;
         let found = trial(grounds.validation, &Policy::learned(&bytes)?, grounds.threads)?;
         let place = self.curve.len();
         self.curve.push(Point { updates: self.updates, steps: self.steps, trial: found });
@@ -175,15 +194,20 @@ impl Training {
         let of = |trial: &Trial| rank(trial, crash_rate_max, route_completion_min);
         let is_better = self.best.as_ref().is_none_or(|(best, _)| of(&found) > of(&self.curve[*best].trial));
         if is_better {
-            self.best = Some((place, self.sac.actor.clone()));
+            self.best = Some((place, self.present().clone()));
         }
         Ok(found)
     }
 
     /// The weights that the training gives: those of the best evaluated actor, or of the present one before any evaluation.
     pub fn weights(&self) -> Result<Vec<u8>, WeightsError> {
-        Weights::to_bytes(self.options.setting, self.best.as_ref().map_or(&self.sac.actor, |(_, actor)| actor))
+        Weights::to_bytes(self.options.setting, self.best.as_ref().map_or(self.present(), |(_, actor)| actor))
     }
+}
+
+/// What the actor behind so many updates counts in the average: evenly at first, `share` later.
+fn share_of(share: f64, updates: u64) -> f32 {
+    share.max(1.0 / updates.max(1) as f64) as f32
 }
 
 /// Actors that crash no more and drive no less than the options say come before all others, by route completion; the others
@@ -199,6 +223,24 @@ mod tests {
 
     fn of(crash_rate: f64, route_completion: f64) -> Trial {
         Trial { scenes: 1, crash_rate, off_road_rate: 0.0, arrival_rate: 0.0, route_completion, speed_mps: 0.0 }
+    }
+
+    #[test]
+    fn an_average_begins_as_a_mean_and_then_forgets() {
+        let mut mean = -7.0;
+        let seen: Vec<f32> = (1..=60)
+            .map(|n| {
+                mean += share_of(0.1, n) * (n as f32 - mean);
+                mean
+            })
+            .collect();
+        assert!(
+            (seen[3] - 2.5).abs() < 1e-5,
+            "the mean of 1, 2, 3 and 4, and nothing of what stood there before: {}",
+            seen[3]
+        );
+        // Behind a steady rise of 1 an update it lags by (1 - share) / share updates.
+        assert!((seen[59] - 51.0).abs() < 0.1, "{}", seen[59]);
     }
 
     #[test]

@@ -83,7 +83,7 @@ fn ten_updates_are_those_of_stable_baselines() {
     for given in reference.batches {
         let Given { observations, actions, rewards, next_observations, terminals, noise, next_noise } = given;
         let batch = Batch { observations, actions, rewards, next_observations, terminals, noise, next_noise };
-        sac.update(&batch, &mut room);
+        sac.update(&batch, sac.options.learning_rate, &mut room);
     }
     let after = reference.after;
     assert!(distance(&sac.actor, &begun.actor) > 5e-3, "ten updates move weights");
@@ -207,7 +207,7 @@ mod cart {
             let mut stream = Seed(9).stream(&["cart", "updates", &number.to_string()]);
             for _ in 0..STEPS {
                 memory.sample(batch, &mut stream, &mut given);
-                sac.update(&given, &mut room);
+                sac.update(&given, sac.options.learning_rate, &mut room);
             }
         }
         sac

@@ -19,6 +19,8 @@ fn options() -> TrainingOptions {
         evaluate_every: 20,
         crash_rate_max: 0.03,
         route_completion_min: 0.8,
+        average: None,
+        learning_rate_last: None,
         sac: SacOptions {
             learning_rate: 1e-3,
             gamma: 0.99,
@@ -78,6 +80,37 @@ fn weights_depend_neither_on_threads_nor_on_stops() {
     assert_ne!(whole, trained(Training::new(other).unwrap(), 1, false), "another seed");
     // The same in debug and release builds and on every CPU.
     assert_eq!(whole.to_hex(), "81c8b8f7f62168b62c9dbabbecfc8fb636a4a1873c6a3bf949152d51fe170bab");
+}
+
+#[test]
+fn an_average_of_the_actors_is_what_is_kept_and_survives_stops() {
+    let mut averaged = options();
+    (averaged.average, averaged.learning_rate_last) = (Some(0.02), Some(1e-4));
+    let begin = |options| Training::new(options).unwrap();
+    let whole = trained(begin(averaged), 1, false);
+    assert_eq!(whole, trained(begin(averaged), 2, true), "threads and stops");
+    // Everything but what is handed out is the same with and without the average.
+    let (lessons, threads) = (lessons(), Threads::new(1).unwrap());
+    let mut states = [averaged.average, None].map(|average| begin(TrainingOptions { average, ..averaged }));
+    for state in &mut states {
+        while !state.is_over() {
+            state.advance(&lessons, &threads).unwrap();
+        }
+    }
+    let [with, without] = states;
+    assert!(with.sac == without.sac, "the average teaches nothing");
+    assert!(with.present() != &with.sac.actor && without.present() == &without.sac.actor);
+}
+
+#[test]
+fn a_learning_rate_falls_evenly_to_its_last_value() {
+    let mut options = options();
+    assert_eq!(options.learning_rate(60), 1e-3, "without a last one it stays");
+    options.learning_rate_last = Some(1e-4);
+    let found = [0, 30, 60].map(|updates| options.learning_rate(updates));
+    for (found, expected) in found.into_iter().zip([1e-3, 5.5e-4, 1e-4]) {
+        assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+    }
 }
 
 #[test]

@@ -174,4 +174,11 @@ mod tests {
         assert_eq!(normalised("/parameters/%zz%"), ["parameters", "%zz%"]);
         assert_eq!(normalised("/../../.."), Vec::<String>::new());
     }
+
+    #[test]
+    fn a_path_that_climbs_is_refused_only_where_it_leaves_the_editable_surface() {
+        assert!(check_path("operations/0", "/parameters/../weather").is_some());
+        assert!(check_path("operations/0", "/parameters/a/../b").is_none(), "stays inside");
+        assert!(check_path("operations/0", "/weather").is_none(), "the interface gate refuses it");
+    }
 }

@@ -262,6 +262,14 @@ fn the_interface_gate_refuses_unknown_places_idle_edits_and_too_many() {
 }
 
 #[test]
+fn the_interface_gate_refuses_fields_that_rules_and_modules_do_not_have() {
+    for path in ["/scenario_conditioned_policy/0/colour", "/mechanism_modules/pressure/colour"] {
+        let failed = failing_with(vec![add(path, json!("red"))]);
+        assert!(failed.contains(&Gate::Interface), "{path}: {failed:?}");
+    }
+}
+
+#[test]
 fn the_isolation_gate_refuses_words_and_ids_of_others() {
     let kind = failing_with(vec![replace("/operator_graph/search/kind", json!("particle_swarm"))]);
     assert_eq!(kind, [Gate::Isolation, Gate::Compile]);

@@ -180,3 +180,50 @@ fn whole(row: &rusqlite::Row<'_>, column: usize) -> rusqlite::Result<u64> {
     let value: i64 = row.get(column)?;
     u64::try_from(value).map_err(|_| rusqlite::Error::IntegralValueOutOfRange(column, value))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn digest(n: u8) -> Digest {
+        Digest::of_bytes(&[n])
+    }
+
+    fn object(n: u8, at: u64, length: u64) -> Piece {
+        Piece::Object { at, length, digest: digest(n) }
+    }
+
+    fn memo(key: u8, object: u8, at: u64) -> Piece {
+        Piece::Memo { at, entry: MemoEntry { kind: MemoKind::Llm, key: digest(key), object: digest(object) } }
+    }
+
+    fn fingerprint(pieces: &[Piece]) -> u64 {
+        let mut places = Places::default();
+        pieces.iter().for_each(|piece| places.add(piece));
+        places.fingerprint
+    }
+
+    #[test]
+    fn the_fingerprint_shows_every_changed_row_and_not_the_order_of_rows() {
+        let whole = fingerprint(&[object(1, 0, 4), object(2, 50, 5), memo(7, 1, 100)]);
+        assert_eq!(fingerprint(&[memo(7, 1, 100), object(2, 50, 5), object(1, 0, 4)]), whole);
+        for changed in [
+            [object(3, 0, 4), object(2, 50, 5), memo(7, 1, 100)],
+            [object(1, 1, 4), object(2, 50, 5), memo(7, 1, 100)],
+            [object(1, 0, 3), object(2, 50, 5), memo(7, 1, 100)],
+            [object(1, 0, 4), object(2, 50, 5), memo(8, 1, 100)],
+            [object(1, 0, 4), object(2, 50, 5), memo(7, 2, 100)],
+            [object(1, 0, 4), object(2, 50, 5), memo(7, 1, 101)],
+        ] {
+            assert_ne!(fingerprint(&changed), whole);
+        }
+        assert_ne!(whole, 0);
+    }
+
+    #[test]
+    fn of_two_entries_of_one_request_the_last_counts_and_of_two_records_of_one_object_the_first() {
+        let last = fingerprint(&[object(1, 0, 4), memo(7, 2, 200)]);
+        assert_eq!(fingerprint(&[object(1, 0, 4), memo(7, 1, 100), memo(7, 2, 200)]), last);
+        assert_eq!(fingerprint(&[object(1, 0, 4), object(1, 90, 4), memo(7, 2, 200)]), last);
+    }
+}

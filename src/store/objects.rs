@@ -376,6 +376,7 @@ mod tests {
         let one = store.put(b"one").unwrap();
         let empty = store.put(b"").unwrap();
         store.memo_put(MemoKind::Llm, &key(1), &one).unwrap();
+        store.memo_put(MemoKind::Llm, &key(3), &one).unwrap();
         store.memo_put(MemoKind::Rollout, &key(1), &empty).unwrap();
         drop(store);
         let store = Store::open(dir.path()).unwrap();
@@ -385,7 +386,7 @@ mod tests {
         assert_eq!(store.memo_get(MemoKind::Llm, &key(1)), Some(one));
         assert_eq!(store.memo_get(MemoKind::Rollout, &key(1)), Some(empty));
         assert_eq!(store.memo_get(MemoKind::Llm, &key(2)), None);
-        assert_eq!((store.memo_len(MemoKind::Llm), store.memo_len(MemoKind::Rollout)), (1, 1));
+        assert_eq!((store.memo_len(MemoKind::Llm), store.memo_len(MemoKind::Rollout)), (2, 1));
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn gain(judging: &Judging<'_>, rule: JudgeRule, old: &WorldMeasures, new: &World
 }
 
 /// Standard error from what a measure is with each group left out.
-fn jackknife(left_out: &[f64]) -> Option<f64> {
+pub(super) fn jackknife(left_out: &[f64]) -> Option<f64> {
     let (n, mean) = (left_out.len() as f64, num::mean(left_out)?);
     let spread = num::sum(left_out.iter().map(|gain| (gain - mean) * (gain - mean)));
     (left_out.len() >= GROUPS_MIN).then(|| ((n - 1.0) / n * spread).sqrt())

@@ -28,4 +28,8 @@ pub use router::{Prediction, Router, RouterError, allot, audit_stream, drawn_by_
 #[cfg(test)]
 mod evolution_tests;
 #[cfg(test)]
+mod feature_tests;
+#[cfg(test)]
+mod numbers_tests;
+#[cfg(test)]
 mod tests;

@@ -368,7 +368,7 @@ fn options_out_of_range_are_named() {
     assert!(matches!(refused, Err(ConfigurationError::Range { option: "learning_rate", .. })), "{refused:?}");
 }
 
-fn program() -> Program {
+pub(super) fn program() -> Program {
     let node = |slot, inputs: &[&str]| OperatorNode {
         slot,
         kind: "any".into(),
@@ -393,7 +393,7 @@ fn program() -> Program {
     }
 }
 
-fn scored(scene: &str, attack: f64) -> SceneScore {
+pub(super) fn scored(scene: &str, attack: f64) -> SceneScore {
     SceneScore {
         scene: scene.into(),
         attack,

@@ -162,6 +162,14 @@ mod tests {
     }
 
     #[test]
+    fn a_score_weighs_attack_against_realism_and_is_attack_alone_without_a_weight() {
+        let weighed = |attack_weight| SearchOptions { attack_weight, ..options(Method::HillClimbing) };
+        let of = Objectives { attack: 0.75, realism: 0.5 };
+        assert_eq!(weighed(Some(0.25)).scalar(of), 0.5625, "a quarter of 0.75 and three quarters of 0.5");
+        assert_eq!((weighed(Some(1.0)).scalar(of), weighed(None).scalar(of)), (0.75, 0.75));
+    }
+
+    #[test]
     fn a_tournament_prefers_the_front() {
         let population = vec![
             (SolutionId::new("front"), Objectives { attack: 0.9, realism: 0.9 }),

@@ -128,51 +128,127 @@ fn the_database_follows_the_whole_traces() {
     check_chances(&cases["parent_probabilities"]);
 }
 
-#[test]
-fn inspirations_are_the_best_then_neighbours_then_anybody_and_never_the_parent() {
-    let options = options(&json!({
-        "num_islands": 1, "archive_size": 10, "population_size": 100, "feature_dimensions": ["own"],
+/// Options of one grid axis, the metric `own`, of ten bins.
+fn one_axis(islands: usize) -> OpenEvolveOptions {
+    options(&json!({
+        "num_islands": islands, "archive_size": 10, "population_size": 100, "feature_dimensions": ["own"],
         "feature_bins": 10, "migration_interval": 50, "migration_rate": 0.1, "diversity_reference_size": 20,
-    }));
-    let mut database = Database::new(options);
-    for place in 0..10_u32 {
-        let own = f64::from(place) / 10.0;
-        // The range is known from the first two on, so that every program has a cell of its own.
-        let own = if place == 1 { 0.999 } else { own };
-        let metrics = BTreeMap::from([("own".to_string(), own)]);
-        let id = format!("p{place}");
-        database.add(Member { code: id.clone(), id, metrics, fitness: own, copy_of: None }, 0, &mut || 0.0);
+    }))
+}
+
+fn standing_at(id: &str, own: f64, fitness: f64) -> Member {
+    Member {
+        id: id.into(),
+        code: id.into(),
+        metrics: BTreeMap::from([("own".to_string(), own)]),
+        fitness,
+        copy_of: None,
     }
-    for seed in 0..200_u32 {
-        let mut calls = 0_u32;
-        let mut draw = || {
-            calls += 1;
-            f64::from((seed * 7919 + calls * 104_729) % 1000) / 1000.0
-        };
-        let drawn = database.sample(0, 3, &mut draw).unwrap();
-        let distinct: std::collections::BTreeSet<&String> = drawn.inspirations.iter().collect();
-        assert_eq!((drawn.inspirations.len(), distinct.len()), (3, 3), "{drawn:?}");
-        assert!(!drawn.inspirations.contains(&drawn.parent), "{drawn:?}");
-        if drawn.parent != "p1" {
-            assert_eq!(drawn.inspirations[0], "p1", "the island's best comes first: {drawn:?}");
-        }
+}
+
+/// One island of ten. `first` holds cell 5, the only one that there was, and stands in bin 0 since the axis is whole; `best` stands
+/// in bin 4; `early` and `late` both in bin 6, which `early` holds; the others in the bin of their name.
+fn ten() -> Database {
+    let mut database = Database::new(one_axis(1));
+    let members =
+        [("first", 0.0, 0.3), ("b9", 1.0, 0.2), ("best", 0.45, 0.9), ("early", 0.65, 0.5), ("late", 0.65, 0.5)];
+    let rest = [("b1", 0.15, 0.1), ("b2", 0.25, 0.1), ("b3", 0.35, 0.1), ("b7", 0.75, 0.1), ("b8", 0.85, 0.1)];
+    for (id, own, fitness) in members.into_iter().chain(rest) {
+        database.add(standing_at(id, own, fitness), 0, &mut || panic!("nothing is drawn"));
     }
+    assert_eq!(
+        (&state(&database)["cells"][0]["5"], &state(&database)["cells"][0]["6"]),
+        (&json!("first"), &json!("early"))
+    );
+    database
+}
+
+/// Two inspirations for a parent, who is drawn from the whole island, with these numbers and no other.
+fn inspired(database: &mut Database, parent: &str, numbers: &[f64]) -> Vec<String> {
+    let members = serde_json::to_value(&*database).unwrap()["islands"][0].as_array().unwrap().clone();
+    let place = members.iter().position(|id| id == parent).unwrap();
+    let drawn_first = [0.0, (place as f64 + 0.5) / members.len() as f64];
+    let mut numbers = drawn_first.into_iter().chain(numbers.iter().copied());
+    let drawn = database.sample(0, 2, &mut || numbers.next().expect("no more numbers")).unwrap();
+    assert_eq!((drawn.parent.as_str(), numbers.next()), (parent, None), "{:?}", drawn.inspirations);
+    drawn.inspirations
+}
+
+#[test]
+fn inspirations_are_the_best_and_who_stands_at_most_two_bins_from_the_parent() {
+    let steps = [0.0, 0.25, 0.5, 0.75, 0.999];
+    let near = |parent: &str, step: usize| inspired(&mut ten(), parent, &[steps[step]]);
+    assert_eq!(near("b2", 0), ["best", "first"], "where it stands today, not the cell that it holds");
+    assert_eq!((near("b2", 1), near("b2", 3)), (vec!["best".into(), "b1".into()], vec!["best".into(), "b3".into()]));
+    assert_eq!(near("b8", 0), ["best", "late"], "of two in one place the latest, also without a cell");
+    assert_eq!((near("b8", 1)[1].as_str(), near("b8", 3)[1].as_str()), ("b7", "b9"));
+    assert_eq!(near("b8", 4)[1], "b9", "the axis ends");
+    assert_eq!(near("b1", 4)[1], "b3", "two bins to the other side");
+    assert_eq!((near("b1", 0)[1].as_str(), near("b3", 0)[1].as_str()), ("first", "b1"), "at both ends");
+    // The parent itself, the best once more and an empty bin are tries in vain.
+    assert_eq!(inspired(&mut ten(), "b3", &[0.5, 0.75, 0.25]), ["best", "b2"]);
+    assert_eq!(inspired(&mut ten(), "late", &[0.25, 0.0, 0.75]), ["best", "b7"]);
+    // Who is the best itself has two places to fill.
+    assert_eq!(inspired(&mut ten(), "best", &[0.0, 0.0, 0.5, 0.25]), ["b2", "b3"]);
+}
+
+#[test]
+fn where_nobody_is_near_inspirations_are_anybody_else_of_the_island() {
+    // Three tries a place, then one number for who it is, in order of insertion.
+    assert_eq!(inspired(&mut ten(), "b3", &[0.5, 0.5, 0.5, 0.0]), ["best", "first"]);
+    assert_eq!(inspired(&mut ten(), "b3", &[0.5, 0.5, 0.5, 0.999]), ["best", "b8"]);
+    assert_eq!(inspired(&mut ten(), "b3", &[0.5, 0.5, 0.5, 0.26]), ["best", "early"]);
+    assert_eq!(inspired(&mut ten(), "best", &[0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0]), ["first", "b9"]);
+}
+
+#[test]
+fn a_small_island_shows_its_best_alone() {
+    let mut database = Database::new(one_axis(1));
+    database.add(standing_at("first", 0.0, 0.2), 0, &mut || 0.0);
+    database.add(standing_at("best", 1.0, 0.9), 0, &mut || 0.0);
+    assert_eq!(inspired(&mut database, "first", &[]), ["best"]);
+    assert!(
+        inspired(&mut database, "best", &[]).is_empty(),
+        "the original fills up only where more live than are shown"
+    );
+}
+
+#[test]
+fn an_empty_island_takes_its_parent_from_the_first_and_has_no_inspirations() {
+    let mut database = Database::new(one_axis(3));
+    for (id, own, island) in [("first", 0.0, 0), ("second", 0.5, 3), ("far", 1.0, 5)] {
+        database.add(standing_at(id, own, own), island, &mut || 0.0);
+    }
+    assert_eq!(state(&database)["islands"], json!([["first", "second"], [], ["far"]]), "numbers of islands count on");
+    let mut draws = [0.1, 0.9].into_iter();
+    let drawn = database.sample(4, 2, &mut || draws.next().unwrap()).unwrap();
+    assert_eq!((drawn.parent.as_str(), drawn.inspirations.len()), ("second", 0));
+    assert_eq!(database.top("second", 2), ["second", "first"], "the best of the island that it lives on come first");
+    assert_eq!(
+        (database.top("second", 1), database.top("far", 3)),
+        (vec!["second".to_string()], vec!["far".to_string()])
+    );
 }
 
 #[test]
 fn an_equal_takes_no_cell_and_lives_on_its_island_all_the_same() {
-    let options = options(&json!({
-        "num_islands": 1, "archive_size": 1, "population_size": 100, "feature_dimensions": ["own"],
-        "feature_bins": 10, "migration_interval": 50, "migration_rate": 0.1, "diversity_reference_size": 20,
-    }));
-    let mut database = Database::new(options);
+    let mut database = Database::new(OpenEvolveOptions { archive_size: 1, ..one_axis(1) });
     for id in ["first", "equal"] {
-        let metrics = BTreeMap::from([("own".to_string(), 0.5)]);
-        let member = Member { id: id.into(), code: id.into(), metrics, fitness: 0.5, copy_of: None };
-        database.add(member, 0, &mut || 0.0);
+        database.add(standing_at(id, 0.5, 0.5), 0, &mut || 0.0);
     }
     let found = state(&database);
     assert_eq!(found["cells"], json!([{"5": "first"}]));
     assert_eq!(found["islands"], json!([["equal", "first"]]));
     assert_eq!((&found["archive"], &found["best"]), (&json!(["first"]), &json!("first")));
+}
+
+#[test]
+fn an_island_whose_best_had_to_make_room_has_the_best_of_those_who_are_left() {
+    let mut database = Database::new(OpenEvolveOptions { population_size: 2, ..one_axis(2) });
+    for (id, own, fitness, island) in [("top", 0.0, 0.9, 0), ("second", 1.0, 0.3, 1), ("newcomer", 0.5, 0.1, 1)] {
+        database.add(standing_at(id, own, fitness), island, &mut || 0.0);
+    }
+    // The best of all and who came last stay.
+    let found = state(&database);
+    assert_eq!((&found["programs"], &found["island_best"]), (&json!(["newcomer", "top"]), &json!(["top", "newcomer"])));
 }

@@ -86,23 +86,13 @@ impl Database {
         }
     }
 
-    /// How many islands there are.
-    pub fn islands(&self) -> usize {
-        self.islands.len()
-    }
-
     /// The member of this id.
     pub fn member(&self, id: &str) -> Option<&Member> {
         self.members.iter().find(|member| member.id == id)
     }
 
-    /// The program with the largest fitness so far.
-    pub fn best(&self) -> Option<&Member> {
-        self.member(self.best.as_deref()?)
-    }
-
     /// Puts a program on an island: a cell where it is free or held by somebody worse, a place in the archive likewise.
-    /// `draw` gives numbers in [0, 1).
+    /// `draw` gives numbers in [0, 1). Here and below the number of an island counts on from the last to the first.
     pub fn add(&mut self, member: Member, island: usize, draw: &mut dyn FnMut() -> f64) {
         let (id, island) = (member.id.clone(), island % self.islands.len());
         self.members.push(member);
@@ -113,9 +103,8 @@ impl Database {
         }
         self.take_archive_place(&id);
         self.note_best(&id, island);
-        // Who lost its cell and lives nowhere else is forgotten.
-        let orphaned = |gone: &String| !self.owns_cell(gone) && !self.islands.iter().any(|of| of.contains(gone));
-        if let Some(gone) = displaced.filter(|gone| orphaned(gone) && self.best.as_ref() != Some(gone)) {
+        // Who lost its cell lives nowhere else: a copy on another island is a member of its own.
+        if let Some(gone) = displaced {
             self.forget(&gone);
         }
         self.keep_to_size(&id);
@@ -213,16 +202,15 @@ impl Database {
         }
     }
 
+    /// Who is gone is beaten by anybody: it has no fitness.
     fn note_best(&mut self, id: &str, island: usize) {
-        let beaten = |best: &String| self.member(best).is_none() || self.fitness(id) > self.fitness(best);
-        if self.best.as_ref().is_none_or(beaten) {
+        let beaten = |best: &String| self.fitness(id) > self.fitness(best);
+        let (of_all, of_island) =
+            (self.best.as_ref().is_none_or(beaten), self.island_best[island].as_ref().is_none_or(beaten));
+        if of_all {
             self.best = Some(id.to_string());
         }
-        let left = |best: &String| self.member(best).is_none() || !self.islands[island].contains(best);
-        if self.island_best[island].as_ref().is_some_and(left) {
-            self.island_best[island] = self.best_of(island);
-        }
-        if self.island_best[island].as_ref().is_none_or(|best| self.fitness(id) > self.fitness(best)) {
+        if of_island {
             self.island_best[island] = Some(id.to_string());
         }
     }

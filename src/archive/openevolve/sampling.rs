@@ -1,6 +1,7 @@
 //! Who is edited next, and whom the question shows beside it.
 
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 use super::database::{Database, Member, key};
 
@@ -91,7 +92,9 @@ impl Database {
         ]
     }
 
-    /// The island's best, then the best few, then who holds a cell near the parent's, then anybody of the island.
+    /// The island's best, then the best few. Where the island has more members than are shown: who lives near the parent, then
+    /// anybody. Near is by where the members stand in the grid as it is now, not by the cells that they hold; of several in one
+    /// place the latest is meant.
     fn inspirations(
         &mut self,
         island: usize,
@@ -100,7 +103,6 @@ impl Database {
         draw: &mut dyn FnMut() -> f64,
     ) -> Vec<String> {
         let mut found: Vec<String> = Vec::new();
-        let members = self.on_island(island).len();
         let elite = ((count as f64 * self.options.elite_selection_ratio) as usize).max(1);
         let best = self.island_best[island].iter().filter(|best| self.member(best).is_some()).cloned();
         let top = self.ranked(island).into_iter().take(elite).map(|member| member.id.clone());
@@ -109,22 +111,28 @@ impl Database {
                 found.push(id);
             }
         }
+        let mut others: Vec<String> = self.on_island(island).iter().map(|member| member.id.clone()).collect();
         let left = count.saturating_sub(found.len());
-        if members > count && left > 0 {
+        if others.len() > count && left > 0 {
             let cell = self.cell_of(parent, draw);
+            let mut standing: BTreeMap<String, &String> = BTreeMap::new();
+            for id in &others {
+                standing.insert(key(&self.cell_of(id, draw)), id);
+            }
             for _ in 0..TRIES * left {
                 let near: Vec<usize> = cell.iter().map(|bin| self.near(*bin, draw())).collect();
-                let held = self.cells[island].get(&key(&near)).filter(|id| self.member(id).is_some());
-                if let Some(id) = held.filter(|id| *id != parent && !found.contains(id) && found.len() < count) {
-                    found.push(id.clone());
+                if let Some(id) = standing.get(&key(&near)).filter(|id| **id != parent && !found.contains(id)) {
+                    found.push((*id).clone());
+                }
+                if found.len() == count {
+                    break;
                 }
             }
-        }
-        let mut others: Vec<String> = self.on_island(island).iter().map(|member| member.id.clone()).collect();
-        others.retain(|id| id != parent && !found.contains(id));
-        while found.len() < count && !others.is_empty() {
-            let place = ((draw() * others.len() as f64) as usize).min(others.len() - 1);
-            found.push(others.remove(place));
+            others.retain(|id| id != parent && !found.contains(id));
+            while found.len() < count && !others.is_empty() {
+                let place = ((draw() * others.len() as f64) as usize).min(others.len() - 1);
+                found.push(others.remove(place));
+            }
         }
         found.truncate(count);
         found

@@ -60,8 +60,8 @@ impl SearchState {
     pub fn draw(&mut self, iteration: usize, stream: &mut Stream) -> Option<SlotDraw> {
         match self {
             SearchState::OpenEvolve(database) => {
-                let island = iteration % database.islands();
-                let drawn = database.sample(island, INSPIRATIONS, &mut || stream.unit())?;
+                // The islands take turns.
+                let drawn = database.sample(iteration, INSPIRATIONS, &mut || stream.unit())?;
                 let mut shown: Vec<SolutionId> = Vec::new();
                 for id in drawn.inspirations.into_iter().chain(database.top(&drawn.parent, TOP_PROGRAMS)) {
                     let solution = solution(database, &id);
@@ -85,8 +85,7 @@ impl SearchState {
     pub fn consider(&mut self, options: &SearchOptions, child: Child<'_>, stream: &mut Stream) -> bool {
         match self {
             SearchState::OpenEvolve(database) => {
-                let island = child.iteration % database.islands();
-                let id = child.solution.to_string();
+                let (id, island) = (child.solution.to_string(), child.iteration);
                 database.add(member(options, child), island, &mut || stream.unit());
                 database.advance(island, &mut || stream.unit());
                 database.member(&id).is_some()
@@ -162,11 +161,67 @@ mod tests {
     }
 
     #[test]
+    fn nsga2_keeps_the_earlier_of_two_that_stand_alike() {
+        let options = SearchOptions { population: Some(2), ..options(Method::Nsga2) };
+        let mut stream = Seed(1).stream(&["test"]);
+        let names: Vec<SolutionId> = ["parent", "behind", "copy"].map(SolutionId::new).to_vec();
+        let mut state = SearchState::begin(&options, child(&names[0], [0.5, 0.5]), &mut stream).unwrap();
+        assert!(state.consider(&options, child(&names[1], [0.4, 0.4]), &mut stream));
+        assert!(!state.consider(&options, child(&names[2], [0.4, 0.4]), &mut stream));
+    }
+
+    #[test]
+    fn what_prompts_are_told_of_the_score_names_its_weights() {
+        let told = |method, attack_weight| SearchOptions { attack_weight, ..options(method) }.told();
+        assert_eq!(told(Method::Pareto, None), None);
+        assert!(told(Method::OpenEvolve, Some(0.7)).unwrap().contains("0.7 A + 0.3 R"));
+        assert!(told(Method::AttackOnly, None).unwrap().contains("more attack"));
+        assert!(told(Method::Nsga2, None).unwrap().contains("NSGA-II"));
+    }
+
+    #[test]
     fn a_score_weighs_attack_against_realism_and_is_attack_alone_without_a_weight() {
         let weighed = |attack_weight| SearchOptions { attack_weight, ..options(Method::HillClimbing) };
         let of = Objectives { attack: 0.75, realism: 0.5 };
         assert_eq!(weighed(Some(0.25)).scalar(of), 0.5625, "a quarter of 0.75 and three quarters of 0.5");
         assert_eq!((weighed(Some(1.0)).scalar(of), weighed(None).scalar(of)), (0.75, 0.75));
+    }
+
+    #[test]
+    fn openevolves_islands_take_turns_and_its_question_shows_others_and_the_best() {
+        let openevolve = super::super::super::openevolve::OpenEvolveOptions {
+            num_islands: 2,
+            archive_size: 10,
+            population_size: 100,
+            feature_dimensions: vec!["attack".into()],
+            feature_bins: 10,
+            migration_interval: 50,
+            migration_rate: 0.1,
+            diversity_reference_size: 20,
+            exploration_ratio: 1.0,
+            exploitation_ratio: 0.0,
+            elite_selection_ratio: 0.1,
+        };
+        let options = SearchOptions { openevolve: Some(openevolve), ..options(Method::OpenEvolve) };
+        let mut stream = Seed(1).stream(&["test"]);
+        let names: Vec<SolutionId> = ["parent", "a", "b", "c", "d"].map(SolutionId::new).to_vec();
+        let mut state = SearchState::begin(&options, child(&names[0], [0.1, 0.1]), &mut stream).unwrap();
+        for (iteration, (name, attack)) in names[1..].iter().zip([0.9, 0.3, 0.7, 0.8]).enumerate() {
+            let child = Child { iteration: iteration + 1, ..child(name, [attack, attack]) };
+            assert!(state.consider(&options, child, &mut stream));
+        }
+        let found = serde_json::to_value(&state).unwrap();
+        assert_eq!(found["open_evolve"]["islands"], serde_json::json!([["parent", "b", "d"], ["a", "c"]]));
+        assert_eq!(found["open_evolve"]["generations"], serde_json::json!([2, 2]));
+        for iteration in 0..40 {
+            let drawn = state.draw(iteration, &mut stream).unwrap();
+            let island: &[&str] = [&["parent", "b", "d"] as &[&str], &["a", "c"]][iteration % 2];
+            assert!(island.contains(&drawn.parent.as_str()), "{iteration}: {drawn:?}");
+            let mut shown: Vec<&str> = drawn.shown.iter().map(SolutionId::as_str).collect();
+            assert_eq!(shown.len(), island.len(), "nobody twice: {shown:?}");
+            shown.sort_by_key(|name| island.iter().position(|other| other == name));
+            assert_eq!(shown, island, "inspirations and the best three are all of a small island");
+        }
     }
 
     #[test]

@@ -1,6 +1,10 @@
 //! Checks a store for damage. It looks at everything, changes nothing, and names each damaged place.
 
-use std::{collections::BTreeMap, fs::File, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs::File,
+    path::Path,
+};
 
 use serde::Serialize;
 
@@ -29,6 +33,9 @@ pub struct FsckReport {
     pub notes: Vec<String>,
     /// Empty = whole.
     pub damage: Vec<Damage>,
+    /// Names of the whole objects.
+    #[serde(skip)]
+    pub whole: BTreeSet<Digest>,
 }
 
 /// Checks the store in a folder: records of the pack, index against pack, targets of memo entries, SQLite's own structure; with
@@ -46,6 +53,7 @@ pub fn fsck(dir: &Path, read_all: bool) -> Result<FsckReport, StoreError> {
         found.add(piece);
         count(piece, &pack_path, indexed.as_ref(), &mut report);
     }
+    report.whole = found.objects.keys().copied().collect();
     check_memo(&pack_path, &found, &mut report);
     if let Some(indexed) = &indexed {
         compare(dir, indexed, &found, &mut report);

@@ -25,7 +25,7 @@ fn path(of: &Path) -> &str {
 }
 
 /// The frozen bundle as a run folder.
-fn imported(dir: &Path) -> PathBuf {
+pub fn imported(dir: &Path) -> PathBuf {
     let folder = dir.join("run");
     let ran = bundle(&["import", FROZEN, "--out", path(&folder)]);
     assert_eq!((ran.code, ran.root().as_str()), (0, FROZEN_ROOT), "{}", ran.stderr);

@@ -4,6 +4,7 @@ use evodrive::store::{Event, SEALED, Transcript, read_events};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
+use crate::bundle::imported;
 use crate::harness::{evodrive, home, named_folder, run};
 use crate::quickstart::{copied, finished};
 
@@ -370,9 +371,7 @@ fn rotten(whole: &[u8], kind: usize, draw: usize) -> Option<Vec<u8>> {
 
 /// Rots files and returns trials and those that were not found. What a file means is what is covered: blanks between the figures of the
 /// result's file say nothing.
-fn rot(kinds: [usize; 3]) -> (usize, Vec<String>) {
-    let dir = tempfile::tempdir().unwrap();
-    let folder = copied(dir.path());
+fn rot(folder: &Path, kinds: [usize; 3]) -> (usize, Vec<String>) {
     let (mut made, mut missed) = (0, Vec::new());
     for (kind, count) in kinds.into_iter().enumerate() {
         for draw in 0..count {
@@ -384,7 +383,7 @@ fn rot(kinds: [usize; 3]) -> (usize, Vec<String>) {
                 continue;
             }
             made += 1;
-            let (is_found, said) = found(&folder, file, &bytes);
+            let (is_found, said) = found(folder, file, &bytes);
             if !is_found {
                 missed.push(format!("{file}, kind {kind}, draw {draw}: {said}"));
             }
@@ -395,8 +394,28 @@ fn rot(kinds: [usize; 3]) -> (usize, Vec<String>) {
 
 #[test]
 fn bit_rot_in_covered_files_is_found_and_the_file_named() {
-    let (made, missed) = rot([10, 5, 5]);
+    let dir = tempfile::tempdir().unwrap();
+    let (made, missed) = rot(&copied(dir.path()), [10, 5, 5]);
     assert!(made >= 15 && missed.is_empty(), "{made}: {}", missed.join("\n\n"));
+}
+
+#[test]
+fn a_pack_cut_between_two_records_is_found_by_what_the_events_name_where_no_index_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = imported(dir.path());
+    let pack = folder.join("store/objects.pack");
+    let whole = std::fs::read(&pack).unwrap();
+    // A record is a header of 56 bytes, whose second eight are the length of what follows (docs/FORMAT.md).
+    let next = |at: usize| at + 56 + u64::from_le_bytes(whole[at + 8..at + 16].try_into().unwrap()) as usize;
+    let ends: Vec<usize> = std::iter::successors(Some(next(0)), |at| Some(next(*at))).take(12).collect();
+    for end in [ends[0], ends[1], ends[11]] {
+        let (is_found, said) = found(&folder, "store/objects.pack", &whole[..end]);
+        assert!(is_found && said.contains("rollouts that the sealed events name"), "cut at {end}: {said}");
+    }
+    // An empty store is what a bundle without rollouts gives.
+    std::fs::write(&pack, []).unwrap();
+    let ran = run(&["fsck", "--read", folder.to_str().unwrap()]);
+    assert!(ran.code == 0 && ran.stdout.contains("the store is empty"), "{} {}", ran.code, ran.stdout);
 }
 
 #[test]
@@ -420,7 +439,9 @@ fn another_spelling_of_the_same_digest_is_damage() {
 #[ignore = "some thousand commands: .ci/tamper --full"]
 fn every_flip_truncation_and_swap_is_found() {
     let trials = trials();
-    let (made, missed) = rot([10 * trials, trials, trials]);
+    let dir = tempfile::tempdir().unwrap();
+    // A small run: the draw is as dense in its files as it can be.
+    let (made, missed) = rot(&imported(dir.path()), [10 * trials, trials, trials]);
     println!("{made} rotten files, {} not found", missed.len());
     assert!(missed.is_empty(), "{}", missed.join("\n\n"));
 }
@@ -430,7 +451,7 @@ fn every_flip_truncation_and_swap_is_found() {
 fn clean_copies_raise_no_alarm() {
     for copy in 0..trials() {
         let dir = tempfile::tempdir().unwrap();
-        let folder = copied(dir.path());
+        let folder = if copy % 2 == 0 { imported(dir.path()) } else { copied(dir.path()) };
         let ran = run(&["fsck", "--read", folder.to_str().unwrap()]);
         assert_eq!(ran.code, 0, "copy {copy}: {}", ran.stdout);
     }

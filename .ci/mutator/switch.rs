@@ -1,19 +1,15 @@
 //! Which mutant is on. This file is part of a copy of the library that `.ci/mutants` tests, and of nothing else.
 
-use std::cell::RefCell;
-use std::collections::BTreeSet;
 use std::io::Write;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 const UNREAD: u32 = u32::MAX;
 const NOTING: u32 = u32::MAX - 1;
 
 static ON: AtomicU32 = AtomicU32::new(UNREAD);
 
-thread_local! {
-    /// What this thread has noted.
-    static SEEN: RefCell<BTreeSet<u32>> = const { RefCell::new(BTreeSet::new()) };
-}
+/// Numbers that were noted. There are fewer mutants than places; a number beyond them is noted each time.
+static SEEN: [AtomicBool; 1 << 16] = [const { AtomicBool::new(false) }; 1 << 16];
 
 /// Whether mutant `number` is on: the one that EVODRIVE_MUTANT names, and none where it is absent.
 #[inline]
@@ -33,14 +29,13 @@ fn first(number: u32) -> bool {
     mutated(number)
 }
 
-/// Notes who came by: a test's thread bears the test's name. A line is written at once, since a program may end anyhow.
+/// Notes that somebody came by. A line is written at once, since a program may end anyhow.
 #[cold]
 fn note(number: u32) -> bool {
-    if SEEN.with_borrow_mut(|seen| seen.insert(number)) {
-        let thread = std::thread::current().name().unwrap_or("").to_string();
+    if !SEEN.get(number as usize).is_some_and(|seen| seen.swap(true, Ordering::Relaxed)) {
         let path = std::env::var_os("EVODRIVE_MUTANT_NOTES").unwrap_or_default();
         let file = std::fs::OpenOptions::new().append(true).create(true).open(path);
-        let _ = file.and_then(|mut file| file.write_all(format!("{number}\t{thread}\n").as_bytes()));
+        let _ = file.and_then(|mut file| file.write_all(format!("{number}\n").as_bytes()));
     }
     false
 }

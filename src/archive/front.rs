@@ -223,6 +223,15 @@ mod tests {
     }
 
     #[test]
+    fn what_a_question_shows_stands_in_its_own_order_and_changes_nothing_else() {
+        let archive = archive_of(&[[0.2, 0.8], [0.5, 0.5], [0.1, 0.1]]);
+        let wanted = ["s2", "unknown", "s0"].map(SolutionId::new);
+        let shown = archive.showing(&wanted);
+        assert_eq!(shown.front().map(|e| e.solution.as_str()).collect::<Vec<_>>(), ["s2", "s0"]);
+        assert_eq!((shown.entries(), archive.front().count()), (archive.entries(), 2));
+    }
+
+    #[test]
     fn an_insertion_says_whom_it_pushed_off_the_front() {
         let mut archive = archive_of(&[[0.2, 0.8], [0.5, 0.5], [0.9, 0.1]]);
         let done = archive.insert(entry("better", [0.6, 0.8])).unwrap();

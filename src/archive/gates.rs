@@ -238,6 +238,10 @@ mod tests {
         assert!(found.densification.non_dominated && !found.densification.holds);
         assert_eq!((found.densification.hypervolume_gain, found.differing_scenes), (0.0, 0));
         assert!(!found.any());
+        // As much of one and less of the other is dominated.
+        for behind in [[0.25, 0.5], [0.125, 0.75], [0.125, 0.5]] {
+            assert!(!gates(&[[0.25, 0.75]], behind, [0.1, 0.1]).densification.non_dominated, "{behind:?}");
+        }
     }
 
     #[test]
@@ -250,6 +254,31 @@ mod tests {
         assert!(!gates(&front, [0.3, 0.96], [0.3, 0.95]).local_push.holds, "equal attack is no push");
         assert!(gates(&front, [0.65, 0.51], [0.3, 0.95]).local_push.holds);
         assert!(!gates(&front, [0.59, 0.89], [0.3, 0.95]).local_push.holds, "outside both regions");
+    }
+
+    #[test]
+    fn a_push_is_measured_against_the_best_of_its_region_wherever_it_stands_in_the_front() {
+        let realistic = [[0.3, 0.95], [0.5, 0.91], [0.2, 0.99]];
+        let strong = [[0.7, 0.5], [0.65, 0.6], [0.9, 0.4]];
+        for turn in 0..3 {
+            let turned = |points: [[f64; 2]; 3]| (0..3).map(|k| points[(k + turn) % 3]).collect::<Vec<_>>();
+            let front = [turned(realistic), turned(strong)].concat();
+            let push = gates(&front, [0.4, 0.92], [0.1, 0.92]).local_push;
+            let best = (push.best_attack_at_r0.unwrap(), push.best_realism_at_a0.unwrap());
+            assert!((best.0 - 0.5).abs() < 1e-12 && (best.1 - 0.6).abs() < 1e-12, "{front:?}: {best:?}");
+            assert!(!push.holds && gates(&front, [0.51, 0.92], [0.1, 0.92]).local_push.holds);
+        }
+    }
+
+    #[test]
+    fn a_child_acts_in_the_declared_share_of_what_its_parent_acts_in() {
+        let acting = |scenes_acted: usize| {
+            scenes(&(0..20).map(|k| (0.5, 0.9, k < scenes_acted)).collect::<Vec<(f64, f64, bool)>>())
+        };
+        let parent = acting(10);
+        let found = |acted: usize| judged(&acting(acted), &parent, &[&parent]).coverage;
+        assert_eq!((found(8).floor, found(8).parent, found(8).coverage), (0.8 * 0.5, 0.5, 0.4));
+        assert!(found(8).holds && !found(7).holds);
     }
 
     #[test]

@@ -182,6 +182,8 @@ mod tests {
     fn minus_zero_is_zero() {
         assert_eq!(ranks(&[[-0.0, 1.0], [0.0, 1.0]]), [0, 0]);
         assert_eq!(non_dominated(&[[0.0, 1.0], [-0.0, 1.0]]), [true, false]);
+        assert_eq!(non_dominated(&[[-0.0, 1.0], [0.0, 1.0]]), [true, false]);
+        assert_eq!(non_dominated(&[[1.0, -0.0], [1.0, 0.0]]), [true, false]);
     }
 
     #[test]

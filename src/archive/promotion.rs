@@ -117,6 +117,9 @@ mod tests {
         let children = [("e0s9", [0.80, 0.922]), ("e0s17", [0.30, 0.984])];
         let found = leaders(PromotionRule::LargestHypervolumeGain, [0.80, 0.875], &children);
         assert_eq!(found, Some(("e0s9".into(), None)));
+        let turned = [children[1], children[0], ("copy", children[0].1)];
+        let found = leaders(PromotionRule::LargestHypervolumeGain, [0.80, 0.875], &turned);
+        assert_eq!(found, Some(("e0s9".into(), None)), "the first of equals, wherever it stands");
     }
 
     #[test]
@@ -137,6 +140,19 @@ mod tests {
             Some(("better".into(), Some("better".into())))
         );
         assert_eq!(leaders(rule, [0.5, 0.9], &[]), Some(("parent".into(), Some("parent".into()))));
+    }
+
+    #[test]
+    fn of_equal_anchors_the_one_with_more_of_the_other_leads_and_then_the_earlier_one() {
+        let children = [
+            ("plain", [0.8, 0.7]),
+            ("finer", [0.8, 0.9]),
+            ("copy", [0.8, 0.9]),
+            ("mild", [0.1, 0.99]),
+            ("milder", [0.2, 0.99]),
+        ];
+        let found = leaders(PromotionRule::TwoAnchors, [0.5, 0.9], &children);
+        assert_eq!(found, Some(("finer".into(), Some("milder".into()))));
     }
 
     #[test]

@@ -164,3 +164,195 @@ fn drawn(domain: &Domain, stream: &mut Stream) -> Option<Value> {
     };
     Some(json!(value))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adapters::{Port, SettingSpec, toy};
+    use crate::kernel::Seed;
+    use crate::objects::Slot;
+    use std::collections::BTreeSet;
+
+    const VALUES: [f64; 3] = [1.0, 2.5, 7.25];
+
+    fn values(contract: &Contract) -> BTreeMap<&'static str, Vec<f64>> {
+        contract.scene_features.iter().map(|feature| (feature.name, VALUES.to_vec())).collect()
+    }
+
+    fn stream() -> Stream {
+        Seed(1).stream(&["test"])
+    }
+
+    /// The places of a program's edits as text.
+    fn places(program: &Program, contract: &Contract, closed: &[&'static str]) -> Vec<String> {
+        let values = values(contract);
+        let places = Places { contract, values: &values, closed };
+        let text = |edit: Edit<'_>| match edit {
+            Edit::Parameter(name) => name.to_string(),
+            Edit::Setting(node, setting) => format!("{node}.{setting}"),
+            Edit::Kind(node, spec) => format!("{node}={}", spec.kind),
+            Edit::Rule => "rule".into(),
+        };
+        edits(program, &places).into_iter().map(text).collect()
+    }
+
+    #[test]
+    fn places_are_parameters_literal_settings_other_kinds_of_the_same_types_and_rules() {
+        let (mut contract, mut program) = (toy::contract(), toy::program());
+        let features = contract.scene_features.len();
+        let mut wanted = ["duration_s", "gap_limit_m", "push_count", "style"].map(String::from).to_vec();
+        // `marked_actor` has the types of the kind that is there; timing and motion follow parameters.
+        let nodes = ["actor=marked_actor", "filter.gap_m_min", "search.combine"].map(String::from);
+        let rules = vec!["rule".to_string(); features];
+        wanted.extend([nodes.to_vec(), rules.clone()].concat());
+        assert_eq!(places(&program, &contract, &[]), wanted);
+        // A kind that asks for a module is none that can be drawn; nor one of other types.
+        program.operator_graph.get_mut("actor").unwrap().kind = "marked_actor".into();
+        assert!(!places(&program, &contract, &[]).contains(&"actor=ranked_actors".into()));
+        let other = |inputs: &[Port], output| OperatorSpec {
+            kind: "other".into(),
+            inputs: inputs.to_vec(),
+            output,
+            settings: BTreeMap::new(),
+            describes: "for this test".into(),
+        };
+        for (spec, can) in [
+            (other(&[Port::Scene], Port::Actors), true),
+            (other(&[Port::Actors], Port::Actors), false),
+            (other(&[Port::Scene], Port::Window), false),
+        ] {
+            contract.operators.get_mut(&Slot::Actor).unwrap().push(spec);
+            assert_eq!(places(&program, &contract, &[]).contains(&"actor=other".into()), can);
+            contract.operators.get_mut(&Slot::Actor).unwrap().pop();
+        }
+        // A module that may be left out stands in nobody's way.
+        let module = SettingSpec {
+            domain: Domain::Mechanism { slot: "actor_score".into() },
+            required: false,
+            describes: "for this test".into(),
+        };
+        let mut spec = other(&[Port::Scene], Port::Actors);
+        spec.settings.insert("score".into(), module);
+        contract.operators.get_mut(&Slot::Actor).unwrap().push(spec);
+        assert!(places(&program, &contract, &[]).contains(&"actor=other".into()));
+    }
+
+    #[test]
+    fn a_rule_is_drawn_where_there_is_room_and_the_part_is_open() {
+        let (contract, mut program) = (toy::contract(), toy::program());
+        let rules = |program: &Program, closed: &[&'static str]| {
+            places(program, &contract, closed).iter().filter(|place| *place == "rule").count()
+        };
+        let features = contract.scene_features.len();
+        assert_eq!(
+            (rules(&program, &["/mechanism_modules"]), rules(&program, &["/scenario_conditioned_policy"])),
+            (features, 0)
+        );
+        let rule = program.scenario_conditioned_policy[0].clone();
+        program.scenario_conditioned_policy = vec![rule.clone(); contract.limits.rules - 1];
+        assert_eq!(rules(&program, &[]), features);
+        program.scenario_conditioned_policy.push(rule);
+        assert_eq!(rules(&program, &[]), 0);
+    }
+
+    #[test]
+    fn edits_are_apart_unless_one_stands_at_or_within_the_place_of_another() {
+        let at = |op, path: &str| Operation { op, path: path.into(), value: None };
+        let replace = |path| at(OperationKind::Replace, path);
+        let node = "/operator_graph/filter";
+        let setting = "/operator_graph/filter/settings/gap_m_min";
+        assert!(apart(&replace(node), &[]));
+        for (one, other, wanted) in [
+            (node, node, false),
+            (node, setting, false),
+            (setting, node, false),
+            (node, "/operator_graph/filter_two", true),
+            (setting, "/operator_graph/filter/settings/gap_m", true),
+        ] {
+            assert_eq!(
+                apart(&replace(one), &[replace("/parameters/style"), replace(other)]),
+                wanted,
+                "{one} beside {other}"
+            );
+        }
+        let rule = || at(OperationKind::Add, "/scenario_conditioned_policy/-");
+        assert!(apart(&rule(), &[rule()]), "two rules are two places");
+    }
+
+    #[test]
+    fn every_value_of_a_domain_is_drawn_and_none_beside_it() {
+        let mut stream = stream();
+        let mut all = |domain: Domain| -> Vec<Value> { (0..400).filter_map(|_| drawn(&domain, &mut stream)).collect() };
+        let texts = |values: Vec<Value>| values.iter().map(Value::to_string).collect::<BTreeSet<String>>();
+        let integer = |low, high| Domain::Integer { low, high, unit: "1".into() };
+        assert_eq!(texts(all(integer(2, 5))), ["2.0", "3.0", "4.0", "5.0"].map(String::from).into());
+        assert_eq!(texts(all(integer(-1, 0))), ["-1.0", "0.0"].map(String::from).into());
+        let numbers = all(Domain::Number { low: 1.0, high: 3.0, unit: "s".into() });
+        let numbers: Vec<f64> = numbers.iter().map(|number| number.as_f64().unwrap()).collect();
+        let (low, high) = numbers.iter().fold((9.0_f64, 0.0_f64), |(low, high), x| (low.min(*x), high.max(*x)));
+        assert!((1.0..1.05).contains(&low) && (2.95..=3.0).contains(&high), "{low} to {high}");
+        assert!(numbers.iter().all(|number| num::rounded(*number, DECIMALS) == *number));
+        let options = vec!["calm".to_string(), "rough".to_string()];
+        assert_eq!(texts(all(Domain::Choice { options })), ["\"calm\"", "\"rough\""].map(String::from).into());
+        assert!(all(Domain::Mechanism { slot: "actor_score".into() }).is_empty());
+        // The present value is never drawn, and where there is no other one nothing is.
+        let mut stream = self::stream();
+        let others: Vec<Value> = (0..200).filter_map(|_| another(&integer(0, 9), &json!(4.0), &mut stream)).collect();
+        assert!(others.len() == 200 && !others.contains(&json!(4.0)));
+        assert_eq!(another(&integer(3, 3), &json!(3.0), &mut stream), None);
+    }
+
+    #[test]
+    fn a_condition_compares_a_feature_with_a_value_that_some_scene_has() {
+        let contract = toy::contract();
+        let values = values(&contract);
+        let places = Places { contract: &contract, values: &values, closed: &[] };
+        let mut stream = stream();
+        let found: BTreeSet<String> = (0..4000).filter_map(|_| condition(&places, &mut stream)).collect();
+        let wanted = contract.scene_features.iter().flat_map(|feature| match feature.value {
+            ValueType::Boolean => vec![feature.name.to_string(), format!("not {}", feature.name)],
+            ValueType::Number => VALUES
+                .iter()
+                .flat_map(|value| ["<=", ">"].map(|sign| format!("{} {sign} {value}", feature.name)))
+                .collect(),
+        });
+        assert_eq!(found, wanted.collect());
+    }
+
+    #[test]
+    fn a_patch_has_one_to_the_most_edits_each_of_them_an_other_value_at_a_place_of_its_own() {
+        let (contract, parent) = (toy::contract(), toy::program());
+        let values = values(&contract);
+        let places = Places { contract: &contract, values: &values, closed: &[] };
+        let (mut counts, mut kinds) = (BTreeSet::new(), BTreeSet::new());
+        let mut stream = stream();
+        let whole = serde_json::to_value(&parent).unwrap();
+        for _ in 0..600 {
+            let patch = random_patch((&parent, parent.hash().unwrap()), &places, 3, &mut stream);
+            counts.insert(patch.operations.len());
+            for (place, operation) in patch.operations.iter().enumerate() {
+                assert!(apart(operation, &patch.operations[..place]), "{:?}", patch.operations);
+                kinds.insert(operation.path.clone());
+                let now = whole.pointer(&operation.path);
+                assert_eq!(now.is_some(), operation.op == OperationKind::Replace, "{operation:?}");
+                assert_ne!(now, operation.value.as_ref());
+            }
+        }
+        assert_eq!(counts, BTreeSet::from([1, 2, 3]));
+        let nodes = [
+            "/operator_graph/actor",
+            "/operator_graph/filter/settings/gap_m_min",
+            "/operator_graph/search/settings/combine",
+        ];
+        let parameters = parent.parameters.keys().map(|name| format!("/parameters/{name}"));
+        let rule = "/scenario_conditioned_policy/-".to_string();
+        assert_eq!(kinds, parameters.chain(nodes.map(String::from)).chain([rule]).collect());
+        // Where fewer places are there than edits are wanted, all of them are taken.
+        let mut small = contract.clone();
+        small.scene_features.clear();
+        let places = Places { contract: &small, ..places };
+        let most = (0..20)
+            .map(|_| random_patch((&parent, parent.hash().unwrap()), &places, 1000, &mut stream).operations.len());
+        assert_eq!(most.max(), Some(7));
+    }
+}

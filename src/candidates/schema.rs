@@ -97,3 +97,50 @@ pub fn check_child(contract: &Contract, child: &Result<Program, ApplyError>) -> 
         Ok(program) => contract.check_limits(program).iter().map(Problem::to_string).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objects::{FamilyName, SolutionId};
+    use serde_json::json;
+
+    fn patch(path: &str) -> ProgramPatch {
+        let operation = Operation { op: OperationKind::Add, path: path.into(), value: Some(json!(1)) };
+        ProgramPatch {
+            source_baseline: FamilyName::new("toy"),
+            parent_solution_id: SolutionId::new("toy-idm/parent"),
+            parent_program_hash: "a".repeat(64),
+            operations: vec![operation],
+            hypothesis: "nearer actors meet the ego sooner".into(),
+            memory_refs_used: vec![],
+            cluster_refs_used: vec![],
+            repair_summary: None,
+        }
+    }
+
+    /// Places of the findings.
+    fn found(change: impl FnOnce(&mut ProgramPatch)) -> Vec<String> {
+        let mut patch = patch("/parameters/a");
+        change(&mut patch);
+        check_patch(&patch).into_iter().map(|problem| problem.to_string()).collect()
+    }
+
+    #[test]
+    fn texts_references_and_paths_may_be_as_long_as_their_bounds_and_no_longer() {
+        assert!(found(|_| {}).is_empty());
+        let text = |length: usize| "x".repeat(length);
+        assert!(found(|patch| patch.hypothesis = text(HYPOTHESIS_MAX_BYTES)).is_empty());
+        assert!(found(|patch| patch.hypothesis = text(HYPOTHESIS_MAX_BYTES + 1))[0].contains("patch/hypothesis"));
+        assert!(found(|patch| patch.repair_summary = Some(" ".into())).is_empty());
+        let long = |count: usize, length: usize| vec![text(length); count];
+        assert!(found(|patch| patch.memory_refs_used = long(REFERENCES_MAX, ID_MAX_BYTES)).is_empty());
+        assert!(
+            found(|patch| patch.memory_refs_used = long(REFERENCES_MAX + 1, 1))[0].contains("patch/memory_refs_used")
+        );
+        assert!(
+            found(|patch| patch.cluster_refs_used = long(1, ID_MAX_BYTES + 1))[0].contains("patch/cluster_refs_used")
+        );
+        assert!(found(|patch| patch.operations[0].path = text(PATH_MAX_BYTES)).is_empty());
+        assert!(found(|patch| patch.operations[0].path = text(PATH_MAX_BYTES + 1))[0].contains("operations/0/path"));
+    }
+}

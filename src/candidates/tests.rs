@@ -262,6 +262,80 @@ fn the_interface_gate_refuses_unknown_places_idle_edits_and_too_many() {
 }
 
 #[test]
+fn a_closed_part_and_what_lies_in_it_take_no_edit() {
+    let (contract, registry) = (contract(), registry());
+    let closed =
+        Judging { closed: &["/mechanism_modules", "/parameters/style"], ..Judging::whole(&contract, &registry) };
+    let refused = |operations: Vec<Operation>| -> Vec<String> {
+        let admission = admit(&program(), &patch(operations), child_id(), &closed, &|_, _| Trials::default());
+        let found = admission.gates.failed().flat_map(|verdict| verdict.problems.clone());
+        found.filter(|problem| problem.contains("is closed in this run")).collect()
+    };
+    assert!(refused(vec![longer()]).is_empty());
+    assert_eq!(refused(vec![replace("/mechanism_modules/pressure/expression", json!("1"))]).len(), 1);
+    assert_eq!(refused(vec![longer(), replace("/parameters/style", json!("rough"))]).len(), 1);
+    assert!(refused(vec![add("/parameters/style_two", json!(1))]).is_empty(), "only what lies in it");
+}
+
+#[test]
+fn a_report_names_twelve_problems_and_how_many_more_there_are() {
+    let unknown = |count: usize| patch((0..count).map(|k| add(&format!("/parameters/p{k}"), json!(1))).collect());
+    let of_interface = |count: usize| {
+        let admission = judge(&unknown(count));
+        admission.gates.verdicts.into_iter().find(|verdict| verdict.gate == Gate::Interface).unwrap().problems
+    };
+    // The contract takes eight edits: their number is a problem of its own, and of twice as many the paths are looked at.
+    assert_eq!(of_interface(11).len(), 12);
+    let more = |count: usize| of_interface(count).get(12).cloned();
+    assert_eq!(
+        (more(12), more(16), more(20)),
+        (Some("and 1 more".into()), Some("and 5 more".into()), Some("and 5 more".into()))
+    );
+}
+
+#[test]
+fn of_a_patch_that_cannot_be_applied_every_gate_says_why_it_saw_nothing() {
+    let admission = judge(&patch(vec![remove("/mechanism_modules/unknown")]));
+    let blind: Vec<&str> = admission.gates.verdicts.iter().flat_map(|v| &v.problems).map(String::as_str).collect();
+    assert!(blind.iter().all(|problem| problem.len() > 10), "{blind:?}");
+    assert!(blind.contains(&"nothing to look at: the patch could not be applied"), "{blind:?}");
+}
+
+#[test]
+fn paths_into_lists_end_in_an_index_or_append() {
+    let told = |path: &str| {
+        let found = judge(&patch(vec![add(path, json!("select"))])).gates;
+        found.failed().flat_map(|verdict| verdict.problems.clone()).any(|p| p.contains("an index, or `-` to append"))
+    };
+    for list in
+        ["/operator_graph/timing/inputs", "/mechanism_modules/pressure/inputs", "/mechanism_modules/pressure/tags"]
+    {
+        let odd: Vec<String> = ["one", "1a", "", "-1"].map(|end| format!("{list}/{end}")).to_vec();
+        assert!(odd.iter().all(|path| told(path)), "{odd:?}");
+        assert!(!told(&format!("{list}/0")) && !told(&format!("{list}/-")) && !told(&format!("{list}/12")), "{list}");
+    }
+    assert!(told("/scenario_conditioned_policy/first/when") && !told("/scenario_conditioned_policy/0/when"));
+    // A node may be replaced whole, and has no other fields than its own.
+    let fields = |path: &str| {
+        let found = judge(&patch(vec![add(path, json!("x"))])).gates;
+        found
+            .failed()
+            .flat_map(|verdict| verdict.problems.clone())
+            .any(|p| p.contains("/operator_graph/<node>/ and one of"))
+    };
+    assert!(fields("/operator_graph/timing/colour") && fields("/operator_graph/timing/settings/a/b"));
+    assert!(!fields("/operator_graph/timing/kind") && !fields("/operator_graph/timing"));
+}
+
+#[test]
+fn a_quoted_text_is_cut_where_it_is_too_long_and_shows_it() {
+    use super::apply::shortened;
+    let most = "x".repeat(160);
+    assert_eq!(shortened(&most), most);
+    assert_eq!(shortened(&format!("{most}y")), format!("{most}…"));
+}
+
+#[test]
 fn the_interface_gate_refuses_fields_that_rules_and_modules_do_not_have() {
     for path in ["/scenario_conditioned_policy/0/colour", "/mechanism_modules/pressure/colour"] {
         let failed = failing_with(vec![add(path, json!("red"))]);
@@ -287,6 +361,21 @@ fn the_isolation_gate_refuses_words_and_ids_of_others() {
     for id in ["swarm-idm", "swarm-idm/e3s1", "toy-other/parent"] {
         let tags = failing_with(vec![replace("/mechanism_modules/pressure/tags", json!([id]))]);
         assert_eq!(tags, [Gate::Isolation, Gate::Mechanism, Gate::Compile], "{id}");
+    }
+}
+
+#[test]
+fn only_what_has_the_form_of_an_id_is_an_id_of_another_lineage() {
+    let refused = |word: &str| {
+        let tag = add("/mechanism_modules/pressure/tags/-", json!(format!("as {word} has it")));
+        failing_with(vec![longer(), tag]).contains(&Gate::Isolation)
+    };
+    for id in ["other-idm/e1s0", "other-idm/e12s345", "other-idm/parent", "/other-idm/e0s0"] {
+        assert!(refused(id), "{id}");
+    }
+    for word in ["other-idm/e1sx", "other-idm/exs1", "other-idm/es1", "other-idm/e1s", "other-idm/x1s1", "toy-idm/e1s0"]
+    {
+        assert!(!refused(word), "{word}");
     }
 }
 

@@ -69,3 +69,35 @@ impl<'a> Iterator for Walk<'a> {
         Some((value, depth))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_value_may_be_as_deep_as_wide_and_as_long_as_the_bounds_say_and_no_more() {
+        let nested = |levels: usize, of: fn(Value) -> Value| (1..levels).fold(json!(1), |value, _| of(value));
+        for of in [|value| json!([value]), |value| json!({ "k": value })] as [fn(Value) -> Value; 2] {
+            assert_eq!(too_large(&nested(VALUE_DEPTH_MAX, of)), None);
+            assert!(too_large(&nested(VALUE_DEPTH_MAX + 1, of)).unwrap().contains("nested deeper than 8"));
+        }
+        // The list itself is an element, too.
+        assert_eq!(too_large(&json!(vec![0; VALUE_ELEMENTS_MAX - 1])), None);
+        assert!(too_large(&json!(vec![0; VALUE_ELEMENTS_MAX])).unwrap().contains("more than 512 elements"));
+        let half = "x".repeat(VALUE_TEXT_MAX_BYTES / 2);
+        assert_eq!(too_large(&json!({ &half: &half })), None);
+        assert!(too_large(&json!({ &half: format!("{half}x") })).unwrap().contains("bytes of text"));
+    }
+
+    #[test]
+    fn texts_are_keys_and_texts_of_all_levels() {
+        let value = json!({ "a": ["b", { "c": "d" }], "e": 1 });
+        let mut found = texts(&value);
+        found.sort_unstable();
+        assert_eq!(found, ["a", "b", "c", "d", "e"]);
+        found = keys(&value);
+        found.sort_unstable();
+        assert_eq!(found, ["a", "c", "e"]);
+    }
+}

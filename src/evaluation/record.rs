@@ -10,7 +10,7 @@ use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::sim::{ActorRef, Outcome, SIM_VERSION};
 
 /// What one rollout of one program in one scene left behind.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RolloutRecord {
     pub scene: String,
@@ -42,12 +42,6 @@ impl Written {
     /// Reads it.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, serde_json::Error> {
         serde_json::from_str(self.0.get())
-    }
-}
-
-impl PartialEq for Written {
-    fn eq(&self, other: &Written) -> bool {
-        self.0.get() == other.0.get()
     }
 }
 

@@ -223,3 +223,18 @@ fn is_on(corners: &[Vec2; 4], point: Vec2) -> bool {
     }
     false
 }
+
+/// Surfaces for this room's tests.
+#[cfg(test)]
+pub(super) mod samples {
+    use super::*;
+    use crate::scene::Road;
+    use crate::sim::scenes::lane;
+
+    /// Lanes in all directions that cross, touch and leave gaps; some share an end or an edge. Half a metre is 1.
+    pub fn surface(ends: &[(i32, i32)]) -> Drivable {
+        let place = |&(x, y): &(i32, i32)| Vec2::new(0.5 * f64::from(x), 0.5 * f64::from(y));
+        let lanes = ends.windows(2).filter(|e| e[0] != e[1]).map(|e| lane(place(&e[0]), place(&e[1])));
+        Drivable::of(Arc::new(Pieces::of(&Road { lanes: lanes.collect(), ..Road::default() })))
+    }
+}

@@ -63,9 +63,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::scene::Road;
-    use crate::scene::pieces::Pieces;
-    use crate::sim::scenes::lane;
+    use crate::sim::drivable::samples::surface;
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(400))]
@@ -77,11 +75,7 @@ mod tests {
             turn in 0..48,
             hint in 0u32..12,
         ) {
-            // Lanes in all directions that cross, touch and leave gaps; some share an end or an edge.
-            let place = |&(x, y): &(i32, i32)| Vec2::new(0.5 * f64::from(x), 0.5 * f64::from(y));
-            let lanes = ends.windows(2).filter(|e| e[0] != e[1]).map(|e| lane(place(&e[0]), place(&e[1])));
-            let road = Road { lanes: lanes.collect(), ..Road::default() };
-            let road = Drivable::of(std::sync::Arc::new(Pieces::of(&road)));
+            let road = surface(&ends);
             let from = Vec2::new(0.25 * f64::from(from.0), 0.25 * f64::from(from.1));
             let side = Vec2::from_heading(f64::from(turn) * std::f64::consts::TAU / 48.0);
             let plain = match road.holds_by_walk(from) {

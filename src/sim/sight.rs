@@ -95,16 +95,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::scene::Road;
-    use crate::scene::pieces::Pieces;
-    use crate::sim::scenes::lane;
-
-    /// Lanes in all directions that cross, touch and leave gaps; some share an end or an edge.
-    fn surface(ends: &[(i32, i32)]) -> Drivable {
-        let place = |&(x, y): &(i32, i32)| Vec2::new(0.5 * f64::from(x), 0.5 * f64::from(y));
-        let lanes = ends.windows(2).filter(|e| e[0] != e[1]).map(|e| lane(place(&e[0]), place(&e[1])));
-        Drivable::of(std::sync::Arc::new(Pieces::of(&Road { lanes: lanes.collect(), ..Road::default() })))
-    }
+    use crate::sim::drivable::samples::surface;
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(400))]

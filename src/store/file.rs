@@ -223,6 +223,64 @@ mod tests {
     }
 
     #[test]
+    fn no_file_has_no_length_and_one_that_cannot_be_asked_is_an_error() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("three");
+        write_atomic(&path, b"abc").unwrap();
+        assert_eq!((length(&path).unwrap(), length(&dir.path().join("none")).unwrap()), (3, 0));
+        let within = length(&path.join("below a file")).unwrap_err();
+        assert!(within.to_string().contains("below a file"), "{within}");
+    }
+
+    #[test]
+    fn what_is_removed_is_gone_what_was_gone_is_no_error_and_the_other_kind_is_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let (file, none, folder) = (dir.path().join("file"), dir.path().join("none"), dir.path().join("folder"));
+        type Remover = fn(&Path) -> Result<(), StoreError>;
+        for (remove, kind) in [(remove_file as Remover, "file"), (remove_dir, "tree"), (remove_empty_dir, "empty")] {
+            write_atomic(&file, b"x").unwrap();
+            create_dir(&folder).unwrap();
+            let (own, other) = if kind == "file" { (&file, &folder) } else { (&folder, &file) };
+            remove(own).unwrap();
+            remove(&none).unwrap();
+            assert!(matches!(remove(other), Err(StoreError::Io { .. })), "{kind}");
+            assert!(!own.exists() && other.exists(), "{kind}");
+        }
+        write_atomic(&folder.join("inside"), b"x").unwrap();
+        remove_empty_dir(&folder).unwrap();
+        assert!(folder.join("inside").exists(), "what is not empty stays");
+        remove_dir(&folder).unwrap();
+        assert!(!folder.exists());
+    }
+
+    #[test]
+    fn a_file_is_copied_renamed_and_begun_to_be_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let [one, two, three] = ["one", "two", "three"].map(|name| dir.path().join(name));
+        write_atomic(&one, b"abcdef").unwrap();
+        copy(&one, &two).unwrap();
+        assert_eq!((read_head(&two, 4).unwrap(), read_head(&two, 9).unwrap()), (b"abcd".to_vec(), b"abcdef".to_vec()));
+        rename(&two, &three).unwrap();
+        assert!(one.exists() && !two.exists() && read_bounded(&three, 6).unwrap() == b"abcdef");
+        assert!(copy(&two, &three).is_err() && rename(&two, &one).is_err() && read_head(&two, 1).is_err());
+    }
+
+    #[test]
+    fn folders_are_listed_without_files_and_hidden_ones_and_files_no_deeper_than_the_bound() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["b", "a", ".hidden"] {
+            create_dir(&dir.path().join(name)).unwrap();
+        }
+        write_atomic(&dir.path().join("file"), b"").unwrap();
+        assert_eq!(list_dirs(dir.path()).unwrap(), ["a", "b"].map(|name| dir.path().join(name)));
+        let deep = |levels: usize| (0..levels).fold(dir.path().join("a"), |path, _| path.join("d"));
+        for levels in [MAX_DEPTH - 1, MAX_DEPTH] {
+            write_atomic(&deep(levels).join("leaf"), b"").unwrap();
+        }
+        assert_eq!(list_files(dir.path(), &["leaf"]).unwrap(), [deep(MAX_DEPTH - 1).join("leaf")]);
+    }
+
+    #[test]
     fn files_are_listed_in_the_order_of_their_paths() {
         let dir = tempfile::tempdir().unwrap();
         for name in ["b.xml", "a/z.xml", "a/y.txt", ".hidden.xml", "c.xml"] {

@@ -226,4 +226,23 @@ mod tests {
         assert_eq!(fingerprint(&[object(1, 0, 4), memo(7, 1, 100), memo(7, 2, 200)]), last);
         assert_eq!(fingerprint(&[object(1, 0, 4), object(1, 90, 4), memo(7, 2, 200)]), last);
     }
+
+    #[test]
+    fn an_index_is_whole_whose_records_tile_the_pack_and_whose_entries_name_objects() {
+        let whole = |pieces: &[Piece], indexed_to: u64| {
+            let mut places = Places::default();
+            pieces.iter().for_each(|piece| places.add(piece));
+            places.indexed_to = indexed_to;
+            places.is_whole()
+        };
+        let second = HEADER + 4;
+        let third = second + HEADER + 5;
+        let end = third + HEADER + MEMO_BODY;
+        let pieces = [object(1, 0, 4), object(2, second, 5), memo(7, 1, third)];
+        assert!(whole(&pieces, end) && whole(&[], 0));
+        assert!(!whole(&pieces, end + 1) && !whole(&pieces, end - 1), "the last record ends where the index does");
+        assert!(!whole(&[object(1, 0, 4), object(2, second + 1, 5), memo(7, 1, third)], end), "a gap");
+        assert!(!whole(&[object(2, second, 5), memo(7, 1, third)], end), "the first record is missing");
+        assert!(!whole(&[object(1, 0, 4), object(2, second, 5), memo(7, 3, third)], end), "an entry names nobody");
+    }
 }

@@ -218,3 +218,63 @@ fn next_record(file: &File, from: u64, size: u64) -> std::io::Result<Option<u64>
 fn read_header_here(bytes: &[u8; HEADER as usize]) -> Option<Header> {
     if bytes.starts_with(OBJECT) || bytes.starts_with(MEMO) { read_header(bytes) } else { None }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn object(body: &[u8]) -> Vec<u8> {
+        record(false, &Digest::of_bytes(body), body)
+    }
+
+    fn scanned(bytes: &[u8]) -> Vec<Piece> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        scan(&File::open(file.path()).unwrap(), 0, true).unwrap()
+    }
+
+    #[test]
+    fn zeros_at_the_end_are_a_write_that_was_cut_off_however_many_there_are() {
+        let whole = object(b"whole");
+        let at = whole.len() as u64;
+        for zeros in [1, 8, HEADER as usize - 1, HEADER as usize, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 100] {
+            let padded = [whole.clone(), vec![0; zeros]].concat();
+            assert_eq!(scanned(&padded).last(), Some(&Piece::Torn { at }), "{zeros} zeros");
+            // Another byte at their end came from no power cut.
+            let other = [padded, vec![1]].concat();
+            assert!(
+                matches!(scanned(&other).last(), Some(Piece::Damaged { at: place, .. }) if *place == at),
+                "{zeros} zeros"
+            );
+        }
+    }
+
+    #[test]
+    fn a_header_that_breaks_off_is_a_write_that_was_cut_off_and_other_bytes_are_damage() {
+        let (one, two) = (object(b"one"), object(b"two"));
+        let at = one.len() as u64;
+        for length in 1..two.len() {
+            assert_eq!(scanned(&[&one, &two[..length]].concat()).last(), Some(&Piece::Torn { at }), "{length} bytes");
+        }
+        assert!(matches!(scanned(&[&one[..], b"EVOX"].concat()).last(), Some(Piece::Damaged { .. })));
+    }
+
+    #[test]
+    fn behind_damage_of_any_length_the_next_record_is_found() {
+        let (first, next) = (object(b"first"), object(b"next"));
+        let header = HEADER as usize;
+        for length in
+            [1, header - 1, header, CHUNK - header, CHUNK - header + 1, CHUNK - 1, CHUNK, CHUNK + 1, 3 * CHUNK]
+        {
+            let rotten = vec![7; length];
+            let pieces = scanned(&[&first[..], &rotten, &next].concat());
+            let (at, end) = (first.len() as u64, (first.len() + length) as u64);
+            assert_eq!(pieces.len(), 3, "{length}");
+            assert!(
+                matches!(&pieces[1], Piece::Damaged { at: from, end: to, .. } if (*from, *to) == (at, end)),
+                "{length}"
+            );
+            assert_eq!(pieces[2], Piece::Object { at: end, length: 4, digest: Digest::of_bytes(b"next") }, "{length}");
+        }
+    }
+}

@@ -46,3 +46,34 @@ fn decompress(bytes: &[u8], max_bytes: u64) -> Result<Vec<u8>, (String, String)>
     }
     Ok(text)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_may_be_as_long_as_the_bound_says_plain_and_compressed() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = vec![b'a'; 1000];
+        for name in ["plain.txt", "packed.zst"] {
+            let path = dir.path().join(name);
+            write_text(&path, &text).unwrap();
+            assert_eq!(read_text(&path, 1000).unwrap().unwrap(), text, "{name}");
+        }
+        assert!(matches!(read_text(&dir.path().join("plain.txt"), 999), Err(StoreError::TooLarge { .. })));
+        let (expected, found) = read_text(&dir.path().join("packed.zst"), 999).unwrap().unwrap_err();
+        assert_eq!((expected.as_str(), found.as_str()), ("at most 999 bytes after decompression", "more"));
+    }
+
+    #[test]
+    fn a_compressed_text_is_known_by_its_bytes_or_by_its_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let (packed, copy) = (dir.path().join("text.zst"), dir.path().join("text.txt"));
+        write_text(&packed, b"a text").unwrap();
+        std::fs::copy(&packed, &copy).unwrap();
+        assert_eq!(read_text(&copy, 100).unwrap().unwrap(), b"a text");
+        // What bears the name and is none is said to be damaged.
+        std::fs::write(&packed, b"a text").unwrap();
+        assert_eq!(read_text(&packed, 100).unwrap().unwrap_err().0, "a whole zstd stream");
+    }
+}

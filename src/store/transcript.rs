@@ -490,6 +490,27 @@ mod tests {
     }
 
     #[test]
+    fn damage_says_what_stands_on_the_line() {
+        let (_dir, path) = temp();
+        three_events(&path);
+        let whole = std::fs::read_to_string(&path).unwrap();
+        let lines: Vec<&str> = whole.lines().collect();
+        let said = |second: &str| {
+            std::fs::write(&path, [lines[0], second, lines[2], ""].join("\n")).unwrap();
+            let damage = fsck_transcript(&path).unwrap();
+            assert_eq!(damage.len(), 1);
+            damage[0].to_string()
+        };
+        let half = &lines[1][..lines[1].len() / 2];
+        assert!(
+            said(half).contains("line 2") && said(half).contains("expected a whole event, found one that breaks off")
+        );
+        assert!(said("[1, 2]").contains("expected an event, found: "), "{}", said("[1, 2]"));
+        assert!(said(lines[0]).contains("expected ") && said(lines[0]).contains(", found "), "{}", said(lines[0]));
+        assert!(said(&lines[1].replacen(':', ": ", 1)).contains("found another spelling"));
+    }
+
+    #[test]
     fn the_head_of_three_events_is_pinned() {
         let (_dir, path) = temp();
         assert_eq!(three_events(&path).to_hex(), "e3699c7c283826239ef7181b171e1ff79a33ed3a98ff294161a00c03e8495d5d");

@@ -213,3 +213,28 @@ fn group_mean(labels: &[&WorldLabel]) -> Option<GroupMean> {
     let mean = Objectives { attack: mean(|o| o.attack)?, realism: mean(|o| o.realism)? };
     Some(GroupMean { labels: labels.len() as u32, mean })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objects::WorldModel;
+
+    #[test]
+    fn a_half_width_is_the_quantile_of_the_errors_as_if_one_more_were_there() {
+        let configuration = super::super::tests::configuration(WorldModel::Ridge);
+        let errors = |count: u32| -> Vec<Objectives> {
+            let one = |k: u32| Objectives { attack: -f64::from((7 * k) % count + 1), realism: f64::from(k + 1) };
+            (0..count).map(one).collect()
+        };
+        // 0.8 of 21 is 16.8: the 17th of twenty.
+        let found = half_width(&configuration, &errors(20)).unwrap();
+        assert_eq!((found.attack, found.realism), (17.0, 17.0));
+        assert_eq!(half_width(&configuration, &errors(19)), None, "too few errors to say");
+        let sure = WorldConfiguration { interval_level: 0.99, ..configuration };
+        assert_eq!(
+            half_width(&sure, &errors(20)).unwrap().attack,
+            20.0,
+            "the largest, where there are too few for the level"
+        );
+    }
+}

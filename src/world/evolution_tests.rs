@@ -179,6 +179,29 @@ fn a_drawn_candidate_counts_for_all_that_it_stands_for() {
     assert!((found.false_reject_pct.unwrap() - missed).abs() < 1e-9, "{found:?}");
 }
 
+#[test]
+fn a_rank_correlation_is_worked_by_hand() {
+    let lineage = LineageId::new("cat-idm");
+    // One epoch of three, of whom the last stands for two. Gains rise, ranks are 3, 1, 2.
+    let labels: Vec<WorldLabel> = (1..4).map(|k| label(0, &[0.0, 0.0], 0.1 * f64::from(k))).collect();
+    let mut held = made_up(&labels, &lineage, |k, _| Says {
+        rank_score: [3.0, 1.0, 2.0][k],
+        realism: 0.0,
+        holds: true,
+        weak: false,
+    });
+    held[2].evidence.weight = 2.0;
+    let routing = configuration(WorldModel::Ridge).routing;
+    let found = super::held::measures(&held.iter().collect::<Vec<_>>(), &routing).rank_correlation.unwrap();
+    // Centred ranks 0.375, -0.375, 0 and -0.375, -0.125, 0.25; products -0.09375, squares 0.28125 each.
+    assert!((found + 1.0 / 3.0).abs() < 1e-12, "{found}");
+    // Against a rank that differs from the gains in its spread: squares 0.375 and 0.28125.
+    held[1].prediction.rank_score = 3.0;
+    let tied = super::held::measures(&held.iter().collect::<Vec<_>>(), &routing).rank_correlation.unwrap();
+    // Centred ranks 0.25, 0.25, -0.25: squares 0.25, products -0.09375 - 0.03125 - 0.125.
+    assert!((tied + 0.25 / (0.25_f64 * 0.28125).sqrt()).abs() < 1e-12, "{tied}");
+}
+
 fn evidence<'a>(labels: &'a [WorldLabel], lineage: &'a LineageId) -> Vec<Evidence<'a>> {
     labels.iter().map(|label| Evidence { label, lineage, weight: 1.0 }).collect()
 }
@@ -214,12 +237,55 @@ fn an_evaluator_that_sees_the_decisive_column_takes_the_place_of_one_that_does_n
     let ranked = found.gains.iter().find(|gain| gain.rule == JudgeRule::Ranking).unwrap();
     assert!(ranked.gain > 0.5, "{found:?}");
     let back = judge(&judging, &new, &old);
-    assert!(back.objections.iter().any(|objection| objection.rule == JudgeRule::Ranking), "{back:?}");
+    let objection = back.objections.iter().find(|objection| objection.rule == JudgeRule::Ranking).unwrap();
+    let number = |of: &WorldMeasures| format!("{:.4}", of.rank_correlation.unwrap());
+    let (from, to) = (number(&back.incumbent), number(&back.challenger));
+    assert_eq!(objection.says, format!("rank correlation would go from {from} to {to}"));
     let audited = audit(&judging, &blind, &known, &old);
     let scene = audited.groups.iter().find(|group| group.group == "scene").unwrap();
     let (column, correlation) = scene.residual.clone().unwrap();
     assert!(column == "x0" && correlation > 0.7 && scene.excluded == 1, "{scene:?}");
     assert_eq!(audited.held_epochs, [1, 2, 3, 4, 5], "nothing is known before the first epoch");
+}
+
+#[test]
+fn an_audit_counts_what_is_known_by_way_of_routing_and_names_the_column_that_the_prediction_misses() {
+    let lineage = LineageId::new("cat-idm");
+    let mut labels = candidates(last);
+    // What decides stands in the second column; every third candidate was ranked, the others were drawn.
+    for (k, label) in labels.iter_mut().enumerate() {
+        label.row.features.reverse();
+        label.decision = if k.is_multiple_of(3) { RouteDecision::Select } else { RouteDecision::Audit };
+    }
+    let (schema, founding, options) = (columns(2), configuration(WorldModel::Ridge), options());
+    let blind = WorldConfiguration { excluded_columns: vec!["x1".into()], ..founding.clone() };
+    let judging = Judging { schema: &schema, founding: &founding, options: &options, before: EPOCHS - 1 };
+    let known = evidence(&labels, &lineage);
+    let audited = audit(&judging, &blind, &known, &fits(&judging, &blind, &known));
+    assert_eq!(
+        (audited.labels, audited.before_epoch, audited.level_pct),
+        (50, 5, 80.0),
+        "the last epoch is not known yet"
+    );
+    let accepted = |found: RoutedShare| found.accepted_pct.unwrap() * found.candidates as f64 / 100.0;
+    assert_eq!((audited.selected.candidates, audited.audited.candidates), (17, 33));
+    // The last two of each epoch are accepted; of these 9, 18, 39 and 48 were ranked.
+    assert!(
+        (accepted(audited.selected) - 4.0).abs() < 1e-9 && (accepted(audited.audited) - 6.0).abs() < 1e-9,
+        "{audited:?}"
+    );
+    assert_eq!(audited.families.keys().collect::<Vec<_>>(), [&FamilyName::new("cat")]);
+    let [scene] = audited.groups.as_slice() else { panic!("one group has columns: {:?}", audited.groups) };
+    assert_eq!((scene.columns, scene.excluded), (2, 1));
+    assert_eq!(scene.residual.as_ref().unwrap().0, "x1", "the strongest, not the first");
+    // Who predicts every difference misses nothing that a column could tell.
+    let exact = |label| {
+        let difference = WorldLabel::difference(label);
+        let prediction = Prediction { objectives: label.labels, difference, half_width: None, rank_score: 0.0 };
+        Held { evidence: Evidence { label, lineage: &lineage, weight: 1.0 }, prediction, weak: false }
+    };
+    let held: Vec<Held<'_>> = labels.iter().map(exact).collect();
+    assert_eq!(audit(&judging, &founding, &known, &held).groups[0].residual, None);
 }
 
 proptest! {

@@ -96,6 +96,8 @@ fn a_column_is_read_in_units_of_its_deviation_and_not_beyond_ten() {
     let rows: [&[f64]; 4] = [&[1.0, 3.0], &[3.0, 3.0], &[5.0, 3.0], &[7.0, 3.0]];
     assert_eq!(moments(&rows, 0), (4.0, 5f64.sqrt()));
     assert_eq!(moments(&rows, 1), (3.0, 0.0), "does not vary");
+    let nearly = moments(&[&[1e6], &[1e6 + 1e-7]], 0);
+    assert_eq!(nearly.1, 0.0, "what varies by less than a billionth of a thousandth of itself does not: {nearly:?}");
     assert_eq!(standardised(&[9.0, 4.0, -70.0], &[0, 1, 2], &[5.0, 4.0, 0.0], &[2.0, 0.0, 1.0]), [2.0, 0.0, -10.0]);
 }
 
@@ -226,4 +228,37 @@ fn candidates_are_ranked_by_their_gain_and_by_what_is_not_known_of_them() {
     assert!((gain.realism + 0.1).abs() < 1e-9 && half.realism > 0.0, "{gain:?} {half:?}");
     assert!((found.objectives.realism - (0.5 + gain.realism)).abs() < 1e-12);
     assert!((found.objectives.attack - (0.3 + gain.attack)).abs() < 1e-12);
+}
+
+#[test]
+fn what_few_open_scenes_show_counts_for_those_scenes_alone() {
+    // In a quarter of the scenes something changes, and a fifth of attack is gained there: a twentieth over all.
+    let one = |k: u32| {
+        let mut label = label(0, &[f64::from(k % 5), 7.0], 0.05);
+        label.row.open_share = 0.25;
+        label
+    };
+    let mut set = CalibrationSet::default();
+    set.append((0..40).map(one).collect(), &columns(2)).unwrap();
+    let snapshot = settle(&columns(2), &configuration(WorldModel::Ridge), &set, 1, &Threads::new(1).unwrap()).unwrap();
+    let router = Router::new(&snapshot).unwrap();
+    for (open_share, gain) in [(0.25, 0.05), (1.0, 0.2)] {
+        let found = router.predict(&xi(&[2.0, 7.0], open_share)).unwrap();
+        assert!((found.difference.attack - gain).abs() < 1e-9, "{open_share}: {found:?}");
+        assert!((found.objectives.attack - (0.3 + gain)).abs() < 1e-9, "{open_share}: {found:?}");
+    }
+}
+
+#[test]
+fn a_fit_whose_columns_means_and_deviations_differ_in_number_is_refused() {
+    let whole = means_alone(1.0);
+    assert!(Router::new(&whole).is_ok());
+    let damaged = |damage: fn(&mut WorldFit)| {
+        let mut snapshot = whole.clone();
+        damage(snapshot.fit.as_mut().unwrap());
+        Router::new(&snapshot).is_err()
+    };
+    assert!(damaged(|fit| fit.column_mean.truncate(1)));
+    assert!(damaged(|fit| fit.column_std.truncate(1)));
+    assert!(damaged(|fit| fit.columns[0] = 2));
 }

@@ -191,6 +191,9 @@ fn the_budget_goes_to_the_first_by_rank() {
         routed(&predictions, &options(2, 0.0), 1).into_iter().map(|(d, ..)| d).collect();
     use RouteDecision::{Reject, Select};
     assert_eq!(decisions, [Reject, Select, Reject, Select]);
+    let told: Vec<String> = routed(&predictions, &options(2, 0.0), 1).into_iter().map(|(.., why)| why).collect();
+    let rejected = |rank: u32| format!("reject: behind the budget, rank {rank} of 4");
+    assert_eq!(told, [rejected(4), "select: rank 1 of 4".into(), rejected(3), "select: rank 2 of 4".into()]);
     let all = routed(&predictions, &options(9, 0.0), 1);
     assert!(all.iter().all(|(decision, ..)| *decision == Select), "{all:?}");
 }
@@ -207,6 +210,13 @@ fn the_weak_and_certain_leave_even_a_budget_unused_and_the_uncertain_do_not() {
     let found = routed(&[weak(0.05), weak(0.5)], &thresholds, 1);
     assert_eq!((found[0].0, found[1].0), (RouteDecision::Reject, RouteDecision::Select));
     assert!(found[0].2.contains("weak and certain"), "{}", found[0].2);
+    // Either objective alone may be lost too much of; as much as declared is not too much.
+    let loses =
+        |attack: f64, realism: f64| Prediction { difference: Objectives { attack, realism }, ..prediction(0.5) };
+    (thresholds.lambda_a, thresholds.lambda_r) = (0.2, 0.1);
+    let found = routed(&[loses(0.5, -0.11), loses(-0.2, -0.1), loses(-0.21, 0.5)], &thresholds, 1);
+    let decisions: Vec<RouteDecision> = found.into_iter().map(|(decision, ..)| decision).collect();
+    assert_eq!(decisions, [RouteDecision::Reject, RouteDecision::Select, RouteDecision::Reject]);
 }
 
 #[test]
@@ -226,6 +236,19 @@ fn audits_estimate_what_was_left_out_without_bias() {
     // Two of those left out are of the kind that is counted.
     assert!((estimate / seeds as f64 - 2.0).abs() < 0.1, "{}", estimate / seeds as f64);
     assert_eq!(drawn, (0..7).collect());
+}
+
+#[test]
+fn a_share_of_audits_that_is_no_whole_number_is_met_on_the_average() {
+    let predictions: Vec<Prediction> = (0..10).map(|k| prediction(f64::from(k))).collect();
+    let audits = |seed: u64| {
+        let found = routed(&predictions, &options(3, 0.4), seed);
+        found.iter().filter(|(decision, ..)| *decision == RouteDecision::Audit).count()
+    };
+    // 1.2 of three places: one, and in a fifth of the epochs two.
+    let counts: Vec<usize> = (0..500).map(audits).collect();
+    let twice = counts.iter().filter(|count| **count == 2).count();
+    assert!(counts.iter().all(|count| (1..=2).contains(count)) && (70..130).contains(&twice), "{twice} of 500");
 }
 
 #[test]

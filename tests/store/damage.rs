@@ -154,6 +154,103 @@ fn a_pack_cut_before_the_last_flush_is_corruption_and_is_left_alone() {
 }
 
 #[test]
+fn a_pack_that_was_cut_names_the_objects_that_are_lost() {
+    let dir = tempfile::tempdir().unwrap();
+    let bodies = [b"first".to_vec(), vec![1; 100], vec![2; 20]];
+    let store = Store::open(dir.path()).unwrap();
+    let names = bodies.map(|body| store.put(&body).unwrap());
+    drop(store);
+    let whole = fs::read(dir.path().join(PACK)).unwrap();
+    // The last byte of the last one, its whole body, its header too, and a byte of the one before.
+    for (cut, lost) in
+        [(1, &names[2..]), (20, &names[2..]), (76, &names[2..]), (77, &names[1..]), (whole.len(), &names[..])]
+    {
+        fs::write(dir.path().join(PACK), &whole[..whole.len() - cut]).unwrap();
+        let Err(StoreError::Corrupt(damage)) = Store::open(dir.path()) else { panic!("{cut} bytes cut") };
+        let said = damage.to_string();
+        assert!(said.contains(&format!("{} objects are lost", lost.len())), "{cut} bytes cut: {said}");
+        assert!(names.iter().all(|name| said.contains(&name.to_string()) == lost.contains(name)), "{cut}: {said}");
+    }
+}
+
+#[test]
+fn a_record_cut_off_behind_the_last_flush_is_a_note_and_one_before_it_is_damage() {
+    let dir = tempfile::tempdir().unwrap();
+    small_store(dir.path());
+    let pack = dir.path().join(PACK);
+    let whole = fs::read(&pack).unwrap();
+    fs::write(&pack, [&whole[..], b"EVOBJ"].concat()).unwrap();
+    let report = fsck(dir.path(), true).unwrap();
+    assert!(report.damage.is_empty() && report.notes.iter().any(|note| note.contains("was cut off")), "{report:?}");
+    fs::write(&pack, &whole[..whole.len() - 1]).unwrap();
+    let report = fsck(dir.path(), true).unwrap();
+    assert!(!report.notes.iter().any(|note| note.contains("was cut off")), "{report:?}");
+    for said in ["found the end of the file", "as at the last flush, found"] {
+        assert!(report.damage.iter().any(|damage| damage.to_string().contains(said)), "{report:?}");
+    }
+}
+
+/// Takes a row away with its part in the fingerprint, which is over these bytes: an index that was written wrongly, not one that rotted.
+fn without_row(index: &rusqlite::Connection, bytes: &[&[u8]], remove: &str) {
+    let part = i64::from_le_bytes(Digest::of_bytes(&bytes.concat()).as_bytes()[..8].try_into().unwrap());
+    let fingerprint: i64 = index.query_row("SELECT fingerprint FROM pack", [], |row| row.get(0)).unwrap();
+    assert_eq!(index.execute(remove, []).unwrap(), 1);
+    index.execute("UPDATE pack SET fingerprint = ?1", [fingerprint ^ part]).unwrap();
+}
+
+#[test]
+fn a_row_that_an_otherwise_sound_index_lacks_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let said = || fsck(dir.path(), true).unwrap().damage.iter().map(ToString::to_string).collect::<Vec<String>>();
+    let objects = small_store(dir.path());
+    let index = rusqlite::Connection::open(dir.path().join(INDEX)).unwrap();
+    let place = |of: &str| index.query_row(of, [], |row| row.get::<_, i64>(0)).unwrap();
+    let at = place("SELECT place FROM memo WHERE kind = 'llm'");
+    let (question, answer) = (Digest::of_bytes(b"question"), objects[0].0);
+    let entry = [&[1], question.as_bytes().as_slice(), answer.as_bytes(), &at.to_le_bytes(), &65_u64.to_le_bytes()];
+    without_row(&index, &entry, "DELETE FROM memo WHERE kind = 'llm'");
+    let missing = format!("the llm request {question} at offset {at} is missing");
+    assert!(said().len() == 1 && said()[0].contains(&missing), "{:?}", said());
+    let at = place("SELECT place FROM object WHERE length = 5");
+    let entry = [answer.as_bytes().as_slice(), &at.to_le_bytes(), &5_u64.to_le_bytes()];
+    without_row(&index, &entry, "DELETE FROM object WHERE length = 5");
+    let missing = format!("object {answer} at offset {at} is missing");
+    assert!(said().len() == 2 && said().iter().any(|one| one.contains(&missing)), "{:?}", said());
+}
+
+#[test]
+fn without_reading_bodies_records_are_counted_and_only_their_headers_checked() {
+    let dir = tempfile::tempdir().unwrap();
+    small_store(dir.path());
+    let counts = |read_all: bool| {
+        let report = fsck(dir.path(), read_all).unwrap();
+        (report.objects, report.memo_entries, report.damage.len())
+    };
+    assert_eq!((counts(false), counts(true)), ((3, 2, 0), (3, 2, 0)));
+    let mut bytes = fs::read(dir.path().join(PACK)).unwrap();
+    bytes[56] ^= 1;
+    fs::write(dir.path().join(PACK), &bytes).unwrap();
+    let (quick, thorough) = (counts(false), counts(true));
+    assert_eq!(quick, (3, 2, 0), "a body was changed, no header");
+    assert!(thorough.0 == 2 && thorough.2 > 0, "{thorough:?}");
+    let said: Vec<String> = fsck(dir.path(), true).unwrap().damage.iter().map(ToString::to_string).collect();
+    assert!(said.iter().any(|one| one.contains("names an object that is not there whole")), "{said:?}");
+}
+
+#[test]
+fn a_store_in_use_is_not_looked_at_and_a_closed_one_names_no_holder() {
+    let dir = tempfile::tempdir().unwrap();
+    small_store(dir.path());
+    let lock = dir.path().join("lock");
+    let store = Store::open(dir.path()).unwrap();
+    assert!(matches!(fsck(dir.path(), false), Err(StoreError::Locked { .. })));
+    assert_eq!(fs::read_to_string(&lock).unwrap(), std::process::id().to_string());
+    drop(store);
+    assert!(fsck(dir.path(), false).unwrap().damage.is_empty());
+    assert_eq!(fs::read_to_string(&lock).unwrap(), "", "who held it is nobody's business any more");
+}
+
+#[test]
 fn a_lost_index_is_rebuilt_with_memo_and_all() {
     let dir = tempfile::tempdir().unwrap();
     let objects = small_store(dir.path());

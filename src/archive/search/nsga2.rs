@@ -47,6 +47,9 @@ mod tests {
         // By hand: (0.55 - 0.1) / 0.8 + (0.9 - 0.45) / 0.8 and (0.9 - 0.5) / 0.8 + (0.5 - 0.1) / 0.8.
         assert!((found[1].1 - 1.125).abs() < 1e-12 && (found[2].1 - 1.0).abs() < 1e-12, "{found:?}");
         assert!(found[0].1.is_infinite() && found[3].1.is_infinite());
+        // Of another rank nobody is counted: a third one changes nothing.
+        let more = ordered(&[&points[..], &[[0.2, 0.2], [0.3, 0.1]]].concat());
+        assert_eq!((&more[..5], more[5].0, more[6].0), (&found[..], 2, 2));
         assert!(before(found[1], found[2]) && before(found[2], found[4]) && !before(found[2], found[1]));
     }
 }

@@ -138,7 +138,25 @@ pub fn soft(violation: f64, tolerance: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::soft;
+    use super::*;
+
+    #[test]
+    fn names_of_own_metrics_are_lower_case_words_and_there_are_eight_at_most() {
+        let named = |names: &[&str]| {
+            let one =
+                |name: &&str| (name.to_string(), OutcomeFormula::try_from("contact_speed_mps".to_string()).unwrap());
+            named_metrics(&names.iter().map(one).collect())
+        };
+        let longest = "a".repeat(METRIC_NAME_CHARS);
+        assert!(named(&["near_miss_2", "b", &longest]).is_ok());
+        for bad in ["2nd", "_a", "Near", "nEar", "a-b", "a b", "", &format!("{longest}a")] {
+            let name = bad.to_string();
+            assert!(matches!(named(&["fine", bad]), Err(ProtocolError::MetricName(found)) if found == name), "{bad}");
+        }
+        let nine: Vec<String> = (0..=METRICS_MAX).map(|k| format!("m{k}")).collect();
+        let nine: Vec<&str> = nine.iter().map(String::as_str).collect();
+        assert!(matches!(named(&nine), Err(ProtocolError::Metrics(9))) && named(&nine[1..]).is_ok());
+    }
 
     #[test]
     fn a_soft_diagnostic_falls_linearly_to_zero_at_its_tolerance() {

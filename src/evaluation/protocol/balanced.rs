@@ -56,6 +56,17 @@ mod tests {
     }
 
     #[test]
+    fn attack_times_realism_decides_then_realism() {
+        let of = |collision, realism| {
+            let mut run = run(collision, true);
+            run.realism.sub_scores = [realism; 4];
+            ((RightTurn, 4), run)
+        };
+        let runs = [of(true, 0.1), of(false, 0.7), of(true, 0.8), of(false, 1.0)];
+        assert_eq!(balanced(&runs, 4), [2, 0, 3, 1]);
+    }
+
+    #[test]
     fn what_is_invalid_is_kept_only_where_there_is_nothing_else() {
         let runs = [((RightTurn, 4), run(true, false)), ((RightTurn, 4), run(false, true))];
         assert_eq!(balanced(&runs, 2), [1]);

@@ -158,6 +158,40 @@ mod tests {
     }
 
     #[test]
+    fn shares_of_scenes_are_compared_however_many_scenes_a_program_has() {
+        let all: Vec<Group> = (0..8).map(|route| (RightTurn, route)).collect();
+        let acting = |count: usize, of: usize| -> Vec<StagedRun> {
+            all[..of].iter().enumerate().map(|(i, group)| staged(*group, true, i < count)).collect()
+        };
+        let mut archive = SceneArchive::default();
+        archive.add(0, &SolutionId::new("parent"), acting(4, 8));
+        archive.add(1, &SolutionId::new("few"), acting(1, 2));
+        archive.add(1, &SolutionId::new("fewer"), acting(1, 8));
+        let found = solutions(&archive, 1);
+        // A half of the parent's half is asked for: a half of two and an eighth of eight.
+        assert!(found.contains(&"few".to_string()) && !found.contains(&"fewer".to_string()), "{found:?}");
+    }
+
+    #[test]
+    fn what_a_later_round_finds_is_not_known_before() {
+        let mut archive = SceneArchive::default();
+        archive.add(0, &SolutionId::new("parent"), vec![staged((RightTurn, 4), false, false)]);
+        archive.add(2, &SolutionId::new("late"), vec![staged((RightTurn, 4), true, true)]);
+        assert_eq!(solutions(&archive, 1), ["parent"]);
+        assert_eq!(solutions(&archive, 2), ["late"]);
+    }
+
+    #[test]
+    fn a_program_has_a_point_in_each_group_that_it_acts_in_and_groups_have_names() {
+        let runs = [staged((RightTurn, 4), true, true), staged((LaneChanging, 4), false, false)];
+        let found = group_points(&runs, &[(RightTurn, 4)]);
+        let (attack, _) = runs[0].run.point();
+        assert_eq!(found.keys().collect::<Vec<_>>(), [&(RightTurn, 4)]);
+        assert!((found[&(RightTurn, 4)].attack - attack).abs() < 1e-12, "{found:?} {attack}");
+        assert_eq!(group_name((RightTurn, 4)), format!("{}/4", RightTurn.name()));
+    }
+
+    #[test]
     fn a_group_in_which_nobody_acts_keeps_the_parents_scenes() {
         let mut archive = SceneArchive::default();
         archive.add(0, &SolutionId::new("parent"), vec![staged((RightTurn, 4), false, false)]);

@@ -246,6 +246,8 @@ mod tests {
         }
         runs.add_failure((TrafficFamily::LaneChanging, 4));
         runs.add_failure((TrafficFamily::LaneChanging, 9));
+        let recorded = runs.benchmark().unwrap();
+        assert_eq!((recorded.runs, recorded.failures), (4, 2));
         let groups = runs.groups();
         assert_eq!(groups.len(), 4, "a group without a run has no score");
         assert_eq!(groups[&(TrafficFamily::LaneChanging, 4)].realism.valid_rate, 0.5);

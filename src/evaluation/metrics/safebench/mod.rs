@@ -45,6 +45,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn options_that_define_no_score_are_named() {
+        let whole = SafebenchOptions { selected_per_group: 1, ars: ars::tests::OPTIONS };
+        assert_eq!(whole.fault(), None);
+        assert_eq!(
+            SafebenchOptions { selected_per_group: 0, ..whole }.fault(),
+            Some(("selected_per_group", "at least 1"))
+        );
+        for no_number in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+            let mut other = whole;
+            other.ars.map.off_road_tolerance_m = no_number;
+            assert_eq!(other.fault().map(|(name, _)| name), Some("map.off_road_tolerance_m"), "{no_number}");
+        }
+        for no_bound in [-1.0, f64::INFINITY, f64::NAN] {
+            let mut other = whole;
+            other.ars.validity.jump_m_max = no_bound;
+            assert_eq!(other.fault().map(|(name, _)| name), Some("validity.jump_m_max"), "{no_bound}");
+        }
+    }
+
+    #[test]
     fn attack_is_worked_by_hand_from_the_paper_s_table() {
         // CR 0.631 and OS 0.589 stand beside an attack of 0.260 in the paper.
         assert!((attack(0.631, 0.589) - 0.259_341).abs() < 1e-9);

@@ -139,6 +139,20 @@ fn each_sub_score_is_worked_by_hand() {
 }
 
 #[test]
+fn whoever_strikes_a_bystander_or_a_parked_thing_loses_a_third_of_the_interaction() {
+    let struck = |bystander, parked| {
+        let mut one = (report(), conduct(AgentKind::Vehicle));
+        (one.0.struck_bystander, one.0.struck_parked) = (bystander, parked);
+        scores(vec![(report(), conduct(AgentKind::Vehicle)), one])[2]
+    };
+    let third = 2.0 / 3.0;
+    assert_eq!(
+        [struck(false, false), struck(true, false), struck(false, true), struck(true, true)],
+        [1.0, third, third, third]
+    );
+}
+
+#[test]
 fn walkers_are_not_judged_by_lanes_nor_parked_things_by_motion() {
     let mut walker = (report(), conduct(AgentKind::Pedestrian));
     walker.0.simulated.wrong_way_m = 50.0;

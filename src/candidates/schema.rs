@@ -100,27 +100,13 @@ pub fn check_child(contract: &Contract, child: &Result<Program, ApplyError>) -> 
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{add, patch};
     use super::*;
-    use crate::objects::{FamilyName, SolutionId};
     use serde_json::json;
 
-    fn patch(path: &str) -> ProgramPatch {
-        let operation = Operation { op: OperationKind::Add, path: path.into(), value: Some(json!(1)) };
-        ProgramPatch {
-            source_baseline: FamilyName::new("toy"),
-            parent_solution_id: SolutionId::new("toy-idm/parent"),
-            parent_program_hash: "a".repeat(64),
-            operations: vec![operation],
-            hypothesis: "nearer actors meet the ego sooner".into(),
-            memory_refs_used: vec![],
-            cluster_refs_used: vec![],
-            repair_summary: None,
-        }
-    }
-
-    /// Places of the findings.
+    /// The findings of a changed patch.
     fn found(change: impl FnOnce(&mut ProgramPatch)) -> Vec<String> {
-        let mut patch = patch("/parameters/a");
+        let mut patch = patch(vec![add("/parameters/a", json!(1))]);
         change(&mut patch);
         check_patch(&patch).into_iter().map(|problem| problem.to_string()).collect()
     }

@@ -14,7 +14,7 @@ fn operation(op: OperationKind, path: &str, value: Option<Value>) -> Operation {
     Operation { op, path: path.into(), value }
 }
 
-fn add(path: &str, value: Value) -> Operation {
+pub(super) fn add(path: &str, value: Value) -> Operation {
     operation(OperationKind::Add, path, Some(value))
 }
 
@@ -26,7 +26,7 @@ fn remove(path: &str) -> Operation {
     operation(OperationKind::Remove, path, None)
 }
 
-fn patch(operations: Vec<Operation>) -> ProgramPatch {
+pub(super) fn patch(operations: Vec<Operation>) -> ProgramPatch {
     ProgramPatch {
         source_baseline: FamilyName::new("toy"),
         parent_solution_id: SolutionId::new("toy-idm/parent"),

@@ -127,7 +127,7 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
         return Err(Failure::bad_input(format!("{dir}: expected a finished run; `evodrive resume {dir}` finishes it")));
     }
     // A bundle speaks for its run, so what it holds must be what the run's events say.
-    if let Some(damage) = coverage(&folder, &story, true).damage.into_iter().next() {
+    if let Some(damage) = coverage(&folder, &story, None, true).damage.into_iter().next() {
         return Err(Failure::corruption(damage));
     }
     let objects = Store::open(&folder.store())?;

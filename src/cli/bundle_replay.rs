@@ -60,11 +60,11 @@ fn signature(options: &VerifyOptions, opened: &Opened) -> Result<String, Failure
 fn stored(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path) -> Result<Answer, Failure> {
     let mut damage: Vec<String> =
         store::fsck_transcript(&folder.transcript())?.iter().map(ToString::to_string).collect();
-    if folder.store().join("objects.pack").exists() {
-        damage.extend(store::fsck(&folder.store(), true)?.damage.iter().map(ToString::to_string));
-    }
+    let kept = folder.store().join("objects.pack").exists();
+    let seen = kept.then(|| store::fsck(&folder.store(), true)).transpose()?;
+    damage.extend(seen.iter().flat_map(|seen| &seen.damage).map(ToString::to_string));
     let story = folder.story()?;
-    damage.extend(coverage(folder, &story, true).damage);
+    damage.extend(coverage(folder, &story, seen.as_ref(), true).damage);
     let findings = audit(&story);
     damage.extend(findings.iter().filter(|of| of.gravity == Gravity::Breach).map(ToString::to_string));
     let clean = damage.is_empty();

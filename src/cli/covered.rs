@@ -10,7 +10,7 @@ use crate::experiment::{Experiment, read_pool};
 use crate::kernel::Digest;
 use crate::llm::Cassette;
 use crate::objects::{Exchange, LineageId};
-use crate::store;
+use crate::store::{self, FsckReport};
 
 /// Bytes that a result file may have.
 pub const RESULT_BYTES_MAX: u64 = 1 << 28;
@@ -46,8 +46,9 @@ const UNCOVERED: [&str; 11] = [
     "ro-crate-metadata.json",
 ];
 
-/// Compares a folder's files with a run's events; with `read`, also those that take long.
-pub fn coverage(folder: &RunFolder, story: &RecordedRun, read: bool) -> Coverage {
+/// Compares a folder's files with a run's events; with `read`, also those that take long. `store` is what was seen of the store, where
+/// there is one.
+pub fn coverage(folder: &RunFolder, story: &RecordedRun, store: Option<&FsckReport>, read: bool) -> Coverage {
     let mut coverage = Coverage::default();
     let recording = folder.card().is_ok_and(|card| card.recording);
     coverage.file("experiment.toml", experiment(folder, story));
@@ -62,7 +63,10 @@ pub fn coverage(folder: &RunFolder, story: &RecordedRun, read: bool) -> Coverage
             coverage.damage.extend(rollouts(folder, story).err());
         }
         match (&story.result, folder.result().exists()) {
-            (Some(_), _) => coverage.file("result.json", result(folder, story)),
+            (Some(_), _) => {
+                coverage.file("result.json", result(folder, story));
+                store.iter().for_each(|store| coverage.kept(folder, story, store));
+            }
             (None, true) => coverage.damage.push(lost_end(folder, story)),
             (None, false) => {
                 coverage.notes.push("a run that is not finished; `evodrive resume` goes on with it".into());
@@ -79,6 +83,28 @@ impl Coverage {
         match checked {
             Ok(()) => self.covered.push(name.to_string()),
             Err(what) => self.damage.push(what),
+        }
+    }
+
+    /// Every rollout that a label of a sealed run names is in the store, or the store is empty. A pack that was cut between two records
+    /// has no other trace where its index is gone, too.
+    fn kept(&mut self, folder: &RunFolder, story: &RecordedRun, store: &FsckReport) {
+        let labels = story.scores().flat_map(|(.., score)| &score.scenes);
+        let named: BTreeSet<Digest> = labels.map(|label| label.record).collect();
+        let lacking: Vec<&Digest> = named.difference(&store.whole).collect();
+        match lacking.first() {
+            None => {}
+            Some(_) if store.pack_bytes == 0 => self.notes.push(
+                "the store is empty: the recorded rollouts are not kept here; `evodrive verify` simulates them again"
+                    .into(),
+            ),
+            Some(first) => self.damage.push(format!(
+                "{}: expected the {} rollouts that the sealed events name, {} of them are lacking, {first} among them; delete the \
+                 store, and `evodrive resume` fills it again",
+                folder.store().join("objects.pack").display(),
+                named.len(),
+                lacking.len()
+            )),
         }
     }
 }

@@ -2,7 +2,6 @@
 
 use clap::Args;
 use serde_json::json;
-use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -10,8 +9,7 @@ use super::answer::Answer;
 use super::covered::{Coverage, coverage};
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
-use crate::evidence::{Finding, Gravity, RecordedRun, audit};
-use crate::kernel::Digest;
+use crate::evidence::{Finding, Gravity, audit};
 use crate::store::{self, FsckReport, StoreError};
 
 #[derive(Debug, Args)]
@@ -39,14 +37,9 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     damage.extend(report.damage.iter().map(ToString::to_string));
     // A record that is damaged is not read: its meaning is nobody's any more.
     let story = if damage.is_empty() { Some(folder.story()?) } else { None };
-    let coverage = story.as_ref().map(|story| coverage(&folder, story, options.read)).unwrap_or_default();
+    let coverage =
+        story.as_ref().map(|story| coverage(&folder, story, Some(&report), options.read)).unwrap_or_default();
     damage.extend(coverage.damage.iter().cloned());
-    if let Some(story) = &story {
-        match kept_rollouts(&folder, story, &report) {
-            Ok(note) => report.notes.extend(note),
-            Err(lacking) => damage.push(lacking),
-        }
-    }
     let findings = story.as_ref().map(audit).unwrap_or_default();
     let clean = damage.is_empty() && findings.iter().all(|finding| finding.gravity != Gravity::Breach);
     let text = text(&folder, options, &report, &coverage, &damage, &findings);
@@ -57,31 +50,6 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     });
     let exit = if clean { Exit::Success } else { Exit::Corruption };
     Ok(Answer { exit, ..Answer::new(text, object) })
-}
-
-/// Every rollout that a label of a sealed run names is in the store; the store may also have been left empty, as a bundle without
-/// rollouts leaves it. A pack that was cut between two records has no other trace where its index is gone, too.
-fn kept_rollouts(folder: &RunFolder, story: &RecordedRun, report: &FsckReport) -> Result<Option<String>, String> {
-    if story.result.is_none() {
-        return Ok(None);
-    }
-    let named: BTreeSet<Digest> =
-        story.scores().flat_map(|(.., score)| score.scenes.iter().map(|label| label.record)).collect();
-    let lacking: Vec<&Digest> = named.difference(&report.whole).collect();
-    match lacking.first() {
-        None => Ok(None),
-        Some(_) if report.pack_bytes == 0 => Ok(Some(
-            "the store is empty: the recorded rollouts are not kept here; `evodrive verify` simulates them again"
-                .into(),
-        )),
-        Some(first) => Err(format!(
-            "{}: expected the {} rollouts that the sealed events name, {} of them are lacking, {first} among them; delete the \
-             store, and `evodrive resume` fills it again",
-            folder.store().join("objects.pack").display(),
-            named.len(),
-            lacking.len()
-        )),
-    }
 }
 
 /// A store without its pack has lost everything that it held.

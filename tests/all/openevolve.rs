@@ -79,17 +79,15 @@ fn check_chances(cases: &Value) {
         let (members, archived) = (names("members"), names("archive_in_island"));
         let mut database = Database::new(OpenEvolveOptions {
             archive_size: archived.len(),
-            ..options(&json!({
-                "num_islands": 2, "archive_size": 0, "population_size": 1000, "feature_dimensions": ["own"],
-                "feature_bins": 1000, "migration_interval": 50, "migration_rate": 0.1, "diversity_reference_size": 20,
-            }))
+            population_size: 1000,
+            feature_bins: 1000,
+            ..one_axis(2)
         });
         // The archive takes who comes first, and keeps the best: so it is filled with those whom the trace names.
         for (place, id) in members.iter().enumerate() {
             let fitness = case["fitness"][id].as_f64().unwrap();
-            let metrics = BTreeMap::from([("own".to_string(), if place == 0 { 0.0 } else { 1.0 / place as f64 })]);
-            let member = Member { id: id.clone(), code: id.clone(), metrics, fitness, copy_of: None };
-            database.add(member, island, &mut || 0.0);
+            let own = if place == 0 { 0.0 } else { 1.0 / place as f64 };
+            database.add(standing_at(id, own, fitness), island, &mut || 0.0);
         }
         let wanted: BTreeMap<String, f64> = serde_json::from_value(case["probability"].clone()).unwrap();
         let found = database.parent_probabilities(island);

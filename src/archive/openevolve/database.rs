@@ -178,7 +178,6 @@ impl Database {
             self.archive.retain(|other| *other != held);
             self.archive.push(id.to_string());
         }
-        self.islands[island].retain(|other| *other != held);
         Some(held)
     }
 

@@ -115,10 +115,8 @@ impl Database {
         let left = count.saturating_sub(found.len());
         if others.len() > count && left > 0 {
             let cell = self.cell_of(parent, draw);
-            let mut standing: BTreeMap<String, &String> = BTreeMap::new();
-            for id in &others {
-                standing.insert(key(&self.cell_of(id, draw)), id);
-            }
+            let standing: BTreeMap<String, &String> =
+                others.iter().map(|id| (key(&self.cell_of(id, draw)), id)).collect();
             for _ in 0..TRIES * left {
                 let near: Vec<usize> = cell.iter().map(|bin| self.near(*bin, draw())).collect();
                 if let Some(id) = standing.get(&key(&near)).filter(|id| **id != parent && !found.contains(id)) {

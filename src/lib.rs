@@ -83,51 +83,24 @@
 //! - [`shard`]: missing work of a run as files that travel, and the union of their results.
 //! - [`experiment`]: reads, checks and resolves experiment files, their scenes and their models.
 
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod kernel;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod store;
+#[doc(inline)]
+pub use evodrive_engine::{
+    adapters, archive, backend, candidates, compiler, ego, evaluation, families, kernel, learn, lineage, memory,
+    motion, objects, scene, search, sim, stage, store, synth, world,
+};
 
-pub mod backend;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod draw;
 #[cfg_attr(not(test), warn(missing_docs))]
-pub mod ego;
-#[cfg_attr(not(test), warn(missing_docs))]
 pub mod formats;
-pub mod learn;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod scene;
-pub mod sim;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod synth;
 
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod adapters;
-pub mod compiler;
-pub mod families;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod llm;
 #[cfg_attr(not(test), warn(missing_docs))]
-pub mod motion;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod objects;
-#[cfg_attr(not(test), warn(missing_docs))]
 pub mod scripted;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod search;
-pub mod stage;
 
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod agents;
-pub mod archive;
-pub mod candidates;
-pub mod evaluation;
-pub mod lineage;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod memory;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod world;
 
 pub mod bundle;
 pub mod cli;

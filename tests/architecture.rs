@@ -89,23 +89,26 @@ fn source_files() -> Vec<(String, String)> {
         .collect()
 }
 
-/// Files that exist under `#[cfg(test)]` only: they may import what they test against.
+/// What marks an item that no user's build contains: tests, and what the engine shows to tests of the crate above it.
+const FOR_TESTS: [&str; 2] = ["#[cfg(test)]", "#[cfg(any(test, feature = \"fixtures\"))]"];
+
+/// Files that exist for tests only: they may import what they test against.
 fn test_modules(path: &Path, text: &str) -> Vec<PathBuf> {
     let stem = path.file_stem().unwrap_or_default();
     let home = path.parent().expect("a file of src");
     let home = if stem == "mod" || stem == "lib" { home.to_path_buf() } else { home.join(stem) };
     let lines: Vec<&str> = text.lines().collect();
     let named = |line: &str| Some(line.strip_suffix(';')?.rsplit_once("mod ")?.1.to_string());
-    let pairs = lines.windows(2).filter(|pair| pair[0] == "#[cfg(test)]");
+    let pairs = lines.windows(2).filter(|pair| FOR_TESTS.contains(&pair[0]));
     pairs.filter_map(|pair| named(pair[1])).map(|name| home.join(format!("{name}.rs"))).collect()
 }
 
-/// Drops comments and everything from a `#[cfg(test)]` on a module to its closing brace at the margin.
+/// Drops comments and everything from such a mark on a module to its closing brace at the margin.
 fn without_tests_and_comments(text: &str) -> String {
     let mut kept = String::new();
     let mut lines = text.lines().peekable();
     while let Some(line) = lines.next() {
-        if line == "#[cfg(test)]" {
+        if FOR_TESTS.contains(&line) {
             // The item under the attribute: up to a line that ends it at the margin.
             for inside in lines.by_ref() {
                 if inside == "}" || (!inside.starts_with([' ', '#', '}']) && inside.ends_with(';')) {

@@ -47,7 +47,7 @@ pub struct Judging<'a> {
     pub closed: &'a [&'static str],
 }
 
-#[cfg(test)]
+#[cfg(any(test, feature = "fixtures"))]
 impl<'a> Judging<'a> {
     /// By all gates, with no part closed.
     pub fn whole(contract: &'a Contract, registry: &'a Registry) -> Judging<'a> {

@@ -2,7 +2,7 @@
 
 pub mod binary;
 pub mod features;
-#[cfg(test)]
+#[cfg(any(test, feature = "fixtures"))]
 pub mod fixture;
 pub mod lanes;
 pub mod pieces;

@@ -73,9 +73,9 @@ pub const SIM_VERSION: u32 = 3;
 
 #[cfg(test)]
 mod plain;
-#[cfg(test)]
+#[cfg(any(test, feature = "fixtures"))]
 #[allow(dead_code)]
 #[path = "../../tests/all/scenes.rs"]
-pub(crate) mod scenes;
+pub mod scenes;
 #[cfg(test)]
 mod told_tests;

@@ -168,8 +168,8 @@ fn row(score: &SafebenchScore) -> BenchmarkRow {
     }
 }
 
-#[cfg(test)]
-pub(crate) mod samples {
+#[cfg(any(test, feature = "fixtures"))]
+pub mod samples {
     use super::*;
 
     pub fn run(collision: bool, valid: bool) -> SafebenchRun {

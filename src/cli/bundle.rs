@@ -122,7 +122,7 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
         return Err(Failure::bad_input(format!("--date: expected a day as 2026-11-22, found {:?}", options.date)));
     }
     let story = folder.story()?;
-    if story.result.is_none() || folder.card()?.recording {
+    if story.result.is_none() || folder.card()?.recording.is_some() {
         let dir = folder.dir.display();
         return Err(Failure::bad_input(format!("{dir}: expected a finished run; `evodrive resume {dir}` finishes it")));
     }

@@ -50,7 +50,7 @@ const UNCOVERED: [&str; 11] = [
 /// there is one.
 pub fn coverage(folder: &RunFolder, story: &RecordedRun, store: Option<&FsckReport>, read: bool) -> Coverage {
     let mut coverage = Coverage::default();
-    let recording = folder.card().is_ok_and(|card| card.recording);
+    let recording = folder.card().is_ok_and(|card| card.recording.is_some());
     coverage.file("experiment.toml", experiment(folder, story));
     if read {
         coverage.file("scenes.pool", pool(folder, story));

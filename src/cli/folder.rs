@@ -21,26 +21,58 @@ const CARD_BYTES_MAX: u64 = 1 << 16;
 const CARD_FORMAT: &str = "evodrive-run/1";
 
 /// What stands in `run.json`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunCard {
-    pub format: String,
     pub name: String,
-    /// Whether the folder belongs to a recording that has not written its cassette yet.
-    pub recording: bool,
-    /// Of an unfinished recording: where its cassette goes, and whether it asks everything anew.
+    /// Of a folder whose recording has not written its cassette yet.
+    pub recording: Option<Recording>,
+}
+
+/// `run.json` as it is written: the recording's parts stand beside the name.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CardFile {
+    format: String,
+    name: String,
+    recording: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub cassette: Option<PathBuf>,
+    cassette: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub fresh: bool,
+    fresh: bool,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub overwrite: bool,
-    /// Of an unfinished recording with another simulator: where its rollouts go.
+    overwrite: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rollouts: Option<PathBuf>,
-    /// Of an unfinished recording with a planner: where it is started.
+    rollouts: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub driver_folder: Option<PathBuf>,
+    driver_folder: Option<PathBuf>,
+}
+
+impl TryFrom<CardFile> for RunCard {
+    type Error = String;
+
+    fn try_from(file: CardFile) -> Result<RunCard, String> {
+        let CardFile { format: _, name, recording, cassette, fresh, overwrite, rollouts, driver_folder } = file;
+        let recording = match (recording, cassette) {
+            (true, Some(cassette)) => Some(Recording { cassette, fresh, overwrite, rollouts, driver_folder }),
+            (true, None) => return Err("expected `cassette`, the file that the recording writes, found none".into()),
+            (false, _) => None,
+        };
+        Ok(RunCard { name, recording })
+    }
+}
+
+impl From<RunCard> for CardFile {
+    fn from(card: RunCard) -> CardFile {
+        let recording = card.recording.is_some();
+        let (cassette, fresh, overwrite, rollouts, driver_folder) = match card.recording {
+            Some(Recording { cassette, fresh, overwrite, rollouts, driver_folder }) => {
+                (Some(cassette), fresh, overwrite, rollouts, driver_folder)
+            }
+            None => (None, false, false, None, None),
+        };
+        let (format, name) = (CARD_FORMAT.into(), card.name);
+        CardFile { format, name, recording, cassette, fresh, overwrite, rollouts, driver_folder }
+    }
 }
 
 /// What a recording needs to know to go on after it was interrupted.
@@ -112,7 +144,7 @@ impl RunFolder {
 
     /// Whether the run was begun and has not come to its end.
     pub fn is_unfinished(&self) -> Result<bool, Failure> {
-        Ok(self.card()?.recording || (self.transcript().exists() && !self.result().exists()))
+        Ok(self.card()?.recording.is_some() || (self.transcript().exists() && !self.result().exists()))
     }
 
     /// Whether it holds what cannot be made again: answers of models or of another simulator, or questions to them.
@@ -234,9 +266,10 @@ impl RunFolder {
         let path = self.card_file();
         let bytes = store::read_bounded(&path, CARD_BYTES_MAX)
             .map_err(|error| Failure::bad_input(format!("{} is not a run folder: {error}", self.dir.display())))?;
-        let card: RunCard = serde_json::from_slice(&bytes).map_err(|error| {
+        let foreign = |error: String| {
             Failure::corruption(format!("{}: {error}; the file was not written by this program", path.display()))
-        })?;
+        };
+        let card: CardFile = serde_json::from_slice(&bytes).map_err(|error| foreign(error.to_string()))?;
         if card.format != CARD_FORMAT {
             return Err(Failure::bad_input(format!(
                 "{}: format: expected {CARD_FORMAT}, found {}; use the version of evodrive that made the run",
@@ -244,21 +277,12 @@ impl RunFolder {
                 card.format
             )));
         }
-        Ok(card)
+        card.try_into().map_err(foreign)
     }
 
     /// Writes `run.json`; `recording` is the recording that begins, if one does.
     pub fn write_card(&self, name: &str, recording: Option<&Recording>) -> Result<(), Failure> {
-        let card = RunCard {
-            format: CARD_FORMAT.into(),
-            name: name.into(),
-            recording: recording.is_some(),
-            cassette: recording.map(|recording| recording.cassette.clone()),
-            fresh: recording.is_some_and(|recording| recording.fresh),
-            overwrite: recording.is_some_and(|recording| recording.overwrite),
-            rollouts: recording.and_then(|recording| recording.rollouts.clone()),
-            driver_folder: recording.and_then(|recording| recording.driver_folder.clone()),
-        };
+        let card = CardFile::from(RunCard { name: name.into(), recording: recording.cloned() });
         let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
         Ok(store::write_atomic(&self.card_file(), &text)?)
     }
@@ -314,4 +338,43 @@ pub fn files(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, Failure> {
         return Ok(Vec::new());
     }
     Ok(store::list_files(folder, &[ending])?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn card(text: &str) -> Result<RunCard, String> {
+        serde_json::from_str::<CardFile>(text).map_err(|error| error.to_string())?.try_into()
+    }
+
+    #[test]
+    fn a_card_comes_back_as_it_was_written() {
+        let recording = Recording {
+            cassette: "a.jsonl".into(),
+            fresh: true,
+            overwrite: false,
+            rollouts: Some("b.jsonl".into()),
+            driver_folder: None,
+        };
+        for recording in [Some(recording), None] {
+            let written = RunCard { name: "mine".into(), recording };
+            let text = serde_json::to_string(&CardFile::from(written.clone())).unwrap();
+            assert_eq!(card(&text), Ok(written));
+        }
+    }
+
+    #[test]
+    fn cards_of_earlier_versions_are_read() {
+        let of = |text: &str| card(text).unwrap().recording;
+        assert_eq!(of(r#"{"format":"evodrive-run/1","name":"mine","recording":false}"#), None);
+        let begun = of(r#"{"format":"evodrive-run/1","name":"mine","recording":true,"cassette":"a.jsonl"}"#).unwrap();
+        assert_eq!((begun.cassette, begun.fresh), ("a.jsonl".into(), false));
+    }
+
+    #[test]
+    fn a_recording_that_does_not_say_where_it_goes_is_refused() {
+        let error = card(r#"{"format":"evodrive-run/1","name":"mine","recording":true}"#).unwrap_err();
+        assert!(error.contains("`cassette`"), "{error}");
+    }
 }

@@ -7,7 +7,7 @@ use super::answer::{Answer, progress};
 use super::args::{FolderArgs, JobArgs, RecordArgs, RunArgs};
 use super::covered::RESULT_BYTES_MAX;
 use super::exit::Failure;
-use super::folder::{Recording, RunCard, RunFolder};
+use super::folder::{Recording, RunFolder};
 use super::held::Held;
 use super::interrupt::{Interrupt, Until};
 use super::moving_line::{Heard, MovingLine};
@@ -39,7 +39,13 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
     let rollouts = behind::replay(&job.experiment, &remedy)?;
     let interrupt = Interrupt::listen()?;
     let held = job.open_folder(None)?;
-    let ran = replayed(job, &held, (&path, Replay::new(cassette, remedy), rollouts), &interrupt, !args.no_report);
+    let ran = replayed(
+        job,
+        &held,
+        (&path, Replay::new(cassette, remedy), rollouts),
+        &interrupt,
+        Way::Replay { report: !args.no_report },
+    );
     held.or_gone(ran.and_then(|answer| held.folder.mark_latest().map(|()| answer)), |_| false)
 }
 
@@ -49,9 +55,9 @@ fn replayed(
     Held { folder, objects, .. }: &Held,
     (path, replay, rollouts): (&Path, Replay, Option<RecordedRollouts>),
     interrupt: &Interrupt,
-    report: bool,
+    way: Way,
 ) -> Result<Answer, Failure> {
-    if folder.card()?.recording {
+    if folder.card()?.recording.is_some() {
         return Err(interrupted(folder));
     }
     // The cassette of a run that is there stays until this one has come to the same events.
@@ -64,13 +70,13 @@ fn replayed(
         store::copy(of, &folder.rollouts())?;
     }
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
-    let sources = Sources { ask: &replay, rollouts, mode: Mode::Reuse, purpose: Purpose::Carry, retold: true };
+    let sources = Sources { way, ask: &replay, rollouts };
     let done = carry_out(job, folder, objects, &sources, interrupt)?;
     store::copy(path, &folder.cassette())?;
     if let Some(of) = of {
         store::copy(&of, &folder.rollouts())?;
     }
-    done.told(folder, rollouts, report)
+    done.told(folder, way, rollouts)
 }
 
 fn interrupted(folder: &RunFolder) -> Failure {
@@ -81,24 +87,50 @@ fn interrupted(folder: &RunFolder) -> Failure {
     ))
 }
 
-/// Where a run's answers, rollouts and labels come from.
+/// A way through a study. What is asked, simulated, written and compared follows from it alone.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// From recorded answers to the events and the result, with a report where one is wanted.
+    Replay { report: bool },
+    /// The same, and whoever has an answer that is not recorded is asked for it: a model, another simulator, a planner.
+    Record { report: bool },
+    /// A finished run is derived again from its records and compared.
+    Check,
+    /// The same, and every rollout is simulated again.
+    Verify,
+}
+
+impl Way {
+    /// Which rollouts are simulated. What the store has was not asked of another simulator, and would be missing in its cassette.
+    fn mode(self, elsewhere: bool) -> Mode {
+        match self {
+            Way::Verify => Mode::Verify,
+            Way::Record { .. } if elsewhere => Mode::Verify,
+            Way::Replay { .. } | Way::Record { .. } | Way::Check => Mode::Reuse,
+        }
+    }
+
+    /// Whether a finished run is compared with, and stays as it is.
+    fn compares(self) -> bool {
+        matches!(self, Way::Check | Way::Verify)
+    }
+
+    /// Whether another simulator's rollouts are recorded motion that is summed up again.
+    fn sums_up_again(self) -> bool {
+        !matches!(self, Way::Record { .. })
+    }
+
+    fn reports(self) -> bool {
+        matches!(self, Way::Replay { report: true } | Way::Record { report: true })
+    }
+}
+
+/// Where a run's answers and rollouts come from.
 struct Sources<'a> {
+    way: Way,
     ask: &'a dyn Ask,
     /// Answers of another simulator, where the experiment names one.
     rollouts: Option<&'a dyn Answers>,
-    mode: Mode,
-    purpose: Purpose,
-    /// Whether those rollouts are recorded motion, and nobody is asked.
-    retold: bool,
-}
-
-/// What a run is carried out for.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Purpose {
-    /// Its events and its result.
-    Carry,
-    /// To be compared with a finished one.
-    Compare,
 }
 
 /// Asks the models for what the cassette lacks, and writes it.
@@ -117,7 +149,8 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     }
     let interrupt = Interrupt::listen()?;
     let held = job.open_folder(Some(&recording))?;
-    let recorded = carry_out_recording(job, &held, &recording, before, &interrupt, !args.run.no_report);
+    let recorded =
+        carry_out_recording(job, &held, &recording, before, &interrupt, Way::Record { report: !args.run.no_report });
     // Answers were paid for: a folder that holds some stays.
     held.or_gone(recorded.and_then(|answer| held.folder.mark_latest().map(|()| answer)), RunFolder::holds_answers)
 }
@@ -129,7 +162,7 @@ fn carry_out_recording(
     recording: &Recording,
     (there, before): (overwriting::Held<'_>, Cassette),
     interrupt: &Interrupt,
-    report: bool,
+    way: Way,
 ) -> Result<Answer, Failure> {
     let path = &recording.cassette;
     let answers = Store::open(&folder.recording())?;
@@ -154,9 +187,7 @@ fn carry_out_recording(
         _ => None,
     };
     let asked = rollouts.as_ref().map(|recorder| recorder as &dyn Answers);
-    // What the store has was not asked of the recorder, and would be missing in the cassette.
-    let mode = if asked.is_some() { Mode::Verify } else { Mode::Reuse };
-    let sources = Sources { ask: &recorder, rollouts: asked, mode, purpose: Purpose::Carry, retold: false };
+    let sources = Sources { way, ask: &recorder, rollouts: asked };
     let done = carry_out(job, folder, objects, &sources, interrupt)?;
     // The report comes behind the cassette: what was answered must not hang on a drawing.
     let cassette = recorder.into_cassette(&name, &[])?;
@@ -173,7 +204,7 @@ fn carry_out_recording(
     }
     folder.write_card(&name, None)?;
     folder.forget_what_was_set_aside()?;
-    done.told(folder, asked, report)
+    done.told(folder, way, asked)
 }
 
 fn rollout_recorder<'a>(
@@ -231,19 +262,18 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
         named => RunFolder::find(named.as_deref())?,
     };
     let (card, went_on) = (folder.card()?, folder.is_unfinished()?);
-    let answer = match card.cassette {
-        Some(cassette) if card.recording => {
+    let answer = match card.recording {
+        Some(recording) => {
             let mut job = Job::of_folder(&folder, jobs)?;
-            let RunCard { fresh, overwrite, rollouts, driver_folder, .. } = card;
-            if let (Some(driver), Some(folder)) = (&mut job.experiment.driver, &driver_folder) {
+            if let (Some(driver), Some(folder)) = (&mut job.experiment.driver, &recording.driver_folder) {
                 driver.folder.clone_from(folder);
             }
-            let recording = Recording { cassette, fresh, overwrite, rollouts, driver_folder };
             let before = overwriting::Held::before(&recording, &job.experiment)?;
             let interrupt = Interrupt::listen()?;
-            carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, true)
+            let way = Way::Record { report: true };
+            carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, way)
         }
-        _ => again(folder.clone(), jobs, Mode::Reuse, Purpose::Carry),
+        None => again(folder.clone(), jobs, Way::Replay { report: true }),
     }?;
     if went_on {
         folder.mark_latest()?;
@@ -252,16 +282,16 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
 }
 
 pub fn check(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    again(RunFolder::find(args.run.as_deref())?, jobs, Mode::Reuse, Purpose::Compare)
+    again(RunFolder::find(args.run.as_deref())?, jobs, Way::Check)
 }
 
 pub fn verify(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    again(RunFolder::find(args.run.as_deref())?, jobs, Mode::Verify, Purpose::Compare)
+    again(RunFolder::find(args.run.as_deref())?, jobs, Way::Verify)
 }
 
 /// Derives a run folder's run again from its own copies of experiment, scenes and cassette.
-fn again(folder: RunFolder, jobs: usize, mode: Mode, purpose: Purpose) -> Result<Answer, Failure> {
-    if folder.card()?.recording {
+fn again(folder: RunFolder, jobs: usize, way: Way) -> Result<Answer, Failure> {
+    if folder.card()?.recording.is_some() {
         return Err(interrupted(&folder));
     }
     let job = Job::of_folder(&folder, jobs)?;
@@ -271,14 +301,8 @@ fn again(folder: RunFolder, jobs: usize, mode: Mode, purpose: Purpose) -> Result
     let rollouts = behind::replay_of(&job.experiment, &folder)?;
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
     let interrupt = Interrupt::listen()?;
-    let done = carry_out(
-        job,
-        &folder,
-        &objects,
-        &Sources { ask: &replay, rollouts, mode, purpose, retold: true },
-        &interrupt,
-    )?;
-    done.told(&folder, rollouts, purpose == Purpose::Carry)
+    let done = carry_out(job, &folder, &objects, &Sources { way, ask: &replay, rollouts }, &interrupt)?;
+    done.told(&folder, way, rollouts)
 }
 
 /// What a run starts from.
@@ -355,12 +379,12 @@ fn carry_out(
     let Job { experiment, scenes, threads, .. } = job;
     let study = experiment.study(scenes, &threads)?;
     let clock = cost::clock();
-    let log = transcript(folder, sources.purpose, &threads)?;
+    let log = transcript(folder, sources.way, &threads)?;
     let confirmed = log.remaining();
     if confirmed > 0 {
         progress(format!("{confirmed} recorded events: each is derived again and compared"));
     }
-    let rollouts = Rollouts::new(objects, sources.mode);
+    let rollouts = Rollouts::new(objects, sources.way.mode(sources.rollouts.is_some()));
     let line = MovingLine::new(&study, &folder.dir);
     let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
     let backend = behind::backend(&experiment, sources.rollouts);
@@ -371,7 +395,7 @@ fn carry_out(
     let result = epoch::run(&study, &mut desk).or_else(|error| {
         rollouts.flush()?;
         // Whatever else went wrong then: who is stopped by its planner's end is stopped all the same.
-        Err(if interrupt.is_asked() { stopped(folder, sources.purpose) } else { error.into() })
+        Err(if interrupt.is_asked() { stopped(folder, sources.way) } else { error.into() })
     })?;
     let root = desk.log.head();
     let cost = cost::of(&study, &desk.tools);
@@ -379,45 +403,44 @@ fn carry_out(
     drop(desk);
     line.finish();
     let text = serde_json::to_vec_pretty(&json!({"root": root, "result": result})).map_err(Failure::internal)?;
-    match sources.purpose {
-        Purpose::Carry => {
-            cost::keep(folder, &cost)?;
-            store::write_atomic(&folder.result(), &text)?;
-        }
-        Purpose::Compare => compare_result(folder, &text)?,
+    if sources.way.compares() {
+        compare_result(folder, &text)?;
+    } else {
+        cost::keep(folder, &cost)?;
+        store::write_atomic(&folder.result(), &text)?;
     }
     progress(cost::table(&cost));
     let (reused, simulated) = counts;
-    let motion = match sources.rollouts.is_some() && sources.retold {
+    let motion = match sources.rollouts.is_some() && sources.way.sums_up_again() {
         true => {
             "; those of the planner or the other simulator were summed up again from recorded motion, and nobody was asked"
         }
         false => "",
     };
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store{motion}"));
-    if sources.purpose == Purpose::Compare {
+    if sources.way.compares() {
         progress(format!("all {confirmed} recorded events and the result agree with what was derived again"));
     }
     Ok(Done { experiment, study, threads, result, root, counts })
 }
 
-/// What is said to whom pressed Ctrl-C.
-fn stopped(folder: &RunFolder, purpose: Purpose) -> Failure {
-    Failure::interrupted(match purpose {
-        Purpose::Carry => format!(
+/// The message after Ctrl-C.
+fn stopped(folder: &RunFolder, way: Way) -> Failure {
+    Failure::interrupted(match way.compares() {
+        false => format!(
             "interrupted; what was answered and simulated is kept in {}\n  to go on: {}",
             folder.dir.display(),
             resume_command(&folder.dir)
         ),
-        Purpose::Compare => "interrupted; nothing was compared to its end, and the run is as it was".into(),
+        true => "interrupted; nothing was compared to its end, and the run is as it was".into(),
     })
 }
 
 /// The transcript to write to, or to compare with.
-fn transcript(folder: &RunFolder, purpose: Purpose, threads: &Threads) -> Result<Transcript, Failure> {
+fn transcript(folder: &RunFolder, way: Way, threads: &Threads) -> Result<Transcript, Failure> {
     let path = folder.transcript();
     let log = path.exists().then(|| Transcript::continue_on(&path, Some(threads))).transpose()?;
-    if purpose == Purpose::Compare && !log.as_ref().is_some_and(Transcript::is_recorded_whole) {
+    if way.compares() && !log.as_ref().is_some_and(Transcript::is_recorded_whole) {
         return Err(Failure::corruption(format!(
             "{}: expected the sealed transcript of a finished run, found {}; nothing was compared. A run that was interrupted is finished by `evodrive resume`; one that was finished before has lost its end",
             path.display(),
@@ -453,9 +476,9 @@ struct Done {
 
 impl Done {
     /// What is said of it at its end, with its report where one is wanted.
-    fn told(&self, folder: &RunFolder, rollouts: Option<&dyn Answers>, report: bool) -> Result<Answer, Failure> {
+    fn told(&self, folder: &RunFolder, way: Way, rollouts: Option<&dyn Answers>) -> Result<Answer, Failure> {
         let story = folder.story_on(Some(&self.threads))?;
-        if report {
+        if way.reports() {
             let backend = behind::backend(&self.experiment, rollouts);
             page::write(&self.study, folder, &story, backend, None, &self.threads)?;
         }

@@ -1,7 +1,7 @@
 //! The table: a row an arm, then a row a pair of arms.
 
 use super::found::{ADVERSARIAL, Quantity, Question, Read, difference, last, reference};
-use crate::evidence::tables::{Cell, Column, Estimate, Form, Head, Part, RESAMPLES, Row, Table, estimates};
+use crate::evidence::tables::{Cell, Column, Estimate, Form, Head, Part, RESAMPLES, Row, RowKey, Table, estimates};
 use crate::objects::downstream::{Downstream, SetName, Trained};
 
 /// A column and what is read for it.
@@ -94,6 +94,7 @@ impl Line<'_> {
         let trainings = if self.arms.is_empty() { 0 } else { lineages.len() };
         let scenes = record.opening.sets.evaluation.first().map_or(0, |set| set.scenes.len());
         Row {
+            key: RowKey::Elsewhere,
             labels: [Some(self.label), metric.map(String::from)].into_iter().flatten().collect(),
             counts: vec![trainings, scenes],
             lineages,

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::error::TableError;
+use super::key::{Reads, RowKey};
 use super::labels::{self, LineageLabels, Reading, Side};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, Part, REPLAY, Row, Table};
 use super::metadrive::{SCENES, SEEDS, quantity};
@@ -60,25 +61,6 @@ const PROPOSED: Head = Head { key: "proposed", head: "Proposed" };
 /// r(τ) of the scenes that the program acts in.
 pub(super) const ACTED_REALISM: Reading = |scene| scene.acted.then_some(scene.realism);
 
-/// The run that a row of one of these tables is of, its place among those that the table was made from. Rows of one title follow
-/// each other as their runs do.
-pub(super) fn run_of(table: &Table, row: &Row, stories: &[RecordedRun]) -> Option<usize> {
-    let label = row.labels.first()?;
-    if label == PARENT {
-        return Some(0);
-    }
-    let before = table.rows().take_while(|other| !std::ptr::eq(*other, row)).filter(|other| other.labels == row.labels);
-    let fits = |story: &RecordedRun| match row.labels.get(1) {
-        Some(slots) => width(story).to_string() == *slots && has(story, row),
-        None => title(story) == *label,
-    };
-    stories.iter().enumerate().filter(|(_, story)| fits(story)).map(|(place, _)| place).nth(before.count())
-}
-
-fn has(story: &RecordedRun, row: &Row) -> bool {
-    row.lineages.iter().all(|id| story.parents.iter().any(|parent| parent.lineage.as_str() == id))
-}
-
 /// The run that differences of another one are taken from.
 pub(super) fn whole_of(table: &Table, run: usize, stories: &[RecordedRun]) -> Option<usize> {
     let whole = match table.name {
@@ -110,7 +92,7 @@ fn width(story: &RecordedRun) -> u32 {
 }
 
 /// Title of the row of the parents.
-pub(super) const PARENT: &str = "parent (no search)";
+const PARENT: &str = "parent (no search)";
 
 /// The paper's row of a method: attack, realism, and their changes in percent.
 fn printed(story: &RecordedRun) -> Option<Figures> {
@@ -134,9 +116,8 @@ struct Ablation<'a> {
 impl<'a> Ablation<'a> {
     fn all(stories: &'a [RecordedRun]) -> Result<Vec<Ablation<'a>>, TableError> {
         notes::one_attack(stories)?;
-        let one =
-            |story: &'a RecordedRun| Ok(Ablation { story, lineages: labels::lineages(std::slice::from_ref(story))? });
-        stories.iter().map(one).collect()
+        let one = |(place, story)| Ok(Ablation { story, lineages: labels::of_run(stories, place)? });
+        stories.iter().enumerate().map(one).collect()
     }
 
     fn method(&self) -> &str {
@@ -190,6 +171,7 @@ impl<'a> Ablation<'a> {
         let rollouts = self.lineages.iter().map(|lineage| self.rollouts(&lineage.lineage)).sum();
         let asked = self.story.attempts.iter().any(|attempt| !attempt.proposal.exchanges.is_empty());
         Row {
+            key: RowKey::of(self.lineages.iter().map(LineageLabels::key)),
             labels: vec![title],
             lineages: self.lineages.iter().map(|lineage| lineage.lineage.to_string()).collect(),
             cells: Cell::row(&COLUMNS, numbers, figures),
@@ -311,6 +293,8 @@ fn cheapest(whole: &Ablation<'_>) -> Vec<Row> {
     ]);
     let numbers = [ATTACK.key, REALISM.key].into_iter().zip(found).filter_map(|(key, of)| Some((key, of?))).collect();
     let mut parent = whole.row(PARENT.into(), &numbers, None);
+    idle.key = RowKey::Elsewhere;
+    parent.key = RowKey::reading(whole.lineages.iter().map(LineageLabels::key), Reads::Side(Side::Parent));
     for row in [&mut idle, &mut parent] {
         row.counts[3..].fill(0);
         row.proposals = "none".into();
@@ -591,6 +575,32 @@ mod tests {
             }
         }
         assert!(told.len() >= 7 + 6 + 5, "{told:?}");
+    }
+
+    /// Two runs of one title, with other numbers: a row's labels say nothing of which run it is.
+    #[test]
+    fn rows_are_found_whatever_they_are_called_and_wherever_they_stand() {
+        let stories = [
+            story("whole", "pareto", &[], false),
+            story("twin", "pareto", &["critics"], true),
+            story("twin", "pareto", &["critics"], false),
+        ];
+        for table in [attack_only(&stories).unwrap(), without(&stories).unwrap(), kwidth(&stories).unwrap()] {
+            let bases = Bases::of(&table, &stories).unwrap();
+            let numbers = |table: &Table, row: &Row| -> Vec<Option<f64>> {
+                row.cells.iter().map(|cell| bases.basis(table, row, cell.column.key)?.value()).collect()
+            };
+            let wanted: Vec<_> = table.rows().map(|row| numbers(&table, row)).collect();
+            assert!(wanted.iter().flatten().any(Option::is_some), "{}", table.name);
+            let mut other = table.clone();
+            for row in other.parts.iter_mut().flat_map(|part| &mut part.rows) {
+                row.labels.iter_mut().for_each(|label| *label = "renamed".into());
+            }
+            other.parts.iter_mut().for_each(|part| part.rows.reverse());
+            let mut found: Vec<_> = other.rows().map(|row| numbers(&other, row)).collect();
+            found.reverse();
+            assert_eq!(found, wanted, "{}", table.name);
+        }
     }
 
     #[test]

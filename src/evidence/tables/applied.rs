@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::archives::{Archived, Round};
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::contacts::{self, Read};
+use super::key::RowKey;
 use super::labels::{self, Labels, Reading};
 use super::layout::{Cell, Column, Form, Head, Numbers, Part, REPLAY, Row, Table};
 use super::metadrive::{SCENES, estimated};
@@ -119,6 +120,7 @@ fn table(
     ];
     let changes: Vec<Column> = columns.iter().map(|column| Column { form: changed(column.form), ..*column }).collect();
     let row = |((label, proposals, counts), numbers): (&(&str, &str, [usize; 2]), &Numbers)| Row {
+        key: RowKey::Elsewhere,
         labels: vec![label.to_string()],
         lineages: vec![label.to_string()],
         cells: Cell::row(if *label == DIFFERENCE { &changes } else { columns }, numbers, None),

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::error::TableError;
+use super::key::Of;
 use super::labels;
 use super::paper::safebench::{METHODS, Method};
 use super::searches::{self, Repeated, Repetition};
@@ -18,6 +19,8 @@ use crate::scene::safebench::TrafficFamily;
 #[derive(Clone, Debug)]
 pub struct LineageArchive {
     pub lineage: LineageId,
+    /// Place of its run among those that the table is made from.
+    pub place: usize,
     /// Which repetition of its search it is, from 0.
     pub replica: u32,
     /// The run's name and the beginning of its root.
@@ -80,6 +83,11 @@ impl Round {
 }
 
 impl LineageArchive {
+    /// As a row's key names it.
+    pub fn key(&self) -> Of<LineageId> {
+        Of { run: self.place, of: self.lineage.clone() }
+    }
+
     /// Every group of the study, also those without a scene.
     pub fn groups(&self) -> BTreeSet<Group> {
         self.archived().groups()
@@ -117,33 +125,33 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableErr
 /// The same with two rounds in place of the archive's: what the parent and what the program that was chosen did on held-out
 /// routes.
 pub fn held_out(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
-    gathered(stories, |story, result| {
+    gathered(stories, |place, story, result| {
         let played = |of: &Measured| played(story, result, of);
         let rounds = vec![played(&result.parent)?, played(&result.evolved)?];
         let stopped = stopped::note(story, result);
-        Ok(LineageArchive { rounds, gains_pct: BTreeMap::new(), stopped, ..one(story, result)? })
+        Ok(LineageArchive { rounds, gains_pct: BTreeMap::new(), stopped, ..one(place, story, result)? })
     })
 }
 
 fn gathered(
     stories: &[RecordedRun],
-    one: impl Fn(&RecordedRun, &LineageResult) -> Result<LineageArchive, TableError>,
+    one: impl Fn(usize, &RecordedRun, &LineageResult) -> Result<LineageArchive, TableError>,
 ) -> Result<Vec<LineageArchive>, TableError> {
     let mut all: Vec<LineageArchive> = Vec::new();
-    for story in stories {
+    for (place, story) in stories.iter().enumerate() {
         let result = labels::result(story)?;
         if story.rounds.is_empty() {
             let (found, tables) = ("the MetaDrive protocol", "metadrive-main and metadrive-policy");
             return Err(TableError::OtherProtocol { run: labels::run_name(story), found, tables });
         }
         for lineage in &result.lineages {
-            searches::add(&mut all, one(story, lineage)?)?;
+            searches::add(&mut all, one(place, story, lineage)?)?;
         }
     }
     Ok(all)
 }
 
-fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, TableError> {
+fn one(place: usize, story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, TableError> {
     let mut recorded: Vec<&ArchiveRound> = story.rounds.iter().filter(|r| r.lineage == result.lineage).collect();
     recorded.sort_by_key(|round| round.round);
     let damaged =
@@ -176,6 +184,7 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, Ta
     };
     Ok(LineageArchive {
         lineage: result.lineage.clone(),
+        place,
         replica: result.replica,
         run: labels::run_name(story),
         method,

@@ -5,16 +5,17 @@ use std::collections::BTreeMap;
 use super::archives::{self, LineageArchive};
 use super::basis::{Basis, Combine, LabelRead, Leaf, Piece, Selected};
 use super::error::TableError;
+use super::key::{Of, Reads, RowKey};
 use super::labels::{self, LineageLabels, ReplayLabels, Side};
-use super::layout::{REPLAY, Row, Table};
-use super::shares::{Spec, is_of};
+use super::layout::{Row, Table};
+use super::shares::Spec;
 use super::{contacts, critics, metadrive, paper, proposals, safebench, unseen};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::benchmark::HeldOutRun;
 use crate::objects::event::LineageResult;
-use crate::objects::replay::Suite;
-use crate::objects::{SceneScore, SolutionId};
+use crate::objects::replay::{Replayed, Suite};
+use crate::objects::{LineageId, SceneScore, SolutionId};
 
 /// Where the cells of a table come from.
 pub struct Bases<'s> {
@@ -37,10 +38,10 @@ impl<'s> Bases<'s> {
         };
         let (recorded, staged) = (table.name.starts_with("metadrive"), table.name.starts_with("safebench"));
         let compared = matches!(table.name, "attack-only" | "without" | "kwidth");
-        let own = |story| labels::lineages(std::slice::from_ref(story));
+        let own = |place| labels::of_run(stories, place);
         Ok(Bases {
             stories,
-            searched: if compared { stories.iter().map(own).collect::<Result<_, _>>()? } else { Vec::new() },
+            searched: if compared { (0..stories.len()).map(own).collect::<Result<_, _>>()? } else { Vec::new() },
             labels: stories.iter().map(labelled).collect(),
             lineages: if recorded { labels::lineages(stories)? } else { Vec::new() },
             archives: match table.name {
@@ -59,13 +60,13 @@ impl<'s> Bases<'s> {
 
     /// The basis of a cell; `None` for a cell without a number of ours.
     pub fn basis(&self, table: &Table, row: &Row, key: &str) -> Option<Basis> {
-        let replay = row.labels.first().is_some_and(|label| label == REPLAY);
+        let replay = matches!(row.key, RowKey::Replay { .. });
         match table.name {
             "metadrive-main" | "metadrive-policy" if replay => self.replayed(row, metadrive::read_of_replay(key)?),
             "metadrive-main" | "metadrive-policy" => self.of_labels(row, key),
             "metadrive-contacts" if replay => self.replayed(row, |scene| Some(labels::share(scene.contact))),
             "metadrive-contacts" => {
-                let side = contacts::side(row.labels.last()?)?;
+                let side = row.key.side()?;
                 let (_, read) = contacts::readings().into_iter().find(|(column, _)| column.key == key)?;
                 Some(self.means(row, side, key, read))
             }
@@ -75,7 +76,7 @@ impl<'s> Bases<'s> {
                 Some(self.of_rounds(row, key, &|rounds| safebench::main_number(key, rounds), |_, _| true))
             }
             "safebench-rounds" => {
-                let (metric, round) = (row.labels.get(2)?.as_str(), row.labels.get(3)?.parse::<usize>().ok()?);
+                let RowKey::Lineages { reads: Reads::Round { metric, round }, .. } = row.key else { return None };
                 let number = |rounds: &[_]| safebench::round_number(metric, round, key, rounds);
                 let of = |group: &str| key == paper::safebench::AVERAGE || group.split('/').next() == Some(key);
                 Some(self.of_rounds(row, key, &number, |at, group| at as usize == round && of(group)))
@@ -98,13 +99,9 @@ impl<'s> Bases<'s> {
          `realism_change`"
     }
 
-    /// The lineages of a row: two runs may have some of one name.
+    /// The lineages of a row.
     fn lineages_of(&self, row: &Row) -> impl Iterator<Item = &LineageLabels> {
-        let fits = |l: &&LineageLabels| {
-            let named = row.labels.first().is_some_and(|label| *label == l.group() || *label == l.name);
-            named && row.lineages.iter().any(|id| *id == l.lineage.as_str())
-        };
-        self.lineages.iter().filter(fits)
+        self.lineages.iter().filter(|l| row.key.has(l.place, &l.lineage))
     }
 
     fn of_labels(&self, row: &Row, key: &str) -> Option<Basis> {
@@ -137,7 +134,7 @@ impl<'s> Bases<'s> {
         read: LabelRead,
     ) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
-            let (run, story, result) = self.result(&l.run, l.lineage.as_str())?;
+            let (run, story, result) = self.result(l.place, &l.lineage)?;
             let programs = programs(side, result);
             let leaf = |scene: &String| {
                 let number = |of: &SolutionId| read(self.label(run, of, scene)?);
@@ -161,7 +158,7 @@ impl<'s> Bases<'s> {
     /// PF-Area@3 as the sealed results have it, with the held-out labels of the parent and of the chosen descendants.
     pub(super) fn frontier<'l>(&self, lineages: impl Iterator<Item = &'l LineageLabels>) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
-            let (run, story, result) = self.result(&l.run, l.lineage.as_str())?;
+            let (run, story, result) = self.result(l.place, &l.lineage)?;
             let counts = |roles: &[String]| roles.iter().any(|role| role == "parent" || role == "descendant");
             let own = story.held_out.iter().filter(|h| h.lineage == l.lineage && counts(&h.roles));
             let programs: Vec<SolutionId> = own.map(|held_out| held_out.solution.clone()).collect();
@@ -177,12 +174,9 @@ impl<'s> Bases<'s> {
 
     /// Means over the scenes without a program.
     fn replayed(&self, row: &Row, read: fn(&crate::objects::replay::ReplayScene) -> Option<f64>) -> Option<Basis> {
-        let of = |replay: &&ReplayLabels| row.lineages.iter().any(|id| *id == format!("replay/{}", replay.ego));
-        let part = |replay: &ReplayLabels| -> Option<Piece> {
-            let has = |story: &RecordedRun| {
-                story.replays.iter().any(|r| r.row.ego == replay.ego && same_scenes(story, replay))
-            };
-            let run = self.stories.iter().position(has)?;
+        let RowKey::Replay { egos, .. } = &row.key else { return None };
+        let of = |replay: &&ReplayLabels| egos.contains(&replay.key());
+        let part = |replay: &ReplayLabels| -> Piece {
             let leaves: Vec<Leaf> = replay
                 .scenes
                 .iter()
@@ -198,17 +192,17 @@ impl<'s> Bases<'s> {
                 .collect();
             let value = num::mean(&leaves.iter().filter_map(|leaf| leaf.value).collect::<Vec<f64>>());
             let lineage = format!("replay/{}", replay.ego);
-            Some(Piece {
+            Piece {
                 search: format!("{} {}", replay.suite, replay.ego),
-                run,
+                run: replay.place,
                 lineage,
                 replica: 0,
                 programs: Vec::new(),
                 value,
                 leaves,
-            })
+            }
         };
-        let parts = self.replays.iter().filter(of).filter_map(part).collect();
+        let parts = self.replays.iter().filter(of).map(part).collect();
         let formula =
             "mean over runs with other scenes or egos of the mean over held-out scenes played without a program"
                 .to_string();
@@ -217,20 +211,17 @@ impl<'s> Bases<'s> {
 
     /// SafeBench's row without a program, which is recorded as a whole.
     fn replay_row(&self, row: &Row, key: &str) -> Option<Basis> {
-        let of = |story: &'s RecordedRun| {
-            story
-                .replays
-                .iter()
-                .find(|r| r.row.suite == Suite::Evolution && row.lineages.contains(&format!("replay/{}", r.row.ego)))
-        };
-        let (run, replayed) = self.stories.iter().enumerate().find_map(|(run, story)| Some((run, of(story)?)))?;
+        let RowKey::Replay { egos, metric } = &row.key else { return None };
+        let Of { run, of: ego } = egos.first()?;
+        let own = |replayed: &&Replayed| replayed.row.suite == Suite::Evolution && replayed.row.ego == *ego;
+        let replayed = self.stories.get(*run)?.replays.iter().find(own)?;
         let known = replayed.row.benchmark?;
         let metric = match key {
             "parent_attack" => "Attack",
             "parent_ars" => "ARS",
             "parent_cr" => "CR",
             "parent_os" => "OS",
-            _ => row.labels.get(2)?.as_str(),
+            _ => (*metric)?,
         };
         let value = match metric {
             "Attack" => known.attack,
@@ -242,7 +233,7 @@ impl<'s> Bases<'s> {
         let leaves = replayed.scenes.iter().map(|scene| Leaf::scene(&scene.scene, &[], None)).collect();
         let part = Piece {
             search: "replay".into(),
-            run,
+            run: *run,
             lineage: row.lineages.join(" "),
             replica: 0,
             programs: Vec::new(),
@@ -257,21 +248,18 @@ impl<'s> Bases<'s> {
     }
 
     fn archives_of(&self, row: &Row) -> impl Iterator<Item = &LineageArchive> {
-        let fits = |a: &&LineageArchive| {
-            row.labels.first() == Some(&a.name) && row.lineages.iter().any(|id| *id == a.lineage.as_str())
-        };
-        self.archives.iter().filter(fits)
+        self.archives.iter().filter(|archive| row.key.has(archive.place, &archive.lineage))
     }
 
     /// A number of the archive's rounds, which is of the selected runs together.
     fn of_rounds(&self, row: &Row, key: &str, number: Number<'_>, reads: impl Fn(u32, &str) -> bool) -> Basis {
         let part = |archive: &LineageArchive| -> Option<Piece> {
-            let (run, story, _) = self.result(&archive.run, archive.lineage.as_str())?;
+            let (run, story, _) = self.result(archive.place, &archive.lineage)?;
             let scores: Vec<_> = archive.rounds.iter().map(|of| of.scores(of.runs.keys().copied())).collect();
             let last = archive.rounds.len().saturating_sub(1) as u32;
             let wanted =
                 |round: u32| !key.starts_with("parent_") && round == last || !key.starts_with("evolved_") && round == 0;
-            let main = row.labels.len() < 4;
+            let main = !matches!(row.key, RowKey::Lineages { reads: Reads::Round { .. }, .. });
             let rounds = story.rounds.iter().filter(|r| r.lineage == archive.lineage && (!main || wanted(r.round)));
             let leaves: Vec<Leaf> = rounds
                 .flat_map(|r| {
@@ -303,7 +291,7 @@ impl<'s> Bases<'s> {
     fn unseen(&self, row: &Row, key: &str) -> Option<Basis> {
         let seen = unseen::seen_of(key);
         let parts = self.archives_of(row).filter_map(|archive| -> Option<Piece> {
-            let (run, story, result) = self.result(&archive.run, archive.lineage.as_str())?;
+            let (run, story, result) = self.result(archive.place, &archive.lineage)?;
             let [parent, evolved] = [&result.parent.solution, &result.evolved.solution];
             let sides = [(0, parent, !key.contains("evolved_")), (1, evolved, !key.contains("parent_"))];
             let wanted: Vec<(u32, &SolutionId)> =
@@ -341,7 +329,7 @@ impl<'s> Bases<'s> {
     /// PF-Area@3 of SafeBench: the mean over groups, as sealed in the results.
     fn gains(&self, row: &Row) -> Basis {
         let part = |archive: &LineageArchive| -> Option<Piece> {
-            let (run, ..) = self.result(&archive.run, archive.lineage.as_str())?;
+            let (run, ..) = self.result(archive.place, &archive.lineage)?;
             let leaf = |((family, route), gain): (&crate::evaluation::Group, &f64)| {
                 Leaf::scene(&format!("{}/{route}", family.name()), &[], Some(*gain))
             };
@@ -356,15 +344,9 @@ impl<'s> Bases<'s> {
 
     /// A share of proposals.
     fn counted(&self, spec: &Spec, row: &Row, key: &str) -> Basis {
-        let [family, policy] = [0, 1].map(|at| row.labels.get(at).cloned().unwrap_or_default());
         let mut parts = Vec::new();
         for (run, story) in self.stories.iter().enumerate() {
-            let own = story
-                .parents
-                .iter()
-                .filter(|p| is_of(&family, p.program.source_family.as_str(), &story.opened.name))
-                .filter(|p| paper::policy(&p.ego) == policy);
-            for parent in own {
+            for parent in story.parents.iter().filter(|parent| row.key.has(run, &parent.lineage)) {
                 let attempts = story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage);
                 let leaf = |attempt: &crate::objects::Attempt| {
                     let (counts, holds) = spec.counted(key, attempt)?;
@@ -375,7 +357,7 @@ impl<'s> Bases<'s> {
                 let counted: Vec<f64> = leaves.iter().filter_map(|leaf| leaf.value).collect();
                 let lineage = parent.lineage.to_string();
                 parts.push(Piece {
-                    search: family.clone(),
+                    search: parent.program.source_family.to_string(),
                     run,
                     lineage,
                     replica: 0,
@@ -392,10 +374,9 @@ impl<'s> Bases<'s> {
         )
     }
 
-    fn result(&self, run: &str, lineage: &str) -> Option<(usize, &'s RecordedRun, &'s LineageResult)> {
-        let place = self.stories.iter().position(|story| labels::run_name(story) == run)?;
+    fn result(&self, place: usize, lineage: &LineageId) -> Option<(usize, &'s RecordedRun, &'s LineageResult)> {
         let story = self.stories.get(place)?;
-        let result = story.result.as_ref()?.lineages.iter().find(|result| result.lineage.as_str() == lineage)?;
+        let result = story.result.as_ref()?.lineages.iter().find(|result| result.lineage == *lineage)?;
         Some((place, story, result))
     }
 }
@@ -432,10 +413,6 @@ fn programs(side: Side, result: &LineageResult) -> Vec<SolutionId> {
     }
 }
 
-fn same_scenes(story: &RecordedRun, replay: &ReplayLabels) -> bool {
-    labels::suite(story).is_ok_and(|suite| suite == replay.suite)
-}
-
 /// What is read off a label for a column.
 fn words(key: &str) -> String {
     let bare = ["parent_", "evolved_", "endpoint_"].iter().find_map(|side| key.strip_prefix(side)).unwrap_or(key);
@@ -455,8 +432,10 @@ fn words(key: &str) -> String {
 }
 
 fn rounds_words(key: &str, row: &Row) -> String {
-    match (row.labels.get(2), row.labels.get(3)) {
-        (Some(metric), Some(round)) => format!("{metric} after round {round} in {key},"),
+    match row.key {
+        RowKey::Lineages { reads: Reads::Round { metric, round }, .. } => {
+            format!("{metric} after round {round} in {key},")
+        }
         _ => format!("{key},"),
     }
 }

@@ -11,11 +11,10 @@ use crate::objects::Attempt;
 impl Bases<'_> {
     /// The basis of a cell of `attack-only`, `without` or `kwidth`.
     pub(super) fn of_searches(&self, table: &Table, row: &Row, key: &str) -> Option<Basis> {
-        let run = columns::run_of(table, row, self.stories)?;
-        let of_row = |lineage: &&LineageLabels| row.lineages.iter().any(|id| *id == lineage.lineage.as_str());
+        let run = row.key.one_run()?;
+        let of_row = |lineage: &&LineageLabels| row.key.has(run, &lineage.lineage);
         let own: Vec<&LineageLabels> = self.searched.get(run)?.iter().filter(of_row).collect();
-        let side =
-            if row.labels.first().is_some_and(|label| label == columns::PARENT) { Side::Parent } else { Side::Evolved };
+        let side = row.key.side().unwrap_or(Side::Evolved);
         let read = |of: &[&LineageLabels], (what, reading): (&str, Reading)| {
             self.means_of(of.iter().copied(), side, what, Box::new(reading))
         };

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::bootstrap::Search;
 use super::error::TableError;
+use super::key::{Reads, RowKey};
 use super::labels::{self, LineageLabels, Reading, ReplayLabels, Side};
 use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::metadrive::{SCENES, SEEDS, estimated, quantity};
@@ -33,15 +34,6 @@ const PROGRAM: Head = Head { key: "program", head: "Program" };
 
 const PARENT: &str = "parent";
 const EVOLVED: &str = "evolved";
-
-/// Whose labels a row reads, by its last label; `None` for the row without a program.
-pub(super) fn side(program: &str) -> Option<Side> {
-    match program {
-        PARENT => Some(Side::Parent),
-        EVOLVED => Some(Side::Evolved),
-        _ => None,
-    }
-}
 
 /// Contacts of every parent and evolved generator on held-out scenes, a row a program and ego.
 pub fn metadrive_contacts(stories: &[RecordedRun]) -> Result<Table, TableError> {
@@ -98,6 +90,7 @@ fn row(program: &str, of: &[&LineageLabels], side: Side) -> Row {
     let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
     let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
     Row {
+        key: RowKey::reading(of.iter().map(|l| l.key()), Reads::Side(side)),
         labels: vec![of[0].name.clone(), of[0].policy(), program.to_string()],
         lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
         cells: Cell::row(&columns(), &estimated(&quantities), None),
@@ -110,6 +103,7 @@ fn row(program: &str, of: &[&LineageLabels], side: Side) -> Row {
 fn replay_row(replay: &ReplayLabels) -> Row {
     let search = Search { id: replay.suite, seeds: vec![replay.per_scene(|scene| Some(labels::share(scene.contact)))] };
     Row {
+        key: RowKey::Replay { egos: vec![replay.key()], metric: None },
         labels: vec![REPLAY.to_string(), replay.policy(), "none".to_string()],
         lineages: vec![format!("replay/{}", replay.ego)],
         cells: Cell::row(&columns(), &estimated(&[(ANY, vec![search])]), None),

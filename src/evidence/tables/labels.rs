@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::PerScene;
 use super::error::TableError;
+use super::key::Of;
 use super::paper::{
     self,
     metadrive::{METHODS, Method},
@@ -75,6 +76,8 @@ impl Labels {
 /// The recorded held-out scenes without a program.
 #[derive(Clone, Debug)]
 pub struct ReplayLabels {
+    /// Place of the first run that recorded them.
+    pub place: usize,
     /// Our name of the ego policy.
     pub ego: String,
     /// Digest of the held-out scenes' ids.
@@ -89,6 +92,11 @@ impl ReplayLabels {
         PerScene { suite: self.suite, values: self.scenes.iter().map(|scene| of(scene.as_ref()?)).collect() }
     }
 
+    /// As a row's key names it.
+    pub fn key(&self) -> Of<String> {
+        Of { run: self.place, of: self.ego.clone() }
+    }
+
     /// The ego as the paper calls it, or as we do.
     pub fn policy(&self) -> String {
         paper::policy(&self.ego)
@@ -98,7 +106,7 @@ impl ReplayLabels {
 /// The do-nothing row of every suite and ego of these runs, in their order, each once.
 pub fn replays(stories: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError> {
     let mut all: Vec<ReplayLabels> = Vec::new();
-    for story in stories {
+    for (place, story) in stories.iter().enumerate() {
         let (names, digest) = (&story.opened.held_out_scenes, suite(story)?);
         for replayed in story.replays.iter().filter(|replayed| replayed.row.suite == Suite::HeldOut) {
             if all.iter().any(|known| known.suite == digest && known.ego == replayed.row.ego) {
@@ -106,7 +114,7 @@ pub fn replays(stories: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError>
             }
             let found = |id: &String| replayed.scenes.iter().find(|scene| scene.scene == *id).cloned();
             let scenes = names.iter().map(found).collect();
-            all.push(ReplayLabels { ego: replayed.row.ego.clone(), suite: digest, scenes });
+            all.push(ReplayLabels { place, ego: replayed.row.ego.clone(), suite: digest, scenes });
         }
     }
     Ok(all)
@@ -122,6 +130,8 @@ pub fn suite(story: &RecordedRun) -> Result<Digest, TableError> {
 #[derive(Clone, Debug)]
 pub struct LineageLabels {
     pub lineage: LineageId,
+    /// Place of its run among those that the table is made from.
+    pub place: usize,
     /// Which repetition of its search it is, from 0.
     pub replica: u32,
     /// The run's name and the beginning of its root.
@@ -184,6 +194,11 @@ impl LineageLabels {
         PerScene { suite: self.suite, values: before.into_iter().zip(after).map(difference).collect() }
     }
 
+    /// As a row's key names it.
+    pub fn key(&self) -> Of<LineageId> {
+        Of { run: self.place, of: self.lineage.clone() }
+    }
+
     /// Row of the main table.
     pub fn group(&self) -> String {
         self.method.map_or(self.name.clone(), |method| method.group.to_string())
@@ -231,19 +246,30 @@ impl Repeated for LineageLabels {
 /// All lineages of these runs, in their order. No row of a table may come from two of them.
 pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableError> {
     let mut all: Vec<LineageLabels> = Vec::new();
-    for story in stories {
-        if !story.rounds.is_empty() {
-            let (found, tables) = ("SafeBench's protocol", "safebench-main, safebench-rounds and safebench-held-out");
-            return Err(TableError::OtherProtocol { run: run_name(story), found, tables });
-        }
-        for lineage in &result(story)?.lineages {
-            searches::add(&mut all, one(story, lineage)?)?;
+    for place in 0..stories.len() {
+        for lineage in of_run(stories, place)? {
+            searches::add(&mut all, lineage)?;
         }
     }
     Ok(all)
 }
 
-fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, TableError> {
+/// The lineages of one of these runs, in their order.
+pub fn of_run(stories: &[RecordedRun], place: usize) -> Result<Vec<LineageLabels>, TableError> {
+    let mut all: Vec<LineageLabels> = Vec::new();
+    if let Some(story) = stories.get(place) {
+        if !story.rounds.is_empty() {
+            let (found, tables) = ("SafeBench's protocol", "safebench-main, safebench-rounds and safebench-held-out");
+            return Err(TableError::OtherProtocol { run: run_name(story), found, tables });
+        }
+        for lineage in &result(story)?.lineages {
+            searches::add(&mut all, one(place, story, lineage)?)?;
+        }
+    }
+    Ok(all)
+}
+
+fn one(place: usize, story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, TableError> {
     let (names, digest) = (&story.opened.held_out_scenes, suite(story)?);
     let labels = |solution: &SolutionId| {
         let found = story.held_out.iter().find(|h| h.lineage == result.lineage && h.solution == *solution);
@@ -258,6 +284,7 @@ fn one(story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, Tab
     let method = published.filter(|_| story.opened.attack.is_none());
     Ok(LineageLabels {
         lineage: result.lineage.clone(),
+        place,
         replica: result.replica,
         run: run_name(story),
         method,

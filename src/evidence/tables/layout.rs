@@ -5,6 +5,7 @@ use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 
 use super::bootstrap::Estimate;
+use super::key::RowKey;
 use super::paper::Figures;
 use crate::kernel::num;
 
@@ -114,6 +115,8 @@ pub const REPLAY: &str = "Replay (no program)";
 /// Numbers of a generator family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
+    /// What it is about.
+    pub key: RowKey,
     /// One a label of the table.
     pub labels: Vec<String>,
     /// Lineages that it rests on; none = missing.

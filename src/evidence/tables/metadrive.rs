@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::error::TableError;
+use super::key::RowKey;
 use super::labels::{self, LineageLabels, Reading, ReplayLabels, Side};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
@@ -212,6 +213,7 @@ fn replay_row(of: &[ReplayLabels], columns: &[Column]) -> Option<Row> {
     let policies: BTreeSet<String> = of.iter().map(ReplayLabels::policy).collect();
     let suites: BTreeMap<_, usize> = of.iter().map(|replay| (replay.suite, replay.scenes.len())).collect();
     (!of.is_empty()).then(|| Row {
+        key: RowKey::Replay { egos: of.iter().map(ReplayLabels::key).collect(), metric: None },
         labels: vec![REPLAY.to_string(), policies.into_iter().collect::<Vec<_>>().join(" + ")],
         lineages: of.iter().map(|replay| format!("replay/{}", replay.ego)).collect(),
         cells: Cell::row(columns, &ours, None),
@@ -268,6 +270,7 @@ fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) ->
     let kinds: BTreeSet<&str> = of.iter().flat_map(|l| l.proposals.split(" + ")).collect();
     let seeds = searches(of.iter().copied()).iter().map(Vec::len).max().unwrap_or(0);
     Row {
+        key: RowKey::of(of.iter().map(|l| l.key())),
         labels: vec![method.to_string(), policy],
         lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
         cells,

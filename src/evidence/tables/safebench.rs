@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use super::archives::{self, LineageArchive};
 use super::bootstrap::{self, Estimate};
 use super::error::TableError;
+use super::key::{Of, Reads, RowKey};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{
@@ -42,9 +43,9 @@ pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let row = |of: &Subject<'_>| {
         let ours = if of.seeds.is_empty() { Numbers::new() } else { main_numbers(&of.seeds) };
         let figures = of.printed.map(Method::main_figures);
-        of.row(&[], Cell::row(&columns, &ours, figures.as_ref()))
+        of.row(Reads::ByColumn, &[], Cell::row(&columns, &ours, figures.as_ref()))
     };
-    let replays = replays(stories).into_iter().map(|replay| replay_row(replay, &columns));
+    let replays = replays(stories).into_iter().map(|replay| replay_row(replay, None, &columns));
     let rows = replays.chain(in_order(&all).iter().map(row)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
@@ -132,19 +133,22 @@ pub(super) fn round_number(metric: &str, round: usize, key: &str, rounds: &[Opti
 const LINES: [Metric; 3] = [CR, OS, ARS];
 
 /// The evolution scenes without a program, an ego a row.
-fn replays(stories: &[RecordedRun]) -> Vec<&ReplayRow> {
-    let rows = stories.iter().flat_map(|story| &story.replays).map(|replayed| &replayed.row);
-    let mut found: Vec<&ReplayRow> = Vec::new();
-    for row in rows.filter(|row| row.suite == Suite::Evolution) {
-        if !found.contains(&row) {
-            found.push(row);
+fn replays(stories: &[RecordedRun]) -> Vec<(usize, &ReplayRow)> {
+    let mut found: Vec<(usize, &ReplayRow)> = Vec::new();
+    let all = stories
+        .iter()
+        .enumerate()
+        .flat_map(|(place, story)| story.replays.iter().map(move |replayed| (place, &replayed.row)));
+    for (place, row) in all.filter(|(_, row)| row.suite == Suite::Evolution) {
+        if !found.iter().any(|(_, known)| *known == row) {
+            found.push((place, row));
         }
     }
     found
 }
 
 /// The row of a program that does nothing: under the parent's heads.
-fn replay_row(replay: &ReplayRow, columns: &[Column]) -> Row {
+fn replay_row((run, replay): (usize, &ReplayRow), metric: Option<&'static str>, columns: &[Column]) -> Row {
     let mut ours = Numbers::new();
     if let Some(row) = &replay.benchmark {
         for (key, Metric { of, .. }) in
@@ -154,6 +158,7 @@ fn replay_row(replay: &ReplayRow, columns: &[Column]) -> Row {
         }
     }
     Row {
+        key: RowKey::Replay { egos: vec![Of { run, of: replay.ego.clone() }], metric },
         labels: vec![REPLAY.to_string(), paper::policy(&replay.ego)],
         lineages: vec![format!("replay/{}", replay.ego)],
         cells: Cell::row(columns, &ours, None),
@@ -165,9 +170,10 @@ fn replay_row(replay: &ReplayRow, columns: &[Column]) -> Row {
 
 /// The same for the tables by round: a line a metric, in the column of all families.
 fn replay_part(stories: &[RecordedRun]) -> Option<Part> {
-    let line = |replay: &ReplayRow, metric: &Metric| {
+    let line = |of: (usize, &ReplayRow), metric: &Metric| {
+        let replay = of.1;
         let ours: Numbers = replay.benchmark.iter().map(|row| (AVERAGE, Estimate::plain((metric.of)(row)))).collect();
-        let row = replay_row(replay, &[]);
+        let row = replay_row(of, Some(metric.name), &[]);
         let labels = row.labels.iter().cloned().chain([metric.name.to_string(), "-".to_string()]).collect();
         Row { labels, cells: Cell::row(&round_columns(), &ours, None), ..row }
     };
@@ -238,7 +244,8 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
             Some((column.key, found?))
         };
         let ours: Numbers = columns.iter().filter_map(ours).collect();
-        of.row(&[metric.name, &round.to_string()], Cell::row(&columns, &ours, figures.as_ref()))
+        let reads = Reads::Round { metric: metric.name, round };
+        of.row(reads, &[metric.name, &round.to_string()], Cell::row(&columns, &ours, figures.as_ref()))
     };
     LINES.iter().flat_map(|metric| (0..rounds).map(|round| line(metric, round)).collect::<Vec<_>>()).collect()
 }
@@ -280,11 +287,12 @@ pub(super) fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
 
 impl Subject<'_> {
     /// A row of numbers, with labels after the method and the ego.
-    pub(super) fn row(&self, labels: &[&str], cells: Vec<Cell>) -> Row {
+    pub(super) fn row(&self, reads: Reads, labels: &[&str], cells: Vec<Cell>) -> Row {
         let policy = self.seeds.first().map_or(String::new(), |archive| paper::policy(&archive.ego));
         let groups: BTreeSet<_> = self.seeds.iter().flat_map(|archive| archive.groups()).collect();
         let sum = |of: fn(&LineageArchive) -> usize| self.seeds.iter().map(|archive| of(archive)).sum();
         Row {
+            key: RowKey::reading(self.seeds.iter().map(|archive| archive.key()), reads),
             labels: [self.name.clone(), policy].into_iter().chain(labels.iter().map(|l| l.to_string())).collect(),
             lineages: self.seeds.iter().map(|archive| archive.lineage.to_string()).collect(),
             cells,

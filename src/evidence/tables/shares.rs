@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::Estimate;
 use super::error::TableError;
+use super::key::{Of, RowKey};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, Row, Table};
 use super::metadrive::SEEDS;
 use super::paper::{self, Figures};
 use super::{labels, notes};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::Attempt;
+use crate::objects::{Attempt, LineageId};
 
 /// Whether a proposal counts for a share.
 pub type Holds = fn(&Attempt) -> bool;
@@ -66,12 +67,12 @@ pub(super) fn table(spec: &Spec, stories: &[RecordedRun]) -> Result<Table, Table
     let mut rows: BTreeMap<(String, String, Option<String>), Group<'_>> = BTreeMap::new();
     // What two proposers did is told apart; runs of one proposer are told together.
     let kinds: BTreeSet<String> = stories.iter().map(labels::proposals).collect();
-    for story in stories {
+    for (place, story) in stories.iter().enumerate() {
         let run = (kinds.len() > 1).then(|| story.opened.name.clone());
         for parent in &story.parents {
             let key = (parent.program.source_family.to_string(), parent.ego.clone(), run.clone());
             let group = rows.entry(key).or_default();
-            group.lineages.push(parent.lineage.to_string());
+            group.lineages.push(Of { run: place, of: parent.lineage.clone() });
             group.attempts.extend(story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage));
             group.proposals = labels::proposals(story);
         }
@@ -98,7 +99,7 @@ pub(super) fn table(spec: &Spec, stories: &[RecordedRun]) -> Result<Table, Table
 /// The attempts of one family against one ego.
 #[derive(Default)]
 struct Group<'a> {
-    lineages: Vec<String>,
+    lineages: Vec<Of<LineageId>>,
     attempts: Vec<&'a Attempt>,
     proposals: String,
 }
@@ -118,7 +119,8 @@ impl Group<'_> {
             labels: vec![of_run(family, run.as_deref()), paper::policy(ego)],
             cells: Cell::row(&spec.columns(), &numbers, figures.as_ref()),
             counts: counts.into_iter().chain([self.lineages.len()]).collect(),
-            lineages: self.lineages,
+            lineages: self.lineages.iter().map(|own| own.of.to_string()).collect(),
+            key: RowKey::of(self.lineages),
             proposals: self.proposals,
             notes: Vec::new(),
         }
@@ -128,9 +130,4 @@ impl Group<'_> {
 /// A family's label in a row of all runs, or of one.
 fn of_run(family: &str, run: Option<&str>) -> String {
     run.map_or_else(|| family.to_string(), |run| format!("{family} ({run})"))
-}
-
-/// Whether a row's label is of a family's proposals in a run.
-pub(super) fn is_of(label: &str, family: &str, run: &str) -> bool {
-    label == family || label == of_run(family, Some(run))
 }

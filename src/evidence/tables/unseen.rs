@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use super::archives;
 use super::bootstrap::{self, Estimate};
 use super::error::TableError;
+use super::key::Reads;
 use super::labels;
 use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, Table};
 use super::notes;
@@ -61,7 +62,7 @@ pub fn safebench_held_out(stories: &[RecordedRun]) -> Result<Table, TableError> 
     let columns = columns();
     let row = |of: &Subject<'_>| {
         let numbers: Numbers = seen_numbers(stories, of).into_iter().chain(main_numbers(&of.seeds)).collect();
-        of.row(&[], Cell::row(&columns, &numbers, None))
+        of.row(Reads::ByColumn, &[], Cell::row(&columns, &numbers, None))
     };
     let rows = in_order(&all).iter().filter(|of| !of.seeds.is_empty()).map(row).collect();
     let title = "SafeBench: the chosen programs on routes that evolution did not see".to_string();

@@ -1,0 +1,14 @@
+//! What is kept of a rollout: the outcome, and the meters that it is summed up with.
+
+pub(super) mod account;
+pub mod driving;
+pub mod feasibility;
+pub(super) mod motion;
+pub mod outcome;
+pub mod smooth;
+mod trace_digest;
+mod watch;
+
+pub use driving::{ActorConduct, Driving};
+pub use feasibility::Feasibility;
+pub use outcome::{ACTED_M, ActorTrace, AdversaryReport, Contact, End, Motion, Outcome, Striker, Trace};

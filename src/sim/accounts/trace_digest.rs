@@ -1,0 +1,50 @@
+//! The digest of a rollout's motion, streamed: it changes when one bit of one simulated pose changes. What is merely
+//! replayed enters once, through the plant's digest.
+
+use crate::kernel::Digest;
+use crate::scene::Sample;
+use crate::sim::prepared::plant::Plant;
+
+/// BLAKE3 hashes long inputs several times faster than short ones, so words are gathered first.
+const BUFFER_BYTES: usize = 16 * 1024;
+
+pub(in crate::sim) struct TraceDigest {
+    hasher: blake3::Hasher,
+    buffer: Vec<u8>,
+}
+
+impl TraceDigest {
+    pub fn new(plant: &Plant) -> TraceDigest {
+        let mut hasher = blake3::Hasher::new_derive_key("evodrive/sim/1 trace");
+        hasher.update(plant.digest().as_bytes());
+        TraceDigest { hasher, buffer: Vec::with_capacity(BUFFER_BYTES) }
+    }
+
+    /// A pose of the ego (0) or of a simulated road user (1 + its place).
+    pub fn pose(&mut self, who: u64, sample: &Sample) {
+        self.words([
+            who,
+            sample.position.x.to_bits(),
+            sample.position.y.to_bits(),
+            sample.heading_rad.to_bits(),
+            sample.velocity.x.to_bits(),
+            sample.velocity.y.to_bits(),
+        ]);
+    }
+
+    pub fn words<const N: usize>(&mut self, words: [u64; N]) {
+        if self.buffer.len() + 8 * N > BUFFER_BYTES {
+            self.hasher.update(&self.buffer);
+            self.buffer.clear();
+        }
+        for word in words {
+            self.buffer.extend_from_slice(&word.to_le_bytes());
+        }
+    }
+
+    pub fn finish(&mut self) -> Digest {
+        self.hasher.update(&self.buffer);
+        self.buffer.clear();
+        Digest::from_array(*self.hasher.finalize().as_bytes())
+    }
+}

@@ -1,0 +1,199 @@
+//! Whether a contact with an adversary could have been avoided: the same scene and intervention once more, up to the
+//! moment at which the threat was visible and the ego could have reacted, and from there with each evasive manoeuvre.
+//!
+//! The rollout's account is not kept here, so a look back costs less than a rollout. Families' searches do not ask.
+
+use crate::scene::DT_S;
+use crate::sim::SimError;
+use crate::sim::accounts::feasibility::DRIVABLE_TOLERANCE_M;
+use crate::sim::accounts::outcome::Outcome;
+use crate::sim::prepared::options::AvoidanceOptions;
+use crate::sim::prepared::plant::Plant;
+use crate::sim::road_users::driver::Driver;
+use crate::sim::road_users::intervention::{ActorRef, Intervention};
+use crate::sim::rollouts::closed_loop::ClosedLoop;
+use crate::sim::rollouts::rollout::{OFF_ROAD_OFFSET_M, rollout};
+
+use super::class::ContactClass;
+use super::evasion::{Evasion, Manoeuvre};
+use super::threat::ThreatWatch;
+
+/// [`rollout`] with the contact [`assess`]ed: what labels are read from.
+pub fn rollout_assessed(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+) -> Result<Outcome, SimError> {
+    let mut outcome = rollout(plant, intervention, driver)?;
+    assess(plant, intervention, driver, &mut outcome)?;
+    Ok(outcome)
+}
+
+/// Fills in since when the ego could see its contact with an adversary coming, and whether it could have avoided it.
+/// `outcome` must be the rollout of the same plant, intervention and driver. Other outcomes stay as they are.
+pub fn assess(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+    outcome: &mut Outcome,
+) -> Result<(), SimError> {
+    let state = ClosedLoop::new(plant, intervention, driver)?;
+    assess_relived(&mut Driven { state, driver }, outcome)
+}
+
+/// A rollout that is lived through again, step by step.
+pub(in crate::sim) trait Relived<'a> {
+    fn state(&self) -> &ClosedLoop<'a>;
+
+    /// Begins the k-th step.
+    fn wake(&mut self, k: usize);
+
+    /// The present state as one that goes on by our own rules.
+    fn fork(&self, k: usize) -> ClosedLoop<'a>;
+
+    /// Carries the k-th step out; `false` where the rollout ends in it.
+    fn advance(&mut self, k: usize) -> Result<bool, SimError>;
+}
+
+/// A rollout of our own, driven again.
+struct Driven<'a, 'd> {
+    state: ClosedLoop<'a>,
+    driver: &'d mut dyn Driver,
+}
+
+impl<'a> Relived<'a> for Driven<'a, '_> {
+    fn state(&self) -> &ClosedLoop<'a> {
+        &self.state
+    }
+
+    fn wake(&mut self, k: usize) {
+        self.state.wake(k);
+    }
+
+    fn fork(&self, _: usize) -> ClosedLoop<'a> {
+        self.state.clone()
+    }
+
+    fn advance(&mut self, k: usize) -> Result<bool, SimError> {
+        let state = &mut self.state;
+        let Some(step) = state.decide(self.driver, k)? else { return Ok(false) };
+        state.decide_traffic(k);
+        state.plan_others(k);
+        if state.first_contact(k, &step).is_some() {
+            return Ok(false);
+        }
+        state.commit(&step);
+        Ok(true)
+    }
+}
+
+/// [`assess`] of a rollout that is lived through again from its first state.
+pub(in crate::sim) fn assess_relived<'a>(rollout: &mut dyn Relived<'a>, outcome: &mut Outcome) -> Result<(), SimError> {
+    let Some(contact) = outcome.contact.as_mut().filter(|contact| contact.adversary) else { return Ok(()) };
+    let options = &rollout.state().plant.options().avoidance;
+    let found = look_back(rollout, contact.with, options)?;
+    contact.visible_s = found.visible.map(|k| contact.time_s - k as f64 * DT_S);
+    let until = found.contact + in_steps(options.horizon_s);
+    contact.avoidable = Some(found.fork.is_some_and(|(k, state)| {
+        Manoeuvre::ALL.into_iter().any(|manoeuvre| stays_clear(&state, k, until, manoeuvre, options))
+    }));
+    Ok(())
+}
+
+/// Whole decision steps that hold a time.
+fn in_steps(seconds: f64) -> usize {
+    // A hair less, so that 0.3 s are three steps and not four.
+    (seconds / DT_S - 1e-9).ceil().max(0.0) as usize
+}
+
+/// What was found of a contact by living through it again.
+struct LookBack<'a> {
+    /// The decision step in which it happened.
+    contact: usize,
+    /// The decision step from which on the threat was visible.
+    visible: Option<usize>,
+    /// The state in which the ego could begin to evade.
+    fork: Option<(usize, ClosedLoop<'a>)>,
+}
+
+/// Drives the rollout again up to its contact. A threat is visible since the first step of the last run of steps in which
+/// it is seen; the ego keeps it in mind for the reaction time, so shorter interruptions do not end a run.
+fn look_back<'a>(
+    rollout: &mut dyn Relived<'a>,
+    adversary: ActorRef,
+    options: &AvoidanceOptions,
+) -> Result<LookBack<'a>, SimError> {
+    let actor = rollout.state().world.actors.iter().position(|a| a.who == adversary).unwrap_or(0);
+    let mut watch = ThreatWatch::new(options, actor);
+    let reaction = in_steps(options.reaction_s);
+    let mut found = LookBack { contact: 0, visible: None, fork: None };
+    let mut seen = 0;
+    for k in 0..rollout.state().plant.steps() {
+        found.contact = k;
+        rollout.wake(k);
+        let sees = watch.sees(rollout.state(), k);
+        if k - seen > reaction {
+            (found.visible, found.fork) = (None, None);
+        }
+        if sees {
+            found.visible = found.visible.or(Some(k));
+            seen = k;
+        }
+        if found.visible.is_some_and(|visible| visible + reaction == k) {
+            found.fork = Some((k, rollout.fork(k)));
+        }
+        if !rollout.advance(k)? {
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// Whether a manoeuvre begun in a state at step `from` touches nobody and keeps to the road up to step `until`. Someone
+/// recorded who runs into the slowing ego from behind cannot brake, because a recording does not react: it is taken out.
+fn stays_clear(
+    fork: &ClosedLoop<'_>,
+    from: usize,
+    until: usize,
+    manoeuvre: Manoeuvre,
+    options: &AvoidanceOptions,
+) -> bool {
+    let mut state = fork.clone();
+    let plant = state.plant;
+    let evasion = Evasion::new(manoeuvre, &state.ego, options);
+    let beyond_m = beyond_road_m(&state).max(DRIVABLE_TOLERANCE_M);
+    for k in from..until.min(plant.steps()) {
+        state.wake(k);
+        let (acceleration_mps2, steering_rad) = evasion.control(&plant.route, &state.ego, state.car(), k - from);
+        let step = state.drive(acceleration_mps2, steering_rad);
+        state.decide_traffic(k);
+        state.plan_others(k);
+        while let Some(hit) = state.first_contact(k, &step) {
+            let class = state.describe(k, &hit, &step).class;
+            match hit.with {
+                ActorRef::Track(track) if hit.replayed && class == ContactClass::RearEndEgoStruck => {
+                    state.take_out(track);
+                }
+                _ => return false,
+            }
+        }
+        state.commit(&step);
+        let along = &state.ego.along;
+        let left_route = !plant.is_staged() && along.offset_m.abs() > OFF_ROAD_OFFSET_M;
+        if left_route || beyond_road_m(&state) > beyond_m {
+            return false;
+        }
+        if along.s_m > plant.route.length_m() {
+            return true;
+        }
+    }
+    true
+}
+
+/// How far the ego's outermost corner lies beyond the lanes, metres.
+fn beyond_road_m(state: &ClosedLoop<'_>) -> f64 {
+    let ego = &state.ego;
+    let shape = ego.size.at(crate::sim::prepared::body::Place { position: ego.sample.position, axis: ego.axis });
+    let beyond = |corner| state.plant.drivable.distance_m(corner, 0.0, &mut 0);
+    shape.corners().into_iter().map(beyond).fold(0.0, f64::max)
+}

@@ -1,0 +1,105 @@
+//! What SafeBench's criteria need to know of a staged scene's road: where driving lanes are, where lines are painted,
+//! where one has to stop. Prepared once a scene.
+
+use std::sync::Arc;
+
+use crate::kernel::Vec2;
+use crate::scene::pieces::Pieces;
+use crate::scene::{Lane, LaneKind, Road, Scene};
+
+use super::drivable::Drivable;
+use super::path::Path;
+
+/// Lines farther than this from the box around the route are left out, metres.
+const NEAR_M: f64 = 40.0;
+/// A stop sign holds where its place or the end of its lane lies this near to the route, metres.
+const SIGN_OFFSET_M: f64 = 2.0;
+
+/// One piece of a painted line.
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    from: Vec2,
+    to: Vec2,
+    low: Vec2,
+    high: Vec2,
+}
+
+/// The road under SafeBench's criteria.
+#[derive(Clone, Debug)]
+pub(in crate::sim) struct Course {
+    /// Streets and freeways; no shoulders, no sidewalks.
+    pub driving: Drivable,
+    marks: Vec<Mark>,
+    /// Arc lengths of the stop lines of stop signs on the route, metres.
+    pub stop_lines_s_m: Vec<f64>,
+}
+
+impl Course {
+    pub fn new(scene: &Scene, route: &Path) -> Course {
+        let lanes: Vec<&Lane> = scene.road.lanes.iter().filter(|l| is_driven(l)).collect();
+        let (mut low, mut high) = (route.points()[0], route.points()[0]);
+        for point in route.points() {
+            low = Vec2::new(low.x.min(point.x), low.y.min(point.y));
+            high = Vec2::new(high.x.max(point.x), high.y.max(point.y));
+        }
+        let reach = Vec2::new(NEAR_M, NEAR_M);
+        let (low, high) = (low - reach, high + reach);
+        // Inside junctions no lines are painted.
+        let marked = lanes.iter().filter(|lane| !is_connector(lane, &scene.road));
+        let lines = marked.flat_map(|lane| [&lane.left, &lane.right]);
+        let pieces = lines.flat_map(|line| line.windows(2).map(|w| Mark::new(w[0], w[1])));
+        let marks = pieces.filter(|m| m.meets(low, high)).collect();
+        let mut stop_lines_s_m: Vec<f64> = scene.stop_signs.iter().flat_map(|s| stop_line(scene, s, route)).collect();
+        stop_lines_s_m.sort_by(f64::total_cmp);
+        // One sign may name several lanes of one approach.
+        stop_lines_s_m.dedup_by(|b, a| *b - *a < SIGN_OFFSET_M);
+        Course { driving: Drivable::of(Arc::new(Pieces::of_lanes(&scene.road, is_driven))), marks, stop_lines_s_m }
+    }
+
+    /// Whether the way from one place to another crosses a painted line.
+    pub fn crosses_mark(&self, from: Vec2, to: Vec2) -> bool {
+        let low = Vec2::new(from.x.min(to.x), from.y.min(to.y));
+        let high = Vec2::new(from.x.max(to.x), from.y.max(to.y));
+        self.marks.iter().any(|m| m.meets(low, high) && properly_cross(from, to, m.from, m.to))
+    }
+}
+
+impl Mark {
+    fn new(from: Vec2, to: Vec2) -> Mark {
+        let low = Vec2::new(from.x.min(to.x), from.y.min(to.y));
+        let high = Vec2::new(from.x.max(to.x), from.y.max(to.y));
+        Mark { from, to, low, high }
+    }
+
+    fn meets(&self, low: Vec2, high: Vec2) -> bool {
+        self.low.x <= high.x && self.high.x >= low.x && self.low.y <= high.y && self.high.y >= low.y
+    }
+}
+
+/// Both ends of one on different sides of the other; a place on the line belongs to its right side, so that a line is
+/// crossed once.
+fn properly_cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
+    let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).cross(r - p) > 0.0;
+    side(c, d, a) != side(c, d, b) && side(a, b, c) != side(a, b, d)
+}
+
+fn is_driven(lane: &Lane) -> bool {
+    matches!(lane.kind, LaneKind::Street | LaneKind::Freeway)
+}
+
+/// A lane that is one of several ways on from a lane, or one of several ways into one.
+fn is_connector(lane: &Lane, road: &Road) -> bool {
+    let several = |links: &[usize], of: fn(&Lane) -> &[usize]| {
+        links.iter().filter_map(|&ix| road.lanes.get(ix)).any(|other| of(other).len() > 1)
+    };
+    several(&lane.entries, |l| &l.exits) || several(&lane.exits, |l| &l.entries)
+}
+
+fn stop_line(scene: &Scene, sign: &crate::scene::StopSign, route: &Path) -> Option<f64> {
+    let ends = sign.lanes.iter().filter_map(|&ix| scene.road.lanes.get(ix)?.centre.last().copied());
+    std::iter::once(sign.position).chain(ends).find_map(|place| {
+        let at = route.project(place);
+        let on_route = at.offset_m.abs() <= SIGN_OFFSET_M && at.s_m >= 0.0 && at.s_m <= route.length_m();
+        on_route.then_some(at.s_m)
+    })
+}

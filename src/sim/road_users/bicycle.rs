@@ -1,0 +1,191 @@
+//! Kinematic single-track model about the centre of the box, with the limits of MetaDrive's default car. Of tyres it
+//! knows a grip limit and what a bend costs.
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::{Vec2, num};
+use crate::scene::Sample;
+use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS};
+
+/// What a car can do at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    pub steering_rad: f64,
+    pub speed_mps: f64,
+    /// Full throttle, m/s².
+    pub engine_mps2: f64,
+    /// Half brake, m/s².
+    pub half_brake_mps2: f64,
+    /// Full brake, m/s².
+    pub brake_mps2: f64,
+    /// Largest lateral acceleration the tyres hold, m/s²; beyond it the car understeers.
+    pub grip_mps2: f64,
+    pub cornering_loss: CorneringLoss,
+}
+
+/// What a bend costs, as a deceleration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "law", rename_all = "snake_case", deny_unknown_fields)]
+pub enum CorneringLoss {
+    /// The side force of a tyre, times the sine of its slip angle, works against the motion. With a lateral acceleration
+    /// `a` all tyres slip by `a / (c g)`; front wheels that are turned by more than the curve needs slip by the rest, too
+    /// (linear tyres: Gillespie, Fundamentals of Vehicle Dynamics, 1992, chapters 6 and 10).
+    TyreSlip {
+        /// `c`: cornering stiffness over load, 1/rad. About 9.2 (0.16 per degree) for a passenger car's radial tyres.
+        cornering_coefficient: f64,
+    },
+    /// This share of `|v yaw rate| sin |δ|`: what a fit to MetaDrive at full throttle gives.
+    Steering { share: f64 },
+}
+
+/// A car of MetaDrive's default size on tyres that hold 0.9 g: steering 40°, 80 km/h, four wheels of 759 N on 1100 kg
+/// (2.76 m/s², as measured).
+pub const DEFAULT_LIMITS: Limits = Limits {
+    steering_rad: 40.0 * num::PI / 180.0,
+    speed_mps: 80.0 / 3.6,
+    engine_mps2: 2.76,
+    half_brake_mps2: 0.45 * GRAVITY_MPS2,
+    brake_mps2: 0.9 * GRAVITY_MPS2,
+    grip_mps2: 0.9 * GRAVITY_MPS2,
+    cornering_loss: CorneringLoss::TyreSlip { cornering_coefficient: 9.2 },
+};
+
+const GRAVITY_MPS2: f64 = 9.81;
+/// A waypoint nearer than this is reached: the wheels go straight, metres.
+const REACHED_M: f64 = 0.5;
+
+// Axle offsets of MetaDrive's default car (1.05234 m front, 1.4166 m rear) as shares of its length 4.515 m.
+const FRONT_SHARE: f64 = 1.05234 / 4.515;
+const REAR_SHARE: f64 = 1.4166 / 4.515;
+
+/// A car in motion. It never drives backwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Car {
+    pub position: Vec2,
+    pub heading_rad: f64,
+    pub axis: Vec2,
+    pub speed_mps: f64,
+    /// Direction of motion of the centre: the axis turned by the slip angle.
+    pub course: Vec2,
+    front_m: f64,
+    rear_m: f64,
+}
+
+impl Car {
+    /// A car of some length at a sample; its speed is the velocity's share along its heading, at least 0.
+    pub fn new(sample: &Sample, length_m: f64) -> Car {
+        let axis = Vec2::from_heading(sample.heading_rad);
+        Car {
+            position: sample.position,
+            heading_rad: num::wrap_angle(sample.heading_rad),
+            axis,
+            speed_mps: sample.velocity.dot(axis).max(0.0),
+            course: axis,
+            front_m: FRONT_SHARE * length_m,
+            rear_m: REAR_SHARE * length_m,
+        }
+    }
+
+    pub fn sample(&self) -> Sample {
+        Sample { position: self.position, heading_rad: self.heading_rad, velocity: self.course * self.speed_mps }
+    }
+
+    pub fn place(&self) -> Place {
+        Place { position: self.position, axis: self.axis }
+    }
+
+    /// Sine of the slip angle of a steering angle, as far as grip allows at this speed.
+    fn slip_sine(&self, steering_rad: f64, limits: &Limits) -> f64 {
+        let steering = steering_rad.clamp(-limits.steering_rad, limits.steering_rad);
+        let tan_slip = num::tan(steering) * self.rear_m / (self.front_m + self.rear_m);
+        let sine = tan_slip / (1.0 + tan_slip * tan_slip).sqrt();
+        let most = limits.grip_mps2 * self.rear_m / (self.speed_mps * self.speed_mps).max(1e-9);
+        sine.clamp(-most, most)
+    }
+
+    /// The steering angle that turns the car by `curvature_1pm` (1/m, positive to the left), grip aside; the inverse of
+    /// what [`Car::drive`] does with it.
+    pub fn steering_for(&self, curvature_1pm: f64) -> f64 {
+        let sine = (curvature_1pm * self.rear_m).clamp(-0.99, 0.99);
+        let tan_slip = sine / (1.0 - sine * sine).sqrt();
+        num::atan(tan_slip * (self.front_m + self.rear_m) / self.rear_m)
+    }
+
+    /// The steering angle of the arc through a point; straight on where the point is reached or lies behind.
+    pub fn steering_towards(&self, target: Vec2) -> f64 {
+        let delta = target - self.position;
+        let squared = delta.norm_squared();
+        if squared < REACHED_M * REACHED_M || delta.dot(self.axis) <= 0.0 {
+            return 0.0;
+        }
+        self.steering_for(2.0 * self.axis.cross(delta) / squared)
+    }
+
+    /// How much speed the bend costs that the car drives with a slip of this sine, m/s².
+    fn cornering_loss_mps2(&self, steering_rad: f64, sine: f64, limits: &Limits) -> f64 {
+        let lateral_mps2 = self.speed_mps * self.speed_mps * sine.abs() / self.rear_m;
+        let turned_rad = steering_rad.clamp(-limits.steering_rad, limits.steering_rad).abs();
+        if turned_rad == 0.0 {
+            return 0.0;
+        }
+        match limits.cornering_loss {
+            CorneringLoss::Steering { share } => share * lateral_mps2 * num::sin(turned_rad),
+            CorneringLoss::TyreSlip { cornering_coefficient } => {
+                let slip_rad = lateral_mps2 / (cornering_coefficient * GRAVITY_MPS2);
+                let needed_rad = self.steering_for(sine.abs() / self.rear_m);
+                // The share of the weight on the front axle, which is that of its side force.
+                let front = self.rear_m / (self.front_m + self.rear_m);
+                let beyond_rad = (turned_rad - needed_rad).max(0.0);
+                lateral_mps2 * (num::sin(slip_rad) + front * num::sin(beyond_rad))
+            }
+        }
+    }
+
+    /// One decision step under constant controls: the car after each physics step.
+    pub fn drive(&self, acceleration_mps2: f64, steering_rad: f64, limits: &Limits) -> [Car; SUBSTEPS] {
+        let acceleration = acceleration_mps2.clamp(-limits.brake_mps2, limits.engine_mps2);
+        let sine = self.slip_sine(steering_rad, limits);
+        let acceleration =
+            (acceleration - self.cornering_loss_mps2(steering_rad, sine, limits)).max(-limits.brake_mps2);
+        let cosine = (1.0 - sine * sine).max(0.0).sqrt();
+        let mut car = *self;
+        core::array::from_fn(|j| {
+            car.substep(acceleration, sine, cosine, limits);
+            if j + 1 == SUBSTEPS {
+                // Turning the axis five times loses a few bits of its length; the heading is what counts.
+                car.heading_rad = num::wrap_angle(car.heading_rad);
+                car.axis = Vec2::from_heading(car.heading_rad);
+                car.course = turned(car.axis, sine, cosine);
+            }
+            car
+        })
+    }
+
+    /// Midpoint step: the centre runs along the chord of its arc.
+    fn substep(&mut self, acceleration: f64, sine: f64, cosine: f64, limits: &Limits) {
+        let (speed, distance) = advance(self.speed_mps, acceleration, limits.speed_mps, SUBSTEP_S);
+        let turn = distance * sine / self.rear_m;
+        let (half_sine, half_cosine) = num::sin_cos(0.5 * turn);
+        let middle = turned(self.axis, half_sine, half_cosine);
+        self.position = self.position + turned(middle, sine, cosine) * distance;
+        self.heading_rad += turn;
+        self.axis = turned(middle, half_sine, half_cosine);
+        self.course = turned(self.axis, sine, cosine);
+        self.speed_mps = speed;
+    }
+}
+
+/// Speed and distance after `seconds` of constant acceleration: stops at 0, gains nothing beyond `most_mps`.
+pub fn advance(speed_mps: f64, acceleration_mps2: f64, most_mps: f64, seconds: f64) -> (f64, f64) {
+    let wanted = speed_mps + acceleration_mps2 * seconds;
+    if wanted <= 0.0 {
+        let distance = if acceleration_mps2 < 0.0 { -0.5 * speed_mps * speed_mps / acceleration_mps2 } else { 0.0 };
+        return (0.0, distance);
+    }
+    let speed = wanted.min(most_mps.max(speed_mps));
+    (speed, 0.5 * (speed_mps + speed) * seconds)
+}
+
+fn turned(axis: Vec2, sine: f64, cosine: f64) -> Vec2 {
+    Vec2::new(axis.x * cosine - axis.y * sine, axis.x * sine + axis.y * cosine)
+}

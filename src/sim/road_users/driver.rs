@@ -1,0 +1,129 @@
+//! What a driver under test sees and answers.
+
+use crate::kernel::Vec2;
+use crate::scene::{LightState, Sample};
+use crate::sim::accounts::outcome::End;
+use crate::sim::prepared::body::Size;
+use crate::sim::prepared::path::{Along, Path};
+use crate::sim::prepared::plant::Plant;
+
+use super::idm::{self, Front, SIGHT_M};
+use super::intervention::ActorRef;
+use super::others::Others;
+
+/// A driver of the ego. One instance drives one rollout at a time; `begin` resets it.
+pub trait Driver {
+    fn begin(&mut self, plant: &Plant);
+
+    /// Asked once a decision step (0.1 s).
+    fn decide(&mut self, view: &View<'_>) -> Control;
+
+    /// Told once, when a rollout is over: the last state, and how it ended. For drivers that learn.
+    fn finish(&mut self, _: &View<'_>, _: End) {}
+
+    /// Whether it repeats the recorded motion. Traffic then does so too (nobody turns reactive) and contacts of the
+    /// recording count from the first step on.
+    fn follows_log(&self) -> bool {
+        false
+    }
+}
+
+/// A decision, held for one decision step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Control {
+    /// Drive; both are clamped to the car's limits. Steering is positive to the left.
+    Drive { acceleration_mps2: f64, steering_rad: f64 },
+    /// Be where the recording was.
+    FollowLog,
+}
+
+/// The ego as it is now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EgoState {
+    pub sample: Sample,
+    /// Unit heading vector.
+    pub axis: Vec2,
+    pub speed_mps: f64,
+    /// Steering of the last decision, radians.
+    pub steering_rad: f64,
+    /// Change of speed over the last decision step, m/s².
+    pub acceleration_mps2: f64,
+    pub size: Size,
+    /// Place along the route.
+    pub along: Along,
+}
+
+/// Another road user as the ego sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    pub actor: ActorRef,
+    pub position: Vec2,
+    pub axis: Vec2,
+    pub velocity: Vec2,
+    pub size: Size,
+}
+
+/// The world at one decision step, as a driver may see it.
+pub struct View<'a> {
+    pub(in crate::sim) plant: &'a Plant,
+    pub(in crate::sim) world: &'a Others,
+    pub(in crate::sim) k: usize,
+    pub(in crate::sim) ego: &'a EgoState,
+}
+
+impl View<'_> {
+    /// Decision steps since the rollout began.
+    pub fn decision(&self) -> usize {
+        self.k
+    }
+
+    /// The scene's step.
+    pub fn step(&self) -> usize {
+        self.plant.first_step() + self.k
+    }
+
+    pub fn ego(&self) -> &EgoState {
+        self.ego
+    }
+
+    pub fn route(&self) -> &Path {
+        self.plant.route()
+    }
+
+    /// The scene as it was prepared.
+    pub fn plant(&self) -> &Plant {
+        self.plant
+    }
+
+    /// Calls `f` for every other road user whose centre lies within `radius_m` of the ego's: recorded ones by x, then
+    /// simulated ones.
+    pub fn for_each_within(&self, radius_m: f64, mut f: impl FnMut(&Seen)) {
+        self.world.for_each_within(self.plant, self.k, self.ego.sample.position, radius_m, |seen| f(seen));
+    }
+
+    /// The nearest road user ahead on the route, as IDM sees it.
+    pub fn front(&self) -> Option<Front> {
+        let path = &self.plant.route_ahead;
+        let known = Along { segment: path.segment_near(self.ego.along.s_m, 0), ..self.ego.along };
+        let own = path.project_near(self.ego.sample.position, &known, SIGHT_M, SIGHT_M);
+        let mut nearest = None;
+        let obstacle = self.plant.options().plant.obstacle;
+        self.world.for_each_near(self.plant, self.k, self.ego.sample.position, SIGHT_M, |near| {
+            idm::nearer(&mut nearest, path, &own, near.position, near.axis, || near.velocity(), near.size, obstacle);
+        });
+        nearest
+    }
+
+    /// Metres along the route to the nearest stop point ahead whose light is red.
+    pub fn red_light_m(&self) -> Option<f64> {
+        let mut nearest = None;
+        for light in &self.plant.lights {
+            let gap_m = light.s_m - self.ego.along.s_m;
+            let red = light.states.get(self.k) == Some(&LightState::Stop);
+            if red && gap_m > 0.0 && nearest.is_none_or(|n| gap_m < n) {
+                nearest = Some(gap_m);
+            }
+        }
+        nearest
+    }
+}

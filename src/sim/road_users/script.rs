@@ -1,0 +1,201 @@
+//! Scripted road users that wait for the ego: where they stand, what sets them off, and what they do then. The input
+//! language of SafeBench's traffic families; how it is carried out stands in `triggered.rs`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::{Pose, Vec2, num};
+use crate::scene::AgentKind;
+
+/// Phases of one script.
+pub const PHASES_MAX: usize = 64;
+/// Values of one profile, points of one path.
+pub const VALUES_MAX: usize = 10_000;
+/// Longest shift, its way and radius of a turn, metres.
+const SHIFT_M_MAX: f64 = 1000.0;
+/// No car turns tighter than this, metres.
+const RADIUS_M_MIN: f64 = 3.0;
+
+/// One road user that stands still until the ego comes near, then runs through its phases, then brakes and stays.
+///
+/// Someone on foot has the asked speed at once. Everybody else starts from standstill and drives bang-bang: throttle
+/// while not faster than the asked speed, else brake, as SafeBench's `go_straight`. Throttle and brake are shares of
+/// [`DEFAULT_LIMITS`](crate::sim::road_users::bicycle::DEFAULT_LIMITS): full throttle 2.76 m/s², full brake 8.83 m/s².
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Script {
+    pub kind: AgentKind,
+    pub length_m: f64,
+    pub width_m: f64,
+    /// Where it stands from the first simulated step on.
+    pub spawn: Pose,
+    pub trigger: Trigger,
+    /// Empty for what is parked.
+    pub phases: Vec<Phase>,
+}
+
+/// When a script begins: at the first decision step at which all of this holds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trigger {
+    /// Position, among the intervention's actions, of the scripted road user to which the ego's distance is measured
+    /// (SafeBench's reference actor); its own for most.
+    pub reference: usize,
+    /// Centre to centre, metres; the ego must be nearer.
+    pub distance_m: f64,
+    /// The ego must be at least this fast, m/s (SafeBench's family 5: 0.5).
+    pub ego_speed_mps_min: f64,
+}
+
+/// One stretch of a script.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Phase {
+    pub speed: Speed,
+    pub way: Way,
+    /// Share of full throttle, 0..=1; not used on foot.
+    pub throttle: f64,
+    /// Share of full brake, 0..=1; not used on foot.
+    pub brake: f64,
+    /// The phase is over before the first decision step at which this holds.
+    pub until: Until,
+}
+
+impl Phase {
+    /// Straight on at a constant speed with full throttle and brake: SafeBench's `go_straight(v)`.
+    pub fn straight(mps: f64, until: Until) -> Phase {
+        Phase { speed: Speed::Constant { mps }, way: Way::Straight, throttle: 1.0, brake: 1.0, until }
+    }
+}
+
+/// The speed asked for, m/s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Speed {
+    Constant {
+        mps: f64,
+    },
+    /// One value a decision step of the phase, the last repeated (AdvSim's 100 values).
+    Profile {
+        mps: Vec<f64>,
+    },
+    /// The ego's, at most this.
+    MatchEgo {
+        mps_max: f64,
+    },
+    /// So that both reach the crossing of their ways at once: own lateral distance to the ego's line times the ego's
+    /// speed over the ego's distance along it, within bounds (ChatScene's `CrossingBehavior`); the upper bound once the
+    /// ego has passed.
+    Intercept {
+        mps_min: f64,
+        mps_max: f64,
+    },
+}
+
+/// Where to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Way {
+    /// Wheels straight.
+    Straight,
+    /// Steering angles, radians to the left, one a decision step of the phase, the last repeated. Straight on foot.
+    Wheel { rad: Vec<f64> },
+    /// Steers at one point a decision step of the phase, the last repeated (the AT port's 100 perturbed waypoints).
+    Points { points: Vec<Vec2> },
+    /// Follows a path by pure pursuit; on foot exactly, from where it is nearest.
+    Path { points: Vec<Vec2> },
+    /// Moves sideways while it goes on: by `left_m` (negative: to the right) over the next `over_m` metres along the
+    /// heading that it has when the phase begins, then parallel to its old line. A lane change, a cut-in or, over a long
+    /// way, a drift.
+    Shift { left_m: f64, over_m: f64 },
+    /// Turns by `left_rad` (negative: to the right) on an arc of `radius_m`, then goes straight on; on foot at once. An
+    /// abrupt turn, or a crossing at an angle.
+    Turn { left_rad: f64, radius_m: f64 },
+}
+
+/// When a phase is over.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Until {
+    Forever,
+    /// It has gone this far since it was set off, metres (SafeBench's stop rules).
+    Driven {
+        m: f64,
+    },
+    /// The ego is nearer than this, centre to centre, metres.
+    EgoWithin {
+        m: f64,
+    },
+    /// Its centre is nearer than this to the ego's route, metres (ChatScene's `distance from self to egoTrajectory`).
+    NearRoute {
+        m: f64,
+    },
+    /// The phase has lasted this long, s.
+    Lasted {
+        s: f64,
+    },
+}
+
+impl Script {
+    /// The first thing that is wrong with it: the rule and what was found.
+    pub(in crate::sim) fn fault(&self) -> Option<(&'static str, String)> {
+        let spawn_is_sound = self.spawn.position.is_finite() && self.spawn.heading_rad.abs() <= 1e6;
+        if !spawn_is_sound {
+            return Some(("the spawn must be finite", format!("{:?}", self.spawn)));
+        }
+        let trigger = &self.trigger;
+        // NaN compares false.
+        let sound = [trigger.distance_m, trigger.ego_speed_mps_min].iter().all(|x| *x >= 0.0);
+        if !sound {
+            return Some(("trigger distance and speed must not be below 0", format!("{trigger:?}")));
+        }
+        if self.phases.len() > PHASES_MAX {
+            return Some(("a script has at most 64 phases", self.phases.len().to_string()));
+        }
+        if self.kind == AgentKind::Static && !self.phases.is_empty() {
+            return Some(("what is static has no phases", self.phases.len().to_string()));
+        }
+        self.phases.iter().enumerate().find_map(|(i, phase)| Some((phase.fault()?, format!("phase {i}: {phase:?}"))))
+    }
+}
+
+impl Phase {
+    fn fault(&self) -> Option<&'static str> {
+        let speed = |mps: &f64| (0.0..=crate::sim::prepared::plant::SPEED_MPS_MAX).contains(mps);
+        let counted = |n: usize| n > 0 && n <= VALUES_MAX;
+        let speeds = match &self.speed {
+            Speed::Constant { mps } | Speed::MatchEgo { mps_max: mps } => speed(mps),
+            Speed::Profile { mps } => counted(mps.len()) && mps.iter().all(speed),
+            Speed::Intercept { mps_min, mps_max } => speed(mps_min) && speed(mps_max) && mps_min <= mps_max,
+        };
+        if !speeds {
+            return Some("speeds must be 0 to 1000 m/s, profiles of 1 to 10000 values");
+        }
+        let way = match &self.way {
+            Way::Straight => true,
+            Way::Wheel { rad } => counted(rad.len()) && rad.iter().all(|r| r.abs() <= 1e3),
+            Way::Points { points } | Way::Path { points } => {
+                counted(points.len()) && points.iter().all(|p| crate::sim::prepared::plant::in_range(*p))
+            }
+            Way::Shift { left_m, over_m } => left_m.abs() <= SHIFT_M_MAX && (1.0..=SHIFT_M_MAX).contains(over_m),
+            Way::Turn { left_rad, radius_m } => {
+                left_rad.abs() <= num::PI && (RADIUS_M_MIN..=SHIFT_M_MAX).contains(radius_m)
+            }
+        };
+        if !way {
+            return Some(
+                "a way needs 1 to 10000 finite values or points, a shift at most 1000 m over 1 to 1000 m, a turn at most \
+                 pi on a radius of 3 to 1000 m",
+            );
+        }
+        let pedals = [self.throttle, self.brake].iter().all(|share| (0.0..=1.0).contains(share));
+        if !pedals {
+            return Some("throttle and brake must be shares from 0 to 1");
+        }
+        match self.until {
+            Until::Forever => None,
+            Until::Driven { m: x } | Until::EgoWithin { m: x } | Until::NearRoute { m: x } | Until::Lasted { s: x } => {
+                (x.is_nan() || x < 0.0).then_some("the end of a phase must not lie below 0")
+            }
+        }
+    }
+}

@@ -12,7 +12,7 @@ import pandas as pd
 
 
 class EvodriveError(RuntimeError):
-    """A command that failed: its exit code (README lists them) and what it said."""
+    """A command that failed: its exit code (docs/RUNS.md lists them) and what it said."""
 
     def __init__(self, code, message):
         super().__init__(message)

@@ -180,7 +180,8 @@ pub fn end_in_words(outcome: &Outcome) -> &'static str {
     }
 }
 
-fn label(scene: &Scene, actor: ActorRef) -> String {
+/// How people call a road user of a rollout.
+pub fn label(scene: &Scene, actor: ActorRef) -> String {
     match actor {
         ActorRef::Track(ix) => scene.tracks.get(ix).map_or(format!("track {ix}"), |track| track.id.clone()),
         ActorRef::Inserted(k) => format!("inserted {k}"),

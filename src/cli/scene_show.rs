@@ -7,9 +7,11 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
+use super::playables;
 use super::rollout::{self, OfAttempt, Played};
 use super::scenes::{self, row};
 use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
+use crate::evidence::nearest::{Nearest, nearest};
 use crate::scene::Scene;
 use crate::store;
 
@@ -108,15 +110,35 @@ fn played(options: &Options, played: &Played) -> Result<Answer, Failure> {
     }
     let title = title(played);
     draw(options, &played.drawing(), &title)?;
-    let text = format!("{title}\n{}", in_words(&played.scene));
+    let ego = &played.scene.ego.track;
+    let nearest = nearest(&played.motion, [ego.length_m, ego.width_m]);
+    let near: String = nearest.iter().map(|near| near_in_words(&played.scene, near)).collect();
+    let text = format!("{title}\n{near}{}", in_words(&played.scene));
     let object = json!({
         "row": row(&played.scene),
         "attempt": played.solution,
         "decision": played.decision,
         "outcome": played.outcome,
+        "nearest": nearest,
         "motion": played.motion,
     });
     Ok(Answer::new(text, object))
+}
+
+/// Of a road user that the program moves.
+fn near_in_words(scene: &Scene, near: &Nearest) -> String {
+    let (who, when) = (playables::label(scene, near.actor), format!("{:.1} s after the start", near.time_s));
+    match near.on_ego_m {
+        None => format!("{who} overlaps the ego {when}\n"),
+        Some([forward, left]) => {
+            let along = if forward >= 0.0 { "in front of" } else { "behind" };
+            let side = if left >= 0.0 { "left" } else { "right" };
+            let (gap, forward, left) = (near.gap_m, forward.abs(), left.abs());
+            format!(
+                "{who} comes as near as {gap:.2} m to the ego {when}, at a point {forward:.1} m {along} and {left:.1} m {side} of its centre\n"
+            )
+        }
+    }
 }
 
 fn draw(options: &Options, drawing: &Drawing, title: &str) -> Result<(), Failure> {

@@ -16,6 +16,7 @@ pub mod evaluator;
 pub mod figures;
 pub mod impact;
 pub mod lineage_text;
+pub mod nearest;
 pub mod paper;
 pub mod recorded_run;
 pub mod report;

@@ -8,6 +8,7 @@ use crate::adapters::ADAPTER_VERSION;
 use crate::ego::Policy;
 use crate::epoch::Labelled;
 use crate::evaluation::EVAL_VERSION;
+use crate::evidence::realism::Realisms;
 use crate::evidence::tables::{self, Table};
 use crate::experiment::ProgramFile;
 use crate::kernel::{Digest, Seed};
@@ -59,9 +60,16 @@ pub fn answer(of: &Comparison, written: &Written) -> Answer {
     let text = format!("{}{}", text(of, &tables, &notes), written.text);
     let left_out: Vec<Value> =
         of.left_out.iter().map(|(scene, reason)| json!({"scene": scene, "reason": reason})).collect();
+    let [before_realisms, own_realisms] = [&of.parent, &of.program].map(|played| Realisms::of(&played.score));
     let json = json!({
-        "program": {"name": program, "hash": of.file.program_hash, "score": of.program.score},
-        "parent": {"name": parent, "score": of.parent.score},
+        "program": {
+            "name": program, "hash": of.file.program_hash, "score": of.program.score,
+            "realism_acted": own_realisms.realism_acted, "strict_realism": own_realisms.strict_realism,
+        },
+        "parent": {
+            "name": parent, "score": of.parent.score,
+            "realism_acted": before_realisms.realism_acted, "strict_realism": before_realisms.strict_realism,
+        },
         "replay": {"scenes": of.replay.scenes, "failures": of.replay.failures},
         "file": of.file.digest,
         "family": of.file.family,

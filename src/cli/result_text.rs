@@ -6,18 +6,20 @@ use super::folder::RunFolder;
 use crate::epoch::Progress;
 use crate::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions};
 use crate::evidence::choice::Choice;
+use crate::evidence::realism::LineageRealisms;
 use crate::experiment::{Experiment, provenance};
 use crate::kernel::Digest;
 use crate::objects::event::{LineageResult, Measured, RunResult};
+use crate::objects::realism_name;
 use crate::objects::replay::{ReplayRow, Suite};
 
 /// One line of progress.
 pub fn progress(news: &Progress) -> String {
     match news {
         Progress::Attempt { id, exit, attack, realism, accepted } => match (attack, realism) {
-            (Some(attack), Some(realism)) => {
+            (Some(attack), Some((name, realism))) => {
                 let mark = if *accepted { "  accepted" } else { "" };
-                format!("  {id:<18} {exit:<9} attack {attack:.3}  realism {realism:.4}{mark}")
+                format!("  {id:<18} {exit:<9} attack {attack:.3}  {name} {realism:.4}{mark}")
             }
             _ => format!("  {id:<18} {exit}"),
         },
@@ -41,11 +43,22 @@ pub fn progress(news: &Progress) -> String {
 /// Most lineages whose fronts a summary prints.
 const FRONTS_MAX: usize = 12;
 
+/// What a summary is made from, beside the experiment.
+#[derive(Clone, Copy)]
+pub struct Told<'a> {
+    pub result: &'a RunResult,
+    pub choices: &'a [Choice],
+    /// Of the lineages whose held-out labels are recorded.
+    pub realisms: &'a [LineageRealisms],
+    /// A sentence for every lineage with scenes that have no label.
+    pub unlabelled: &'a [String],
+}
+
 /// Parent against evolved, the front, why each program was chosen, the four exits, where things are; the last line is the root.
 pub fn summary(
     experiment: &Experiment,
     folder: &RunFolder,
-    (result, choices, unlabelled): (&RunResult, &[Choice], &[String]),
+    Told { result, choices, realisms, unlabelled }: Told<'_>,
     root: Digest,
 ) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
@@ -61,19 +74,21 @@ pub fn summary(
     {
         let _ = writeln!(out, "attack is the experiment's own: {}\n", when.text());
     }
-    let heads = ["attack", "any crash", "realism", "RP %", "coverage", "PF-Area@3 %", "chosen"].map(String::from);
+    let strict = realism_name(experiment.evaluation.safebench().is_some());
+    let heads = ["attack", "any crash", "realism", strict, "coverage", "PF-Area@3 %", "chosen"].map(String::from);
     line(&mut out, "lineage", &heads);
     for replay in result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut) {
         replay_row(&mut out, replay);
     }
     for lineage in &result.lineages {
-        row(&mut out, lineage);
+        row(&mut out, lineage, realisms.iter().find(|of| of.lineage == lineage.lineage.as_str()));
     }
     if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
         let _ = writeln!(out, "\n{words}");
     }
-    for told in unlabelled {
-        let _ = writeln!(out, "\n{told}");
+    let _ = writeln!(out, "\n{}", column_words(experiment.evaluation.safebench().is_some()));
+    for sentence in unlabelled {
+        let _ = writeln!(out, "\n{sentence}");
     }
     let fronts = if result.lineages.len() <= FRONTS_MAX { &result.lineages[..] } else { &[] };
     if fronts.is_empty() {
@@ -84,7 +99,7 @@ pub fn summary(
         );
     }
     for lineage in fronts {
-        let _ = writeln!(out, "\nfront of {} (attack / realism on the scenes of all windows):", lineage.lineage);
+        let _ = writeln!(out, "\nfront of {} (attack / {strict} on the scenes of all windows):", lineage.lineage);
         let played = result.replay.iter().find(|r| r.suite == Suite::Evolution && r.ego == lineage.ego);
         if let Some(replay) = played {
             let crash = 100.0 * replay.contact_rate;
@@ -113,21 +128,20 @@ pub fn summary(
 
 /// One line of the table of lineages.
 fn line(out: &mut String, name: &str, cells: &[String; 7]) {
-    let [attack, crash, realism, penalty, coverage, area, chosen] = cells;
+    let [attack, crash, realism, strict, coverage, area, chosen] = cells;
     let _ = writeln!(
         out,
-        "{name:<20} {attack:>15} {crash:>15} {realism:>16} {penalty:>15} {coverage:>13} {area:>12} {chosen:>8}"
+        "{name:<20} {attack:>15} {crash:>15} {realism:>16} {strict:>16} {coverage:>13} {area:>12} {chosen:>8}"
     );
 }
 
 /// The recorded scenes without a program.
 fn replay_row(out: &mut String, replay: &ReplayRow) {
-    let realism = |form: &dyn Fn(f64) -> String| replay.realism.map_or("-".to_string(), form);
     let cells = [
         "0.000".to_string(),
         format!("{:.3}", replay.contact_rate),
-        realism(&|r| format!("{r:.4}")),
-        realism(&|r| format!("{:.2}", 100.0 * (1.0 - r))),
+        four_digits(replay.realism),
+        "-".to_string(),
         "0.00".to_string(),
         "-".to_string(),
         "-".to_string(),
@@ -143,20 +157,34 @@ fn replay_words(replay: &ReplayRow) -> String {
         }
         (None, None) => "no vehicle moves in them".to_string(),
     };
+    format!("replay: the recorded scenes without a program; its crashes are what the ego runs into anyway, {judged}.")
+}
+
+/// What the columns mean whose heads do not say it.
+fn column_words(safebench: bool) -> String {
+    let strict = match safebench {
+        true => "ARS: SafeBench's adversarial realism score, which the search uses",
+        false => "strict realism: the smaller one of that and the mean over its successes, which the search uses",
+    };
     format!(
-        "replay: the recorded scenes without a program; its crashes are what the ego runs into anyway, {judged}. \
-         Realism is over the scenes that a program acts in; coverage is their share."
+        "realism: mean over the scenes that a program acts in; {strict}; coverage: share of the scenes that it acts in; \
+         chosen: the program that the run reports."
     )
 }
 
-fn row(out: &mut String, lineage: &LineageResult) {
+fn four_digits(rate: Option<f64>) -> String {
+    rate.map_or("-".to_string(), |rate| format!("{rate:.4}"))
+}
+
+fn row(out: &mut String, lineage: &LineageResult, realisms: Option<&LineageRealisms>) {
     let (p, e) = (&lineage.parent, &lineage.evolved);
     let pair = |of: &dyn Fn(&Measured) -> String| format!("{} -> {}", of(p), of(e));
+    let acted = realisms.map(|of| [&of.parent, &of.evolved].map(|program| four_digits(program.realisms.realism_acted)));
     let cells = [
         pair(&|m| format!("{:.3}", m.objectives.attack)),
         pair(&|m| format!("{:.3}", m.any_contact)),
+        acted.map_or("-".to_string(), |[parent, evolved]| format!("{parent} -> {evolved}")),
         pair(&|m| format!("{:.4}", m.objectives.realism)),
-        pair(&|m| format!("{:.2}", m.realism_penalty_pct)),
         pair(&|m| format!("{:.2}", m.coverage)),
         format!("{:+.1}", lineage.pf_area_at_3_pct),
         e.solution.as_str().rsplit('/').next().unwrap_or_default().to_string(),

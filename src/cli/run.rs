@@ -13,10 +13,14 @@ use super::interrupt::{Interrupt, Until};
 use super::moving_line::{Heard, MovingLine};
 use super::typed::{record_command, resume_command};
 use super::worker_process::Processes;
-use super::{behind, cost, left_out, models, overwriting, page, result_text};
+use super::{
+    behind, cost, left_out, models, overwriting, page,
+    result_text::{self, Told},
+};
 use crate::backend::{Answers, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers};
 use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study, Tools};
 use crate::evidence::choice::Choice;
+use crate::evidence::realism::LineageRealisms;
 use crate::evidence::{RecordedRun, unlabelled};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
@@ -496,7 +500,11 @@ fn answer(
 ) -> Answer {
     let choices: Vec<Choice> =
         result.lineages.iter().filter_map(|of| Choice::of(story, &of.lineage, &experiment.selector)).collect();
-    let text = result_text::summary(experiment, folder, (result, &choices, &unlabelled(story)), root);
+    let realisms: Vec<LineageRealisms> =
+        result.lineages.iter().filter_map(|of| LineageRealisms::of(story, of)).collect();
+    let unlabelled = unlabelled(story);
+    let told = Told { result, choices: &choices, realisms: &realisms, unlabelled: &unlabelled };
+    let text = result_text::summary(experiment, folder, told, root);
     let object = json!({
         "name": experiment.name,
         "root": root,
@@ -505,6 +513,7 @@ fn answer(
         "cost": folder.cost(),
         "result": result,
         "choices": choices,
+        "held_out_realism": realisms,
         "rollouts": {"simulated": simulated, "reused": reused},
     });
     Answer::new(text, object)

@@ -5,22 +5,49 @@ use crate::objects::{Attempt, event::Settled};
 /// One line's worth of news.
 #[derive(Clone, Debug)]
 pub enum Progress {
-    Attempt { id: String, exit: &'static str, attack: Option<f64>, realism: Option<f64>, accepted: bool },
-    Settled { epoch: u32, lineage: String, active: String, front: usize, hypervolume: f64 },
-    Composed { template: String, used: bool },
-    Counselled { lineage: String, scenes: usize, met: usize },
-    Evolved { turn: String, verdict: &'static str },
-    HeldOut { lineage: String, programs: usize, scenes: usize },
+    Attempt {
+        id: String,
+        exit: &'static str,
+        attack: Option<f64>,
+        /// With the name of the protocol's realism.
+        realism: Option<(&'static str, f64)>,
+        accepted: bool,
+    },
+    Settled {
+        epoch: u32,
+        lineage: String,
+        active: String,
+        front: usize,
+        hypervolume: f64,
+    },
+    Composed {
+        template: String,
+        used: bool,
+    },
+    Counselled {
+        lineage: String,
+        scenes: usize,
+        met: usize,
+    },
+    Evolved {
+        turn: String,
+        verdict: &'static str,
+    },
+    HeldOut {
+        lineage: String,
+        programs: usize,
+        scenes: usize,
+    },
 }
 
 impl Progress {
     pub fn attempt(attempt: &Attempt) -> Progress {
-        let objectives = attempt.exit.score().map(|s| s.objectives);
+        let score = attempt.exit.score();
         Progress::Attempt {
             id: attempt.id.to_string(),
             exit: attempt.exit.name(),
-            attack: objectives.map(|o| o.attack),
-            realism: objectives.map(|o| o.realism),
+            attack: score.map(|score| score.objectives.attack),
+            realism: score.map(|score| (score.realism_name(), score.objectives.realism)),
             accepted: attempt.exit.decision().is_some_and(|d| d.gates.any()),
         }
     }

@@ -42,14 +42,16 @@ pub fn attempt(attempt: &Attempt, texts: &dyn Fn(&Exchange) -> Option<Exchanged>
     if let Some(gates) = attempt.exit.gates() {
         gate_report(&mut out, gates);
     }
+    // Without labels the record does not say which protocol's realism was predicted.
+    let realism = attempt.exit.score().map_or("R", Score::realism_name);
     if let Some(route) = attempt.exit.route() {
-        routed(&mut out, route);
+        routed(&mut out, route, realism);
     }
     if let Some(score) = attempt.exit.score() {
         labels(&mut out, score);
     }
     if let Some(decision) = attempt.exit.decision() {
-        acceptance(&mut out, &decision.gates);
+        acceptance(&mut out, &decision.gates, realism);
         let _ = writeln!(out, "  promoted: {}   on the front: {}", decision.promoted, decision.on_front);
     }
     out
@@ -123,21 +125,21 @@ fn gate_report(out: &mut String, gates: &GateReport) {
     }
 }
 
-fn routed(out: &mut String, route: &Route) {
+fn routed(out: &mut String, route: &Route, realism: &str) {
     let decision = format!("{:?}", route.decision).to_lowercase();
     // Some reasons open with the decision.
     let reason = route.reason.strip_prefix(&format!("{decision}: ")).unwrap_or(&route.reason);
     let _ = writeln!(
         out,
         "\nroute: {decision}: {reason}\n  predicted {}  uncertainty {:.3}  world snapshot {}",
-        objectives(&route.predicted),
+        objectives(&route.predicted, realism),
         route.uncertainty,
         route.snapshot.short(12)
     );
     if let Some(pilot) = &route.pilot {
         let _ = writeln!(
             out,
-            "  pilot in {} scenes, {} of them labelled: attack {:+.3}, realism {:+.3} against the parent there ({})",
+            "  pilot in {} scenes, {} of them labelled: attack {:+.3}, {realism} {:+.3} against the parent there ({})",
             pilot.scenes.len(),
             pilot.labelled,
             pilot.difference.attack,
@@ -148,7 +150,12 @@ fn routed(out: &mut String, route: &Route) {
 }
 
 fn labels(out: &mut String, score: &Score) {
-    let _ = writeln!(out, "\nlabels: {} on {} scenes", objectives(&score.objectives), score.scenes.len());
+    let _ = writeln!(
+        out,
+        "\nlabels: {} on {} scenes",
+        objectives(&score.objectives, score.realism_name()),
+        score.scenes.len()
+    );
     for scene in &score.scenes {
         let missed: Vec<String> =
             scene.diagnostics.iter().filter(|(_, d)| **d < 1.0).map(|(name, d)| format!("{name} {d:.3}")).collect();
@@ -176,7 +183,7 @@ fn labels(out: &mut String, score: &Score) {
     }
 }
 
-fn acceptance(out: &mut String, gates: &AcceptanceGates) {
+fn acceptance(out: &mut String, gates: &AcceptanceGates, realism: &str) {
     let some = |value: Option<f64>| value.map_or("region empty".to_string(), |v| format!("{v:.4}"));
     let error = |value: Option<f64>| value.map_or(String::new(), |v| format!(" ± {v:.4}"));
     let (d, l, t) = (&gates.densification, &gates.local_push, &gates.parent_tradeoff);
@@ -197,14 +204,14 @@ fn acceptance(out: &mut String, gates: &AcceptanceGates) {
     );
     let _ = writeln!(
         out,
-        "  local frontier push     {}  best attack at R >= r0: {}; best realism at A >= a0: {}",
+        "  local frontier push     {}  best attack at R >= r0: {}; best R at A >= a0: {}",
         l.holds,
         some(l.best_attack_at_r0),
         some(l.best_realism_at_a0)
     );
     let _ = writeln!(
         out,
-        "  parent trade-off push   {}  attack {:+.4}{}, realism {:+.4}{} against the parent",
+        "  parent trade-off push   {}  attack {:+.4}{}, {realism} {:+.4}{} against the parent",
         t.holds,
         t.attack_change,
         error(t.attack_uncertainty),

@@ -24,6 +24,8 @@ pub struct Choice {
     /// Scenes of it in which the parent has no label.
     #[serde(skip_serializing_if = "is_none")]
     pub unlabelled: usize,
+    /// Name of the realism that the rule reads: `strict realism`, or `ARS` in SafeBench's protocol.
+    pub realism_name: &'static str,
     /// The rule, in one sentence with the experiment's numbers.
     pub rule: String,
     /// Why this one, sentence by sentence. The last one is for a parent that stays.
@@ -72,7 +74,7 @@ impl Standing {
         match self {
             Standing::Chosen => "chosen",
             Standing::ActsNowhere => "acts nowhere",
-            Standing::TooUnrealistic => "realism below the least required",
+            Standing::TooUnrealistic => "not realistic enough",
             Standing::TooWeak => "attack below the best by more than the tolerance",
             Standing::LessRealistic => "less realistic than the chosen one",
             Standing::LessAttack => "as realistic as the chosen one, less attack",
@@ -96,6 +98,7 @@ impl Choice {
         let on_front = |of: &Measured| result.front.iter().any(|point| point.solution == of.solution);
         let row = |of: Measured| Row { on_front: on_front(&of), standing: standing(&of), measured: of };
         let rows: Vec<Row> = measured.into_iter().map(row).collect();
+        let realism_name = finalists.first()?.score.realism_name();
         let reasons = match follows {
             true => reasons(&rows, &selection, options, &result.parent.solution),
             false => vec![result.selection.clone()],
@@ -106,7 +109,8 @@ impl Choice {
             parent: result.parent.solution.clone(),
             scenes: finalists.first().map_or(0, |of| of.score.scenes.len()),
             unlabelled: finalists.first().map_or(0, |of| of.score.failures.len()),
-            rule: rule(options),
+            realism_name,
+            rule: rule(options, realism_name),
             reasons,
             rows,
             cut: result.cut.clone(),
@@ -120,8 +124,8 @@ impl Choice {
             without => format!("{} of {}", self.scenes, self.scenes + without),
         };
         let mut out = format!(
-            "why {} (labels on the whole evolution pool, {scenes} scenes)\n  rule: {}\n  {:<24} {:>7} {:>8} {:>8} {:>9}\n",
-            self.chosen, self.rule, "program", "attack", "realism", "coverage", "any crash"
+            "why {} (labels on the whole evolution pool, {scenes} scenes)\n  rule: {}\n  {:<24} {:>7} {:>14} {:>8} {:>9}\n",
+            self.chosen, self.rule, "program", "attack", self.realism_name, "coverage", "any crash"
         );
         for Row { measured, on_front, standing } in &self.rows {
             let mut said: Vec<&str> = standing.iter().map(|standing| standing.words()).collect();
@@ -130,7 +134,7 @@ impl Choice {
             }
             let (name, of) = (measured.solution.as_str(), measured.objectives);
             let numbers = format!(
-                "{:>7.3} {:>8.4} {:>8.2} {:>9.3}",
+                "{:>7.3} {:>14.4} {:>8.2} {:>9.3}",
                 of.attack, of.realism, measured.coverage, measured.any_contact
             );
             let _ = writeln!(out, "{}", format!("  {name:<24} {numbers}  {}", said.join("; ")).trim_end());
@@ -154,9 +158,10 @@ fn contender(of: &Measured) -> Contender {
     Contender { solution: of.solution.clone(), objectives: of.objectives, coverage: of.coverage }
 }
 
-fn rule(options: &SelectorOptions) -> String {
+fn rule(options: &SelectorOptions, realism: &str) -> String {
     format!(
-        "realism of at least {}, then the best attack; of those within {} % of it the most realistic, then the stronger, then the earlier",
+        "{realism} of at least {}, then the best attack; of those within {} % of it the most realistic, then the one with more attack, then \
+         the earlier one",
         options.realism_min,
         num::rounded(100.0 * options.tolerance, 6)
     )

@@ -31,7 +31,7 @@ pub fn chain(story: &RecordedRun, lineage: &LineageId) -> String {
 pub fn one_line(attempt: &Attempt) -> String {
     let mut line = format!("{:<16} {:<9}", attempt.id.as_str(), attempt.exit.name());
     if let Some(score) = attempt.exit.score() {
-        let _ = write!(line, " {}", objectives(&score.objectives));
+        let _ = write!(line, " {}", objectives(&score.objectives, score.realism_name()));
     }
     match attempt.exit.decision() {
         Some(decision) if decision.promoted => line.push_str(" promoted"),
@@ -44,8 +44,9 @@ pub fn one_line(attempt: &Attempt) -> String {
     line
 }
 
-pub fn objectives(objectives: &Objectives) -> String {
-    format!("attack {:.3}  realism {:.4}", objectives.attack, objectives.realism)
+/// Attack and realism in a line, the realism under the name that it has in the protocol.
+pub fn objectives(objectives: &Objectives, realism: &str) -> String {
+    format!("attack {:.3}  {realism} {:.4}", objectives.attack, objectives.realism)
 }
 
 /// At most `most` characters, cut at a character.
@@ -74,6 +75,11 @@ fn describe_step(out: &mut String, attempt: &Attempt) {
         let _ = writeln!(out, "    hypothesis: {}", shortened(&patch.hypothesis, 300));
     }
     if let Some(score) = attempt.exit.score() {
-        let _ = writeln!(out, "    labels: {} on {} scenes", objectives(&score.objectives), score.scenes.len());
+        let _ = writeln!(
+            out,
+            "    labels: {} on {} scenes",
+            objectives(&score.objectives, score.realism_name()),
+            score.scenes.len()
+        );
     }
 }

@@ -18,6 +18,7 @@ pub mod impact;
 pub mod lineage_text;
 pub mod nearest;
 pub mod paper;
+pub mod realism;
 pub mod recorded_run;
 pub mod report;
 pub mod tables;

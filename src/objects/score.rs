@@ -58,6 +58,19 @@ pub struct Score {
     pub benchmark: Option<Box<Benchmark>>,
 }
 
+impl Score {
+    /// What people call the realism among the objectives: by its own name in either protocol, so that nobody takes it for the
+    /// mean over the scenes acted in.
+    pub fn realism_name(&self) -> &'static str {
+        realism_name(self.benchmark.is_some())
+    }
+}
+
+/// The name of an objective's realism: SafeBench's protocol has its own score.
+pub const fn realism_name(safebench: bool) -> &'static str {
+    if safebench { "ARS" } else { "strict realism" }
+}
+
 /// What R(c) is summed up from: a program is as realistic as the scenes that it acts in, and no more so than the scenes in
 /// which it succeeds. Without the second half a program could keep its successes as they are and buy realism with pushes
 /// of a few centimetres elsewhere.
@@ -105,10 +118,15 @@ impl RealismSums {
         self.acted
     }
 
-    /// R(c), the smaller one of the mean over the scenes acted in and the mean over successes, each success weighing as much
+    /// Mean over the scenes acted in; `None` for a program that never acts.
+    pub fn acted_mean(&self) -> Option<f64> {
+        (self.acted > 0).then(|| self.acted_realism / self.acted as f64)
+    }
+
+    /// R(c), the strict realism: the smaller one of the mean over the scenes acted in and the mean over successes, each success weighing as much
     /// as its attack; the first alone where nothing succeeds. `None` for a program that never acts.
     pub fn realism(&self) -> Option<f64> {
-        let acted = (self.acted > 0).then(|| self.acted_realism / self.acted as f64)?;
+        let acted = self.acted_mean()?;
         let succeeded = (self.succeeded > 0).then(|| self.attack_realism / self.attack);
         Some(succeeded.map_or(acted, |succeeded| succeeded.min(acted)).clamp(0.0, 1.0))
     }

@@ -54,6 +54,7 @@ mod simulator;
 mod snapshots;
 mod tamper;
 mod training;
+mod two_realisms;
 mod watching;
 mod why;
 mod worlds;

@@ -2,6 +2,7 @@
 
 use super::super::recorded_run::RecordedRun;
 use super::sheet::{Cell, Columns, Sheet, joined, word};
+use crate::evidence::realism::Realisms;
 use crate::objects::event::ParentAdopted;
 use crate::objects::{AcceptanceGates, Attempt, Exit, edit_categories};
 
@@ -66,7 +67,7 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
         .number("predicted_attack", "", "Attack that it predicted.", |r| {
             r.attempt.exit.route().map(|x| x.predicted.attack)
         })
-        .number("predicted_realism", "", "Realism that it predicted.", |r| {
+        .number("predicted_realism", "", "R (see realism) that it predicted.", |r| {
             r.attempt.exit.route().map(|x| x.predicted.realism)
         })
         .number("uncertainty", "", "Half width of the wider interval around the prediction.", |r| {
@@ -80,7 +81,18 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
         })
         .whole("scenes", "Scenes of its window that have a label.", |r| r.attempt.exit.score().map(|s| s.scenes.len()))
         .number("attack", "", "A over the window, 0 to 1.", |r| r.attempt.exit.score().map(|s| s.objectives.attack))
-        .number("realism", "", "R over the window, 0 to 1.", |r| r.attempt.exit.score().map(|s| s.objectives.realism))
+        .number("realism", "", "R over the window, 0 to 1: strict realism, or ARS in SafeBench's protocol.", |r| {
+            r.attempt.exit.score().map(|s| s.objectives.realism)
+        })
+        .number("realism_acted", "", "Mean realism of the window's scenes acted in, 0 to 1.", |r| {
+            r.attempt.exit.score().and_then(|s| Realisms::of(s).realism_acted)
+        })
+        .number(
+            "strict_realism",
+            "",
+            "The smaller one of realism_acted and the mean over the successes, 0 to 1.",
+            |r| r.attempt.exit.score().and_then(|s| Realisms::of(s).strict_realism),
+        )
         .number("coverage", "", "Share of the window's scenes acted in.", |r| {
             r.attempt.exit.score().map(|s| s.coverage)
         })
@@ -91,7 +103,7 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
         .number("attack_change_se", "", "Its standard error.", |r| {
             r.gates().and_then(|g| g.parent_tradeoff.attack_uncertainty)
         })
-        .number("realism_change", "", "Realism less the parent's on these scenes.", |r| {
+        .number("realism_change", "", "R (see realism) less the parent's on these scenes.", |r| {
             r.gates().map(|g| g.parent_tradeoff.realism_change)
         })
         .number("realism_change_se", "", "Its standard error.", |r| {

@@ -9,6 +9,7 @@ use super::super::tables::compared;
 use super::beside::Beside;
 use super::terms::terms;
 use crate::evidence::evaluator::Evolution;
+use crate::evidence::realism::Realisms;
 use crate::evidence::{audit, unlabelled};
 use crate::kernel::num;
 use crate::objects::{
@@ -92,7 +93,16 @@ fn lineage(story: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
         .held_out
         .iter()
         .filter(|of| of.lineage == *id)
-        .map(|of| json!({"measured": Measured::new(of.solution.clone(), &of.score), "roles": of.roles, "scenes": of.score.scenes.len()}))
+        .map(|of| {
+            let realisms = Realisms::of(&of.score);
+            json!({
+                "measured": Measured::new(of.solution.clone(), &of.score),
+                "realism_acted": realisms.realism_acted,
+                "strict_realism": realisms.strict_realism,
+                "roles": of.roles,
+                "scenes": of.score.scenes.len(),
+            })
+        })
         .collect();
     let parent_scores: Vec<Value> = frozen()
         .map(|f| json!({"epoch": f.epoch, "solution": f.parent, "objectives": f.parent_score.objectives}))

@@ -30,13 +30,13 @@ const WORDS: &[(&str, &str)] = &[
     ("pf-area@3 %", "PF-Area@3"),
     ("predicted", "Â, R̂"),
     ("program", "program"),
-    ("realism", "objectives"),
+    ("realism", "realism"),
+    ("strict realism", "strict realism"),
+    ("ars", "CR, OS, ARS"),
     ("rejected by the router", "route decision"),
     ("reviews", "review"),
     ("rollouts", "rollout"),
     ("route", "route decision"),
-    ("rp %", "realism penalty"),
-    ("rp pp", "realism penalty"),
     ("scene", "scene"),
     ("scenes", "scene"),
     ("standing", "active generator"),
@@ -75,6 +75,6 @@ mod tests {
         assert!(
             terms.len() == WORDS.len() && terms.values().all(|meaning| meaning.len() > 10 && !meaning.contains('`'))
         );
-        assert_eq!(terms["rp %"], "100 (1 - R). [%]");
+        assert!(terms["pf-area@3 %"].ends_with("[%]") && terms["realism"] != terms["strict realism"]);
     }
 }

@@ -12,6 +12,7 @@ use super::layout::{Cell, Column, Form, Head, Numbers, Part, REPLAY, Row, Table}
 use super::metadrive::{SCENES, estimated};
 use super::resampled::Resampled;
 use crate::evaluation::Group;
+use crate::evidence::realism::Realisms;
 use crate::kernel::Digest;
 use crate::objects::benchmark::{Benchmark, BenchmarkRow, SafebenchRun};
 use crate::objects::replay::{ReplayScene, Replayed};
@@ -48,6 +49,7 @@ const fn column(key: &'static str, head: &'static str, upward: Option<bool>, for
 const ATTACK: Column = column("attack", "Attack", Some(true), Form::Rate);
 const ANY: Column = column("any_contact", "Any crash", None, Form::Rate);
 const REALISM: Column = column("realism", "Realism", Some(true), Form::Rate);
+const STRICT: Column = column("strict_realism", "Strict realism", Some(true), Form::Rate);
 const PENALTY: Column = column("rp_pct", "RP", Some(false), Form::Percent);
 const COVERAGE: Column = column("coverage", "Coverage", Some(true), Form::Rate);
 const CR: Column = column("cr", "CR", Some(true), Form::Rate);
@@ -76,7 +78,7 @@ pub fn applied(of: &Applied<'_>) -> [Table; 2] {
     let staged = !of.program.runs.is_empty();
     let outcomes = match staged {
         true => RATES.map(|(column, _)| column).into_iter().chain([ANY, COVERAGE]).collect(),
-        false => vec![ATTACK, ANY, REALISM, PENALTY, COVERAGE],
+        false => vec![ATTACK, ANY, REALISM, STRICT, PENALTY, COVERAGE],
     };
     let mut numbers = match staged {
         true => staged_numbers(of),
@@ -155,6 +157,11 @@ fn changed(form: Form) -> Form {
 fn recorded_numbers(of: &Applied<'_>) -> [Numbers; 4] {
     let mut numbers: [Numbers; 4] = Default::default();
     per_scene(of, &[(ATTACK, labels::ATTACK), (REALISM, ACTED_REALISM), (PENALTY, labels::PENALTY_PCT)], &mut numbers);
+    let [before, after] = [of.parent, of.program].map(|played| Realisms::of(played.score).strict_realism);
+    let change = before.zip(after).map(|(before, after)| after - before);
+    for (numbers, strict) in numbers[1..].iter_mut().zip([before, after, change]) {
+        numbers.extend(strict.map(|value| (STRICT.key, Estimate::plain(value))));
+    }
     numbers[0].insert(ATTACK.key, Estimate::plain(0.0));
     numbers[0].extend(replayed(of, REALISM, |scene| scene.realism));
     numbers[0].extend(replayed(of, PENALTY, |scene| Some(100.0 * (1.0 - scene.realism?))));
@@ -234,8 +241,9 @@ fn told(staged: bool) -> Vec<String> {
         }
         false => {
             "Attack: share of scenes in which the ego fails by a contact with an adversary that the program's experiment counts. \
-             Realism and RP = 100 (1 - R) are over the scenes that the program acts in, for the replay of the recorded traffic \
-             itself."
+             Realism: mean over the scenes that the program acts in, for the replay that of the recorded traffic itself; RP = \
+             100 (1 - realism). Strict realism: the smaller one of that and the mean over the program's successes, which the search \
+             uses; it has no interval, and its difference is that of the two numbers."
         }
     };
     vec![
@@ -245,7 +253,7 @@ fn told(staged: bool) -> Vec<String> {
             .to_string(),
         format!(
             "In brackets: 95 % percentile bootstrap intervals, {} resamples, seed {}; the last row is paired by scene, in \
-             realism over the scenes that both act in.",
+             realism and RP over the scenes that both act in.",
             bootstrap::RESAMPLES,
             bootstrap::SEED.0
         ),

@@ -7,7 +7,7 @@ use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::labels::{self, Reading};
 use crate::evidence::RecordedRun;
 use crate::kernel::Digest;
-use crate::objects::{SceneScore, SolutionId};
+use crate::objects::{RealismSums, SceneScore, SolutionId, realism_name};
 
 /// On which scenes two programs are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -21,11 +21,12 @@ pub enum Paired {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Compared {
     pub quantity: String,
-    /// Scenes in which both have it.
+    /// Scenes in which both have it: the difference is over these.
     pub scenes: usize,
+    /// Each over the paired scenes in which that program has it.
     pub first: Estimate,
     pub second: Estimate,
-    /// Second minus first, drawn scene by scene.
+    /// Second minus first, drawn scene by scene; of strict realism, which is no mean over scenes, the difference of the two.
     pub difference: Estimate,
 }
 
@@ -48,6 +49,9 @@ const QUANTITIES: [(&str, Reading); 4] = [
     ("any crash", labels::ANY_CONTACT),
 ];
 
+/// The stricter one of the two realisms: of the scenes acted in and of the successes.
+pub const STRICT_REALISM: &str = realism_name(false);
+
 type ByScene<'a> = BTreeMap<&'a str, &'a SceneScore>;
 
 /// Compares a program of one run with one of another; `None` where no scene has labels of both.
@@ -64,7 +68,12 @@ pub fn compared(first: (&RecordedRun, &SolutionId), second: (&RecordedRun, &Solu
         let own =
             shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), &pairs));
         let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, &pairs));
-        let quantities = shipped.chain(own).collect();
+        // SafeBench's objective is ARS, over groups: the strict realism of its scenes would be a number that nobody searched by.
+        let strict = first.0.rounds.is_empty().then(|| strict_realism(&pairs)).flatten();
+        let mut quantities: Vec<Compared> = shipped.collect();
+        let behind = quantities.iter().position(|row| row.quantity == "realism").map_or(quantities.len(), |at| at + 1);
+        quantities.splice(behind..behind, strict);
+        quantities.extend(own);
         let left_out = [of_first.len(), of_second.len()].map(|all| all - pairs.len());
         let (first, second) = (first.1.clone(), second.1.clone());
         Some(Comparison { first, second, on, scenes: pairs.len(), left_out, quantities })
@@ -89,18 +98,39 @@ fn by_scene<'a>(labels: impl Iterator<Item = &'a SceneScore>) -> ByScene<'a> {
     labels.map(|label| (label.scene.as_str(), label)).collect()
 }
 
-/// The three estimates of a quantity, over the scenes in which both programs have it and from the same draws.
+/// The stricter realism of both over the paired scenes, without intervals; `None` where one acts in none of them.
+fn strict_realism(pairs: &[[&SceneScore; 2]]) -> Option<Compared> {
+    let of = |at: usize| RealismSums::of(pairs.iter().map(|pair| pair[at])).realism();
+    let (first, second) = (of(0)?, of(1)?);
+    let [before, after, difference] = [first, second, second - first].map(Estimate::plain);
+    Some(Compared {
+        quantity: STRICT_REALISM.to_string(),
+        scenes: pairs.len(),
+        first: before,
+        second: after,
+        difference,
+    })
+}
+
+/// The three estimates of a quantity from the same draws: each program's over the scenes in which it has it, their difference over
+/// those in which both have it.
 fn quantity(name: &str, reading: &dyn Fn(&SceneScore) -> Option<f64>, pairs: &[[&SceneScore; 2]]) -> Option<Compared> {
-    let both: Vec<[f64; 2]> =
-        pairs.iter().filter_map(|[first, second]| Some([reading(first)?, reading(second)?])).collect();
+    let both: Vec<[Option<f64>; 2]> = pairs.iter().map(|pair| pair.map(reading)).collect();
+    let change = |pair: &[Option<f64>; 2]| Some(pair[1]? - pair[0]?);
     let suite = Digest::of_bytes(b"compared");
-    let of = |value: &dyn Fn(&[f64; 2]) -> f64| -> Quantity {
-        let values = both.iter().map(|pair| Some(value(pair))).collect();
+    let of = |value: &dyn Fn(&[Option<f64>; 2]) -> Option<f64>| -> Quantity {
+        let values = both.iter().map(value).collect();
         vec![Search { id: suite, seeds: vec![PerScene { suite, values }] }]
     };
-    let found = bootstrap::estimates(&[of(&|pair| pair[0]), of(&|pair| pair[1]), of(&|pair| pair[1] - pair[0])]);
+    let found = bootstrap::estimates(&[of(&|pair| pair[0]), of(&|pair| pair[1]), of(&change)]);
     let [Some(first), Some(second), Some(difference)] = found[..] else { return None };
-    Some(Compared { quantity: name.to_string(), scenes: both.len(), first, second, difference })
+    Some(Compared {
+        quantity: name.to_string(),
+        scenes: both.iter().filter_map(change).count(),
+        first,
+        second,
+        difference,
+    })
 }
 
 #[cfg(test)]
@@ -123,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_are_paired_by_scene_and_realism_is_that_of_scenes_in_which_both_act() {
+    fn differences_are_paired_by_scene_and_that_of_realism_is_over_the_scenes_in_which_both_act() {
         let scenes: Vec<String> = (0..20).map(|k| format!("s{k}")).collect();
         // Scenes differ much and programs little: unpaired intervals would hold 0 with ease.
         let first: Vec<SceneScore> =

@@ -30,6 +30,8 @@
   }
   const fixed = (value, digits) => value === null || value === undefined ? "–" : value.toFixed(digits);
   const signed = (value, digits) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(digits);
+  const STRICT = data.safebench ? "ARS" : "strict realism"; // the realism among the objectives
+  const capital = (text) => text[0].toUpperCase() + text.slice(1);
   // As the acceptor: one of three gates, enough coverage, and labels that are not the parent's.
   const accepted = (a) => !!a.decision && a.decision.gates.coverage.holds && a.decision.gates.differing_scenes > 0 && [a.decision.gates.densification, a.decision.gates.local_push, a.decision.gates.parent_tradeoff].some((g) => g.holds);
   const standing = (a) => a.decision && a.decision.promoted ? "promoted" : accepted(a) ? "accepted" : a.exit;
@@ -48,18 +50,19 @@
   function resultTable() {
     const rows = data.lineages.filter((l) => l.result);
     if (!rows.length) return byId("result-table").append("The run is not finished: no held-out result yet.");
-    const groups = [["", 1], ["Parent", 4], ["Evolved", 4], ["Change", 2], ["Frontier", 1], ["", 1]];
-    const fourHeads = ["attack", "any crash", "RP %", "coverage"];
-    const head = ["Lineage", ...fourHeads, ...fourHeads, "attack", "RP pp", "PF-Area@3 %", "Chosen program"];
-    const four = (m) => [[m.objectives.attack, 3], [m.any_contact, 3], [m.realism_penalty_pct, 2], [m.coverage, 2]];
+    const groups = [["", 1], ["Parent", 5], ["Evolved", 5], ["Change", 2], ["Frontier", 1], ["", 1]];
+    const fiveHeads = ["attack", "any crash", "realism", STRICT, "coverage"];
+    const head = ["Lineage", ...fiveHeads, ...fiveHeads, "attack", STRICT, "PF-Area@3 %", "Chosen program"];
+    const acted = (l, m) => (l.held_out.find((of) => of.measured.solution === m.solution) || {}).realism_acted ?? null;
+    const five = (l, m) => [[m.objectives.attack, 3], [m.any_contact, 3], [acted(l, m), 4], [m.objectives.realism, 4], [m.coverage, 2]];
     // The recorded scenes without a program stand under the parent's heads, above the lineages however these are sorted.
-    const none = Array.from({ length: 7 }, () => [null, 0]);
-    const nothing = (r) => [`no program, ${r.ego}`, [0, 3], [r.contact_rate, 3], [r.realism === null ? null : 100 * (1 - r.realism), 2], [0, 2], ...none, ""];
+    const none = Array.from({ length: 8 }, () => [null, 0]);
+    const nothing = (r) => [`no program, ${r.ego}`, [0, 3], [r.contact_rate, 3], [r.realism, 4], [null, 0], [0, 2], ...none, ""];
     const chosen = (r) => ({ by: r.evolved.solution, node: el("span", {}, el("code", {}, r.evolved.solution), " ", playButton(r.evolved.solution)) });
     const change = (value, digits) => [value, digits, signed(value, digits)];
-    const line = ({ result: r }) => [r.lineage, ...four(r.parent), ...four(r.evolved), change(r.evolved.objectives.attack - r.parent.objectives.attack, 3),
-      change(r.evolved.realism_penalty_pct - r.parent.realism_penalty_pct, 2), change(r.pf_area_at_3_pct, 1), chosen(r)];
-    const file = ["lineage", ...["parent", "evolved", "change of"].flatMap((of) => fourHeads.slice(0, of === "change of" ? 1 : 4).map((h) => `${of} ${h}`)), "change of RP pp", "PF-Area@3 %", "chosen program"];
+    const line = (l) => { const r = l.result; return [r.lineage, ...five(l, r.parent), ...five(l, r.evolved), change(r.evolved.objectives.attack - r.parent.objectives.attack, 3),
+      change(r.evolved.objectives.realism - r.parent.objectives.realism, 4), change(r.pf_area_at_3_pct, 1), chosen(r)]; };
+    const file = ["lineage", ...["parent", "evolved", "change of"].flatMap((of) => fiveHeads.slice(0, of === "change of" ? 1 : 5).map((h) => `${of} ${h}`)), `change of ${STRICT}`, "PF-Area@3 %", "chosen program"];
     byId("result-table").append(sortable(head, rows.map(line), "result", { groups, file, pinned: data.replay.filter((r) => r.suite === "held_out").map(nothing) }));
     const estimate = (e, sign) => (sign ? signed(e.value, 3) : fixed(e.value, 3)) + (e.interval ? ` [${e.interval.map((x) => sign ? signed(x, 3) : fixed(x, 3)).join(", ")}]` : "");
     const compared = rows.filter((l) => l.compared).flatMap((l) => l.compared.quantities.map((q) => [l.id, q.quantity, q.scenes, estimate(q.first), estimate(q.second), estimate(q.difference, true)]));
@@ -67,7 +70,7 @@
     if (compared.length) byId("compared-table").append(sortable(["Lineage", "Quantity", "Paired scenes", "Parent", "Chosen", "Chosen − parent"], compared.map((row) => row.map((cell, i) => i === 2 ? [cell, 0] : cell)), "compared", { rowsAPage: 24 }));
     byId("result-table").append(...data.unlabelled.map((told) => el("p", { class: "note" }, told)));
     const scenes = rows[0].result.held_out_scenes;
-    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families, realism is ARS" : data.attack ? `the experiment's own measure, the mean over scenes of ${data.attack}` : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the ego meets anyone. RP = 100 (1 − realism), lower is more realistic: over the scenes that a program acts in or, where that is worse, over those in which it succeeds; coverage is the share of scenes acted in. The first row is the recorded scenes without a program: what the ego runs into anyway, and the RP of the recorded traffic itself.` +
+    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families" : data.attack ? `the experiment's own measure, the mean over scenes of ${data.attack}` : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the ego meets anyone. realism is the mean over the scenes that a program acts in; ${data.safebench ? "ARS, SafeBench's adversarial realism score, is what the search uses" : "strict realism, which the search uses, is the smaller one of that and the mean over its successes"}; coverage is the share of scenes acted in. The first row is the recorded scenes without a program: what the ego runs into anyway, and the realism of the recorded traffic itself.` +
       (!data.scripted_roles.length ? "" : data.scripted_roles.length === Object.keys(data.models).length
         ? " Proposals came from the scripted stand-in, not from a language model: these numbers say nothing about LLM agents."
         : ` The scripted stand-in, which is no language model, answered as ${data.scripted_roles.join(", ")}.`);
@@ -138,25 +141,25 @@
       held_out: "Those whom the result names, measured on the held-out scenes, which were opened after the choice.",
     }[suite] + " Rings: parent and chosen program.";
     if (!all.length) return byId("front-chart").append("Nothing of this lineage was measured there.");
-    const chart = axes(wide("front-chart", 620), 400, padded(all.map((o) => o.realism), 0.002), padded(all.map((o) => o.attack), 0.02), "realism R", "attack A");
+    const chart = axes(wide("front-chart", 620), 400, padded(all.map((o) => o.realism), 0.002), padded(all.map((o) => o.attack), 0.02), `${STRICT} R`, "attack A");
     if (front.length) {
       const line = front.map((p, i) => `${i ? "L" : "M"}${chart.x(p.objectives.realism)},${chart.y(p.objectives.attack)}` + (i + 1 < front.length ? `L${chart.x(p.objectives.realism)},${chart.y(front[i + 1].objectives.attack)}` : "")).join("");
       chart.root.append(svg("path", { d: line, fill: "none", stroke: "var(--accent)", "stroke-width": 1.6 }));
       for (const p of front) {
         const square = svg("rect", { x: chart.x(p.objectives.realism) - 4, y: chart.y(p.objectives.attack) - 4, width: 8, height: 8, fill: "var(--accent)" });
-        square.append(svg("title", {}, `${p.solution} on the front: attack ${fixed(p.objectives.attack, 3)}, realism ${fixed(p.objectives.realism, 4)}, measured on the ${seen ? seen[2] : ""} scenes of all windows so far`));
+        square.append(svg("title", {}, `${p.solution} on the front: attack ${fixed(p.objectives.attack, 3)}, ${STRICT} ${fixed(p.objectives.realism, 4)}, measured on the ${seen ? seen[2] : ""} scenes of all windows so far`));
         chart.root.append(square);
       }
     }
     for (const p of points) {
       const pick = p.id ? { class: "pick", tabindex: 0, onclick: () => openAttempt(p.id), onkeydown: (e) => { if (e.key === "Enter") openAttempt(p.id); } } : {};
       const dot = svg("circle", { ...pick, cx: chart.x(p.objectives.realism), cy: chart.y(p.objectives.attack), r: 5, fill: p.colour, "fill-opacity": 0.85 });
-      dot.append(svg("title", {}, `${p.solution}: attack ${fixed(p.objectives.attack, 3)}, realism ${fixed(p.objectives.realism, 4)} (${p.mark}), measured on ${p.on}`));
+      dot.append(svg("title", {}, `${p.solution}: attack ${fixed(p.objectives.attack, 3)}, ${STRICT} ${fixed(p.objectives.realism, 4)} (${p.mark}), measured on ${p.on}`));
       if (/parent|chosen/.test(p.mark)) chart.root.append(svg("circle", { cx: chart.x(p.objectives.realism), cy: chart.y(p.objectives.attack), r: 9, fill: "none", stroke: /parent/.test(p.mark) ? "var(--ink)" : COLOURS.promoted, "stroke-width": 2 }));
       chart.root.append(dot);
     }
     const played = data.replay.find((r) => r.suite === (suite === "held_out" ? "held_out" : "evolution") && r.ego === lineage.ego);
-    byId("front-chart").append(chart.root, downloads(chart.root, `front-${lineage.id}-${suite}`, [["program", "attack", "realism", "measured on", "standing"], ...points.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, p.mark]), ...front.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, `the ${seen ? seen[2] : ""} scenes of all windows so far`, "on the front"])]));
+    byId("front-chart").append(chart.root, downloads(chart.root, `front-${lineage.id}-${suite}`, [["program", "attack", STRICT, "measured on", "standing"], ...points.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, p.mark]), ...front.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, `the ${seen ? seen[2] : ""} scenes of all windows so far`, "on the front"])]));
     if (played) byId("front-chart").append(el("p", { class: "note" }, `Replay (no program): attack 0 and no place in this plane, because it acts nowhere; the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of ${played.scenes} ${suite === "held_out" ? "held-out" : "evolution"} scenes.`));
     const hv = lineage.epochs.map((e) => [e.epoch, e.hypervolume]);
     if (!hv.length) return;
@@ -172,7 +175,7 @@
     if (!choice) return;
     byId("choice-head").textContent = `Why ${choice.chosen}`;
     byId("choice-note").textContent = `Labels on the whole evolution pool, ${choice.scenes} scenes. Rule of the experiment: ${choice.rule}.`;
-    byId("choice-table").replaceChildren(sortable(["Program", "Attack", "Realism", "Coverage", "Any crash", "On the front", "Standing"],
+    byId("choice-table").replaceChildren(sortable(["Program", "Attack", capital(STRICT), "Coverage", "Any crash", "On the front", "Standing"],
       choice.rows.map((r) => [r.solution, [r.objectives.attack, 3], [r.objectives.realism, 4], [r.coverage, 2], [r.any_contact, 3], r.on_front ? "yes" : "no", (r.standing || "").replaceAll("_", " ")]), `choice-${lineage.id}`));
     byId("choice-reasons").replaceChildren(...choice.reasons.map((r) => el("li", {}, r)), ...(choice.cut.length ? [el("li", {}, `Not measured there, left out by the budget of finalists: ${choice.cut.join(", ")}.`)] : []));
   }
@@ -240,7 +243,7 @@
       root.append(svg("circle", { cx: 40, cy: 30 + dy * (slots - 1) / 2, r: 7, fill: "var(--ink)" }));
       for (const a of attempts) {
         const node = svg("circle", { class: "pick", tabindex: 0, cx: 40 + dx * (a.epoch + 1), cy: 30 + dy * a.slot, r: a.solution === lineage.active ? 8 : 5.5, fill: COLOURS[standing(a)], onclick: () => openAttempt(a.id), onkeydown: (e) => { if (e.key === "Enter") openAttempt(a.id); } });
-        node.append(svg("title", {}, `${a.id}: ${standing(a)}${a.objectives ? `, attack ${fixed(a.objectives.attack, 3)}, realism ${fixed(a.objectives.realism, 4)}` : ""}`));
+        node.append(svg("title", {}, `${a.id}: ${standing(a)}${a.objectives ? `, attack ${fixed(a.objectives.attack, 3)}, ${STRICT} ${fixed(a.objectives.realism, 4)}` : ""}`));
         root.append(node);
       }
       byId("tree").append(el("h3", {}, lineage.id), ...(lineage.origins || []).map((origin) => el("p", { class: "note" }, `parent from ${origin}`)), root);
@@ -249,9 +252,9 @@
   }
 
   // --- attempts
-  const columns = ["Attempt", "Exit", "Attack", "Realism", "Predicted", "Edits", "Hypothesis"];
+  const columns = ["Attempt", "Exit", "Attack", capital(STRICT), "Predicted", "Edits", "Hypothesis"];
   // What a head sorts by; where there is nothing, the row stands last.
-  const SORTED_BY = { Exit: (a) => standing(a), Attack: (a) => a.objectives && -a.objectives.attack, Realism: (a) => a.objectives && -a.objectives.realism, Predicted: (a) => a.route && -a.route.predicted.attack };
+  const SORTED_BY = { Exit: (a) => standing(a), Attack: (a) => a.objectives && -a.objectives.attack, [capital(STRICT)]: (a) => a.objectives && -a.objectives.realism, Predicted: (a) => a.route && -a.route.predicted.attack };
   const ROWS_A_PAGE = 200;
   let sortedBy = "Attempt", page = 0;
   const head = (c, i) => el("th", i >= 2 && i <= 4 ? { class: "num" } : {}, c === "Attempt" || SORTED_BY[c] ? el("button", { class: "sort", title: [meaning(c), `sort by ${c.toLowerCase()}`].filter(Boolean).join(" – "), onclick: () => { sortedBy = c; page = 0; drawAttempts(); } }, c) : c);
@@ -313,8 +316,8 @@
         `over ${g.scenes} paired scenes, ${g.differing_scenes} of them unlike the parent's`,
         `coverage floor ${g.coverage.holds ? "holds" : "no"}: acts in ${fixed(g.coverage.coverage, 3)}, at least ${fixed(g.coverage.floor, 3)}`,
         `densification ${d.holds ? "holds" : "no"}: non-dominated ${d.non_dominated}, hypervolume ${fixed(d.hypervolume_before, 5)} ${signed(d.hypervolume_gain, 5)}${error(d.uncertainty, 5)}`,
-        `local push ${l.holds ? "holds" : "no"}: best attack at r0 ${fixed(l.best_attack_at_r0, 3)}, best realism at a0 ${fixed(l.best_realism_at_a0, 4)}`,
-        `parent trade-off ${t.holds ? "holds" : "no"}: attack ${signed(t.attack_change, 3)}${error(t.attack_uncertainty, 3)}, realism ${signed(t.realism_change, 4)}${error(t.realism_uncertainty, 4)}`]));
+        `local push ${l.holds ? "holds" : "no"}: best attack at r0 ${fixed(l.best_attack_at_r0, 3)}, best ${STRICT} at a0 ${fixed(l.best_realism_at_a0, 4)}`,
+        `parent trade-off ${t.holds ? "holds" : "no"}: attack ${signed(t.attack_change, 3)}${error(t.attack_uncertainty, 3)}, ${STRICT} ${signed(t.realism_change, 4)}${error(t.realism_uncertainty, 4)}`]));
     }
     const right = [];
     if (a.diff) right.push(el("h3", {}, "Change of the program"), el("pre", { class: "diff" }, a.diff.split("\n").map((line) => el("span", { class: line.startsWith("+") ? "add" : line.startsWith("-") ? "del" : line.startsWith("@@") ? "hunk" : "" }, line + "\n"))));

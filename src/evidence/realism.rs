@@ -1,0 +1,58 @@
+//! The two realisms of a program, each under its one name: *realism* is the mean over the scenes that the program acts in,
+//! *strict realism* the smaller one of that and the mean over its successes, which the search works with.
+
+use serde::Serialize;
+
+use super::recorded_run::RecordedRun;
+use crate::objects::event::LineageResult;
+use crate::objects::{RealismSums, Score, SolutionId};
+
+/// Both, from the same labels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Realisms {
+    /// Mean over the labelled scenes that the program acts in, 0..=1; `None` where it acts in none.
+    pub realism_acted: Option<f64>,
+    /// The realism among the objectives, 0..=1; `None` in SafeBench's protocol, whose objective is ARS.
+    pub strict_realism: Option<f64>,
+}
+
+impl Realisms {
+    /// Reads both off a score.
+    pub fn of(score: &Score) -> Realisms {
+        Realisms {
+            realism_acted: RealismSums::of(&score.scenes).acted_mean(),
+            strict_realism: score.benchmark.is_none().then_some(score.objectives.realism),
+        }
+    }
+}
+
+/// One program of a lineage on the held-out scenes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ProgramRealisms {
+    pub solution: SolutionId,
+    #[serde(flatten)]
+    pub realisms: Realisms,
+}
+
+/// Parent and reported program of a lineage on the held-out scenes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LineageRealisms {
+    pub lineage: String,
+    pub parent: ProgramRealisms,
+    pub evolved: ProgramRealisms,
+}
+
+impl LineageRealisms {
+    /// `None` where the record lacks the labels of one of the two.
+    pub fn of(story: &RecordedRun, result: &LineageResult) -> Option<LineageRealisms> {
+        let program = |solution: &SolutionId| {
+            let found = story.held_out.iter().find(|of| of.lineage == result.lineage && of.solution == *solution)?;
+            Some(ProgramRealisms { solution: solution.clone(), realisms: Realisms::of(&found.score) })
+        };
+        Some(LineageRealisms {
+            lineage: result.lineage.to_string(),
+            parent: program(&result.parent.solution)?,
+            evolved: program(&result.evolved.solution)?,
+        })
+    }
+}

@@ -35,8 +35,9 @@ pub enum RolloutCassetteError {
     )]
     Backend { file: String, field: &'static str, expected: String, found: String },
     #[error(
-        "{file} holds rollouts of another planner: its digest is {found}, the files and arguments that [driver] names come to {expected}. A file \
-         or an argument changed; restore it, or give driver.cassette another name and record: answers of models that are recorded are kept"
+        "{file} was recorded with another planner: its digest is {found}, and that of the files and arguments in [driver] is {expected}. \
+         A file or an argument has changed; restore it, or give driver.cassette another name and record again: recorded answers of models are \
+         kept"
     )]
     Planner { file: String, expected: String, found: String },
     #[error(transparent)]

@@ -53,7 +53,7 @@ pub enum BackendError {
     Cassette(#[from] RolloutCassetteError),
     #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("a rollout request has no key: {0}")]
+    #[error("the key of a rollout request cannot be computed: {0}")]
     Key(#[from] CanonError),
     /// A scene or a driver that no backend but ours has.
     #[error("{0}")]
@@ -82,7 +82,7 @@ pub struct Miss {
 
 /// Something that a worker did and that no worker may do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("worker `{command}`, {place}: expected {expected}, found {found}; {remedy}; nothing of it was recorded")]
+#[error("worker `{command}`, {place}: expected {expected}, found {found}; {remedy}; none of its answers was recorded")]
 pub struct Fault {
     pub command: String,
     /// The line that is wrong: the greeting, or the answer to which request.

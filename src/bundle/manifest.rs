@@ -81,7 +81,7 @@ impl Manifest {
             Some(sum) if sum <= bytes_max => Ok(read),
             _ => Err(refused(format!(
                 "expected at most {bytes_max} bytes, found {}; --bytes-max allows more",
-                sum.map_or("more than a number holds".into(), |sum| sum.to_string())
+                sum.map_or("more than fits into a number".into(), |sum| sum.to_string())
             ))),
         }
     }

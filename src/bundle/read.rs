@@ -52,7 +52,7 @@ pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, Bu
             return Err(reading.refused(format!("expected {name} once, found it a second time")));
         }
         if signature.is_some() {
-            return Err(reading.refused(format!("expected nothing behind {SIGNATURE}, found {name}")));
+            return Err(reading.refused(format!("expected nothing after {SIGNATURE}, found {name}")));
         }
         match expected.next() {
             Some(content) if content.path == name => reading.content(&mut found, content, to)?,
@@ -186,7 +186,7 @@ impl Reading {
                 return Ok(());
             }
             if chunk[..count].iter().any(|byte| *byte != 0) || bytes > self.bytes_max {
-                return Err(self.damaged("expected nothing behind the last entry, found more bytes".into()));
+                return Err(self.damaged("expected nothing after the last entry, found more bytes".into()));
             }
         }
     }

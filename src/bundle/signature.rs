@@ -113,10 +113,10 @@ pub fn verified(
     let key = public(key_file, pem)?;
     let wrong = |problem: &str| BundleError::Signature { file: bundle.into(), problem: problem.into(), key: false };
     let envelope: Envelope =
-        serde_json::from_slice(envelope).map_err(|_| wrong("its signature is no DSSE envelope"))?;
+        serde_json::from_slice(envelope).map_err(|_| wrong("its signature is not a DSSE envelope"))?;
     let payload = STANDARD.decode(&envelope.payload).map_err(|_| wrong("its signed statement is not base64"))?;
     if envelope.payload_type != PAYLOAD_TYPE {
-        return Err(wrong("its signed statement is of another type than in-toto's"));
+        return Err(wrong("its signed statement does not have in-toto's type"));
     }
     let told = encoded(&payload);
     let by_key = |signed: &Signed| {
@@ -124,11 +124,11 @@ pub fn verified(
         key.verify_strict(&told, &Signature::from_slice(&bytes).ok()?).ok()
     };
     if !envelope.signatures.iter().any(|signed| by_key(signed).is_some()) {
-        return Err(wrong("expected a signature of the key that was given, found none that it made"));
+        return Err(wrong("expected a signature by the given key, found none"));
     }
     let stated: Option<Value> = serde_json::from_slice(&payload).ok();
     if stated != Some(statement(manifest, manifest_bytes)) {
-        return Err(wrong("its signed statement speaks of another manifest"));
+        return Err(wrong("its signed statement is about another manifest"));
     }
     Ok(())
 }

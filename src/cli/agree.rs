@@ -99,7 +99,7 @@ impl Run {
 fn comparable(first: &Run, second: &Run) -> Result<(), Failure> {
     let refuse = |what: &str, a: String, b: String| {
         Err(Failure::bad_input(format!(
-            "{} and {} differ in {what}: {a} and {b}; compare runs that differ in simulator.backend alone",
+            "{} and {} differ in {what}: {a} and {b}; compare runs that differ only in simulator.backend",
             first.folder.dir.display(),
             second.folder.dir.display()
         )))

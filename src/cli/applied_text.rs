@@ -140,10 +140,10 @@ fn notes(of: &Comparison) -> Vec<String> {
     let conditions = &of.file.conditions;
     let mut notes = Vec::new();
     if of.file.is_parent() {
-        notes.push("the program is its lineage's parent itself, so both rows are the same".into());
+        notes.push("the program is its lineage's own parent, so both rows are the same".into());
     } else if of.familiar > 0 {
         notes.push(format!(
-            "the program was evolved on {} of these {} scenes: there it was chosen by these very labels, and only the others \
+            "the program was evolved on {} of these {} scenes: it was chosen by its labels there, so only the other scenes \
              show what it does in new traffic",
             of.familiar,
             of.scenes.len()
@@ -172,8 +172,8 @@ fn notes(of: &Comparison) -> Vec<String> {
     }
     if of.file.takes_counsel() {
         notes.push(format!(
-            "the family takes counsel of a model on who should attack: the file holds it for {} of these {} scenes; in the \
-             others the program stands alone and chooses by its own rules",
+            "in this family a model advises who should attack (counsel): the file holds it for {} of these {} scenes; in the \
+             others the program chooses by its own rules",
             of.counselled,
             of.scenes.len()
         ));

@@ -37,7 +37,7 @@ pub struct Options {
     /// A pool, scenario files or folders.
     #[arg(long, num_args = 1.., required = true)]
     pub scenes: Vec<PathBuf>,
-    /// Only the scene with this id; may be given again.
+    /// Only the scene with this id; may be repeated.
     #[arg(long)]
     pub scene: Vec<String>,
     /// Driver under test: idm, idm-lights, replay, or the weights of a learned one (a file that ends in .safetensors); without
@@ -56,8 +56,8 @@ pub struct Options {
     /// Format of the scenes in that folder; without it the page alone is written.
     #[arg(long, requires = "out")]
     pub format: Option<Format>,
-    /// Write scenes with the ego's log and the whole horizon: the program's road users move as it commands, whatever the
-    /// ego does.
+    /// Write scenes with the ego's recorded motion and the whole horizon: the program's road users move as it
+    /// commands, whatever the ego does.
     #[arg(long, requires = "format")]
     pub ego_log: bool,
 }

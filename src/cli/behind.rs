@@ -33,7 +33,7 @@ impl Asked {
     }
 
     pub fn ego(&self) -> Result<Policy, Failure> {
-        self.driver.policy().ok_or_else(|| Failure::internal("a program without a digest"))
+        self.driver.policy().ok_or_else(|| Failure::internal("a program whose digest cannot be computed"))
     }
 
     /// Its processes; none is started yet.

@@ -24,9 +24,9 @@ use crate::sim::{Intervention, Part, RolloutCost, SimError, rollout_counted, rol
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Roll every scene of a pool out, IDM ego and one CAT adversary, contact and all metrics on.
+    /// Simulate every scene of a pool with the IDM ego and one CAT adversary, with contacts and all metrics.
     Sim(SimOptions),
-    /// Plan, write and merge so many rollouts as shards, with one record under many names.
+    /// Plan, write and merge a given number of rollouts as shards; one record stands for all of them.
     Shards(bench_shards::ShardsOptions),
     /// Record, read and verify objects in a trial store, and explain missing answers of a large cassette.
     Ledger(bench_ledger::LedgerOptions),
@@ -111,7 +111,7 @@ fn sim(options: &SimOptions, jobs: usize) -> Result<Answer, Failure> {
         reading.as_secs_f64(),
         preparing.as_secs_f64(),
         median,
-        law.map(|ratio| format!("with every adversary under a law: {ratio:.2} times the agent-steps/s\n"))
+        law.map(|ratio| format!("with a law (an expression evaluated at each step) for every adversary: {ratio:.2} times the agent-steps/s\n"))
             .unwrap_or_default(),
         observed.iter().map(Cost::text).collect::<String>() + &split.text()
     );
@@ -215,7 +215,7 @@ impl Split {
         let parts: Vec<String> = Part::ALL.iter().map(part).collect();
         let all: f64 = Part::ALL.iter().map(|&part| self.us_per_rollout(part)).sum();
         format!(
-            "of a rollout's time (a pass on one thread with a clock at every border, {all:.0} us a rollout): {}\n",
+            "share of a rollout's time (one thread, timed between the parts, {all:.0} us per rollout): {}\n",
             parts.join(", ")
         )
     }

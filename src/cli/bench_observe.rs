@@ -45,7 +45,7 @@ impl Cost {
 
     pub fn text(&self) -> String {
         format!(
-            "observing {} ({} numbers): {:.1} us a step and thread; {:.0} steps/s in place of {:.0}\n",
+            "observing {} ({} numbers): {:.1} us per step and thread; {:.0} steps/s instead of {:.0}\n",
             self.setting.name(),
             self.setting.length(),
             self.us_per_step(),

@@ -24,9 +24,9 @@ const KEY_BYTES_MAX: u64 = 1 << 14;
 pub enum Command {
     /// Write a finished run as one file.
     Create(CreateOptions),
-    /// Say what a bundle holds; every byte of it is read and checked.
+    /// List what a bundle holds, and check every byte of it.
     Inspect(ReadOptions),
-    /// Carry the run of a bundle out again, from nothing but the bundle, and compare every event.
+    /// Repeat a bundle's run from the bundle alone, and compare every event.
     Verify(VerifyOptions),
     /// Unpack a bundle as a run folder.
     Import(ImportOptions),
@@ -57,7 +57,7 @@ pub struct CreateOptions {
 pub struct ReadOptions {
     /// The bundle.
     pub bundle: PathBuf,
-    /// Most bytes that it may have unpacked.
+    /// Largest unpacked size to accept, in bytes.
     #[arg(long, default_value_t = 16 << 30)]
     pub bytes_max: u64,
 }
@@ -69,10 +69,10 @@ pub struct VerifyOptions {
     /// Public ed25519 key that must have signed the bundle (PEM).
     #[arg(long)]
     pub key: Option<PathBuf>,
-    /// Only hold the stored bytes against each other; execute nothing.
+    /// Only check the stored bytes against each other; run nothing.
     #[arg(long)]
     pub stored: bool,
-    /// Folder for what is unpacked meanwhile, instead of the system's.
+    /// Folder for temporary files, instead of the system's.
     #[arg(long)]
     pub scratch: Option<PathBuf>,
 }
@@ -178,7 +178,7 @@ fn inspect(options: &ReadOptions) -> Result<Answer, Failure> {
 
 fn told(path: &Path, manifest: &Manifest, signed: bool) -> Answer {
     let Version { evodrive, adapter, sim, eval } = &manifest.versions;
-    let signature = if signed { "there is one; `evodrive bundle verify --key` checks it" } else { "none" };
+    let signature = if signed { "present; `evodrive bundle verify --key` checks it" } else { "none" };
     let mut text = format!(
         "{}: run of {}, made by evodrive {evodrive} (adapter {adapter}, simulator {sim}, evaluation {eval})\n",
         path.display(),
@@ -233,7 +233,7 @@ fn agrees(manifest: &Manifest, folder: &RunFolder, bundle: &Path) -> Result<(), 
     if let Some(place) = said.iter().zip(&found).position(|(said, found)| said != found) {
         let what = ["root", "experiment", "pool"][place];
         return Err(Failure::corruption(format!(
-            "{}: {what}: the manifest says {}, the events inside say {}; the bundle was put together by something else",
+            "{}: {what}: the manifest says {}, the events inside say {}; `evodrive bundle create` did not make this bundle",
             bundle.display(),
             said[place],
             found[place]
@@ -259,7 +259,7 @@ pub fn check_versions(manifest: &Manifest, bundle: &Path) -> Result<(), Failure>
         return Ok(());
     }
     Err(Failure::bad_input(format!(
-        "{}: made under the versions of meaning adapter {}, simulator {}, evaluation {}; this build has {}, {}, {} and would come to other numbers. \
+        "{}: made with adapter version {}, simulator version {}, evaluation version {}; this build has {}, {}, {} and would get other numbers. \
          Verify it with evodrive {}, or `--stored` to hold the stored bytes against each other",
         bundle.display(),
         that.adapter,

@@ -43,7 +43,7 @@ fn temporary() -> std::path::PathBuf {
 fn signature(options: &VerifyOptions, opened: &Opened) -> Result<String, Failure> {
     let bundle = options.read.bundle.display().to_string();
     match (&options.key, &opened.signature) {
-        (None, None) => Ok("none: whoever made the file can have made all of it".into()),
+        (None, None) => Ok("none: nothing shows who made the file".into()),
         (None, Some(_)) => Ok("not checked: name the signer's public key with --key".into()),
         (Some(_), None) => Err(Failure::bad_input(format!(
             "{bundle}: expected a signature, found none; `evodrive bundle create --sign` makes one"
@@ -70,7 +70,7 @@ fn stored(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path) -> R
     let clean = damage.is_empty();
     let mut text = format!("{}: signature: {signed}\n", bundle.display());
     text.extend(damage.iter().map(|of| format!("damaged: {of}\n")));
-    text.push_str("executed again: nothing; files, hash chain, seal and records were held against each other\n");
+    text.push_str("executed again: nothing; files, hash chain, seal and records were checked against each other\n");
     text.push_str(&format!("root: {}", opened.manifest.root));
     let object = json!({"bundle": bundle, "root": opened.manifest.root, "clean": clean, "damage": damage, "signature": signed,
         "executed": {"events": 0, "rollouts": 0}});
@@ -89,7 +89,7 @@ fn check_contracts(story: &RecordedRun, bundle: &Path) -> Result<(), Failure> {
         return Ok(());
     };
     Err(Failure::bad_input(format!(
-        "{}: made under other versions of meaning: the contract of family {family} has changed since, and its questions with it. Verify it with the \
+        "{}: made by another version: the contract of family {family} has changed since, and so have the questions to its models. Verify it with the \
          build that made it, or `--stored` to hold the stored bytes against each other",
         bundle.display()
     )))

@@ -18,7 +18,7 @@ pub struct Options {
     /// Recorded traffic: pools, scenario files or folders.
     #[arg(required = true)]
     pub pools: Vec<PathBuf>,
-    /// Share of the recorded road users of a kind that stay below each bound.
+    /// Share of the recorded road users of one kind that stay below each bound.
     #[arg(long, default_value_t = 0.95)]
     pub quantile: f64,
     /// File to write, for `[evaluation.realism] calibration = "FILE"`.

@@ -21,7 +21,8 @@ pub struct Options {
     /// File of claims.
     #[arg(default_value = "paper/claims.toml")]
     pub file: PathBuf,
-    /// Run folder; may be given again, one an experiment that the file names. Without it the latest one below runs/.
+    /// Run folder, one for each experiment that the file names; may be repeated. Without it the latest one below
+    /// runs/.
     #[arg(long)]
     pub run: Vec<PathBuf>,
     /// How to write it.
@@ -32,7 +33,7 @@ pub struct Options {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Format {
     Markdown,
-    /// A line a claim and row, numbers unrounded.
+    /// One line for each claim and row, numbers unrounded.
     Csv,
 }
 
@@ -58,7 +59,7 @@ pub fn judged(file: &Path, stories: &[RecordedRun]) -> Result<Judgement, Failure
     let bytes = store::read_bounded(file, BYTES_MAX)?;
     let name = file.display().to_string();
     let text = String::from_utf8(bytes)
-        .map_err(|_| Failure::bad_input(format!("{name} is no UTF-8 text; expected a TOML file of claims")))?;
+        .map_err(|_| Failure::bad_input(format!("{name} is not UTF-8 text; expected a TOML file of claims")))?;
     let read = claims::read(&name, &text).map_err(Failure::bad_input)?;
     let mut studies = BTreeMap::new();
     for (name, path) in &read.studies {

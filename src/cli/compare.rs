@@ -27,7 +27,7 @@ const FEW_SCENES: usize = 10;
 pub struct Options {
     /// A run folder, one of its lineages (runs/RUN:cat-idm) or programs (runs/RUN:cat-idm/e0s3, runs/RUN:cat-idm/parent).
     pub first: String,
-    /// The other one, likewise.
+    /// The other one, named in the same way.
     pub second: String,
 }
 
@@ -75,11 +75,11 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let few = rows.iter().map(|(_, of)| of.scenes).min().unwrap_or(0);
     if few < FEW_SCENES {
         notes.push(format!(
-            "{few} scenes are few: an interval over them is narrower than what is not known, and has no width where all of them agree"
+            "{few} scenes are few: intervals over so few scenes are too narrow, and have no width where all scenes agree"
         ));
     }
     if first.story.opened.pool != second.story.opened.pool {
-        notes.push("the pools differ: scenes are paired by their ids, and may not be the same scenes".into());
+        notes.push("the pools differ: scenes are paired by their ids, but need not be the same scenes".into());
     }
     let rows_json: Vec<_> = rows.iter().map(|(name, of)| json!({"name": name, "comparison": of})).collect();
     let object = json!({
@@ -102,7 +102,7 @@ impl Side {
     /// Lineages with the program that each is reported by, or the one that is meant.
     fn programs(&self) -> Result<Vec<(String, SolutionId)>, Failure> {
         let finished = || {
-            let reason = "is not finished; carry it to its end with `evodrive resume`, or name a program of it";
+            let reason = "is not finished; finish it with `evodrive resume`, or name one of its programs";
             Failure::bad_input(format!("{} {reason}", self.folder.dir.display()))
         };
         let reported = |of: &Self| -> Result<Vec<(String, SolutionId)>, Failure> {
@@ -189,7 +189,7 @@ fn text(first: &Side, second: &Side, rows: &[(String, Comparison)], changes: &[C
         };
         let left_out = match of.left_out {
             [0, 0] => String::new(),
-            [a, b] => format!("; {a} more of A's and {b} of B's have no counterpart and count nowhere here"),
+            [a, b] => format!("; {a} more scenes of A and {b} of B have no counterpart and are left out"),
         };
         text += &format!("\n{name}: A {}, B {}; {} {suite} scenes, paired{left_out}\n", of.first, of.second, of.scenes);
         text += &format!("  {:<20} {:>24} {:>24} {:>26}\n", "", "A", "B", "B - A");

@@ -56,7 +56,7 @@ pub fn coverage(folder: &RunFolder, story: &RecordedRun, store: Option<&FsckRepo
         coverage.file("scenes.pool", pool(folder, story));
     }
     if recording {
-        coverage.notes.push("a recording that is not finished; `evodrive resume` goes on with it".into());
+        coverage.notes.push("a recording that is not finished; `evodrive resume` continues it".into());
     } else {
         if read {
             coverage.file("cassette.jsonl", cassette(folder, story));
@@ -69,7 +69,7 @@ pub fn coverage(folder: &RunFolder, story: &RecordedRun, store: Option<&FsckRepo
             }
             (None, true) => coverage.damage.push(lost_end(folder, story)),
             (None, false) => {
-                coverage.notes.push("a run that is not finished; `evodrive resume` goes on with it".into());
+                coverage.notes.push("a run that is not finished; `evodrive resume` continues it".into());
             }
         }
     }
@@ -99,7 +99,7 @@ impl Coverage {
                     .into(),
             ),
             Some(first) => self.damage.push(format!(
-                "{}: expected the {} rollouts that the sealed events name, {} of them are lacking, {first} among them; delete the \
+                "{}: expected the {} rollouts that the sealed events name, {} of them are missing, {first} among them; delete the \
                  store, and `evodrive resume` fills it again",
                 folder.store().join("objects.pack").display(),
                 named.len(),
@@ -186,7 +186,7 @@ fn exchanges(story: &RecordedRun) -> impl Iterator<Item = &Exchange> {
 
 fn result(folder: &RunFolder, story: &RecordedRun) -> Result<(), String> {
     let path = folder.result();
-    let anew = "`evodrive resume` writes it anew from the events";
+    let anew = "`evodrive resume` writes it again from the events";
     let bytes = store::read_bounded(&path, RESULT_BYTES_MAX).map_err(|error| format!("{error}; {anew}"))?;
     let expected = json!({"root": story.root, "result": story.result});
     match serde_json::from_slice::<Value>(&bytes) {
@@ -203,7 +203,7 @@ fn lost_end(folder: &RunFolder, story: &RecordedRun) -> String {
     let root = store::read_bounded(&folder.result(), RESULT_BYTES_MAX).ok();
     let root = root.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()?["root"].as_str().map(String::from));
     format!(
-        "{}: expected the seal of a finished run, whose root is {} by its result, found events that end at {}; `evodrive resume` derives what is lost",
+        "{}: expected the events of a finished run to end with a seal of root {} (from its result), found that they end at {}; `evodrive resume` repeats what is lost",
         folder.transcript().display(),
         root.as_deref().unwrap_or("not readable"),
         story.root

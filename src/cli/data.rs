@@ -46,7 +46,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         text.push_str(&format!("{:<11} {:>8} rows: {}\n", table.name, table.rows.len(), table.row));
     }
     if lacking > 0 {
-        text.push_str(&format!("{lacking} rollouts are not in the run's store any more and stand in no table; `evodrive run` makes them again\n"));
+        text.push_str(&format!("{lacking} rollouts are no longer in the run's store, so no table has them; `evodrive run` simulates them again\n"));
     }
     text.push_str(&format!(
         "tables as .csv and .parquet in {}; dictionary.csv says what every column means",

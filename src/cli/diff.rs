@@ -50,7 +50,7 @@ fn text(found: &Differing, experiments: &str) -> String {
     }
     lines.extend(experiments.lines().map(|line| format!("  {line}")));
     match &found.first {
-        None => lines.push(format!("all {one} events behind the inputs are the same")),
+        None => lines.push(format!("all {one} events after the inputs are the same")),
         Some(event) => {
             let kinds = event.kinds.clone().map(|kind| kind.unwrap_or_else(|| "no event".into()));
             let [a, b] = &kinds;
@@ -63,7 +63,7 @@ fn text(found: &Differing, experiments: &str) -> String {
             let follows = event.cause == Cause::Code && !found.inputs.is_empty();
             lines.push(format!(
                 "  {}",
-                if follows { "other inputs are decided on otherwise" } else { event.cause.told() }
+                if follows { "with other inputs, other decisions follow" } else { event.cause.told() }
             ));
         }
     }

@@ -45,7 +45,7 @@ pub struct Options {
     /// Folder for finished trainings while a study is recorded.
     #[arg(long, default_value = "runs/downstream")]
     pub kept: PathBuf,
-    /// Take the sets as the record names them, without planning them again: for tables and figures within a second.
+    /// Use the scene sets that the record names without planning them again: tables and figures within a second.
     #[arg(long, conflicts_with_all = ["record", "retrain"])]
     pub as_recorded: bool,
 }
@@ -152,7 +152,7 @@ fn recorded(options: &Options, file: &DownstreamFile, record: &Path, threads: &T
     progress(format!("{}: {} trainings of {} updates", file.name, wanted.len(), opening.updates));
     let Some(trainings) = trained(&study, &wanted, threads)? else {
         return Err(Failure::interrupted(format!(
-            "interrupted; finished trainings are kept in {}\n  to go on: the same command",
+            "interrupted; finished trainings are kept in {}\n  to continue: the same command",
             options.kept.display()
         )));
     };
@@ -189,7 +189,7 @@ fn compared(
         if wanted.is_empty() {
             let arms: Vec<&str> = file.arms.iter().map(|arm| arm.name.as_str()).collect();
             return Err(Failure::bad_input(format!(
-                "no training of that arm and seed; arms are {}, seeds {:?}",
+                "there is no training of that arm and seed; arms are {}, seeds {:?}",
                 arms.join(", "),
                 file.seeds
             )));
@@ -222,7 +222,7 @@ fn differs(recorded: &Opening, now: &Opening) -> Option<String> {
         return told(&format!("the digest of set {}", then.name.name()), then.digest.short(16), now.digest.short(16));
     }
     if recorded.references != now.references {
-        return Some("drivers that were not trained (IDM, one that stands) drive otherwise now".into());
+        return Some("drivers that were not trained (IDM, the one that stands still) drive differently now".into());
     }
     if recorded != now {
         return told("the recipe (arms, seeds, schedule or texts)", recorded.recipe.short(16), now.recipe.short(16));

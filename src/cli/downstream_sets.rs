@@ -146,7 +146,7 @@ fn parts(file: &DownstreamFile, pool: Pool) -> Result<Vec<Pool>, Failure> {
     match parts.is_empty() {
         false => Ok(parts),
         true => Err(Failure::bad_input(format!(
-            "{}: by_family is true, and no scene is staged for a traffic family; name scenes with source = \"safebench\"",
+            "{}: by_family is true, but no scene belongs to a SafeBench traffic family; name scenes with source = \"safebench\"",
             file.file.display()
         ))),
     }

@@ -45,7 +45,7 @@ pub fn trained(study: &Study<'_>, wanted: &[Wanted], threads: &Threads) -> Resul
     let missing = done.iter().filter(|done| done.is_none()).count() as u64;
     let plain = study.opening.plain_updates;
     if missing < wanted.len() as u64 {
-        progress(format!("{} of {} trainings are there", wanted.len() as u64 - missing, wanted.len()));
+        progress(format!("{} of {} trainings are done", wanted.len() as u64 - missing, wanted.len()));
     }
     let pace = Pace::new(missing * (study.opening.updates - plain) + seeds.len() as u64 * plain);
     let begun = threads.map(&seeds, |_, seed| begun(study, *seed, &pace));
@@ -90,7 +90,7 @@ fn kept(study: &Study<'_>, which: &Wanted) -> Result<Option<Trained>, Failure> {
     }
     let bytes = store::read_bounded(&path, TRAINED_BYTES_MAX)?;
     serde_json::from_slice(&bytes).map(Some).map_err(|error| {
-        Failure::corruption(format!("{}: {error}; remove it, and that training is carried out again", path.display()))
+        Failure::corruption(format!("{}: {error}; remove it, and that training is done again", path.display()))
     })
 }
 

@@ -25,10 +25,10 @@ const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
 pub struct Options {
     /// Experiment file whose held-out scenes are driven, e.g. experiments/metadrive/cat-sac.toml; its learned egos drive too.
     pub experiment: PathBuf,
-    /// Weights of a learned ego; may be given again.
+    /// Weights of a learned ego; may be repeated.
     #[arg(long)]
     pub policy: Vec<PathBuf>,
-    /// File with a table [driver]: a program of one's own that drives too, e.g. examples/own_ego/idm.toml; may be given again.
+    /// File with a table [driver]: a program of one's own that drives too, e.g. examples/own_ego/idm.toml; may be repeated.
     #[arg(long)]
     pub driver: Vec<PathBuf>,
 }
@@ -87,7 +87,7 @@ fn planned(asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> R
         }
     }
     match outcomes.is_empty() {
-        true => Err(Failure::bad_input("the ego drove no scene to its end; the reasons stand above")),
+        true => Err(Failure::bad_input("the ego drove no scene to its end; the reasons are given above")),
         false => Ok(figures(&outcomes)),
     }
 }

@@ -18,13 +18,13 @@ use crate::store;
 pub struct Options {
     /// Which of the paper's figures.
     pub figure: Which,
-    /// Run folder; may be given again. Without it the latest one below runs/; `architecture` needs none.
+    /// Run folder; may be repeated. Without it the latest one below runs/; `architecture` needs none.
     #[arg(long)]
     pub run: Vec<PathBuf>,
     /// The lineage that `case-evolution` shows; without it the run's first.
     #[arg(long)]
     pub lineage: Option<String>,
-    /// File to write: .svg, or .pdf with Helvetica, which no font travels with.
+    /// File to write: .svg, or .pdf (its text is in Helvetica, which is not embedded).
     #[arg(long)]
     pub out: PathBuf,
 }
@@ -39,7 +39,8 @@ pub enum Which {
     CaseEvolution,
     /// Pareto area by group over rounds (fig:carla-pareto-evolution).
     CarlaPareto,
-    /// Scenes that the evolved generators win, beside how their parents play them, a row a lineage (fig:carla-cases).
+    /// Scenes in which an evolved generator attacks and its parent does not, side by side, one row per lineage
+    /// (fig:carla-cases).
     Cases,
     /// The rooms of the code, from docs/ARCHITECTURE.md (fig:method-architecture, fig:system-arch).
     Architecture,

@@ -34,7 +34,7 @@ impl Held {
         };
         if keeps(folder) {
             let go_on = resume_command(&folder.dir);
-            let message = format!("{}\n  what was answered is kept; to go on: {go_on}", failure.message);
+            let message = format!("{}\n  recorded answers are kept; to continue: {go_on}", failure.message);
             return Err(Failure { message, ..failure });
         }
         // The failure is what is to be told, not that something is left of it.

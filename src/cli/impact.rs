@@ -19,7 +19,7 @@ pub struct Options {
     pub object: String,
     /// Run folders that tables are made from; without one the latest below runs/.
     pub runs: Vec<PathBuf>,
-    /// List also the cells that rest on it only by a choice of evolution.
+    /// Also list the cells that depend on it only because evolution chose something by it.
     #[arg(long)]
     pub full: bool,
 }
@@ -33,7 +33,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let tables = why::tables(&stories);
     if tables.is_empty() {
         let dir = folders[0].dir.display();
-        return Err(Failure::bad_input(format!("{dir}: these runs give no table; finish them with `evodrive resume`")));
+        return Err(Failure::bad_input(format!("{dir}: no table can be made from these runs; finish them with `evodrive resume`")));
     }
     let touched = impact::impact(&tables, &stories, things).map_err(Failure::bad_input)?;
     let named: Vec<String> = folders.iter().map(|folder| folder.dir.display().to_string()).collect();

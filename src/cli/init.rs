@@ -21,7 +21,7 @@ pub struct Options {
     /// Generator family to evolve.
     #[arg(long, default_value = "cat")]
     pub family: String,
-    /// Your planner as the ego under test: a program, or a .py file, beside which the helper evodrive_driver.py is found.
+    /// Your planner as the ego under test: a program, or a .py file with the helper evodrive_driver.py beside it.
     /// Without it the ego is IDM.
     #[arg(long)]
     pub driver: Option<PathBuf>,

@@ -45,7 +45,7 @@ fn hear(interrupt: Interrupt) -> Result<(), Failure> {
             if interrupt.ask() {
                 std::process::exit(Exit::Interrupted as i32);
             }
-            progress("stopping: what is under way is finished and kept; Ctrl-C again stops at once");
+            progress("stopping: work in progress is finished and kept; press Ctrl-C again to stop at once");
         }
     })
     .map_err(Failure::internal)

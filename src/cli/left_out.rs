@@ -1,4 +1,4 @@
-//! What a pool leaves out, told in as few lines as there are reasons: a folder of a thousand files without a map says so once.
+//! What a pool changed or left out, in one line for each reason: a folder of a thousand files without a map says so once.
 
 use std::collections::BTreeMap;
 
@@ -7,13 +7,15 @@ use crate::scene::{Pool, usable};
 /// Names that a line gives before it counts.
 const NAMED_MAX: usize = 3;
 
-/// What was left out at import.
+/// What was changed or left out at import.
 pub fn lines(pool: &Pool) -> Vec<String> {
-    let named = pool.left_out.iter().map(|left| {
-        let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
-        (format!("{}{what}", left.file), left.reason.clone())
-    });
-    told("left out", named)
+    let named = |kept: bool| {
+        pool.left_out.iter().filter(move |left| left.is_kept() == kept).map(|left| {
+            let what = if left.what.is_empty() { String::new() } else { format!(" ({})", left.what) };
+            (format!("{}{what}", left.file), left.reason.clone())
+        })
+    };
+    [told("changed", named(true)), told("left out", named(false))].concat()
 }
 
 /// Scenes that are in the pool and that evolution cannot use.
@@ -62,6 +64,20 @@ fn without_numbers(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::LeftOut;
+
+    #[test]
+    fn what_is_only_resampled_is_called_changed_and_not_left_out() {
+        let of = |what: &str, reason: &str| LeftOut { file: "a.pkl".into(), what: what.into(), reason: reason.into() };
+        let all = vec![of(LeftOut::SAMPLE_TIMES, "all motion was resampled"), of("track 7", "it is never observed")];
+        assert_eq!(
+            lines(&Pool { left_out: all, ..Pool::default() }),
+            [
+                "changed: a.pkl (its sample times): all motion was resampled",
+                "left out: a.pkl (track 7): it is never observed"
+            ]
+        );
+    }
 
     #[test]
     fn repeated_reasons_are_one_line_and_single_ones_stay_whole() {

@@ -19,7 +19,7 @@ pub struct CompletionsOptions {
 
 #[derive(Debug, Args)]
 pub struct ManOptions {
-    /// Folder for the pages, one a command.
+    /// Folder for the pages, one per command.
     #[arg(long)]
     pub out: PathBuf,
 }

@@ -63,7 +63,7 @@ pub fn check_build(experiment: &Experiment) -> Result<(), Failure> {
     let live = experiment.models.iter().find(|(name, options)| client::is_live(&options.kind) && used(name));
     match live {
         Some((name, options)) if !cfg!(feature = "live") => Err(Failure::bad_input(format!(
-            "models.{name}.kind is \"{}\", but this build holds no network code, so it can replay that model's answers and not ask for new ones; \
+            "models.{name}.kind is \"{}\", but this build has no network code: it can replay that model's answers, but not ask for new ones; \
              to ask, build with `cargo build --release --features live` and repeat the command",
             options.kind
         ))),

@@ -154,7 +154,7 @@ impl Way {
     fn standing(self, (done, seconds): (u64, f64), again: (u64, f64)) -> String {
         let all = self.proposals();
         if done >= all {
-            return format!("all {all} proposals of {} epochs are judged", self.epochs);
+            return format!("all {all} proposals of {} epochs are finished", self.epochs);
         }
         let epoch = done / self.each.max(1) + 1;
         let share = 100.0 * done as f64 / all as f64;
@@ -211,8 +211,8 @@ mod tests {
         assert_eq!(standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
         assert_eq!(standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
         assert_eq!(standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
-        assert_eq!(standing(40, 1.0), "all 40 proposals of 4 epochs are judged");
-        assert_eq!(Way { epochs: 1, each: 0 }.standing((0, 0.0), (0, 0.0)), "all 0 proposals of 1 epochs are judged");
+        assert_eq!(standing(40, 1.0), "all 40 proposals of 4 epochs are finished");
+        assert_eq!(Way { epochs: 1, each: 0 }.standing((0, 0.0), (0, 0.0)), "all 0 proposals of 1 epochs are finished");
     }
 
     #[test]

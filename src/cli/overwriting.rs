@@ -12,7 +12,7 @@ use crate::llm::Cassette;
 use crate::objects::world_audit::WORLD_LINE;
 
 /// What a message proposes where a cassette would be lost.
-const REMEDY: &str = "name another cassette (in the file, or by --cassette FILE), or add --overwrite to lose it";
+const REMEDY: &str = "name another cassette (in the file, or by --cassette FILE), or add --overwrite to replace it";
 
 /// A cassette before a recording: what of it must be there afterwards.
 pub struct Held<'a> {

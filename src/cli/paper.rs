@@ -30,13 +30,13 @@ const WHOLE: [&str; 5] = ["claims.md", "claims.csv", "claims.tex", "numbers.tex"
 #[derive(Debug, Args)]
 #[group(id = "what", required = true, multiple = false)]
 pub struct Wanted {
-    /// Make everything again, compare it with the goldens, and look for typed numbers in the text.
+    /// Rebuild everything, compare it with the goldens, and look for numbers typed by hand in the text.
     #[arg(long)]
     pub check: bool,
-    /// Make everything again and write it as goldens; the commit says why what moved.
+    /// Rebuild everything and write it as the new goldens; say in the commit what moved and why.
     #[arg(long)]
     pub bless: bool,
-    /// Make one table or figure by its label or file, and write it to --out.
+    /// Build one table or figure, named by its label or file, and write it to --out.
     #[arg(long, value_name = "LABEL", requires = "out")]
     pub figure: Option<String>,
 }
@@ -45,10 +45,11 @@ pub struct Wanted {
 pub struct Options {
     #[command(flatten)]
     pub wanted: Wanted,
-    /// Only what the short runs give, the quickstart; with --bless the other goldens stay as they are.
+    /// Only the pieces that come from short runs (the quickstart); with --bless the other goldens stay as they are.
     #[arg(long)]
     pub short: bool,
-    /// Take finished runs as they are recorded below --runs; without it each is carried out again, with stored rollouts.
+    /// Use the finished runs below --runs as they are; without it each is repeated from its recorded answers and
+    /// rollouts.
     #[arg(long)]
     pub as_recorded: bool,
     /// Folder for run folders.
@@ -318,21 +319,21 @@ fn check(made: &Made, folder: &Path, text: &Path) -> Result<Answer, Failure> {
     for unknown in unknown_numbers(&written, &numbers) {
         let place = format!("{}: line {}", text.display(), unknown.line);
         wrong.push(format!(
-            "{place}: no number of the name {:?} is in golden/paper/numbers.tex; expected one of those there",
+            "{place}: golden/paper/numbers.tex has no number {:?}; expected one of those in it",
             unknown.text
         ));
     }
     for typed in typed_numbers(&written) {
         let remedy = "take it from golden/paper/numbers.tex with \\evo{...}";
-        wrong.push(format!("{}: line {}: a typed number near {:?}; {remedy}", text.display(), typed.line, typed.text));
+        wrong.push(format!("{}: line {}: a number typed by hand near {:?}; {remedy}", text.display(), typed.line, typed.text));
     }
     let told = match wrong.is_empty() {
         true => format!(
-            "{} files are as in {}; the text holds no typed number and names none that is not there",
+            "{} files are as in {}; the text has no number typed by hand, and every number that it names exists",
             made.len(),
             folder.display()
         ),
-        false => format!("{}\nif this is meant: `evodrive paper --bless`, and the commit says why", wrong.join("\n")),
+        false => format!("{}\nif this is meant, run `evodrive paper --bless` and say why in the commit", wrong.join("\n")),
     };
     let exit = if wrong.is_empty() { Exit::Success } else { Exit::Divergence };
     Ok(Answer { exit, ..Answer::new(told, json!({"checked": made.len(), "wrong": wrong})) })

@@ -27,8 +27,8 @@ const NAMED_MAX: usize = 12;
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit code 0 when every answer is recorded, 3 when some are missing. Rollouts that the plan needs stay in the \
-                  run folder, for the run."
+    after_help = "Exit code 0 if every answer is recorded, 3 if some are missing. Rollouts that the plan simulates are kept in \
+                  the run folder, and the run uses them."
 )]
 pub struct Options {
     #[command(flatten)]
@@ -166,8 +166,8 @@ impl Planned<'_> {
                 let whose = if self.experiment.driver.is_some() { "your planner" } else { "the other simulator" };
                 let _ = writeln!(
                     text,
-                    "the walk stopped at a rollout of {whose} that is not recorded, so no question to a model is known yet; `evodrive \
-                     record` asks for both"
+                    "the plan stops at a rollout of {whose} that is not recorded, so no question to a model is known yet; `evodrive \
+                     record` records both"
                 );
             }
         }
@@ -187,7 +187,7 @@ impl Planned<'_> {
         if let Some(more) = self.seen.missing.len().checked_sub(NAMED_MAX).filter(|more| *more > 0) {
             let _ = writeln!(text, "missing: {more} more; --json names them all");
         }
-        text.push_str("what comes after a missing answer depends on it; so the rest is a bound and estimates:\n");
+        text.push_str("what follows a missing answer depends on it, so the rest is an upper bound and estimates:\n");
         text.push_str(&self.table());
         text.push_str(&money.text());
         if let Some(cap) = self.experiment.spend {
@@ -199,7 +199,7 @@ impl Planned<'_> {
 
     fn table(&self) -> String {
         let mut text = format!(
-            "questions, and the tokens of one:\n{:<18} {:<16} {:>7} {:>7} {:>8} {:>9} {:>9}  estimated from\n",
+            "questions, and tokens per question:\n{:<18} {:<16} {:>7} {:>7} {:>8} {:>9} {:>9}  estimated from\n",
             "role", "model", "known", "likely", "at most", "tokens in", "out"
         );
         for of in self.costs.iter().filter(|of| of.at_most > 0) {
@@ -226,8 +226,8 @@ impl Money {
         let row = |(count, usd): (u64, f64)| format!("{count} questions, {usd:.4} USD");
         let likely = self.likely.map_or("not known yet: no proposal has all its answers recorded".to_string(), row);
         format!(
-            "known to be missing: {}\nlikely: {likely}\nat most: {} (the longest answers)\n\
-             prices are those of the experiment file (none: 0), tokens are estimates\n",
+            "known to be missing: {}\nlikely: {likely}\nat most: {} (if every answer is as long as allowed)\n\
+             prices are those of the experiment file (0 if it has none), tokens are estimates\n",
             row(self.known),
             row(self.at_most)
         )

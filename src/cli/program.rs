@@ -26,9 +26,10 @@ use crate::store;
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show a program: where it came from, what it changes of its parent, and its whole content.
+    /// Show a program: where it came from, what it changes in its parent, and its whole content.
     Show(Which),
-    /// Write a program with all that it needs elsewhere into one file; see `apply` and `lineage[].parent_program`.
+    /// Write a program with everything that it needs into one file, for `apply` or for `lineage[].parent_program` in
+    /// an experiment.
     Export(ExportOptions),
 }
 
@@ -86,7 +87,7 @@ fn packed(which: &Which) -> Result<ProgramFile, Failure> {
     let adopted = adopted.ok_or_else(|| damaged(&format!("lineage {lineage} has no parent")))?;
     let experiment = folder.read_experiment()?;
     if experiment.digest()? != story.opened.experiment {
-        return Err(damaged("experiment.toml is not the experiment of the transcript"));
+        return Err(damaged("experiment.toml is not the experiment that the transcript names"));
     }
     let group = |id: &LineageId| *id == *lineage || lineage.as_str().starts_with(&format!("{id}-s"));
     let settings = experiment.lineages.iter().find(|of| group(&of.id));
@@ -143,7 +144,7 @@ pub fn find<'s>(story: &'s RecordedRun, name: &str) -> Result<&'s Program, Failu
     }
     let attempt = show::find(story, name)?;
     let left =
-        || format!("attempt {name} was {}: it left no program; `evodrive show {name}` says why", attempt.exit.name());
+        || format!("attempt {name} was {}, so there is no program; `evodrive show {name}` says why", attempt.exit.name());
     let candidate = attempt.exit.candidate().ok_or_else(|| Failure::bad_input(left()))?;
     Ok(story.program(&SolutionId::new(name)).unwrap_or(&candidate.program))
 }

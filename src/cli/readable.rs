@@ -12,7 +12,7 @@ pub const READ: [(&str, &str, &str); 6] = [
 
 /// What can be imported, for the help of `scenes import`.
 pub fn in_help() -> String {
-    let mut text = String::from("Formats, told apart by what is in the files:");
+    let mut text = String::from("Formats, recognised by the files' content:");
     READ.iter().for_each(|(name, files, what)| text += &format!("\n  {name:<12} {files:<26} {what}"));
     text
 }

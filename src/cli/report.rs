@@ -15,7 +15,7 @@ use crate::kernel::Threads;
 pub struct Options {
     /// Run folder; without it the latest one below runs/.
     pub run: Option<PathBuf>,
-    /// Run of the same study in another simulator: a section says how far the two agree, as `agree` does, this run first.
+    /// Run of the same study in another simulator: adds a section on how far the two agree, as `agree` prints it.
     #[arg(long)]
     pub against: Option<PathBuf>,
 }

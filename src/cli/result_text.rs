@@ -28,10 +28,10 @@ pub fn progress(news: &Progress) -> String {
         }
         Progress::Composed { template, used: true } => format!("composed {template} from its description"),
         Progress::Composed { template, used: false } => {
-            format!("no answer for {template} could be used: its published template stays")
+            format!("no usable answer for {template}: its published template is kept")
         }
         Progress::Counselled { lineage, scenes, met } => {
-            format!("counsel for {scenes} scenes of {lineage}: {met} advised sets met the ego when tried")
+            format!("counsel for {scenes} scenes of {lineage}: {met} advised sets led to contact with the ego when tried")
         }
         Progress::Evolved { turn, verdict } => format!("{turn} change of the world evaluator {verdict}"),
         Progress::HeldOut { lineage, programs, scenes } => {
@@ -157,7 +157,7 @@ fn replay_words(replay: &ReplayRow) -> String {
         }
         (None, None) => "no vehicle moves in them".to_string(),
     };
-    format!("replay: the recorded scenes without a program; its crashes are what the ego runs into anyway, {judged}.")
+    format!("replay: the recorded scenes without a program; its crashes are those of the ego in recorded traffic, {judged}.")
 }
 
 /// What the columns mean whose heads do not say it.

@@ -25,7 +25,8 @@ pub struct OfAttempt {
     /// cat-idm/parent; cat-idm/replay is the scenes without a program, driven by that lineage's ego.
     #[arg(long)]
     pub attempt: Option<String>,
-    /// Keep the ego's log and the whole horizon: the program's road users move as it commands, whatever the ego does.
+    /// Keep the ego's recorded motion and the whole horizon: the program's road users move as it commands, whatever
+    /// the ego does.
     #[arg(long, requires = "attempt")]
     pub ego_log: bool,
     /// Run folder of the attempt; without it the latest one below runs/.
@@ -161,7 +162,7 @@ fn places(study: &Study, story: &RecordedRun, subject: &Subject<'_>, scenes: &[S
             Failure::bad_input(format!("{reason} {}", own.join(", ")))
         })?;
         if closed && !study.evolution.contains(&place) {
-            let reason = "is held out, and the run is not finished; carry it to its end with `evodrive resume`";
+            let reason = "is held out, and the run is not finished; finish it with `evodrive resume`";
             return Err(Failure::bad_input(format!("scene `{id}` {reason}")));
         }
         Ok(place)
@@ -185,7 +186,7 @@ fn play(player: &Player<'_>, labelled: &Labelled<'_>, place: usize) -> Result<Pl
     let simulated = record_digest(&traced.record).map_err(Failure::internal)?;
     if let Some(recorded) = recorded.filter(|recorded| recorded.record != simulated) {
         return Err(Failure::divergence(format!(
-            "{name} in scene {}: the rollout comes out as {simulated}, recorded is {}; `evodrive verify` names the first \
+            "{name} in scene {}: the rollout is {simulated} now, {} is recorded; `evodrive verify` names the first \
              difference",
             scene.id, recorded.record
         )));
@@ -332,8 +333,8 @@ impl Played {
                 }
                 Action::FollowThenReact { .. } | Action::FollowThenObey { .. } | Action::Triggered(_) => {
                     return Err(Failure::bad_input(format!(
-                        "scene {}: an adversary of {} reacts to the ego, so it has no motion without that ego's; leave \
-                         --ego-log out",
+                        "scene {}: an adversary of {} reacts to the ego, so it cannot be played beside the recorded ego; leave out \
+                         --ego-log",
                         self.scene.id, self.solution
                     )));
                 }

@@ -85,7 +85,7 @@ fn replayed(
 
 fn interrupted(folder: &RunFolder) -> Failure {
     Failure::bad_input(format!(
-        "{} belongs to a recording that was interrupted; go on with `{}` or repeat the `evodrive record` command: what was answered is not asked again",
+        "{} belongs to a recording that was interrupted; continue it with `{}` or repeat the `evodrive record` command: recorded answers are not asked for again",
         folder.dir.display(),
         resume_command(&folder.dir)
     ))
@@ -201,7 +201,7 @@ fn carry_out_recording(
     store::copy(path, &folder.cassette())?;
     progress(format!("recorded {} exchanges in {}", cassette.exchanges().len(), path.display()));
     if let Some(digest) = driver.as_ref().and_then(|driver| driver.digest) {
-        progress(format!("where the planner's files are not at hand, write into [driver]: digest = \"{digest}\""));
+        progress(format!("where the planner's files are not available, write into [driver]: digest = \"{digest}\""));
     }
     if let (Some(recorder), Some(path)) = (&rollouts, &recording.rollouts) {
         keep_rollouts(recorder, folder, recording, path)?;
@@ -245,7 +245,7 @@ fn keep_rollouts(
     own.save(&folder.rollouts(), &name)?;
     let (all, others) = if recording.overwrite { (own.clone(), 0) } else { own.clone().beside(path) };
     all.save(path, &name)?;
-    let beside = if others == 0 { String::new() } else { format!(", beside {others} of other recordings") };
+    let beside = if others == 0 { String::new() } else { format!(", besides {others} of other recordings") };
     progress(format!("recorded {} rollouts in {}{beside}; {failed} of them failed", own.len(), path.display()));
     Ok(())
 }
@@ -386,7 +386,7 @@ fn carry_out(
     let log = transcript(folder, sources.way, &threads)?;
     let confirmed = log.remaining();
     if confirmed > 0 {
-        progress(format!("{confirmed} recorded events: each is derived again and compared"));
+        progress(format!("{confirmed} recorded events: each is worked out again and compared"));
     }
     let rollouts = Rollouts::new(objects, sources.way.mode(sources.rollouts.is_some()));
     let line = MovingLine::new(&study, &folder.dir);
@@ -417,13 +417,13 @@ fn carry_out(
     let (reused, simulated) = counts;
     let motion = match sources.rollouts.is_some() && sources.way.sums_up_again() {
         true => {
-            "; those of the planner or the other simulator were summed up again from recorded motion, and nobody was asked"
+            "; those of the planner or the other simulator were evaluated again from recorded motion, without asking it"
         }
         false => "",
     };
     progress(format!("rollouts: {simulated} simulated, {reused} read from the store{motion}"));
     if sources.way.compares() {
-        progress(format!("all {confirmed} recorded events and the result agree with what was derived again"));
+        progress(format!("all {confirmed} recorded events and the result are as recorded"));
     }
     Ok(Done { experiment, study, threads, result, root, counts })
 }
@@ -436,7 +436,7 @@ fn stopped(folder: &RunFolder, way: Way) -> Failure {
             folder.dir.display(),
             resume_command(&folder.dir)
         ),
-        true => "interrupted; nothing was compared to its end, and the run is as it was".into(),
+        true => "interrupted before the comparison was complete; the run is unchanged".into(),
     })
 }
 
@@ -446,7 +446,7 @@ fn transcript(folder: &RunFolder, way: Way, threads: &Threads) -> Result<Transcr
     let log = path.exists().then(|| Transcript::continue_on(&path, Some(threads))).transpose()?;
     if way.compares() && !log.as_ref().is_some_and(Transcript::is_recorded_whole) {
         return Err(Failure::corruption(format!(
-            "{}: expected the sealed transcript of a finished run, found {}; nothing was compared. A run that was interrupted is finished by `evodrive resume`; one that was finished before has lost its end",
+            "{}: expected the sealed transcript of a finished run, found {}; nothing was compared. If the run was interrupted, `evodrive resume` finishes it; if it was finished before, its transcript has lost its end",
             path.display(),
             log.map_or("none".to_string(), |log| format!("{} events without a seal", log.remaining()))
         )));
@@ -461,7 +461,7 @@ fn compare_result(folder: &RunFolder, text: &[u8]) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::divergence(format!(
-        "{}: expected the result that the run's events come to, found {}; the events are as recorded, and `evodrive resume` writes the file anew",
+        "{}: expected the result that follows from the run's events, found {}; the events are as recorded, and `evodrive resume` writes the file again",
         path.display(),
         if path.exists() { "another one" } else { "no file" }
     )))

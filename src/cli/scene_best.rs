@@ -19,7 +19,7 @@ use crate::objects::LineageId;
 pub struct Options {
     /// Run folder; without it the latest one below runs/.
     pub run: Option<PathBuf>,
-    /// How many.
+    /// Number of rollouts to list.
     #[arg(long, default_value_t = 5)]
     pub top: usize,
     /// What comes first.
@@ -32,9 +32,9 @@ pub struct Options {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Criterion {
-    /// Contacts that count, the fastest impact first; then the smallest time to collision.
+    /// Contacts that count, the fastest impact first; then by the smallest time to collision.
     Severity,
-    /// The most realistic among those in which the program acts; of equals the more severe.
+    /// The most realistic of those in which the program acts; of equals the more severe one.
     Realism,
 }
 
@@ -57,7 +57,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let shown = &found.ranked[..options.top.min(found.ranked.len())];
     if shown.is_empty() {
         return Err(Failure::bad_input(format!(
-            "{}: expected rollouts in which a program acts, found none to rank ({} are not in the run's store any more; `evodrive run` makes them again)",
+            "{}: expected rollouts in which a program acts, found none to rank ({} are no longer in the run's store; `evodrive run` simulates them again)",
             folder.dir.display(),
             found.lacking
         )));
@@ -101,7 +101,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     if found.lacking > 0 {
         let _ = write!(
             text,
-            "\n{} rollouts are not in the run's store any more; `evodrive run` makes them again",
+            "\n{} rollouts are no longer in the run's store; `evodrive run` simulates them again",
             found.lacking
         );
     }

@@ -40,13 +40,14 @@ pub struct Options {
     /// File to write: a strip of moments (.svg), or a film (.gif; .mp4 where ffmpeg is installed).
     #[arg(long)]
     pub out: PathBuf,
-    /// Panels of a strip, evenly from the scene's current step to the contact or the end; without it 4.
+    /// Number of panels of a strip, evenly spaced from the scene's current step to the contact or the end; without it
+    /// 4.
     #[arg(long)]
     pub frames: Option<usize>,
-    /// Seconds of the scene, one a panel of a strip, instead of even ones, e.g. --at 2.0,3.5,4.1.
+    /// Times of the panels in seconds of the scene, instead of evenly spaced ones, e.g. --at 2.0,3.5,4.1.
     #[arg(long, value_delimiter = ',', conflicts_with = "frames", allow_negative_numbers = true)]
     pub at: Vec<f64>,
-    /// Metres around the ways of ego and adversaries that the panels show.
+    /// Margin around the paths of ego and adversaries in the panels, metres.
     #[arg(long, default_value_t = 12.0, allow_negative_numbers = true)]
     pub around: f64,
     /// Width of a panel, pixels; without it 360, and 720 for a film.

@@ -27,7 +27,7 @@ pub struct Options {
     /// Pools, scenario files or folders; none with --attempt, whose run has its own scenes.
     #[arg(required_unless_present = "attempt", conflicts_with = "attempt")]
     pub paths: Vec<PathBuf>,
-    /// Only the scene with this id; may be given again. Without it all scenes, or all that the attempt was labelled on.
+    /// Only the scene with this id; may be repeated. Without it all scenes, or all that the attempt was labelled on.
     #[arg(long)]
     pub scene: Vec<String>,
     #[command(flatten)]

@@ -12,7 +12,7 @@ pub struct SceneFormula(Compiled);
 /// A text that is no condition on a scene.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{text:?} is no condition on a scene: {problem}; `evodrive features` lists what it may read (those of `scene`)"
+    "{text:?} is not a valid condition on a scene: {problem}; `evodrive features` lists what it may read (the lines of `scene`)"
 )]
 pub struct SceneFormulaError {
     text: String,

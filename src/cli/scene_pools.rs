@@ -27,7 +27,7 @@ pub struct FilterOptions {
     /// Pools, scenario files or folders.
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// Only scenes with this tag, e.g. junction; may be given again.
+    /// Only scenes with this tag, e.g. junction; may be repeated.
     #[arg(long)]
     pub tag: Vec<String>,
     /// Only scenes for which this holds: an expression over the scene's quantities, which `evodrive features` lists.
@@ -36,7 +36,7 @@ pub struct FilterOptions {
     /// Only scenes that evolution can use.
     #[arg(long)]
     pub usable: bool,
-    /// Not the scene of this id; may be given again.
+    /// Leave out the scene with this id; may be repeated.
     #[arg(long, value_name = "ID")]
     pub without: Vec<String>,
     /// Pool file to write.
@@ -60,13 +60,13 @@ pub struct SplitOptions {
     /// Pools, scenario files or folders.
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// Draw so many scenes to hold out, as an experiment with this seed does.
+    /// Number of scenes to hold out; they are drawn as an experiment with this seed draws them.
     #[arg(long, value_name = "COUNT")]
     pub held_out: Option<usize>,
     /// Root of the draw.
     #[arg(long, default_value_t = 0, conflicts_with = "tag")]
     pub seed: u64,
-    /// Hold the scenes with this tag out instead, e.g. junction.
+    /// Hold out the scenes with this tag instead, e.g. junction.
     #[arg(long)]
     pub tag: Option<String>,
     /// Pool file for the scenes that are not held out.
@@ -124,7 +124,7 @@ pub fn filter(options: &FilterOptions, jobs: usize) -> Result<Answer, Failure> {
     pool.scenes.retain(|_| keeps.next().unwrap_or(false));
     if pool.scenes.is_empty() {
         return Err(Failure::bad_input(format!(
-            "none of the {all} scenes is left, so no pool is written; `evodrive scenes list` shows their tags, `evodrive scenes stats` their quantities"
+            "none of the {all} scenes fits, so no pool is written; `evodrive scenes list` shows their tags, `evodrive scenes stats` their quantities"
         )));
     }
     let mut answer = scenes::written(&pool, &options.out, &threads)?;
@@ -172,7 +172,7 @@ pub fn split(options: &SplitOptions, jobs: usize) -> Result<Answer, Failure> {
     for (part, name) in [(&open, "the scenes that are not held out"), (&closed, "the held-out scenes")] {
         if part.scenes.is_empty() {
             return Err(Failure::bad_input(format!(
-                "{name} would be none of {}; nothing is written: give another count or tag",
+                "{name} would be 0 of {}; nothing is written: give another count or tag",
                 pool.scenes.len()
             )));
         }

@@ -26,13 +26,14 @@ pub enum Command {
     Generate(GenerateOptions),
     /// List the scenes of a pool or of scenario files.
     List(ListOptions),
-    /// Say of every scene whether evolution can use it, and why not; exit code 2 where one cannot be used.
+    /// Check whether evolution can use each scene, and say why not; exit code 2 if one cannot be used.
     Check(scene_pools::CheckOptions),
     /// Write the scenes that have tags, or for which an expression holds, into a pool.
     Filter(scene_pools::FilterOptions),
-    /// Write the scenes of several pools into one; the same scene is kept once, two scenes of one id are refused.
+    /// Write the scenes of several pools into one; a scene that occurs twice is kept once, different scenes with one
+    /// id are refused.
     Merge(scene_pools::MergeOptions),
-    /// Write the usable scenes of a pool into two that share none, by a seed or by a tag.
+    /// Split the usable scenes of a pool into two pools that share none, by a seed or by a tag.
     Split(scene_pools::SplitOptions),
     /// Show one scene, as it is or as an attempt played it; draw it as SVG or as a page that plays it.
     Show(scene_show::Options),
@@ -51,7 +52,7 @@ pub struct ImportOptions {
     /// Scenario files, folders or pools.
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// OpenDRIVE files of towns, or a folder of them, for SafeBench's route files; a town is called as its file.
+    /// OpenDRIVE files of towns, or a folder of them, for SafeBench's route files; a file's name is its town's name.
     #[arg(long)]
     pub towns: Vec<PathBuf>,
     /// Pool file to write.
@@ -76,7 +77,7 @@ pub struct ListOptions {
     /// A pool, scenario files or folders.
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// Only scenes with this tag, e.g. junction; may be given again.
+    /// Only scenes with this tag, e.g. junction; may be repeated.
     #[arg(long)]
     pub tag: Vec<String>,
     /// Only scenes that evolution can use.

@@ -8,11 +8,11 @@ use super::{shard_merge, shard_plan, shard_work};
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Write what a run has no records of as shards.
+    /// Write the work that a run still lacks as shards.
     Plan(shard_plan::PlanOptions),
     /// Do the tasks of shards, on any machine.
     Work(shard_work::WorkOptions),
-    /// Unite the results of shards with the run.
+    /// Add the results of shards to the run.
     Merge(shard_merge::MergeOptions),
 }
 

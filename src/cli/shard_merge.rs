@@ -16,7 +16,7 @@ use crate::store;
 pub struct MergeOptions {
     #[command(flatten)]
     pub target: TargetOptions,
-    /// Results, or folders of results, from elsewhere, besides those in the run folder.
+    /// Results, or folders of results, besides those in the run folder.
     #[arg(long, num_args = 1..)]
     pub results: Vec<PathBuf>,
 }
@@ -56,7 +56,7 @@ fn answer(merged: Merged, named: &str) -> Answer {
         progress(format!("refused: {reason}"));
     }
     let text = format!(
-        "{results} results: {records} new records, {known} known, {no_label} tasks without a label, {answers} new answers of \
+        "{results} results: {records} new records, {known} known ones, {no_label} tasks without a label, {answers} new answers of \
          the backend; {} results refused\n  next: evodrive shard plan {named}\n",
         reasons.len()
     );

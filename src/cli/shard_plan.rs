@@ -29,7 +29,7 @@ pub struct PlanOptions {
     /// Ask the experiment's models for answers that the cassette lacks; `evodrive record` writes them down at the end.
     #[arg(long)]
     pub record: bool,
-    /// Plan also what was done before and gave no label.
+    /// Also plan tasks that were done before and gave no label.
     #[arg(long)]
     pub again: bool,
 }

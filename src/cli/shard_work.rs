@@ -84,7 +84,7 @@ impl Site {
     fn open(folder: RunFolder, threads: &Threads) -> Result<Site, Failure> {
         let name = |failure: Failure| Failure {
             message: format!(
-                "{}\n  a worker needs the run's experiment.toml and scenes.pool: name their folder by --study",
+                "{}\n  a worker needs the run's experiment.toml and scenes.pool: name their folder with --study",
                 failure.message
             ),
             ..failure
@@ -109,7 +109,7 @@ impl Site {
         let recorder = match &self.experiment.simulator.backend {
             None => None,
             Some(options) if options.drives() => {
-                let reason = "the ego `command` drives where its planner is: record this run by `evodrive record` on one machine";
+                let reason = "the ego `command` needs its planner on this machine: record this run with `evodrive record` on one machine";
                 return Err(Failure::bad_input(reason));
             }
             Some(options) => {

@@ -13,7 +13,7 @@ use crate::evidence::{RecordedRun, cell};
 pub struct Options {
     /// Which of the paper's tables.
     pub table: Which,
-    /// Run folder; may be given again, one row is never taken from two. Without it the latest one below runs/.
+    /// Run folder; may be repeated, but no two may hold the same row. Without it the latest one below runs/.
     #[arg(long)]
     pub run: Vec<PathBuf>,
     /// How to write it.
@@ -23,27 +23,27 @@ pub struct Options {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Which {
-    /// MetaDrive, a row a generator family, averaged over the egos.
+    /// MetaDrive: one row per generator family, averaged over the egos.
     MetadriveMain,
-    /// MetaDrive, a row a generator and ego, with the endpoint of the local trace.
+    /// MetaDrive: one row per generator and ego, with the endpoint of the local trace.
     MetadrivePolicy,
-    /// MetaDrive, contacts by class and the readings of published work, a row a program and ego.
+    /// MetaDrive: contacts by class, and attack as published work counts it; one row per program and ego.
     MetadriveContacts,
-    /// SafeBench, a row a generator: the parent's scenes against those after the last round.
+    /// SafeBench: one row per generator, the parent's scenes against those after the last round.
     SafebenchMain,
-    /// SafeBench, every round by traffic family, a part a generator.
+    /// SafeBench: every round by traffic family, one part per generator.
     SafebenchRounds,
-    /// SafeBench, the chosen programs on routes that evolution did not see, a row a generator and ego.
+    /// SafeBench: the chosen programs on routes that evolution did not see, one row per generator and ego.
     SafebenchHeldOut,
-    /// Either protocol: what became of proposals, a row a source family.
+    /// Either protocol: what became of the proposals, one row per source family.
     Proposals,
-    /// Either protocol: what critics did with proposals before simulation, a row a source family.
+    /// Either protocol: what the critics did with proposals before simulation, one row per source family.
     ActorCritic,
-    /// MetaDrive, search methods at the same rollouts; the first run is what the others are compared with.
+    /// MetaDrive: search methods with the same number of rollouts; the others are compared with the first run.
     AttackOnly,
-    /// MetaDrive, the system without one part at a time; the whole first.
+    /// MetaDrive: the system without one of its parts at a time; name the run of the whole system first.
     Without,
-    /// MetaDrive, how many proposals an epoch has, a row a run and family.
+    /// MetaDrive: the effect of the number of proposals per epoch, one row per run and family.
     Kwidth,
 }
 
@@ -71,7 +71,7 @@ impl Which {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Format {
     Markdown,
-    /// Unrounded numbers, the paper's in columns of their own.
+    /// Unrounded numbers; the paper's numbers have columns of their own.
     Csv,
     /// With booktabs.
     Latex,

@@ -32,13 +32,13 @@ pub struct Options {
     /// Folder for checkpoints; one is written after each evaluation.
     #[arg(long, default_value = "runs/train")]
     pub checkpoints: PathBuf,
-    /// Go on from the checkpoint of a training that was stopped.
+    /// Continue from the checkpoint of a training that was stopped.
     #[arg(long)]
     pub resume: bool,
-    /// Root of the random streams in place of the file's; the weights' name ends in -s<seed> then.
+    /// Root of the random streams, instead of the file's; the name of the weights then ends in -s<seed>.
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Stop after so many evaluations with a checkpoint, to go on later with --resume.
+    /// Stop with a checkpoint after this many evaluations; --resume goes on from there.
     #[arg(long)]
     pub evaluations: Option<usize>,
 }
@@ -75,7 +75,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
                 checkpoint.display(),
                 again_with("--resume")
             ),
-            false => "interrupted before the first evaluation, so there is no checkpoint to go on from".to_string(),
+            false => "interrupted before the first evaluation, so there is no checkpoint to continue from".to_string(),
         }));
     }
     if !is_over {

@@ -32,7 +32,7 @@ const SILENT: Duration = Duration::from_secs(60);
 pub struct Options {
     /// Run folder; without it the one below runs/ that is not finished, or else the latest.
     pub run: Option<PathBuf>,
-    /// Seconds between two looks at the run, and after which an open page loads itself again.
+    /// Seconds between two looks at the run, and between two reloads of an open page.
     #[arg(long, default_value_t = 2.0, allow_negative_numbers = true)]
     pub every: f64,
 }
@@ -50,12 +50,12 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = folder.read_experiment()?;
     let shown = folder.report();
-    progress(format!("page: {}; it follows the run until that is finished, Ctrl-C ends this", shown.display()));
+    progress(format!("page: {}; it is kept up to date until the run is finished; Ctrl-C stops that", shown.display()));
     let (mut written, mut silent) = (0, Duration::ZERO);
     loop {
         if !folder.has_card() {
             return Err(Failure::bad_input(format!(
-                "{}: the run folder is gone: the command that made it has failed, and said why",
+                "{}: the run folder is gone: the command that made it failed and printed the reason",
                 folder.dir.display()
             )));
         }
@@ -73,12 +73,12 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         silent = if bytes > written { Duration::ZERO } else { silent + pause };
         if silent >= SILENT && silent < SILENT + pause {
             let go_on = resume_command(&folder.dir);
-            progress(format!("no new event for a minute; if nobody works on the run, it goes on with: {go_on}"));
+            progress(format!("no new event for a minute; if no command is working on the run, continue it with: {go_on}"));
         }
         written = bytes;
         if !waited(pause, &interrupt) {
             return Err(Failure::interrupted(format!(
-                "watching has ended, the run is as it was; the page so far: {}",
+                "stopped watching; the run itself goes on as before; the page so far: {}",
                 shown.display()
             )));
         }
@@ -127,7 +127,7 @@ fn proposals(experiment: &Experiment) -> u64 {
 
 fn standing(story: &RecordedRun, experiment: &Experiment) -> String {
     let settled = story.settled.last().map(|s| format!(", {} settled epoch {}", s.lineage, s.epoch));
-    format!("{} of {} proposals are judged{}", story.attempts.len(), proposals(experiment), settled.unwrap_or_default())
+    format!("{} of {} proposals are finished{}", story.attempts.len(), proposals(experiment), settled.unwrap_or_default())
 }
 
 /// Whether the pause went by without Ctrl-C.

@@ -21,8 +21,8 @@ const CASSETTE_BYTES_MAX: u64 = 1 << 30;
 #[derive(Debug, Args)]
 #[command(after_help = "Example: evodrive why metadrive-main:cat:evolved_attack --scene synth/urban/500/42")]
 pub struct Options {
-    /// The cell, TABLE:ROW:COLUMN, e.g. metadrive-main:cat:attack: rows by their labels (cat/idm), columns by their heads or their
-    /// keys in CSV.
+    /// The cell as TABLE:ROW:COLUMN, e.g. metadrive-main:cat:attack; a row is named by its label (cat/idm), a column
+    /// by its heading or its key in CSV.
     pub cell: String,
     /// Run folders that the table is made from; without one the latest below runs/.
     pub runs: Vec<PathBuf>,
@@ -58,15 +58,15 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         if let Some(ours) = named.cell.ours {
             let (number, rests) = (named.cell.column.form.number(ours.value), Bases::without_parts(key));
             return Err(Failure::bad_input(format!(
-                "{name} = {number} has no parts that could be told one by one: {rests}"
+                "{name} = {number} has no parts that can be listed one by one: {rests}"
             )));
         }
         let why =
-            if named.row.missing() { "its lineages are missing in these runs" } else { "nothing there counts for it" };
+            if named.row.missing() { "its lineages are missing in these runs" } else { "no label counts for it" };
         let ours: Vec<String> =
             table.rows().filter(|row| row.cells.iter().any(|c| c.ours.is_some())).map(cell::row_name).collect();
         return Err(Failure::bad_input(format!(
-            "{name} holds no number of ours: {why}; rows that hold some: {}",
+            "{name} has no number of ours: {why}; rows that have one: {}",
             ours.join(", ")
         )));
     };
@@ -82,7 +82,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     if why.agrees() {
         return Ok(Answer::new(text, json));
     }
-    text.push_str(&format!("\nthe table says {}, its parts say something else: run `evodrive check`\n", why.printed()));
+    text.push_str(&format!("\nthe table says {}, but its parts give another number: run `evodrive check`\n", why.printed()));
     Ok(Answer { exit: Exit::Divergence, ..Answer::new(text, json) })
 }
 

@@ -13,7 +13,7 @@ use crate::evidence::evaluator::{report, text};
 pub struct Options {
     /// Run folder; without it the latest one below runs/.
     pub run: Option<PathBuf>,
-    /// A run of the same lineages with the full budget, to compare hypervolume and rollouts with.
+    /// A run of the same lineages with the full budget, for comparing hypervolume and rollouts.
     #[arg(long)]
     pub full: Option<PathBuf>,
 }

@@ -44,11 +44,11 @@ pub enum EvaluationError {
     Cache(#[from] CacheError),
     #[error("no scene could be labelled; the first reason: {0}")]
     NoLabel(String),
-    #[error("scene {0} is staged for no traffic family; SafeBench's protocol takes [scenes] source = \"safebench\"")]
+    #[error("scene {0} belongs to no traffic family of SafeBench; its protocol needs [scenes] source = \"safebench\"")]
     Unstaged(String),
     #[error(transparent)]
     Backend(#[from] BackendError),
-    #[error("a rollout request has no key: {0}")]
+    #[error("the key of a rollout request cannot be computed: {0}")]
     Key(#[from] CanonError),
 }
 

@@ -73,7 +73,7 @@ pub fn exchanges(out: &mut String, exchanges: &[Exchange], texts: &dyn Fn(&Excha
             let _ = writeln!(out, "   refused: {refusal}");
         }
         let Some(exchanged) = texts(exchange) else {
-            out.push_str("   (texts not at hand)\n");
+            out.push_str("   (the texts are not available)\n");
             continue;
         };
         for (role, text) in &exchanged.messages {
@@ -189,7 +189,7 @@ fn acceptance(out: &mut String, gates: &AcceptanceGates, realism: &str) {
     let (d, l, t) = (&gates.densification, &gates.local_push, &gates.parent_tradeoff);
     let _ = writeln!(
         out,
-        "\narchive, over {} paired scenes, {} of them unlike the parent's:\n  coverage floor          {}  acts in {:.4}, at least \
+        "\narchive, over {} paired scenes, {} of them with other labels than the parent's:\n  coverage floor          {}  acts in {:.4}, at least \
          {:.4}\n  frontier densification  {}  non-dominated {}, hypervolume {:.6} {:+.6}{}",
         gates.scenes,
         gates.differing_scenes,

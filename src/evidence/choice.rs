@@ -144,7 +144,7 @@ impl Choice {
         }
         if !self.cut.is_empty() {
             let cut: Vec<&str> = self.cut.iter().map(SolutionId::as_str).collect();
-            let _ = writeln!(out, "  Not measured there, left out by the budget of finalists: {}.", cut.join(", "));
+            let _ = writeln!(out, "  Not measured there, because the budget of finalists had no room for them: {}.", cut.join(", "));
         }
         out
     }
@@ -188,7 +188,7 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
     match selection.attack_best {
         Some(best) => {
             said.push(format!(
-                "Realistic enough are {} of the {} programs that act: {}.",
+                "Realistic enough: {} of the {} programs that act ({}).",
                 selection.eligible,
                 selection.contenders,
                 names(rows, |row| row.measured.coverage > 0.0
@@ -225,7 +225,7 @@ fn tie_break(rows: &[Row], selection: &Selection) -> String {
             format!("{chosen} and another one have the same labels; the earlier one is taken.")
         }
         () if any(Standing::LessAttack) => {
-            format!("{chosen} and another one are the most realistic, {:.4}; the stronger one is taken.", best.realism)
+            format!("{chosen} and another one are the most realistic, {:.4}; the one with more attack is taken.", best.realism)
         }
         () => format!("{chosen} is the most realistic of them, {:.4}.", best.realism),
     }
@@ -235,7 +235,7 @@ fn tie_break(rows: &[Row], selection: &Selection) -> String {
 fn staying(rows: &[Row], selection: &Selection) -> &'static str {
     let any = |standing| rows.iter().any(|row| row.standing == Some(standing));
     match () {
-        () if rows.len() == 1 => "no descendant stood on the front or ever led, so nobody else was measured",
+        () if rows.len() == 1 => "no descendant was on the front or ever the active program, so no other program was measured",
         () if rows.iter().skip(1).all(|row| row.measured.coverage <= 0.0) => "no descendant acts in any scene",
         () if selection.rule == SelectionRule::MostRealistic => "no descendant is more realistic",
         () if any(Standing::Later) => "a descendant has the same labels, and of equals the earlier one is taken",
@@ -294,7 +294,7 @@ mod tests {
             [0.50, 0.99, 0.0],
         ]);
         assert_eq!(standings, [TooWeak, TooUnrealistic, LessRealistic, Chosen, LessAttack, Later, ActsNowhere]);
-        assert!(reasons.contains("are 5 of the 6 programs that act: parent, c2, c3, c4, c5."), "{reasons}");
+        assert!(reasons.contains("Realistic enough: 5 of the 6 programs that act (parent, c2, c3, c4, c5)."), "{reasons}");
         assert!(reasons.contains("is 0.400; 4 have 0.3800 or more and count as tied: c2, c3, c4, c5."), "{reasons}");
         assert!(reasons.contains("the earlier one is taken") && !reasons.contains("parent stays"), "{reasons}");
     }

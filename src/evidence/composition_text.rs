@@ -22,7 +22,7 @@ pub fn composition(composed: &Composed, texts: &dyn Fn(&Exchange) -> Option<Exch
         );
     }
     let Some(template) = &composed.template else {
-        out.push_str("\nno answer could be used: the published template stays\n");
+        out.push_str("\nno answer could be used, so the published template is kept\n");
         return out;
     };
     let _ = writeln!(out, "\ncomposed: {}\n     {}", template.behaviour, template.reason);

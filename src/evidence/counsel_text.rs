@@ -11,7 +11,7 @@ pub fn counsel(counselled: &Counselled, texts: &dyn Fn(&Exchange) -> Option<Exch
     let Counselled { lineage, scene, program, .. } = counselled;
     let mut out = format!("counsel for {scene} of {lineage}\ntried with program {}\n", program.short(16));
     if counselled.rounds.is_empty() {
-        out.push_str("\nno vehicle can attack: nobody was asked\n");
+        out.push_str("\nno vehicle can attack, so no model was asked\n");
     }
     exchanges(&mut out, &counselled.exchanges, texts, full);
     if !counselled.rounds.is_empty() {

@@ -90,16 +90,16 @@ impl Cause {
             Cause::Key => {
                 "another question was asked: a prompt, its history or a model's settings differ (evodrive show --full in both runs)"
             }
-            Cause::Answer => "the same question was answered otherwise: the cassettes differ",
+            Cause::Answer => "the same question was answered differently: the cassettes differ",
             Cause::FloatBits => {
-                "a number differs in its last bits: another processor, build or library computes it otherwise"
+                "a number differs in its last bits: another processor, build or library computes it differently"
             }
             Cause::Rollout => {
-                "a rollout came out otherwise: simulator, program or scene differ (evodrive verify in both runs)"
+                "a rollout came out differently: simulator, program or scene differ (evodrive verify in both runs)"
             }
             Cause::Scene => "other scenes were used: pool, split or window differ",
             Cause::Code => {
-                "the same inputs were decided otherwise: versions of the program differ in gates, archive, memory or world evaluator"
+                "the same inputs led to another decision: versions of the program differ in gates, archive, memory or world evaluator"
             }
         }
     }

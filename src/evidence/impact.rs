@@ -141,7 +141,7 @@ pub fn find<'a>(
         several => {
             let first: Vec<String> =
                 several.iter().take(5).map(|(text, of)| format!("{} ({})", &text[..16], told(of))).collect();
-            Err(format!("`{name}` opens {} digests; give more digits: {}", several.len(), first.join(", ")))
+            Err(format!("`{name}` is the beginning of {} digests; give more digits: {}", several.len(), first.join(", ")))
         }
     }
 }
@@ -319,7 +319,7 @@ pub fn text(name: &str, what: &str, touched: &[Touched], full: bool, folders: &s
     list("are about a program that was made from it", How::MadeFrom, true);
     list("are about programs in whose choice it took part", How::Chosen, full);
     match touched.first() {
-        None => out.push_str("no cell of these runs' tables rests on it\n"),
+        None => out.push_str("no cell of these runs' tables depends on it\n"),
         Some(first) => {
             let _ = writeln!(out, "more: evodrive why {} {folders}", first.cell);
         }

@@ -22,7 +22,7 @@ fn told_of_choice(story: &RecordedRun, lineage: &LineageResult) -> Option<String
         own.flat_map(|of| &of.score.failures).map(|of| (of.scene.as_str(), of.reason.as_str())).collect();
     let (scene, reason) = failures.first_key_value()?;
     Some(format!(
-        "{}: in {} of {} evolution scenes somebody who was compared for the choice has no label; {scene} has none, because {}. \
+        "{}: in {} of {} evolution scenes a program that was compared for the choice has no label, for example in {scene}, because {}. \
          `evodrive data` lists them (table unlabelled).",
         lineage.lineage,
         failures.len(),
@@ -41,9 +41,9 @@ fn told(story: &RecordedRun, lineage: &LineageResult) -> Option<String> {
     let all = lineage.held_out_scenes;
     let [parent, evolved] = [parent, evolved].map(|failed| all.saturating_sub(failed.len()));
     Some(format!(
-        "{}: of {all} held-out scenes the parent is labelled in {parent} and the evolved program in {evolved}, and their numbers rest on \
-         these alone; {} has none, because {}. A driver that ends where it is in trouble looks safer than it is; `evodrive table` pairs \
-         the scenes that both are labelled in, `evodrive data` lists the others (table unlabelled).",
+        "{}: of {all} held-out scenes the parent is labelled in {parent} and the evolved program in {evolved}, and their numbers are \
+         over these scenes only; {} has no label, because {}. A driver that fails in difficult scenes looks safer than it is; `evodrive table` \
+         pairs the scenes in which both have labels, `evodrive data` lists the others (table unlabelled).",
         lineage.lineage,
         first.scene,
         on_one_line(&first.reason)

@@ -193,11 +193,11 @@ impl Checker<'_> {
     fn wanted(&self, key: &Key, path: &[Step], value: &Value) -> Result<(), OptionError> {
         let why = match key.need {
             Need::Without(place) if self.base(place, path).is_some() => {
-                format!("nothing beside [{place}], which does not read it; remove one of the two")
+                format!("nothing: it has no effect beside [{place}]; remove one of the two")
             }
             Need::Of(place, values) => match self.base(place, path) {
                 Some(Value::String(word)) if !values.contains(&word.as_str()) => {
-                    format!("nothing: it belongs to {place} = {}, and that is {word:?}", values.join(" or "))
+                    format!("nothing: it is only used with {place} = {}, and {place} is {word:?}", values.join(" or "))
                 }
                 _ => return Ok(()),
             },

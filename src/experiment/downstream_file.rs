@@ -142,14 +142,14 @@ impl DownstreamFile {
             }
         }
         if file.seeds.is_empty() || file.seeds.iter().collect::<BTreeSet<_>>().len() < file.seeds.len() {
-            return refuse(format!("seeds is {:?}, expected at least one, none twice", file.seeds));
+            return refuse(format!("seeds is {:?}, expected at least one and none twice", file.seeds));
         }
         let mut names = BTreeSet::new();
         for (i, arm) in file.arms.iter().enumerate() {
             toml_file::check_name(path, &arm.name)?;
             if !names.insert(&arm.name) {
                 return refuse(format!(
-                    "arm[{i}].name is {:?}, which an arm before it has; name it otherwise",
+                    "arm[{i}].name is {:?}, which an earlier arm has; give it another name",
                     arm.name
                 ));
             }

@@ -57,7 +57,7 @@ pub fn composed_under(path: &Path, assignments: &[String]) -> Result<Composed, E
             return Err(problem(
                 path,
                 format!(
-                    "its bases form a circle or a chain of more than {CHAIN_MAX} files: {chain} -> {name}; take one `base` out"
+                    "its bases form a circle or a chain of more than {CHAIN_MAX} files: {chain} -> {name}; remove one `base`"
                 ),
             ));
         }

@@ -102,7 +102,7 @@ pub fn attach(experiment: &mut Experiment) -> Result<(), OptionError> {
     let other = experiment.simulator.backend.as_ref();
     let Some(driver) = &experiment.driver else {
         if let Some(i) = named {
-            let expected = "an ego that needs no program, or a table [driver] that names it (docs/EGOS.md)";
+            let expected = "an ego that needs no program, or a table [driver] that names the program (docs/EGOS.md)";
             return Err(OptionError::new(format!("lineage[{i}].ego"), "\"command\"", expected));
         }
         return match other {
@@ -118,7 +118,7 @@ pub fn attach(experiment: &mut Experiment) -> Result<(), OptionError> {
         return Err(OptionError::new("driver", "given", expected));
     }
     if other.is_some() {
-        let expected = "nothing beside [driver]: with a planner our own simulator plays; take one of the two out";
+        let expected = "nothing: with [driver] the built-in simulator is used; remove one of the two";
         return Err(OptionError::new("simulator.backend", "given", expected));
     }
     fit(driver)?;

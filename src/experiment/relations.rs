@@ -53,13 +53,13 @@ pub fn check(experiment: &Experiment) -> Result<(), Problem> {
 /// A method other than the archive's own takes the MetaDrive protocol, and shares of its draws that leave nothing negative.
 fn searched(experiment: &Experiment) -> Result<(), OptionError> {
     if experiment.without.is_some_and(|without| without.audit) && experiment.world_agent.is_some() {
-        let why = "nothing beside [world_agent], which may change the share of audits; take one of the two out";
+        let why = "nothing: [world_agent] may change the share of audits; remove one of the two";
         return Err(OptionError::new("without.audit", true, why));
     }
     if experiment.world.routing.pilot.is_some()
         && let Some(rollouts) = experiment.search.as_ref().and_then(|search| search.rollouts)
     {
-        let why = "nothing beside [world.routing.pilot], whose rollouts it would not count; take one of the two out";
+        let why = "nothing: it would not count the rollouts of [world.routing.pilot]; remove one of the two";
         return Err(OptionError::new("search.rollouts", rollouts, why));
     }
     let Some(search) = experiment.search.as_ref().filter(|search| search.method != Method::Pareto) else {
@@ -82,7 +82,7 @@ fn searched(experiment: &Experiment) -> Result<(), OptionError> {
 /// Lineages have names of their own, and parents that their families' contracts allow.
 fn lineages(experiment: &Experiment) -> Result<(), Problem> {
     if experiment.lineages.is_empty() {
-        return Err(OptionError::new("lineage", "empty", "one [[lineage]] at least: a family and its ego").into());
+        return Err(OptionError::new("lineage", "empty", "at least one [[lineage]]: a family and its ego").into());
     }
     let registry = families::registry();
     let mut seen = BTreeSet::new();
@@ -135,13 +135,13 @@ fn one_learned_ego(experiment: &Experiment, i: usize) -> Result<(), OptionError>
 fn start_of(i: usize, lineage: &LineageOptions, start: &ParentProgram, contract: &Contract) -> Result<(), Problem> {
     let place = |field: &str| format!("lineage[{i}].parent_program{field}");
     if !lineage.parent.is_empty() {
-        let why = "nothing beside parent_program, which says the whole parent; take one of the two out";
+        let why = "nothing: parent_program already names the whole parent; remove one of the two";
         return Err(OptionError::new(format!("lineage[{i}].parent"), "given", why).into());
     }
     let several = |error: &dyn std::fmt::Display| Problem::Several(format!("{}: {error}", place("")));
     let now = ContractMark::of(contract).map_err(|error| several(&error))?;
     if let Some(changed) = start.contract.broken_by(&now) {
-        let why = "a program of this version's contract; carry the run on with the version of evodrive that began it";
+        let why = "a program of this version's contract; continue the run with the version of evodrive that began it";
         return Err(OptionError::new(place(".contract"), changed, why).into());
     }
     let hash = start.program.hash().map_err(|error| several(&error))?;
@@ -248,7 +248,7 @@ fn evolves(experiment: &Experiment) -> Result<bool, OptionError> {
         Some(i) => Err(OptionError::new(
             format!("lineage[{i}].id"),
             format!("{WORLD_LINE:?}"),
-            "another id: turns of the world evaluator are named so",
+            "another id: turns of the world evaluator have that name",
         )),
         None => Ok(true),
     }
@@ -286,7 +286,7 @@ fn simulator(experiment: &Experiment) -> Result<(), Problem> {
     if experiment.evaluation.safebench().is_some() {
         let why = match backend.drives() {
             true => {
-                "SafeBench's rules are judged as they happen, and a planner's rollouts are recorded; take [driver] out"
+                "SafeBench's rules cannot be checked on a planner's recorded rollouts; remove [driver]"
             }
             false => "SafeBench's rules are our own simulator's; write simulator.backend = \"evodrive\"",
         };

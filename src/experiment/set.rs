@@ -31,7 +31,7 @@ pub fn table(assignments: &[String]) -> Result<Table, OptionError> {
         for word in above {
             let entry = table.entry(word.to_string()).or_insert_with(|| Value::Table(Table::new()));
             let Value::Table(below) = entry else {
-                return Err(refuse(format!("{assignment:?}"), "no key below one that has a value"));
+                return Err(refuse(format!("{assignment:?}"), "no key below a key that already has a value"));
             };
             table = below;
         }

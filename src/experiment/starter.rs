@@ -46,14 +46,14 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
     super::key::Range::Name.check("NAME", &name).map_err(option)?;
     let staged = found.contract.backend == "safebench";
     if staged && starter.driver.is_some() {
-        let expected = "a family of recorded traffic (`evodrive families`); SafeBench's protocol has no planners";
+        let expected = "a family for recorded traffic (`evodrive families`); SafeBench's protocol does not take planners";
         return Err(option(OptionError::new("--driver", format!("given beside --family {family}"), expected)));
     }
     let ego = if starter.driver.is_some() { "command" } else { "idm" };
     let against = if starter.driver.is_some() { "a planner of one's own" } else { "the IDM ego" };
     let protocol = if staged { "safebench" } else { "metadrive" };
     let mut text = format!(
-        "# An experiment of your own. What does not stand here stands in its base; docs/EXPERIMENT.md lists every key.\n\
+        "# An experiment of your own. Keys that are not here come from its base; docs/EXPERIMENT.md lists every key.\n\
          base = \"evodrive:{protocol}\"\nname = \"{name}\"\n\
          describes = \"{family} evolved against {against}\"\n\
          cassette = \"{name}.jsonl\"   # recorded answers: `evodrive record {name}.toml` writes them\n",
@@ -100,7 +100,7 @@ fn scenes(starter: &Starter, staged: bool) -> Result<String, ExperimentError> {
             let count = pool.scenes.iter().filter(|scene| usable(scene).is_ok()).count();
             if count < 2 {
                 return Err(ExperimentError::Scenes(format!(
-                    "{} of the {} scenes of {} can be used; evolution needs 2 at least, one of them held out",
+                    "{} of the {} scenes of {} can be used; evolution needs at least 2, one of them held out",
                     count,
                     pool.scenes.len(),
                     path.display()

@@ -45,7 +45,7 @@ impl Experiment {
         let unstaged = chosen.into_iter().find(|scene| scene.staging.is_none());
         match unstaged {
             Some(scene) if self.evaluation.safebench().is_some() => Err(self.problem(format!(
-                "scene {} is staged for no traffic family; [evaluation.safebench] takes [scenes] source = \"safebench\"",
+                "scene {} belongs to no traffic family of SafeBench; [evaluation.safebench] needs [scenes] source = \"safebench\"",
                 scene.id
             ))),
             _ => Ok(split),

@@ -21,7 +21,7 @@ pub fn problem(file: &Path, problem: impl std::fmt::Display) -> ExperimentError 
 pub fn read<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<T, ExperimentError> {
     let bytes = store::read_bounded(path, BYTES_MAX)?;
     let text =
-        String::from_utf8(bytes).map_err(|_| problem(path, format!("is no UTF-8; a {kind} file is a text file")))?;
+        String::from_utf8(bytes).map_err(|_| problem(path, format!("is not UTF-8; a {kind} file is a text file")))?;
     toml::from_str(&text).map_err(|error: toml::de::Error| problem(path, error.to_string().trim_end()))
 }
 

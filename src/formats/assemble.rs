@@ -9,7 +9,7 @@ use super::topology::{link_by_ends, link_side_by_side};
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::{LINKS_MAX, SIDE_MAX_M, SIDE_MIN_M, SPEED_MAX_MPS};
 use crate::scene::{
-    AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, Light, LightState, Neighbour, Origin, Road, Sample, Scene, StopSign,
+    AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, LeftOut, Light, LightState, Neighbour, Origin, Road, Sample, Scene, StopSign,
     Track,
 };
 
@@ -108,7 +108,7 @@ pub fn assembled(mut log: Log) -> Result<(Scene, Vec<(String, String)>), String>
     }
     let on_grid = times.iter().enumerate().all(|(k, t)| (t - k as f64 * DT_S).abs() <= ON_GRID_WITHIN_S);
     if !on_grid {
-        left_out.push(("its sample times".into(), off_grid(&times)));
+        left_out.push((LeftOut::SAMPLE_TIMES.into(), off_grid(&times)));
     }
     let last_s = times[times.len() - 1];
     let steps = if on_grid { times.len() } else { (last_s / DT_S + 1e-6) as usize + 1 };
@@ -187,9 +187,9 @@ fn off_grid(times: &[f64]) -> String {
     let most_s = times.iter().map(beside_s).fold(0.0, f64::max);
     let (count, last_s) = (times.len(), times[times.len() - 1]);
     if most_s > ON_GRID_WITHIN_S {
-        return format!("they lie up to {most_s:.3} s beside the grid of 0.1 s; all motion was resampled to it");
+        return format!("they lie up to {most_s:.3} s off the grid of 0.1 s; all motion was resampled to the grid");
     }
-    format!("{count} samples over {last_s:.1} s are no sample every 0.1 s; all motion was resampled to one")
+    format!("{count} samples over {last_s:.1} s are not one every 0.1 s; all motion was resampled to steps of 0.1 s")
 }
 
 struct Clock {
@@ -286,7 +286,7 @@ fn road(log: &Log, origin: Vec2, left_out: &mut Vec<(String, String)>) -> (Road,
     for lane in &log.lanes {
         let thin = thinned(&lane.points);
         if thin.len() < 2 {
-            let reason = format!("its {} points are no line", lane.points.len());
+            let reason = format!("its centre line needs 2 points that differ, found {}", lane.points.len());
             left_out.push((format!("lane {}", lane.id), reason));
             continue;
         }

@@ -32,7 +32,7 @@ impl Note {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ExportError {
     /// The scene breaks a rule that every scene keeps.
-    #[error("scene {scene:?} cannot be exported: {violation}; mend or import it again")]
+    #[error("scene {scene:?} cannot be exported: {violation}; correct it or import it again")]
     Unsound {
         /// Id of the scene.
         scene: String,

@@ -120,7 +120,7 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> Fil
                 sound.push((scene, digest));
             }
             Some(first) => {
-                let reason = format!("it breaks {} rules of a sound scene, first {first}", how_many(&violations));
+                let reason = format!("it breaks {} validation rules, the first is: {first}", how_many(&violations));
                 left_out.push(LeftOut { file: name.into(), what: scene.id, reason });
             }
         }

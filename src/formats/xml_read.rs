@@ -127,7 +127,7 @@ impl<'a> Document<'a> {
 
     fn add(&mut self, tag: &BytesStart<'_>, at: usize, open: &[u32]) -> Result<u32, ImportError> {
         if open.len() >= DEPTH_MAX {
-            return Err(self.at(at, "at most 64 nested elements", "this is no scenario; remove the nesting"));
+            return Err(self.at(at, "at most 64 nested elements", "this is not a scenario; remove the nesting"));
         }
         if self.nodes.len() >= ELEMENTS_MAX {
             return Err(self.at(at, "at most 4 million elements", "split the file"));
@@ -143,7 +143,7 @@ impl<'a> Document<'a> {
                 .normalized_value(XmlVersion::Implicit1_0)
                 .map_err(|e| self.at(at, format!("an attribute without entities ({e})"), "mend the file"))?;
             if attributes.len() >= ATTRIBUTES_MAX || value.len() > TEXT_MAX {
-                return Err(self.at(at, "at most 64 attributes of 4096 bytes", "this is no scenario"));
+                return Err(self.at(at, "at most 64 attributes of 4096 bytes", "this is not a scenario"));
             }
             self.attributes += 1;
             if self.attributes > ATTRIBUTES_IN_ALL_MAX {
@@ -177,7 +177,7 @@ impl<'a> Document<'a> {
         let text = text.trim();
         let held = &mut self.nodes[node as usize].text;
         if held.len() + text.len() > TEXT_MAX {
-            return Err(self.at(at, "at most 4096 bytes of text in an element", "this is no scenario"));
+            return Err(self.at(at, "at most 4096 bytes of text in an element", "this is not a scenario"));
         }
         held.push_str(text);
         Ok(())
@@ -299,7 +299,7 @@ impl<'d> Element<'d> {
     pub fn refuse(&self, expected: impl Into<String>) -> ImportError {
         if self.document.steps.get() > STEPS_MAX {
             let expected = "elements that are found without walking past hundreds of millions of others";
-            return ImportError::new(self.document.file, self.place(), expected, "this is no scenario; leave it out");
+            return ImportError::new(self.document.file, self.place(), expected, "this is not a scenario; leave it out");
         }
         ImportError::new(self.document.file, self.place(), expected, "mend the file or leave it out")
     }

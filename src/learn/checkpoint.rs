@@ -20,7 +20,7 @@ pub enum CheckpointError {
     #[error("checkpoint, header: {0}; remove it and train from the beginning")]
     Header(String),
     #[error(
-        "the checkpoint is of another training ({found} instead of {expected}: options or scenes differ); remove it"
+        "the checkpoint belongs to another training, with other options or scenes (expected {expected}, found {found}); remove it"
     )]
     Other { found: Digest, expected: Digest },
     #[error(transparent)]

@@ -36,10 +36,10 @@ pub enum TrainingError {
     Scene(#[from] SimError),
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    #[error("there is no {0} scene; give the training file a pool with some")]
+    #[error("the pool holds no {0} scene; name a pool with some in the training file")]
     NoScene(&'static str),
     /// Weights left the numbers that can be reckoned with.
-    #[error("after {updates} updates the losses are no numbers; lower sac.learning_rate")]
+    #[error("after {updates} updates the losses are not finite; lower sac.learning_rate")]
     Diverged { updates: u64 },
 }
 

@@ -34,6 +34,16 @@ pub struct LeftOut {
     pub reason: String,
 }
 
+impl LeftOut {
+    /// `what` of a file whose sample times do not fit the grid of 0.1 s.
+    pub const SAMPLE_TIMES: &str = "its sample times";
+
+    /// Whether the part is in the pool and only differs from the file's: resampled motion is changed, not missing.
+    pub fn is_kept(&self) -> bool {
+        self.what == Self::SAMPLE_TIMES
+    }
+}
+
 /// Scenes with unique ids, and what was left out when they were imported.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pool {
@@ -119,7 +129,7 @@ pub enum PoolError {
     DuplicateId(String),
     /// Two pools have different scenes under one id.
     #[error(
-        "the scene {id:?} is {digests} in {first} and {other_digests} in {second}: one id would name two scenes; leave one out \
+        "the id {id:?} names two different scenes: {digests} in {first} and {other_digests} in {second}; leave one of them out \
          with `evodrive scenes filter --without {id}`"
     )]
     Clash {
@@ -136,7 +146,7 @@ pub enum PoolError {
     },
     /// There are not enough usable scenes for the split.
     #[error(
-        "the split asks for {wanted} scenes and {usable} of the pool's {all} are usable; ask for fewer or import more"
+        "the split asks for {wanted} scenes, but only {usable} of the pool's {all} scenes are usable; ask for fewer or import more"
     )]
     TooFew {
         /// Scenes that the split asks for.
@@ -147,12 +157,12 @@ pub enum PoolError {
         all: usize,
     },
     /// The share of evolution scenes is not above 0 and at most 1; it holds what was given.
-    #[error("a share of {0} is none; expected more than 0, at most 1")]
+    #[error("the share {0} is out of range; expected more than 0 and at most 1")]
     Share(String),
     /// A part of the split would cut a SafeBench group in two.
     #[error(
-        "{part} of {wanted} scenes would take some scenes of group {group} and leave others; the draws of a group stay \
-         together: ask for {fits} scenes"
+        "{part} of {wanted} scenes would split group {group}, but the scenes of a group must stay together; ask for {fits} \
+         scenes"
     )]
     CutGroup {
         /// The part, evolution or held-out.

@@ -14,7 +14,7 @@ pub const ROUTE_WITHIN_M: f64 = 40.0;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unusable {
     /// It breaks rules that every scene keeps.
-    #[error("it breaks {count} rules of a sound scene, first {first}")]
+    #[error("it breaks {count} validation rules, the first is: {first}")]
     Unsound {
         /// How many rules it breaks.
         count: usize,

@@ -26,7 +26,7 @@ pub enum ShardError {
 #[derive(Debug, thiserror::Error)]
 #[error(
     "two results of one {what}: {key} of scene {scene} is {first} in {first_from} and {second} in {second_from}; \
-     nothing was merged; a machine is faulty, or its program is another one: do the shard again on a third machine, \
+     nothing was merged. One machine is faulty or has another program: do the shard again on a third machine, \
      and remove the result that it does not confirm"
 )]
 pub struct Conflict {

@@ -106,7 +106,7 @@ impl Merge<'_> {
         let result = ResultFile::load(path, self.study, &shards)?;
         match found.into_inner() {
             Some(shard) => Ok((shard, result)),
-            None => unreachable!("a result is held to its shard"),
+            None => unreachable!("a result is checked against its shard"),
         }
     }
 

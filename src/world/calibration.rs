@@ -71,7 +71,7 @@ fn problem(label: &WorldLabel, schema: &FeatureSchema) -> Option<String> {
     if ![labels.attack, labels.realism, row.parent.attack, row.parent.realism].into_iter().all(rate) {
         return Some(format!("labels {labels:?} and the parent's {:?} are not all rates", row.parent));
     }
-    (!rate(row.open_share)).then(|| format!("a share of {} open scenes is no rate", row.open_share))
+    (!rate(row.open_share)).then(|| format!("the share of open scenes is {}, not between 0 and 1", row.open_share))
 }
 
 /// The snapshot with which an epoch routes: fitted to the labels of earlier epochs and to nothing else, whatever the set

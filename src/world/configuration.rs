@@ -16,7 +16,7 @@ pub enum ConfigurationError {
         expected: &'static str,
     },
     /// No column of the schema has this name.
-    #[error("world option excluded_columns names {0:?}, which is no column of the feature schema")]
+    #[error("world option excluded_columns names {0:?}, which is not a column of the feature schema")]
     UnknownColumn(String),
 }
 

@@ -107,14 +107,14 @@ fn finished_trainings_are_kept_and_a_changed_study_finds_none_of_them() {
     let one = one.into_iter().find(|path| path.to_str().unwrap().contains("-evolved-s1")).unwrap();
     std::fs::remove_file(one).unwrap();
     let again = downstream(&path, &["--record", "--kept", "kept"]);
-    assert!(again.stderr.contains("3 of 4 trainings are there"), "{}", again.stderr);
+    assert!(again.stderr.contains("3 of 4 trainings are done"), "{}", again.stderr);
     assert_eq!(record(folder.path()), whole, "as if it had not been stopped");
     let path = study(folder.path(), |table| {
         small(table, 1e-3);
         table["seeds"] = toml::Value::Array(vec![1.into(), 2.into()]);
     });
     let more = downstream(&path, &["--record", "--kept", "kept"]);
-    assert!(more.stderr.contains("4 of 8 trainings are there"), "another seed: {}", more.stderr);
+    assert!(more.stderr.contains("4 of 8 trainings are done"), "another seed: {}", more.stderr);
     let path = study(folder.path(), |table| small(table, 1e-4));
     let other = downstream(&path, &["--record", "--kept", "kept"]);
     assert!(other.code == 0 && !other.stderr.contains("are there"), "{}", other.stderr);

@@ -239,7 +239,7 @@ fn a_table_that_fits_no_lineage_is_refused_with_its_key() {
                 "{good}[simulator.backend]\nname = \"x\"\nversion = \"1\"\ndigest = \"{}\"\ncassette = \"x\"\nworker = {{ command = [\"x\"], workers = 1, seconds = 1, retries = 0 }}\n",
                 "0".repeat(64)
             ),
-            "nothing beside [driver]",
+            "nothing: with [driver] the built-in simulator is used",
         ),
     ];
     for (table, expected) in cases {

@@ -128,7 +128,7 @@ fn an_attack_of_ones_own_is_named_wherever_it_is_printed() {
     let line = |text: &str| text.lines().find(|line| line.starts_with("| cat")).unwrap_or_default().to_lowercase();
     assert!(!line(&printed.stdout).contains("paper"), "{}", printed.stdout);
     let mixed = evodrive(&["table", "attack-only", "--run", run, "--run", other]);
-    assert!(mixed.code == 2 && mixed.stderr.contains("two measures have no difference"), "{}", mixed.stderr);
+    assert!(mixed.code == 2 && mixed.stderr.contains("different measures cannot be compared"), "{}", mixed.stderr);
     assert_eq!(evodrive(&["table", "attack-only", "--run", run, "--run", run]).code, 0);
     let report = report_data(&std::fs::read_to_string(own.run.join("report.html")).unwrap());
     assert_eq!(report[0]["attack"], when);
@@ -145,7 +145,7 @@ fn a_metric_that_cannot_be_measured_is_refused_with_its_name() {
     };
     let unknown = refused(&[("speed", "contact_sped_mps")]);
     assert!(unknown.contains("contact_speed_mps") && unknown.contains("evodrive features"), "{unknown}");
-    assert!(refused(&[("Speed", "contact_speed_mps")]).contains("evaluation.metrics.Speed is no name"));
+    assert!(refused(&[("Speed", "contact_speed_mps")]).contains("evaluation.metrics.Speed is not a valid name"));
     let many: Vec<(String, &str)> = (0..9).map(|k| (format!("m{k}"), "contact_speed_mps")).collect();
     let many: Vec<(&str, &str)> = many.iter().map(|(name, of)| (name.as_str(), *of)).collect();
     assert!(refused(&many).contains("[evaluation.metrics] has 9 metrics"));

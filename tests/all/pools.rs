@@ -168,7 +168,7 @@ fn two_scenes_of_one_id_and_unusable_scenes_are_told() {
     std::fs::write(&other, moved.unwrap()).unwrap();
     let merge = ["scenes", "merge", path.to_str().unwrap(), other.to_str().unwrap(), "--out", "x.pool"];
     let refused = at(dir.path(), &merge);
-    assert!(refused.code == 2 && refused.stderr.contains("one id would name two scenes"), "{}", refused.stderr);
+    assert!(refused.code == 2 && refused.stderr.contains("names two different scenes"), "{}", refused.stderr);
     assert!(!dir.path().join("x.pool").exists());
     let checked = at(dir.path(), &["scenes", "check", path.to_str().unwrap(), "--json"]);
     let object: Value = serde_json::from_str(&checked.stdout).unwrap();

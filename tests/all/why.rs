@@ -139,7 +139,7 @@ fn what_no_cell_is_called_is_refused_with_the_nearest_and_all_names() {
         ("metadrive-contacts:cat:attack", "name one of cat/idm/parent, cat/idm/evolved"),
         ("metadrive-main:king:evolved_attack", "its lineages are missing"),
         ("safebench-main:as:parent_cr", "its tables are"),
-        ("kwidth:cat:speedup", "has no parts that could be told one by one: wall clocks are"),
+        ("kwidth:cat:speedup", "has no parts that can be listed one by one: wall clocks are"),
     ];
     for (name, word) in cases {
         let (code, told) = asked(&["why", name]);

@@ -88,11 +88,11 @@ pub enum ProtocolError {
     )]
     Missing(&'static str),
     #[error(
-        "evaluation.metrics.{0} is no name of a metric; expected lower-case letters, digits and _, a letter first, at most 40 characters"
+        "evaluation.metrics.{0} is not a valid name of a metric; expected lower-case letters, digits and _, a letter first, at most 40 characters"
     )]
     MetricName(String),
     #[error(
-        "[evaluation.metrics] has {0} metrics; expected at most 8, because each is a column of every prompt's window"
+        "[evaluation.metrics] has {0} metrics; expected at most 8, because each adds a column to every prompt"
     )]
     Metrics(usize),
 }

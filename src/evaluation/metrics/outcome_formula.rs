@@ -110,7 +110,7 @@ impl Eq for OutcomeFormula {}
 
 /// A text that is no expression over outcomes.
 #[derive(Debug, thiserror::Error)]
-#[error("{text:?} is no expression over an outcome: {reason}; `evodrive features` lists what it may read")]
+#[error("{text:?} is not a valid expression over an outcome: {reason}; `evodrive features` lists what it may read")]
 pub struct OutcomeFormulaError {
     text: String,
     reason: String,

@@ -19,7 +19,7 @@ pub fn check(run: &RecordedRun, findings: &mut Vec<Finding>) {
             Err(error) => findings.push(Finding::breach(CHECK, &parent.lineage, error.to_string())),
             Ok(adopted) if adopted.solutions.get(&adopted.parent) != Some(&parent.program) => {
                 let what =
-                    "the parent is no first program of this lineage: id, generation or ancestors are not a parent's";
+                    "the lineage's first program is not a parent: its id, generation or ancestors are wrong";
                 findings.push(Finding::breach(CHECK, &parent.program.solution_id, what));
             }
             Ok(_) => {}

@@ -73,11 +73,11 @@ fn exit_fault(exit: &Exit) -> Option<String> {
         Exit::Rejected { .. } | Exit::Evaluated { .. } => {
             if let Some(gates) = gates.filter(|gates| !gates.passed()) {
                 let failed: Vec<String> = gates.failed().map(|v| format!("{:?}", v.gate).to_lowercase()).collect();
-                return Some(format!("came past the gates, but did not pass: {}", failed.join(", ")));
+                return Some(format!("went on after the gates, but did not pass: {}", failed.join(", ")));
             }
             let rejected = route.is_some_and(|route| route.decision == RouteDecision::Reject);
             let expected = matches!(exit, Exit::Rejected { .. });
-            (rejected != expected).then(|| format!("is {}, the router decided otherwise", exit.name()))
+            (rejected != expected).then(|| format!("is {}, but the router decided something else", exit.name()))
         }
     }
 }

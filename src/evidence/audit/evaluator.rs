@@ -12,7 +12,7 @@ pub fn check(run: &RecordedRun, findings: &mut Vec<Finding>) {
     for turn in &run.evolved {
         let mut breach = |what: &str| findings.push(Finding::breach(CHECK, turn.name(), what));
         if before.is_some_and(|before| before.active_digest != turn.incumbent || before.epoch >= turn.epoch) {
-            breach("does not follow on the turn before it");
+            breach("does not follow the turn before it");
         }
         if turn.active.digest().ok() != Some(turn.active_digest) {
             breach("its active configuration has another digest");

@@ -117,7 +117,7 @@ pub fn read(file: &str, text: &str) -> Result<Claims, ClaimsError> {
     for claim in &read.claims {
         let refuse = |reason: String| ClaimsError::Claim { file: file.to_string(), id: claim.id.clone(), reason };
         if !seen.insert(&claim.id) {
-            return Err(refuse("its id stands there twice".into()));
+            return Err(refuse("its id is there twice".into()));
         }
         check(claim).map_err(refuse)?;
     }

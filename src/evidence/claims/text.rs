@@ -112,7 +112,7 @@ pub fn latex(found: &Judgement) -> String {
     out
 }
 
-/// A line a claim and row, numbers unrounded.
+/// One line for each claim and row, numbers unrounded.
 pub fn csv(found: &Judgement) -> String {
     let mut out = String::from(
         "verdict,id,label,asked,row,value,low,high,paper,p_for_holm,p_against_holm,root,cell,reason,text\n",

@@ -76,7 +76,7 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
         .number("rank_score", "", "Predicted gain that candidates are ranked by.", |r| {
             r.attempt.exit.route().and_then(|x| x.rank_score)
         })
-        .number("weight", "", "For how many candidates one that was drawn stands.", |r| {
+        .number("weight", "", "How many candidates it stands for, where it was drawn at random.", |r| {
             r.attempt.exit.route().and_then(|x| x.weight)
         })
         .whole("scenes", "Scenes of its window that have a label.", |r| r.attempt.exit.score().map(|s| s.scenes.len()))
@@ -97,13 +97,13 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
             r.attempt.exit.score().map(|s| s.coverage)
         })
         .whole("paired_scenes", "Scenes on which it is compared with its parent.", |r| r.gates().map(|g| g.scenes))
-        .number("attack_change", "", "Attack less the parent's on these scenes.", |r| {
+        .number("attack_change", "", "Attack minus the parent's on these scenes.", |r| {
             r.gates().map(|g| g.parent_tradeoff.attack_change)
         })
         .number("attack_change_se", "", "Its standard error.", |r| {
             r.gates().and_then(|g| g.parent_tradeoff.attack_uncertainty)
         })
-        .number("realism_change", "", "R (see realism) less the parent's on these scenes.", |r| {
+        .number("realism_change", "", "R (see realism) minus the parent's on these scenes.", |r| {
             r.gates().map(|g| g.parent_tradeoff.realism_change)
         })
         .number("realism_change_se", "", "Its standard error.", |r| {

@@ -40,6 +40,6 @@ pub fn reviews(story: &RecordedRun) -> Sheet {
         .whole("round", "Which of its patches: 0 is the proposal, later ones are repairs.", |(_, round, _)| *round)
         .text("critic", "Who reviewed.", |(.., review)| review.role.name())
         .text("decision", "What the critic advises.", |(.., review)| word(&review.decision))
-        .text("blockers", "What must be mended first.", |(.., review)| joined(&review.blockers));
+        .text("blockers", "What must be corrected first.", |(.., review)| joined(&review.blockers));
     columns.laid_out("reviews", "a review", &rows)
 }

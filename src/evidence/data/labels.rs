@@ -75,7 +75,7 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
         .number("realism", "", "r: 1 where every diagnostic is satisfied; 1 where nobody acts.", |(_, label)| {
             label.realism
         })
-        .flag("acted", "Whether some adversary's motion differs from replay; realism counts there alone.", |(_, l)| {
+        .flag("acted", "Whether some adversary's motion differs from replay; realism counts only where it does.", |(_, l)| {
             l.acted
         })
         .flag("intervened", "Whether the program asked for an intervention.", |(_, label)| label.intervened)

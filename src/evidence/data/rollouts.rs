@@ -30,19 +30,19 @@ pub fn sheet(rollouts: &[Row]) -> Sheet {
         .number(
             "distance_m_min",
             "m",
-            "Nearest an adversary came to the ego (anyone, where there is none).",
+            "Smallest distance between an adversary and the ego (any road user, if there is no adversary).",
             |(_, r)| r.outcome.distance_m_min,
         )
         .number(
             "ttc_s_min",
             "s",
-            "Smallest time to collision with an adversary (anyone, where there is none).",
+            "Smallest time to collision with an adversary (any road user, if there is no adversary).",
             |(_, r)| r.outcome.ttc_s_min,
         )
         .number(
             "post_encroachment_s_min",
             "s",
-            "Smallest time between one leaving a place and the other entering it.",
+            "Smallest time between one of the two leaving a place and the other entering it.",
             |(_, r)| r.outcome.post_encroachment_s_min,
         )
         .number("ego_lateral_m_max", "m", "Farthest the ego came from its route.", |(_, r)| {

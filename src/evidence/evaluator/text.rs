@@ -47,12 +47,12 @@ pub fn text(report: &EvaluatorReport) -> String {
         number(pooled.regret, 4)
     );
     if let (Some(ranked), Some(drawn)) = (pooled.false_reject_pct, pooled.false_reject_of_a_draw_pct) {
-        let _ = writeln!(out, "false rejects {ranked:.1} %; of a draw of as many in place of the rank {drawn:.1} %");
+        let _ = writeln!(out, "false rejects {ranked:.1} %; with as many drawn at random instead {drawn:.1} %");
     }
     if let Some(against) = &report.against {
         let _ = writeln!(
             out,
-            "beside the other run, {} lineages: {:.1} % of its hypervolume with {:.1} % of its rollouts, {:.1} % of its simulated candidates; by lineage {:+.4} ± {} \
+            "compared with the other run, {} lineages: {:.1} % of its hypervolume with {:.1} % of its rollouts, {:.1} % of its simulated candidates; by lineage {:+.4} ± {} \
              (more in {}, less in {})",
             against.lineages,
             100.0 * against.hypervolume_share,

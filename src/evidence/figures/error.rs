@@ -8,7 +8,7 @@ pub enum FigureError {
     #[error("no run holds a proposal with a patch that could be read; name a run with attempts")]
     NoPatches,
     #[error(
-        "no epoch of these runs was simulated whole while its candidates were ranked, so random and ranked order cannot be compared; \
+        "in no epoch of these runs were all ranked candidates simulated, so random and ranked order cannot be compared; \
          name a run whose budget takes every candidate, e.g. of experiments/world/full.toml"
     )]
     NothingRanked,
@@ -19,8 +19,7 @@ pub enum FigureError {
     )]
     NoRounds,
     #[error(
-        "in no lineage of these runs is there a held-out scene in which the reported program attacks and its parent does not, so there is no \
-         pair to show"
+        "these runs have no held-out scene in which a reported program attacks and its parent does not, so there is no pair to show"
     )]
     NothingWon,
     #[error("docs/ARCHITECTURE.md holds no table of rooms: expected lines `| floor | room | holds | may import |`")]

@@ -105,7 +105,7 @@ pub fn plan(file: &str, text: &str) -> Result<Plan, PlanError> {
     let read: Plan = toml::from_str(text).map_err(|error| unreadable(error.to_string()))?;
     let mut seen = BTreeSet::new();
     if let Some(twice) = read.runs.iter().find(|run| !seen.insert(run.name.as_str())) {
-        return Err(unreadable(format!("the run {} stands there twice", twice.name)));
+        return Err(unreadable(format!("the run {} is there twice", twice.name)));
     }
     let mut files = BTreeSet::new();
     for piece in &read.pieces {
@@ -115,7 +115,7 @@ pub fn plan(file: &str, text: &str) -> Result<Plan, PlanError> {
             return Err(refuse("expected a file name of lower-case letters, digits and `-`".into()));
         }
         if !files.insert(&piece.file) {
-            return Err(refuse("its file stands there twice".into()));
+            return Err(refuse("its file is there twice".into()));
         }
         if piece.table.is_some() == piece.figure.is_some() {
             return Err(refuse("expected either table or figure".into()));

@@ -92,8 +92,8 @@ impl<'s> Bases<'s> {
     /// What a number of ours without a basis rests on, in words.
     pub fn without_parts(key: &str) -> &'static str {
         if super::ablations::is_wall_clock(key) {
-            return "wall clocks are answers and rollouts as counted, each with the seconds that the table's note declares; `why` \
-                    tells the counts: ask for `proposed` or `simulated` of that row";
+            return "wall clocks are the counted answers and rollouts times the seconds that the table's note declares; for the counts \
+                    ask for `proposed` or `simulated` of that row";
         }
         "it comes from the resamples of all differences of the table together; ask for the difference itself, `attack_change` or \
          `realism_change`"
@@ -424,7 +424,7 @@ fn words(key: &str) -> String {
         "rp_all_pct" => "100 (1 - realism)",
         "coverage" => "1 where the program acts, else 0",
         "avoidable_contact" => "1 where the ego meets an adversary and could have avoided it, else 0",
-        "met_anyway" => "1 where the ego meets an adversary whom it meets in plain replay too, else 0",
+        "met_anyway" => "1 where the ego meets an adversary that it also meets in plain replay, else 0",
         "adversary_contact" => "1 where the ego meets an adversary, else 0",
         class => return format!("1 where the ego meets an adversary in a contact of class {class}, else 0"),
     };

@@ -16,8 +16,8 @@ pub enum TableError {
     )]
     NoLabels { run: String, lineage: LineageId, solution: SolutionId },
     #[error(
-        "run {run} does not hold its runs on held-out routes one by one: an earlier build recorded it; make it again from its cassette \
-         with `evodrive run` and its experiment file"
+        "run {run} was recorded by an earlier build, which did not keep the single runs on held-out routes; make it again from its \
+         cassette with `evodrive run` and its experiment file"
     )]
     NoHeldOutRuns { run: String },
     #[error("row {row} with ego {ego} is in {first} and in {second}; name runs that hold it once")]
@@ -25,8 +25,8 @@ pub enum TableError {
     #[error("run {run} followed {found}; its tables are {tables}")]
     OtherProtocol { run: String, found: &'static str, tables: &'static str },
     #[error(
-        "attack of run {first} is `{of_first}`, that of run {second} is `{of_second}`: two measures have no difference; name runs of \
-         experiments with one [evaluation.attack]"
+        "attack of run {first} is `{of_first}`, that of run {second} is `{of_second}`: different measures cannot be compared; \
+         name runs of experiments with the same [evaluation.attack]"
     )]
     OtherAttack { first: String, of_first: String, second: String, of_second: String },
     #[error("run {run}: the archive of lineage {lineage} {what}; derive the run again with `evodrive replay`")]

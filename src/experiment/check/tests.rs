@@ -210,7 +210,7 @@ fn what_another_option_leaves_unread_is_refused() {
     let count = refused(|table| drop(table["scenes"].as_table_mut().unwrap().insert("count".into(), 3.into())));
     assert_eq!(
         count,
-        "scenes.count is 3, expected nothing: it belongs to scenes.source = synth, and that is \"files\""
+        "scenes.count is 3, expected nothing: it is only used with scenes.source = synth, and scenes.source is \"files\""
     );
     let table = refused(|table| drop(table.insert("budget".into(), 3.into())));
     assert_eq!(table, "budget is 3, expected a table");

@@ -22,7 +22,7 @@ pub(super) fn shown(text: &str) -> String {
 #[derive(Debug, thiserror::Error)]
 pub enum ProgramFileError {
     #[error(
-        "{file}: larger than {bytes_max} bytes, which no program file is; name a file that `evodrive program export` wrote"
+        "{file}: larger than {bytes_max} bytes, too large for a program file; name a file that `evodrive program export` wrote"
     )]
     TooLarge { file: String, bytes_max: u64 },
     #[error("{file}: ends after {bytes} bytes in the middle of a value, so it was cut off; copy or export it again")]
@@ -31,7 +31,7 @@ pub enum ProgramFileError {
         "{file}, line {line}, column {column}: {found} where a finite number is expected; export the program again"
     )]
     NotFinite { file: String, line: usize, column: usize, found: String },
-    #[error("{file}: no JSON text: {reason}; name a file that `evodrive program export` wrote")]
+    #[error("{file}: not JSON: {reason}; name a file that `evodrive program export` wrote")]
     NotJson { file: String, reason: String },
     #[error(
         "{file}: `format` is {found}, expected \"{expected}\"; name a file that `evodrive program export` of this version wrote"
@@ -44,7 +44,7 @@ pub enum ProgramFileError {
     Family { file: String, place: &'static str, found: String, expected: String },
     #[error(
         "{file}: the contract of family {family} changed: {changed}. The program would be compiled into something else: play it \
-         with the version of evodrive that exported it, or evolve it anew"
+         with the version of evodrive that exported it, or evolve it again"
     )]
     Contract { file: String, family: String, changed: String },
     #[error("{file}: {reason}; export the program again")]

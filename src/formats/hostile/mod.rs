@@ -202,19 +202,19 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             net,
             "one point",
             pickled(&lane(&|l| l["polyline"] = json!([[0.0, 0.0, 0.0]]))),
-            "lane 10: its 1 points are no line",
+            "lane 10: its centre line needs 2 points that differ, found 1",
         ),
         (
             json,
             "one point",
             text(lane(&|l| l["polyline"] = json!([[0.0, 0.0, 0.0]]))),
-            "lane 10: its 1 points are no line",
+            "lane 10: its centre line needs 2 points that differ, found 1",
         ),
         (
             gpu,
             "one point",
             gpudrive(&|v| v["roads"][0]["geometry"] = json!([{"x": 0.0, "y": 0.0}])),
-            "lane 50: its 1 points are no line",
+            "lane 50: its centre line needs 2 points that differ, found 1",
         ),
         (cr, "one point", wholes::one_point_lanelet(), "at least 2 points, found 1"),
         (
@@ -223,7 +223,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             edited(odr, "<geometry s=\"0\" x=\"0\" y=\"0\" hdg=\"0\" length=\"50\"><line/></geometry>", ""),
             "at least one <geometry>",
         ),
-        (wm, "one point", waymo(|m| wholes::lane_of(m).polyline.truncate(1)), "its 1 points are no line"),
+        (wm, "one point", waymo(|m| wholes::lane_of(m).polyline.truncate(1)), "its centre line needs 2 points that differ, found 1"),
         // Topology that leads back to itself.
         (net, "its own exit", pickled(&lane(&|l| l["exit_lanes"] = json!(["10"]))), "no_lane_leads_into_itself"),
         (net, "its own neighbour", pickled(&lane(&|l| l["left_neighbor"] = json!(["10"]))), "neighbours_exist"),

@@ -52,7 +52,7 @@ pub fn export(scene: &Scene, staging: Option<&Staging>, road_file: &str) -> Resu
     story::write(&mut xml, scene, &cast);
     notes.push(Note::new(
         "",
-        "there is no importer for these files: a scene comes back from CommonRoad or ScenarioNet JSON",
+        "these files cannot be imported again; to bring a scene back, export CommonRoad or ScenarioNet JSON",
     ));
     notes.push(Note::new(
         "",

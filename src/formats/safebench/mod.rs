@@ -144,7 +144,7 @@ impl Place<'_> {
         events: &Events,
     ) -> Result<Scene, String> {
         let points = way::along(graph, waypoints)?;
-        let route = Polyline::new(points.clone()).map_err(|error| format!("its route is no path: {error}"))?;
+        let route = Polyline::new(points.clone()).map_err(|error| format!("its route is not a path: {error}"))?;
         let event = events.nearest(self.family, town, &route, TRIGGER_WITHIN_M).ok_or_else(|| {
             format!(
                 "no event of {} lies within 5 m of it; import scenario_{:02}.json with it",

@@ -77,7 +77,7 @@ pub(in crate::formats) fn finished(file_name: &str, log: Log) -> Imported {
             match violations.first() {
                 None => Imported { scenes: vec![scene], left_out },
                 Some(first) => {
-                    let reason = format!("it breaks {} rules of a sound scene, first {first}", how_many(&violations));
+                    let reason = format!("it breaks {} validation rules, the first is: {first}", how_many(&violations));
                     left_out.push(out(id, reason));
                     Imported { scenes: vec![], left_out }
                 }

@@ -36,7 +36,7 @@ pub fn read(answer: &Value) -> Result<Said, String> {
     let content = match message.get("content") {
         None | Some(Value::Null) => String::new(),
         Some(Value::String(text)) => text.clone(),
-        Some(_) => return Err("choices[0].message.content is no text".into()),
+        Some(_) => return Err("choices[0].message.content is not a text".into()),
     };
     let finish_reason = text_at(choice, "/finish_reason");
     let refusal = text_at(message, "/refusal").filter(|text| !text.is_empty());

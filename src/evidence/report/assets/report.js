@@ -70,17 +70,17 @@
     if (compared.length) byId("compared-table").append(sortable(["Lineage", "Quantity", "Paired scenes", "Parent", "Chosen", "Chosen − parent"], compared.map((row) => row.map((cell, i) => i === 2 ? [cell, 0] : cell)), "compared", { rowsAPage: 24 }));
     byId("result-table").append(...data.unlabelled.map((told) => el("p", { class: "note" }, told)));
     const scenes = rows[0].result.held_out_scenes;
-    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after selection. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families" : data.attack ? `the experiment's own measure, the mean over scenes of ${data.attack}` : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the ego meets anyone. realism is the mean over the scenes that a program acts in; ${data.safebench ? "ARS, SafeBench's adversarial realism score, is what the search uses" : "strict realism, which the search uses, is the smaller one of that and the mean over its successes"}; coverage is the share of scenes acted in. The first row is the recorded scenes without a program: what the ego runs into anyway, and the realism of the recorded traffic itself.` +
+    byId("result-note").textContent = `Held-out labels on ${scenes} scenes, opened after the choice of programs. Attack is ${data.safebench ? "CR (1 − OS) over SafeBench's traffic families" : data.attack ? `the experiment's own measure, the mean over scenes of ${data.attack}` : "the share of scenes in which the ego fails by a contact that the experiment counts"}; any crash: the share of scenes in which the ego touches any road user. Realism is the mean over the scenes that a program acts in; ${data.safebench ? "ARS, SafeBench's adversarial realism score, is what the search uses" : "strict realism, which the search uses, is the smaller one of that and the mean over its successes"}; coverage is the share of scenes that it acts in. The first row is the recorded scenes without a program: the crashes of the ego in recorded traffic, and the realism of that traffic.` +
       (!data.scripted_roles.length ? "" : data.scripted_roles.length === Object.keys(data.models).length
         ? " Proposals came from the scripted stand-in, not from a language model: these numbers say nothing about LLM agents."
-        : ` The scripted stand-in, which is no language model, answered as ${data.scripted_roles.join(", ")}.`);
+        : ` The scripted stand-in, which is not a language model, answered as ${data.scripted_roles.join(", ")}.`);
   }
 
   // What the audit of the record found: `fsck` prints the same.
   function auditList() {
     const breaches = data.findings.filter((f) => f.gravity === "breach").length;
-    byId("audit-note").textContent = !data.findings.length ? "No finding: the record agrees with itself and with what every run promises."
-      : breaches ? `${breaches} breaches: the result cannot be trusted.` : "The record is sound. What whoever uses the result should know:";
+    byId("audit-note").textContent = !data.findings.length ? "No findings: the record is consistent and keeps the rules that every run must keep."
+      : breaches ? `${breaches} breaches: the result cannot be trusted.` : "The record is sound. Notes for whoever uses the result:";
     byId("audit-list").append(...data.findings.map((f) => el("li", {}, `${f.gravity} (${f.check}) ${f.place}: ${f.what}`)));
   }
   function costTable() {
@@ -92,7 +92,7 @@
     const line = (l) => [l.lineage, [l.wall_s, 1], [wall ? 100 * l.wall_s / wall : null, 0, wall ? `${fixed(100 * l.wall_s / wall, 0)} %` : "–"], [l.rollouts, 0], [l.rollout_s, 1],
       [l.compiled, 0], [l.compile_s, 1], [l.answers, 0], [l.model_s, 1], tokens(l.input_tokens), tokens(l.output_tokens)];
     byId("cost-table").append(sortable(head, [...cost.lineages].sort((a, b) => b.wall_s - a.wall_s).map(line), "cost"));
-    byId("cost-note").textContent = `${cost.simulated} rollouts simulated and ${cost.reused} read from the store in ${fixed(wall, 1)} s on ${cost.threads} threads. Times of rollouts, compiling and models are summed over threads; compiling holds the search of a family, with the simulations inside it. No result depends on any of this.`;
+    byId("cost-note").textContent = `${cost.simulated} rollouts simulated and ${cost.reused} read from the store in ${fixed(wall, 1)} s on ${cost.threads} threads. Times of rollouts, compiling and models are summed over threads; compiling includes a family's own search and the simulations in it. No result depends on these times.`;
   }
 
   // --- charts
@@ -136,9 +136,9 @@
     byId("front-chart").replaceChildren(); byId("hv-chart").replaceChildren();
     drawChoice(lineage);
     byId("front-caption").textContent = {
-      window: `Dots: every evaluated candidate, each measured on the window of its own epoch, so that dots of different epochs rest on different scenes (hover names them). Line and squares: the archive's front after the last epoch, measured on the scenes of all windows so far${seen ? ` (${seen[2]})` : ""}.`,
-      pool: "Those who were compared in the end, each measured on every scene of the evolution pool: what the choice rests on.",
-      held_out: "Those whom the result names, measured on the held-out scenes, which were opened after the choice.",
+      window: `Dots: every evaluated candidate, each measured on the scenes of its own epoch, so dots of different epochs were measured on different scenes (point at a dot to see which). Line and squares: the archive's front after the last epoch, measured on the scenes of all windows so far${seen ? ` (${seen[2]})` : ""}.`,
+      pool: "The programs among which the run chose, each measured on every scene of the evolution pool.",
+      held_out: "The programs in the result, measured on the held-out scenes, which were opened after the choice.",
     }[suite] + " Rings: parent and chosen program.";
     if (!all.length) return byId("front-chart").append("Nothing of this lineage was measured there.");
     const chart = axes(wide("front-chart", 620), 400, padded(all.map((o) => o.realism), 0.002), padded(all.map((o) => o.attack), 0.02), `${STRICT} R`, "attack A");
@@ -160,7 +160,7 @@
     }
     const played = data.replay.find((r) => r.suite === (suite === "held_out" ? "held_out" : "evolution") && r.ego === lineage.ego);
     byId("front-chart").append(chart.root, downloads(chart.root, `front-${lineage.id}-${suite}`, [["program", "attack", STRICT, "measured on", "standing"], ...points.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, p.on, p.mark]), ...front.map((p) => [p.solution, p.objectives.attack, p.objectives.realism, `the ${seen ? seen[2] : ""} scenes of all windows so far`, "on the front"])]));
-    if (played) byId("front-chart").append(el("p", { class: "note" }, `Replay (no program): attack 0 and no place in this plane, because it acts nowhere; the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of ${played.scenes} ${suite === "held_out" ? "held-out" : "evolution"} scenes.`));
+    if (played) byId("front-chart").append(el("p", { class: "note" }, `Replay (no program): not in this chart, because nothing acts; the ego crashes in ${fixed(100 * played.contact_rate, 1)} % of ${played.scenes} ${suite === "held_out" ? "held-out" : "evolution"} scenes.`));
     const hv = lineage.epochs.map((e) => [e.epoch, e.hypervolume]);
     if (!hv.length) return;
     const plot = axes(wide("hv-chart", 420), wide("hv-chart", 420) < 400 ? 260 : 400, [-0.3, Math.max(hv.length, 2) - 0.7], padded(hv.map((p) => p[1]), 0.005), "epoch", "hypervolume");
@@ -177,7 +177,7 @@
     byId("choice-note").textContent = `Labels on the whole evolution pool, ${choice.scenes} scenes. Rule of the experiment: ${choice.rule}.`;
     byId("choice-table").replaceChildren(sortable(["Program", "Attack", capital(STRICT), "Coverage", "Any crash", "On the front", "Standing"],
       choice.rows.map((r) => [r.solution, [r.objectives.attack, 3], [r.objectives.realism, 4], [r.coverage, 2], [r.any_contact, 3], r.on_front ? "yes" : "no", (r.standing || "").replaceAll("_", " ")]), `choice-${lineage.id}`));
-    byId("choice-reasons").replaceChildren(...choice.reasons.map((r) => el("li", {}, r)), ...(choice.cut.length ? [el("li", {}, `Not measured there, left out by the budget of finalists: ${choice.cut.join(", ")}.`)] : []));
+    byId("choice-reasons").replaceChildren(...choice.reasons.map((r) => el("li", {}, r)), ...(choice.cut.length ? [el("li", {}, `Not measured there, because the budget of finalists had no room for them: ${choice.cut.join(", ")}.`)] : []));
   }
 
   // --- lists and figures to take away
@@ -202,7 +202,7 @@
   function sortable(heads, rows, name, { rowsAPage = 50, groups = null, pinned = [], file = heads } = {}) {
     const number = (i) => rows.some((row) => Array.isArray(row[i])), value = (cell) => Array.isArray(cell) ? cell[0] : cell && cell.node ? cell.by : cell;
     let by = null, up = true, at = 0;
-    const tbody = el("tbody"), count = el("span", { role: "status" }), before = el("button", { onclick: () => { at--; draw(); } }, "before"), next = el("button", { onclick: () => { at++; draw(); } }, "next");
+    const tbody = el("tbody"), count = el("span", { role: "status" }), before = el("button", { onclick: () => { at--; draw(); } }, "previous"), next = el("button", { onclick: () => { at++; draw(); } }, "next");
     const sort = (i) => { up = by === i ? !up : !number(i); by = i; at = 0; draw(); };
     const titles = heads.map((text, i) => el("th", { scope: "col", ...(number(i) ? { class: "num" } : {}) }, el("button", { class: "sort", title: [meaning(text), `sort by ${text.toLowerCase()}`].filter(Boolean).join(" – "), onclick: () => sort(i) }, text)));
     const nothing = (v) => v === null || v === undefined || v === "";
@@ -248,7 +248,7 @@
       }
       byId("tree").append(el("h3", {}, lineage.id), ...(lineage.origins || []).map((origin) => el("p", { class: "note" }, `parent from ${origin}`)), root);
     }
-    byId("tree-legend").replaceChildren("Each dot is an attempt; click it for its story.", ...Object.entries(COLOURS).flatMap(([name, colour]) => [el("i", { style: `background:${colour}` }), name]));
+    byId("tree-legend").replaceChildren("Each dot is an attempt; click it for details.", ...Object.entries(COLOURS).flatMap(([name, colour]) => [el("i", { style: `background:${colour}` }), name]));
   }
 
   // --- attempts
@@ -279,7 +279,7 @@
     const shown = sorted(data.attempts.filter(matches));
     const pages = Math.max(1, Math.ceil(shown.length / ROWS_A_PAGE)), short = data.attempts.filter((a) => a.in_short).length;
     page = Math.min(page, pages - 1);
-    byId("filter-count").textContent = `${shown.length} of ${data.attempts.length}` + (short ? `; ${short} that were not accepted are told in short and found by their id alone` : "");
+    byId("filter-count").textContent = `${shown.length} of ${data.attempts.length}` + (short ? `; ${short} that were not accepted are shown in short and can be searched by id only` : "");
     byId("pages").hidden = pages === 1;
     byId("page-now").textContent = `page ${page + 1} of ${pages}`;
     byId("page-before").disabled = page === 0; byId("page-next").disabled = page + 1 >= pages;
@@ -301,7 +301,7 @@
   }
   const list = (items) => el("ul", {}, items.map((i) => el("li", {}, i)));
   function detail(a) {
-    if (a.in_short) return el("p", {}, "Told in short, because the run is large. ", el("code", {}, `evodrive show ${a.id}`), " tells the whole: prompts, replies, reviews, gates, route, labels.");
+    if (a.in_short) return el("p", {}, "Shown in short, because the run is large. ", el("code", {}, `evodrive show ${a.id}`), " tells the whole: prompts, replies, reviews, gates, route, labels.");
     const left = [el("h3", {}, "Asked for"), el("p", {}, a.target)];
     if (a.reason) left.push(el("h3", {}, "Declined"), el("p", {}, a.reason));
     if (a.memory && a.memory.length) left.push(el("h3", {}, "Memory shown"), el("p", { class: "mono" }, a.memory.join(", ")));
@@ -313,7 +313,7 @@
       const g = a.decision.gates, d = g.densification, l = g.local_push, t = g.parent_tradeoff;
       const error = (value, digits) => value === null || value === undefined ? "" : ` ± ${value.toFixed(digits)}`;
       left.push(el("h3", {}, "Archive"), list([
-        `over ${g.scenes} paired scenes, ${g.differing_scenes} of them unlike the parent's`,
+        `over ${g.scenes} paired scenes, ${g.differing_scenes} of them with other labels than the parent's`,
         `coverage floor ${g.coverage.holds ? "holds" : "no"}: acts in ${fixed(g.coverage.coverage, 3)}, at least ${fixed(g.coverage.floor, 3)}`,
         `densification ${d.holds ? "holds" : "no"}: non-dominated ${d.non_dominated}, hypervolume ${fixed(d.hypervolume_before, 5)} ${signed(d.hypervolume_gain, 5)}${error(d.uncertainty, 5)}`,
         `local push ${l.holds ? "holds" : "no"}: best attack at r0 ${fixed(l.best_attack_at_r0, 3)}, best ${STRICT} at a0 ${fixed(l.best_realism_at_a0, 4)}`,
@@ -344,9 +344,9 @@
     byId("counsel-count").textContent = `${shown.length} scenes`;
     const sets = (c) => ({ by: c.rounds.length ? c.rounds.length + (c.rounds.some((r) => r.outcome === "contact") ? 0 : 1000) : null, node: c.rounds.length ? el("ol", {}, c.rounds.map(counselRound), refusals(c)) : el("span", {}, "no vehicle can attack") });
     const advised = (c) => ({ by: (c.advised || []).join(", "), node: el("code", {}, (c.advised || []).join(", ") || "nobody") });
-    byId("counsel-table").replaceChildren(sortable(["Scene", "Sets tried, and what became of them", "Advised"], shown.map((c) => [c.scene, sets(c), advised(c)]), `counsel-${lineage}`, { rowsAPage: COUNSEL_A_PAGE, file: ["scene", "sets tried, 1000 more where none met the ego", "advised"] }));
+    byId("counsel-table").replaceChildren(sortable(["Scene", "Sets tried, and their outcome", "Advised"], shown.map((c) => [c.scene, sets(c), advised(c)]), `counsel-${lineage}`, { rowsAPage: COUNSEL_A_PAGE, file: ["scene", "sets tried, 1000 more where none met the ego", "advised"] }));
     const all = data.counsels.filter((c) => c.lineage === lineage), met = (c) => c.rounds.some((r) => r.outcome === "contact");
-    byId("counsel-note").textContent = `The attacker agent named attackers scene by scene, before any program met the scene; each set was tried with the parent program without a search of its own. ${all.filter(met).length} of ${all.length} advised sets met the ego, ${all.filter((c) => c.rounds.length && c.rounds[0].outcome === "contact").length} of them at once.`;
+    byId("counsel-note").textContent = `The attacker agent named attackers for each scene before any program was tried in it; each set was tried with the parent program, without that program's own search. ${all.filter(met).length} of ${all.length} advised sets led to contact with the ego, ${all.filter((c) => c.rounds.length && c.rounds[0].outcome === "contact").length} of them at the first try.`;
   }
   function openCounsel() {
     if (!data.counsels.length) return;
@@ -361,7 +361,7 @@
     const found = data.evolution;
     if (!found) return;
     byId("evolution").hidden = byId("evolution-link").hidden = false;
-    byId("evolution-note").textContent = `${found.turns.length} turns: ${found.promoted} promoted, ${found.rejected} rejected, ${found.refused} without a usable change; ${found.refused_answers} answers were refused. Both configurations are measured on candidates of epochs that neither was fitted to; an arrow leads from the active one to the proposed one.`;
+    byId("evolution-note").textContent = `${found.turns.length} turns: ${found.promoted} promoted, ${found.rejected} rejected, ${found.refused} without a usable change; ${found.refused_answers} answers were refused. Both configurations are measured on candidates of epochs that neither was fitted to; numbers are active → proposed.`;
     const said = (changes) => Object.entries(changes).map(([key, value]) => `${key} = ${JSON.stringify(value)}`).join(", ");
     const number = (value, digits) => value === null || value === undefined ? "–" : fixed(value, digits);
     const pair = (turn, name, digits) => el("td", { class: "num" }, turn.judgement ? `${number(turn.judgement.incumbent[name], digits)} → ${number(turn.judgement.challenger[name], digits)}` : "");
@@ -387,10 +387,10 @@
   // --- agreement: the same rollouts in another simulator
   const CAUSES = {
     start: "the contact lies within the first step: boxes overlapped from the start", ended_before: "the other rollout was over by then: the ego had arrived or left its route",
-    partner_absent: "whom the ego met is not on the road in the other rollout at that time", ego_elsewhere: "the egos were more than 1 m apart",
+    partner_absent: "the road user that the ego touched is not on the road in the other rollout at that time", ego_elsewhere: "the egos were more than 1 m apart",
     near_miss: "the other came nearer than 0.3 m", untold: "none of the other causes",
   };
-  const KINDS = { all: "", program: "By program", family: "By family", cluster: "By scene cluster", proposal: "Programs proposed in the run, counted in no other row" };
+  const KINDS = { all: "", program: "By program", family: "By family", cluster: "By scene cluster", proposal: "Programs proposed in the run that no other row counts" };
   const percent = (i) => `${fixed(100 * i.value, 1)} [${fixed(100 * i.low, 1)}, ${fixed(100 * i.high, 1)}]`;
   const td = (text, number = true) => el("td", number ? { class: "num" } : {}, String(text));
   const heads = (names, texts = 1) => el("tr", {}, names.map((name, i) => el("th", i >= texts ? { class: "num" } : {}, name)));
@@ -423,7 +423,7 @@
     const cause = byId("agreement-cause").value, program = byId("agreement-program").value;
     const all = data.agreement.disagreements, shown = all.filter((d) => (!cause || d.cause === cause) && (!program || d.program === program));
     byId("agreement-count").textContent = `${shown.length} of ${all.length}`;
-    byId("agreement-cause-note").textContent = cause ? `${cause.replace("_", " ")}: ${CAUSES[cause]}.` : "A cause is the first of six that holds, as far as the motion tells.";
+    byId("agreement-cause-note").textContent = cause ? `${cause.replace("_", " ")}: ${CAUSES[cause]}.` : "The cause shown is the first of six that fits the recorded motion.";
     const name = ["first", "second"], metres = (value) => fixed(value, 2);
     byId("agreement-list").replaceChildren(el("table", {},
       el("thead", {}, heads(["Program", "Scene", "Contact in", "With", "Cause", "The other ended", "At s", "Nearest m", "Egos apart m"], 6)),
@@ -435,8 +435,8 @@
     if (!agreement) return;
     byId("agreement").hidden = byId("agreement-link").hidden = false;
     const [first, second] = agreement.backends, all = agreement.rows[0], [both, one, other, neither] = all.confusion;
-    byId("agreement-note").textContent = `First: ${first}. Second: ${second}. The same ${agreement.same_commands ? "rollouts in both" : "programs in both; each plans around another drive of the ego, so that commands differ"}.` +
-      (agreement.left_out.length ? ` ${agreement.left_out.length} rollouts are left out, because one of the two has none.` : "");
+    byId("agreement-note").textContent = `First: ${first}. Second: ${second}. The same ${agreement.same_commands ? "rollouts in both" : "programs in both; each plans with its own simulation of the ego, so the commands differ"}.` +
+      (agreement.left_out.length ? ` ${agreement.left_out.length} rollouts are left out, because only one of the two runs has them.` : "");
     byId("agreement-cards").append(card(`${fixed(100 * all.agreement.value, 1)} %`, `agree, of ${all.rollouts} rollouts`), card(all.kappa ? fixed(all.kappa.value, 2) : "–", "Cohen's kappa" + (all.kappa ? `, ${fixed(all.kappa.low, 2)} to ${fixed(all.kappa.high, 2)}` : "")),
       card(`${all.same_partner} of ${both}`, "contacts with the same partner"), card(`${fixed(all.contact_time_apart_s, 2)} s`, "between contacts, median"));
     byId("agreement-chart").append(agreementChart(agreement.rows));
@@ -476,7 +476,7 @@
     const solutions = [...new Map(stage.rollouts.map((p) => [p.solution, p.role]))];
     if (!solutions.length) { byId("play-caption").textContent = data.live ? "Rollouts can be played here once the run is finished." : "No rollout was kept for playing."; return; }
     byId("play-solution").append(...solutions.map(([solution, role]) => el("option", { value: solution }, `${solution} – ${role}`)));
-    if (stage.repetitions_left_out) byId("play-note").textContent = `Of lineages that differ in their draws alone the first is played; ${stage.repetitions_left_out} others are not. \u201cevodrive scenes show\u201d draws any rollout.`;
+    if (stage.repetitions_left_out) byId("play-note").textContent = `Of lineages that differ only in their random seed, the first is played; ${stage.repetitions_left_out} others are not. \u201cevodrive scenes show\u201d draws any rollout.`;
     let player = null;
     let at = null;
     const play = () => {
@@ -525,7 +525,7 @@
     if (!data.live) return;
     const { proposals, epochs, reload_s: seconds } = data.live, judged = data.attempts.length, settled = Math.min(epochs, ...data.lineages.map((l) => l.epochs.length));
     byId("live").hidden = false;
-    byId("live-standing").textContent = `${judged} of ${proposals} proposals are judged, ${Math.min(100, Math.round(100 * judged / Math.max(1, proposals)))} %; ${settled} of ${epochs} epochs are settled. The page loads itself again every ${seconds} s; held-out scenes and the player come at the end.`;
+    byId("live-standing").textContent = `${judged} of ${proposals} proposals are finished, ${Math.min(100, Math.round(100 * judged / Math.max(1, proposals)))} %; ${settled} of ${epochs} epochs are finished. The page reloads every ${seconds} s; held-out scenes and the player come at the end.`;
     setInterval(() => {
       if (byId("live-hold").checked || document.hidden) return;
       const kept = Object.fromEntries(fields().map((f) => [f.id, f.type === "checkbox" ? f.checked : f.value]));

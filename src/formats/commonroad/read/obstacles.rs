@@ -54,7 +54,7 @@ pub(super) fn read(file: &File<'_>, left_out: &mut Vec<LeftOut>) -> Result<Obsta
                 other => return Err(element.refuse(format!("role dynamic or static, found {:?}", shown(other)))),
             },
             "phantomObstacle" | "environmentObstacle" => {
-                leave_out(file, &element, left_out, "it is no road user: it has occupancies or walls but no states");
+                leave_out(file, &element, left_out, "it is not a road user: it has occupancies or walls but no states");
                 continue;
             }
             _ => continue,

@@ -148,8 +148,8 @@ const LOST: [(&str, &str, &str, &str); 7] = [
         "road.lanes",
         "centre lines are not exactly the middle between their boundaries, which is all that the format knows",
     ),
-    ("/road/lanes/", "/id", "road.lanes", "lane ids that are no plain numbers were replaced by numbers"),
-    ("/tracks/", "/id", "tracks", "ids of road users that are no plain numbers were replaced by numbers"),
+    ("/road/lanes/", "/id", "road.lanes", "lane ids that were not plain numbers were replaced by numbers"),
+    ("/tracks/", "/id", "tracks", "ids of road users that were not plain numbers were replaced by numbers"),
     (
         "/road/edges",
         "",

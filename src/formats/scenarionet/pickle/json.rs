@@ -14,7 +14,7 @@ const BYTES_MAX: usize = 256 << 20;
 /// # Errors The text is not JSON (which has no NaN), is nested deeper than 128, or has more than 256 MiB or 16 million
 /// values.
 pub fn read_json<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
-    let remedy = "write the file again; numbers that are none must not stand in JSON";
+    let remedy = "write the file again; JSON has no NaN and no infinity";
     if bytes.len() > BYTES_MAX {
         return Err(ImportError::new(file, "byte 0", "at most 256 MiB of JSON", "split the file"));
     }

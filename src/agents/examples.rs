@@ -1,5 +1,5 @@
 //! Example patches in a prompt, made from the family's own contract and parent, so that every name in them exists: a
-//! structural edit that takes effect, of which the first operation alone would have none, and a rule.
+//! structural edit whose first operation has no effect without the others, and a rule.
 
 use serde_json::{Value, json};
 

@@ -73,7 +73,7 @@ impl ArchiveOptions {
     }
 }
 
-/// Whom a child is compared with. All are labelled on the child's scenes.
+/// The programs that a child is compared with. All are labelled on the child's scenes.
 #[derive(Clone, Copy, Debug)]
 pub struct Standing<'a> {
     pub child: &'a Score,

@@ -37,7 +37,7 @@ impl Leaders {
     }
 }
 
-/// Applies a rule. `front` is the front as the epoch found it, `parents` those whom it edited, `accepted` its accepted
+/// Applies a rule. `front` is the front as the epoch found it, `parents` the programs that it edited, `accepted` its accepted
 /// children in slot order, all measured on the same scenes. Whoever acts nowhere never leads.
 pub fn promote(
     rule: PromotionRule,

@@ -1,5 +1,5 @@
-//! From an intervention to samples alone. Adversaries that react, by skills or by a law, are commanded to do what they did against our own
-//! simulation of the same ego: a worker replays commands and has none of our adversaries' rules.
+//! Turns an intervention into plain samples for a worker, which only replays commands. Adversaries that react, by skills or by a law, get
+//! the motion that they had in our own simulation of the same ego.
 
 use super::error::{BackendError, NoOutcome};
 use crate::ego::Policy;

@@ -31,7 +31,7 @@ pub enum BundleError {
         /// What the manifest says.
         found: String,
     },
-    /// A key that is none, or a signature that does not hold.
+    /// A file that is not a key, or a signature that does not hold.
     #[error("{file}: {problem}")]
     Signature {
         /// The key's file or the bundle.

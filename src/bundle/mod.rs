@@ -1,5 +1,5 @@
-//! A run as one file that travels: experiment, scenes, recorded answers, events, result, recorded rollouts. A tar archive
-//! under zstd with a manifest in front, RO-Crate metadata for people who search for it, and a signature for who wants one
+//! A run as one file that can be sent or published: experiment, scenes, recorded answers, events, result, recorded rollouts. A tar archive
+//! under zstd with a manifest in front, RO-Crate metadata for people who search for it, and an optional signature
 //! (docs/BUNDLES.md). Equal contents give equal bytes.
 
 mod crate_metadata;

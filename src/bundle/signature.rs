@@ -103,7 +103,7 @@ struct Signed {
 /// Whether an envelope bears a signature of this key over this manifest.
 ///
 /// # Errors
-/// A key that is none; an envelope that is none, that speaks of another manifest, or that this key did not sign.
+/// A file that is not a key; an envelope that cannot be read, is about another manifest, or is not signed by this key.
 pub fn verified(
     bundle: &str,
     (manifest, manifest_bytes): (&Manifest, &[u8]),

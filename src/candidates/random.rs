@@ -206,7 +206,7 @@ mod tests {
         let rules = vec!["rule".to_string(); features];
         wanted.extend([nodes.to_vec(), rules.clone()].concat());
         assert_eq!(places(&program, &contract, &[]), wanted);
-        // A kind that asks for a module is none that can be drawn; nor one of other types.
+        // A kind that asks for a module cannot be drawn; nor can one of other types.
         program.operator_graph.get_mut("actor").unwrap().kind = "marked_actor".into();
         assert!(!places(&program, &contract, &[]).contains(&"actor=ranked_actors".into()));
         let other = |inputs: &[Port], output| OperatorSpec {

@@ -123,7 +123,7 @@ fn comparable(first: &Run, second: &Run) -> Result<(), Failure> {
 
 /// One rollout that both runs have a label of.
 struct Case<'a> {
-    /// The program's name, or against whom the scene is replayed.
+    /// The program's name, or the ego against which the scene is replayed.
     name: String,
     spec: &'a LineageSpec,
     /// `None` for the recorded scene without a program.

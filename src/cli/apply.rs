@@ -159,7 +159,7 @@ fn chosen(options: &Options, pool: Pool) -> Result<Pool, Failure> {
 type SortedOut = (Vec<Arc<Scene>>, Vec<(String, String)>);
 
 /// Scenes that evolution could use too. Scenes of the other protocol are refused: a program of recorded traffic moves
-/// logged vehicles, one of SafeBench's families moves whom a traffic family stages.
+/// logged vehicles, one of SafeBench's families moves the road users that a traffic family stages.
 fn sorted_out(paths: &[PathBuf], file: &ProgramFile, pool: Pool) -> Result<SortedOut, Failure> {
     let wants_staged = file.conditions.evaluation.safebench().is_some();
     let mut strange = pool.scenes.iter().filter(|scene| scene.staging.is_some() != wants_staged);

@@ -1,4 +1,4 @@
-//! What the seal of a run covers: which files of its folder say what the sealed events say, and which nothing speaks for.
+//! What the seal of a run covers: which files of its folder agree with the sealed events, and which files the events cannot vouch for.
 
 use serde_json::{Value, json};
 use std::collections::BTreeSet;

@@ -129,7 +129,7 @@ impl RunFolder {
         let mut found = Vec::new();
         for dir in if runs.exists() { store::list_dirs(runs)? } else { Vec::new() } {
             let folder = RunFolder { dir };
-            // A folder that this program cannot read is none that it could go on with.
+            // A folder that this program cannot read cannot be continued either.
             if folder.has_card() && folder.is_unfinished().unwrap_or(false) {
                 found.push(folder);
             }

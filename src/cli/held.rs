@@ -1,4 +1,5 @@
-//! A run folder while a command works in it, and what becomes of one that the command made when the command fails.
+//! A run folder while a command works in it. A command that fails removes the folder that it made, unless it was interrupted or the
+//! folder holds what cannot be made again.
 
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;

@@ -1,6 +1,5 @@
-//! Ctrl-C, in the one room that hears signals. The first one is a wish: what is under way is finished and kept, nothing new is
-//! begun, and the command ends with exit code 130. The second one ends the program on the spot, which no record minds
-//! (docs/LEDGER.md).
+//! Ctrl-C. No other file handles signals. After the first Ctrl-C, work in progress is finished and kept, no new work begins, and the
+//! command ends with exit code 130. The second one ends the program at once; records on disk survive that.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,4 +1,4 @@
-//! Words as a shell reads them back, and commands made of them that need nothing of the arguments of others.
+//! Words quoted for a shell, and short commands built from them for messages.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Commands as somebody typed them, or would: what a message proposes must work when it is copied.
+//! Commands that messages propose, written as the user would type them: each must work when it is copied to a shell.
 
 use std::ffi::OsString;
 use std::path::Path;

@@ -6,7 +6,7 @@ use crate::scene::{DT_S, TrackIx};
 use crate::stage::scripted::EGO_TRIGGER;
 use crate::stage::{Settings, Situation, StageError};
 
-/// A shorter window is none, steps.
+/// Shortest window that is used, steps.
 const STEPS_MIN: usize = 10;
 
 /// The window of an actor, which is the `place.0`-th of `place.1` adversaries, clamped so that at least a second of the scene follows its start; `None` where that does

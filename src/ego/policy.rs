@@ -28,7 +28,7 @@ pub enum Policy {
 /// Why a name gives no policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PolicyError {
-    /// The name is none of those that are known.
+    /// The name is not known.
     #[error("no ego policy is called {0:?}; there are idm, idm-lights, replay, learned, command")]
     Unknown(String),
     /// A learned policy was named without its weights.

@@ -1,5 +1,5 @@
-//! Counts and times the work of a run by lineage, for whoever carries the run out. The clock is theirs; nothing that is
-//! counted here reaches an event or a decision.
+//! Counts and times the work of a run by lineage. The caller provides the clock; nothing that is counted here reaches an event or a
+//! decision.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

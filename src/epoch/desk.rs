@@ -1,5 +1,5 @@
-//! What acts in a run, apart from what it is a function of: where events go, where answers and labels come from, what the
-//! work costs, who watches.
+//! The desk: everything of a run that acts. It takes the events, gives answers of models and labels, meters costs and reports
+//! progress. What the result depends on is in `study.rs`.
 
 use std::sync::Arc;
 

@@ -58,7 +58,7 @@ struct Choice {
     top: Vec<SolutionId>,
     /// Scores of parent and finalists on the evolution scenes.
     scores: BTreeMap<SolutionId, Score>,
-    /// Whom the budget of finalists left out.
+    /// The programs that the budget of finalists had no room for.
     cut: Vec<SolutionId>,
 }
 
@@ -190,7 +190,7 @@ fn labelling<'a>(study: &'a Study, state: &'a State, spec: &'a LineageSpec, desk
     Labelling { study, spec, counsels: &state.counsels, tools: &desk.tools }
 }
 
-/// Who is measured on the whole evolution pool, and whom the budget left out; the most promising first.
+/// The programs that are measured on the whole evolution pool, and those that the budget had no room for; the most promising first.
 struct Finalists {
     measured: Vec<SolutionId>,
     cut: Vec<SolutionId>,

@@ -1,6 +1,6 @@
-//! Work that recorded answers name ahead of the run. A recorded proposal says which program it edits and how, wherever in
-//! the run it stands, so its child can be tried before the run comes to it. What is asked for here is what the run will
-//! ask for if it goes on as it was recorded; a label too many costs its time and changes nothing.
+//! Simulates ahead of the run. A recorded proposal says which program it edits and how, so its child can be compiled and simulated
+//! before the run reaches it, beside other work. If the run goes on as it was recorded, it needs exactly these labels; a label that
+//! it does not need costs time and changes nothing.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};

@@ -1,4 +1,4 @@
-//! The immutable snapshot of the state that an epoch's slots see. Everybody with whom a child will be compared is labelled
+//! The immutable snapshot of the state that an epoch's slots see. The programs that a child will be compared with are labelled
 //! first: its parents and the front, on the epoch's window and on all scenes that earlier windows opened.
 
 use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
@@ -124,7 +124,7 @@ pub fn freeze<'a>(
     Ok(Snapshot { spec, event, parents, archive, standing, world, counsels, window, so_far, scene_tags, search, spent })
 }
 
-/// Whom the slots edit: one program, or the two anchors where they differ.
+/// The programs that the slots edit: one, or the two anchors where they differ.
 fn leaders(state: &State, spec: &LineageSpec) -> Result<Vec<SolutionId>, RunError> {
     let lineage = state.lineages.get(&spec.id)?;
     let anchor = lineage.realism_anchor.iter().filter(|anchor| **anchor != lineage.active);

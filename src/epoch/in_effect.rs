@@ -1,4 +1,5 @@
-//! What of a program takes effect in the scenes of a window: where two programs are known to do the same, and which rules hold.
+//! Which parts of a program have an effect in the scenes of a window: which rules hold there, and in which scenes two programs must
+//! do the same.
 
 use super::{
     RunError,

@@ -251,7 +251,7 @@ impl Labelling<'_> {
                     }
                     Err(failure) => (None, None, Some(failure)),
                 },
-                // Whom another simulator has no drive of, a program cannot be tried against; that is not the program's fault.
+                // Where the other simulator has no record of the ego's drive, a program cannot be tried; that is not the program's fault.
                 Err(NoOutcome::Scene(_)) if study.plans_around_backend() => (None, None, None),
                 Err(NoOutcome::Scene(reason)) => return Err(RunError::Study(reason)),
                 Err(NoOutcome::Stop(error)) => return Err(EvaluationError::from(error).into()),
@@ -369,7 +369,7 @@ pub fn undisturbed_key(study: &Study, spec: &LineageSpec, place: usize) -> Resul
     Ok(Digest::of("evodrive/undisturbed/1", &of)?)
 }
 
-/// Whom the ego runs into in plain replay, as whoever simulates sees it.
+/// The road user that the ego runs into in plain replay, in the simulator that makes the labels.
 pub fn meets_anyway(
     backend: &Backend<'_>,
     situation: &Situation,

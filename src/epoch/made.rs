@@ -1,4 +1,4 @@
-//! What a program comes to in one scene, kept for whoever asks next.
+//! A cache of compiled programs: what a program does in one scene, kept for the next caller.
 
 use std::sync::OnceLock;
 

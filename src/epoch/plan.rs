@@ -1,5 +1,5 @@
-//! What a run has no records of, as far as it can be told now: the run is walked through from its records, and stops where
-//! it would have to compute; then the recorded answers are asked what comes after that.
+//! Lists the work that a run still lacks, as far as it is known now: goes through the run from its records up to the first thing that it
+//! would have to compute, and then looks at recorded answers for the work after that.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -47,7 +47,7 @@ pub fn plan(
     Ok(false)
 }
 
-/// Every scene without a program in another simulator: all labels ask whom the ego meets anyway.
+/// Every scene without a program in another simulator: all labels ask which road user the ego meets without a program.
 fn want_undisturbed(study: &Study, tools: &Tools<'_>, wanted: &Wanted) -> Result<(), RunError> {
     if matches!(tools.backend, Backend::Own) {
         return Ok(());

@@ -1,5 +1,5 @@
-//! What another method than the archive's own does with an epoch's snapshot: how it begins, what it says of a child, a random
-//! proposal, and the candidates that a budget of rollouts no longer pays for.
+//! Other search methods (`[search]`) at an epoch's snapshot: how they begin, whether they keep a child, random proposals, and
+//! candidates that are dropped because the budget of rollouts is used up.
 
 use std::collections::{BTreeMap, BTreeSet};
 

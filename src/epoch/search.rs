@@ -1,4 +1,4 @@
-//! Where another method than the archive's own searches (`[search]`): whom its slots edit, who leads, what a slot is asked for, and
+//! Where another method than the archive's own searches (`[search]`): which programs its slots edit, which one leads, what a slot is asked for, and
 //! how many rollouts a lineage has used.
 
 use std::collections::BTreeSet;

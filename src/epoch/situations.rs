@@ -1,5 +1,5 @@
-//! The study's scenes as compilers see them against its egos. Each is built when it is first asked for, because a replay
-//! whose rollouts are all at hand needs none.
+//! The situations of the study's scenes: what a compiler knows of a scene and an ego. Each is built when it is first needed, because
+//! a replay with all rollouts recorded needs none.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};

@@ -1,4 +1,4 @@
-//! What a run would compute and has no record of. While a plan is made, missing work is gathered in place of being done.
+//! Missing work: what a run would have to compute because no record has it. While a plan is made, such work is listed and not done.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -19,7 +19,7 @@ pub struct RolloutRecord {
     pub ego: String,
     /// Whether the program intervened; where it did not, the outcome is plain replay.
     pub intervened: bool,
-    /// Whom the ego runs into in plain replay: meeting that one is nothing that the program brought about.
+    /// The road user that the ego runs into in plain replay: the program did not cause a contact with it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub meets_anyway: Option<ActorRef>,
     /// The scene-level decision ω in the compiler's words, for people and audits.

@@ -69,9 +69,9 @@ fn may_count(record: &RolloutRecord, options: &MetadriveOptions) -> bool {
     }
 }
 
-/// Whether the program brought about the ego's contact: the one whom the ego met moved otherwise than recorded, and the ego
-/// does not run into the same one in plain replay. So neither naming somebody and leaving him alone nor nudging whom the
-/// ego hits anyway is a success.
+/// Whether the program caused the ego's contact: the road user that the ego met moved differently than recorded, and the ego does
+/// not run into it in plain replay. So it is no success to name a road user and leave it alone, or to nudge one that the ego hits
+/// without the program.
 fn is_brought_about(record: &RolloutRecord) -> bool {
     let Some(contact) = record.outcome.contact else { return false };
     let acted = |with| record.outcome.adversaries.iter().any(|adversary| adversary.actor == with && adversary.acted);

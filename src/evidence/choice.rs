@@ -32,7 +32,7 @@ pub struct Choice {
     pub reasons: Vec<String>,
     /// Everybody who was compared, the parent first, in the order in which they were.
     pub rows: Vec<Row>,
-    /// Whom the budget of finalists left out, so that they have no labels on the whole pool.
+    /// Programs that the budget of finalists had no room for, so that they have no labels on the whole pool.
     pub cut: Vec<SolutionId>,
 }
 

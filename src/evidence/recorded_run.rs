@@ -61,7 +61,7 @@ impl Reading {
         });
     }
 
-    /// The run, or why its events are none.
+    /// The run, or why its events cannot be read.
     pub fn finish(self) -> Result<RecordedRun, RecordedRunError> {
         self.0.unwrap_or(Err(RecordedRunError::NotARun))
     }

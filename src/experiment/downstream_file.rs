@@ -180,7 +180,7 @@ impl DownstreamFile {
     /// The program file that it names.
     ///
     /// # Errors
-    /// A file that is none, or holds a parent alone.
+    /// A file that is not a program file, or that holds a parent only.
     pub fn generators(&self) -> Result<ProgramFile, ExperimentError> {
         let path = self.beside(&self.program);
         let read = ProgramFile::read(&path)

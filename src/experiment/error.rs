@@ -19,7 +19,7 @@ impl OptionError {
         OptionError { path: path.into(), found: found.to_string(), expected: expected.into() }
     }
 
-    /// A word that is none of the known ones; the nearest one is proposed.
+    /// An unknown word; the nearest known one is proposed.
     pub fn word(path: impl Into<String>, found: &str, known: &[String]) -> OptionError {
         let expected = format!("one of {}{}", known.join(", "), did_you_mean(found, known));
         OptionError::new(path, format!("{found:?}"), expected)

@@ -37,7 +37,7 @@ pub fn composed(path: &Path) -> Result<Composed, ExperimentError> {
 /// The same with values of the command line above the file's.
 ///
 /// # Errors
-/// Those of [`composed`], and an assignment that is none.
+/// Those of [`composed`], and a text that is not an assignment.
 pub fn composed_under(path: &Path, assignments: &[String]) -> Result<Composed, ExperimentError> {
     let mut seen: Vec<String> = Vec::new();
     let mut layers: Vec<(String, Table)> = Vec::new();

@@ -62,7 +62,7 @@ pub struct Experiment {
     /// Role -> name of its model. Every role is named, so that one can be a real model and another scripted;
     /// `attacker_agent` only where a lineage's family takes counsel.
     pub roles: BTreeMap<Role, String>,
-    /// Under which rules scenes are simulated, and by whom.
+    /// Under which rules scenes are simulated, and by which simulator.
     pub simulator: SimulatorTable,
     pub evaluation: EvaluationOptions,
     pub archive: ArchiveOptions,
@@ -188,7 +188,7 @@ impl LineageOptions {
     /// Its driver under test.
     ///
     /// # Errors
-    /// An unknown name, a learned ego without weights, weights that are none.
+    /// An unknown name, a learned ego without weights, a file that does not hold weights.
     pub fn driver(&self) -> Result<Policy, String> {
         match (self.command, &self.policy) {
             (Some(digest), None) if self.ego == COMMAND => Ok(Policy::Command(digest)),

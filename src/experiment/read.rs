@@ -17,7 +17,7 @@ impl Experiment {
     /// The same with values above the file's: `budget.slots=8`.
     ///
     /// # Errors
-    /// Those of [`Experiment::read`], and an assignment that is none.
+    /// Those of [`Experiment::read`], and a text that is not an assignment.
     pub fn read_under(path: &Path, assignments: &[String]) -> Result<Experiment, ExperimentError> {
         Experiment::of(file::composed_under(path, assignments)?)
     }

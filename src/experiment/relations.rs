@@ -170,7 +170,7 @@ fn asks_of(family: &FamilyName) -> Asks {
     families::sources().get(family).map(|source| source.asks).unwrap_or_default()
 }
 
-/// Whether a lineage's family takes counsel: then, and only then, the file says how and of whom.
+/// Whether a lineage's family takes counsel: then, and only then, the file says how and from which model.
 fn counselled(experiment: &Experiment) -> Result<bool, OptionError> {
     let takes = experiment.lineages.iter().find(|lineage| asks_of(&lineage.family).counsel.is_some());
     let role = Role::AttackerAgent;

@@ -142,7 +142,7 @@ impl FileScenes {
 }
 
 /// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken. What one export
-/// of ours writes in two forms, and the lists of a data set beside its scenes, are not worth a word.
+/// of ours writes in two forms, and the lists of a data set beside its scenes, are not reported.
 pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSummary {
     let mut summary = ImportSummary::default();
     let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();

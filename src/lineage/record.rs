@@ -14,9 +14,9 @@ pub struct Lineage {
     pub family: FamilyName,
     /// p_0.
     pub parent: SolutionId,
-    /// p_t: whom the next proposals edit; only the even slots', where there is a realism anchor.
+    /// p_t: the program that the next proposals edit; only the even slots', where there is a realism anchor.
     pub active: SolutionId,
-    /// Whom the odd slots edit under the rule of two anchors.
+    /// The program that the odd slots edit under the rule of two anchors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub realism_anchor: Option<SolutionId>,
     /// Every admitted program, also those that were rejected or not accepted.

@@ -72,7 +72,7 @@ pub enum ModelError {
         "no answer from {address} after {attempts} attempts: {reason}; repeat the command, what was answered is not asked again"
     )]
     Transport {
-        /// Whom it was sent to.
+        /// Where it was sent.
         address: String,
         /// How often it was tried.
         attempts: u32,
@@ -82,7 +82,7 @@ pub enum ModelError {
     /// The other side understood the request and refuses it; asking again would not help.
     #[error("{address} refuses the request: {reason}")]
     Refused {
-        /// Whom it was sent to.
+        /// Where it was sent.
         address: String,
         /// What was said.
         reason: String,

@@ -9,7 +9,7 @@ use super::ids::{LineageId, SolutionId};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
-    /// Whether the ego collided with somebody whom the program staged.
+    /// Whether the ego collided with a road user that the program staged.
     pub collision: bool,
     /// Red lights that the ego ran.
     pub red_lights: f64,
@@ -35,7 +35,7 @@ pub struct Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunRealism {
-    /// Whether somebody whom the program staged was set off or met the ego.
+    /// Whether a road user that the program staged was set off or met the ego.
     pub acted: bool,
     /// Never of a run in which the program did not act.
     pub valid: bool,

@@ -137,7 +137,7 @@ impl RealismSums {
 pub struct SceneScore {
     /// Id of the scene.
     pub scene: String,
-    /// a(τ), 0..=1; 0 where the program does not act, and where the ego meets whom it runs into anyway.
+    /// a(τ), 0..=1; 0 where the program does not act, and where the ego meets a road user that it also runs into without the program.
     pub attack: f64,
     /// r(τ), 0..=1; 1 where the program does not act, and counts into the objective only where it does.
     pub realism: f64,
@@ -148,7 +148,7 @@ pub struct SceneScore {
     /// Values of the metrics that the experiment declares besides.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub metrics: BTreeMap<String, f64>,
-    /// Whom the ego met, if anyone: the first contact, which ends the rollout.
+    /// The road user that the ego met, if any: the first contact, which ends the rollout.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<Met>,
     /// Whether the program asked for an intervention in this scene.
@@ -163,7 +163,7 @@ pub struct SceneScore {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Met {
-    /// Whether it is an adversary of the program, and not somebody whom it left alone.
+    /// Whether it is an adversary of the program, and not a road user that the program left alone.
     pub adversary: bool,
     /// Who struck whom, on which side: the name of a contact class of the simulator.
     pub class: String,

@@ -208,7 +208,7 @@ pub enum WorldModel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoutingChoice {
-    /// Whom the evaluator ranks first, and a random draw of the others.
+    /// The candidates that the evaluator ranks first, and a random draw of the others.
     Ranked,
     /// A random draw: what the evaluator is to be compared with.
     Random,

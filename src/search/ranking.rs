@@ -89,7 +89,7 @@ const EXCESSES: [(&str, f64, f64); 4] = [
 const OFF_ROAD_M: (f64, f64) = (0.5, 0.5);
 /// The road is looked at every this many samples.
 const ROAD_STRIDE: usize = 3;
-/// Cost of running into a bystander whom the record does not touch.
+/// Cost of running into a bystander that the recorded motion does not touch.
 const BYSTANDER: f64 = 2.0;
 
 /// What records do, against which iterates are held.

@@ -189,7 +189,7 @@ fn road(samples: &[Sample], judged: &Judged<'_>) -> (f64, f64) {
     road_within(samples, judged, [f64::INFINITY, LANE_M_MAX])
 }
 
-/// A lane farther away is none, metres.
+/// Lanes farther away than this do not count, metres.
 const LANE_M_MAX: f64 = 10.0;
 
 /// Largest distances of the body's corners from the road and of its centre from a lane, each at most what is asked for,

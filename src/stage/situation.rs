@@ -28,7 +28,7 @@ pub struct Situation {
     pub lanes: Arc<LaneGraph>,
     /// The ego's closed-loop rollout on the unchanged scene.
     pub ego: EgoPath,
-    /// Whom the ego ran into there, if anyone.
+    /// The road user that the ego ran into there, if any.
     pub ego_meets: Option<ActorRef>,
     /// Per track; `None` for whoever cannot be an adversary: no vehicle, or not observed now.
     pub actors: Vec<Option<ActorFacts>>,

@@ -1,5 +1,5 @@
 //! A source family as the compiler and evolution know it: its contract, its parent program, the code of its own operators,
-//! and what it asks of agents. Whoever holds a source needs to know no family.
+//! and what it asks of agents. Code that works with a source need not know which family it is.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ pub struct Source {
     pub parent: Program,
     /// Motion and search kinds -> what they do.
     pub operators: BTreeMap<&'static str, Operator>,
-    /// Actor kinds of the family's own -> whom they make adversaries.
+    /// Actor kinds of the family's own -> the road users that they make adversaries.
     pub actors: BTreeMap<&'static str, ActorOperator>,
     pub asks: Asks,
 }

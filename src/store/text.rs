@@ -72,7 +72,7 @@ mod tests {
         write_text(&packed, b"a text").unwrap();
         std::fs::copy(&packed, &copy).unwrap();
         assert_eq!(read_text(&copy, 100).unwrap().unwrap(), b"a text");
-        // What bears the name and is none is said to be damaged.
+        // A file that has the name but not the content is reported as damaged.
         std::fs::write(&packed, b"a text").unwrap();
         assert_eq!(read_text(&packed, 100).unwrap().unwrap_err().0, "a whole zstd stream");
     }

@@ -1,4 +1,4 @@
-//! Right of way: who may enter a node (lights, stop signs, gap acceptance), and who waits inside it for whom.
+//! Right of way: who may enter a node (lights, stop signs, gap acceptance), and who waits inside it for another car.
 //!
 //! A node permits drivers to enter one after another. Where two paths are in conflict, the later driver waits before
 //! the conflict zone until the earlier one has left it. So no two drivers with permission can collide.

@@ -1,5 +1,5 @@
-//! Held evidence: every labelled candidate beside what a configuration predicts of it when it is fitted to labels of earlier
-//! epochs alone. Audit and judge look at nothing else.
+//! Held evidence: for every labelled candidate, what a configuration predicts when it is fitted to labels of earlier epochs only. Audit
+//! and judge use nothing else.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Who is edited next, and whom the question shows beside it.
+//! Which program is edited next, and which ones the question shows beside it.
 
 use serde::Serialize;
 use std::collections::BTreeMap;

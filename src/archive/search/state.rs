@@ -1,4 +1,4 @@
-//! What a method remembers of a lineage from epoch to epoch, and its two decisions: whom the slots edit, and whether a
+//! What a method remembers of a lineage from epoch to epoch, and its two decisions: which programs the slots edit, and whether a
 //! labelled child is kept. Random numbers come from outside.
 
 use serde::Serialize;
@@ -35,7 +35,7 @@ pub struct Child<'a> {
     pub iteration: usize,
 }
 
-/// Whom a slot edits, and whom its question shows beside it.
+/// The program that a slot edits, and those that its question shows beside it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SlotDraw {
     pub parent: SolutionId,

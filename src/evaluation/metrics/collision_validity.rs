@@ -1,5 +1,5 @@
-//! Collision validity: the adversary touches nobody who moves on its way to the ego. Binary. A pair that overlaps in the
-//! recording already is none.
+//! Collision validity: the adversary touches no moving road user on its way to the ego. Binary. A pair that overlaps already in
+//! the recording does not count.
 
 use crate::sim::AdversaryReport;
 

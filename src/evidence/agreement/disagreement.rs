@@ -17,7 +17,7 @@ const START_S: f64 = 0.1;
 pub enum Cause {
     /// The contact happens within the first decision step: the boxes overlapped already.
     Start,
-    /// Whom the ego met is not on the road in the other rollout at that time.
+    /// The road user that the ego met is not on the road in the other rollout at that time.
     PartnerAbsent,
     /// The other rollout ended before the time of the contact: by arrival, or off the road.
     EndedBefore,

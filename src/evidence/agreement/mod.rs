@@ -1,4 +1,4 @@
-//! How far two simulators agree about the same rollouts: whether the ego meets somebody, whom, when, and where it was
+//! How far two simulators agree about the same rollouts: whether the ego meets a road user, which one, when, and where it was
 //! before. Pure counting over pairs of rollouts; who plays them is `cli::agree`'s business.
 
 mod count;

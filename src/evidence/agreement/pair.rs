@@ -16,7 +16,7 @@ pub struct Side {
     pub distance_m_min: Option<f64>,
 }
 
-/// Whom the ego met.
+/// The road user that the ego met.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Meeting {
     /// Name of the other road user.
@@ -35,7 +35,7 @@ impl Meeting {
 /// The same rollout in both simulators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
-    /// The program's name; in a scene without one, against whom it is replayed.
+    /// The program's name; in a scene without one, the ego against which it is replayed.
     pub program: String,
     /// The program's family; `None` without one.
     pub family: Option<String>,

@@ -43,7 +43,7 @@ pub const ACTED: Reading = |scene| Some(share(scene.acted));
 pub const ANY_CONTACT: Reading = |scene| Some(share(scene.contact.is_some()));
 /// Whether the ego met an adversary, whoever caused it (CAT: the crash with its opponent).
 pub const ADVERSARY_CONTACT: Reading = |scene| Some(share(scene.contact.as_ref().is_some_and(|met| met.adversary)));
-/// Whether it met one whom it runs into in plain replay too.
+/// Whether it met an adversary that it also runs into in plain replay.
 pub const MET_ANYWAY: Reading =
     |scene| Some(share(scene.contact.as_ref().is_some_and(|met| met.adversary && met.anyway)));
 /// Whether it met one and could have avoided that.

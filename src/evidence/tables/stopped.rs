@@ -103,7 +103,7 @@ pub fn archive_note(story: &RecordedRun, result: &LineageResult, attack_change: 
     Some(sentence(what, story, result))
 }
 
-/// A gain that the tables print as 0 is none.
+/// A gain that the tables print as 0 counts as no gain.
 fn grows(result: &LineageResult) -> bool {
     num::rounded(result.pf_area_at_3_pct, Form::Gain.digits()) > 0.0
 }

@@ -29,7 +29,7 @@ pub const REVERSE_TOKENS: &str = "reverse_tokens";
 /// Search operator: rejection by displacement and curvature.
 pub const REJECTION: &str = "plausibility_rejection";
 
-/// A shorter way to the collision is none, steps.
+/// Shortest way to the collision that is used, steps.
 const STEPS_MIN: usize = 10;
 /// Directions in which lanes are looked for, against the lane along which the ego drives.
 const HEADINGS_RAD: [f64; 4] = [0.0, num::FRAC_PI_2, -num::FRAC_PI_2, num::PI];

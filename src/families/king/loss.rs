@@ -10,7 +10,7 @@ use crate::search::descent::{Asked, Mover, Objective, Slopes, Terms, covered};
 use crate::stage::road_field::{RoadField, gaussian_departure, gaussian_reach_m};
 use crate::stage::{Bystanders, EgoPath};
 
-/// Whom the ego attracts at each time.
+/// Which adversaries the ego attracts at each time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attraction {
     /// The adversary that is nearest, its distance divided by its weight.

@@ -7,7 +7,7 @@
 //! adversaries the weights, decays, iterations and step length; slopes through the adversaries alone ("one path");
 //! termination off the road and at contacts among adversaries; the solvability run (`expert`).
 //! Declared adaptations: the search goes on for some iterations after the first contact, where KING stops, and the one
-//! with the smallest loss and the least implausible motion is used; bystanders, of whom KING has none, repel adversaries
+//! with the smallest loss and the least implausible motion is used; bystanders, which KING does not have, repel adversaries
 //! too; adversaries are recorded vehicles whose first actions follow their record; a full throttle is
 //! 3 m/s², for KING's 0.56 cannot follow recorded starts; steps of 0.1 s with actions held for KING's 0.25 s; the
 //! smoothed raster of undrivable ground is Φ(−distance/σ) of a signed-distance field.

@@ -48,7 +48,7 @@ impl Nearness {
     }
 }
 
-/// A recorded way shorter than this is none to complete, metres.
+/// A shorter recorded way counts as standing still: there is nothing to complete, metres.
 const ROUTE_M_MIN: f64 = 5.0;
 
 /// What is watched of one adversary.
@@ -173,7 +173,7 @@ impl Watched {
             || bystanders::touched(plant, world, k, own, 0).any();
     }
 
-    /// Whom it touches in the k-th step up to a physics step, once it differs from its recording.
+    /// The road user that it touches in the k-th step up to a physics step, once it differs from its recording.
     pub fn check_way(&mut self, plant: &Plant, world: &Others, own: usize, k: usize, until: usize) {
         let all = self.touched.moving && self.touched.parked;
         if self.acted && !all && world.actors[own].now.is_some() {

@@ -1,4 +1,4 @@
-//! Whom an adversary touches on its way beside the ego. A pair whose recorded boxes overlap already is no finding: boxes
+//! The road users other than the ego that an adversary touches on its way. A pair whose recorded boxes overlap already is no finding: boxes
 //! of recordings are drawn by hand or by a tracker, and a lorry overlaps its trailer.
 
 use super::contact::{near_rows, touches, touches_row};
@@ -29,7 +29,7 @@ impl Touched {
     }
 }
 
-/// Whom the road user at `own` in `world.actors` touches up to a physics step of the k-th step.
+/// What the road user at `own` in `world.actors` touches up to a physics step of the k-th step.
 pub(in crate::sim) fn touched(plant: &Plant, world: &Others, k: usize, own: usize, until: usize) -> Touched {
     let actor = &world.actors[own];
     let mover = actor.mover();

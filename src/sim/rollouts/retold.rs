@@ -1,7 +1,7 @@
-//! The account of a told motion. It is the same as of a rollout of our own: told the motion of one of those, it gives that
-//! rollout's outcome bit for bit.
+//! The outcome of a rollout that another simulator reported. Given the motion of a rollout of our own, it comes to that rollout's outcome
+//! bit for bit.
 //!
-//! What is taken from the teller: where everyone was, whom the ego touched first and when, and how it ended. What is found
+//! Taken from the report: where everyone was, which road user the ego touched first and when, and how it ended. What is found
 //! here: everything else of an [`Outcome`], with the scene's boxes. Whether a contact could have been avoided is asked of our
 //! own plant, which takes over from the told state at the moment at which the ego could have reacted: a manoeuvre that
 //! nobody drove can be told by nobody. The adversaries go on with their commands then, and traffic with our IDM.

@@ -1,4 +1,4 @@
-//! The motion of a rollout as a simulator tells it, ours or another one: who was where at each step, whom the ego touched
+//! The motion of a rollout as a simulator tells it, ours or another one: where everyone was at each step, which road user the ego touched
 //! first, and how it ended. `retold` judges it.
 
 use serde::{Deserialize, Serialize};
@@ -43,7 +43,7 @@ pub struct Told {
     pub actors: Vec<ToldActor>,
 }
 
-/// Whom the ego touched first.
+/// The road user that the ego touched first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ToldContact {

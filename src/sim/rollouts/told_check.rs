@@ -112,7 +112,7 @@ fn check_actor(plant: &Plant, told: &Told, i: usize, actor: &ToldActor) -> Resul
     Ok(())
 }
 
-/// Every adversary is told and is where it was commanded to be; nobody is told whom the rollout does not have.
+/// Every adversary is reported where it was commanded to be, and no road user is reported that the rollout does not have.
 fn check_commands(plant: &Plant, intervention: &Intervention, told: &Told) -> Result<(), ToldError> {
     let commanded = super::told::adversaries_of(intervention);
     for (action, who) in intervention.actions.iter().zip(&commanded) {
@@ -143,7 +143,7 @@ fn check_commands(plant: &Plant, intervention: &Intervention, told: &Told) -> Re
     }
 }
 
-/// Whom the ego touched must be there.
+/// The road user that the ego touched must be there.
 fn check_partner(plant: &Plant, told: &Told) -> Result<(), ToldError> {
     let Some(contact) = told.contact else { return Ok(()) };
     let row = told.ego.len() - 1;

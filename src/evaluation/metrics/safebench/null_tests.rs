@@ -36,7 +36,7 @@ fn published(scene: &Scene) -> Vec<Action> {
     actions(&stage, &standard(stage.staging().family)).unwrap()
 }
 
-/// The published actors, whom nothing ever sets off, a kilometre away.
+/// The published actors a kilometre away, where nothing ever sets them off.
 fn staged_but_idle(scene: &Scene) -> Vec<Action> {
     let mut actions = published(scene);
     for action in &mut actions {

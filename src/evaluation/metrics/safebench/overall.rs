@@ -21,7 +21,7 @@ impl Run {
         let driving = outcome.driving.as_ref()?;
         let yaw_rate_radps = if driving.duration_s > 0.0 { driving.yaw_change_rad / driving.duration_s } else { 0.0 };
         Some(Run {
-            // Who hits somebody whom no program staged has met the traffic, not the scenario.
+            // A collision with a road user that no program staged belongs to the traffic, not to the scenario.
             collision: outcome.contact.is_some_and(|contact| contact.adversary),
             red_lights: f64::from(driving.red_lights),
             stop_signs: f64::from(driving.stop_signs),
@@ -40,7 +40,7 @@ impl Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Criteria {
-    /// CR: share of runs that ended with a collision with somebody whom the program staged.
+    /// CR: share of runs that ended with a collision with a road user that the program staged.
     pub collision_rate: f64,
     /// RL and SS: mean counts.
     pub red_lights: f64,

@@ -24,7 +24,7 @@ pub(super) struct Met {
 }
 
 /// Gives lanes that follow each other one cross section where they meet: place, heading and half widths. A link to a lane
-/// that begins too far away or turns too sharply is none.
+/// that begins too far away or turns too sharply is not taken.
 pub(super) fn meet(road: &Road, links: &[(LaneIx, LaneIx)], stations: &mut [Option<Vec<Station>>]) -> Met {
     let (joints, mut met) = joints(road.lanes.len(), links, stations);
     for members in &joints {

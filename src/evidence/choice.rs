@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn a_parent_that_stays_is_told_why_each_time_for_the_reason_that_holds() {
         let cases: [(&[[f64; 3]], &str); 7] = [
-            (&[[0.1, 0.99, 1.0]], "nobody else was measured"),
+            (&[[0.1, 0.99, 1.0]], "no other program was measured"),
             (&[[0.1, 0.99, 1.0], [0.5, 0.99, 0.0]], "no descendant acts in any scene"),
             (&[[0.1, 0.90, 1.0], [0.5, 0.80, 1.0]], "no descendant is more realistic"),
             (&[[0.1, 0.99, 1.0], [0.5, 0.80, 1.0]], "no descendant reaches the realism required"),
@@ -323,6 +323,6 @@ mod tests {
     fn where_nobody_is_realistic_enough_nobody_is_said_to_be_too_unrealistic() {
         let (standings, reasons) = told(&[[0.1, 0.80, 1.0], [0.2, 0.90, 1.0], [0.3, 0.90, 1.0]]);
         assert_eq!(standings, [Standing::LessRealistic, Standing::LessAttack, Standing::Chosen]);
-        assert!(reasons.contains("None of the 3") && reasons.contains("the stronger one is taken"), "{reasons}");
+        assert!(reasons.contains("None of the 3") && reasons.contains("the one with more attack is taken"), "{reasons}");
     }
 }

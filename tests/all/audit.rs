@@ -64,7 +64,7 @@ fn each_change_of_the_record_is_found_by_its_check() {
                 candidate.program.parameters.pop_first();
             }
         }),
-        ("continuity", "the parent is no first program", |run| run.parents[0].program.generation = 1),
+        ("continuity", "the lineage's first program is not a parent", |run| run.parents[0].program.generation = 1),
         ("continuity", "the active program after it", |run| run.settled[0].active = SolutionId::new("cat-idm/e99s0")),
         ("continuity", "the program that was edited", |run| run.frozen[1].parent = SolutionId::new("cat-idm/e99s0")),
         ("continuity", "admitted no program", |run| {
@@ -82,7 +82,7 @@ fn each_change_of_the_record_is_found_by_its_check() {
                 gates.verdicts.iter_mut().for_each(|verdict| verdict.problems.clear());
             }
         }),
-        ("epochs", "the router decided otherwise", |run| {
+        ("epochs", "the router decided something else", |run| {
             let place = first(run, evaluated);
             if let Exit::Evaluated { route, .. } = &mut run.attempts[place].exit {
                 route.decision = RouteDecision::Reject;

@@ -149,5 +149,5 @@ fn the_world_agent_is_declared_with_its_table_and_its_model() {
     let turned = refused(|table| table["world_agent"]["audit_share"] = vec![0.5, 0.2].into());
     assert!(turned.contains("world_agent.audit_share is [0.5, 0.2], expected a low and a high end"), "{turned}");
     let called = refused(|table| table["lineage"][0]["id"] = "world".into());
-    assert!(called.contains("turns of the world evaluator are named so"), "{called}");
+    assert!(called.contains("turns of the world evaluator have that name"), "{called}");
 }

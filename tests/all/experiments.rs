@@ -361,7 +361,7 @@ fn init_names_a_planner_with_its_helper_as_the_driver() {
     let (code, text) = evodrive(dir.path(), &["init", "gone", "--driver", "planer.py"]);
     assert!(code == 2 && text.contains("--driver planer.py: no such file"), "{text}");
     let (code, text) = evodrive(dir.path(), &["init", "staged", "--driver", "planner.py", "--family", "human"]);
-    assert!(code == 2 && text.contains("has no planners"), "{text}");
+    assert!(code == 2 && text.contains("does not take planners"), "{text}");
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn what_is_not_finished_is_compared_with_nothing() {
         if text.is_some_and(|lines| lines > 0) {
             let (code, words) = code_and_words(&["fsck"], &folder);
             assert_eq!(code, 5, "{text:?}: {words}");
-            assert!(words.contains("expected the seal of a finished run"), "{text:?}: {words}");
+            assert!(words.contains("expected the events of a finished run to end with a seal"), "{text:?}: {words}");
             // Without its result it is a run that was interrupted, which is no damage.
             std::fs::remove_file(folder.join("result.json")).unwrap();
             let (code, words) = code_and_words(&["fsck"], &folder);

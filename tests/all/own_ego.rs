@@ -168,7 +168,7 @@ fn one_cassette_holds_the_rollouts_of_several_recordings_and_no_failed_replay_mo
     assert_eq!((checked.code, verified.code), (0, 0), "{} {}", checked.stderr, verified.stderr);
     assert!(verified.stderr.contains("nobody was asked"), "{}", verified.stderr);
     for ran in [&checked, &verified] {
-        assert!(ran.stderr.contains("recorded events and the result agree"), "{}", ran.stderr);
+        assert!(ran.stderr.contains("recorded events and the result are as recorded"), "{}", ran.stderr);
     }
     let whole = here(&["fsck", "--read", first.to_str().unwrap()]);
     assert_eq!(whole.code, 0, "{} {}", whole.stdout, whole.stderr);
@@ -210,7 +210,7 @@ fn scenes_in_which_the_planner_ends_are_counted_where_the_result_is_told() {
     assert_eq!(report[0]["unlabelled"][0], told);
     // So are those of the choice among finalists, which no held-out number shows.
     let choice = report[0]["unlabelled"][1].as_str().unwrap();
-    assert!(choice.contains("evolution scenes somebody who was compared for the choice has no label"), "{choice}");
+    assert!(choice.contains("evolution scenes a program that was compared for the choice has no label"), "{choice}");
     assert!(recorded.stdout.contains(choice), "{}", recorded.stdout);
     let (run, tables) = (crate::harness::folder_below(&folder.path().join("a")), folder.path().join("tables"));
     let laid_out = Ran::of(evodrive().args(["data", run.to_str().unwrap(), "--out", tables.to_str().unwrap()]));

@@ -250,7 +250,7 @@ fn an_experiment_says_what_is_wrong_with_its_program_file() {
         (
             "cat",
             "parent_program = \"cat.json\"\nparent = { duration_s = 3.0 }",
-            ["lineage[0].parent", "nothing beside parent_program"],
+            ["lineage[0].parent", "nothing: parent_program already names the whole parent"],
         ),
     ] {
         let experiment = dir.path().join("e.toml");
@@ -379,7 +379,7 @@ fn counsel_travels_for_its_scenes_and_is_missed_in_others() {
     let told = |part: &str| with["notes"].as_array().unwrap().iter().any(|note| note.as_str().unwrap().contains(part));
     assert!(told("for 1 of these 3 scenes"), "{}", with["notes"]);
     // Nobody evolved or chose it on these scenes.
-    assert!(told("its lineage's parent itself") && !told("very labels"), "{}", with["notes"]);
+    assert!(told("its lineage's own parent") && !told("by its labels there"), "{}", with["notes"]);
     let (with, without) = (labels(&with["program"]["score"]), labels(&without["program"]["score"]));
     assert_ne!(with[names[0]]["request"], without[names[0]]["request"]);
     assert_eq!(with[names[1]], without[names[1]]);
@@ -395,7 +395,7 @@ fn attempts_that_left_no_program_and_unknown_names_are_told() {
     let declined = story.attempts.iter().find(|attempt| attempt.exit.candidate().is_none()).unwrap();
     let ran = run(&["program", "show", path(folder), declined.id.as_str()]);
     assert_eq!(ran.code, 2);
-    assert!(ran.stderr.contains("left no program"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("so there is no program"), "{}", ran.stderr);
     let ran = run(&["program", "export", path(folder), "cat-idm/e0s99"]);
     assert_eq!(ran.code, 2);
     assert!(ran.stderr.contains("no attempt `cat-idm/e0s99`"), "{}", ran.stderr);

@@ -381,7 +381,7 @@ fn held_out_scores_that_are_not_those_of_their_runs_are_refused() {
     assert!(refused(changed).contains("held-out scores of advsim-idm/e0s0 that are not those of its runs"));
     let mut earlier = unseen();
     earlier.held_out.iter_mut().for_each(|of| of.runs.clear());
-    assert!(refused(earlier).contains("an earlier build recorded it"));
+    assert!(refused(earlier).contains("was recorded by an earlier build"));
     let mut without = unseen();
     without.held_out.pop();
     assert!(refused(without).contains("no held-out labels"));

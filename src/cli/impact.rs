@@ -33,7 +33,9 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let tables = why::tables(&stories);
     if tables.is_empty() {
         let dir = folders[0].dir.display();
-        return Err(Failure::bad_input(format!("{dir}: no table can be made from these runs; finish them with `evodrive resume`")));
+        return Err(Failure::bad_input(format!(
+            "{dir}: no table can be made from these runs; finish them with `evodrive resume`"
+        )));
     }
     let touched = impact::impact(&tables, &stories, things).map_err(Failure::bad_input)?;
     let named: Vec<String> = folders.iter().map(|folder| folder.dir.display().to_string()).collect();

@@ -325,7 +325,12 @@ fn check(made: &Made, folder: &Path, text: &Path) -> Result<Answer, Failure> {
     }
     for typed in typed_numbers(&written) {
         let remedy = "take it from golden/paper/numbers.tex with \\evo{...}";
-        wrong.push(format!("{}: line {}: a number typed by hand near {:?}; {remedy}", text.display(), typed.line, typed.text));
+        wrong.push(format!(
+            "{}: line {}: a number typed by hand near {:?}; {remedy}",
+            text.display(),
+            typed.line,
+            typed.text
+        ));
     }
     let told = match wrong.is_empty() {
         true => format!(
@@ -333,7 +338,9 @@ fn check(made: &Made, folder: &Path, text: &Path) -> Result<Answer, Failure> {
             made.len(),
             folder.display()
         ),
-        false => format!("{}\nif this is meant, run `evodrive paper --bless` and say why in the commit", wrong.join("\n")),
+        false => {
+            format!("{}\nif this is meant, run `evodrive paper --bless` and say why in the commit", wrong.join("\n"))
+        }
     };
     let exit = if wrong.is_empty() { Exit::Success } else { Exit::Divergence };
     Ok(Answer { exit, ..Answer::new(told, json!({"checked": made.len(), "wrong": wrong})) })

@@ -143,8 +143,9 @@ pub fn find<'s>(story: &'s RecordedRun, name: &str) -> Result<&'s Program, Failu
         return Ok(&parent.program);
     }
     let attempt = show::find(story, name)?;
-    let left =
-        || format!("attempt {name} was {}, so there is no program; `evodrive show {name}` says why", attempt.exit.name());
+    let left = || {
+        format!("attempt {name} was {}, so there is no program; `evodrive show {name}` says why", attempt.exit.name())
+    };
     let candidate = attempt.exit.candidate().ok_or_else(|| Failure::bad_input(left()))?;
     Ok(story.program(&SolutionId::new(name)).unwrap_or(&candidate.program))
 }

@@ -31,7 +31,9 @@ pub fn progress(news: &Progress) -> String {
             format!("no usable answer for {template}: its published template is kept")
         }
         Progress::Counselled { lineage, scenes, met } => {
-            format!("counsel for {scenes} scenes of {lineage}: {met} advised sets led to contact with the ego when tried")
+            format!(
+                "counsel for {scenes} scenes of {lineage}: {met} advised sets led to contact with the ego when tried"
+            )
         }
         Progress::Evolved { turn, verdict } => format!("{turn} change of the world evaluator {verdict}"),
         Progress::HeldOut { lineage, programs, scenes } => {
@@ -157,7 +159,9 @@ fn replay_words(replay: &ReplayRow) -> String {
         }
         (None, None) => "no vehicle moves in them".to_string(),
     };
-    format!("replay: the recorded scenes without a program; its crashes are those of the ego in recorded traffic, {judged}.")
+    format!(
+        "replay: the recorded scenes without a program; its crashes are those of the ego in recorded traffic, {judged}."
+    )
 }
 
 /// What the columns mean whose heads do not say it.

@@ -73,7 +73,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         silent = if bytes > written { Duration::ZERO } else { silent + pause };
         if silent >= SILENT && silent < SILENT + pause {
             let go_on = resume_command(&folder.dir);
-            progress(format!("no new event for a minute; if no command is working on the run, continue it with: {go_on}"));
+            progress(format!(
+                "no new event for a minute; if no command is working on the run, continue it with: {go_on}"
+            ));
         }
         written = bytes;
         if !waited(pause, &interrupt) {
@@ -127,7 +129,12 @@ fn proposals(experiment: &Experiment) -> u64 {
 
 fn standing(story: &RecordedRun, experiment: &Experiment) -> String {
     let settled = story.settled.last().map(|s| format!(", {} settled epoch {}", s.lineage, s.epoch));
-    format!("{} of {} proposals are finished{}", story.attempts.len(), proposals(experiment), settled.unwrap_or_default())
+    format!(
+        "{} of {} proposals are finished{}",
+        story.attempts.len(),
+        proposals(experiment),
+        settled.unwrap_or_default()
+    )
 }
 
 /// Whether the pause went by without Ctrl-C.

@@ -61,8 +61,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
                 "{name} = {number} has no parts that can be listed one by one: {rests}"
             )));
         }
-        let why =
-            if named.row.missing() { "its lineages are missing in these runs" } else { "no label counts for it" };
+        let why = if named.row.missing() { "its lineages are missing in these runs" } else { "no label counts for it" };
         let ours: Vec<String> =
             table.rows().filter(|row| row.cells.iter().any(|c| c.ours.is_some())).map(cell::row_name).collect();
         return Err(Failure::bad_input(format!(
@@ -82,7 +81,10 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     if why.agrees() {
         return Ok(Answer::new(text, json));
     }
-    text.push_str(&format!("\nthe table says {}, but its parts give another number: run `evodrive check`\n", why.printed()));
+    text.push_str(&format!(
+        "\nthe table says {}, but its parts give another number: run `evodrive check`\n",
+        why.printed()
+    ));
     Ok(Answer { exit: Exit::Divergence, ..Answer::new(text, json) })
 }
 

@@ -144,7 +144,11 @@ impl Choice {
         }
         if !self.cut.is_empty() {
             let cut: Vec<&str> = self.cut.iter().map(SolutionId::as_str).collect();
-            let _ = writeln!(out, "  Not measured there, because the budget of finalists had no room for them: {}.", cut.join(", "));
+            let _ = writeln!(
+                out,
+                "  Not measured there, because the budget of finalists had no room for them: {}.",
+                cut.join(", ")
+            );
         }
         out
     }
@@ -225,7 +229,10 @@ fn tie_break(rows: &[Row], selection: &Selection) -> String {
             format!("{chosen} and another one have the same labels; the earlier one is taken.")
         }
         () if any(Standing::LessAttack) => {
-            format!("{chosen} and another one are the most realistic, {:.4}; the one with more attack is taken.", best.realism)
+            format!(
+                "{chosen} and another one are the most realistic, {:.4}; the one with more attack is taken.",
+                best.realism
+            )
         }
         () => format!("{chosen} is the most realistic of them, {:.4}.", best.realism),
     }
@@ -235,7 +242,9 @@ fn tie_break(rows: &[Row], selection: &Selection) -> String {
 fn staying(rows: &[Row], selection: &Selection) -> &'static str {
     let any = |standing| rows.iter().any(|row| row.standing == Some(standing));
     match () {
-        () if rows.len() == 1 => "no descendant was on the front or ever the active program, so no other program was measured",
+        () if rows.len() == 1 => {
+            "no descendant was on the front or ever the active program, so no other program was measured"
+        }
         () if rows.iter().skip(1).all(|row| row.measured.coverage <= 0.0) => "no descendant acts in any scene",
         () if selection.rule == SelectionRule::MostRealistic => "no descendant is more realistic",
         () if any(Standing::Later) => "a descendant has the same labels, and of equals the earlier one is taken",
@@ -294,7 +303,10 @@ mod tests {
             [0.50, 0.99, 0.0],
         ]);
         assert_eq!(standings, [TooWeak, TooUnrealistic, LessRealistic, Chosen, LessAttack, Later, ActsNowhere]);
-        assert!(reasons.contains("Realistic enough: 5 of the 6 programs that act (parent, c2, c3, c4, c5)."), "{reasons}");
+        assert!(
+            reasons.contains("Realistic enough: 5 of the 6 programs that act (parent, c2, c3, c4, c5)."),
+            "{reasons}"
+        );
         assert!(reasons.contains("is 0.400; 4 have 0.3800 or more and count as tied: c2, c3, c4, c5."), "{reasons}");
         assert!(reasons.contains("the earlier one is taken") && !reasons.contains("parent stays"), "{reasons}");
     }
@@ -323,6 +335,9 @@ mod tests {
     fn where_nobody_is_realistic_enough_nobody_is_said_to_be_too_unrealistic() {
         let (standings, reasons) = told(&[[0.1, 0.80, 1.0], [0.2, 0.90, 1.0], [0.3, 0.90, 1.0]]);
         assert_eq!(standings, [Standing::LessRealistic, Standing::LessAttack, Standing::Chosen]);
-        assert!(reasons.contains("None of the 3") && reasons.contains("the one with more attack is taken"), "{reasons}");
+        assert!(
+            reasons.contains("None of the 3") && reasons.contains("the one with more attack is taken"),
+            "{reasons}"
+        );
     }
 }

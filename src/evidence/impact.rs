@@ -141,7 +141,11 @@ pub fn find<'a>(
         several => {
             let first: Vec<String> =
                 several.iter().take(5).map(|(text, of)| format!("{} ({})", &text[..16], told(of))).collect();
-            Err(format!("`{name}` is the beginning of {} digests; give more digits: {}", several.len(), first.join(", ")))
+            Err(format!(
+                "`{name}` is the beginning of {} digests; give more digits: {}",
+                several.len(),
+                first.join(", ")
+            ))
         }
     }
 }

@@ -285,9 +285,7 @@ fn simulator(experiment: &Experiment) -> Result<(), Problem> {
     let Some(backend) = &experiment.simulator.backend else { return Ok(()) };
     if experiment.evaluation.safebench().is_some() {
         let why = match backend.drives() {
-            true => {
-                "SafeBench's rules cannot be checked on a planner's recorded rollouts; remove [driver]"
-            }
+            true => "SafeBench's rules cannot be checked on a planner's recorded rollouts; remove [driver]",
             false => "SafeBench's rules are our own simulator's; write simulator.backend = \"evodrive\"",
         };
         return Err(Problem::Several(why.into()));

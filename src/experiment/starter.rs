@@ -46,7 +46,8 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
     super::key::Range::Name.check("NAME", &name).map_err(option)?;
     let staged = found.contract.backend == "safebench";
     if staged && starter.driver.is_some() {
-        let expected = "a family for recorded traffic (`evodrive families`); SafeBench's protocol does not take planners";
+        let expected =
+            "a family for recorded traffic (`evodrive families`); SafeBench's protocol does not take planners";
         return Err(option(OptionError::new("--driver", format!("given beside --family {family}"), expected)));
     }
     let ego = if starter.driver.is_some() { "command" } else { "idm" };

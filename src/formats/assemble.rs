@@ -9,8 +9,8 @@ use super::topology::{link_by_ends, link_side_by_side};
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::{LINKS_MAX, SIDE_MAX_M, SIDE_MIN_M, SPEED_MAX_MPS};
 use crate::scene::{
-    AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, LeftOut, Light, LightState, Neighbour, Origin, Road, Sample, Scene, StopSign,
-    Track,
+    AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, LeftOut, Light, LightState, Neighbour, Origin, Road, Sample, Scene,
+    StopSign, Track,
 };
 
 /// A sample time at most this far from the 0.1 s grid counts as lying on it, seconds.

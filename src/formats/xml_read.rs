@@ -299,7 +299,12 @@ impl<'d> Element<'d> {
     pub fn refuse(&self, expected: impl Into<String>) -> ImportError {
         if self.document.steps.get() > STEPS_MAX {
             let expected = "elements that are found without walking past hundreds of millions of others";
-            return ImportError::new(self.document.file, self.place(), expected, "this is not a scenario; leave it out");
+            return ImportError::new(
+                self.document.file,
+                self.place(),
+                expected,
+                "this is not a scenario; leave it out",
+            );
         }
         ImportError::new(self.document.file, self.place(), expected, "mend the file or leave it out")
     }

@@ -199,7 +199,12 @@ fn a_signature_holds_for_its_key_and_its_bundle_alone() {
     let ran = check(path(&signed), &public);
     assert!(ran.code == 0 && ran.stdout.contains("signature: holds, by key"), "{} {}", ran.stdout, ran.stderr);
     let ran = check(path(&signed), &other);
-    assert!(ran.code == 5 && ran.stderr.contains("expected a signature by the given key, found none"), "{} {}", ran.code, ran.stderr);
+    assert!(
+        ran.code == 5 && ran.stderr.contains("expected a signature by the given key, found none"),
+        "{} {}",
+        ran.code,
+        ran.stderr
+    );
     let ran = check(FROZEN, &public);
     assert!(ran.code == 2 && ran.stderr.contains("expected a signature, found none"), "{} {}", ran.code, ran.stderr);
     let ran = check(path(&signed), &key);

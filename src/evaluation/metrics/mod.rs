@@ -91,9 +91,7 @@ pub enum ProtocolError {
         "evaluation.metrics.{0} is not a valid name of a metric; expected lower-case letters, digits and _, a letter first, at most 40 characters"
     )]
     MetricName(String),
-    #[error(
-        "[evaluation.metrics] has {0} metrics; expected at most 8, because each adds a column to every prompt"
-    )]
+    #[error("[evaluation.metrics] has {0} metrics; expected at most 8, because each adds a column to every prompt")]
     Metrics(usize),
 }
 

@@ -18,8 +18,7 @@ pub fn check(run: &RecordedRun, findings: &mut Vec<Finding>) {
         match lineages.adopt(parent.lineage.clone(), parent.program.clone()) {
             Err(error) => findings.push(Finding::breach(CHECK, &parent.lineage, error.to_string())),
             Ok(adopted) if adopted.solutions.get(&adopted.parent) != Some(&parent.program) => {
-                let what =
-                    "the lineage's first program is not a parent: its id, generation or ancestors are wrong";
+                let what = "the lineage's first program is not a parent: its id, generation or ancestors are wrong";
                 findings.push(Finding::breach(CHECK, &parent.program.solution_id, what));
             }
             Ok(_) => {}

@@ -47,7 +47,9 @@ fn score_faults(score: &Score) -> impl Iterator<Item = String> {
     let scenes = score.scenes.iter();
     let out_of_range = scenes.filter(|s| !(0.0..=1.0).contains(&s.attack) || !(0.0..=1.0).contains(&s.realism));
     let mut faults: Vec<String> = out_of_range
-        .map(|s| format!("attack {} and realism {} of scene {} are not both between 0 and 1", s.attack, s.realism, s.scene))
+        .map(|s| {
+            format!("attack {} and realism {} of scene {} are not both between 0 and 1", s.attack, s.realism, s.scene)
+        })
         .collect();
     let labelled: BTreeSet<&str> = score.scenes.iter().map(|s| s.scene.as_str()).collect();
     if labelled.len() != score.scenes.len() {

@@ -75,9 +75,11 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
         .number("realism", "", "r: 1 where every diagnostic is satisfied; 1 where nobody acts.", |(_, label)| {
             label.realism
         })
-        .flag("acted", "Whether some adversary's motion differs from replay; realism counts only where it does.", |(_, l)| {
-            l.acted
-        })
+        .flag(
+            "acted",
+            "Whether some adversary's motion differs from replay; realism counts only where it does.",
+            |(_, l)| l.acted,
+        )
         .flag("intervened", "Whether the program asked for an intervention.", |(_, label)| label.intervened)
         .text("contact_class", "Who struck whom, where the ego met anyone.", |(_, label)| {
             label.contact.as_ref().map(|met| met.class.clone())

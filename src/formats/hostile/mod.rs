@@ -223,7 +223,12 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             edited(odr, "<geometry s=\"0\" x=\"0\" y=\"0\" hdg=\"0\" length=\"50\"><line/></geometry>", ""),
             "at least one <geometry>",
         ),
-        (wm, "one point", waymo(|m| wholes::lane_of(m).polyline.truncate(1)), "its centre line needs 2 points that differ, found 1"),
+        (
+            wm,
+            "one point",
+            waymo(|m| wholes::lane_of(m).polyline.truncate(1)),
+            "its centre line needs 2 points that differ, found 1",
+        ),
         // Topology that leads back to itself.
         (net, "its own exit", pickled(&lane(&|l| l["exit_lanes"] = json!(["10"]))), "no_lane_leads_into_itself"),
         (net, "its own neighbour", pickled(&lane(&|l| l["left_neighbor"] = json!(["10"]))), "neighbours_exist"),

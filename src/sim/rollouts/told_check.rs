@@ -58,7 +58,9 @@ fn check_rows(plant: &Plant, told: &Told) -> Result<(), ToldError> {
             }
             Ok(())
         }
-        (End::Contact, None) => wrong("contact", "the road user that the ego touched, because the rollout ended in a contact", "none"),
+        (End::Contact, None) => {
+            wrong("contact", "the road user that the ego touched, because the rollout ended in a contact", "none")
+        }
         (end, Some(_)) => wrong("contact", format!("none, since the end is {end:?}"), "one"),
         (_, None) if rows == 0 || rows > plant.steps() + 1 => {
             wrong("ego", format!("1 to {} rows", plant.steps() + 1), rows.to_string())

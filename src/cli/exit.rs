@@ -1,4 +1,4 @@
-//! Exit codes as a type: part of the program's interface, listed in the README.
+//! Exit codes as a type: part of the program's interface, listed in docs/RUNS.md.
 
 use std::process::ExitCode;
 

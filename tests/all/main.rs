@@ -38,6 +38,7 @@ mod plan;
 mod pools;
 mod programs;
 mod quickstart;
+mod readme;
 mod realism;
 mod recorded_traffic;
 mod report;

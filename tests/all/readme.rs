@@ -5,10 +5,9 @@ use std::collections::BTreeMap;
 use crate::harness::text;
 
 /// Digits that belong to a name, a definition or a typed command and are no result.
-const NAMES: [&str; 7] = [
+const NAMES: [&str; 6] = [
     "2-D simulator",
     "is 1 where motion",
-    "100 (1 − realism)",
     "PF-Area@3*",
     "--set selector.realism_min=0.85",
     "--top 5",

@@ -5,14 +5,8 @@ use std::collections::BTreeMap;
 use crate::harness::text;
 
 /// Digits that belong to a name, a definition or a typed command and are no result.
-const NAMES: [&str; 6] = [
-    "2-D simulator",
-    "is 1 where motion",
-    "PF-Area@3*",
-    "--set selector.realism_min=0.85",
-    "--top 5",
-    "Apache 2.0",
-];
+const NAMES: [&str; 6] =
+    ["2-D simulator", "is 1 where motion", "PF-Area@3*", "--set selector.realism_min=0.85", "--top 5", "Apache 2.0"];
 
 /// What the golden of the quickstart prints of each lineage, with the line that names the columns.
 fn table() -> Vec<String> {

@@ -117,8 +117,8 @@ fn told(stories: &[RecordedRun]) -> Vec<String> {
     let mut told = vec![
         "All numbers are shares of held-out scenes. A rollout ends with the ego's first contact, so the classes of a row add \
          up to its column Adversary. Which classes count for Attack, and which of them only where the ego could have avoided \
-         the contact, is said in the experiment's table evaluation.attack. Anyway: the ego meets an adversary whom it runs into \
-         in plain replay too, which never counts."
+         the contact, is said in the experiment's table evaluation.attack. Anyway: the ego meets an adversary that it also runs \
+         into in plain replay, which never counts."
             .to_string(),
         "Published work counts differently: CAT any crash with its adversary (Adversary), MetaDrive's crash flag any crash at \
          all (Anyone); the paper's realism is the plain mean over all scenes (RP, all), in which a scene that nobody touches \

@@ -290,7 +290,7 @@ fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>)
         format!(
             "{PROTOCOLS_ATTACK} Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
          count. RP = 100 (1 - r) over the scenes that the program acts in; RP of successes: over those in which it succeeds. The \
-         search's realism R is the worse one of the two, so that nudges elsewhere buy none. Coverage: share of scenes acted in. \
+         search uses strict realism, which goes by the larger RP of the two, so that small nudges in other scenes gain nothing. Coverage: share of scenes acted in. \
          Evolved: the active generator, chosen on evolution labels."
         ),
         format!(

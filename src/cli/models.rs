@@ -89,18 +89,25 @@ fn connected(
     experiment: &Experiment,
     folder: &RunFolder,
 ) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
-    use crate::llm::live::{Ledger, Live, Pause};
+    use crate::llm::live::{Ledger, Live, Outside};
     let cap = experiment.spend.ok_or_else(|| Failure::bad_input("a live model needs a table [spend]"))?;
     let prices = live.iter().map(|(name, _, client)| (*name, *client));
     let ledger = Arc::new(Ledger::open(folder.spend(), cap, prices).map_err(Failure::bad_input)?);
-    let pause: Pause = Arc::new(std::thread::sleep);
+    let outside = Outside { pause: Arc::new(std::thread::sleep), now: Arc::new(since_1970) };
     let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
     for (name, kind, client) in live {
         let key = client.api_key_env.as_deref().map(|variable| key_in(name, variable)).transpose()?;
-        let model = Live::new(name, kind, client, key, ledger.clone(), pause.clone()).map_err(Failure::bad_input)?;
+        let model = Live::new(name, kind, client, key, ledger.clone(), outside.clone()).map_err(Failure::bad_input)?;
         models.insert(name.to_string(), Box::new(model));
     }
     Ok(models)
+}
+
+/// The time since 1970, UTC.
+#[cfg(feature = "live")]
+#[allow(clippy::disallowed_methods)]
+fn since_1970() -> Duration {
+    std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default()
 }
 
 /// The key in an environment variable. The variable's name is not repeated: somebody may have put the key in its place.

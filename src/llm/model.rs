@@ -115,6 +115,14 @@ pub enum ModelError {
         /// Why the answer ended, in the provider's word.
         finish_reason: String,
     },
+    /// An answer of which nobody can say that it is whole.
+    #[error("the answer of {address} is incomplete: {reason}; {INCOMPLETE}")]
+    Incomplete {
+        /// Who answered.
+        address: String,
+        /// Why it does not count as whole.
+        reason: String,
+    },
     /// What came back is not what the protocol says.
     #[error("{address} answered with something else than the protocol says: {reason}; check base_url and kind")]
     Malformed {

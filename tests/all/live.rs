@@ -3,7 +3,7 @@
 #![allow(clippy::disallowed_methods)]
 
 use crate::harness::{self, Ran};
-use evodrive::llm::live::{Ledger, Live, RESPONSE_BYTES_MAX, Secret, Tokens, draw_seed};
+use evodrive::llm::live::{Ledger, Live, Outside, RESPONSE_BYTES_MAX, Secret, Tokens, draw_seed};
 use evodrive::llm::{
     Cassette, ClientOptions, Completion, DrawSlot, IncompleteReplies, Message, Model, ModelError, ModelSpec, Request,
     ResponseFormat, Schema, SpendCap,
@@ -147,7 +147,9 @@ fn client_with(key: &str, kind: &str, options: &ClientOptions, tokens_max: u64) 
     let waits = Arc::new(Mutex::new(Vec::new()));
     let log = waits.clone();
     let pause = Arc::new(move |wait: Duration| log.lock().unwrap().push(wait.as_secs()));
-    let live = Live::new("m", kind, options, Some(Secret::new(key).unwrap()), ledger.clone(), pause).unwrap();
+    let now = Arc::new(|| Duration::from_secs(784_110_600));
+    let outside = Outside { pause, now };
+    let live = Live::new("m", kind, options, Some(Secret::new(key).unwrap()), ledger.clone(), outside).unwrap();
     Client { live, ledger, waits, _dir: dir }
 }
 
@@ -404,24 +406,81 @@ fn no_spelling_of_the_key_comes_through_by_any_path() {
 fn a_redirect_is_not_followed() {
     let other = Server::start(|_, _| Some(chat("{}")));
     let target = format!("{}/v1/chat/completions", other.url);
-    for status in [302, 307] {
+    for (status, asked) in [(302, 3), (308, 1)] {
         let target = target.clone();
         let server = Server::start(move |_, _| {
             Some(Reply { headers: vec![("location", target.clone())], ..Reply::status(status, json!({})) })
         });
-        openai(&server).error();
-        assert_eq!((server.received().len(), other.received().len()), (1, 0), "{status}");
+        let told = openai(&server).error().to_string();
+        assert!(told.contains(&target), "{told}");
+        assert_eq!((server.received().len(), other.received().len()), (asked, 0), "{status}");
     }
 }
 
 #[test]
-fn what_is_not_the_protocol_is_said_so_and_not_asked_again() {
-    for (body, word) in [("<html>", "no JSON"), ("{\"choices\"", "no JSON"), ("{\"answer\": 42}", "no choices[0]")] {
+fn what_is_not_the_protocol_is_asked_again_and_said_so_in_the_end() {
+    for (body, word) in [("<html>", "a web page"), ("{\"choices\"", "no JSON"), ("{\"answer\": 42}", "no choices[0]")] {
         let server = Server::start(move |_, _| Some(Reply { body: body.into(), ..chat("") }));
         let error = openai(&server).error();
         assert!(matches!(&error, ModelError::Malformed { reason, .. } if reason.contains(word)), "{error}");
-        assert_eq!(server.received().len(), 1);
+        assert_eq!(server.received().len(), 3);
     }
+}
+
+#[test]
+fn an_error_told_with_200_is_asked_again_as_that_error_and_costs_nothing() {
+    let busy = json!({"id": null, "choices": null, "error": {"message": "Provider returned error", "code": 429}});
+    let told = busy.clone();
+    let server = Server::start(move |before, _| Some(if before == 0 { Reply::json(busy.clone()) } else { chat("{}") }));
+    let client = openai(&server);
+    client.ask().unwrap();
+    assert_eq!((client.waits.lock().unwrap().as_slice(), client.used()), ([1].as_slice(), Tokens { input: 120, output: 30 }));
+    let server = Server::start(move |_, _| Some(Reply::json(told.clone())));
+    let error = openai(&server).error();
+    let expected = "error 429 told with HTTP 200: Provider returned error";
+    assert!(matches!(&error, ModelError::Transport { attempts: 3, reason, .. } if reason == expected), "{error}");
+}
+
+#[test]
+fn a_wait_that_is_told_as_a_date_is_kept() {
+    let server = Server::start(|before, _| {
+        let headers = vec![("retry-after", "Sun, 06 Nov 1994 08:30:08 GMT".into())];
+        Some(if before == 0 { Reply { headers, ..Reply::status(429, json!({})) } } else { chat("{}") })
+    });
+    let client = openai(&server);
+    client.ask().unwrap();
+    assert_eq!(*client.waits.lock().unwrap(), [8]);
+}
+
+#[test]
+fn half_a_character_is_an_error_of_its_own_and_an_unusable_reply_where_such_are_kept() {
+    let body = r#"{"choices":[{"finish_reason":"stop","message":{"content":"{\"a\": \"\ud83d\"}"}}]}"#;
+    let server = Server::start(move |_, _| Some(Reply { body: body.into(), ..chat("") }));
+    let error = openai(&server).error();
+    assert!(matches!(&error, ModelError::Incomplete { reason, .. } if reason.contains("lone surrogate")), "{error}");
+    let options = ClientOptions { incomplete_replies: IncompleteReplies::Keep, ..options(&format!("{}/v1", server.url)) };
+    let answer = client("openai_compatible", &options, 1_000_000).ask().unwrap();
+    let refused = evodrive::llm::reply::json_object(&answer.bytes).unwrap_err();
+    assert_eq!(refused.expected, "UTF-8");
+}
+
+#[test]
+fn a_grammar_that_is_refused_names_the_setting_to_change() {
+    let words = "Failed to initialize samplers: failed to parse grammar";
+    let server = Server::start(move |_, _| Some(Reply::status(400, json!({"error": {"code": 400, "message": words}}))));
+    let told = openai(&server).error().to_string();
+    assert!(told.contains(words) && told.contains("response_format") && told.contains("[models.m]"), "{told}");
+}
+
+#[test]
+fn the_schema_that_is_sent_has_bounds_that_servers_compile_and_the_question_keeps_its_own() {
+    let server = Server::start(|_, _| Some(chat("{}")));
+    let long = |bound: u32| json!({"type": "object", "properties": {"a": {"type": "string", "maxLength": bound}}});
+    let request = Request { schema: schema(long(2000)), ..request(0, "openai_compatible") };
+    let key = request.key().unwrap();
+    openai(&server).live.complete(&request).unwrap();
+    let sent = &server.received()[0].body["response_format"]["json_schema"]["schema"];
+    assert_eq!((sent, request.key().unwrap()), (&long(1999), key));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::protocol::{End, Said, count_at, put_sampling, reply_name, text_at, unanswerable};
+use super::wire::compilable;
 use crate::llm::{Metadata, ModelError, Request, ResponseFormat};
 
 /// Value of the header `anthropic-version`.
@@ -21,7 +22,8 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
     if request.model.response_format == Some(ResponseFormat::Tool) {
         let name = reply_name(request);
         let describes = "Hands in the reply.";
-        body.insert("tools".into(), json!([{"name": name, "description": describes, "input_schema": request.schema}]));
+        let schema = compilable(&request.schema);
+        body.insert("tools".into(), json!([{"name": name, "description": describes, "input_schema": schema}]));
         body.insert("tool_choice".into(), json!({"type": "tool", "name": name}));
     }
     if !body.contains_key("max_tokens") {
@@ -46,7 +48,8 @@ pub fn read(answer: &Value) -> Result<Said, String> {
         Some("refusal") => End::Declined,
         Some("max_tokens" | "model_context_window_exceeded") => End::Truncated,
         _ if text.trim().is_empty() => End::Empty,
-        _ => End::Whole,
+        Some("end_turn" | "tool_use" | "stop_sequence") => End::Whole,
+        _ => End::Unknown,
     };
     let usage = |field: &str| count_at(answer, &format!("/usage/{field}"));
     let cached = ["cache_creation_input_tokens", "cache_read_input_tokens"].map(|field| usage(field).unwrap_or(0));
@@ -85,6 +88,7 @@ mod tests {
         assert_eq!(end("refusal", "No."), End::Declined);
         assert_eq!(end("max_tokens", "{"), End::Truncated);
         assert_eq!(end("end_turn", ""), End::Empty);
+        assert_eq!((end("pause_turn", "{}"), end("end_turn", "{}")), (End::Unknown, End::Whole));
         assert!(read(&json!({"content": "text"})).is_err());
     }
 }

@@ -18,8 +18,13 @@ pub struct Http {
 /// An answer with any status.
 pub struct Answer {
     pub status: u16,
-    /// `Retry-After` in seconds. A date is ignored; the usual waiting time applies then.
+    /// `Retry-After`, in seconds or as a date.
     pub retry_after: Option<Duration>,
+    pub content_type: Option<String>,
+    /// Whether the body has an encoding that was not asked for.
+    pub encoded: bool,
+    /// Where a redirect leads.
+    pub location: Option<String>,
     pub body: Vec<u8>,
 }
 
@@ -57,21 +62,35 @@ impl Http {
         Ok(Http { agent: config.new_agent(), url: url.to_string(), headers })
     }
 
-    pub fn post(&self, body: &[u8]) -> Result<Answer, Lost> {
+    /// `now` is the time since 1970, for a server that names a date and not its own time.
+    pub fn post(&self, body: &[u8], now: &dyn Fn() -> Duration) -> Result<Answer, Lost> {
         let mut request = self.agent.post(&self.url).header("content-type", "application/json");
         for (name, value) in &self.headers {
             request = request.header(*name, value);
         }
         let mut response = request.send(body).map_err(lost)?;
-        let retry_after = response.headers().get("retry-after").and_then(|value| seconds(value.to_str().ok()?));
+        let head = |name: &str| Some(response.headers().get(name)?.to_str().ok()?.trim().to_string());
+        let retry_after = head("retry-after").and_then(|text| wait(&text, head("date").as_deref(), now));
+        let (content_type, location) = (head("content-type"), head("location"));
+        let encoded = head("content-encoding").is_some_and(|encoding| encoding != "identity");
         let read = response.body_mut().with_config().limit(RESPONSE_BYTES_MAX).read_to_vec();
-        Ok(Answer { status: response.status().as_u16(), retry_after, body: read.map_err(lost)? })
+        let status = response.status().as_u16();
+        Ok(Answer { status, retry_after, content_type, encoded, location, body: read.map_err(lost)? })
     }
 }
 
-fn seconds(text: &str) -> Option<Duration> {
-    let seconds: f64 = text.trim().parse().ok()?;
-    Duration::try_from_secs_f64(seconds).ok()
+/// How long `Retry-After` asks to wait: seconds, or the time from the server's own `Date` to the date that it names. A date that is
+/// past asks for no wait.
+fn wait(text: &str, date: Option<&str>, now: &dyn Fn() -> Duration) -> Option<Duration> {
+    if let Ok(seconds) = text.parse() {
+        return Duration::try_from_secs_f64(seconds).ok();
+    }
+    let since_1970 = |text: &str| {
+        let start = httpdate::parse_http_date("Thu, 01 Jan 1970 00:00:00 GMT").ok()?;
+        httpdate::parse_http_date(text).ok()?.duration_since(start).ok()
+    };
+    let now = date.and_then(since_1970).unwrap_or_else(now);
+    Some(since_1970(text)?.saturating_sub(now))
 }
 
 fn lost(error: ureq::Error) -> Lost {
@@ -87,5 +106,23 @@ fn lost(error: ureq::Error) -> Lost {
             Lost::Unusable(error.to_string())
         }
         _ => Lost::Midway(error.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wait_is_told_in_seconds_or_as_a_date_and_the_servers_own_clock_counts() {
+        let half_past_eight = Duration::from_secs(784_110_600);
+        let seconds = |text: &str, date: Option<&str>| wait(text, date, &|| half_past_eight).map(|wait| wait.as_secs_f64());
+        assert_eq!((seconds("7", None), seconds("0.5", None), seconds("soon", None)), (Some(7.0), Some(0.5), None));
+        let at = "Sun, 06 Nov 1994 08:30:08 GMT";
+        assert_eq!(seconds(at, None), Some(8.0));
+        assert_eq!(seconds(at, Some("Sun, 06 Nov 1994 08:30:05 GMT")), Some(3.0));
+        // The older forms, which a reader has to know.
+        assert_eq!(seconds("Sunday, 06-Nov-94 08:30:09 GMT", None), Some(9.0));
+        assert_eq!(seconds("Sun Nov  6 08:29:00 1994", None), Some(0.0));
     }
 }

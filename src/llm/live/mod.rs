@@ -2,12 +2,15 @@
 //! only code that uses the network, and only under the cargo feature `live`.
 
 mod anthropic;
+mod heard;
 mod http;
 mod openai;
 mod protocol;
 mod retry;
 mod secret;
 mod spend;
+mod surrogates;
+mod wire;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,13 +20,23 @@ pub use protocol::draw_seed;
 pub use secret::Secret;
 pub use spend::{Ledger, Tokens};
 
-use super::{ClientOptions, Completion, IncompleteReplies, Model, ModelError, Request, client};
+use super::{ClientOptions, Completion, IncompleteReplies, Model, ModelError, Request, ResponseFormat, client};
+use heard::{Heard, heard};
 use http::Http;
 use protocol::{End, Protocol, Said};
-use retry::{Schedule, Step};
+use retry::{Schedule, Step, Stop};
 
-/// Waits between two attempts. The clock is the caller's.
-pub type Pause = Arc<dyn Fn(Duration) + Send + Sync>;
+/// What a client needs of the world beside the network; it is the caller's.
+#[derive(Clone)]
+pub struct Outside {
+    /// Waits between two attempts.
+    pub pause: Arc<dyn Fn(Duration) + Send + Sync>,
+    /// The time since 1970, UTC.
+    pub now: Arc<dyn Fn() -> Duration + Send + Sync>,
+}
+
+/// Characters of an unexpected body that a message shows.
+const QUOTED_CHARS: usize = 200;
 
 /// One live model of an experiment.
 pub struct Live {
@@ -33,7 +46,7 @@ pub struct Live {
     http: Http,
     key: Option<Secret>,
     ledger: Arc<Ledger>,
-    pause: Pause,
+    outside: Outside,
 }
 
 impl Live {
@@ -44,7 +57,7 @@ impl Live {
         options: &ClientOptions,
         key: Option<Secret>,
         ledger: Arc<Ledger>,
-        pause: Pause,
+        outside: Outside,
     ) -> Result<Live, ModelError> {
         let unusable = |reason: String| ModelError::Unanswerable { reason: format!("models.{name}: {reason}") };
         let protocol = match kind {
@@ -54,7 +67,7 @@ impl Live {
         };
         let url = protocol.url(&options.base_url);
         let http = Http::new(&url, protocol.headers(key.as_ref()), options.timeout_s).map_err(unusable)?;
-        Ok(Live { name: name.to_string(), protocol, options: options.clone(), http, key, ledger, pause })
+        Ok(Live { name: name.to_string(), protocol, options: options.clone(), http, key, ledger, outside })
     }
 
     /// Asks until there is an answer, or a reason why there will be none.
@@ -64,15 +77,16 @@ impl Live {
         let mut schedule = Schedule::new(&self.options);
         loop {
             let reservation = self.ledger.reserve(&self.name, bound)?;
-            let step = match self.http.post(&body) {
-                Ok(answer) if answer.status == 200 => {
-                    let said = self.protocol.read(&answer.body).map_err(|reason| self.malformed(reason))?;
-                    reservation.settle(said.tokens().unwrap_or(bound));
-                    return Ok(said);
-                }
+            let step = match self.http.post(&body, &*self.outside.now) {
                 Ok(answer) => {
-                    reservation.settle(Tokens::default());
-                    schedule.after_status(&answer)
+                    let heard = heard(self.protocol, &answer, &|body| self.quoted(body));
+                    reservation.settle(taken(&heard, bound));
+                    match heard {
+                        Heard::Said(said) => return Ok(*said),
+                        Heard::Passing(fault) => schedule.after_fault(fault, answer.retry_after),
+                        Heard::Strange(fault) => schedule.after_strange(fault, answer.retry_after),
+                        Heard::Refused(fault) => Step::Stop(Stop::Refused { reason: fault.reason }),
+                    }
                 }
                 Err(lost) => {
                     if !lost.may_be_billed() {
@@ -82,10 +96,20 @@ impl Live {
                 }
             };
             match step {
-                Step::Again(wait) => (self.pause)(wait),
-                Step::Stop(stop) => return Err(stop.error(&self.options.base_url, |text| self.shown(text))),
+                Step::Again(wait) => (self.outside.pause)(wait),
+                Step::Stop(stop) => return Err(self.stopped(stop, request)),
             }
         }
+    }
+
+    /// Why it is not asked again, with what to change where the server's words tell.
+    fn stopped(&self, stop: Stop, request: &Request) -> ModelError {
+        let format = request.model.response_format;
+        let held = format.is_some_and(|format| format != ResponseFormat::None);
+        stop.error(&self.options.base_url, |text| match wire::remedy(&self.name, held, text) {
+            Some(remedy) => format!("{}; {remedy}", self.shown(text)),
+            None => self.shown(text),
+        })
     }
 
     /// The part of an answer that may be recorded.
@@ -106,6 +130,14 @@ impl Live {
                 Err(ModelError::Truncated { address, output_tokens, finish_reason })
             }
             (End::Empty, IncompleteReplies::Stop) => Err(ModelError::Empty { address, finish_reason }),
+            (End::Unknown, IncompleteReplies::Stop) => {
+                let reason = format!("its finish reason is {finish_reason}, which may mean anything");
+                Err(ModelError::Incomplete { address, reason })
+            }
+            (End::Broken, IncompleteReplies::Stop) => {
+                let reason = "it holds half a character (a lone surrogate, or bytes that are no UTF-8)".to_string();
+                Err(ModelError::Incomplete { address, reason })
+            }
         }
     }
 
@@ -125,14 +157,33 @@ impl Live {
         ModelError::Malformed { address: self.options.base_url.clone(), reason: self.shown(&reason) }
     }
 
+    /// The first characters of a body, for messages.
+    fn quoted(&self, body: &[u8]) -> String {
+        // More than is shown, so that a key that stands across the end is found.
+        let start = String::from_utf8_lossy(&body[..body.len().min(QUOTED_CHARS * 40)]).into_owned();
+        let text = self.key.as_ref().map_or_else(|| start.clone(), |key| key.redacted(&start));
+        let mut shown: String = text.chars().take(QUOTED_CHARS).collect();
+        shown.extend((shown.len() < text.len()).then_some('…'));
+        format!("{shown:?}")
+    }
+
     /// Text of the server made fit for messages: short, on one line, without the key.
     fn shown(&self, text: &str) -> String {
         let text = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.redacted(text));
         let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        match line.char_indices().nth(400) {
+        match line.char_indices().nth(600) {
             Some((cut, _)) => format!("{}…", &line[..cut]),
             None => line,
         }
+    }
+}
+
+/// What an answer took: as the provider counts, nothing where it only refused, the bound where nobody says.
+fn taken(heard: &Heard, bound: Tokens) -> Tokens {
+    match heard {
+        Heard::Said(said) => said.tokens().unwrap_or(bound),
+        Heard::Passing(fault) | Heard::Strange(fault) | Heard::Refused(fault) if fault.answered => bound,
+        _ => Tokens::default(),
     }
 }
 

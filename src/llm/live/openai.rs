@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::protocol::{End, Said, count_at, put_sampling, reply_name, text_at};
+use super::wire::compilable;
 use crate::llm::{Metadata, ModelError, Request, ResponseFormat};
 
 pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
@@ -17,10 +18,10 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
         Some(ResponseFormat::JsonSchema) => {
             // Not strict, because providers support strict mode only for simpler schemas. Every reply is checked again
             // anyway.
-            let schema = json!({"name": reply_name(request), "strict": false, "schema": request.schema});
+            let schema = json!({"name": reply_name(request), "strict": false, "schema": compilable(&request.schema)});
             Some(json!({"type": "json_schema", "json_schema": schema}))
         }
-        Some(ResponseFormat::JsonObjectSchema) => Some(json!({"type": "json_object", "schema": request.schema})),
+        Some(ResponseFormat::JsonObjectSchema) => Some(json!({"type": "json_object", "schema": compilable(&request.schema)})),
         Some(ResponseFormat::JsonObject) => Some(json!({"type": "json_object"})),
         Some(ResponseFormat::None | ResponseFormat::Tool) | None => None,
     };
@@ -31,30 +32,68 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
 }
 
 pub fn read(answer: &Value) -> Result<Said, String> {
-    let choice = answer.pointer("/choices/0").ok_or("no choices[0]")?;
+    let Some(choice) = answer.pointer("/choices/0") else { return without_choices(answer) };
     let message = choice.get("message").filter(|m| m.is_object()).ok_or("no message in choices[0]")?;
-    let content = match message.get("content") {
-        None | Some(Value::Null) => String::new(),
-        Some(Value::String(text)) => text.clone(),
-        Some(_) => return Err("choices[0].message.content is not a text".into()),
-    };
+    let (content, refused) = content(message.get("content").unwrap_or(&Value::Null))?;
     let finish_reason = text_at(choice, "/finish_reason");
-    let refusal = text_at(message, "/refusal").filter(|text| !text.is_empty());
+    let refusal = text_at(message, "/refusal").or(refused).filter(|text| !text.is_empty());
     let end = match finish_reason.as_deref() {
         Some("content_filter") => End::Declined,
         _ if refusal.is_some() => End::Declined,
         Some("length") => End::Truncated,
         _ if content.trim().is_empty() => End::Empty,
-        _ => End::Whole,
+        Some("stop") => End::Whole,
+        _ => End::Unknown,
     };
-    let metadata = Metadata {
+    Ok(Said { text: refusal.unwrap_or(content).into_bytes(), end, metadata: metadata(answer, finish_reason) })
+}
+
+fn metadata(answer: &Value, finish_reason: Option<String>) -> Metadata {
+    Metadata {
         model: text_at(answer, "/model").map(|said| without_folder(&said).to_string()).unwrap_or_default(),
         finish_reason,
         input_tokens: count_at(answer, "/usage/prompt_tokens"),
         output_tokens: count_at(answer, "/usage/completion_tokens"),
         fingerprint: text_at(answer, "/system_fingerprint"),
+    }
+}
+
+/// An answer without a choice: Azure and Gemini say so where a filter let no answer through.
+fn without_choices(answer: &Value) -> Result<Said, String> {
+    let is_filtered = ["prompt_filter_results", "prompt_feedback", "promptFeedback"].iter().any(|f| answer.get(f).is_some());
+    match answer.get("choices") {
+        Some(Value::Array(_)) if is_filtered => {
+            Ok(Said { text: vec![], end: End::Declined, metadata: metadata(answer, Some("content_filter".into())) })
+        }
+        Some(Value::Array(_)) => Err("no choices[0]: `choices` is empty".into()),
+        Some(Value::Null) => Err("no choices[0]: `choices` is null".into()),
+        _ => Err("no choices[0]".into()),
+    }
+}
+
+/// The text of a content, and a refusal in it: a text, or a list of parts as Mistral and others send it. What a model thought
+/// before it answered is no part of the reply.
+fn content(content: &Value) -> Result<(String, Option<String>), String> {
+    let parts = match content {
+        Value::Null => return Ok((String::new(), None)),
+        Value::String(text) => return Ok((text.clone(), None)),
+        Value::Array(parts) => parts,
+        _ => return Err("choices[0].message.content is not a text".into()),
     };
-    Ok(Said { text: refusal.unwrap_or(content).into_bytes(), end, metadata })
+    let (mut text, mut refusal) = (String::new(), None);
+    for (i, part) in parts.iter().enumerate() {
+        let kind = part.get("type").and_then(Value::as_str);
+        match (part, kind) {
+            (Value::String(words), _) => text.push_str(words),
+            (_, Some("thinking" | "redacted_thinking" | "reasoning" | "reference")) => {}
+            (_, Some("refusal")) => refusal = text_at(part, "/refusal"),
+            _ => match part.get("text").and_then(Value::as_str) {
+                Some(words) => text.push_str(words),
+                None => return Err(format!("choices[0].message.content[{i}] holds no text")),
+            },
+        }
+    }
+    Ok((text, refusal))
 }
 
 /// A model's name without the folder of its file. llama.cpp's server, unless told an alias, names the model by the path of its
@@ -79,6 +118,8 @@ mod tests {
         assert_eq!(end(json!({"finish_reason": "length", "message": {"content": null}})), End::Truncated);
         assert_eq!(end(json!({"finish_reason": "stop", "message": {"content": " \n"}})), End::Empty);
         assert_eq!(end(json!({"finish_reason": "content_filter", "message": {"content": ""}})), End::Declined);
+        assert_eq!(end(json!({"finish_reason": "max_time", "message": {"content": "{}"}})), End::Unknown);
+        assert_eq!(end(json!({"finish_reason": null, "message": {"content": "{}"}})), End::Unknown);
         let refused = read(&json!({"choices": [{"message": {"content": null, "refusal": "I will not."}}]})).unwrap();
         assert_eq!((refused.end, refused.text), (End::Declined, b"I will not.".to_vec()));
     }
@@ -105,7 +146,7 @@ mod tests {
             (json!({}), "choices[0]"),
             (json!({"choices": []}), "choices[0]"),
             (json!({"choices": [{"message": 3}]}), "message"),
-            (json!({"choices": [{"message": {"content": [1]}}]}), "no text"),
+            (json!({"choices": [{"message": {"content": 7}}]}), "no text"),
             (json!([]), "choices[0]"),
         ] {
             assert!(read(&value).unwrap_err().contains(word), "{value}");

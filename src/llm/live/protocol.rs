@@ -31,6 +31,10 @@ pub enum End {
     /// Refused by the model or filtered by the provider; it holds the text.
     Declined,
     Empty,
+    /// With a finish reason that nobody knows, or none: perhaps a part.
+    Unknown,
+    /// With half a character in it.
+    Broken,
 }
 
 impl Said {
@@ -71,11 +75,11 @@ impl Protocol {
         serde_json::to_vec(&Value::Object(body)).map_err(unanswerable)
     }
 
-    pub fn read(self, body: &[u8]) -> Result<Said, String> {
-        let value: Value = serde_json::from_slice(body).map_err(|error| format!("no JSON: {error}"))?;
+    /// The reply in an answer that is no error.
+    pub fn read(self, answer: &Value) -> Result<Said, String> {
         match self {
-            Protocol::OpenAi => openai::read(&value),
-            Protocol::Anthropic => anthropic::read(&value),
+            Protocol::OpenAi => openai::read(answer),
+            Protocol::Anthropic => anthropic::read(answer),
         }
     }
 
@@ -124,5 +128,8 @@ pub fn text_at(value: &Value, pointer: &str) -> Option<String> {
 }
 
 pub fn count_at(value: &Value, pointer: &str) -> Option<u64> {
-    value.pointer(pointer).and_then(Value::as_u64)
+    let number = value.pointer(pointer)?;
+    // Some servers count in floats.
+    let whole = number.as_f64().filter(|x| x.fract() == 0.0 && (0.0..1e15).contains(x)).map(|x| x as u64);
+    number.as_u64().or(whole)
 }

@@ -1,9 +1,9 @@
 //! When to ask again, and how long to wait: bounded, and as the server says if it says so.
 
-use serde_json::Value;
 use std::time::Duration;
 
-use super::http::{Answer, Lost};
+use super::heard::Fault;
+use super::http::Lost;
 use crate::llm::{ClientOptions, ModelError};
 
 /// The first wait; each further one is twice as long, up to `wait_s_max`.
@@ -50,13 +50,17 @@ impl Schedule {
         Schedule { attempts: 0, attempts_max: options.attempts_max, wait: FIRST_WAIT.min(wait_max), wait_max }
     }
 
-    /// After an answer that is not 200.
-    pub fn after_status(&mut self, answer: &Answer) -> Step {
-        let (code, message) = code_and_message(&answer.body);
-        let reason = format!("HTTP {}: {message}", answer.status);
-        // An account without money also gets 429, and asking again does not help.
-        let passing = matches!(answer.status, 408 | 429 | 500..=599) && code.as_deref() != Some("insufficient_quota");
-        if passing { self.again(reason, answer.retry_after) } else { Step::Stop(Stop::Refused { reason }) }
+    /// After a server's fault that may pass, with the wait that it asked for.
+    pub fn after_fault(&mut self, fault: Fault, asked_for: Option<Duration>) -> Step {
+        self.again(fault.reason, asked_for)
+    }
+
+    /// After something that is not the protocol.
+    pub fn after_strange(&mut self, fault: Fault, asked_for: Option<Duration>) -> Step {
+        match self.again(fault.reason, asked_for) {
+            Step::Stop(Stop::Transport { reason, .. }) => Step::Stop(Stop::Malformed { reason }),
+            step => step,
+        }
     }
 
     /// After no answer.
@@ -86,15 +90,6 @@ impl Schedule {
     }
 }
 
-/// Code and message of an error's body: OpenAI, Anthropic and llama.cpp say `{"error": {..}}`, others something else.
-fn code_and_message(body: &[u8]) -> (Option<String>, String) {
-    let value: Value = serde_json::from_slice(body).unwrap_or(Value::Null);
-    let error = value.get("error").unwrap_or(&value);
-    let text = |field: &str| error.get(field).and_then(Value::as_str).map(str::to_string);
-    let message = text("message").or_else(|| error.as_str().map(str::to_string));
-    (text("code").or_else(|| text("type")), message.unwrap_or_else(|| String::from_utf8_lossy(body).into_owned()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,8 +108,8 @@ mod tests {
         })
     }
 
-    fn answer(status: u16, retry_after_s: Option<u64>, body: &str) -> Answer {
-        Answer { status, retry_after: retry_after_s.map(Duration::from_secs), body: body.into() }
+    fn fault(reason: &str) -> Fault {
+        Fault { reason: reason.into(), answered: false }
     }
 
     #[test]
@@ -134,9 +129,10 @@ mod tests {
     #[test]
     fn the_servers_own_wait_is_kept_and_too_long_a_one_is_the_end() {
         let mut schedule = schedule(5, 60);
-        assert!(matches!(schedule.after_status(&answer(429, Some(7), "")), Step::Again(w) if w.as_secs() == 7));
-        assert!(matches!(schedule.after_status(&answer(503, None, "")), Step::Again(w) if w.as_secs() == 2));
-        let Step::Stop(Stop::Transport { attempts: 3, reason }) = schedule.after_status(&answer(429, Some(61), "slow"))
+        let seconds = |s| Some(Duration::from_secs(s));
+        assert!(matches!(schedule.after_fault(fault(""), seconds(7)), Step::Again(w) if w.as_secs() == 7));
+        assert!(matches!(schedule.after_strange(fault(""), None), Step::Again(w) if w.as_secs() == 2));
+        let Step::Stop(Stop::Transport { attempts: 3, reason }) = schedule.after_fault(fault("HTTP 429: slow"), seconds(61))
         else {
             panic!("expected the end")
         };
@@ -144,30 +140,10 @@ mod tests {
     }
 
     #[test]
-    fn what_asking_again_cannot_change_is_not_asked_again() {
-        for (status, body) in [
-            (400, "{}"),
-            (401, "{}"),
-            (404, "{\"detail\":\"Not Found\"}"),
-            (307, ""),
-            (429, "{\"error\":{\"code\":\"insufficient_quota\",\"message\":\"no credit\"}}"),
-        ] {
-            let step = schedule(5, 60).after_status(&answer(status, None, body));
-            assert!(matches!(step, Step::Stop(Stop::Refused { .. })), "{status}");
-        }
-    }
-
-    #[test]
-    fn error_messages_are_found_in_each_shape() {
-        assert_eq!(code_and_message(b"{\"error\":{\"code\":400,\"message\":\"too long\"}}").1, "too long");
-        assert_eq!(
-            code_and_message(
-                b"{\"type\":\"error\",\"error\":{\"type\":\"overloaded_error\",\"message\":\"Overloaded\"}}"
-            )
-            .1,
-            "Overloaded"
-        );
-        assert_eq!(code_and_message(b"{\"error\":\"model not found\"}").1, "model not found");
-        assert_eq!(code_and_message(b"Bad Gateway").1, "Bad Gateway");
+    fn what_is_not_the_protocol_is_asked_again_and_told_as_such_in_the_end() {
+        let mut schedule = schedule(2, 60);
+        assert!(matches!(schedule.after_strange(fault("a page"), None), Step::Again(_)));
+        let last = schedule.after_strange(fault("a page"), None);
+        assert!(matches!(last, Step::Stop(Stop::Malformed { reason }) if reason == "a page"));
     }
 }

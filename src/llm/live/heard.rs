@@ -1,0 +1,219 @@
+//! What an HTTP answer is: the one place that tells a model's reply from a server's fault, for both protocols. What is the model's
+//! fault is a reply of some kind (cut, declined, empty, not readable); what is the server's is asked again; what asking again
+//! cannot change is refused.
+
+use serde_json::Value;
+
+use super::http::Answer;
+use super::protocol::{End, Protocol, Said, text_at};
+use super::surrogates;
+use crate::llm::Metadata;
+
+/// An HTTP answer, understood.
+#[derive(Debug, PartialEq)]
+pub enum Heard {
+    /// The model answered, well or not.
+    Said(Box<Said>),
+    /// The server failed, and may do better.
+    Passing(Fault),
+    /// Nothing of the protocol came: a page, a stream, half an object. It is asked again; perhaps something between here and the
+    /// server spoke.
+    Strange(Fault),
+    /// Asking again would not change it.
+    Refused(Fault),
+}
+
+/// What happened, in the server's words where it has some.
+#[derive(Debug, PartialEq)]
+pub struct Fault {
+    pub reason: String,
+    /// Whether a model may have worked on it, so that it may be billed.
+    pub answered: bool,
+}
+
+/// Ends of an answer that the server caused: Mistral and OpenRouter, vLLM, DeepSeek, Zhipu.
+const SERVERS_ENDS: [&str; 4] = ["error", "abort", "insufficient_system_resource", "network_error"];
+/// Words in an error's code by which a filter declines, as Azure and OpenAI have them.
+const FILTERS: [&str; 3] = ["content_filter", "content_policy", "responsibleaipolicy"];
+/// Words in an error's code that mean no money or no right, whatever the status.
+const FINAL: [&str; 9] = [
+    "insufficient_quota",
+    "billing",
+    "invalid_request",
+    "invalid_api_key",
+    "authentication",
+    "permission",
+    "not_found",
+    "context_length",
+    "exceed_context",
+];
+
+/// Tells what an answer is. `quote` shows the beginning of a body without the key.
+pub fn heard(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Heard {
+    let status = answer.status;
+    match status {
+        200..=299 => body(protocol, answer, quote),
+        300..=399 => redirect(answer),
+        _ => {
+            let told = told_error(&parsed(&answer.body).unwrap_or(Value::Null));
+            let words = match &told {
+                Some(told) if !told.message.is_empty() => told.words(),
+                _ => named(answer, quote).unwrap_or_else(|| quote(&answer.body)),
+            };
+            let code = told.as_ref().map_or("", |told| told.code.as_str());
+            judged(Some(status), code, format!("HTTP {status}: {words}"), &words)
+        }
+    }
+}
+
+fn fault(reason: impl Into<String>, answered: bool) -> Fault {
+    Fault { reason: reason.into(), answered }
+}
+
+fn redirect(answer: &Answer) -> Heard {
+    let to = answer.location.as_deref().unwrap_or("nowhere");
+    let reason = format!("HTTP {} redirects to {to}, and no redirect is followed", answer.status);
+    // A page of a network's owner redirects for a while; a moved server says 301 or 308.
+    match answer.status {
+        302 | 303 | 307 => Heard::Strange(fault(reason, false)),
+        _ => Heard::Refused(fault(reason, false)),
+    }
+}
+
+/// By status (of HTTP, or of an error told with 200) and the code's words.
+fn judged(status: Option<u16>, code: &str, reason: String, words: &str) -> Heard {
+    let code = code.to_ascii_lowercase();
+    let has = |list: &[&str]| list.iter().any(|word| code.contains(word));
+    if has(&FILTERS) {
+        let text = words.as_bytes().to_vec();
+        return Heard::Said(Box::new(Said { text, end: End::Declined, metadata: Metadata::default() }));
+    }
+    let passing = match status {
+        Some(408 | 429 | 500..=599) => !has(&FINAL[..2]),
+        Some(400..=499) => false,
+        _ => !has(&FINAL),
+    };
+    if passing { Heard::Passing(fault(reason, false)) } else { Heard::Refused(fault(reason, false)) }
+}
+
+/// An answer with status 2xx.
+fn body(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Heard {
+    let strange = |what: String, answered: bool| {
+        Heard::Strange(fault(format!("{what}; it begins {}", quote(&answer.body)), answered))
+    };
+    if let Some(name) = named(answer, quote) {
+        return Heard::Strange(fault(name, !answer.body.is_empty()));
+    }
+    let (value, mended) = match parsed(&answer.body) {
+        Ok(value) => (value, false),
+        Err(error) => match surrogates::lifted(&answer.body).and_then(|body| parsed(&body).ok()) {
+            Some(value) => (value, true),
+            None => return strange(format!("no JSON: {error}"), true),
+        },
+    };
+    if let Some(told) = told_error(&value).filter(|_| says_error(&value)) {
+        let reason = match told.status {
+            Some(status) => format!("error {status} told with HTTP {}: {}", answer.status, told.words()),
+            None => format!("an error told with HTTP {}: {}", answer.status, told.words()),
+        };
+        return judged(told.status, &told.code, reason, &told.words());
+    }
+    match protocol.read(&value) {
+        Ok(said) if said.metadata.finish_reason.as_deref().is_some_and(|end| SERVERS_ENDS.contains(&end)) => {
+            let end = said.metadata.finish_reason.unwrap_or_default();
+            Heard::Passing(fault(format!("the server ended the answer (finish reason {end})"), true))
+        }
+        Ok(said) if mended => {
+            let end = if said.end == End::Whole { End::Broken } else { said.end };
+            Heard::Said(Box::new(Said { text: surrogates::lowered(&said.text), end, ..said }))
+        }
+        Ok(said) => Heard::Said(Box::new(said)),
+        Err(reason) => strange(reason, true),
+    }
+}
+
+/// JSON, behind a byte order mark too: RFC 8259 lets a reader pass over it.
+fn parsed(body: &[u8]) -> Result<Value, serde_json::Error> {
+    serde_json::from_slice(body.strip_prefix(b"\xef\xbb\xbf").unwrap_or(body))
+}
+
+/// The name of a body that is no JSON at all, by what it begins with.
+fn named(answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Option<String> {
+    let body = answer.body.as_slice();
+    let text = body.strip_prefix(b"\xef\xbb\xbf").unwrap_or(body).trim_ascii_start();
+    let of_type = |word: &str| answer.content_type.as_deref().is_some_and(|kind| kind.contains(word));
+    let begins = |words: &[&str]| words.iter().any(|word| text.starts_with(word.as_bytes()));
+    let name = if body.is_empty() {
+        return Some("an empty body".into());
+    } else if body.starts_with(b"\x1f\x8b") || answer.encoded {
+        return Some("a compressed body (gzip or the like), which was not asked for".into());
+    } else if body.starts_with(b"\xff\xfe") || body.starts_with(b"\xfe\xff") {
+        return Some("a body in UTF-16 (by its byte order mark), expected UTF-8".into());
+    } else if of_type("event-stream") || begins(&["data:", "event:", "id:", "retry:"]) {
+        "an event stream, though none was asked for (\"stream\": false)"
+    } else if begins(&["<"]) {
+        "a web page, perhaps one to sign in at"
+    } else {
+        return None;
+    };
+    Some(format!("{name}; it begins {}", quote(body)))
+}
+
+/// An error as a server tells it.
+struct Told {
+    message: String,
+    /// Its code and type, in one text.
+    code: String,
+    /// Its code where that is a status of HTTP.
+    status: Option<u16>,
+}
+
+impl Told {
+    fn words(&self) -> String {
+        if self.message.is_empty() { self.code.clone() } else { self.message.clone() }
+    }
+}
+
+/// Whether a body of status 200 is an error: `error` with something in it, `object` or `type` that says so.
+fn says_error(value: &Value) -> bool {
+    let word = |field: &str| value.get(field).and_then(Value::as_str) == Some("error");
+    let in_choice = value.pointer("/choices/0/error").is_some_and(holds_something);
+    value.get("error").is_some_and(holds_something) || in_choice || word("object") || word("type")
+}
+
+fn holds_something(value: &Value) -> bool {
+    match value {
+        Value::Null | Value::Bool(false) => false,
+        Value::String(text) => !text.is_empty(),
+        Value::Object(fields) => !fields.is_empty(),
+        _ => true,
+    }
+}
+
+/// OpenAI, Anthropic, llama.cpp and gateways say `{"error": {..}}`, Ollama `{"error": ".."}`, older vLLM has the fields at the top.
+fn told_error(value: &Value) -> Option<Told> {
+    let at = |place: &str| value.pointer(place).filter(|error| holds_something(error));
+    let error = at("/error").or_else(|| at("/choices/0/error")).or(Some(value)).filter(|error| !error.is_null())?;
+    let text = |place: &str| error.pointer(place).and_then(Value::as_str).unwrap_or_default().to_string();
+    let message = match error {
+        Value::String(text) => text.clone(),
+        _ => ["/message", "/detail", "/error_description"].map(text).into_iter().find(|m| !m.is_empty()).unwrap_or_default(),
+    };
+    // A gateway's own words say less than those that it passes on.
+    let message = match text("/metadata/raw") {
+        raw if raw.is_empty() || message.contains(&raw) => message,
+        raw => format!("{message} ({raw})"),
+    };
+    let code = ["/code", "/status", "/status_code"].into_iter().filter_map(|place| error.pointer(place));
+    let number = |code: &Value| code.as_u64().or_else(|| code.as_str()?.trim().parse().ok());
+    let status = code.filter_map(number).find(|code| (400..600).contains(code));
+    let inner = text_at(error, "/innererror/code").unwrap_or_default();
+    Some(Told {
+        message,
+        code: [text("/code"), text("/type"), inner].join(" ").trim().to_string(),
+        status: status.and_then(|status| u16::try_from(status).ok()),
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -90,6 +90,17 @@ pub fn table(cost: &RunCost) -> String {
     if cost.lineages.len() > 1 {
         row(&mut out, "all", &sum(cost), cost.wall_s());
     }
+    let all = sum(cost);
+    if all.cached_input_tokens > 0 {
+        let _ = writeln!(out, "  {} of the questions' tokens came from providers' caches", all.cached_input_tokens);
+    }
+    if all.cut_prompts > 0 {
+        let _ = writeln!(
+            out,
+            "  {} of {} questions were cut by their server: give it a larger context and record again with --fresh",
+            all.cut_prompts, all.answers
+        );
+    }
     out.trim_end().to_string()
 }
 
@@ -108,9 +119,9 @@ fn row(out: &mut String, name: &str, work: &Work, wall_s: f64) {
 
 fn sum(cost: &RunCost) -> Work {
     let mut all = Work::default();
-    for Work { wall_s, compiled, compile_s, rollouts, rollout_s, answers, model_s, input_tokens, output_tokens } in
-        cost.lineages.iter().map(|lineage| lineage.work)
-    {
+    for work in cost.lineages.iter().map(|lineage| lineage.work) {
+        let Work { wall_s, compiled, compile_s, rollouts, rollout_s, answers, model_s, .. } = work;
+        let Work { input_tokens, output_tokens, cached_input_tokens, cut_prompts, .. } = work;
         all.wall_s += wall_s;
         all.compiled += compiled;
         all.compile_s += compile_s;
@@ -120,6 +131,8 @@ fn sum(cost: &RunCost) -> Work {
         all.model_s += model_s;
         all.input_tokens = all.input_tokens.saturating_add(input_tokens);
         all.output_tokens = all.output_tokens.saturating_add(output_tokens);
+        all.cached_input_tokens = all.cached_input_tokens.saturating_add(cached_input_tokens);
+        all.cut_prompts += cut_prompts;
     }
     all
 }
@@ -153,6 +166,15 @@ mod tests {
             [["king-idm", "3.0", "75%", "60"], ["cat-idm", "1.0", "25%", "40"], ["all", "4.0", "100%", "100"]]
         );
         assert!(text.starts_with("cost: 100 rollouts simulated, 7 read from the store, 4.0 s on 2 threads"), "{text}");
+    }
+
+    #[test]
+    fn questions_that_were_cut_are_told_below_the_table() {
+        let lineages = vec![lineage("cat-idm", Work { answers: 9, cut_prompts: 4, ..Work::default() })];
+        let mut cost = RunCost { format: FORMAT.into(), threads: 2, simulated: 0, reused: 0, lineages };
+        assert!(table(&cost).contains("4 of 9 questions were cut by their server"), "{}", table(&cost));
+        cost.lineages[0].work.cut_prompts = 0;
+        assert!(!table(&cost).contains("cut by"));
     }
 
     #[test]

@@ -93,7 +93,8 @@ fn connected(
     let cap = experiment.spend.ok_or_else(|| Failure::bad_input("a live model needs a table [spend]"))?;
     let prices = live.iter().map(|(name, _, client)| (*name, *client));
     let ledger = Arc::new(Ledger::open(folder.spend(), cap, prices).map_err(Failure::bad_input)?);
-    let outside = Outside { pause: Arc::new(std::thread::sleep), now: Arc::new(since_1970) };
+    let tell = |line: &str| progress(line);
+    let outside = Outside { pause: Arc::new(std::thread::sleep), now: Arc::new(since_1970), tell: Arc::new(tell) };
     let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
     for (name, kind, client) in live {
         let key = client.api_key_env.as_deref().map(|variable| key_in(name, variable)).transpose()?;

@@ -106,6 +106,9 @@ impl Ask for Asking<'_, '_> {
             work.model_s += took_s;
             work.input_tokens = work.input_tokens.saturating_add(tokens.0.unwrap_or(0));
             work.output_tokens = work.output_tokens.saturating_add(tokens.1.unwrap_or(0));
+            let cached = said.and_then(|metadata| metadata.cached_input_tokens).unwrap_or(0);
+            work.cached_input_tokens = work.cached_input_tokens.saturating_add(cached);
+            work.cut_prompts += usize::from(said.is_some_and(|said| said.prompt_was_cut(request.prompt_bytes())));
         });
         reply
     }
@@ -114,6 +117,7 @@ impl Ask for Asking<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::llm::{DrawSlot, Message, Metadata, ModelSpec, Schema};
     use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]
@@ -133,6 +137,43 @@ mod tests {
             Work { wall_s: 7.0, compiled: 1, compile_s: 1.0, rollouts: 2, rollout_s: 2.0, ..Work::default() };
         assert_eq!(found[&cat], expected);
         assert_eq!(found[&king], Work { wall_s: 1.0, ..Work::default() });
+    }
+
+    /// Says that it read this many tokens, of which some came from a cache.
+    struct Says(u64);
+
+    impl Ask for Says {
+        fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+            let metadata =
+                Metadata { input_tokens: Some(self.0), cached_input_tokens: Some(self.0 / 2), ..Metadata::default() };
+            let request = request.key().unwrap();
+            Ok(Reply { request, response: request, bytes: b"{}".to_vec(), metadata: Some(metadata) })
+        }
+    }
+
+    #[test]
+    fn prompts_that_a_server_cut_are_counted() {
+        let (meter, cat) = (Meter::default(), LineageId::new("cat-idm"));
+        let message = Message { role: "user".into(), text: "word ".repeat(6_200).as_str().into() };
+        let request = Request {
+            adapter_version: 1,
+            slot: DrawSlot { lineage: "cat-idm".into(), epoch: 0, slot: 0, role: "actor".into(), round: 0 },
+            model: ModelSpec {
+                name: "m".into(),
+                kind: "openai_compatible".into(),
+                model: "m".into(),
+                sampling: BTreeMap::new(),
+                response_format: None,
+                body: BTreeMap::new(),
+            },
+            messages: vec![message],
+            schema: Schema::new(serde_json::json!({})).unwrap(),
+        };
+        for tokens in [2048, 9_000, 2048] {
+            meter.asking(&Says(tokens), &cat).ask(&request).unwrap();
+        }
+        let work = meter.lineages()[&cat];
+        assert_eq!((work.answers, work.cut_prompts, work.cached_input_tokens), (3, 2, 2048 + 4_500));
     }
 
     #[test]

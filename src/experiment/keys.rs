@@ -320,6 +320,35 @@ fn models() -> Vec<Key> {
                 Unshown,
                 "NAME of the environment variable that holds the key, never the key itself.",
             ),
+            (
+                "models.*.client.api_key_header",
+                "",
+                "",
+                Text(100),
+                "Header that carries the bare key, as Azure's `api-key`, in place of the protocol's own.",
+            ),
+            (
+                "models.*.client.query.*",
+                "",
+                "",
+                Text(200),
+                "A part of the address behind `?`, as Azure's `api-version`.",
+            ),
+            ("models.*.client.headers.*", "", "", Text(400), "A header of a gateway's; never a key."),
+            (
+                "models.*.client.cached_input_usd_per_million",
+                "",
+                "USD per million tokens",
+                Number(0.0, 1e6),
+                "Price of a prompt's tokens that the provider read from its cache; as any other without it.",
+            ),
+            (
+                "models.*.client.cache_write_usd_per_million",
+                "",
+                "USD per million tokens",
+                Number(0.0, 1e6),
+                "Price of those that it wrote into its cache; as any other without it.",
+            ),
         ],
     ));
     keys.extend(table(|| With("models.*.client"), client()));

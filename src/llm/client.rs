@@ -2,6 +2,8 @@
 //! experiment file; only the feature `live` asks models. Nothing here belongs to a request's key, because it cannot
 //! change what an answer means.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::{ModelSpec, ResponseFormat};
@@ -47,6 +49,15 @@ pub struct ClientOptions {
     /// NAME of the environment variable that holds the key; none where the server wants none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub api_key_env: Option<String>,
+    /// What stands behind `?` in the address, as Azure's `api-version`; never a key.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub query: BTreeMap<String, String>,
+    /// Headers of a gateway's; never a key.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub headers: BTreeMap<String, String>,
+    /// The header that carries the bare key, as Azure's `api-key`, in place of the protocol's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub api_key_header: Option<String>,
     /// Limit for one attempt, from connecting to the last byte, in seconds.
     pub timeout_s: u64,
     /// Attempts for one request, the first included.
@@ -59,6 +70,33 @@ pub struct ClientOptions {
     pub input_usd_per_million: f64,
     /// US dollars per million tokens of answer.
     pub output_usd_per_million: f64,
+    /// US dollars per million tokens of prompt that the provider read from its cache; the price of a prompt where it is not here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cached_input_usd_per_million: Option<f64>,
+    /// US dollars per million tokens of prompt that it wrote into its cache; the price of a prompt where it is not here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cache_write_usd_per_million: Option<f64>,
+}
+
+impl ClientOptions {
+    /// A server that wants no key and no money, asked three times for 30 s each.
+    pub fn at(base_url: &str) -> ClientOptions {
+        ClientOptions {
+            base_url: base_url.into(),
+            api_key_env: None,
+            query: BTreeMap::new(),
+            headers: BTreeMap::new(),
+            api_key_header: None,
+            timeout_s: 30,
+            attempts_max: 3,
+            wait_s_max: 60,
+            incomplete_replies: IncompleteReplies::Stop,
+            input_usd_per_million: 0.0,
+            output_usd_per_million: 0.0,
+            cached_input_usd_per_million: None,
+            cache_write_usd_per_million: None,
+        }
+    }
 }
 
 /// What becomes of an answer that is a refusal, empty or cut.
@@ -172,9 +210,11 @@ fn check_client(client: &ClientOptions, at: &str) -> Result<(), String> {
     let legal = |c: char| c.is_ascii_graphic() && !"@?#\\\"<>".contains(c);
     let Some(rest) = rest.filter(|rest| rest.chars().all(legal) && !rest.is_empty() && !rest.starts_with('/')) else {
         return Err(format!(
-            "{at}.base_url must be http:// or https://, a host and a path, without user, password or query"
+            "{at}.base_url must be http:// or https://, a host and a path, without user, password or query \
+             (what stands behind `?` goes into {at}.query)"
         ));
     };
+    check_own_parts(client, at)?;
     if let Some(name) = &client.api_key_env {
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '_';
         if name.is_empty() || name.starts_with(|c: char| c.is_ascii_digit()) || !name.chars().all(fits) {
@@ -196,7 +236,50 @@ fn check_client(client: &ClientOptions, at: &str) -> Result<(), String> {
     within("attempts_max", u64::from(client.attempts_max), 1, 20)?;
     within("wait_s_max", client.wait_s_max, 0, 3600)?;
     not_negative(&format!("{at}.input_usd_per_million"), client.input_usd_per_million)?;
-    not_negative(&format!("{at}.output_usd_per_million"), client.output_usd_per_million)
+    not_negative(&format!("{at}.output_usd_per_million"), client.output_usd_per_million)?;
+    for (field, price) in [
+        ("cached_input_usd_per_million", client.cached_input_usd_per_million),
+        ("cache_write_usd_per_million", client.cache_write_usd_per_million),
+    ] {
+        not_negative(&format!("{at}.{field}"), price.unwrap_or(0.0))?;
+    }
+    Ok(())
+}
+
+/// Words in the name of what may be a key.
+const KEY_WORDS: [&str; 8] = ["key", "token", "secret", "auth", "password", "sig", "cookie", "credential"];
+
+/// Query and headers: of characters that need no escaping, and with no key in them.
+fn check_own_parts(client: &ClientOptions, at: &str) -> Result<(), String> {
+    let is_word = |text: &str, also: &str| {
+        !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || "-._~".contains(c) || also.contains(c))
+    };
+    for (part, fields, also) in [("query", &client.query, ""), ("headers", &client.headers, " /:;,=+()@*")] {
+        for (name, value) in fields {
+            let small = name.to_ascii_lowercase();
+            // Neither name nor value is repeated: one of them may be a key.
+            if KEY_WORDS.iter().any(|word| small.contains(word)) {
+                return Err(format!(
+                    "{at}.{part} names what may be a key; a key stands in the variable of {at}.api_key_env alone, \
+                     and {at}.api_key_header says which header carries it"
+                ));
+            }
+            if !is_word(name, "")
+                || !is_word(value, also)
+                || ["content-type", "content-length", "host"].contains(&small.as_str())
+            {
+                return Err(format!(
+                    "{at}.{part}: a name has letters, digits, -, ., _ or ~, a value too{}, and the client's own headers stay",
+                    if also.is_empty() { "" } else { ", and blanks and / : ; , = + ( ) @ *" }
+                ));
+            }
+        }
+    }
+    match &client.api_key_header {
+        Some(name) if !is_word(name, "") => Err(format!("{at}.api_key_header must be the name of a header")),
+        Some(_) if client.api_key_env.is_none() => Err(format!("{at}.api_key_header needs {at}.api_key_env")),
+        _ => Ok(()),
+    }
 }
 
 fn not_negative(place: &str, value: f64) -> Result<(), String> {
@@ -228,16 +311,7 @@ mod tests {
             response_format: Some(format),
             body: Default::default(),
         };
-        let client = ClientOptions {
-            base_url: "https://example.org/v1".into(),
-            api_key_env: Some("KEY".into()),
-            timeout_s: 10,
-            attempts_max: 3,
-            wait_s_max: 5,
-            incomplete_replies: IncompleteReplies::Stop,
-            input_usd_per_million: 1.0,
-            output_usd_per_million: 2.0,
-        };
+        let client = ClientOptions { api_key_env: Some("KEY".into()), ..ClientOptions::at("https://example.org/v1") };
         (spec, client)
     }
 
@@ -286,9 +360,24 @@ mod tests {
             problem(|_, c| c.api_key_env = Some("sk-secret".into())),
             problem(|_, c| c.base_url = "https://sk-secret@example.org".into()),
             problem(|_, c| c.base_url = "https://example.org/v1?key=sk-secret".into()),
+            problem(|_, c| drop(c.query.insert("key".into(), "sk-secret".into()))),
+            problem(|_, c| drop(c.headers.insert("X-Auth".into(), "sk-secret".into()))),
         ] {
             assert!(!text.contains("secret"), "{text}");
         }
+    }
+
+    #[test]
+    fn a_query_and_headers_hold_plain_words_and_a_key_may_have_a_header_of_its_own() {
+        let (spec, mut client) = live(OPENAI_COMPATIBLE);
+        client.query.insert("api-version".into(), "2024-10-21".into());
+        client.headers.insert("X-Title".into(), "EvoDrive (test)".into());
+        client.api_key_header = Some("api-key".into());
+        assert_eq!(check(&spec, Some(&client)), Ok(()));
+        assert!(problem(|_, c| drop(c.query.insert("a".into(), "1&b=2".into()))).contains("client.query"));
+        assert!(problem(|_, c| drop(c.headers.insert("x\r\ny".into(), "1".into()))).contains("client.headers"));
+        assert!(problem(|_, c| c.api_key_header = Some("a b".into())).contains("api_key_header must be"));
+        assert!(problem(|_, c| (c.api_key_env, c.api_key_header) = (None, Some("api-key".into()))).contains("needs"));
     }
 
     #[test]

@@ -40,6 +40,12 @@ pub struct Metadata {
     /// Tokens of the prompt, cached ones included.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub input_tokens: Option<u64>,
+    /// Those of them that the provider read from its cache, at a lower price.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cached_input_tokens: Option<u64>,
+    /// Those of them that it wrote into its cache, at a higher price with some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cache_write_tokens: Option<u64>,
     /// Tokens of the answer, hidden reasoning included.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub output_tokens: Option<u64>,
@@ -48,7 +54,18 @@ pub struct Metadata {
     pub fingerprint: Option<String>,
 }
 
+/// A token of our prompts has 3.4 bytes; a server that counts one for more than this has read only a part of them.
+const BYTES_A_TOKEN_MAX: u64 = 8;
+/// Shorter prompts are not judged.
+const JUDGED_BYTES_MIN: u64 = 4096;
+
 impl Metadata {
+    /// Whether a prompt of this many bytes was cut by its server: it reports too few tokens to hold it.
+    pub fn prompt_was_cut(&self, prompt_bytes: u64) -> bool {
+        let holds = |tokens: u64| tokens.saturating_mul(BYTES_A_TOKEN_MAX) >= prompt_bytes;
+        prompt_bytes >= JUDGED_BYTES_MIN && self.input_tokens.is_some_and(|tokens| tokens > 0 && !holds(tokens))
+    }
+
     /// Guards the metadata of a cassette's line against change.
     pub fn digest(&self) -> Result<Digest, CanonError> {
         Digest::of("evodrive/llm-metadata/1", self)
@@ -159,3 +176,17 @@ pub enum ModelError {
 
 const INCOMPLETE: &str =
     "to record such answers as unusable replies, set incomplete_replies = \"keep\" in the model's [client]";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_server_that_counts_too_few_tokens_has_cut_the_prompt() {
+        let cut =
+            |tokens: Option<u64>, bytes| Metadata { input_tokens: tokens, ..Metadata::default() }.prompt_was_cut(bytes);
+        assert!(cut(Some(2048), 31_000));
+        assert!(!cut(Some(9_290), 31_000) && !cut(None, 31_000) && !cut(Some(0), 31_000));
+        assert!(!cut(Some(10), 120), "a prompt of a few words says nothing");
+    }
+}

@@ -101,6 +101,11 @@ pub struct Message {
 }
 
 impl Request {
+    /// Bytes of all messages.
+    pub fn prompt_bytes(&self) -> u64 {
+        self.messages.iter().map(|message| message.text.len() as u64).sum()
+    }
+
     /// The key of the memo and of the cassette.
     pub fn key(&self) -> Result<Digest, crate::kernel::canon::CanonError> {
         // Long parts enter by their own digests, which are computed once for all questions that share them.

@@ -28,6 +28,12 @@ pub struct Work {
     pub input_tokens: u64,
     /// Tokens of the answers, where a provider reported them.
     pub output_tokens: u64,
+    /// Tokens of the questions that providers read from their caches.
+    #[serde(default)]
+    pub cached_input_tokens: u64,
+    /// Questions of which a server read only a part, by the tokens that it counted.
+    #[serde(default)]
+    pub cut_prompts: usize,
 }
 
 /// A lineage's work.

@@ -120,19 +120,16 @@ struct Client {
     live: Live,
     ledger: Arc<Ledger>,
     waits: Arc<Mutex<Vec<u64>>>,
+    told: Arc<Mutex<Vec<String>>>,
     _dir: tempfile::TempDir,
 }
 
 fn options(base_url: &str) -> ClientOptions {
     ClientOptions {
-        base_url: base_url.into(),
         api_key_env: Some("KEY".into()),
-        timeout_s: 30,
-        attempts_max: 3,
-        wait_s_max: 60,
-        incomplete_replies: IncompleteReplies::Stop,
         input_usd_per_million: 1.0,
         output_usd_per_million: 10.0,
+        ..ClientOptions::at(base_url)
     }
 }
 
@@ -148,9 +145,11 @@ fn client_with(key: &str, kind: &str, options: &ClientOptions, tokens_max: u64) 
     let log = waits.clone();
     let pause = Arc::new(move |wait: Duration| log.lock().unwrap().push(wait.as_secs()));
     let now = Arc::new(|| Duration::from_secs(784_110_600));
-    let outside = Outside { pause, now };
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let log = told.clone();
+    let outside = Outside { pause, now, tell: Arc::new(move |line: &str| log.lock().unwrap().push(line.to_string())) };
     let live = Live::new("m", kind, options, Some(Secret::new(key).unwrap()), ledger.clone(), outside).unwrap();
-    Client { live, ledger, waits, _dir: dir }
+    Client { live, ledger, waits, told, _dir: dir }
 }
 
 fn openai(server: &Server) -> Client {
@@ -230,7 +229,7 @@ fn chat_completions_carry_the_request_and_the_answer_comes_with_its_metadata() {
         "extra": {"a": [1, false]},
     });
     assert_eq!(asked.body, expected);
-    assert_eq!(client.used(), Tokens { input: 120, output: 30 });
+    assert_eq!(client.used(), Tokens::new(120, 30));
 }
 
 #[test]
@@ -251,8 +250,10 @@ fn the_messages_api_gets_a_system_text_and_one_turn_and_its_tool_call_is_the_rep
     assert_eq!((asked.headers["x-api-key"].as_str(), asked.headers["anthropic-version"].as_str()), (KEY, "2023-06-01"));
     assert!(!asked.headers.contains_key("authorization"));
     let expected = json!({
-        "model": "some-model", "max_tokens": 200, "temperature": 1.0, "system": "Be strict.",
-        "messages": [{"role": "user", "content": [{"type": "text", "text": "Context."}, {"type": "text", "text": "Task."}]}],
+        "model": "some-model", "max_tokens": 200, "temperature": 1.0,
+        "system": [{"type": "text", "text": "Be strict.", "cache_control": {"type": "ephemeral"}}],
+        "messages": [{"role": "user", "content": [
+            {"type": "text", "text": "Context.", "cache_control": {"type": "ephemeral"}}, {"type": "text", "text": "Task."}]}],
         "tools": [{"name": "actor_reply", "description": "Hands in the reply.", "input_schema": {"type": "object", "required": ["a"]}}],
         "tool_choice": {"type": "tool", "name": "actor_reply"},
         "extra": {"a": [1, false]},
@@ -285,7 +286,7 @@ fn a_429_is_asked_again_after_the_time_that_the_server_names() {
     let client = openai(&server);
     client.ask().unwrap();
     assert_eq!(*client.waits.lock().unwrap(), [7]);
-    assert_eq!(client.used(), Tokens { input: 120, output: 30 });
+    assert_eq!(client.used(), Tokens::new(120, 30));
 }
 
 #[test]
@@ -434,7 +435,7 @@ fn an_error_told_with_200_is_asked_again_as_that_error_and_costs_nothing() {
     let server = Server::start(move |before, _| Some(if before == 0 { Reply::json(busy.clone()) } else { chat("{}") }));
     let client = openai(&server);
     client.ask().unwrap();
-    assert_eq!((client.waits.lock().unwrap().as_slice(), client.used()), ([1].as_slice(), Tokens { input: 120, output: 30 }));
+    assert_eq!((client.waits.lock().unwrap().as_slice(), client.used()), ([1].as_slice(), Tokens::new(120, 30)));
     let server = Server::start(move |_, _| Some(Reply::json(told.clone())));
     let error = openai(&server).error();
     let expected = "error 429 told with HTTP 200: Provider returned error";
@@ -458,7 +459,8 @@ fn half_a_character_is_an_error_of_its_own_and_an_unusable_reply_where_such_are_
     let server = Server::start(move |_, _| Some(Reply { body: body.into(), ..chat("") }));
     let error = openai(&server).error();
     assert!(matches!(&error, ModelError::Incomplete { reason, .. } if reason.contains("lone surrogate")), "{error}");
-    let options = ClientOptions { incomplete_replies: IncompleteReplies::Keep, ..options(&format!("{}/v1", server.url)) };
+    let options =
+        ClientOptions { incomplete_replies: IncompleteReplies::Keep, ..options(&format!("{}/v1", server.url)) };
     let answer = client("openai_compatible", &options, 1_000_000).ask().unwrap();
     let refused = evodrive::llm::reply::json_object(&answer.bytes).unwrap_err();
     assert_eq!(refused.expected, "UTF-8");
@@ -481,6 +483,42 @@ fn the_schema_that_is_sent_has_bounds_that_servers_compile_and_the_question_keep
     openai(&server).live.complete(&request).unwrap();
     let sent = &server.received()[0].body["response_format"]["json_schema"]["schema"];
     assert_eq!((sent, request.key().unwrap()), (&long(1999), key));
+}
+
+#[test]
+fn a_server_that_cuts_prompts_is_warned_of_once_with_the_context_to_set() {
+    let server = Server::start(|_, _| {
+        let mut said: Value = serde_json::from_slice(&chat("{}").body).unwrap();
+        said["usage"]["prompt_tokens"] = 2048.into();
+        Some(Reply::json(said))
+    });
+    let client = openai(&server);
+    let long = Message { role: "user".into(), text: "word ".repeat(6_200).as_str().into() };
+    for slot in 0..3 {
+        let request = request(slot, "openai_compatible");
+        client.live.complete(&Request { messages: vec![long.clone()], ..request }).unwrap();
+    }
+    client.ask().unwrap();
+    let told = client.told.lock().unwrap().clone();
+    assert!(told.len() == 1 && told[0].contains("models.m: the server counts 2048 tokens"), "{told:?}");
+    assert!(told[0].contains("a context of 16384 tokens"), "{told:?}");
+}
+
+#[test]
+fn a_query_own_headers_and_the_header_of_the_key_are_sent() {
+    let server = Server::start(|_, _| Some(chat("{}")));
+    let word = |a: &str, b: &str| BTreeMap::from([(a.to_string(), b.to_string())]);
+    let options = ClientOptions {
+        query: word("api-version", "2024-10-21"),
+        headers: word("x-title", "EvoDrive test"),
+        api_key_header: Some("api-key".into()),
+        ..options(&format!("{}/openai/deployments/d", server.url))
+    };
+    client("openai_compatible", &options, 1_000_000).ask().unwrap();
+    let [asked] = server.received().try_into().unwrap();
+    assert_eq!(asked.path, "/openai/deployments/d/chat/completions?api-version=2024-10-21");
+    assert_eq!((asked.headers["api-key"].as_str(), asked.headers["x-title"].as_str()), (KEY, "EvoDrive test"));
+    assert!(!asked.headers.contains_key("authorization"));
 }
 
 #[test]
@@ -516,7 +554,7 @@ fn refusals_empty_and_cut_answers_are_errors_of_their_own() {
     let error = cut.error();
     assert!(matches!(&error, ModelError::Truncated { output_tokens, .. } if output_tokens == "200"), "{error}");
     assert!(error.to_string().contains("max_tokens") && error.to_string().contains("incomplete_replies"), "{error}");
-    assert_eq!(cut.used(), Tokens { input: 9, output: 200 });
+    assert_eq!(cut.used(), Tokens::new(9, 200));
 }
 
 #[test]
@@ -533,7 +571,7 @@ fn kept_incomplete_answers_are_replies_with_their_finish_reason() {
 #[test]
 fn the_request_that_could_exceed_the_cap_is_not_sent() {
     let server = Server::start(|_, _| Some(chat("{}")));
-    // The bound of one request is about 700 tokens, and each turns out to take 150.
+    // The bound of one request is about 500 tokens, and each turns out to take 150.
     let client = client("openai_compatible", &options(&server.url), 1_000);
     let answered = (0..20).take_while(|_| client.ask().is_ok()).count();
     assert!(matches!(client.error(), ModelError::SpendCap { reason } if reason.contains("spend.tokens_max is 1000")));
@@ -586,7 +624,7 @@ fn by_rules(asked: &Received) -> Option<Reply> {
 }
 
 /// What each answer by rules is said to have taken.
-const RULES: Tokens = Tokens { input: 12_000, output: 1_000 };
+const RULES: Tokens = Tokens::new(12_000, 1_000);
 
 struct Place {
     dir: tempfile::TempDir,
@@ -672,7 +710,7 @@ fn a_recording_that_met_its_cap_goes_on_where_it_stopped() {
     let asked = server.received();
     let in_one_go = asked.len();
     // Enough for the largest request behind one and a half others.
-    let bound = asked.iter().map(|r| r.body.to_string().len() as u64).max().unwrap() + 64 + 1500;
+    let bound = asked.iter().map(|r| r.body.to_string().len() as u64).max().unwrap() / 2 + 64 + 1500;
     let cap = bound + (RULES.input + RULES.output) * 3 / 2;
     let place = Place::new();
     let stopped = place.carry_out("record", &experiment(&server, cap), Some(KEY));

@@ -13,10 +13,13 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
     let (system, others): (Vec<_>, Vec<_>) = request.messages.iter().partition(|message| message.role == "system");
     let system: Vec<&str> = system.into_iter().map(|message| &*message.text).collect();
     // One message with several blocks, because user and assistant must alternate in this protocol.
-    let blocks: Vec<Value> = others.into_iter().map(|m| json!({"type": "text", "text": m.text})).collect();
+    // The first holds the epoch's context, which all roles and slots of a parent share.
+    let block =
+        |(i, text): (usize, &str)| if i == 0 { kept(text.into()) } else { json!({"type": "text", "text": text}) };
+    let blocks: Vec<Value> = others.into_iter().map(|m| &*m.text).enumerate().map(block).collect();
     let mut body = Map::new();
     body.insert("model".into(), request.model.model.clone().into());
-    body.insert("system".into(), system.join("\n\n").into());
+    body.insert("system".into(), json!([kept(system.join("\n\n"))]));
     body.insert("messages".into(), json!([{"role": "user", "content": blocks}]));
     put_sampling(&mut body, request)?;
     if request.model.response_format == Some(ResponseFormat::Tool) {
@@ -30,6 +33,11 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
         return Err(unanswerable("sampling.max_tokens is missing, and the Messages API demands it"));
     }
     Ok(body)
+}
+
+/// A text up to which the provider keeps the beginning of the prompt, for the next question that begins alike.
+fn kept(text: String) -> Value {
+    json!({"type": "text", "text": text, "cache_control": {"type": "ephemeral"}})
 }
 
 pub fn read(answer: &Value) -> Result<Said, String> {
@@ -52,11 +60,15 @@ pub fn read(answer: &Value) -> Result<Said, String> {
         _ => End::Unknown,
     };
     let usage = |field: &str| count_at(answer, &format!("/usage/{field}"));
-    let cached = ["cache_creation_input_tokens", "cache_read_input_tokens"].map(|field| usage(field).unwrap_or(0));
+    let (written, cached) = (usage("cache_creation_input_tokens"), usage("cache_read_input_tokens"));
+    // This protocol counts the three apart.
+    let all = |rest: u64| [written, cached].into_iter().flatten().fold(rest, u64::saturating_add);
     let metadata = Metadata {
         model: text_at(answer, "/model").unwrap_or_default(),
         finish_reason: stop_reason,
-        input_tokens: usage("input_tokens").map(|n| cached.iter().fold(n, |sum, c| sum.saturating_add(*c))),
+        input_tokens: usage("input_tokens").map(all),
+        cached_input_tokens: cached,
+        cache_write_tokens: written,
         output_tokens: usage("output_tokens"),
         fingerprint: None,
     };
@@ -77,7 +89,9 @@ mod tests {
             "content": [{"type": "text", "text": "Here:"}, {"type": "tool_use", "name": "x", "input": {"b": 1, "a": [2.5]}}]}))
         .unwrap();
         assert_eq!((said.text.as_slice(), said.end), (b"{\"a\":[2.5],\"b\":1}".as_slice(), End::Whole));
-        assert_eq!((said.metadata.input_tokens, said.metadata.output_tokens), (Some(12), Some(2)));
+        let metadata = said.metadata;
+        assert_eq!((metadata.input_tokens, metadata.output_tokens), (Some(12), Some(2)));
+        assert_eq!((metadata.cached_input_tokens, metadata.cache_write_tokens), (Some(7), None));
     }
 
     #[test]

@@ -197,7 +197,11 @@ fn told_error(value: &Value) -> Option<Told> {
     let text = |place: &str| error.pointer(place).and_then(Value::as_str).unwrap_or_default().to_string();
     let message = match error {
         Value::String(text) => text.clone(),
-        _ => ["/message", "/detail", "/error_description"].map(text).into_iter().find(|m| !m.is_empty()).unwrap_or_default(),
+        _ => ["/message", "/detail", "/error_description"]
+            .map(text)
+            .into_iter()
+            .find(|m| !m.is_empty())
+            .unwrap_or_default(),
     };
     // A gateway's own words say less than those that it passes on.
     let message = match text("/metadata/raw") {

@@ -6,7 +6,7 @@ use std::time::Duration;
 pub const RESPONSE_BYTES_MAX: u64 = 4 << 20;
 
 /// A header; its value may hold a key.
-pub type Header = (&'static str, String);
+pub type Header = (String, String);
 
 /// One address with its headers.
 pub struct Http {
@@ -66,7 +66,7 @@ impl Http {
     pub fn post(&self, body: &[u8], now: &dyn Fn() -> Duration) -> Result<Answer, Lost> {
         let mut request = self.agent.post(&self.url).header("content-type", "application/json");
         for (name, value) in &self.headers {
-            request = request.header(*name, value);
+            request = request.header(name, value);
         }
         let mut response = request.send(body).map_err(lost)?;
         let head = |name: &str| Some(response.headers().get(name)?.to_str().ok()?.trim().to_string());
@@ -116,7 +116,8 @@ mod tests {
     #[test]
     fn a_wait_is_told_in_seconds_or_as_a_date_and_the_servers_own_clock_counts() {
         let half_past_eight = Duration::from_secs(784_110_600);
-        let seconds = |text: &str, date: Option<&str>| wait(text, date, &|| half_past_eight).map(|wait| wait.as_secs_f64());
+        let seconds =
+            |text: &str, date: Option<&str>| wait(text, date, &|| half_past_eight).map(|wait| wait.as_secs_f64());
         assert_eq!((seconds("7", None), seconds("0.5", None), seconds("soon", None)), (Some(7.0), Some(0.5), None));
         let at = "Sun, 06 Nov 1994 08:30:08 GMT";
         assert_eq!(seconds(at, None), Some(8.0));

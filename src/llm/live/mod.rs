@@ -13,6 +13,7 @@ mod surrogates;
 mod wire;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 pub use http::RESPONSE_BYTES_MAX;
@@ -20,7 +21,9 @@ pub use protocol::draw_seed;
 pub use secret::Secret;
 pub use spend::{Ledger, Tokens};
 
-use super::{ClientOptions, Completion, IncompleteReplies, Model, ModelError, Request, ResponseFormat, client};
+use super::{
+    ClientOptions, Completion, IncompleteReplies, Metadata, Model, ModelError, Request, ResponseFormat, client,
+};
 use heard::{Heard, heard};
 use http::Http;
 use protocol::{End, Protocol, Said};
@@ -33,8 +36,12 @@ pub struct Outside {
     pub pause: Arc<dyn Fn(Duration) + Send + Sync>,
     /// The time since 1970, UTC.
     pub now: Arc<dyn Fn() -> Duration + Send + Sync>,
+    /// Tells whoever records.
+    pub tell: Arc<dyn Fn(&str) + Send + Sync>,
 }
 
+/// Bytes of a prompt that are taken for a token where a context is advised.
+const BYTES_A_TOKEN: u64 = 3;
 /// Characters of an unexpected body that a message shows.
 const QUOTED_CHARS: usize = 200;
 
@@ -47,6 +54,8 @@ pub struct Live {
     key: Option<Secret>,
     ledger: Arc<Ledger>,
     outside: Outside,
+    /// Whether it was told that the server cuts prompts.
+    warned: AtomicBool,
 }
 
 impl Live {
@@ -65,15 +74,16 @@ impl Live {
             client::ANTHROPIC => Protocol::Anthropic,
             other => return Err(unusable(format!("kind {other:?} is not asked over the network"))),
         };
-        let url = protocol.url(&options.base_url);
-        let http = Http::new(&url, protocol.headers(key.as_ref()), options.timeout_s).map_err(unusable)?;
-        Ok(Live { name: name.to_string(), protocol, options: options.clone(), http, key, ledger, outside })
+        let headers = protocol.headers(options, key.as_ref());
+        let http = Http::new(&protocol.url(options), headers, options.timeout_s).map_err(unusable)?;
+        let (name, options, warned) = (name.to_string(), options.clone(), AtomicBool::new(false));
+        Ok(Live { name, protocol, options, http, key, ledger, outside, warned })
     }
 
     /// Asks until there is an answer, or a reason why there will be none.
     fn answer(&self, request: &Request) -> Result<Said, ModelError> {
         let body = self.protocol.body(request)?;
-        let bound = Tokens { input: input_bound(&body), output: self.protocol.output_bound(&request.model) };
+        let bound = Tokens::new(input_bound(&body), self.protocol.output_bound(&request.model));
         let mut schedule = Schedule::new(&self.options);
         loop {
             let reservation = self.ledger.reserve(&self.name, bound)?;
@@ -82,7 +92,10 @@ impl Live {
                     let heard = heard(self.protocol, &answer, &|body| self.quoted(body));
                     reservation.settle(taken(&heard, bound));
                     match heard {
-                        Heard::Said(said) => return Ok(*said),
+                        Heard::Said(said) => {
+                            self.look_for_a_cut(request, &said.metadata);
+                            return Ok(*said);
+                        }
                         Heard::Passing(fault) => schedule.after_fault(fault, answer.retry_after),
                         Heard::Strange(fault) => schedule.after_strange(fault, answer.retry_after),
                         Heard::Refused(fault) => Step::Stop(Stop::Refused { reason: fault.reason }),
@@ -99,6 +112,21 @@ impl Live {
                 Step::Again(wait) => (self.outside.pause)(wait),
                 Step::Stop(stop) => return Err(self.stopped(stop, request)),
             }
+        }
+    }
+
+    /// Warns once where the server has read only a part of a prompt.
+    fn look_for_a_cut(&self, request: &Request, metadata: &Metadata) {
+        let bytes = request.prompt_bytes();
+        if metadata.prompt_was_cut(bytes) && !self.warned.swap(true, Ordering::Relaxed) {
+            let tokens = metadata.input_tokens.unwrap_or(0);
+            let needed = (bytes / BYTES_A_TOKEN + self.protocol.output_bound(&request.model)).next_power_of_two();
+            (self.outside.tell)(&format!(
+                "warning: models.{}: the server counts {tokens} tokens in a prompt of {bytes} bytes, so it read only a part of it; \
+                 give it a context of {needed} tokens (llama.cpp: -c {needed}; Ollama: OLLAMA_CONTEXT_LENGTH={needed}; vLLM: \
+                 --max-model-len {needed}) and record again with --fresh",
+                self.name
+            ));
         }
     }
 
@@ -187,9 +215,11 @@ fn taken(heard: &Heard, bound: Tokens) -> Tokens {
     }
 }
 
-/// A token is at least one byte of the prompt. A chat template adds far less than the punctuation of JSON.
+/// An estimate from above: our prompts have 3.4 bytes a token, and what is not ASCII has a token a byte at most. A chat template
+/// adds far less than the punctuation of JSON.
 fn input_bound(body: &[u8]) -> u64 {
-    body.len() as u64 + 64
+    let (ascii, other): (Vec<u8>, Vec<u8>) = body.iter().partition(|byte| byte.is_ascii());
+    ascii.len() as u64 / 2 + other.len() as u64 + 64
 }
 
 impl Model for Live {

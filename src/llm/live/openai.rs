@@ -21,7 +21,9 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
             let schema = json!({"name": reply_name(request), "strict": false, "schema": compilable(&request.schema)});
             Some(json!({"type": "json_schema", "json_schema": schema}))
         }
-        Some(ResponseFormat::JsonObjectSchema) => Some(json!({"type": "json_object", "schema": compilable(&request.schema)})),
+        Some(ResponseFormat::JsonObjectSchema) => {
+            Some(json!({"type": "json_object", "schema": compilable(&request.schema)}))
+        }
         Some(ResponseFormat::JsonObject) => Some(json!({"type": "json_object"})),
         Some(ResponseFormat::None | ResponseFormat::Tool) | None => None,
     };
@@ -53,6 +55,10 @@ fn metadata(answer: &Value, finish_reason: Option<String>) -> Metadata {
         model: text_at(answer, "/model").map(|said| without_folder(&said).to_string()).unwrap_or_default(),
         finish_reason,
         input_tokens: count_at(answer, "/usage/prompt_tokens"),
+        // OpenAI and vLLM; DeepSeek.
+        cached_input_tokens: count_at(answer, "/usage/prompt_tokens_details/cached_tokens")
+            .or(count_at(answer, "/usage/prompt_cache_hit_tokens")),
+        cache_write_tokens: None,
         output_tokens: count_at(answer, "/usage/completion_tokens"),
         fingerprint: text_at(answer, "/system_fingerprint"),
     }
@@ -60,7 +66,8 @@ fn metadata(answer: &Value, finish_reason: Option<String>) -> Metadata {
 
 /// An answer without a choice: Azure and Gemini say so where a filter let no answer through.
 fn without_choices(answer: &Value) -> Result<Said, String> {
-    let is_filtered = ["prompt_filter_results", "prompt_feedback", "promptFeedback"].iter().any(|f| answer.get(f).is_some());
+    let is_filtered =
+        ["prompt_filter_results", "prompt_feedback", "promptFeedback"].iter().any(|f| answer.get(f).is_some());
     match answer.get("choices") {
         Some(Value::Array(_)) if is_filtered => {
             Ok(Said { text: vec![], end: End::Declined, metadata: metadata(answer, Some("content_filter".into())) })
@@ -122,6 +129,19 @@ mod tests {
         assert_eq!(end(json!({"finish_reason": null, "message": {"content": "{}"}})), End::Unknown);
         let refused = read(&json!({"choices": [{"message": {"content": null, "refusal": "I will not."}}]})).unwrap();
         assert_eq!((refused.end, refused.text), (End::Declined, b"I will not.".to_vec()));
+    }
+
+    #[test]
+    fn tokens_that_came_from_a_cache_are_told_apart() {
+        let cached = |usage: Value| {
+            let choice = json!({"finish_reason": "stop", "message": {"content": "{}"}});
+            let metadata = read(&json!({"choices": [choice], "usage": usage})).unwrap().metadata;
+            (metadata.input_tokens, metadata.cached_input_tokens)
+        };
+        let openai = json!({"prompt_tokens": 90.0, "prompt_tokens_details": {"cached_tokens": 64}});
+        assert_eq!(cached(openai), (Some(90), Some(64)));
+        assert_eq!(cached(json!({"prompt_tokens": 90, "prompt_cache_hit_tokens": 5})), (Some(90), Some(5)));
+        assert_eq!(cached(json!({"prompt_tokens": 90})), (Some(90), None));
     }
 
     #[test]

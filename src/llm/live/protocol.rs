@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use super::{anthropic, http::Header, openai, secret::Secret, spend::Tokens};
 use crate::{
     kernel::Digest,
-    llm::{Metadata, ModelError, ModelSpec, Request},
+    llm::{ClientOptions, Metadata, ModelError, ModelSpec, Request},
 };
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,27 +40,36 @@ pub enum End {
 impl Said {
     /// Token counts, if the provider reports them.
     pub fn tokens(&self) -> Option<Tokens> {
-        Some(Tokens { input: self.metadata.input_tokens?, output: self.metadata.output_tokens? })
+        let Metadata { input_tokens, output_tokens, cached_input_tokens, cache_write_tokens, .. } = self.metadata;
+        let (cached, written) = (cached_input_tokens.unwrap_or(0), cache_write_tokens.unwrap_or(0));
+        Some(Tokens { input: input_tokens?, output: output_tokens?, cached, written })
     }
 }
 
 impl Protocol {
-    pub fn url(self, base_url: &str) -> String {
-        let base = base_url.trim_end_matches('/');
-        match self {
-            Protocol::OpenAi => format!("{base}/chat/completions"),
-            Protocol::Anthropic => format!("{base}/v1/messages"),
-        }
+    pub fn url(self, options: &ClientOptions) -> String {
+        let base = options.base_url.trim_end_matches('/');
+        let path = match self {
+            Protocol::OpenAi => "chat/completions",
+            Protocol::Anthropic => "v1/messages",
+        };
+        let query: Vec<String> = options.query.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let query = if query.is_empty() { String::new() } else { format!("?{}", query.join("&")) };
+        format!("{base}/{path}{query}")
     }
 
-    pub fn headers(self, key: Option<&Secret>) -> Vec<Header> {
-        match self {
-            Protocol::OpenAi => key.map(|key| ("authorization", key.header("Bearer "))).into_iter().collect(),
-            Protocol::Anthropic => {
-                let version = ("anthropic-version", anthropic::VERSION.to_string());
-                key.map(|key| ("x-api-key", key.header(""))).into_iter().chain([version]).collect()
-            }
-        }
+    /// The declared headers and the one with the key: as the protocol has it, or bare under a name of the gateway's.
+    pub fn headers(self, options: &ClientOptions, key: Option<&Secret>) -> Vec<Header> {
+        let (name, before) = match (&options.api_key_header, self) {
+            (Some(name), _) => (name.as_str(), ""),
+            (None, Protocol::OpenAi) => ("authorization", "Bearer "),
+            (None, Protocol::Anthropic) => ("x-api-key", ""),
+        };
+        let key = key.map(|key| (name.to_string(), key.header(before)));
+        let version = ("anthropic-version".to_string(), anthropic::VERSION.to_string());
+        let version = Some(version).filter(|_| self == Protocol::Anthropic);
+        let declared = options.headers.iter().map(|(name, value)| (name.clone(), value.clone()));
+        key.into_iter().chain(version).chain(declared).collect()
     }
 
     /// The request's body. Equal requests have equal bodies.

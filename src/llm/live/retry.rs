@@ -93,19 +93,9 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::llm::IncompleteReplies;
 
     fn schedule(attempts_max: u32, wait_s_max: u64) -> Schedule {
-        Schedule::new(&ClientOptions {
-            base_url: "http://localhost".into(),
-            api_key_env: None,
-            timeout_s: 1,
-            attempts_max,
-            wait_s_max,
-            incomplete_replies: IncompleteReplies::Stop,
-            input_usd_per_million: 0.0,
-            output_usd_per_million: 0.0,
-        })
+        Schedule::new(&ClientOptions { attempts_max, wait_s_max, ..ClientOptions::at("http://localhost") })
     }
 
     fn fault(reason: &str) -> Fault {
@@ -132,7 +122,8 @@ mod tests {
         let seconds = |s| Some(Duration::from_secs(s));
         assert!(matches!(schedule.after_fault(fault(""), seconds(7)), Step::Again(w) if w.as_secs() == 7));
         assert!(matches!(schedule.after_strange(fault(""), None), Step::Again(w) if w.as_secs() == 2));
-        let Step::Stop(Stop::Transport { attempts: 3, reason }) = schedule.after_fault(fault("HTTP 429: slow"), seconds(61))
+        let Step::Stop(Stop::Transport { attempts: 3, reason }) =
+            schedule.after_fault(fault("HTTP 429: slow"), seconds(61))
         else {
             panic!("expected the end")
         };

@@ -16,19 +16,43 @@ const FILE_BYTES_MAX: u64 = 1 << 20;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tokens {
-    /// Tokens of the prompts.
+    /// Tokens of the prompts, those of caches included.
     pub input: u64,
     /// Tokens of the answers.
     pub output: u64,
+    /// Those of the prompts that were read from a cache.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub cached: u64,
+    /// Those of the prompts that were written into one.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub written: u64,
+}
+
+fn is_none(tokens: &u64) -> bool {
+    *tokens == 0
 }
 
 impl Tokens {
+    /// Tokens of a prompt without a cache, and of its answer.
+    pub const fn new(input: u64, output: u64) -> Tokens {
+        Tokens { input, output, cached: 0, written: 0 }
+    }
+
     fn plus(self, other: Tokens) -> Tokens {
-        Tokens { input: self.input.saturating_add(other.input), output: self.output.saturating_add(other.output) }
+        self.with(other, u64::saturating_add)
     }
 
     fn minus(self, other: Tokens) -> Tokens {
-        Tokens { input: self.input.saturating_sub(other.input), output: self.output.saturating_sub(other.output) }
+        self.with(other, u64::saturating_sub)
+    }
+
+    fn with(self, other: Tokens, of: impl Fn(u64, u64) -> u64) -> Tokens {
+        Tokens {
+            input: of(self.input, other.input),
+            output: of(self.output, other.output),
+            cached: of(self.cached, other.cached),
+            written: of(self.written, other.written),
+        }
     }
 }
 
@@ -37,6 +61,28 @@ impl Tokens {
 struct Price {
     input: f64,
     output: f64,
+    cached: f64,
+    written: f64,
+}
+
+impl Price {
+    /// What a cache reads and writes costs as much as any prompt where nothing else is declared.
+    fn of(options: &ClientOptions) -> Price {
+        let input = options.input_usd_per_million;
+        Price {
+            input,
+            output: options.output_usd_per_million,
+            cached: options.cached_input_usd_per_million.unwrap_or(input),
+            written: options.cache_write_usd_per_million.unwrap_or(input),
+        }
+    }
+
+    fn usd(self, tokens: Tokens) -> f64 {
+        let plain = tokens.input.saturating_sub(tokens.cached).saturating_sub(tokens.written);
+        let prompt =
+            plain as f64 * self.input + tokens.cached as f64 * self.cached + tokens.written as f64 * self.written;
+        (prompt + tokens.output as f64 * self.output) / 1e6
+    }
 }
 
 /// The file: what is spent, and what a killed process may have spent.
@@ -70,11 +116,7 @@ impl Ledger {
         cap: SpendCap,
         models: impl IntoIterator<Item = (&'m str, &'m ClientOptions)>,
     ) -> Result<Ledger, ModelError> {
-        let prices = models.into_iter().map(|(name, options)| {
-            let price = Price { input: options.input_usd_per_million, output: options.output_usd_per_million };
-            (name.to_string(), price)
-        });
-        let prices = prices.collect();
+        let prices = models.into_iter().map(|(name, options)| (name.to_string(), Price::of(options))).collect();
         let mut used = BTreeMap::new();
         if path.exists() {
             let bytes = store::read_bounded(&path, FILE_BYTES_MAX).map_err(unanswerable)?;
@@ -117,11 +159,7 @@ impl Ledger {
 
     /// US dollars of `used`, by the prices of the experiment file.
     pub fn usd(&self, used: &BTreeMap<String, Tokens>) -> f64 {
-        let of_model = |(name, tokens): (&String, &Tokens)| {
-            let price = self.prices.get(name).copied().unwrap_or(Price { input: 0.0, output: 0.0 });
-            (tokens.input as f64 * price.input + tokens.output as f64 * price.output) / 1e6
-        };
-        used.iter().map(of_model).sum()
+        used.iter().filter_map(|(name, tokens)| Some(self.prices.get(name)?.usd(*tokens))).sum()
     }
 
     /// Why `after` exceeds the cap, if it does.
@@ -193,30 +231,34 @@ impl Drop for Reservation<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::llm::IncompleteReplies;
 
     fn ledger(dir: &std::path::Path, usd_max: f64, tokens_max: u64) -> Ledger {
         let options = ClientOptions {
-            base_url: "http://localhost".into(),
-            api_key_env: None,
-            timeout_s: 1,
-            attempts_max: 1,
-            wait_s_max: 1,
-            incomplete_replies: IncompleteReplies::Stop,
             input_usd_per_million: 1.0,
             output_usd_per_million: 10.0,
+            ..ClientOptions::at("http://localhost")
         };
         Ledger::open(dir.join("spend.json"), SpendCap { usd_max, tokens_max }, [("m", &options)]).unwrap()
     }
 
-    const CALL: Tokens = Tokens { input: 1_000, output: 100 };
+    const CALL: Tokens = Tokens::new(1_000, 100);
+
+    #[test]
+    fn what_a_cache_read_or_wrote_has_a_price_of_its_own() {
+        let tokens = Tokens { input: 1_000_000, output: 0, cached: 600_000, written: 300_000 };
+        let price = Price { input: 3.0, output: 15.0, cached: 0.3, written: 3.75 };
+        assert_eq!(price.usd(tokens), 0.1 * 3.0 + 0.6 * 0.3 + 0.3 * 3.75);
+        let mut options = ClientOptions::at("http://localhost");
+        options.input_usd_per_million = 3.0;
+        assert_eq!(Price::of(&options).usd(tokens), 3.0);
+    }
 
     #[test]
     fn a_call_that_could_exceed_the_cap_is_not_made() {
         let dir = tempfile::tempdir().unwrap();
         // A call costs at most 0.002 USD; it turns out to cost 0.0006.
         let ledger = ledger(dir.path(), 0.0025, u64::MAX);
-        ledger.reserve("m", CALL).unwrap().settle(Tokens { input: 500, output: 10 });
+        ledger.reserve("m", CALL).unwrap().settle(Tokens::new(500, 10));
         assert_eq!(ledger.usd(&ledger.used()), 0.0006);
         let Err(ModelError::SpendCap { reason }) = ledger.reserve("m", CALL).map(|_| ()) else {
             panic!("expected the cap")
@@ -251,7 +293,7 @@ mod tests {
         let first = ledger.reserve("m", CALL).unwrap();
         let second = std::thread::scope(|threads| {
             let waiting = threads.spawn(|| ledger.reserve("m", CALL).map(|call| call.settle(CALL)).is_ok());
-            first.settle(Tokens { input: 50, output: 50 });
+            first.settle(Tokens::new(50, 50));
             waiting.join().unwrap()
         });
         assert!(second);

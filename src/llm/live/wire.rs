@@ -6,8 +6,7 @@ use serde_json::Value;
 /// The largest repetition that llama.cpp compiles into a grammar: 2000 is refused with HTTP 400.
 const REPETITION_MAX: u64 = 1999;
 /// Keywords that say how often something repeats.
-const REPETITIONS: [&str; 6] =
-    ["maxLength", "minLength", "maxItems", "minItems", "maxProperties", "minProperties"];
+const REPETITIONS: [&str; 6] = ["maxLength", "minLength", "maxItems", "minItems", "maxProperties", "minProperties"];
 
 /// The schema with bounds that common servers compile.
 pub fn compilable(schema: &Value) -> Value {

@@ -52,14 +52,16 @@ pub fn compose<E: From<AgentError>>(
     for round in 0..order.rounds {
         let asked = request(order, &shown, round, refused.as_deref(), &trials).map_err(AgentError::from)?;
         let reply = ask.ask(&asked).map_err(AgentError::from)?;
-        let answer = reply::template(&reply.bytes).and_then(|template| usable(order, template, &trials));
+        let (bytes, unwrapped) = asked.model.opened(&reply.bytes);
+        let answer = reply::template(bytes).and_then(|template| usable(order, template, &trials));
         refused = answer.as_ref().err().map(ToString::to_string);
         exchanges.push(Exchange {
             role: Role::TemplateAgent,
             round,
             request: reply.request,
             response: reply.response,
-            model: order.model.name.clone(),
+            model: asked.model.name.clone(),
+            unwrapped,
             refusal: refused.clone(),
         });
         if let Ok(template) = answer {

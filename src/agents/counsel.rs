@@ -101,13 +101,15 @@ impl Talk<'_> {
         let Some(by_rule) = self.by_rule() else { return Ok(None) };
         let request = counsel_request(self.case, &self.text, round, &self.rounds)?;
         let reply = self.ask.ask(&request)?;
-        let answer = reply::attackers(&reply.bytes).and_then(|choice| Ok((self.set(&choice)?, choice.reason)));
+        let (bytes, unwrapped) = request.model.opened(&reply.bytes);
+        let answer = reply::attackers(bytes).and_then(|choice| Ok((self.set(&choice)?, choice.reason)));
         self.exchanges.push(Exchange {
             role: Role::AttackerAgent,
             round,
             request: reply.request,
             response: reply.response,
-            model: self.case.model.name.clone(),
+            model: request.model.name.clone(),
+            unwrapped,
             refusal: answer.as_ref().err().map(ToString::to_string),
         });
         Ok(Some(match answer {
@@ -237,8 +239,15 @@ mod tests {
     fn advised(answers: &[String], rounds: u32, trials: &[Trial]) -> (Advice, Vec<Request>) {
         let (vehicles, lineage) = ([vehicle(4, "a"), vehicle(2, "b"), vehicle(9, "c")], LineageId::new("x-idm"));
         let (name, kind, model) = ("table".to_string(), "table".to_string(), "table".to_string());
-        let spec =
-            ModelSpec { name, kind, model, sampling: BTreeMap::new(), response_format: None, body: BTreeMap::new() };
+        let spec = ModelSpec {
+            name,
+            kind,
+            model,
+            sampling: BTreeMap::new(),
+            response_format: None,
+            body: BTreeMap::new(),
+            here: Default::default(),
+        };
         let (vehicles, model) = (&vehicles, &spec);
         let case = Case {
             lineage: &lineage,

@@ -60,8 +60,10 @@ pub fn evolve(
         let (epoch, role, model) = (turn.epoch, Role::WorldAgent, turn.model);
         let aside = Aside { lineage: &lineage, epoch, slot: 0, role, round, model, shown: &shown };
         let blocks = refused.take().map(|refusal| ("Refused", json!({"refusal": refusal})));
-        let reply = ask.ask(&aside.request(&[], blocks.into_iter().collect())?)?;
-        let read = reply::world(&reply.bytes).map_err(|refusal| refusal.0);
+        let asked = aside.request(&[], blocks.into_iter().collect())?;
+        let reply = ask.ask(&asked)?;
+        let (bytes, unwrapped) = asked.model.opened(&reply.bytes);
+        let read = reply::world(bytes).map_err(|refusal| refusal.0);
         let answer = read.and_then(|patch| usable(&patch).map(|changed| (patch, changed)));
         refused = answer.as_ref().err().cloned();
         exchanges.push(Exchange {
@@ -69,7 +71,8 @@ pub fn evolve(
             round,
             request: reply.request,
             response: reply.response,
-            model: model.name.clone(),
+            model: asked.model.name.clone(),
+            unwrapped,
             refusal: refused.clone(),
         });
         if let Ok(found) = answer {

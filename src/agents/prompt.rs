@@ -211,7 +211,8 @@ pub fn request(
         Message { role: "user".into(), text },
         Message { role: "user".into(), text: question(task, role, &slot, subject)?.into() },
     ];
-    Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: model.clone(), messages, schema })
+    let model = model.drawn(&slot).clone();
+    Ok(Request { adapter_version: ADAPTER_VERSION, slot, model, messages, schema })
 }
 
 /// The id that a reply must repeat.
@@ -249,7 +250,8 @@ impl Aside<'_> {
             Message { role: "user".into(), text: self.shown.clone() },
             Message { role: "user".into(), text: text.into() },
         ];
-        Ok(Request { adapter_version: ADAPTER_VERSION, slot, model: self.model.clone(), messages, schema })
+        let model = self.model.drawn(&slot).clone();
+        Ok(Request { adapter_version: ADAPTER_VERSION, slot, model, messages, schema })
     }
 }
 

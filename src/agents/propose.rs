@@ -183,14 +183,17 @@ impl Talk<'_> {
         read: impl Fn(&[u8]) -> Result<T, Refusal>,
     ) -> Result<(Reply, Result<T, Refusal>), AgentError> {
         let model = model_of(self.task.models, role)?;
-        let reply = self.ask.ask(&request(self.task, model, role, round, subject)?)?;
-        let answer = read(&reply.bytes);
+        let asked = request(self.task, model, role, round, subject)?;
+        let reply = self.ask.ask(&asked)?;
+        let (bytes, unwrapped) = asked.model.opened(&reply.bytes);
+        let answer = read(bytes);
         self.exchanges.push(Exchange {
             role,
             round,
             request: reply.request,
             response: reply.response,
-            model: model.name.clone(),
+            model: asked.model.name.clone(),
+            unwrapped,
             refusal: answer.as_ref().err().map(ToString::to_string),
         });
         Ok((reply, answer))

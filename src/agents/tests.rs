@@ -65,6 +65,7 @@ fn models() -> BTreeMap<Role, ModelSpec> {
         sampling: BTreeMap::new(),
         response_format: None,
         body: BTreeMap::new(),
+        here: Default::default(),
     };
     [Role::Actor, Role::Repair].into_iter().chain(Role::CRITICS).map(|role| (role, spec(role))).collect()
 }
@@ -106,9 +107,18 @@ fn run_with(
     max_repair_rounds: u32,
     gates: &dyn Fn(&ProgramPatch) -> Findings,
 ) -> (Proposed, Vec<Request>) {
+    run_of(models(), answers, max_repair_rounds, gates)
+}
+
+fn run_of(
+    models: BTreeMap<Role, ModelSpec>,
+    answers: &[(&'static str, u32, String)],
+    max_repair_rounds: u32,
+    gates: &dyn Fn(&ProgramPatch) -> Findings,
+) -> (Proposed, Vec<Request>) {
     let answers = answers.iter().map(|(role, round, text)| ((*role, *round), text.clone())).collect();
     let table = Table { answers, asked: Mutex::new(vec![]) };
-    let (example, target, models) = (Example::toy(), target(), models());
+    let (example, target) = (Example::toy(), target());
     let briefing = example.briefing();
     let task = Task {
         briefing: &briefing,
@@ -177,6 +187,40 @@ fn an_unreadable_actor_reply_is_recorded_and_its_text_goes_to_the_repair() {
     assert!(asked[1].messages[3].text.contains("Sure!"));
     let (declined, _) = run(&[("actor", 0, "no".into())], 0);
     assert!(matches!(declined.end, End::Declined { .. }));
+}
+
+#[test]
+fn a_wrapped_reply_is_read_where_the_models_option_says_so_and_its_exchange_names_what_was_taken_off() {
+    let mut models = models();
+    models.values_mut().for_each(|model| model.here.unwrap = true);
+    let fenced = format!("```json\n{}\n```", patch_reply(false));
+    let review = review_reply("isolation_critic", "approve");
+    let answers = [("actor", 0, fenced.clone()), ("isolation_critic", 0, format!("<think>Fine.</think>{review}"))];
+    let (proposed, asked) = run_of(models, &answers, 0, &|_| passed());
+    assert!(matches!(proposed.end, End::Patch(_)), "{:?}", proposed.end);
+    let taken = |k: usize| proposed.proposal.exchanges[k].unwrapped.join(", ");
+    assert_eq!((taken(0).as_str(), taken(1).as_str(), taken(4).as_str()), ("code fence", "", "think block"));
+    let response = proposed.proposal.exchanges[0].response;
+    assert_eq!(response, crate::kernel::Digest::of_bytes(fenced.as_bytes()), "the bytes stay as they came");
+    // The same question without the option: the key is the same, the reply is refused.
+    let (declined, plain) = run(&answers, 0);
+    assert_eq!(asked[0].key().unwrap(), plain[0].key().unwrap());
+    assert!(matches!(declined.end, End::Declined { .. }));
+    assert!(declined.proposal.exchanges[0].unwrapped.is_empty());
+    assert!(!serde_json::to_string(&declined.proposal.exchanges[0]).unwrap().contains("unwrapped"));
+}
+
+#[test]
+fn of_several_models_the_one_that_was_drawn_is_asked_and_named() {
+    let mut models = models();
+    let of = ["a", "b"].map(|name| (1.0, ModelSpec { name: name.into(), ..models[&Role::Actor].clone() })).to_vec();
+    let drawn = Some(std::sync::Arc::new(crate::llm::Drawn { seed: 7, of }));
+    models.get_mut(&Role::Actor).unwrap().here.drawn = drawn;
+    let (proposed, asked) = run_of(models, &[], 0, &|_| passed());
+    let name = &asked[0].model.name;
+    assert!(["a", "b"].contains(&name.as_str()), "{name}");
+    assert_eq!(proposed.proposal.exchanges[0].model, *name);
+    assert_eq!(asked[1].model.name, "model of structural_critic");
 }
 
 #[test]

@@ -122,6 +122,7 @@ fn request(i: usize) -> Result<Request, Failure> {
             sampling: [("temperature".to_string(), 0.5)].into(),
             response_format: None,
             body: Default::default(),
+            here: Default::default(),
         },
         messages: messages.map(|(role, text)| Message { role: role.into(), text: text.into() }).into(),
         schema: Schema::new(json!({"type": "object"})).map_err(Failure::internal)?,

@@ -1,6 +1,6 @@
 //! The models of an experiment, ready to be asked.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use super::interrupt::Interrupt;
 use super::worker_process::Processes;
-use crate::experiment::Experiment;
+use crate::experiment::{self, Experiment};
 use crate::llm::{ClientOptions, Command, Exchange, Model, client};
 use crate::scripted::Scripted;
 
@@ -24,10 +24,10 @@ pub fn askable(
     fresh: Option<&str>,
     interrupt: &Interrupt,
 ) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
-    let used: BTreeSet<&String> = experiment.roles.values().collect();
+    let used = experiment::asked(experiment);
     let mut models: BTreeMap<String, Box<dyn Model>> = BTreeMap::new();
     let mut live = Vec::new();
-    for (name, options) in experiment.models.iter().filter(|(name, _)| used.contains(name)) {
+    for (name, options) in experiment.models.iter().filter(|(name, _)| used.contains(name.as_str())) {
         let provenance = options.provenance.as_deref().unwrap_or_default();
         let model: Box<dyn Model> = match (options.kind.as_str(), &options.client, &options.command) {
             (kind, Some(client), _) if client::is_live(kind) => {
@@ -36,6 +36,8 @@ pub fn askable(
             }
             (client::EXCHANGE, ..) => Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?),
             (client::COMMAND, _, Some(command)) => Box::new(Command::new(command.clone(), provenance, &Processes)),
+            // Never asked itself.
+            (client::DRAWN, ..) => continue,
             _ => Box::new(Scripted),
         };
         models.insert(name.clone(), model);
@@ -59,8 +61,9 @@ fn exchange(dir: &Path, provenance: &str, interrupt: &Interrupt) -> Result<Excha
 
 /// Refuses in time what this build cannot ask.
 pub fn check_build(experiment: &Experiment) -> Result<(), Failure> {
-    let used = |name: &String| experiment.roles.values().any(|named| named == name);
-    let live = experiment.models.iter().find(|(name, options)| client::is_live(&options.kind) && used(name));
+    let used = experiment::asked(experiment);
+    let live =
+        experiment.models.iter().find(|(name, options)| client::is_live(&options.kind) && used.contains(name.as_str()));
     match live {
         Some((name, options)) if !cfg!(feature = "live") => Err(Failure::bad_input(format!(
             "models.{name}.kind is \"{}\", but this build has no network code: it can replay that model's answers, but not ask for new ones; \

@@ -181,7 +181,7 @@ fn carry_out_recording(
         RecordMode::Missing => None,
     };
     let models = models::askable(&job.experiment, folder, fresh.as_deref(), interrupt)?;
-    let recorder = Record::new(&answers, before, mode, models);
+    let recorder = Record::new(&answers, before, mode, models).telling(&|line| progress(line));
     let name = job.experiment.name.clone();
     let (backend, driver) = (job.experiment.simulator.backend.clone(), job.experiment.driver.clone());
     let rollouts = match (&backend, &recording.rollouts) {

@@ -165,6 +165,7 @@ mod tests {
                 sampling: BTreeMap::new(),
                 response_format: None,
                 body: BTreeMap::new(),
+                here: Default::default(),
             },
             messages: vec![message],
             schema: Schema::new(serde_json::json!({})).unwrap(),

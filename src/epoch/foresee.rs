@@ -32,7 +32,7 @@ pub fn foresee(study: &Study, events: &[Event], recorded: &Cassette, tools: &Too
     for spec in &study.lineages {
         let Some(adopted) = parents.iter().find(|adopted| adopted.lineage == spec.id) else { continue };
         let ahead = Ahead { study, spec, counsels: &counsels, tools };
-        let patches = approved(recorded, &spec.id, &study.critics());
+        let patches = approved(recorded, &spec.id, study);
         ahead.lineage((&adopted.program, adopted.program_hash), &patches)?;
     }
     Ok(())
@@ -47,30 +47,34 @@ fn bodies<T: DeserializeOwned>(events: &[Event], wanted: &str) -> Vec<T> {
 type Talk<'a> = BTreeMap<(&'a str, u32), Vec<&'a Recorded>>;
 
 /// The patches on which all critics agreed who gave a readable review, by epoch and slot.
-fn approved(recorded: &Cassette, lineage: &LineageId, critics: &[Role]) -> Vec<(u32, u32, ProgramPatch)> {
+fn approved(recorded: &Cassette, lineage: &LineageId, study: &Study) -> Vec<(u32, u32, ProgramPatch)> {
     let mut talks: BTreeMap<(u32, u32), Talk<'_>> = BTreeMap::new();
     for exchange in recorded.exchanges().iter().filter(|exchange| exchange.slot.lineage == lineage.as_str()) {
         let slot = &exchange.slot;
         let talk = talks.entry((slot.epoch, slot.slot)).or_default();
         talk.entry((slot.role.as_str(), slot.round)).or_default().push(exchange);
     }
-    let agreed = |(&(epoch, slot), talk): (&(u32, u32), &Talk<'_>)| Some((epoch, slot, last_patch(talk, critics)?));
+    let agreed = |(&(epoch, slot), talk): (&(u32, u32), &Talk<'_>)| Some((epoch, slot, last_patch(talk, study)?));
     talks.iter().filter_map(agreed).collect()
 }
 
 /// The patch of the last round, if it was approved.
-fn last_patch(talk: &Talk<'_>, critics: &[Role]) -> Option<ProgramPatch> {
+fn last_patch(talk: &Talk<'_>, study: &Study) -> Option<ProgramPatch> {
+    let opened = |role: Role, answer: &'_ Recorded| match study.models.get(&role) {
+        Some(model) => model.drawn(&answer.slot).opened(&answer.bytes).0.to_vec(),
+        None => answer.bytes.clone(),
+    };
     let of = |role: Role, round: u32| talk.get(&(role.name(), round)).map(Vec::as_slice).unwrap_or_default();
     let last = talk.keys().filter(|(role, _)| *role == Role::Repair.name()).map(|(_, round)| *round).max().unwrap_or(0);
     let role = if last == 0 { Role::Actor } else { Role::Repair };
-    let patch = of(role, last).iter().find_map(|answer| reply::patch(&answer.bytes, role).ok())?;
+    let patch = of(role, last).iter().find_map(|answer| reply::patch(&opened(role, answer), role).ok())?;
     let approves = |critic: Role| {
         let answers = of(critic, last);
-        let review = answers.iter().find_map(|answer| reply::review(&answer.bytes, critic).ok());
+        let review = answers.iter().find_map(|answer| reply::review(&opened(critic, answer), critic).ok());
         // Who was asked and gave no readable review abstains.
         !answers.is_empty() && review.is_none_or(|review| review.decision == Advice::Approve)
     };
-    critics.iter().all(|critic| approves(*critic)).then_some(patch)
+    study.critics().iter().all(|critic| approves(*critic)).then_some(patch)
 }
 
 /// One lineage ahead of the run.

@@ -69,6 +69,9 @@ pub fn exchanges(out: &mut String, exchanges: &[Exchange], texts: &dyn Fn(&Excha
             exchange.request.short(12),
             exchange.response.short(12)
         );
+        if !exchange.unwrapped.is_empty() {
+            let _ = writeln!(out, "   taken off before it was read: {}", exchange.unwrapped.join(", "));
+        }
         if let Some(refusal) = &exchange.refusal {
             let _ = writeln!(out, "   refused: {refusal}");
         }

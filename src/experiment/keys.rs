@@ -3,7 +3,7 @@
 use super::key::{Key, Need, Range};
 use crate::archive::search::Method;
 use crate::families;
-use crate::llm::client::{ANTHROPIC, COMMAND, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
+use crate::llm::client::{ANTHROPIC, COMMAND, DRAWN, EXCHANGE, OPENAI_COMPATIBLE, SCRIPTED};
 use crate::scene::safebench::TrafficFamily;
 use crate::sim::ContactClass;
 use crate::synth::WorldKind;
@@ -251,12 +251,32 @@ fn models() -> Vec<Key> {
                 "models.*.kind",
                 "",
                 "",
-                Word(|| words([SCRIPTED, EXCHANGE, COMMAND, OPENAI_COMPATIBLE, ANTHROPIC])),
+                Word(|| words([SCRIPTED, EXCHANGE, COMMAND, OPENAI_COMPATIBLE, ANTHROPIC, DRAWN])),
                 "How the model is asked; `scripted` is the rule-based stand-in.",
             ),
-            ("models.*.model", "", "", Text(200), "The provider's name of the model."),
+            ("models.*.model", "", "", Text(200), "The provider's name of the model; of a `drawn` one any word."),
         ],
     );
+    keys.extend(table(
+        || Optional,
+        vec![(
+            "models.*.unwrap",
+            "",
+            "",
+            Truth,
+            "Take a byte order mark, code fence, think block or end token off around a reply's one JSON object.",
+        )],
+    ));
+    keys.extend(table(
+        || Of("models.*.kind", &[DRAWN]),
+        vec![(
+            "models.*.shares.*",
+            "",
+            "",
+            Above(0.0, 1e6),
+            "How often this other model answers, against the other shares; drawn by the seed for each slot of a role.",
+        )],
+    ));
     keys.extend(table(
         || Of("models.*.kind", &[SCRIPTED]),
         vec![
@@ -290,7 +310,7 @@ fn models() -> Vec<Key> {
             "models.*.response_format",
             "",
             "",
-            Word(|| words(["json_schema", "json_object_schema", "json_object", "tool", "none"])),
+            Word(|| words(["json_schema", "json_schema_strict", "json_object_schema", "json_object", "tool", "none"])),
             "How the model is held to the schema of a reply; `anthropic` takes tool or none, the other kind the rest.",
         )],
     ));

@@ -31,7 +31,7 @@ pub use ego_weights::EgoWeights;
 pub use error::{ExperimentError, OptionError, did_you_mean};
 pub use file::{Composed, composed};
 pub use model_options::ModelOptions;
-pub use models::{by_role, provenance};
+pub use models::{asked, by_role, provenance};
 pub use named_driver::named_driver;
 pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
 pub use page::page;

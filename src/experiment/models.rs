@@ -1,15 +1,35 @@
 //! Which model of an experiment plays which role.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::Experiment;
-use crate::llm::ModelSpec;
+use crate::llm::{Drawn, Here, ModelSpec};
 use crate::objects::Role;
 
 /// The model of each role.
 pub fn by_role(experiment: &Experiment) -> BTreeMap<Role, ModelSpec> {
-    let spec = |name: &String| Some(experiment.models.get(name)?.spec(name));
-    experiment.roles.iter().filter_map(|(role, name)| Some((*role, spec(name)?))).collect()
+    experiment.roles.iter().filter_map(|(role, name)| Some((*role, spec(experiment, name)?))).collect()
+}
+
+/// A model with those that are drawn in its place.
+fn spec(experiment: &Experiment, name: &str) -> Option<ModelSpec> {
+    let plain = |name: &str| Some(experiment.models.get(name)?.spec(name));
+    let model = plain(name)?;
+    let shares = &experiment.models.get(name)?.shares;
+    if shares.is_empty() {
+        return Some(model);
+    }
+    let of = shares.iter().filter_map(|(name, share)| Some((*share, plain(name)?))).collect();
+    let drawn = Some(Arc::new(Drawn { seed: experiment.seed, of }));
+    Some(ModelSpec { here: Here { drawn, ..model.here }, ..model })
+}
+
+/// The names of all models that may be asked: those of roles, and those that are drawn in their place.
+pub fn asked(experiment: &Experiment) -> BTreeSet<&str> {
+    let options = |name: &String| experiment.models.get(name);
+    let drawn = experiment.roles.values().filter_map(options).flat_map(|options| options.shares.keys());
+    experiment.roles.values().chain(drawn).map(String::as_str).collect()
 }
 
 /// Which models answered which roles, in one line.

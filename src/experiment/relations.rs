@@ -254,10 +254,31 @@ fn evolves(experiment: &Experiment) -> Result<bool, OptionError> {
     }
 }
 
+/// Whom a model of kind `drawn` stands for: others, each with a share, and no such model again.
+fn shares(experiment: &Experiment, name: &str, options: &ModelOptions) -> Result<(), OptionError> {
+    let place = format!("models.{name}.shares");
+    let of = &options.shares;
+    let drawn = |options: &ModelOptions| options.kind == client::DRAWN;
+    if drawn(options) == of.is_empty() {
+        let found = if of.is_empty() { "missing" } else { "given" };
+        return Err(OptionError::new(place, found, "shares of other models where the kind is drawn, and only there"));
+    }
+    let plain = experiment.models.iter().filter(|(_, options)| !drawn(options));
+    let plain: Vec<String> = plain.map(|(name, _)| name.clone()).collect();
+    if let Some(other) = of.keys().find(|other| !plain.contains(other)) {
+        return Err(OptionError::word(format!("{place}.{other}"), other.as_str(), &plain));
+    }
+    match of.iter().find(|(_, share)| !(share.is_finite() && **share > 0.0)) {
+        Some((other, share)) => Err(OptionError::new(format!("{place}.{other}"), share.to_string(), "a share above 0")),
+        None => Ok(()),
+    }
+}
+
 /// Settings of models that rest on their kind, and the cap that live ones need.
 fn models(experiment: &Experiment) -> Result<(), Problem> {
     for (name, options) in &experiment.models {
         client::check(&options.spec(name), options.client.as_ref()).map_err(Problem::Several)?;
+        shares(experiment, name, options)?;
         let scripted = options.kind == client::SCRIPTED;
         if scripted && !options.sampling.contains_key("seed") {
             let place = format!("models.{name}.sampling.seed");

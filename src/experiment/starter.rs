@@ -77,6 +77,7 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
         starter.family,
         if starter.driver.is_some() { "mine" } else { "idm" }
     );
+    text.push_str(MODEL);
     if let Some(driver) = &starter.driver {
         let list = |words: &[String]| toml::Value::from(words.to_vec());
         let _ = write!(
@@ -91,6 +92,12 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
     }
     Ok(text)
 }
+
+/// How a model of the user's is named; nothing of it holds before the marks are taken off.
+const MODEL: &str = "\n# A language model of your own in place of the rules that answer every role (docs/MODELS.md has the other kinds):\n\
+    # [roles]\n# actor = \"mine\"\n# repair = \"mine\"\n# [models.mine]\n# kind = \"command\"\n# model = \"mine-1\"\n\
+    # provenance = \"my_model.py\"\n# unwrap = true   # takes code fences, think blocks and the like off around a reply\n\
+    # command = { program = [\"python3\", \"my_model.py\"], timeout_s = 600 }\n";
 
 /// `[scenes]` and `[split]`: a fifth of the scenes is held out, and a window sees at most 20 of the others.
 fn scenes(starter: &Starter, staged: bool) -> Result<String, ExperimentError> {

@@ -19,7 +19,9 @@ pub const SCRIPTED: &str = "scripted";
 pub const EXCHANGE: &str = "exchange";
 /// `kind` of a model that is a program ([`command`](super::command)).
 pub const COMMAND: &str = "command";
-const KINDS: [&str; 5] = [SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC, EXCHANGE, COMMAND];
+/// `kind` of several models, of which one is drawn for each slot of a role ([`Drawn`](super::Drawn)).
+pub const DRAWN: &str = "drawn";
+const KINDS: [&str; 6] = [SCRIPTED, OPENAI_COMPATIBLE, ANTHROPIC, EXCHANGE, COMMAND, DRAWN];
 const OPENAI_SAMPLING: [&str; 9] = [
     "temperature",
     "top_p",
@@ -165,12 +167,12 @@ fn is_reserved(field: &str) -> bool {
 }
 
 fn check_format(spec: &ModelSpec, at: &str) -> Result<(), String> {
-    use ResponseFormat::{JsonObject, JsonObjectSchema, JsonSchema, None, Tool};
+    use ResponseFormat::{JsonObject, JsonObjectSchema, JsonSchema, JsonSchemaStrict, None, Tool};
     let (fits, expected) = match spec.kind.as_str() {
         ANTHROPIC => (matches!(spec.response_format, Some(Tool | None)), "tool or none"),
         _ => (
-            matches!(spec.response_format, Some(JsonSchema | JsonObjectSchema | JsonObject | None)),
-            "json_schema, json_object_schema, json_object or none",
+            matches!(spec.response_format, Some(JsonSchema | JsonSchemaStrict | JsonObjectSchema | JsonObject | None)),
+            "json_schema, json_schema_strict, json_object_schema, json_object or none",
         ),
     };
     if fits { Ok(()) } else { Err(format!("{at}.response_format of this kind is one of: {expected}")) }
@@ -310,6 +312,7 @@ mod tests {
             sampling: [("max_tokens".to_string(), 100.0)].into(),
             response_format: Some(format),
             body: Default::default(),
+            here: Default::default(),
         };
         let client = ClientOptions { api_key_env: Some("KEY".into()), ..ClientOptions::at("https://example.org/v1") };
         (spec, client)

@@ -129,6 +129,7 @@ mod tests {
             sampling: [("temperature".to_string(), 0.5)].into(),
             response_format: None,
             body: Default::default(),
+            here: Default::default(),
         };
         let slot = DrawSlot { lineage: "l".into(), epoch: 2, slot: 3, role: "actor".into(), round: 0 };
         let messages = vec![Message { role: "user".into(), text: "Hello.".into() }];

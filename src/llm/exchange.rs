@@ -200,6 +200,7 @@ mod tests {
             sampling: BTreeMap::new(),
             response_format: None,
             body: BTreeMap::new(),
+            here: Default::default(),
         };
         let slot = DrawSlot { lineage: "cat-idm".into(), epoch: 1, slot, role: "actor".into(), round: 0 };
         let messages = vec![Message { role: "system".into(), text: "The handbook.".into() }];

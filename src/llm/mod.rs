@@ -13,6 +13,7 @@ pub mod record;
 pub mod replay;
 pub mod reply;
 pub mod request;
+pub mod unwrap;
 
 pub use addressed::{Schema, Text};
 pub use cassette::{Cassette, CassetteError, Recorded};
@@ -23,7 +24,7 @@ pub use model::{Completion, Metadata, Model, ModelError};
 pub use record::{Record, RecordMode};
 pub use replay::Replay;
 pub use reply::Refusal;
-pub use request::{DrawSlot, Message, ModelSpec, Request, ResponseFormat};
+pub use request::{DrawSlot, Drawn, Here, Message, ModelSpec, Request, ResponseFormat};
 
 use crate::kernel::Digest;
 

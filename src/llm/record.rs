@@ -4,8 +4,8 @@
 use std::{collections::BTreeMap, sync::Mutex};
 
 use super::{
-    Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Metadata, Model, ModelError, Reply, Request,
-    replay::key_of,
+    Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Metadata, Model, ModelError, ModelSpec, Reply,
+    Request, replay::key_of, reply, unwrap,
 };
 use crate::{
     kernel::Digest,
@@ -33,7 +33,13 @@ pub struct Record<'a> {
     /// By the name that a request's `ModelSpec` has.
     models: BTreeMap<String, Box<dyn Model + 'a>>,
     collected: Mutex<BTreeMap<(DrawSlot, Digest), Collected>>,
+    /// How many replies of a model were refused in one way.
+    refused: Mutex<BTreeMap<(String, &'static str), usize>>,
+    tell: &'a (dyn Fn(&str) + Sync),
 }
+
+/// After so many refusals of one kind it is told what to set.
+const REFUSALS: usize = 3;
 
 /// An exchange of this recording.
 struct Collected {
@@ -50,7 +56,28 @@ impl<'a> Record<'a> {
         mode: RecordMode,
         models: BTreeMap<String, Box<dyn Model + 'a>>,
     ) -> Record<'a> {
-        Record { store, cassette, mode, models, collected: Mutex::new(BTreeMap::new()) }
+        let (collected, refused) = (Mutex::default(), Mutex::default());
+        Record { store, cassette, mode, models, collected, refused, tell: &|_| {} }
+    }
+
+    /// The same, which tells what to set where a model's replies cannot be read again and again.
+    pub fn telling(self, tell: &'a (dyn Fn(&str) + Sync)) -> Record<'a> {
+        Record { tell, ..self }
+    }
+
+    /// Counts a reply that cannot be read.
+    fn look_at(&self, model: &ModelSpec, bytes: &[u8]) {
+        let Err(refusal) = reply::json_object(model.opened(bytes).0) else { return };
+        let Some((kind, remedy)) = unwrap::remedy(model, bytes, &refusal) else { return };
+        let mut refused = self.refused.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let count = refused.entry((model.name.clone(), kind)).or_default();
+        *count += 1;
+        if *count == REFUSALS {
+            (self.tell)(&format!(
+                "warning: {REFUSALS} replies of models.{} could not be read for the same reason ({kind}): {remedy}",
+                model.name
+            ));
+        }
     }
 
     /// What was asked and answered, in the given order of draw slots and then, for slots not named there, in slot
@@ -83,6 +110,7 @@ impl<'a> Record<'a> {
             return Ok((response, self.kept_metadata(&memo_key, &response)?));
         }
         let Completion { bytes, metadata } = self.complete(request)?;
+        self.look_at(&request.model, &bytes);
         let response = self.store.put(&bytes).map_err(on_disk)?;
         // Written before the answer, so that no answer exists without it.
         if let Some(metadata) = &metadata {

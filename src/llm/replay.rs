@@ -172,6 +172,7 @@ mod tests {
                 sampling: BTreeMap::new(),
                 response_format: None,
                 body: BTreeMap::new(),
+                here: Default::default(),
             },
             messages: texts.iter().map(|text| Message { role: "user".into(), text: text.as_str().into() }).collect(),
             schema: Schema::new(json!({"type": "object"})).unwrap(),

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use super::client::SCRIPTED;
+use super::client::{DRAWN, SCRIPTED};
 use super::{Schema, Text};
 use crate::kernel::Digest;
 
@@ -42,7 +43,7 @@ pub struct DrawSlot {
 }
 
 /// The model of one role, as the experiment file names it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
     /// Name in the experiment file and in every table, e.g. `scripted`.
@@ -61,14 +62,72 @@ pub struct ModelSpec {
     /// Further fields of a live model's request, sent as they are.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub body: BTreeMap<String, serde_json::Value>,
+    /// What an experiment does with the model. It changes no answer: it is written nowhere, is no part of the key, and two models
+    /// that differ in it are the same to ask.
+    #[serde(skip)]
+    pub here: Here,
+}
+
+/// What an experiment does with a model, beside asking it.
+#[derive(Clone, Debug, Default)]
+pub struct Here {
+    /// Whether wrappings around a reply are taken off before it is read ([`unwrap`](super::unwrap)).
+    pub unwrap: bool,
+    /// A model of kind `drawn`: who is asked in its place.
+    pub drawn: Option<Arc<Drawn>>,
+}
+
+/// Models of which one is drawn for each draw slot, by share.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// Root of the draws.
+    pub seed: u64,
+    /// Each model with its share, above 0; they need not sum to 1.
+    pub of: Vec<(f64, ModelSpec)>,
+}
+
+impl Drawn {
+    /// The model of a slot: all rounds of a role in a slot have the same one.
+    fn at(&self, slot: &DrawSlot) -> Option<&ModelSpec> {
+        let place = (self.seed, &slot.lineage, slot.epoch, slot.slot, &slot.role);
+        let digest = Digest::of("evodrive/model-draw/1", &place).ok()?;
+        let bytes: [u8; 8] = digest.as_bytes()[..8].try_into().ok()?;
+        // 53 bits, so that every value is an f64 below 1.
+        let unit = (u64::from_le_bytes(bytes) >> 11) as f64 / (1_u64 << 53) as f64;
+        let mut left = unit * self.of.iter().map(|(share, _)| share).sum::<f64>();
+        for (share, model) in &self.of {
+            left -= share;
+            if left < 0.0 {
+                return Some(model);
+            }
+        }
+        self.of.last().map(|(_, model)| model)
+    }
+}
+
+impl PartialEq for ModelSpec {
+    fn eq(&self, other: &ModelSpec) -> bool {
+        let ModelSpec { name, kind, model, sampling, response_format, body, here: _ } = self;
+        (name, kind, model, sampling) == (&other.name, &other.kind, &other.model, &other.sampling)
+            && (response_format, body) == (&other.response_format, &other.body)
+    }
 }
 
 impl ModelSpec {
+    /// Who is asked in a slot: the model itself, or the one that is drawn there.
+    pub fn drawn(&self, slot: &DrawSlot) -> &ModelSpec {
+        self.here.drawn.as_ref().and_then(|drawn| drawn.at(slot)).unwrap_or(self)
+    }
+
     /// How results name the model. The label begins with the kind, so that no name can make the scripted stand-in look
     /// like a language model.
     pub fn label(&self) -> String {
         if self.kind == SCRIPTED && self.name == self.kind {
             return self.kind.clone();
+        }
+        if let Some(drawn) = &self.here.drawn {
+            let parts = drawn.of.iter().map(|(share, model)| format!("{share} {}", model.label()));
+            return format!("{DRAWN} ({}: {})", self.name, parts.collect::<Vec<_>>().join(" + "));
         }
         format!("{} ({}, {})", self.kind, self.name, self.model)
     }
@@ -80,6 +139,8 @@ impl ModelSpec {
 pub enum ResponseFormat {
     /// `{"type": "json_schema", "json_schema": {name, strict: false, schema}}`: OpenAI, llama.cpp, vLLM.
     JsonSchema,
+    /// The same with `strict: true` where the schema is of the form that strict mode takes: OpenAI, Azure.
+    JsonSchemaStrict,
     /// `{"type": "json_object", "schema": ..}`: llama-cpp-python, llama.cpp.
     JsonObjectSchema,
     /// `{"type": "json_object"}`: any JSON object.
@@ -121,5 +182,53 @@ impl Request {
         let messages = messages.iter().map(|message| (message.role.as_str(), message.text.digest())).collect();
         let keyed = Keyed { adapter_version: *adapter_version, slot, model, messages, schema: schema.digest() };
         Digest::of("evodrive/llm-request/2", &keyed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(name: &str) -> ModelSpec {
+        ModelSpec {
+            name: name.into(),
+            kind: "command".into(),
+            model: name.into(),
+            sampling: BTreeMap::new(),
+            response_format: None,
+            body: BTreeMap::new(),
+            here: Here::default(),
+        }
+    }
+
+    fn slot(epoch: u32, slot: u32, round: u32) -> DrawSlot {
+        DrawSlot { lineage: "cat".into(), epoch, slot, role: "actor".into(), round }
+    }
+
+    fn mix(seed: u64, shares: [f64; 2]) -> ModelSpec {
+        let of = shares.into_iter().zip(["a", "b"]).map(|(share, name)| (share, named(name))).collect();
+        let here = Here { drawn: Some(Arc::new(Drawn { seed, of })), ..Here::default() };
+        ModelSpec { kind: DRAWN.into(), here, ..named("mix") }
+    }
+
+    #[test]
+    fn models_are_drawn_by_their_shares_and_a_slot_keeps_its_model_over_all_rounds() {
+        let mix_of_3_to_1 = mix(1, [3.0, 1.0]);
+        let names = |mix: &ModelSpec| -> Vec<String> {
+            (0..4_000).map(|n| mix.drawn(&slot(n / 8, n % 8, 0)).name.clone()).collect()
+        };
+        let first = names(&mix_of_3_to_1);
+        let of_a = first.iter().filter(|name| *name == "a").count();
+        assert!((2_900..3_100).contains(&of_a), "{of_a}");
+        assert!(first == names(&mix_of_3_to_1) && first != names(&mix(2, [3.0, 1.0])));
+        for n in 0..40 {
+            assert_eq!(mix_of_3_to_1.drawn(&slot(0, n, 0)), mix_of_3_to_1.drawn(&slot(0, n, 3)));
+        }
+        assert_eq!(named("a").drawn(&slot(0, 0, 0)), &named("a"));
+    }
+
+    #[test]
+    fn a_mix_is_labelled_by_those_who_answer() {
+        assert_eq!(mix(1, [0.7, 0.3]).label(), "drawn (mix: 0.7 command (a, a) + 0.3 command (b, b))");
     }
 }

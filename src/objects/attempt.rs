@@ -58,6 +58,9 @@ pub struct Exchange {
     pub response: Digest,
     /// Name of the model as the experiment file has it.
     pub model: String,
+    /// What was taken off around the reply before it was read, where the model's options say so.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unwrapped: Vec<String>,
     /// Why the reply could not be used, if so.
     pub refusal: Option<String>,
 }

@@ -199,6 +199,7 @@ pub(super) mod tests {
             sampling: rates.into_iter().map(|(name, rate)| (name.to_string(), rate)).collect::<BTreeMap<_, _>>(),
             response_format: None,
             body: BTreeMap::new(),
+            here: Default::default(),
         }
     }
 

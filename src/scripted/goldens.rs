@@ -32,6 +32,7 @@ fn spec() -> ModelSpec {
         sampling: BTreeMap::new(),
         response_format: None,
         body: BTreeMap::new(),
+        here: Default::default(),
     }
 }
 

@@ -57,6 +57,7 @@ fn model(seed: u64, rates: [f64; 4]) -> ModelSpec {
         sampling,
         response_format: None,
         body: BTreeMap::new(),
+        here: Default::default(),
     }
 }
 

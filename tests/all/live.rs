@@ -192,6 +192,7 @@ fn request(slot: u32, kind: &str) -> Request {
             sampling,
             response_format: Some(format),
             body: BTreeMap::from([("extra".to_string(), json!({"a": [1, false]}))]),
+            here: Default::default(),
         },
         messages: vec![message("system", "Be strict."), message("user", "Context."), message("user", "Task.")],
         schema: schema(json!({"type": "object", "required": ["a"]})),
@@ -519,6 +520,43 @@ fn a_query_own_headers_and_the_header_of_the_key_are_sent() {
     assert_eq!(asked.path, "/openai/deployments/d/chat/completions?api-version=2024-10-21");
     assert_eq!((asked.headers["api-key"].as_str(), asked.headers["x-title"].as_str()), (KEY, "EvoDrive test"));
     assert!(!asked.headers.contains_key("authorization"));
+}
+
+#[test]
+fn the_example_program_asks_any_chat_completions_address() {
+    if !std::process::Command::new("python3").arg("--version").output().is_ok_and(|ran| ran.status.success()) {
+        return harness::skip("no python3: examples/chat/chat.py was not tried");
+    }
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/chat/chat.py");
+    let ask = |server: &Server| {
+        let told = json!({"model": "mine-1", "sampling": {"max_tokens": 9.0, "temperature": 0.5}, "schema": {},
+            "messages": [{"role": "system", "text": "Be strict."}, {"role": "user", "text": "Task ü."}]});
+        let mut child = std::process::Command::new("python3")
+            .arg(&program)
+            .args([format!("{}/v1/chat/completions", server.url), "EVODRIVE_TEST_KEY".into()])
+            .env("EVODRIVE_TEST_KEY", KEY)
+            .stdin(std::process::Stdio::piped())
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        child.stdin.take().unwrap().write_all(told.to_string().as_bytes()).unwrap();
+        child.wait_with_output().unwrap()
+    };
+    let server = Server::start(|_, _| Some(chat("{\"a\": 1}")));
+    let ran = ask(&server);
+    assert_eq!((ran.status.code(), ran.stdout.as_slice()), (Some(0), b"{\"a\": 1}".as_slice()));
+    let [asked] = server.received().try_into().unwrap();
+    assert_eq!(asked.headers["authorization"], format!("Bearer {KEY}"));
+    let messages = json!([{"role": "system", "content": "Be strict."}, {"role": "user", "content": "Task ü."}]);
+    let expected = json!({"model": "mine-1", "max_tokens": 9, "temperature": 0.5, "messages": messages});
+    assert_eq!(asked.body, expected);
+    let ran = ask(&Server::start(|_, _| Some(Reply::status(400, json!({"error": "no such model"})))));
+    let stderr = String::from_utf8_lossy(&ran.stderr).into_owned();
+    assert!(
+        ran.status.code() == Some(1) && stderr.contains("HTTP 400") && stderr.contains("no such model"),
+        "{stderr}"
+    );
 }
 
 #[test]

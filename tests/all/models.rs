@@ -114,6 +114,7 @@ fn local() -> ModelSpec {
         sampling: sampling.into_iter().map(|(name, x)| (name.to_string(), x)).collect(),
         response_format: Some(ResponseFormat::JsonSchema),
         body: BTreeMap::from([("cache_prompt".to_string(), serde_json::json!(false))]),
+        here: Default::default(),
     }
 }
 

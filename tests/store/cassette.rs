@@ -34,6 +34,7 @@ fn request(at: DrawSlot) -> Request {
             sampling: BTreeMap::from([("temperature".into(), 0.7)]),
             response_format: None,
             body: BTreeMap::new(),
+            here: Default::default(),
         },
         messages: vec![
             Message { role: "system".into(), text: "You evolve programs.".into() },
@@ -391,4 +392,39 @@ fn a_transport_error_leaves_no_trace_in_the_memo() {
     assert!(record.ask(&asked).unwrap_err().to_string().contains("there are: echo"));
     assert_eq!(store.memo_len(MemoKind::Llm), 0);
     assert_eq!(record.into_cassette("t", &[]).unwrap().exchanges().len(), 0);
+}
+
+/// Answers every question with the same words.
+struct Says(&'static str);
+
+impl Model for Says {
+    fn complete(&self, _: &Request) -> Result<Completion, ModelError> {
+        Ok(self.0.as_bytes().to_vec().into())
+    }
+}
+
+#[test]
+fn after_three_refusals_of_one_kind_it_is_told_once_what_to_set() {
+    let told = |says: &'static str, unwrap: bool, questions: u32| {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let lines = std::sync::Mutex::new(Vec::new());
+        let tell = |line: &str| lines.lock().unwrap().push(line.to_string());
+        let models: BTreeMap<String, Box<dyn Model>> =
+            BTreeMap::from([("echo".into(), Box::new(Says(says)) as Box<dyn Model>)]);
+        let record = Record::new(&store, Cassette::new(""), RecordMode::Missing, models).telling(&tell);
+        for n in 0..questions {
+            let mut asked = request(slot(0, n));
+            asked.model.here.unwrap = unwrap;
+            record.ask(&asked).unwrap();
+        }
+        drop(record);
+        lines.into_inner().unwrap()
+    };
+    let fenced = "```json\n{}\n```";
+    let lines = told(fenced, false, 5);
+    assert!(lines.len() == 1 && lines[0].contains("unwrap = true in [models.echo]"), "{lines:?}");
+    assert_eq!(told(fenced, false, 2), Vec::<String>::new());
+    assert_eq!(told(fenced, true, 5), Vec::<String>::new());
+    assert_eq!(told("{\"a\": 1}", false, 5), Vec::<String>::new());
 }

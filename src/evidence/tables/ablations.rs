@@ -531,8 +531,15 @@ mod tests {
         for (slot, questions) in [(0, 3), (1, 5)] {
             let mut attempt = attempt("cat-idm", slot, Exit::Declined { reason: "no patch".into() });
             let any = Digest::of_bytes(b"any");
-            let question =
-                Exchange { role: Role::Actor, round: 0, request: any, response: any, model: "m".into(), refusal: None };
+            let question = Exchange {
+                role: Role::Actor,
+                round: 0,
+                request: any,
+                response: any,
+                model: "m".into(),
+                unwrapped: vec![],
+                refusal: None,
+            };
             attempt.proposal.exchanges = vec![question; questions];
             story.attempts.push(attempt);
         }

@@ -119,7 +119,15 @@ mod tests {
         attempt.proposal.rounds = vec![Round { patch: Some(patch), reviews: vec![] }; 1 + repairs];
         let any = attempt.parent_hash;
         let refusal = (repairs > 0).then(|| "no JSON".to_string());
-        let actor = Exchange { role: Role::Actor, round: 0, request: any, response: any, model: "m".into(), refusal };
+        let actor = Exchange {
+            role: Role::Actor,
+            round: 0,
+            request: any,
+            response: any,
+            model: "m".into(),
+            unwrapped: vec![],
+            refusal,
+        };
         attempt.proposal.exchanges = vec![actor];
         attempt
     }

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::protocol::{End, Said, count_at, put_sampling, reply_name, text_at};
-use super::wire::compilable;
+use super::wire::{compilable, strict};
 use crate::llm::{Metadata, ModelError, Request, ResponseFormat};
 
 pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
@@ -19,6 +19,13 @@ pub fn body(request: &Request) -> Result<Map<String, Value>, ModelError> {
             // Not strict, because providers support strict mode only for simpler schemas. Every reply is checked again
             // anyway.
             let schema = json!({"name": reply_name(request), "strict": false, "schema": compilable(&request.schema)});
+            Some(json!({"type": "json_schema", "json_schema": schema}))
+        }
+        Some(ResponseFormat::JsonSchemaStrict) => {
+            let of_strict_form = strict(&request.schema);
+            let is_strict = of_strict_form.is_some();
+            let schema = of_strict_form.unwrap_or_else(|| compilable(&request.schema));
+            let schema = json!({"name": reply_name(request), "strict": is_strict, "schema": schema});
             Some(json!({"type": "json_schema", "json_schema": schema}))
         }
         Some(ResponseFormat::JsonObjectSchema) => {

@@ -97,11 +97,9 @@ fn of_role_with(
     let options = experiment.models.get(&model);
     let limit = |name: &str| options.and_then(|options| options.sampling.get(name)).copied();
     let output_tokens_max = limit("max_tokens").or_else(|| limit("max_completion_tokens"));
-    let client = options.and_then(|options| options.client.as_ref());
     let ([input_tokens, output_tokens], tokens_from) = tokens(role, cassette, seen, output_tokens_max);
     RoleCost {
         role: role.name(),
-        model,
         known,
         likely,
         at_most,
@@ -109,8 +107,24 @@ fn of_role_with(
         output_tokens,
         tokens_from,
         output_tokens_max,
-        usd_per_million: client.map(|client| [client.input_usd_per_million, client.output_usd_per_million]),
+        usd_per_million: prices(experiment, &model),
+        model,
     }
+}
+
+/// Declared prices of a model; of several that are drawn the mean over those who answer, where one that is not paid for costs nothing.
+fn prices(experiment: &Experiment, model: &str) -> Option<[f64; 2]> {
+    let of = |name: &str| {
+        let client = experiment.models.get(name)?.client.as_ref()?;
+        Some([client.input_usd_per_million, client.output_usd_per_million])
+    };
+    let shares = &experiment.models.get(model)?.shares;
+    let all: f64 = shares.values().sum();
+    let weighed = |sum: [f64; 2], (name, share): (&String, &f64)| {
+        let price = of(name).unwrap_or_default();
+        [sum[0] + share / all * price[0], sum[1] + share / all * price[1]]
+    };
+    if shares.is_empty() { of(model) } else { Some(shares.iter().fold([0.0; 2], weighed)) }
 }
 
 /// Mean tokens of a role's questions and answers, and what they rest on.

@@ -44,3 +44,37 @@ pub fn provenance(experiment: &Experiment) -> String {
     let parts = roles_of.iter().map(|(label, roles)| format!("{label} as {}", roles.join(", ")));
     parts.collect::<Vec<_>>().join("; ")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn quickstart() -> Experiment {
+        Experiment::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml")).unwrap()
+    }
+
+    #[test]
+    fn a_role_of_several_models_asks_them_all_and_draws_by_the_seed() {
+        let mut experiment = quickstart();
+        let other = experiment.models["scripted"].clone();
+        let shares = BTreeMap::from([("other".to_string(), 2.0), ("scripted".to_string(), 1.0)]);
+        let mix = super::super::ModelOptions { kind: "drawn".into(), shares, ..other.clone() };
+        experiment.models.extend([("other".to_string(), other), ("mix".to_string(), mix)]);
+        experiment.roles.insert(Role::Actor, "mix".into());
+        let drawn = by_role(&experiment)[&Role::Actor].here.drawn.clone().unwrap();
+        let of: Vec<(f64, &str)> = drawn.of.iter().map(|(share, model)| (*share, model.name.as_str())).collect();
+        assert_eq!((drawn.seed, of), (experiment.seed, vec![(2.0, "other"), (1.0, "scripted")]));
+        assert_eq!(asked(&experiment), BTreeSet::from(["mix", "other", "scripted"]));
+        assert!(provenance(&experiment).contains("drawn (mix: 2 scripted (other, "), "{}", provenance(&experiment));
+    }
+
+    #[test]
+    fn how_replies_are_read_counts_into_the_experiment_and_not_into_its_models() {
+        let (plain, mut unwrapping) = (quickstart(), quickstart());
+        unwrapping.models.get_mut("scripted").unwrap().unwrap = true;
+        assert_ne!(plain.digest().unwrap(), unwrapping.digest().unwrap());
+        assert_eq!(by_role(&plain), by_role(&unwrapping));
+        assert!(by_role(&unwrapping)[&Role::Actor].here.unwrap);
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{ContractMark, Experiment, LineageOptions, OptionError, ParentProgram, SceneSource};
+use super::{ContractMark, Experiment, LineageOptions, ModelOptions, OptionError, ParentProgram, SceneSource};
 use crate::adapters::Contract;
 use crate::archive::search::Method;
 use crate::evaluation::EvaluationOptions;

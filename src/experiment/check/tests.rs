@@ -54,6 +54,14 @@ fn whole() -> Vec<Table> {
         command = { program = ["my_model"], timeout_s = 60 } }
         .into(),
     );
+    models.insert(
+        "mix".into(),
+        toml::toml! { kind = "drawn"
+        model = "mix"
+        unwrap = true
+        shares = { agent = 2.0, mine = 1.0 } }
+        .into(),
+    );
     all.push(behind);
     // A planner and an attack of one's own; what a run folder keeps of the planner.
     let mut own = crate::experiment::composed(&path("../examples/own_ego/idm")).unwrap().table;

@@ -34,7 +34,7 @@ pub enum Lost {
     Unsent(String),
     /// The connection broke, or the time was up.
     Midway(String),
-    /// The fault is one that asking again would not change.
+    /// What came is no answer: longer than any, or not HTTP.
     Unusable(String),
 }
 

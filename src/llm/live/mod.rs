@@ -120,7 +120,8 @@ impl Live {
         let bytes = request.prompt_bytes();
         if metadata.prompt_was_cut(bytes) && !self.warned.swap(true, Ordering::Relaxed) {
             let tokens = metadata.input_tokens.unwrap_or(0);
-            let needed = (bytes / BYTES_A_TOKEN + self.protocol.output_bound(&request.model)).next_power_of_two();
+            let answer = self.protocol.output_bound(&request.model).min(1 << 20);
+            let needed = (bytes / BYTES_A_TOKEN + answer).next_power_of_two();
             (self.outside.tell)(&format!(
                 "warning: models.{}: the server counts {tokens} tokens in a prompt of {bytes} bytes, so it read only a part of it; \
                  give it a context of {needed} tokens (llama.cpp: -c {needed}; Ollama: OLLAMA_CONTEXT_LENGTH={needed}; vLLM: \

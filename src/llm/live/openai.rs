@@ -173,7 +173,7 @@ mod tests {
             (json!({}), "choices[0]"),
             (json!({"choices": []}), "choices[0]"),
             (json!({"choices": [{"message": 3}]}), "message"),
-            (json!({"choices": [{"message": {"content": 7}}]}), "no text"),
+            (json!({"choices": [{"message": {"content": 7}}]}), "not a text"),
             (json!([]), "choices[0]"),
         ] {
             assert!(read(&value).unwrap_err().contains(word), "{value}");

@@ -67,7 +67,7 @@ impl Schedule {
     pub fn after_loss(&mut self, lost: Lost) -> Step {
         match lost {
             Lost::Unsent(reason) | Lost::Midway(reason) => self.again(reason, None),
-            Lost::Unusable(reason) => Step::Stop(Stop::Malformed { reason }),
+            Lost::Unusable(reason) => self.after_strange(Fault { reason, answered: true }, None),
         }
     }
 

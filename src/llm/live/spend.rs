@@ -247,7 +247,8 @@ mod tests {
     fn what_a_cache_read_or_wrote_has_a_price_of_its_own() {
         let tokens = Tokens { input: 1_000_000, output: 0, cached: 600_000, written: 300_000 };
         let price = Price { input: 3.0, output: 15.0, cached: 0.3, written: 3.75 };
-        assert_eq!(price.usd(tokens), 0.1 * 3.0 + 0.6 * 0.3 + 0.3 * 3.75);
+        let usd = price.usd(tokens);
+        assert!((usd - (0.1 * 3.0 + 0.6 * 0.3 + 0.3 * 3.75)).abs() < 1e-9, "{usd}");
         let mut options = ClientOptions::at("http://localhost");
         options.input_usd_per_million = 3.0;
         assert_eq!(Price::of(&options).usd(tokens), 3.0);

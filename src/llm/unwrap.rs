@@ -54,10 +54,12 @@ fn unwrapped(reply: &[u8]) -> Option<(&[u8], Vec<&'static str>)> {
 
 /// What follows a leading think block. Its first half may stand in the prompt, so the closing word alone counts too.
 fn behind_thoughts(text: &str) -> Option<&str> {
-    THOUGHTS.iter().find_map(|(open, close)| {
-        let (inside, rest) = text.split_once(close)?;
-        (text.starts_with(open) || !inside.starts_with(['{', '`'])).then_some(rest)
-    })
+    let begun = THOUGHTS.iter().find(|(open, _)| text.starts_with(open));
+    let (inside, rest) = match begun {
+        Some((_, close)) => text.split_once(close)?,
+        None => THOUGHTS.iter().find_map(|(_, close)| text.split_once(close))?,
+    };
+    (begun.is_some() || !inside.starts_with(['{', '`'])).then_some(rest)
 }
 
 /// The inside of one code fence that holds the whole text.

@@ -409,9 +409,9 @@ fn a_redirect_is_not_followed() {
     let other = Server::start(|_, _| Some(chat("{}")));
     let target = format!("{}/v1/chat/completions", other.url);
     for (status, asked) in [(302, 3), (308, 1)] {
-        let target = target.clone();
+        let to = target.clone();
         let server = Server::start(move |_, _| {
-            Some(Reply { headers: vec![("location", target.clone())], ..Reply::status(status, json!({})) })
+            Some(Reply { headers: vec![("location", to.clone())], ..Reply::status(status, json!({})) })
         });
         let told = openai(&server).error().to_string();
         assert!(told.contains(&target), "{told}");

@@ -259,23 +259,22 @@ fn models() -> Vec<Key> {
     );
     keys.extend(table(
         || Optional,
-        vec![(
-            "models.*.unwrap",
-            "",
-            "",
-            Truth,
-            "Take a byte order mark, code fence, think block or end token off around a reply's one JSON object.",
-        )],
-    ));
-    keys.extend(table(
-        || Of("models.*.kind", &[DRAWN]),
-        vec![(
-            "models.*.shares.*",
-            "",
-            "",
-            Above(0.0, 1e6),
-            "How often this other model answers, against the other shares; drawn by the seed for each slot of a role.",
-        )],
+        vec![
+            (
+                "models.*.unwrap",
+                "",
+                "",
+                Truth,
+                "Take a byte order mark, code fence, think block or end token off around a reply's one JSON object.",
+            ),
+            (
+                "models.*.shares.*",
+                "",
+                "",
+                Above(0.0, 1e6),
+                "Of a `drawn` model: how often this other one answers, against the other shares; drawn by the seed for each slot of a role.",
+            ),
+        ],
     ));
     keys.extend(table(
         || Of("models.*.kind", &[SCRIPTED]),

@@ -54,6 +54,15 @@ fn whole() -> Vec<Table> {
         command = { program = ["my_model"], timeout_s = 60 } }
         .into(),
     );
+    let client = models.values_mut().find_map(|model| model.get_mut("client")).unwrap().as_table_mut().unwrap();
+    client.extend(toml::toml! {
+        api_key_env = "KEY"
+        api_key_header = "api-key"
+        query = { api-version = "1" }
+        headers = { x-title = "EvoDrive" }
+        cached_input_usd_per_million = 0.1
+        cache_write_usd_per_million = 0.2
+    });
     models.insert(
         "mix".into(),
         toml::toml! { kind = "drawn"

@@ -54,7 +54,7 @@ fn whole() -> Vec<Table> {
         command = { program = ["my_model"], timeout_s = 60 } }
         .into(),
     );
-    let client = models.values_mut().find_map(|model| model.get_mut("client")).unwrap().as_table_mut().unwrap();
+    let client = models["claude"].get_mut("client").unwrap().as_table_mut().unwrap();
     client.extend(toml::toml! {
         api_key_env = "KEY"
         api_key_header = "api-key"

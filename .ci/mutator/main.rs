@@ -1,5 +1,5 @@
 //! All mutants of five rooms in one copy of the library, each behind a switch: `.ci/mutants` builds the copy once and turns
-//! them on one after the other. A mutant is a small mistake that a test should find; docs/MUTANTS.md says what came of it.
+//! them on one after the other. A mutant is a small mistake that a test should find; docs/QUALITY.md says what came of it.
 //!
 //! `mutator TREE UNFIT LIST`, in a checkout: TREE is its copy, whose files are rewritten from those of the checkout. UNFIT names
 //! the numbers that do not compile, one a line. LIST gets the mutants as lines of JSON.

@@ -80,9 +80,9 @@ pub enum Command {
     Paper(paper::Options),
     /// Draw one of the paper's figures from recorded runs, as SVG or PDF.
     Figure(figure::Options),
-    /// Say what a cell of a table rests on, from its formula down to scenes, patches, prompts and answers (docs/LEDGER.md).
+    /// Say what a cell of a table rests on, from its formula down to scenes, patches, prompts and answers (docs/QUALITY.md).
     Why(why::Options),
-    /// Say which cells of which tables rest on a rollout, program, patch, question, answer or scene (docs/LEDGER.md).
+    /// Say which cells of which tables rest on a rollout, program, patch, question, answer or scene (docs/QUALITY.md).
     Impact(impact::Options),
     /// Say how good the world evaluator of a run was: rank, error, intervals, false rejects, by epoch and family (docs/WORLD.md).
     World(world::Options),
@@ -90,7 +90,7 @@ pub enum Command {
     Compare(compare::Options),
     /// Say where two runs part: their inputs, the first event that differs, the field, and what that points to.
     Diff(diff::Options),
-    /// Write a run as tables for pandas, DuckDB and the like: attempts, labels, rollouts, reviews, exchanges, cost (docs/DATA.md).
+    /// Write a run as tables for pandas, DuckDB and the like: attempts, labels, rollouts, reviews, exchanges, cost (docs/BUNDLES.md).
     Data(data::Options),
     /// Write a run as one file that travels, look into one, carry its run out again, unpack it (docs/BUNDLES.md).
     #[command(subcommand)]
@@ -112,7 +112,7 @@ pub enum Command {
     /// Serve our own simulator's rollouts as a backend's worker does: JSON lines on stdin and stdout (docs/BACKENDS.md).
     Worker,
     /// Do the missing work of a run on many machines: plan shards, work on them anywhere, merge what came of them
-    /// (docs/SHARDS.md).
+    /// (docs/BUNDLES.md).
     #[command(subcommand)]
     Shard(shard::Command),
     /// Train a learned ego on generated scenes and write its weights and card (docs/EGOS.md).

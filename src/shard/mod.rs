@@ -1,5 +1,5 @@
 //! Work that travels: missing records of a run as files of tasks, each of which any machine can do, and the union of what
-//! comes back. A shard is named by its bytes; results are records that never change. `docs/SHARDS.md` describes the files.
+//! comes back. A shard is named by its bytes; results are records that never change. `docs/BUNDLES.md` describes the files.
 
 mod error;
 mod file;

@@ -108,7 +108,7 @@ class Run:
         return self._result["result"]
 
     def table(self, name):
-        """A table of docs/DATA.md as a data frame, its columns typed as the dictionary says; missing values are NA."""
+        """A table of docs/BUNDLES.md as a data frame, its columns typed as the dictionary says; missing values are NA."""
         if name not in self._tables:
             raise EvodriveError(2, f"no table {name!r}, expected one of {', '.join(self._tables)}")
         return self._tables[name].copy()

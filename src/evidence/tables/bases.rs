@@ -281,7 +281,7 @@ impl<'s> Bases<'s> {
         };
         let parts = self.archives_of(row).filter_map(part).collect();
         let formula = format!(
-            "mean over repetitions of {} of all runs that balanced selection keeps, families weighing alike (docs/SAFEBENCH.md)",
+            "mean over repetitions of {} of all runs that balanced selection keeps, families weighing alike (docs/OBJECTIVES.md)",
             rounds_words(key, row)
         );
         Basis::of(formula, Combine::MeansOfAll, parts)
@@ -321,7 +321,7 @@ impl<'s> Bases<'s> {
         let (parts, where_): (Vec<Piece>, _) =
             (parts.collect(), if seen.is_some() { "that evolution saw" } else { "held out" });
         let formula = format!(
-            "mean over repetitions of {key} of all runs on the routes {where_}, families weighing alike (docs/SAFEBENCH.md)"
+            "mean over repetitions of {key} of all runs on the routes {where_}, families weighing alike (docs/OBJECTIVES.md)"
         );
         Some(Basis::of(formula, Combine::MeansOfAll, parts))
     }

@@ -1,5 +1,12 @@
 //! Composition of the parent of a lineage whose family takes templates: the template agent is asked for each kind of
 //! scenario that the experiment describes, before the parent is adopted.
+//!
+//! ChatScene begins with a sentence (`[composition]`). For each kind of traffic family the agent answers which behaviour and which
+//! ranges say what the description says; it is shown the behaviours and the numbers with their bounds (the family's
+//! `asks.templates`). An answer that fits the form is tried: the parent with this template is labelled on the first evolution scenes
+//! of its kind, at most as many as a window has. The agent is told what is wrong with an answer, or what the simulator made of the
+//! template, and asked again, at most `composition.rounds` times. The template that made the ego fail most often becomes the
+//! parent's; without a usable answer the published one stays. From then on patches edit it like everything else.
 
 use super::{
     RunError,

@@ -1,5 +1,18 @@
 //! Counsel for the scenes of a lineage whose family takes it: the attacker agent is asked before the first program meets a
 //! scene, held-out scenes included only when the suite is opened.
+//!
+//! ```text
+//! show vehicles → propose attackers → try in the simulator → reflect, propose again … → counsel
+//!   families          agents            compiler, sim            agents               transcript
+//! ```
+//!
+//! A family takes counsel where its source's `asks.counsel` says so; LLM-Attacker does. The agent is shown the ego's undisturbed
+//! drive second by second and, of each vehicle, when it and the ego come to the first place that both ways touch. Each set that it
+//! names is carried out by the lineage's parent without a search of its own, and the agent is told what became of it (contact, never
+//! close, late, early, ego yielded, blocked), as often as `[counsel]` allows. The set that met the ego, or came nearest, is the
+//! scene's counsel: an input of every compilation of that lineage for that scene, part of its key, and an event of the run. An answer
+//! that cannot be used is recorded with its reason, and the rules' own next proposal is tried in its place. A program says how far it
+//! trusts counsel (`counsel_weight`), so compiling stays a pure function and trust can be evolved.
 
 use std::collections::BTreeSet;
 

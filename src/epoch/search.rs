@@ -1,5 +1,11 @@
 //! Where another method than the archive's own searches (`[search]`): which programs its slots edit, which one leads, what a slot is asked for, and
 //! how many rollouts a lineage has used.
+//!
+//! `archive/search` holds the method's two decisions, `archive/openevolve` OpenEvolve's database; this file and `rival.rs` put them in
+//! the epoch's places. The method's memory is part of the state and changes in `settle` alone. Whom it drew stands in the epoch's
+//! frozen event, what it said of a child in the attempt's decision, and its draws are named streams. Windows do not rotate then. A
+//! declared budget bounds a lineage's rollouts: candidates that it does not pay for are turned away behind the barrier, and a lineage
+//! that cannot pay for one more has no further epoch. `docs/ABLATIONS.md` describes the methods.
 
 use std::collections::BTreeSet;
 

@@ -12,13 +12,15 @@ use serde_json::Value;
 use super::answer::{Answer, AnswerLine};
 use super::spec::{BackendOptions, DRIVER};
 use crate::kernel::Digest;
-use crate::store::{self, StoreError, shortened};
+use crate::store::{self, StoreError, TextFault, shortened};
 
 const FORMAT: &str = "evodrive-rollout-cassette";
 const VERSION: &str = "1.0";
 const MAJOR: &str = "1";
 /// Bytes of a cassette before and after decompression.
 const MAX_BYTES: u64 = 1 << 30;
+/// Bytes of the first line, whose values take many times that in memory.
+const MAX_HEADER_BYTES: usize = 1 << 20;
 
 /// Why a cassette cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -130,35 +132,53 @@ impl RolloutCassette {
     /// Reads a file, and verifies every digest.
     pub fn load(path: &Path) -> Result<RolloutCassette, RolloutCassetteError> {
         let file = path.display().to_string();
-        let damaged =
-            |(expected, found)| RolloutCassetteError::Damaged { file: file.clone(), line: 0, expected, found };
-        let text = store::read_text(path, MAX_BYTES)?.map_err(damaged)?;
-        RolloutCassette::parse(&text, &file)
+        let mut lines = store::text_lines(path, MAX_BYTES)?;
+        RolloutCassette::read_from(&mut || lines.next(), &file)
     }
 
     /// Reads the text of a cassette; `file` names it in messages.
-    pub fn parse(text: &[u8], file: &str) -> Result<RolloutCassette, RolloutCassetteError> {
-        let damaged = |line: usize| {
-            move |(expected, found): Wrong| RolloutCassetteError::Damaged {
-                file: file.to_string(),
-                line,
-                expected,
-                found,
+    pub fn parse(mut text: &[u8], file: &str) -> Result<RolloutCassette, RolloutCassetteError> {
+        let next =
+            &mut || store::next_line(&mut text).map_err(|error| TextFault::Wrong("a text".into(), error.to_string()));
+        RolloutCassette::read_from(next, file)
+    }
+
+    /// Reads line by line, and none behind the first bad one.
+    fn read_from(
+        next: &mut dyn FnMut() -> Result<Option<store::Line>, TextFault>,
+        file: &str,
+    ) -> Result<RolloutCassette, RolloutCassetteError> {
+        let damaged = |line: usize, (expected, found): Wrong| RolloutCassetteError::Damaged {
+            file: file.to_string(),
+            line,
+            expected,
+            found,
+        };
+        let mut at = 0;
+        let mut line = || -> Result<(usize, Option<Vec<u8>>), RolloutCassetteError> {
+            at += 1;
+            match next() {
+                Ok(line) => Ok((at, line.map(|line| line.bytes))),
+                Err(TextFault::Store(error)) => Err(error.into()),
+                Err(TextFault::Wrong(expected, found)) => Err(damaged(at, (expected, found))),
             }
         };
-        let body = text.strip_suffix(b"\n").unwrap_or(text);
-        let mut lines = body.split(|byte| *byte == b'\n');
+        let header = line()?.1.unwrap_or_default();
+        if header.len() > MAX_HEADER_BYTES {
+            let expected = format!("at most {MAX_HEADER_BYTES} bytes in the header of a rollout cassette");
+            return Err(damaged(1, (expected, header.len().to_string())));
+        }
         let first: FirstLine =
-            parsed(lines.next().unwrap_or_default(), "the header of a rollout cassette").map_err(damaged(1))?;
+            parsed(&header, "the header of a rollout cassette").map_err(|wrong| damaged(1, wrong))?;
         if first.format != FORMAT {
-            return Err(damaged(1)((format!("format {FORMAT}"), shortened(&first.format))));
+            return Err(damaged(1, (format!("format {FORMAT}"), shortened(&first.format))));
         }
         if first.version.split('.').next() != Some(MAJOR) {
             return Err(RolloutCassetteError::Version { file: file.to_string(), found: shortened(&first.version) });
         }
         let mut cassette = RolloutCassette::new(file, first.backend);
-        for (i, line) in lines.enumerate() {
-            cassette.read(line).map_err(damaged(i + 2))?;
+        while let (at, Some(line)) = line()? {
+            cassette.read(&line).map_err(|wrong| damaged(at, wrong))?;
         }
         Ok(cassette)
     }

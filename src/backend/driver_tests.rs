@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -19,7 +19,7 @@ type Said = Result<Vec<u8>, Broken>;
 type Answering = fn(&Value, usize) -> Said;
 
 /// Starts planners that answer each decision by a closure of what they are told and of how many lines were sent to them.
-struct Fake<F>(F, AtomicUsize);
+struct Fake<F>(F, AtomicUsize, Mutex<String>);
 
 struct Drives<F> {
     said: VecDeque<Said>,
@@ -38,6 +38,10 @@ impl<F: Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static> Start for Fak
         let said = VecDeque::from([Ok(b"{\"evodrive_driver\":1}".to_vec())]);
         Ok(Box::new(Drives { said, answer: self.0.clone(), lines: 0 }))
     }
+
+    fn show(&self, about: &str, printed: &str) {
+        self.2.lock().unwrap().push_str(&format!("{about}: {printed}"));
+    }
 }
 
 impl<F: Fn(&Value, usize) -> Said + Send> Line for Drives<F> {
@@ -45,8 +49,15 @@ impl<F: Fn(&Value, usize) -> Said + Send> Line for Drives<F> {
         let told: Value = serde_json::from_str(&line).unwrap();
         self.lines += 1;
         if told["type"] == "step" {
-            self.said.push_back((self.answer)(&told, self.lines));
+            match (self.answer)(&told, self.lines) {
+                Ok(lines) => self.said.extend(lines.split(|byte| *byte == b'\n').map(|line| Ok(line.to_vec()))),
+                broken => self.said.push_back(broken),
+            }
         }
+    }
+
+    fn early(&mut self) -> Option<Said> {
+        self.said.pop_front()
     }
 
     fn receive(&mut self, _: Duration) -> Said {
@@ -116,7 +127,7 @@ fn played(options: &DriverOptions, start: &dyn Start, scene: &Scene, act: &Inter
 
 #[test]
 fn a_planner_behind_the_lines_drives_as_the_same_law_within_also_against_adversaries_that_react() {
-    let start = Fake(plain, AtomicUsize::new(0));
+    let start = Fake(plain, AtomicUsize::new(0), Mutex::default());
     let (mut contacts, mut reacting) = (0, 0);
     for seed in 0..40 {
         let scene = crossing(seed, 5 + (seed % 12) as usize, 91);
@@ -152,18 +163,22 @@ fn a_trajectory_is_driven_along_and_points_behind_the_car_stop_it() {
         let points: Vec<[f64; 2]> = (1..=20).map(|k| [x + 0.6 * f64::from(k), y]).collect();
         Ok(json!({"trajectory": points}).to_string().into_bytes())
     };
-    let driven = played(&options(0.0), &Fake(straight, AtomicUsize::new(0)), &scene, &Intervention::default()).unwrap();
+    let driven =
+        played(&options(0.0), &Fake(straight, AtomicUsize::new(0), Mutex::default()), &scene, &Intervention::default())
+            .unwrap();
     assert!((driven.ego.speed_mps_mean - 6.0).abs() < 1.5, "0.6 m in 0.1 s: {}", driven.ego.speed_mps_mean);
     let back = |told: &Value, _: usize| {
         let x = told["ego"]["position"][0].as_f64().unwrap();
         Ok(json!({"trajectory": [[x - 1.0, told["ego"]["position"][1]]]}).to_string().into_bytes())
     };
-    let stopped = played(&options(0.0), &Fake(back, AtomicUsize::new(0)), &scene, &Intervention::default()).unwrap();
+    let stopped =
+        played(&options(0.0), &Fake(back, AtomicUsize::new(0), Mutex::default()), &scene, &Intervention::default())
+            .unwrap();
     assert!(stopped.route_completion < 0.5 * driven.route_completion, "{}", stopped.route_completion);
 }
 
 fn reason(options: &DriverOptions, answer: impl Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static) -> String {
-    let start = Fake(answer, AtomicUsize::new(0));
+    let start = Fake(answer, AtomicUsize::new(0), Mutex::default());
     match played(options, &start, &crossing(3, 5, 91), &Intervention::default()) {
         Err(NoOutcome::Scene(reason)) => reason,
         Err(NoOutcome::Stop(error)) => format!("STOP {error}"),
@@ -171,21 +186,69 @@ fn reason(options: &DriverOptions, answer: impl Fn(&Value, usize) -> Said + Clon
     }
 }
 
+/// Words that a planner prints: of the machine that it runs on, and of who runs it.
+const OUTSIDE: &str = "/home/alice/mine.py sk-123";
+
 #[test]
-fn a_crash_a_late_answer_and_nonsense_leave_the_scene_without_a_label_and_show_the_standard_error() {
-    let cases: [(Answering, &str); 6] = [
+fn a_crash_a_late_answer_and_nonsense_leave_the_scene_without_a_label_and_with_a_reason_that_is_ours_alone() {
+    let cases: [(Answering, &str); 7] = [
         (|told, k| if k > 5 { Err(Broken::Ended) } else { plain(told, k) }, "decision 4 (0.4 s): the process ended"),
         (|_, _| Err(Broken::Late), "decision 0 (0.0 s): no answer within 1 s (driver.timeout_s)"),
-        (|_, _| Ok(b"hello".to_vec()), "found expected value at line 1 column 1 in hello"),
-        (|_, _| Ok(b"{\"acceleration_mps2\": NaN, \"steering_rad\": 0}".to_vec()), "found expected value"),
-        (|_, _| Ok(b"{\"acceleration_mps2\": 1}".to_vec()), "found {\"acceleration_mps2\": 1}"),
+        (|_, _| Ok(OUTSIDE.into()), "found a line that is no JSON object"),
+        (|_, _| Ok(b"{\"acceleration_mps2\": NaN, \"steering_rad\": 0}".to_vec()), "found a line that is no JSON"),
+        (|_, _| Ok(format!("{{\"{OUTSIDE}\": 1}}").into()), "found other fields"),
+        (|_, _| Ok(b"{\"acceleration_mps2\": 1}".to_vec()), "found neither of them, or both"),
         (|_, _| Ok(b"{\"trajectory\": []}".to_vec()), "or {\"trajectory\": [[x, y], ..]}"),
     ];
     for (answer, expected) in cases {
         let said = reason(&options(0.0), answer);
-        assert!(said.starts_with("planner `python3 mine.py`, decision"), "{said}");
-        assert!(said.contains(expected) && said.contains("standard error ends:\nTraceback: no weights"), "{said}");
+        assert!(said.starts_with("planner `python3 mine.py`, decision") && said.contains(expected), "{said}");
+        assert!(!said.contains("Traceback") && !said.contains("alice") && !said.contains("sk-"), "{said}");
     }
+}
+
+#[test]
+fn what_a_failed_planner_printed_is_shown() {
+    let start = Fake(|_: &Value, _: usize| Ok(OUTSIDE.into()), AtomicUsize::new(0), Mutex::default());
+    played(&options(0.0), &start, &crossing(3, 5, 91), &Intervention::default()).unwrap_err();
+    let shown = start.2.into_inner().unwrap();
+    assert!(
+        shown.contains("decision 0") && shown.contains(OUTSIDE) && shown.contains("Traceback: no weights"),
+        "{shown}"
+    );
+}
+
+#[test]
+fn a_line_that_came_before_its_question_is_refused_with_the_questions_number() {
+    let two = |told: &Value, k: usize| {
+        let line = plain(told, k)?;
+        Ok(if told["step"] == 2 { [line.clone(), b"\n".to_vec(), line].concat() } else { line })
+    };
+    let said = reason(&options(0.0), two);
+    assert!(said.contains("decision 3 (0.3 s): expected one line an answer"), "{said}");
+    let other = |told: &Value, k: usize| {
+        let mut said: Value = serde_json::from_slice(&plain(told, k)?).unwrap();
+        said["step"] = json!(told["step"].as_u64().unwrap().min(4));
+        Ok(said.to_string().into_bytes())
+    };
+    assert!(reason(&options(0.0), other).contains("decision 5 (0.5 s): expected"), "an answer to another step");
+}
+
+#[test]
+fn a_line_that_nobody_asked_for_behind_the_last_decision_is_refused() {
+    let last = Arc::new(AtomicUsize::new(0));
+    let seen = last.clone();
+    let counting = move |told: &Value, k: usize| {
+        seen.store(told["step"].as_u64().unwrap() as usize, Ordering::SeqCst);
+        plain(told, k)
+    };
+    assert_eq!(reason(&options(0.0), counting), "driven");
+    let last = last.load(Ordering::SeqCst);
+    let said = reason(&options(0.0), move |told, k| {
+        let line = plain(told, k)?;
+        Ok(if told["step"] == last { [line.clone(), b"\n".to_vec(), line].concat() } else { line })
+    });
+    assert!(said.contains("found one that nobody asked for"), "{said}");
 }
 
 #[test]
@@ -207,7 +270,7 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
         Some(speed) if speed > 1e3 => Err(Broken::Ended),
         _ => plain(told, k),
     };
-    let (start, options) = (Fake(planner, AtomicUsize::new(0)), options(0.0));
+    let (start, options) = (Fake(planner, AtomicUsize::new(0), Mutex::default()), options(0.0));
     let planners = Planners::new(&options, &start);
     let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
     let behind = Backend::Other { options: &backend, answers: &planners };
@@ -216,7 +279,7 @@ fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
     };
     (0..3).for_each(|seed| drop(drive(seed).unwrap()));
     assert_eq!(start.1.load(Ordering::SeqCst), 1);
-    let broken = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0));
+    let broken = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0), Mutex::default());
     let planners = Planners::new(&options, &broken);
     let behind = Backend::Other { options: &backend, answers: &planners };
     for seed in 0..3 {
@@ -235,7 +298,7 @@ fn no_label_comes_from_whoever_stands_in_for_a_planner() {
     assert!(matches!(own, Err(NoOutcome::Stop(BackendError::Unplayable(_)))), "{own:?}");
     // Beside a planner other egos drive as ever, and nobody is asked.
     let options = options(0.0);
-    let nobody = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0));
+    let nobody = Fake(|_: &Value, _: usize| Err(Broken::Ended), AtomicUsize::new(0), Mutex::default());
     let (planners, backend) = (Planners::new(&options, &nobody), options.backend(&SimulatorOptions::SHIPPED).unwrap());
     let behind = Backend::Other { options: &backend, answers: &planners };
     let idm = behind.rollout(&plant(&scene), &intercept(&scene, 5), &Policy::Idm, Seed(1)).unwrap();

@@ -88,6 +88,9 @@ struct Neighbour {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Answered {
+    /// The step that it answers, where the planner says so.
+    #[serde(default)]
+    step: Option<usize>,
     #[serde(default)]
     acceleration_mps2: Option<f64>,
     #[serde(default)]
@@ -96,13 +99,31 @@ struct Answered {
     trajectory: Option<Vec<Vec2>>,
 }
 
+/// How long a line is waited for that nobody asked for, behind the last decision of a rollout.
+const UNASKED: Duration = Duration::from_millis(20);
+
+/// Why a planner drove no further.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Refusal {
+    /// What is recorded: words of ours alone, the same in every folder and for every user.
+    pub reason: String,
+    /// What the process printed in place of an answer. It is shown, and not recorded.
+    pub printed: String,
+}
+
+impl Refusal {
+    fn of(reason: impl Into<String>, printed: &[u8]) -> Refusal {
+        Refusal { reason: reason.into(), printed: start_of(printed) }
+    }
+}
+
 /// A process that drives one rollout.
 pub(super) struct Planner<'p> {
     line: &'p mut dyn Line,
     limit: Duration,
     seed: Seed,
     /// What went wrong, and at which decision.
-    broken: Option<String>,
+    broken: Option<Refusal>,
 }
 
 impl<'p> Planner<'p> {
@@ -111,7 +132,7 @@ impl<'p> Planner<'p> {
     }
 
     /// Why it drove no further, if it did not.
-    pub fn broken(self) -> Option<String> {
+    pub fn broken(self) -> Option<Refusal> {
         self.broken
     }
 
@@ -122,28 +143,48 @@ impl<'p> Planner<'p> {
         }
     }
 
-    fn ask(&mut self, view: &View<'_>) -> Result<Control, String> {
+    fn ask(&mut self, view: &View<'_>) -> Result<Control, Refusal> {
+        let refused = |broken: &Broken, limit| Refusal::of(why(broken, limit), b"");
+        // Taken for the answer, it would be one to an earlier question, and so would every later one.
+        match self.line.early() {
+            None => {}
+            Some(Ok(bytes)) => return Err(Refusal::of(BEFORE, &bytes)),
+            Some(Err(broken)) => return Err(refused(&broken, self.limit)),
+        }
         self.say(&observation(view));
-        let bytes = self.line.receive(self.limit).map_err(|broken| why(&broken, self.limit))?;
-        let form = "expected {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
-        let wrong = |found: String| format!("{form}, found {found}");
-        let answered: Answered =
-            serde_json::from_slice(&bytes).map_err(|error| wrong(format!("{error} in {}", start_of(&bytes))))?;
+        let bytes = self.line.receive(self.limit).map_err(|broken| refused(&broken, self.limit))?;
+        let wrong = |found: &str| Refusal::of(format!("{FORM}, found {found}"), &bytes);
+        let answered: Answered = serde_json::from_slice(&bytes).map_err(|error| match error.classify() {
+            serde_json::error::Category::Data => wrong("other fields"),
+            _ => wrong("a line that is no JSON object"),
+        })?;
+        if answered.step.is_some_and(|step| step != view.decision()) {
+            return Err(wrong("an answer to another step"));
+        }
         match answered {
             Answered {
                 acceleration_mps2: Some(acceleration_mps2),
                 steering_rad: Some(steering_rad),
                 trajectory: None,
+                ..
             } => Ok(Control::Drive { acceleration_mps2, steering_rad }),
-            Answered { acceleration_mps2: None, steering_rad: None, trajectory: Some(points) }
+            Answered { acceleration_mps2: None, steering_rad: None, trajectory: Some(points), .. }
                 if !points.is_empty() =>
             {
                 Ok(along(view, &points))
             }
-            _ => Err(wrong(start_of(&bytes))),
+            _ => Err(wrong("neither of them, or both")),
         }
     }
 }
+
+/// What an answer has to be.
+const FORM: &str = "expected {\"acceleration_mps2\": .., \"steering_rad\": ..} or {\"trajectory\": [[x, y], ..]}";
+/// Said of a line that is there when all were answered.
+const AFTER: &str =
+    "expected no more lines, found one that nobody asked for; print one line a `step`, and none for `begin` and `end`";
+/// Said of a line that nobody asked for.
+const BEFORE: &str = "expected one line an answer, found one that came before this question; print one line a `step`, and none for `begin` and `end`";
 
 impl Driver for Planner<'_> {
     fn begin(&mut self, plant: &Plant) {
@@ -173,9 +214,10 @@ impl Driver for Planner<'_> {
     }
 
     fn decide(&mut self, view: &View<'_>) -> Control {
-        self.ask(view).unwrap_or_else(|found| {
+        self.ask(view).unwrap_or_else(|Refusal { reason, printed }| {
             let k = view.decision();
-            self.broken = Some(format!("decision {k} ({:.1} s): {found}", k as f64 * DT_S));
+            let reason = format!("decision {k} ({:.1} s): {reason}", k as f64 * DT_S);
+            self.broken = Some(Refusal { reason, printed });
             // The simulator refuses this, which ends the rollout.
             Control::Drive { acceleration_mps2: f64::NAN, steering_rad: f64::NAN }
         })
@@ -183,6 +225,10 @@ impl Driver for Planner<'_> {
 
     fn finish(&mut self, view: &View<'_>, end: End) {
         self.say(&Told::End { end, steps: view.decision() });
+        if let (None, Ok(bytes)) = (&self.broken, self.line.receive(UNASKED)) {
+            let reason = format!("behind decision {}: {AFTER}", view.decision());
+            self.broken = Some(Refusal::of(reason, &bytes));
+        }
     }
 }
 

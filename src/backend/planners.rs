@@ -10,7 +10,7 @@ use super::answer::Answer;
 use super::crew::Crew;
 use super::driver::{DRIVER_PROTOCOL, DriverOptions};
 use super::error::{BackendError, Fault, NoOutcome};
-use super::planner::{Planner, why};
+use super::planner::{Planner, Refusal, why};
 use super::request::{Answers, Request};
 use super::workers::{Line, Start, start_of};
 use crate::kernel::Digest;
@@ -65,7 +65,15 @@ impl<'a> Planners<'a> {
         let told = tell(request.plant, request.intervention, &mut planner);
         match planner.broken() {
             None => Ok(told?),
-            Some(found) => Err(NoOutcome::Scene(format!("planner `{}`, {found}{}", self.command(), complaint(line)))),
+            Some(Refusal { reason, printed }) => {
+                let reason = format!("planner `{}`, {reason}", self.command());
+                let told = complaint(line);
+                let printed = if printed.is_empty() { told } else { format!("; it printed: {printed}{told}") };
+                if let Some(printed) = printed.strip_prefix("; ") {
+                    self.start.show(&format!("scene {}: {reason}", request.scene()), printed);
+                }
+                Err(NoOutcome::Scene(reason))
+            }
         }
     }
 

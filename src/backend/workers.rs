@@ -22,6 +22,9 @@ pub trait Start: Sync {
 
     /// The same in a folder, and what the process writes on standard error is kept for [`Line::complaint`].
     fn start_in(&self, command: &[String], folder: &Path) -> Result<Box<dyn Line>, String>;
+
+    /// Shows what a process printed: no record holds it. `about` says of whom and of what.
+    fn show(&self, _about: &str, _printed: &str) {}
 }
 
 /// One worker process that is spoken to by lines. Dropping it ends the process.
@@ -30,6 +33,11 @@ pub trait Line: Send {
 
     /// The next line, without its end.
     fn receive(&mut self, limit: Duration) -> Result<Vec<u8>, Broken>;
+
+    /// A line that is there although nobody has asked for one yet.
+    fn early(&mut self) -> Option<Result<Vec<u8>, Broken>> {
+        None
+    }
 
     /// The end of what it wrote on standard error, where that is kept. The process is ended for it.
     fn complaint(&mut self) -> String {
@@ -130,7 +138,14 @@ impl<'a> Workers<'a> {
         if line.request != request.key {
             return Err(wrong(&format!("request {}", request.key), line.request.to_hex()));
         }
-        let answer = line.into_answer().map_err(|found| wrong("a motion or a failure", found))?;
+        let mut answer = line.into_answer().map_err(|found| wrong("a motion or a failure", found))?;
+        if let Answer::Failed(told) = &mut answer {
+            let reason = stable(told);
+            if reason != *told {
+                self.start.show(&place(request), told);
+                *told = reason;
+            }
+        }
         if let Answer::Told(told) = &answer {
             judge(request.plant, request.intervention, told, request.replays)
                 .map_err(|error| wrong("a motion of the scene", error.to_string()))?;
@@ -225,6 +240,21 @@ enum Lost {
 
 fn place(request: &Request<'_>) -> String {
     format!("its answer to request {} (scene {})", request.key.short(16), request.scene())
+}
+
+/// Characters of a failure's reason that are recorded.
+const REASON_CHARS: usize = 200;
+/// Letters of a word that may be a key.
+const KEY_CHARS: usize = 20;
+
+/// What is recorded of a worker's reason: its first line, in which a word that may name a folder, a user or a key is `…`.
+fn stable(reason: &str) -> String {
+    let first = reason.trim().lines().next().unwrap_or_default();
+    let outside = |word: &str| {
+        word.contains(['/', '\\', '@', '=', '~']) || word.chars().filter(|c| c.is_alphanumeric()).count() >= KEY_CHARS
+    };
+    let words = first.split_whitespace().map(|word| if outside(word) { "…" } else { word });
+    words.collect::<Vec<&str>>().join(" ").chars().take(REASON_CHARS).collect()
 }
 
 /// The beginning of a line, for messages.

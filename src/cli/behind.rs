@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::worker_process::Processes;
+use super::worker_process::PROCESSES;
 use crate::backend::{Answers, Backend, BackendOptions, DriverOptions, Header, Planners, Replay, RolloutCassette};
 use crate::ego::Policy;
 use crate::experiment::{Experiment, named_driver};
@@ -38,7 +38,7 @@ impl Asked {
 
     /// Its processes; none is started yet.
     pub fn planners(&self) -> Planners<'_> {
-        Planners::new(&self.driver, &Processes)
+        Planners::new(&self.driver, &PROCESSES)
     }
 }
 

@@ -32,11 +32,12 @@ pub struct Coverage {
 }
 
 /// Files and folders that a run may have and that no event speaks for.
-const UNCOVERED: [&str; 11] = [
+const UNCOVERED: [&str; 12] = [
     "run.json",
     "cost.json",
     "report.html",
     "spend.json",
+    "processes.log",
     "rollouts.jsonl",
     "exchange",
     "recording",

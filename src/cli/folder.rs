@@ -188,6 +188,10 @@ impl RunFolder {
         self.dir.join("shards")
     }
 
+    pub fn processes(&self) -> PathBuf {
+        self.dir.join("processes.log")
+    }
+
     pub fn transcript(&self) -> PathBuf {
         self.dir.join("transcript.jsonl")
     }

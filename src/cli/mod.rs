@@ -50,6 +50,7 @@ mod plan_looked;
 mod playables;
 mod program;
 mod readable;
+mod redacted;
 mod report;
 mod result_text;
 mod rollout;

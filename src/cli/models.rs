@@ -9,7 +9,7 @@ use super::answer::progress;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use super::interrupt::Interrupt;
-use super::worker_process::Processes;
+use super::worker_process::PROCESSES;
 use crate::experiment::{self, Experiment};
 use crate::llm::{ClientOptions, Command, Exchange, Model, client};
 use crate::scripted::Scripted;
@@ -35,7 +35,7 @@ pub fn askable(
                 continue;
             }
             (client::EXCHANGE, ..) => Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?),
-            (client::COMMAND, _, Some(command)) => Box::new(Command::new(command.clone(), provenance, &Processes)),
+            (client::COMMAND, _, Some(command)) => Box::new(Command::new(command.clone(), provenance, &PROCESSES)),
             // Never asked itself.
             (client::DRAWN, ..) => continue,
             _ => Box::new(Scripted),

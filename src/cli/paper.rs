@@ -121,7 +121,7 @@ fn carry_out(plan: &Plan, wanted: &[&Piece], all: bool, options: &Options, jobs:
             set: Vec::new(),
         };
         let made = Job::new(&job, jobs)?;
-        let cassette = Digest::of_bytes(&store::read_bounded(&made.cassette(&job), 1 << 30)?);
+        let cassette = store::digest_of_file(&made.cassette(&job), 1 << 30)?;
         let folder =
             RunFolder::of(&options.runs, &made.experiment.name, made.experiment.digest()?, made.scenes.digest())?;
         if !options.as_recorded {

@@ -184,9 +184,10 @@ fn carry_out_recording(
     let recorder = Record::new(&answers, before, mode, models).telling(&|line| progress(line));
     let name = job.experiment.name.clone();
     let (backend, driver) = (job.experiment.simulator.backend.clone(), job.experiment.driver.clone());
+    let processes = Processes::kept_in(folder.processes());
     let rollouts = match (&backend, &recording.rollouts) {
         (Some(options), Some(path)) => {
-            Some(rollout_recorder((options, driver.as_ref()), path, recording.fresh, &answers)?)
+            Some(rollout_recorder((options, driver.as_ref()), path, recording.fresh, (&answers, &processes))?)
         }
         _ => None,
     };
@@ -215,7 +216,7 @@ fn rollout_recorder<'a>(
     (options, driver): (&'a BackendOptions, Option<&'a DriverOptions>),
     path: &Path,
     fresh: bool,
-    answers: &'a Store,
+    (answers, processes): (&'a Store, &'a Processes),
 ) -> Result<Recorder<'a>, Failure> {
     let name = if fresh { before_fresh(path)? } else { String::new() };
     let before = behind::recorded(options, path, fresh)?;
@@ -226,8 +227,8 @@ fn rollout_recorder<'a>(
                 "a run folder's copy of an experiment starts no planner: expected {expected}"
             )));
         }
-        Some(driver) => Box::new(Planners::new(driver, &Processes)),
-        None => Box::new(Workers::new(options, &Processes)),
+        Some(driver) => Box::new(Planners::new(driver, processes)),
+        None => Box::new(Workers::new(options, processes)),
     };
     Ok(Recorder::new(answers, before, asked, name))
 }
@@ -255,7 +256,7 @@ fn before_fresh(cassette: &Path) -> Result<String, Failure> {
     if !cassette.exists() {
         return Ok("first".to_string());
     }
-    Ok(Digest::of_bytes(&store::read_bounded(cassette, CASSETTE_BYTES_MAX)?).to_hex())
+    Ok(store::digest_of_file(cassette, CASSETTE_BYTES_MAX)?.to_hex())
 }
 
 /// Goes on with an interrupted run or recording, or confirms a finished run. Without a folder it takes the one below `runs` that

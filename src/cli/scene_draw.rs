@@ -9,7 +9,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::rollout::OfAttempt;
 use super::scene_show;
-use super::worker_process::Processes;
+use super::worker_process::PROCESSES;
 use crate::draw::{Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, strip};
 use crate::kernel::Threads;
 use crate::llm::command::{Ended, Run};
@@ -164,7 +164,7 @@ fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
         "mp4",
         &to,
     ];
-    let ended = Processes.run(&words.map(String::from), film.pictures.concat(), ENCODING_LIMIT);
+    let ended = PROCESSES.run(&words.map(String::from), film.pictures.concat(), ENCODING_LIMIT);
     let failed = match ended {
         Ended::Well(_) => return Ok(store::rename(&part, out)?),
         Ended::Unstarted(reason) => {

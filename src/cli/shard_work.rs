@@ -9,7 +9,7 @@ use super::answer::{Answer, progress};
 use super::behind;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::worker_process::Processes;
+use super::worker_process::PROCESSES;
 use crate::backend::{Answers, Recorder, Workers};
 use crate::epoch::{Done, Meter, Mode, Rollouts, Study, Task, Tools, Workbench};
 use crate::experiment::Experiment;
@@ -114,7 +114,7 @@ impl Site {
             }
             Some(options) => {
                 let before = behind::recorded(options, &self.folder.rollouts(), false)?;
-                Some(Recorder::new(&store, before, Box::new(Workers::new(options, &Processes)), String::new()))
+                Some(Recorder::new(&store, before, Box::new(Workers::new(options, &PROCESSES)), String::new()))
             }
         };
         let answers = recorder.as_ref().map(|recorder| recorder as &dyn Answers);

@@ -13,7 +13,7 @@ use crate::evidence::why::{Places, Why};
 use crate::evidence::{RecordedRun, cell};
 use crate::kernel::Digest;
 use crate::objects::event::kind;
-use crate::store;
+use crate::store::{self, TextFault};
 
 /// Bytes that a cassette may have.
 const CASSETTE_BYTES_MAX: u64 = 1 << 30;
@@ -133,13 +133,24 @@ fn lines(folder: &RunFolder) -> Result<BTreeMap<Digest, usize>, Failure> {
     let damaged = |(expected, found): (String, String)| {
         Failure::corruption(format!("{}: expected {expected}, found {found}; restore the file", path.display()))
     };
-    let text = store::read_text(&path, CASSETTE_BYTES_MAX)?.map_err(damaged)?;
-    let key = |(line, bytes): (usize, &[u8])| -> Option<(Digest, usize)> {
-        let start = bytes.windows(OPENS.len()).take(1 << 12).position(|w| w == OPENS)? + OPENS.len();
-        let hex = std::str::from_utf8(bytes.get(start..start + 64)?).ok()?;
-        Some((serde_json::from_value(hex.into()).ok()?, line + 1))
-    };
-    Ok(text.split(|byte| *byte == b'\n').enumerate().filter_map(key).collect())
+    let mut lines = store::text_lines(&path, CASSETTE_BYTES_MAX)?;
+    let (mut found, mut at) = (BTreeMap::new(), 0);
+    loop {
+        at += 1;
+        match lines.next() {
+            Ok(None) => return Ok(found),
+            Ok(Some(line)) => found.extend(key_in(&line.bytes).map(|key| (key, at))),
+            Err(TextFault::Store(error)) => return Err(error.into()),
+            Err(TextFault::Wrong(expected, found)) => return Err(damaged((expected, found))),
+        }
+    }
+}
+
+/// The key of the exchange that stands on a line.
+fn key_in(line: &[u8]) -> Option<Digest> {
+    let start = line.windows(OPENS.len()).take(1 << 12).position(|w| w == OPENS)? + OPENS.len();
+    let hex = std::str::from_utf8(line.get(start..start + 64)?).ok()?;
+    serde_json::from_value(hex.into()).ok()
 }
 
 /// What stands before the key of an exchange.

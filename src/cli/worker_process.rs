@@ -2,14 +2,17 @@
 //! programs that answer one request. What a worker writes on standard error is shown; of a program it is kept if it fails.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
+use super::answer::progress;
+use super::redacted;
 use crate::backend::{Broken, Line, Start};
 use crate::kernel::threads;
 use crate::llm::command::{Ended, Run};
+use crate::store;
 
 /// A line longer than this is refused, bytes.
 const LINE_BYTES_MAX: usize = 16 << 20;
@@ -17,7 +20,21 @@ const LINE_BYTES_MAX: usize = 16 << 20;
 const LINES_AHEAD: usize = 2;
 
 /// Starts worker processes and programs.
-pub struct Processes;
+#[derive(Default)]
+pub struct Processes {
+    /// Where what they printed is kept, beside the terminal: a file that no record speaks for.
+    kept: Option<PathBuf>,
+}
+
+/// Keeps nothing.
+pub static PROCESSES: Processes = Processes { kept: None };
+
+impl Processes {
+    /// What processes print goes into this file, too.
+    pub fn kept_in(file: PathBuf) -> Processes {
+        Processes { kept: Some(file) }
+    }
+}
 
 impl Start for Processes {
     fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String> {
@@ -26,6 +43,16 @@ impl Start for Processes {
 
     fn start_in(&self, command: &[String], folder: &Path) -> Result<Box<dyn Line>, String> {
         spoken_to(command, |prepared| prepared.current_dir(folder).stderr(Stdio::piped()))
+    }
+
+    fn show(&self, about: &str, printed: &str) {
+        let text = redacted::redacted(&format!("{about}\n{printed}"));
+        progress(&text);
+        if let Some(file) = &self.kept
+            && let Err(error) = store::append(file, format!("{}\n", text.trim_end()).as_bytes())
+        {
+            progress(error);
+        }
     }
 }
 
@@ -91,6 +118,10 @@ impl Line for Process {
             Err(RecvTimeoutError::Timeout) => Err(Broken::Late),
             Err(RecvTimeoutError::Disconnected) => Err(Broken::Ended),
         }
+    }
+
+    fn early(&mut self) -> Option<Result<Vec<u8>, Broken>> {
+        self.from.try_recv().ok()
     }
 
     fn complaint(&mut self) -> String {
@@ -248,7 +279,7 @@ mod tests {
     use super::*;
 
     fn shell(script: &str, input: &str, limit: Duration) -> Ended {
-        Processes.run(&["sh".into(), "-c".into(), script.into()], input.into(), limit)
+        PROCESSES.run(&["sh".into(), "-c".into(), script.into()], input.into(), limit)
     }
 
     const LONG: Duration = Duration::from_secs(60);
@@ -258,7 +289,7 @@ mod tests {
         assert_eq!(shell("read x; echo got $x", "word\n", LONG), Ended::Well(b"got word\n".to_vec()));
         let badly = Ended::Badly { code: Some(5), stderr: "no\n".into() };
         assert_eq!(shell("echo ignored; echo no >&2; exit 5", "", LONG), badly);
-        assert!(matches!(Processes.run(&["/no/such/program".into()], vec![], LONG), Ended::Unstarted(_)));
+        assert!(matches!(PROCESSES.run(&["/no/such/program".into()], vec![], LONG), Ended::Unstarted(_)));
     }
 
     #[test]
@@ -267,5 +298,23 @@ mod tests {
         assert_eq!(late, Ended::Late { stderr: "slow\n".into() });
         let quiet = shell("exec 1>&-; exec sleep 60", "", Duration::from_millis(300));
         assert!(matches!(quiet, Ended::Late { .. }), "closing its output is no end: {quiet:?}");
+    }
+
+    #[test]
+    fn what_a_process_printed_goes_to_the_kept_file_and_a_line_that_came_unasked_is_there_early() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("processes.log");
+        Processes::kept_in(file.clone()).show("scene 7", "Traceback in /home/alice/mine.py");
+        let kept = std::fs::read_to_string(&file).unwrap();
+        assert_eq!(kept, "scene 7\nTraceback in ~/mine.py\n");
+        let command = ["sh", "-c", "echo one; echo two; read x"].map(String::from);
+        let mut line = PROCESSES.start(&command).unwrap();
+        assert_eq!(line.receive(LONG).unwrap(), b"one");
+        let early = (0..500).find_map(|_| {
+            std::thread::sleep(LOOK);
+            line.early()
+        });
+        assert_eq!(early, Some(Ok(b"two".to_vec())));
+        assert_eq!(line.early(), None);
     }
 }

@@ -144,7 +144,8 @@ fn number(value: &toml::Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|x| x as f64))
 }
 
-fn is_name(name: &str) -> bool {
+/// Whether it may name folders and files of a run.
+pub fn is_name(name: &str) -> bool {
     let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';
     !name.is_empty() && name.len() <= 64 && name.chars().all(legal)
 }

@@ -277,6 +277,10 @@ fn shares(experiment: &Experiment, name: &str, options: &ModelOptions) -> Result
 /// Settings of models that rest on their kind, and the cap that live ones need.
 fn models(experiment: &Experiment) -> Result<(), Problem> {
     for (name, options) in &experiment.models {
+        // It names folders of a run.
+        if !super::key::is_name(name) {
+            return Err(Problem::Several(format!("models.{name:?}: expected a name of {}", super::key::Range::Name)));
+        }
         client::check(&options.spec(name), options.client.as_ref()).map_err(Problem::Several)?;
         shares(experiment, name, options)?;
         let scripted = options.kind == client::SCRIPTED;

@@ -18,7 +18,7 @@ use serde_json::Value;
 use super::{DrawSlot, Message, Metadata, ModelSpec, Request, Schema, Text};
 use crate::{
     kernel::{Digest, Threads},
-    store::{self, StoreError},
+    store::{self, StoreError, TextFault},
 };
 
 const FORMAT: &str = "evodrive-cassette";
@@ -28,7 +28,11 @@ const VERSION_LIVE: &str = "1.1";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
 const MAX_BYTES: u64 = 1 << 30;
-const MAX_LINE_BYTES: usize = 16 << 20;
+/// Bytes of the first line, and of all schemas: their values take many times that in memory.
+const MAX_HEADER_BYTES: usize = 1 << 20;
+const MAX_SCHEMA_BYTES: usize = 1 << 20;
+/// Bytes of lines that are read together.
+const BATCH_BYTES: usize = 1 << 20;
 
 /// Why a cassette cannot be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -181,20 +185,42 @@ struct MessageRef {
 /// The fault of a line: what was expected, and what was found.
 type Wrong = (String, String);
 
+/// Counts the bytes of schemas, all of which together are limited.
+fn at_most_schemas(line: Line, bytes: &mut usize) -> Result<Line, Wrong> {
+    if let Line::Schema(.., own) = &line {
+        *bytes += own;
+        if *bytes > MAX_SCHEMA_BYTES {
+            return Err((format!("at most {MAX_SCHEMA_BYTES} bytes of schemas in all"), "more".to_string()));
+        }
+    }
+    Ok(line)
+}
+
+fn damaged(file: &str, line: usize, (expected, found): Wrong) -> CassetteError {
+    let file = file.to_string();
+    if line == 1 && expected == VERSION {
+        return CassetteError::Version { file, found };
+    }
+    CassetteError::Damaged { file, line, expected, found, remedy: REMEDY }
+}
+
 /// A line that was read without those ahead of it. What is named by a digest has it.
 enum Line {
     Header(Box<Header>),
     Text(Digest, Text),
-    Schema(Digest, Schema),
+    /// With the length of its line.
+    Schema(Digest, Schema, usize),
     Exchange(Box<ExchangeLine>),
 }
 
 fn read_alone(i: usize, line: &[u8]) -> Result<Line, Wrong> {
-    if line.len() > MAX_LINE_BYTES {
-        return Err((format!("at most {MAX_LINE_BYTES} bytes in a line"), format!("{}", line.len())));
-    }
+    let at_most = |bytes: usize, of: &str| match line.len() > bytes {
+        true => Err((format!("at most {bytes} bytes in {of}"), line.len().to_string())),
+        false => Ok(()),
+    };
     // The first key says what the line holds; serde reports faults inside it.
     if i == 0 {
+        at_most(MAX_HEADER_BYTES, "the header of a cassette")?;
         Ok(Line::Header(Box::new(parsed(line, "the header of a cassette")?)))
     } else if line.starts_with(b"{\"text\"") {
         let TextLine { text, body } = parsed(line, "a text")?;
@@ -202,10 +228,11 @@ fn read_alone(i: usize, line: &[u8]) -> Result<Line, Wrong> {
         same("digest of the text", text, body.digest())?;
         Ok(Line::Text(text, body))
     } else if line.starts_with(b"{\"schema\"") {
+        at_most(MAX_SCHEMA_BYTES, "a schema")?;
         let SchemaLine { schema, body } = parsed(line, "a schema")?;
         let body = Schema::new(body).map_err(|error| ("a schema".to_string(), error.to_string()))?;
         same("digest of the schema", schema, body.digest())?;
-        Ok(Line::Schema(schema, body))
+        Ok(Line::Schema(schema, body, line.len()))
     } else {
         Ok(Line::Exchange(Box::new(parsed(line, "an exchange, a text or a schema")?)))
     }
@@ -225,45 +252,56 @@ impl Cassette {
     /// The same with threads that read its lines.
     pub fn load_on(path: &Path, threads: Option<&Threads>) -> Result<Cassette, CassetteError> {
         let file = path.display().to_string();
-        let bytes = store::read_text(path, MAX_BYTES)?.map_err(|(expected, found)| CassetteError::Damaged {
-            file: file.clone(),
-            line: 0,
-            expected,
-            found,
-            remedy: REMEDY,
-        })?;
-        Cassette::parse_on(&bytes, &file, threads)
+        let mut lines = store::text_lines(path, MAX_BYTES)?;
+        Cassette::read_on(&mut || lines.next(), &file, threads)
     }
 
     /// Reads the text of a cassette; `file` is its name in messages and afterwards.
-    pub fn parse(bytes: &[u8], file: &str) -> Result<Cassette, CassetteError> {
-        Cassette::parse_on(bytes, file, None)
+    pub fn parse(mut bytes: &[u8], file: &str) -> Result<Cassette, CassetteError> {
+        let io = |source| StoreError::Io { action: "read", path: file.into(), source, remedy: REMEDY };
+        Cassette::read_on(&mut || store::next_line(&mut bytes).map_err(|error| TextFault::Store(io(error))), file, None)
     }
 
-    fn parse_on(bytes: &[u8], file: &str, threads: Option<&Threads>) -> Result<Cassette, CassetteError> {
+    /// Reads lines a piece at a time, and none behind the first bad one.
+    fn read_on(
+        next: &mut dyn FnMut() -> Result<Option<store::Line>, TextFault>,
+        file: &str,
+        threads: Option<&Threads>,
+    ) -> Result<Cassette, CassetteError> {
         let mut cassette = Cassette::new(file);
-        let body = bytes.strip_suffix(b"\n").unwrap_or(bytes);
-        let lines: Vec<&[u8]> = body.split(|b| *b == b'\n').collect();
-        let alone: Vec<Result<Line, Wrong>> = match threads {
-            Some(threads) => threads.map(&lines, |i, line| read_alone(i, line)),
-            None => lines.iter().enumerate().map(|(i, line)| read_alone(i, line)).collect(),
-        };
-        for (i, line) in alone.into_iter().enumerate() {
-            let read = line.and_then(|line| cassette.take(line));
-            if let Err((expected, found)) = read {
-                if i == 0 && expected == VERSION {
-                    return Err(CassetteError::Version { file: file.to_string(), found });
-                }
-                return Err(CassetteError::Damaged {
-                    file: file.to_string(),
-                    line: i + 1,
-                    expected,
-                    found,
-                    remedy: REMEDY,
-                });
+        let (mut read, mut schema_bytes) = (0, 0);
+        loop {
+            // What stands ahead of a fault is told first: its line has a smaller number.
+            let mut fault = None;
+            let lines = store::batch(
+                || {
+                    Ok::<_, CassetteError>(next().unwrap_or_else(|error| {
+                        fault = Some(error);
+                        None
+                    }))
+                },
+                BATCH_BYTES,
+            )?;
+            let none = lines.is_empty() && fault.is_none();
+            // A file without a line lacks the header.
+            let lines = if none && read == 0 { vec![store::Line { bytes: Vec::new(), ended: false }] } else { lines };
+            let alone = |i: usize, line: &store::Line| read_alone(read + i, &line.bytes);
+            let alone: Vec<Result<Line, Wrong>> = match threads {
+                Some(threads) => threads.map(&lines, alone),
+                None => lines.iter().enumerate().map(|(i, line)| alone(i, line)).collect(),
+            };
+            for line in alone {
+                read += 1;
+                let line = line.and_then(|line| at_most_schemas(line, &mut schema_bytes));
+                line.and_then(|line| cassette.take(line)).map_err(|wrong| damaged(file, read, wrong))?;
+            }
+            match fault {
+                Some(TextFault::Store(error)) => return Err(error.into()),
+                Some(TextFault::Wrong(expected, found)) => return Err(damaged(file, read + 1, (expected, found))),
+                None if none => return Ok(cassette),
+                None => {}
             }
         }
-        Ok(cassette)
     }
 
     fn take(&mut self, line: Line) -> Result<(), Wrong> {
@@ -273,7 +311,7 @@ impl Cassette {
                 self.texts.insert(text, body);
                 Ok(())
             }
-            Line::Schema(schema, body) => {
+            Line::Schema(schema, body, _) => {
                 self.schemas.insert(schema, body);
                 Ok(())
             }

@@ -69,7 +69,7 @@ pub struct Exchange {
 impl Exchange {
     /// Opens a folder, which is made where it is not there. What was asked in it keeps its numbers.
     pub fn open(dir: &Path, provenance: &str, pause: Pause, tell: Tell) -> Result<Exchange, ModelError> {
-        store::create_dir(dir).map_err(|error| on_disk(dir, &error))?;
+        store::create_plain_dir(dir).map_err(|error| on_disk(dir, &error))?;
         let known = written(dir)?.into_iter().map(|written| (written.key, written.number)).collect();
         let numbers = Mutex::new(known);
         Ok(Exchange { dir: dir.to_path_buf(), provenance: provenance.into(), pause, tell, numbers })
@@ -143,7 +143,7 @@ fn reply_name(number: u64) -> String {
 
 /// The reply; none where the file is missing or still empty.
 fn replied(path: &Path) -> Result<Option<Vec<u8>>, ModelError> {
-    if !path.exists() {
+    if !store::is_plain_file(path).map_err(|error| on_disk(path, &error))? {
         return Ok(None);
     }
     let bytes = store::read_bounded(path, reply::MAX_BYTES as u64).map_err(|error| on_disk(path, &error))?;
@@ -153,11 +153,18 @@ fn replied(path: &Path) -> Result<Option<Vec<u8>>, ModelError> {
 /// What was asked in a folder, by number.
 fn written(dir: &Path) -> Result<Vec<Written>, ModelError> {
     let mut found = Vec::new();
-    for path in store::list_files(dir, &[REQUEST]).map_err(|error| on_disk(dir, &error))? {
+    for path in store::list_entries(dir, REQUEST).map_err(|error| on_disk(dir, &error))? {
+        store::is_plain_file(&path).map_err(|error| on_disk(&path, &error))?;
         let bytes = store::read_bounded(&path, REQUEST_BYTES_MAX).map_err(|error| on_disk(&path, &error))?;
         let one: Written = serde_json::from_slice(&bytes).map_err(|error| on_disk(&path, &error))?;
         if one.format != FORMAT {
             return Err(on_disk(&path, &format!("format {}, this build reads {FORMAT}", one.format)));
+        }
+        // The file says where its reply is looked for: nowhere but beside it, under its own number.
+        let (number, own) = (one.number, path.file_name().map(|name| name.to_string_lossy().into_owned()));
+        if own.as_deref() != Some(&format!("{number}{REQUEST}")) || one.reply_file != reply_name(number) {
+            let expected = "the number of the file's name, and its reply beside it";
+            return Err(on_disk(&path, &format!("expected {expected}, found number {number} and another name")));
         }
         found.push(one);
     }
@@ -264,5 +271,42 @@ mod tests {
             assert!(String::from_utf8(reply).unwrap().ends_with(&format!("slot {slot}")));
         }
         assert_eq!(status(dir.path()).unwrap().len(), 4);
+    }
+
+    /// A folder in which one question was asked.
+    fn asked() -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        let stops = Exchange::open(dir.path(), "", Arc::new(|| false), Arc::new(|_: &Path| {})).unwrap();
+        assert!(stops.complete(&request(3)).is_err(), "it is no longer waited for");
+        dir
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_out_of_the_folder_is_no_reply_and_no_question() {
+        let outside = tempfile::tempdir().unwrap();
+        let secret = outside.path().join("secret");
+        std::fs::write(&secret, "of somebody").unwrap();
+        let dir = asked();
+        std::os::unix::fs::symlink(&secret, dir.path().join("1.reply.txt")).unwrap();
+        let error = status(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("1.reply.txt") && error.contains("expected a plain file, found a link"), "{error}");
+        let dir = asked();
+        std::os::unix::fs::symlink(dir.path().join("1.request.json"), dir.path().join("2.request.json")).unwrap();
+        assert!(status(dir.path()).unwrap_err().to_string().contains("found a link"));
+        let linked = outside.path().join("linked");
+        std::os::unix::fs::symlink(dir.path(), &linked).unwrap();
+        let opened = Exchange::open(&linked, "", Arc::new(|| false), Arc::new(|_: &Path| {}));
+        assert!(opened.is_err_and(|error| error.to_string().contains("found a link")));
+    }
+
+    #[test]
+    fn a_question_that_sends_its_reply_elsewhere_is_refused() {
+        let dir = asked();
+        let path = dir.path().join("1.request.json");
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, text.replace("1.reply.txt", "../other.txt")).unwrap();
+        let error = status(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("its reply beside it"), "{error}");
     }
 }

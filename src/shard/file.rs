@@ -2,6 +2,7 @@
 //! named by the BLAKE3 of its bytes, so a changed or cut one is known before anything is done.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -105,8 +106,7 @@ impl Shard {
     /// Reads a file, and holds it to its name: the shard and its digest.
     pub fn load(path: &Path) -> Result<(Shard, Digest), ShardError> {
         let file = path.display().to_string();
-        let bytes = store::read_bounded(path, MAX_BYTES)?;
-        let (digest, shard) = (Digest::of_bytes(&bytes), Shard::parse(&bytes, &file));
+        let (digest, shard) = (store::digest_of_file(path, MAX_BYTES)?, Shard::read(Lines::open(path)?, &file));
         let named = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         if named == digest.to_hex() {
             return Ok((shard?, digest));
@@ -119,6 +119,10 @@ impl Shard {
 
     /// Reads the bytes of a file; `file` names it in messages.
     pub fn parse(bytes: &[u8], file: &str) -> Result<Shard, ShardError> {
+        Shard::read(Lines::of(bytes), file)
+    }
+
+    fn read(mut lines: Lines<'_>, file: &str) -> Result<Shard, ShardError> {
         let damaged = |line: usize, (expected, found): (String, String)| ShardError::Damaged {
             file: file.to_string(),
             place: place(line),
@@ -126,7 +130,6 @@ impl Shard {
             found,
             remedy: COPY_AGAIN,
         };
-        let mut lines = Lines::of(bytes);
         let head: HeadLine = lines.head(FORMAT, file)?.map_err(|wrong| damaged(1, wrong))?;
         let mut shard = Shard { study: head.study, programs: BTreeMap::new(), tasks: Vec::with_capacity(0) };
         for _ in 0..head.programs {
@@ -154,15 +157,20 @@ impl Shard {
 /// What was expected, and what was found.
 pub(super) type Wrong = (String, String);
 
-/// The lines of a file, each ended by a line feed, counted from 1.
+/// The lines of a file, each ended by a line feed, counted from 1. No more than one is in memory.
 pub(super) struct Lines<'a> {
-    rest: &'a [u8],
+    from: Box<dyn BufRead + 'a>,
     at: usize,
 }
 
 impl<'a> Lines<'a> {
     pub fn of(bytes: &'a [u8]) -> Lines<'a> {
-        Lines { rest: bytes, at: 0 }
+        Lines { from: Box::new(bytes), at: 0 }
+    }
+
+    pub fn open(path: &Path) -> Result<Lines<'static>, ShardError> {
+        let from = Box::new(BufReader::new(store::open_bounded(path, MAX_BYTES)?));
+        Ok(Lines { from, at: 0 })
     }
 
     /// The header of a format. Another major version is an error of its own.
@@ -176,7 +184,7 @@ impl<'a> Lines<'a> {
             Ok(bytes) => bytes,
             Err(wrong) => return Ok(Err(wrong)),
         };
-        let mark: Mark = match read(bytes, &format!("the header of format {format}")) {
+        let mark: Mark = match read(&bytes, &format!("the header of format {format}")) {
             Ok(mark) => mark,
             Err(wrong) => return Ok(Err(wrong)),
         };
@@ -192,29 +200,26 @@ impl<'a> Lines<'a> {
                 remedy: "use the same release of evodrive on all machines",
             });
         }
-        Ok(read(bytes, "a header"))
+        Ok(read(&bytes, "a header"))
     }
 
     /// The next line as a value, with its number.
-    pub fn next<T: Deserialize<'a>>(&mut self, expected: &str) -> (usize, Result<T, Wrong>) {
-        let value = self.raw(expected).and_then(|bytes| read(bytes, expected));
+    pub fn next<T: DeserializeOwned>(&mut self, expected: &str) -> (usize, Result<T, Wrong>) {
+        let value = self.raw(expected).and_then(|bytes| read(&bytes, expected));
         (self.at, value)
     }
 
     /// The bytes of the next line, without its end.
-    pub fn raw(&mut self, expected: &str) -> Result<&'a [u8], Wrong> {
+    pub fn raw(&mut self, expected: &str) -> Result<Vec<u8>, Wrong> {
         self.at += 1;
-        if self.rest.is_empty() {
-            return Err((expected.to_string(), "the end of the file".into()));
-        }
-        match self.rest.iter().position(|byte| *byte == b'\n') {
+        let line = store::next_line(&mut self.from).map_err(|error| (expected.to_string(), error.to_string()))?;
+        let Some(line) = line else { return Err((expected.to_string(), "the end of the file".into())) };
+        match store::too_large(&line.bytes) {
+            Some(wrong) => Err(wrong),
+            None if line.ended => Ok(line.bytes),
             None => {
-                Err((format!("{expected}, ended by a line feed"), format!("half a line of {} bytes", self.rest.len())))
-            }
-            Some(end) => {
-                let line = &self.rest[..end];
-                self.rest = &self.rest[end + 1..];
-                Ok(line)
+                let found = format!("half a line of {} bytes", line.bytes.len());
+                Err((format!("{expected}, ended by a line feed"), found))
             }
         }
     }
@@ -224,15 +229,16 @@ impl<'a> Lines<'a> {
     }
 
     /// Nothing may follow.
-    pub fn end(&self) -> Result<(), (usize, Wrong)> {
-        match self.rest.len() {
-            0 => Ok(()),
-            more => Err((self.at + 1, ("the end of the file".into(), format!("{more} bytes more")))),
+    pub fn end(mut self) -> Result<(), (usize, Wrong)> {
+        match self.from.fill_buf().map(<[u8]>::is_empty) {
+            Ok(true) => Ok(()),
+            Ok(false) => Err((self.at + 1, ("the end of the file".into(), "more bytes".into()))),
+            Err(error) => Err((self.at + 1, ("the end of the file".into(), error.to_string()))),
         }
     }
 }
 
-fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8], expected: &str) -> Result<T, Wrong> {
+fn read<T: DeserializeOwned>(bytes: &[u8], expected: &str) -> Result<T, Wrong> {
     serde_json::from_slice(bytes).map_err(|error| (expected.to_string(), error.to_string()))
 }
 

@@ -9,13 +9,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use super::error::{ShardError, WORK_AGAIN, place};
-use super::file::{Lines, MAX_BYTES, Shard, VERSION, Wrong, line};
+use super::file::{Lines, Shard, VERSION, Wrong, line};
 use super::mark::StudyMark;
 use crate::backend::RolloutCassette;
 use crate::epoch::{Task, TrialRecord};
 use crate::evaluation::RolloutRecord;
 use crate::kernel::Digest;
-use crate::store;
 
 /// Ending of a result's file name, behind the digest of its shard.
 pub const RESULT_ENDING: &str = ".result";
@@ -115,7 +114,6 @@ impl ResultFile {
         shards: &dyn Fn(Digest) -> Result<Shard, ShardError>,
     ) -> Result<ResultFile, ShardError> {
         let file = path.display().to_string();
-        let bytes = store::read_bounded(path, MAX_BYTES)?;
         let damaged = |at: usize, (expected, found): Wrong| ShardError::Damaged {
             file: file.clone(),
             place: place(at),
@@ -123,7 +121,7 @@ impl ResultFile {
             found,
             remedy: WORK_AGAIN,
         };
-        let mut lines = Lines::of(&bytes);
+        let mut lines = Lines::open(path)?;
         let head: HeadLine = lines.head(FORMAT, &file)?.map_err(|wrong| damaged(1, wrong))?;
         study.check(&head.study, &file)?;
         let shard = shards(head.shard)?;
@@ -165,11 +163,11 @@ fn answers_of(
 ) -> Result<(Option<RolloutCassette>, EndLine), (usize, Wrong)> {
     loop {
         let raw = lines.raw("an answer or the last line").map_err(|wrong| (lines.at(), wrong))?;
-        if let Ok(end) = serde_json::from_slice::<EndLine>(raw) {
+        if let Ok(end) = serde_json::from_slice::<EndLine>(&raw) {
             return Ok((answers, end));
         }
         match &mut answers {
-            Some(answers) => answers.read_line(raw).map_err(|wrong| (lines.at(), wrong))?,
+            Some(answers) => answers.read_line(&raw).map_err(|wrong| (lines.at(), wrong))?,
             None => {
                 let wrong = ("the last line, with the counts".to_string(), "another line".to_string());
                 return Err((lines.at(), wrong));

@@ -8,6 +8,7 @@ use std::{
 };
 
 use super::StoreError;
+use crate::kernel::{Digest, Hashing};
 
 /// Folders nested deeper than this are not searched.
 const MAX_DEPTH: usize = 32;
@@ -54,6 +55,12 @@ fn parent_of(path: &Path) -> &Path {
     }
 }
 
+/// Adds to the end of a file, which is made where it is not there.
+pub fn append(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    let opened = fs::OpenOptions::new().append(true).create(true).open(path);
+    opened.and_then(|mut file| file.write_all(bytes)).map_err(|source| StoreError::io("append to", path, source))
+}
+
 /// All bytes of a file that has at most `max_bytes`; a longer one is an error before it is in memory.
 pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, StoreError> {
     let io = |source| StoreError::io("read", path, source);
@@ -78,6 +85,18 @@ pub fn open_bounded(path: &Path, max_bytes: u64) -> Result<File, StoreError> {
         return Err(StoreError::TooLarge { path: path.to_path_buf(), max_bytes });
     }
     Ok(file)
+}
+
+/// BLAKE3 of a file of at most `max_bytes`, which is never in memory as a whole.
+pub fn digest_of_file(path: &Path, max_bytes: u64) -> Result<Digest, StoreError> {
+    let mut from = open_bounded(path, max_bytes)?.take(max_bytes.saturating_add(1));
+    let mut hashing = Hashing::default();
+    std::io::copy(&mut from, &mut hashing).map_err(|source| StoreError::io("read", path, source))?;
+    let (digest, bytes) = hashing.so_far();
+    if bytes > max_bytes {
+        return Err(StoreError::TooLarge { path: path.to_path_buf(), max_bytes });
+    }
+    Ok(digest)
 }
 
 /// The first `count` bytes of a file, fewer where it is shorter.
@@ -138,6 +157,54 @@ pub fn list_dirs(root: &Path) -> Result<Vec<PathBuf>, StoreError> {
     for entry in fs::read_dir(root).map_err(io)? {
         let entry = entry.map_err(io)?;
         if entry.file_type().map_err(io)?.is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
+            found.push(entry.path());
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Whether there is a plain file; nothing there is none. A link, a folder, a pipe and a device are errors: whoever can write here
+/// must not have us read elsewhere, or wait.
+pub fn is_plain_file(path: &Path) -> Result<bool, StoreError> {
+    let io = |source| StoreError::io("read", path, source);
+    match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
+        Err(source) => Err(io(source)),
+        Ok(of) if of.is_file() => Ok(true),
+        Ok(of) => Err(io(std::io::Error::other(format!("expected a plain file, found {}", kind_of(of.file_type()))))),
+    }
+}
+
+fn kind_of(is: fs::FileType) -> &'static str {
+    if is.is_symlink() {
+        "a link"
+    } else if is.is_dir() {
+        "a folder"
+    } else {
+        "a pipe or a device"
+    }
+}
+
+/// Makes a folder that is none yet; a link in its place is an error.
+pub fn create_plain_dir(path: &Path) -> Result<(), StoreError> {
+    create_dir(path)?;
+    let io = |source| StoreError::io("make the folder", path, source);
+    let is = fs::symlink_metadata(path).map_err(io)?.file_type();
+    if is.is_dir() {
+        return Ok(());
+    }
+    Err(io(std::io::Error::other(format!("expected a folder, found {}", kind_of(is)))))
+}
+
+/// What lies in a folder under names that end so, sorted, whatever it is: nothing is followed.
+pub fn list_entries(dir: &Path, ending: &str) -> Result<Vec<PathBuf>, StoreError> {
+    let io = |source| StoreError::io("list", dir, source);
+    let mut found = Vec::new();
+    for entry in fs::read_dir(dir).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.ends_with(ending) && !name.starts_with('.') {
             found.push(entry.path());
         }
     }

@@ -6,6 +6,7 @@ mod error;
 mod file;
 mod fsck;
 mod index;
+mod lines;
 mod objects;
 mod pack;
 mod text;
@@ -15,10 +16,11 @@ pub use canonical::{reader, write_filled};
 pub use difference::{first_difference, shortened};
 pub use error::{Damage, Divergence, StoreError};
 pub use file::{
-    copy, create_dir, length, list_dirs, list_files, read_bounded, read_head, remove_dir, remove_empty_dir,
-    remove_file, rename, write_atomic,
+    append, copy, create_dir, create_plain_dir, digest_of_file, is_plain_file, length, list_dirs, list_entries,
+    list_files, open_bounded, read_bounded, read_head, remove_dir, remove_empty_dir, remove_file, rename, write_atomic,
 };
 pub use fsck::{FsckReport, fsck};
+pub use lines::{LINE_BYTES_MAX, Line, batch, next_line, too_large};
 pub use objects::{MemoKind, Opening, Store};
-pub use text::{read_text, write_text};
+pub use text::{TextFault, TextLines, UNPACKED_FREE, UNPACKED_PER_BYTE, read_text, text_lines, write_text};
 pub use transcript::{Event, SEALED, Transcript, each_event, each_event_on, fsck_transcript, read_events};

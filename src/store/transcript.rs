@@ -9,14 +9,14 @@
 
 use std::{
     fs::{File, OpenOptions, TryLockError},
-    io::{BufRead, BufReader, Read, Seek, SeekFrom, Write},
+    io::{BufReader, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Damage, Divergence, StoreError, difference::first_difference, file};
+use super::{Damage, Divergence, Line, StoreError, batch, difference::first_difference, file, next_line, too_large};
 use crate::kernel::{
     Digest, Threads,
     canon::{CanonError, canonical_json_bytes, json_text},
@@ -167,7 +167,13 @@ impl Transcript {
                 let body = serde_json::to_value(body).map_err(|e| unstorable(kind, e))?;
                 return Err(divergence(&self.path, &event_at(&self.path, seq)?, kind, &body));
             }
-            None => self.write(&line_of(&hashed, hash).map_err(refused(kind))?)?,
+            None => {
+                let line = line_of(&hashed, hash).map_err(refused(kind))?;
+                if let Some((expected, found)) = too_large(&line) {
+                    return Err(unstorable(kind, format!("expected {expected}, found {found}")));
+                }
+                self.write(&line)?;
+            }
         }
         self.confirmed += 1;
         self.head = hash;
@@ -284,7 +290,7 @@ impl Place {
 }
 
 /// Bytes of lines that threads check at once.
-const BATCH_BYTES: usize = 8 << 20;
+const BATCH_BYTES: usize = 1 << 20;
 
 fn walk(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> Result<Walked, StoreError> {
     let io = |source| StoreError::io("read", path, source);
@@ -296,13 +302,13 @@ fn walk(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> 
     // Without threads line by line.
     let batch_bytes = threads.map_or(1, |_| BATCH_BYTES);
     loop {
-        let batch = batch(&mut reader, batch_bytes).map_err(io)?;
+        let batch = batch(|| next_line(&mut reader), batch_bytes).map_err(io)?;
         if batch.is_empty() {
             return Ok(walked);
         }
         let alone = match threads {
-            Some(threads) => threads.map(&batch, |_, line| read_alone(line.text())),
-            None => batch.iter().map(|line| read_alone(line.text())).collect(),
+            Some(threads) => threads.map(&batch, |_, line| read_alone(text(line))),
+            None => batch.iter().map(|line| read_alone(text(line))).collect(),
         };
         for (line, read) in batch.iter().zip(alone) {
             let place = || format!("line {}", next.seq + 1);
@@ -315,7 +321,7 @@ fn walk(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> 
             }
             match read.and_then(|read| read.behind(next)) {
                 Ok(event) => {
-                    walked.whole_bytes += line.text().len() as u64 + u64::from(line.ended);
+                    walked.whole_bytes += text(line).len() as u64 + u64::from(line.ended);
                     walked.unfinished = !line.ended;
                     walked.sealed = event.kind == SEALED;
                     next = Place { seq: event.seq + 1, prev: event.hash };
@@ -331,33 +337,9 @@ fn walk(path: &Path, threads: Option<&Threads>, each: &mut dyn FnMut(Event)) -> 
     }
 }
 
-/// A line of the file, without its line feed.
-struct Line {
-    bytes: Vec<u8>,
-    ended: bool,
-}
-
-impl Line {
-    /// A power cut can leave zeros where the end of the last line had not reached the disk.
-    fn text(&self) -> &[u8] {
-        if self.ended { &self.bytes } else { without_zeros_at_the_end(&self.bytes) }
-    }
-}
-
-/// The next lines, at least one where there is one, until they have so many bytes.
-fn batch(reader: &mut impl BufRead, bytes: usize) -> std::io::Result<Vec<Line>> {
-    let (mut lines, mut read) = (Vec::new(), 0);
-    while read < bytes {
-        let mut line = Vec::new();
-        let length = reader.read_until(b'\n', &mut line)?;
-        if length == 0 {
-            break;
-        }
-        read += length;
-        let ended = line.pop_if(|last| *last == b'\n').is_some();
-        lines.push(Line { bytes: line, ended });
-    }
-    Ok(lines)
+/// What stands on a line. A power cut can leave zeros where the end of the last line had not reached the disk.
+fn text(line: &Line) -> &[u8] {
+    if line.ended { &line.bytes } else { without_zeros_at_the_end(&line.bytes) }
 }
 
 fn without_zeros_at_the_end(line: &[u8]) -> &[u8] {
@@ -390,6 +372,9 @@ struct Alone {
 }
 
 fn read_alone(line: &[u8]) -> Result<Alone, BadLine> {
+    if let Some((expected, found)) = too_large(line) {
+        return Err(BadLine::Other(format!("expected {expected}, found {found}")));
+    }
     let event: Event = serde_json::from_slice(line).map_err(|error| {
         if error.is_eof() { BadLine::CutOff } else { BadLine::Other(format!("expected an event, found: {error}")) }
     })?;

@@ -1,0 +1,119 @@
+//! Lines of a stored file, read one by one: nobody holds more of a file than what is read of it, and a line that is longer, or
+//! heavier in memory, than any that is written ends the reading.
+
+use std::io::BufRead;
+
+/// Bytes that a line of a stored file may have.
+pub const LINE_BYTES_MAX: usize = 32 << 20;
+/// Bytes that the values of one line may take in memory.
+const LINE_WEIGHT_MAX: usize = 160 << 20;
+/// Shorter lines are not weighed: they cannot be too heavy.
+const UNWEIGHED: usize = 1 << 20;
+/// Bytes that an object, a key and an item take in memory.
+const OBJECT_WEIGHT: usize = 600;
+const KEY_WEIGHT: usize = 40;
+const ITEM_WEIGHT: usize = 48;
+/// A line counts as so many bytes where lines are read together, so that many empty ones are no small piece.
+const LINE_COUNTS_AS: usize = 256;
+
+/// A line of a file, without its line feed.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Line {
+    /// What stands on it; of one that is too long, its beginning.
+    pub bytes: Vec<u8>,
+    /// A line feed ends it.
+    pub ended: bool,
+}
+
+/// The next line; none at the end of the file. One longer than the limit is cut one byte behind it and told by `too_large`.
+pub fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<Line>> {
+    let mut bytes = Vec::new();
+    // The limit bounds what is held, so that a device without an end is no danger.
+    let most = LINE_BYTES_MAX as u64 + 2;
+    if std::io::Read::take(&mut *from, most).read_until(b'\n', &mut bytes)? == 0 {
+        return Ok(None);
+    }
+    let ended = bytes.pop_if(|last| *last == b'\n').is_some();
+    Ok(Some(Line { bytes, ended }))
+}
+
+/// The next lines from `next`, at least one where there is one, until they have so many bytes.
+pub fn batch<E>(mut next: impl FnMut() -> Result<Option<Line>, E>, bytes: usize) -> Result<Vec<Line>, E> {
+    let (mut lines, mut read) = (Vec::new(), 0);
+    while read < bytes {
+        let Some(line) = next()? else { break };
+        read += line.bytes.len().max(LINE_COUNTS_AS);
+        lines.push(line);
+    }
+    Ok(lines)
+}
+
+/// What was expected of a line and what was found, where it is longer than a line may be or its values take too much memory.
+pub fn too_large(line: &[u8]) -> Option<(String, String)> {
+    if line.len() > LINE_BYTES_MAX {
+        return Some((format!("at most {LINE_BYTES_MAX} bytes in a line"), "a longer one".into()));
+    }
+    let weight = weight(line);
+    let expected = || format!("a line whose values take at most {LINE_WEIGHT_MAX} bytes of memory");
+    (weight > LINE_WEIGHT_MAX).then(|| (expected(), format!("one that may take {weight}")))
+}
+
+/// Bytes that the values of a JSON text take in memory, at most: a pair of brackets in the file is two bytes there and hundreds here.
+fn weight(text: &[u8]) -> usize {
+    if text.len() <= UNWEIGHED {
+        return text.len();
+    }
+    let (mut weight, mut quoted, mut escaped) = (text.len(), false, false);
+    for byte in text {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if quoted => escaped = true,
+            b'"' => quoted = !quoted,
+            b'{' if !quoted => weight += OBJECT_WEIGHT,
+            b':' if !quoted => weight += KEY_WEIGHT,
+            b',' | b'[' if !quoted => weight += ITEM_WEIGHT,
+            _ => {}
+        }
+    }
+    weight
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_one_by_one_and_an_empty_one_is_a_line() {
+        let mut from = &b"one\n\nlast"[..];
+        let mut next = || next_line(&mut from).unwrap().map(|line| (line.bytes, line.ended));
+        assert_eq!(next(), Some((b"one".to_vec(), true)));
+        assert_eq!(next(), Some((Vec::new(), true)));
+        assert_eq!(next(), Some((b"last".to_vec(), false)));
+        assert_eq!(next(), None);
+    }
+
+    #[test]
+    fn a_piece_of_empty_lines_has_few_of_them() {
+        let mut from = &[b'\n'; 10_000][..];
+        assert_eq!(batch(|| next_line(&mut from), 1024).unwrap().len(), 4);
+    }
+
+    #[test]
+    fn a_line_without_an_end_is_read_up_to_the_limit_and_no_further() {
+        let mut endless = std::io::BufReader::new(std::io::repeat(0));
+        let line = next_line(&mut endless).unwrap().unwrap();
+        assert_eq!((line.bytes.len(), line.ended), (LINE_BYTES_MAX + 2, false));
+        assert!(too_large(&line.bytes).unwrap().0.contains("in a line"));
+        assert_eq!(too_large(&line.bytes[..LINE_BYTES_MAX]), None);
+    }
+
+    #[test]
+    fn a_line_of_small_objects_is_too_heavy_long_before_it_is_too_long() {
+        let objects = |count: usize| format!("[{}{{}}]", r#"{"a":0},"#.repeat(count)).into_bytes();
+        assert_eq!(too_large(&objects(200_000)), None);
+        assert!(too_large(&objects(300_000)).unwrap().0.contains("of memory"));
+        // What stands in a text is no bracket.
+        let text = format!("\"{}\"", r#"\"{\"a\":0},"#.repeat(300_000)).into_bytes();
+        assert_eq!(too_large(&text), None);
+    }
+}

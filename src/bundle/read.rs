@@ -2,7 +2,7 @@
 //! memory than a window of the decompressor and one piece.
 
 use std::collections::BTreeSet;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use super::BundleError;
@@ -17,6 +17,9 @@ const SIGNATURE_BYTES_MAX: u64 = 1 << 16;
 /// Most bytes, as a power of two, that the decompressor looks back on.
 const WINDOW_LOG_MAX: u32 = 26;
 const CHUNK: usize = 1 << 16;
+/// First bytes of a zstd frame, and the bit behind them that says that it ends in a checksum (RFC 8878, section 3.1.1).
+const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
+const CHECKSUM: u8 = 1 << 2;
 
 /// A bundle that was read to its end and is whole.
 pub struct Opened {
@@ -31,10 +34,8 @@ pub struct Opened {
 /// removes that folder when this fails.
 pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, BundleError> {
     let reading = Reading { file: path.display().to_string(), bytes_max };
-    let unpacked = zstd::stream::read::Decoder::new(store::reader(path)?)
-        .and_then(|mut decoder| decoder.window_log_max(WINDOW_LOG_MAX).map(|()| decoder))
-        .map_err(|error| reading.no_bundle(&error))?;
-    let mut archive = tar::Archive::new(unpacked);
+    let most = store::UNPACKED_FREE.saturating_add(store::length(path)?.saturating_mul(store::UNPACKED_PER_BYTE));
+    let mut archive = tar::Archive::new(reading.frame(path, most)?);
     let mut entries = archive.entries().map_err(|error| reading.no_bundle(&error))?.raw(true);
     let first = entries.next().ok_or_else(|| reading.refused(format!("expected {MANIFEST} first, found no entry")))?;
     let mut first = first.map_err(|error| reading.no_bundle(&error))?;
@@ -68,6 +69,28 @@ pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, Bu
     Ok(Opened { manifest, manifest_bytes, signature })
 }
 
+/// The one frame of a bundle, and how many bytes it may still give.
+struct Frame<R: Read> {
+    decoder: zstd::stream::read::Decoder<'static, BufReader<R>>,
+    left: u64,
+    most: u64,
+}
+
+impl<R: Read> Read for Frame<R> {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.decoder.read(to)?;
+        self.left = self.left.checked_sub(count as u64).ok_or_else(|| {
+            let per_byte = store::UNPACKED_PER_BYTE;
+            let most = self.most;
+            std::io::Error::other(format!(
+                "more than the {most} bytes that a file of this length may come to ({per_byte} for each of its bytes, and {} more)",
+                store::UNPACKED_FREE
+            ))
+        })?;
+        Ok(count)
+    }
+}
+
 /// What every step of the reading needs.
 struct Reading {
     file: String,
@@ -85,6 +108,20 @@ impl Reading {
 
     fn no_bundle(&self, error: &std::io::Error) -> BundleError {
         self.refused(format!("expected a bundle (a tar archive under zstd), found something else: {error}"))
+    }
+
+    /// The archive inside the frame that a bundle is: one with a checksum, so that no byte of it can change unseen.
+    fn frame(&self, path: &Path, most: u64) -> Result<Frame<impl Read + use<>>, BundleError> {
+        let mut packed = BufReader::new(store::reader(path)?);
+        let head = packed.fill_buf().map_err(|error| self.no_bundle(&error))?;
+        if head.starts_with(&ZSTD_MAGIC) && head.get(4).is_some_and(|described| described & CHECKSUM == 0) {
+            return Err(self.refused("expected a zstd frame with a checksum, found one without".into()));
+        }
+        let decoder = zstd::stream::read::Decoder::with_buffer(packed).and_then(|mut decoder| {
+            decoder.window_log_max(WINDOW_LOG_MAX)?;
+            Ok(decoder.single_frame())
+        });
+        Ok(Frame { decoder: decoder.map_err(|error| self.no_bundle(&error))?, left: most, most })
     }
 
     fn broken(&self, error: &std::io::Error) -> BundleError {
@@ -175,19 +212,24 @@ impl Reading {
         }
     }
 
-    /// Nothing may follow the archive's end.
-    fn end(&self, mut rest: impl Read) -> Result<(), BundleError> {
+    /// Nothing may follow the archive's end, and nothing the frame's: a second frame, or one that readers skip, could hold anything.
+    fn end<R: Read>(&self, mut rest: Frame<R>) -> Result<(), BundleError> {
         let mut chunk = vec![0; CHUNK];
         let mut bytes = 0;
         loop {
             let count = rest.read(&mut chunk).map_err(|error| self.broken(&error))?;
             bytes += count as u64;
             if count == 0 {
-                return Ok(());
+                break;
             }
             if chunk[..count].iter().any(|byte| *byte != 0) || bytes > self.bytes_max {
                 return Err(self.damaged("expected nothing after the last entry, found more bytes".into()));
             }
+        }
+        match rest.decoder.finish().fill_buf() {
+            Ok([]) => Ok(()),
+            Ok(_) => Err(self.damaged("expected one zstd frame and nothing behind it, found more bytes".into())),
+            Err(error) => Err(self.broken(&error)),
         }
     }
 }

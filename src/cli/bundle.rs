@@ -130,6 +130,7 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
     if let Some(damage) = coverage(&folder, &story, None, true).damage.into_iter().next() {
         return Err(Failure::corruption(damage));
     }
+    may_be_made(&options.out)?;
     let objects = Store::open(&folder.store())?;
     let known = crate::objects::event::Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };
     if story.opened.versions != known {
@@ -148,6 +149,20 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
     let parts = parts(&folder, (!options.without_rollouts).then_some(&objects));
     let manifest = bundle::create(&options.out, about, parts, published, signer.as_ref())?;
     Ok(told(&options.out, &manifest, signer.is_some()))
+}
+
+/// Refuses an output that leads nowhere, or that would take the place of a file of a run.
+fn may_be_made(out: &Path) -> Result<(), Failure> {
+    let refused = |found: &str| Err(Failure::bad_input(format!("{}: expected a place for the bundle, found {found}", out.display())));
+    if out.is_symlink() && !out.exists() {
+        return refused("a link that leads nowhere; remove it, or name another file");
+    }
+    let home = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let of_a_run = RunFolder { dir: home.to_path_buf() }.transcript().exists() || home.join("objects.pack").exists();
+    if of_a_run && store::is_taken(out) {
+        return refused("a file of a run; name another file");
+    }
+    Ok(())
 }
 
 /// The files of a run that go into its bundle.
@@ -205,11 +220,15 @@ fn import(options: &ImportOptions) -> Result<Answer, Failure> {
 
 /// Unpacks a bundle as a run folder, which is there whole or not at all.
 pub fn unpack(read: &ReadOptions, out: &Path) -> Result<(bundle::Opened, RunFolder), Failure> {
-    if out.exists() {
+    if store::is_taken(out) {
         return Err(Failure::bad_input(format!("{}: expected no file or folder yet, found one", out.display())));
     }
-    let beside = out.with_extension(format!("{}.tmp", std::process::id()));
-    store::remove_dir(&beside)?;
+    let begins = format!(".{}.", out.file_name().unwrap_or_default().to_string_lossy());
+    let home = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    store::remove_abandoned(home, &begins, ".tmp");
+    let beside = home.join(format!("{begins}{}.tmp", std::process::id()));
+    store::create_dir(&beside)?;
+    let claimed = store::claim(&beside)?;
     let unpacked =
         bundle::open(&read.bundle, read.bytes_max, Some(&beside)).map_err(Failure::from).and_then(|opened| {
             let folder = RunFolder { dir: beside.clone() };
@@ -221,6 +240,7 @@ pub fn unpack(read: &ReadOptions, out: &Path) -> Result<(bundle::Opened, RunFold
         // The first failure is the one to tell.
         let _ = store::remove_dir(&beside);
     }
+    drop(claimed);
     Ok((unpacked?, RunFolder { dir: out.to_path_buf() }))
 }
 
@@ -239,16 +259,42 @@ fn agrees(manifest: &Manifest, folder: &RunFolder, bundle: &Path) -> Result<(), 
             found[place]
         )));
     }
+    let Version { adapter, sim, eval, .. } = manifest.versions;
+    let versions = crate::objects::event::Versions { adapter, sim, eval };
+    let others = [
+        ("name", manifest.name.clone(), story.opened.name.clone()),
+        ("versions", format!("{versions:?}"), format!("{:?}", story.opened.versions)),
+    ];
+    if let Some((what, said, found)) = others.iter().find(|(_, said, found)| said != found) {
+        return Err(Failure::corruption(format!(
+            "{}: {what}: the manifest says {said}, the events inside say {found}; the bundle was put together by something else",
+            bundle.display()
+        )));
+    }
     store::create_dir(&folder.store())?;
     folder.write_card(&name, None)
 }
 
-/// A folder that is gone when this is.
-pub struct Scratch(pub PathBuf);
+/// A folder that is gone when this is, or when the next command finds it abandoned.
+pub struct Scratch {
+    pub dir: PathBuf,
+    _claimed: store::Claimed,
+}
+
+impl Scratch {
+    /// Makes it under a folder, and removes there what killed commands left.
+    pub fn under(place: &Path) -> Result<Scratch, Failure> {
+        const BEGINS: &str = "evodrive-bundle-";
+        store::remove_abandoned(place, BEGINS, "");
+        let dir = place.join(format!("{BEGINS}{}", std::process::id()));
+        store::create_dir(&dir)?;
+        Ok(Scratch { _claimed: store::claim(&dir)?, dir })
+    }
+}
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        let _ = store::remove_dir(&self.0);
+        let _ = store::remove_dir(&self.dir);
     }
 }
 

@@ -20,9 +20,8 @@ use crate::store;
 
 pub fn run(options: &VerifyOptions, jobs: usize) -> Result<Answer, Failure> {
     let place = options.scratch.clone().unwrap_or_else(temporary);
-    let scratch = Scratch(place.join(format!("evodrive-bundle-{}", std::process::id())));
-    store::create_dir(&scratch.0)?;
-    let (opened, folder) = unpack(&options.read, &scratch.0.join("run"))?;
+    let scratch = Scratch::under(&place)?;
+    let (opened, folder) = unpack(&options.read, &scratch.dir.join("run"))?;
     let signed = signature(options, &opened)?;
     let bundle = &options.read.bundle;
     let answer = match options.stored {

@@ -188,6 +188,7 @@ impl RunFolder {
         self.dir.join("shards")
     }
 
+    /// What planners and workers printed while it was recorded; no record holds it.
     pub fn processes(&self) -> PathBuf {
         self.dir.join("processes.log")
     }

@@ -54,7 +54,8 @@ fn without_user(text: &str, home: &str) -> String {
 /// A word, with what ended it.
 fn without_key(word: &str) -> String {
     let bare = word.trim_end_matches(ends_word);
-    let found = OPENINGS.iter().filter_map(|opening| bare.find(opening)).min();
+    let begins = |at: &usize| !bare[..*at].ends_with(|c: char| c.is_alphanumeric());
+    let found = OPENINGS.iter().filter_map(|opening| bare.find(opening)).filter(begins).min();
     match found {
         Some(at) if bare.len() - at >= SECRET_CHARS => format!("{}{KEY}{}", &bare[..at], &word[bare.len()..]),
         _ => word.to_string(),
@@ -70,10 +71,10 @@ mod tests {
         let environment = [("MY_API_KEY", "a1b2c3d4e5"), ("HOME", "/srv/people/bob"), ("LANG", "C.UTF-8-long")]
             .map(|(n, v)| (n.into(), v.into()));
         let told = redacted_with(
-            "File \"/home/alice/runs/mine.py\", line 3\n key a1b2c3d4e5 in /srv/people/bob/x; sk-abcdef123456, C.UTF-8-long",
+            "File \"/home/alice/runs/mine.py\", line 3\n key a1b2c3d4e5 in /srv/people/bob/x; sk-abcdef123456, C.UTF-8-long, a risk-averse one",
             &environment,
         );
-        assert_eq!(told, "File \"~/runs/mine.py\", line 3\n key [key] in ~/x; [key], C.UTF-8-long");
+        assert_eq!(told, "File \"~/runs/mine.py\", line 3\n key [key] in ~/x; [key], C.UTF-8-long, a risk-averse one");
         assert_eq!(redacted_with("token=ghp_0123456789 C:\\Users\\eve\\x", &[]), "token=[key] C:~\\x");
     }
 }

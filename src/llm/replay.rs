@@ -74,21 +74,30 @@ fn distance(a: &DrawSlot, b: &DrawSlot) -> (bool, u32, u32, u32) {
     (elsewhere, a.epoch.abs_diff(b.epoch), a.slot.abs_diff(b.slot), a.round.abs_diff(b.round))
 }
 
-/// How many of the fields besides the messages are equal, how many messages are, and how far the first one that differs goes
-/// along with its like.
-fn shared(recorded: &Recorded, request: &Request) -> (usize, usize, usize) {
+/// How many of the fields besides the messages' texts are equal, how many messages are, how many bytes at the beginnings and the ends of
+/// the others, and how little these differ in length. A question that is asked once more repeats the first one and goes on behind it:
+/// where something ahead of that has changed, only the ends tell the two apart.
+fn shared(recorded: &Recorded, request: &Request) -> (usize, usize, usize, Reverse<usize>) {
     let fields = [
         recorded.adapter_version == request.adapter_version,
         recorded.slot == request.slot,
         *recorded.model == request.model,
         recorded.schema == request.schema,
+        recorded.messages.len() == request.messages.len(),
     ];
-    let pairs = || recorded.messages.iter().zip(&request.messages);
-    let same = |((role, text), message): &(&(String, Text), &Message)| *role == message.role && *text == message.text;
-    let first = pairs().find(|pair| !same(pair));
-    let along =
-        first.map_or(0, |((_, old), new)| old.bytes().zip(new.text.bytes()).take_while(|(a, b)| a == b).count());
-    (fields.into_iter().filter(|equal| *equal).count(), pairs().filter(same).count(), along)
+    let (mut same, mut bytes, mut longer) = (0, 0, 0);
+    for ((role, old), Message { role: asked, text: new }) in recorded.messages.iter().zip(&request.messages) {
+        if *role == *asked && *old == *new {
+            same += 1;
+            continue;
+        }
+        let alike = |pairs: &mut dyn Iterator<Item = (u8, u8)>| pairs.take_while(|(a, b)| a == b).count();
+        let begun = alike(&mut old.bytes().zip(new.bytes()));
+        let rest = old.len().min(new.len()) - begun;
+        bytes += begun + alike(&mut old.bytes().rev().zip(new.bytes().rev()).take(rest));
+        longer += old.len().abs_diff(new.len());
+    }
+    (fields.into_iter().filter(|equal| *equal).count(), same, bytes, Reverse(longer))
 }
 
 /// The first field, in the order of `Request`, whose value differs; texts by their first differing line. Messages are compared
@@ -201,6 +210,28 @@ mod tests {
     }
 
     #[test]
+    fn a_question_asked_once_more_is_compared_with_its_own_record_wherever_it_has_changed() {
+        let first = |line: &str| format!("head\n{line}\nthe program\nreply in JSON");
+        let again = |line: &str| format!("{}\n\nYour reply cannot be read:\n{{broken", first(line));
+        let texts = |last: String| vec!["handbook".to_string(), last];
+        let (one, two) = (request(1, 2, &texts(first("was"))), request(1, 2, &texts(again("was"))));
+        for recorded in [[one.clone(), two.clone()], [two, one]] {
+            for asked in [again("is"), first("is")] {
+                let found = missed(&cassette(&recorded), &request(1, 2, &texts(asked)));
+                assert_eq!(found.difference.unwrap(), r#"message 2 (user) line 2: recorded "was", asked "is""#);
+            }
+            let found = missed(&cassette(&recorded), &request(1, 2, &texts(again("was") + " off")));
+            assert_eq!(
+                found.difference.unwrap(),
+                r#"message 2 (user) line 7: recorded "{broken", asked "{broken off""#
+            );
+            let near = cassette(&recorded);
+            let near = nearest(near.exchanges(), &request(1, 2, &texts(again("is")))).unwrap();
+            assert!(near.messages[1].1.contains("cannot be read"));
+        }
+    }
+
+    #[test]
     fn thousands_of_messages_that_share_a_text_are_compared_where_they_lie() {
         // Written out, they have four gigabytes.
         let long: Text = "x".repeat(1 << 20).as_str().into();
@@ -222,7 +253,7 @@ mod tests {
             metadata: None,
         };
         let asked = of("is");
-        assert_eq!(shared(&recorded, &asked), (4, 4000, 0));
+        assert_eq!(shared(&recorded, &asked), (5, 4000, 1, Reverse(1)));
         let told = difference(&recorded, &asked).unwrap();
         assert_eq!(told, r#"message 4001 (user) line 1: recorded "was", asked "is""#);
     }

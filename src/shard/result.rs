@@ -11,7 +11,7 @@ use serde_json::value::RawValue;
 use super::error::{ShardError, WORK_AGAIN, place};
 use super::file::{Lines, Shard, VERSION, Wrong, line};
 use super::mark::StudyMark;
-use crate::backend::RolloutCassette;
+use crate::backend::{Answer, Recorded, RolloutCassette};
 use crate::epoch::{Task, TrialRecord};
 use crate::evaluation::RolloutRecord;
 use crate::kernel::Digest;
@@ -140,6 +140,13 @@ impl ResultFile {
             return Err(damaged(lines.at(), (say(expected), say(found))));
         }
         lines.end().map_err(|(at, wrong)| damaged(at, wrong))?;
+        let jump = |(_, recorded): (&Digest, &Recorded)| match &recorded.answer {
+            Answer::Told(told) => told.jump().map(|(expected, found)| (format!("{expected} of scene {}", recorded.scene), found)),
+            Answer::Failed(_) => None,
+        };
+        if let Some(wrong) = answers.iter().flat_map(RolloutCassette::rollouts).find_map(jump) {
+            return Err(damaged(0, wrong));
+        }
         match answers.as_ref().and_then(|answers| unanswered(&shard, &results, answers)) {
             Some(scene) => Err(damaged(0, (format!("an answer for scene {scene}"), "none".into()))),
             None => Ok(ResultFile { file, results, answers }),
@@ -198,7 +205,7 @@ impl ResultLine {
     }
 }
 
-/// Refuses a record of another program or scene than the task's.
+/// Refuses a record of another program or scene than the task's, and numbers that no rollout has.
 fn about(task: &Task, record: &str) -> Result<(), Wrong> {
     let unread = |error: serde_json::Error| ("a record".to_string(), error.to_string());
     let (program, scene) = match task {
@@ -207,7 +214,10 @@ fn about(task: &Task, record: &str) -> Result<(), Wrong> {
             (program, scene)
         }
         _ => {
-            let RolloutRecord { program, scene, .. } = serde_json::from_str(record).map_err(unread)?;
+            let RolloutRecord { program, scene, outcome, .. } = serde_json::from_str(record).map_err(unread)?;
+            if let Some(wrong) = outcome.out_of_range() {
+                return Err(wrong);
+            }
             (program, scene)
         }
     };

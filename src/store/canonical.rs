@@ -42,7 +42,12 @@ pub fn write_filled<E>(
 ) -> Result<Result<(), E>, StoreError> {
     let io = |source| StoreError::io("write", path, source);
     let temporary = file::neighbour(path)?;
+    if let Some(name) = path.file_name() {
+        file::remove_abandoned(file::parent_of(path), &format!(".{}.", name.to_string_lossy()), ".tmp");
+    }
     let mut made = File::create(&temporary).map_err(io)?;
+    // Held while it is written: what nobody holds was left by a command that was killed.
+    let _claimed = file::claim(&temporary)?;
     let filled = fill(&mut made);
     if filled.is_err() {
         let _ = fs::remove_file(&temporary);
@@ -53,5 +58,6 @@ pub fn write_filled<E>(
         let _ = fs::remove_file(&temporary);
         return Err(io(source));
     }
+    file::sync_dir(file::parent_of(path))?;
     Ok(filled)
 }

@@ -22,8 +22,7 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         let _ = fs::remove_file(&temporary);
         return Err(StoreError::io("write", path, source));
     }
-    sync_dir(parent_of(path));
-    Ok(())
+    sync_dir(parent_of(path))
 }
 
 /// The hidden neighbour that a file is written to before it gets its name; its folder is made.
@@ -41,14 +40,61 @@ fn write_synced(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     file.sync_all()
 }
 
-/// Makes a rename or a new file survive a power cut where the system can (a folder cannot be opened everywhere).
-pub(super) fn sync_dir(dir: &Path) {
-    if let Ok(dir) = File::open(dir) {
-        let _ = dir.sync_all();
+/// Makes a rename or a new file survive a power cut. A folder that cannot be opened to be read, or a file system that knows no such
+/// request, is no error; a request that failed is one.
+pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
+    use std::io::ErrorKind::{InvalidInput, Unsupported};
+    let Ok(opened) = File::open(dir) else { return Ok(()) };
+    match opened.sync_all() {
+        Err(source) if !matches!(source.kind(), InvalidInput | Unsupported) => Err(StoreError::io("sync", dir, source)),
+        _ => Ok(()),
     }
 }
 
-fn parent_of(path: &Path) -> &Path {
+/// Whether anything bears this name, a link that leads nowhere too.
+pub fn is_taken(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
+}
+
+/// A file or folder of a command that runs.
+#[derive(Debug)]
+pub struct Claimed {
+    _held: File,
+}
+
+/// Marks a file or folder of a command that runs: while the answer lives, `remove_abandoned` leaves it.
+pub fn claim(path: &Path) -> Result<Claimed, StoreError> {
+    let io = |source| StoreError::io("lock", path, source);
+    let file = File::open(path).map_err(io)?;
+    match file.try_lock() {
+        Ok(()) => Ok(Claimed { _held: file }),
+        Err(std::fs::TryLockError::WouldBlock) => {
+            Err(StoreError::Locked { path: path.to_path_buf(), holder: "another process".into() })
+        }
+        Err(std::fs::TryLockError::Error(source)) => Err(io(source)),
+    }
+}
+
+/// Removes what commands that were killed left in a folder: entries named `begins`, a process, `ends`, that nobody claims any more.
+/// What cannot be removed stays: it is somebody else's.
+pub fn remove_abandoned(folder: &Path, begins: &str, ends: &str) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let process = name.strip_prefix(begins).and_then(|rest| rest.strip_suffix(ends));
+        let named = process.is_some_and(|id| !id.is_empty() && id.bytes().all(|byte| byte.is_ascii_digit()));
+        let Ok(kind) = entry.file_type() else { continue };
+        if !named || kind.is_symlink() || !(kind.is_file() || kind.is_dir()) {
+            continue;
+        }
+        if claim(&entry.path()).is_ok() {
+            let path = entry.path();
+            let _ = if kind.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        }
+    }
+}
+
+pub(super) fn parent_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -119,8 +165,7 @@ pub fn length(path: &Path) -> Result<u64, StoreError> {
 /// Gives a file another name in its folder; what had that name is gone.
 pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
     fs::rename(from, to).map_err(|source| StoreError::io("rename", from, source))?;
-    sync_dir(parent_of(to));
-    Ok(())
+    sync_dir(parent_of(to))
 }
 
 /// Removes a file. It is no error if the file does not exist.
@@ -360,5 +405,22 @@ mod tests {
             .collect();
         assert_eq!(names, ["a/z.xml", "b.xml", "c.xml"]);
         assert_eq!(list_files(&dir.path().join("b.xml"), &[]).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn what_a_killed_command_left_is_removed_and_what_runs_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        for name in [".x.1.tmp", ".x.2.tmp", ".x.no.tmp", ".y.1.tmp"] {
+            write_atomic(&at(name), b"half").unwrap();
+        }
+        write_atomic(&at(".x.3.tmp/inside"), b"half").unwrap();
+        let running = claim(&at(".x.2.tmp")).unwrap();
+        remove_abandoned(dir.path(), ".x.", ".tmp");
+        let left = [".x.1.tmp", ".x.2.tmp", ".x.3.tmp", ".x.no.tmp", ".y.1.tmp"].map(|name| is_taken(&at(name)));
+        assert_eq!(left, [false, true, false, true, true]);
+        drop(running);
+        remove_abandoned(dir.path(), ".x.", ".tmp");
+        assert!(!is_taken(&at(".x.2.tmp")));
     }
 }

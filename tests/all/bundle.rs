@@ -122,8 +122,48 @@ fn archive(dir: &Path, entries: &[(&str, &[u8])]) -> PathBuf {
     }
     packed.resize(packed.len() + 1024, 0);
     let path = dir.join("made.evodrive");
-    std::fs::write(&path, zstd::encode_all(packed.as_slice(), 1).unwrap()).unwrap();
+    std::fs::write(&path, framed(&packed, true)).unwrap();
     path
+}
+
+/// One zstd frame.
+fn framed(bytes: &[u8], checksum: bool) -> Vec<u8> {
+    let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), 1).unwrap();
+    encoder.include_checksum(checksum).unwrap();
+    std::io::Write::write_all(&mut encoder, bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn a_bundle_is_one_frame_with_a_checksum() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = std::fs::read(FROZEN).unwrap();
+    let inside = zstd::decode_all(whole.as_slice()).unwrap();
+    let (head, tail) = inside.split_at(inside.len() / 2);
+    let skippable = [&[0x50, 0x2A, 0x4D, 0x18, 4, 0, 0, 0][..], b"hide"].concat();
+    let cases = [
+        (framed(&inside, true), 0, ""),
+        (framed(&inside, false), 2, "a zstd frame with a checksum"),
+        ([framed(head, true), framed(tail, true)].concat(), 5, "expected"),
+        ([framed(&inside, true), framed(b"", true)].concat(), 5, "one zstd frame and nothing behind it"),
+        ([framed(&inside, true), skippable.clone()].concat(), 5, "one zstd frame and nothing behind it"),
+        ([skippable, framed(&inside, true)].concat(), 2, ""),
+    ];
+    for (number, (bytes, code, word)) in cases.into_iter().enumerate() {
+        let file = dir.path().join("x.evodrive");
+        std::fs::write(&file, bytes).unwrap();
+        let ran = bundle(&["inspect", path(&file)]);
+        assert!(ran.code == code && ran.stderr.contains(word), "case {number}: {} {}", ran.code, ran.stderr);
+    }
+}
+
+#[test]
+fn a_kilobyte_that_comes_to_gigabytes_is_read_no_further_than_a_bundle_of_its_length_may() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("x.evodrive");
+    std::fs::write(&file, framed(&vec![0; 200 << 20], true)).unwrap();
+    let ran = bundle(&["inspect", path(&file)]);
+    assert!(matches!(ran.code, 2 | 5), "{} {}", ran.code, ran.stderr);
 }
 
 fn manifest(format: &str, files: &[(&str, u64)]) -> Vec<u8> {

@@ -5,6 +5,7 @@ pub mod driving;
 pub mod feasibility;
 pub(super) mod motion;
 pub mod outcome;
+mod range;
 pub mod smooth;
 mod trace_digest;
 mod watch;

@@ -153,7 +153,9 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
 
 /// Refuses an output that leads nowhere, or that would take the place of a file of a run.
 fn may_be_made(out: &Path) -> Result<(), Failure> {
-    let refused = |found: &str| Err(Failure::bad_input(format!("{}: expected a place for the bundle, found {found}", out.display())));
+    let refused = |found: &str| {
+        Err(Failure::bad_input(format!("{}: expected a place for the bundle, found {found}", out.display())))
+    };
     if out.is_symlink() && !out.exists() {
         return refused("a link that leads nowhere; remove it, or name another file");
     }

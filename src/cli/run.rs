@@ -460,7 +460,11 @@ fn compare_result(folder: &RunFolder, text: &[u8]) -> Result<(), Failure> {
     let path = folder.result();
     // As `fsck` reads it: spaces and line feeds mean nothing.
     let read = |bytes: &[u8]| serde_json::from_slice::<serde_json::Value>(bytes).ok();
-    if path.exists() && read(text).is_some_and(|due| store::read_bounded(&path, RESULT_BYTES_MAX).is_ok_and(|there| read(&there).as_ref() == Some(&due))) {
+    if path.exists()
+        && read(text).is_some_and(|due| {
+            store::read_bounded(&path, RESULT_BYTES_MAX).is_ok_and(|there| read(&there).as_ref() == Some(&due))
+        })
+    {
         return Ok(());
     }
     Err(Failure::divergence(format!(

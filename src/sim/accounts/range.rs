@@ -31,7 +31,10 @@ impl Outcome {
         }
         if (self.end == End::Contact) != self.contact.is_some() {
             let found = if self.contact.is_some() { "a contact" } else { "no contact" };
-            return Some(("a contact where the end is one, and none elsewhere".into(), format!("{found} beside the end {:?}", self.end)));
+            return Some((
+                "a contact where the end is one, and none elsewhere".into(),
+                format!("{found} beside the end {:?}", self.end),
+            ));
         }
         let contact = self.contact.as_ref().and_then(|contact| {
             within("contact.time_s", contact.time_s, 0.0, seconds + DT_S)
@@ -75,7 +78,8 @@ impl Told {
             let way_m = from.position.distance(to.position);
             let most_m = JUMP_M_MAX + DT_S * from.velocity.norm().max(to.velocity.norm());
             let fits = way_m <= most_m;
-            (!fits).then(|| (format!("an ego that drives at most {most_m:.1} m in step {row}"), format!("{way_m:.1} m")))
+            (!fits)
+                .then(|| (format!("an ego that drives at most {most_m:.1} m in step {row}"), format!("{way_m:.1} m")))
         })
     }
 }

@@ -141,7 +141,9 @@ impl ResultFile {
         }
         lines.end().map_err(|(at, wrong)| damaged(at, wrong))?;
         let jump = |(_, recorded): (&Digest, &Recorded)| match &recorded.answer {
-            Answer::Told(told) => told.jump().map(|(expected, found)| (format!("{expected} of scene {}", recorded.scene), found)),
+            Answer::Told(told) => {
+                told.jump().map(|(expected, found)| (format!("{expected} of scene {}", recorded.scene), found))
+            }
             Answer::Failed(_) => None,
         };
         if let Some(wrong) = answers.iter().flat_map(RolloutCassette::rollouts).find_map(jump) {

@@ -3,12 +3,13 @@
 use clap::Args;
 use serde_json::json;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::answer::{Answer, progress};
 use super::behind;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::TwoRuns;
 use crate::backend::{Answers, Backend, NoOutcome, Replay};
 use crate::epoch::{LineageSpec, Player, Study, cluster_of};
 use crate::evidence::RecordedRun;
@@ -20,16 +21,15 @@ use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, Trace};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Run folder of the first simulator.
-    pub first: PathBuf,
-    /// Run folder of the second: the same scenes and rules, another `simulator.backend`.
-    pub second: PathBuf,
+    #[command(flatten)]
+    pub runs: TwoRuns,
 }
 
 /// Plays what both runs labelled in both simulators, and counts.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
-    let found = agreement(&options.first, &options.second, &threads)?;
+    let [first, second] = options.runs.named()?;
+    let found = agreement(first, second, &threads)?;
     Ok(Answer::new(text(&found), json!(found)))
 }
 

@@ -7,6 +7,7 @@ use super::answer::Answer;
 use super::examples::with_examples;
 use super::exit::Failure;
 use super::folder::RUNS;
+use super::run_name::OneRun;
 use super::{
     agree, apply, bench, bundle, calibrate, claims, compare, data, diff, downstream, egos, exchange, figure, fsck,
     impact, init, known, lineage, manual, options, paper, plan, program, report, run, scenes, shard, show, table,
@@ -39,13 +40,13 @@ pub enum Command {
     /// Carry an experiment out from its cassette; the same command again gives the same root.
     Run(RunArgs),
     /// Go on with a run that was interrupted; without a folder with the one below runs/ that is not finished.
-    Resume(FolderArgs),
+    Resume(OneRun),
     /// Derive a finished run again from its recorded answers and rollouts, and compare every event.
     #[command(alias = "replay")]
-    Check(FolderArgs),
+    Check(OneRun),
     /// Derive a finished run again and simulate every rollout again; those of another simulator or of a planner of one's own come
     /// from recorded motion.
-    Verify(FolderArgs),
+    Verify(OneRun),
     /// Ask the experiment's models and write its cassette.
     Record(RecordArgs),
     /// Questions to models of the kind `exchange`, which are answered in files.
@@ -165,12 +166,6 @@ pub struct RecordArgs {
     /// Write over cassettes though they hold answers or rollouts that this recording does not ask for.
     #[arg(long)]
     pub overwrite: bool,
-}
-
-#[derive(Debug, Args)]
-pub struct FolderArgs {
-    /// Run folder; without it the latest one below runs/.
-    pub run: Option<PathBuf>,
 }
 
 impl Command {

@@ -10,6 +10,7 @@ use super::bundle_replay;
 use super::covered::coverage;
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
+use super::run_name::OneRun;
 use crate::adapters::ADAPTER_VERSION;
 use crate::bundle::{self, About, BundleError, Manifest, Part, Signer, Source, Version};
 use crate::evaluation::EVAL_VERSION;
@@ -34,8 +35,8 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct CreateOptions {
-    /// Run folder.
-    pub run: PathBuf,
+    #[command(flatten)]
+    pub run: OneRun,
     /// The bundle, e.g. run.evodrive.
     #[arg(long)]
     pub out: PathBuf,
@@ -112,7 +113,7 @@ pub fn versions() -> Version {
 }
 
 fn create(options: &CreateOptions) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(Some(&options.run))?;
+    let folder = options.run.folder()?;
     let signer = options
         .sign
         .as_deref()

@@ -4,12 +4,12 @@ use serde_json::json;
 use std::path::Path;
 
 use super::answer::Answer;
-use super::args::FolderArgs;
 use super::bundle::{Scratch, VerifyOptions, check_versions, exit_of, key_text, unpack};
 use super::covered::coverage;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use super::run;
+use super::run_name::OneRun;
 use crate::bundle::{Opened, key_name, verified};
 use crate::evidence::{Gravity, RecordedRun, audit};
 use crate::families;
@@ -98,7 +98,7 @@ fn check_contracts(story: &RecordedRun, bundle: &Path) -> Result<(), Failure> {
 fn executed(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path, jobs: usize) -> Result<Answer, Failure> {
     check_versions(&opened.manifest, bundle)?;
     check_contracts(&folder.story()?, bundle)?;
-    let done = run::verify(&FolderArgs { run: Some(folder.dir.clone()) }, jobs)?;
+    let done = run::verify(&OneRun::of(&folder.dir), jobs)?;
     let rollouts = done.json["rollouts"]["simulated"].as_u64().unwrap_or_default();
     let mut events = 0u64;
     store::each_event(&folder.transcript(), &mut |_| events += 1)?;

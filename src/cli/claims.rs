@@ -9,22 +9,23 @@ use super::answer::Answer;
 use super::downstream;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::Runs;
 use crate::evidence::RecordedRun;
 use crate::evidence::claims::{self, Judgement};
 use crate::store;
 
+/// The paper's claims, in a clone of this repository.
+const CLAIMS: &str = "paper/claims.toml";
 /// Bytes that a file of claims may have.
 const BYTES_MAX: u64 = 1 << 20;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// File of claims.
-    #[arg(default_value = "paper/claims.toml")]
+    /// File of claims (.toml); a name that ends otherwise is a run.
+    #[arg(default_value = CLAIMS)]
     pub file: PathBuf,
-    /// Run folder, one for each experiment that the file names; may be repeated. Without it the latest one below
-    /// runs/.
-    #[arg(long)]
-    pub run: Vec<PathBuf>,
+    #[command(flatten)]
+    pub runs: Runs,
     /// How to write it.
     #[arg(long, default_value = "markdown")]
     pub format: Format,
@@ -38,11 +39,12 @@ pub enum Format {
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let named: Vec<Option<&PathBuf>> =
-        if options.run.is_empty() { vec![None] } else { options.run.iter().map(Some).collect() };
-    let story = |dir: Option<&PathBuf>| RunFolder::find(dir.map(PathBuf::as_path))?.story();
-    let stories = named.into_iter().map(story).collect::<Result<Vec<_>, _>>()?;
-    let found = judged(&options.file, &stories)?;
+    let (file, runs) = match options.file.extension() {
+        Some(ending) if ending == "toml" => (options.file.as_path(), options.runs.clone()),
+        _ => (Path::new(CLAIMS), options.runs.clone().behind(&options.file)),
+    };
+    let stories = runs.folders()?.iter().map(RunFolder::story).collect::<Result<Vec<_>, _>>()?;
+    let found = judged(file, &stories)?;
     let text = match options.format {
         Format::Markdown => claims::markdown(&found),
         Format::Csv => claims::csv(&found),

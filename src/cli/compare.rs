@@ -11,6 +11,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use super::program;
+use super::run_name::TwoRuns;
 use crate::evidence::RecordedRun;
 use crate::evidence::tables::{Comparison, Estimate, Paired, STRICT_REALISM, compared};
 use crate::experiment::composed;
@@ -23,12 +24,15 @@ const SHOWN_CHARS: usize = 60;
 /// Below so many scenes a bootstrap over them promises too much.
 const FEW_SCENES: usize = 10;
 
+/// What may be compared besides whole runs.
+const PARTS: &str = "Two runs, lineages (RUN:cat-idm) or programs (RUN:cat-idm/e0s3, RUN:cat-idm/parent); RUN is a run's folder, its name \
+                     below runs/, or the beginning of either";
+
 #[derive(Debug, Args)]
+#[command(mut_arg("run", |arg| arg.help(PARTS)))]
 pub struct Options {
-    /// A run folder, one of its lineages (runs/RUN:cat-idm) or programs (runs/RUN:cat-idm/e0s3, runs/RUN:cat-idm/parent).
-    pub first: String,
-    /// The other one, named in the same way.
-    pub second: String,
+    #[command(flatten)]
+    pub runs: TwoRuns,
 }
 
 /// One side: a run, and what of it is meant.
@@ -48,7 +52,8 @@ struct Changed {
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let (first, second) = (Side::named(&options.first)?, Side::named(&options.second)?);
+    let [first, second] = options.runs.named()?;
+    let (first, second) = (Side::named(&first.to_string_lossy())?, Side::named(&second.to_string_lossy())?);
     let mut rows: Vec<(String, Comparison)> = Vec::new();
     let mut unpaired = Vec::new();
     for (name, one, other) in pairs(&first, &second)? {

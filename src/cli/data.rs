@@ -8,21 +8,22 @@ use super::answer::Answer;
 use super::cost;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::OneRun;
 use crate::evidence::data::{Rollout, Sheet, records, sheets};
 use crate::kernel::{Digest, Threads};
 use crate::store::{self, Store};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Run folder; without it the latest one below runs/.
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
     /// Folder for the tables; it must not hold any yet.
     #[arg(long)]
     pub out: PathBuf,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(options.run.as_deref())?;
+    let folder = options.run.folder()?;
     let story = folder.story()?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let wanted = records(&story);

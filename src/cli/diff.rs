@@ -3,11 +3,11 @@
 use clap::Args;
 use serde_json::json;
 use similar::TextDiff;
-use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::TwoRuns;
 use crate::evidence::differing::{Cause, Differing, compare};
 use crate::store;
 
@@ -16,14 +16,13 @@ const EXPERIMENT_BYTES_MAX: u64 = 16 << 20;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// First run folder.
-    pub first: PathBuf,
-    /// Second run folder.
-    pub second: PathBuf,
+    #[command(flatten)]
+    pub runs: TwoRuns,
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let (first, second) = (RunFolder::find(Some(&options.first))?, RunFolder::find(Some(&options.second))?);
+    let [first, second] = options.runs.named()?;
+    let (first, second) = (RunFolder::find(Some(first))?, RunFolder::find(Some(second))?);
     let found = compare(&first.transcript(), &second.transcript())?;
     let experiments = if found.inputs.is_empty() { String::new() } else { experiments(&first, &second)? };
     Ok(Answer::new(text(&found, &experiments), json!(found)))

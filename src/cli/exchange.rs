@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::OneRun;
 use crate::llm::exchange::{Entry, status};
 use crate::store;
 
@@ -19,13 +20,13 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Run folder; without it the latest one below runs/.
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
 }
 
 pub fn run(command: &Command) -> Result<Answer, Failure> {
     let Command::Status(options) = command;
-    let folder = RunFolder::find(options.run.as_deref())?;
+    let folder = options.run.folder()?;
     let mut entries: Vec<Entry> = Vec::new();
     for dir in folders(&folder)? {
         entries.extend(status(&dir).map_err(Failure::bad_input)?);

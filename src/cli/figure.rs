@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::{OneRun, Runs};
 use super::{playables, rollout};
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
@@ -18,9 +19,8 @@ use crate::store;
 pub struct Options {
     /// Which of the paper's figures.
     pub figure: Which,
-    /// Run folder; may be repeated. Without it the latest one below runs/; `architecture` needs none.
-    #[arg(long)]
-    pub run: Vec<PathBuf>,
+    #[command(flatten)]
+    pub runs: Runs,
     /// The lineage that `case-evolution` shows; without it the run's first.
     #[arg(long)]
     pub lineage: Option<String>,
@@ -84,7 +84,8 @@ fn cases(runs: &[Told], jobs: usize) -> Result<Vec<Case>, Failure> {
         for won in figures::won_scenes(story) {
             let side = |solution: &SolutionId| -> Result<Side, Failure> {
                 let scene = std::slice::from_ref(&won.scene);
-                let played = rollout::of_attempt(Some(&folder.dir), solution.as_str(), scene, jobs)?.swap_remove(0);
+                let played =
+                    rollout::of_attempt(&OneRun::of(&folder.dir), solution.as_str(), scene, jobs)?.swap_remove(0);
                 let ending = playables::end_in_words(&played.outcome).to_string();
                 Ok(Side { drawing: played.drawing(), ending })
             };
@@ -97,17 +98,14 @@ fn cases(runs: &[Told], jobs: usize) -> Result<Vec<Case>, Failure> {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let ending = ending(&options.out)?;
-    let named: Vec<Option<&PathBuf>> = match (options.run.as_slice(), options.figure) {
-        ([], Which::Architecture) => Vec::new(),
-        ([], _) => vec![None],
-        (runs, _) => runs.iter().map(Some).collect(),
-    };
-    let told = |dir: Option<&PathBuf>| -> Result<Told, Failure> {
-        let folder = RunFolder::find(dir.map(PathBuf::as_path))?;
+    // The picture of the program itself needs no run.
+    let needs_none = options.figure == Which::Architecture && options.runs.named().next().is_none();
+    let folders = if needs_none { Vec::new() } else { options.runs.folders()? };
+    let told = |folder: RunFolder| -> Result<Told, Failure> {
         let story = folder.story()?;
         Ok((folder, story))
     };
-    let runs = named.into_iter().map(told).collect::<Result<Vec<_>, _>>()?;
+    let runs = folders.into_iter().map(told).collect::<Result<Vec<_>, _>>()?;
     let figure = options.figure.of(&runs, options.lineage.as_deref(), jobs)?;
     let bytes = match ending {
         Ending::Svg => figure.svg().into_bytes(),

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 use super::exit::{Exit, Failure};
+use super::run_name;
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::{Reading, RecordedRun, RecordedRunError};
@@ -104,10 +105,10 @@ impl RunFolder {
         Ok(RunFolder { dir: out.join(format!("{name}-{}", id.short(8))) })
     }
 
-    /// The folder that is named, or the latest one below `runs`.
+    /// The folder that is named (see `run_name`), or the latest one below `runs`.
     pub fn find(named: Option<&Path>) -> Result<RunFolder, Failure> {
         let dir = match named {
-            Some(dir) => dir.to_path_buf(),
+            Some(name) => return run_name::below_runs(name),
             None => {
                 let runs = Path::new(RUNS);
                 let text = store::read_bounded(&runs.join(LATEST), CARD_BYTES_MAX)

@@ -3,26 +3,26 @@
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::covered::{Coverage, coverage};
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
+use super::run_name::OneRun;
 use crate::evidence::{Finding, Gravity, audit};
 use crate::store::{self, FsckReport, StoreError};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Run folder; without it the latest one below runs/.
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
     /// Read every stored byte, not only the structure.
     #[arg(long)]
     pub read: bool,
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(options.run.as_deref())?;
+    let folder = options.run.folder()?;
     let mut report = store::fsck(&folder.store(), options.read).map_err(|error| lost_pack(&folder, error))?;
     let mut damage: Vec<String> = Vec::new();
     let recording = folder.dir.join("recording");

@@ -2,11 +2,11 @@
 
 use clap::Args;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::Runs;
 use super::why;
 use crate::evidence::impact;
 use crate::kernel::Digest;
@@ -17,15 +17,15 @@ pub struct Options {
     /// Digest of a rollout (key or record), program, patch, question, answer or scene, in full or its first digits; or the name of
     /// an attempt or a scene.
     pub object: String,
-    /// Run folders that tables are made from; without one the latest below runs/.
-    pub runs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub runs: Runs,
     /// Also list the cells that depend on it only because evolution chose something by it.
     #[arg(long)]
     pub full: bool,
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let folders = why::folders(&options.runs)?;
+    let folders = options.runs.folders()?;
     let stories = folders.iter().map(RunFolder::story).collect::<Result<Vec<_>, _>>()?;
     let scenes = folders.iter().map(scenes).collect::<Result<Vec<_>, _>>()?;
     let known = impact::things(&stories, &scenes);

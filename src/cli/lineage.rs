@@ -2,57 +2,87 @@
 
 use clap::Args;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::Path;
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::program;
+use super::run_name::{self, OneRun};
 use crate::evidence::choice::Choice;
-use crate::evidence::lineage_text;
+use crate::evidence::{RecordedRun, lineage_text};
 use crate::experiment::did_you_mean;
-use crate::objects::{LineageId, program_diff};
+use crate::objects::{LineageId, SolutionId, program_diff};
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Lineage, e.g. cat-idm; without it all.
+    /// Lineage, e.g. cat-idm, or one of its programs, e.g. cat-idm/e1s0, whose ancestors are shown; without it all lineages.
     pub lineage: Option<String>,
-    /// Run folder; without it the latest one below runs/.
-    #[arg(long)]
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
 }
 
+/// A lineage, and the program to which its chain is shown.
+type Shown = (LineageId, SolutionId);
+
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(options.run.as_deref())?;
+    let (folder, name) = meant(options)?;
     let story = folder.story()?;
     let selector = folder.read_experiment()?.selector;
-    let choice = |id: &LineageId| Choice::of(&story, id, &selector);
-    let all: Vec<LineageId> = story.parents.iter().map(|p| p.lineage.clone()).collect();
-    let wanted = match &options.lineage {
-        None => all,
-        Some(name) => match all.iter().find(|id| id.as_str() == name) {
-            Some(id) => vec![id.clone()],
-            None => {
-                let known: Vec<String> = all.iter().map(LineageId::to_string).collect();
-                return Err(Failure::bad_input(format!(
-                    "no lineage `{name}` in this run; there are {}{}",
-                    known.join(", "),
-                    did_you_mean(name, &known)
-                )));
-            }
-        },
+    // Why a program was chosen is said where the chain ends at the chosen one.
+    let choice =
+        |(id, last): &Shown| (story.active(id) == Some(last)).then(|| Choice::of(&story, id, &selector)).flatten();
+    let wanted = match name {
+        None => all(&story),
+        Some(name) => vec![named(&story, name)?],
     };
-    let told = |id: &LineageId| {
-        let chosen = choice(id).map_or(String::new(), |choice| format!("\n{}", choice.text()));
-        format!("{}{chosen}", lineage_text::chain(&story, id))
+    let told = |shown: &Shown| {
+        let chosen = choice(shown).map_or(String::new(), |choice| format!("\n{}", choice.text()));
+        format!("{}{chosen}", lineage_text::chain(&story, &shown.0, &shown.1))
     };
     let text: Vec<String> = wanted.iter().map(told).collect();
     let lineages: Vec<_> = wanted
         .iter()
-        .map(|id| {
-            let programs = story.active(id).map(|active| story.chain(active)).unwrap_or_default();
+        .map(|shown| {
+            let programs = story.chain(&shown.1);
             let patches: Vec<String> = programs.windows(2).map(|pair| program_diff(pair[0], pair[1])).collect();
-            json!({"lineage": id, "chain": programs, "patches": patches, "choice": choice(id)})
+            json!({"lineage": shown.0, "chain": programs, "patches": patches, "choice": choice(shown)})
         })
         .collect();
     Ok(Answer::new(text.join("\n"), json!({"lineages": lineages})))
+}
+
+/// The run and what of it is meant. A single word that is a run folder, or the whole name of one, is the run.
+fn meant(options: &Options) -> Result<(RunFolder, Option<&str>), Failure> {
+    let name = options.lineage.as_deref();
+    if let (Some(word), None) = (name, options.run.named())
+        && let Some(folder) = run_name::whole(Path::new(word))
+    {
+        return Ok((folder, None));
+    }
+    Ok((options.run.folder()?, name))
+}
+
+/// Every lineage up to its active program.
+fn all(story: &RecordedRun) -> Vec<Shown> {
+    let active = |id: &LineageId| Some((id.clone(), story.active(id)?.clone()));
+    story.parents.iter().filter_map(|parent| active(&parent.lineage)).collect()
+}
+
+/// The lineage of that name up to its active program, or the program of that name.
+fn named(story: &RecordedRun, name: &str) -> Result<Shown, Failure> {
+    if let Some(shown) = all(story).into_iter().find(|(id, _)| id.as_str() == name) {
+        return Ok(shown);
+    }
+    let known = || all(story).into_iter().map(|(id, _)| id.to_string()).collect::<Vec<_>>();
+    match name.split_once('/') {
+        Some((lineage, _)) if known().iter().any(|id| id == lineage) => {
+            let program = program::find(story, name)?;
+            Ok((program.lineage_id.clone(), program.solution_id.clone()))
+        }
+        _ => {
+            let (all, near) = (known().join(", "), did_you_mean(name, &known()));
+            Err(Failure::bad_input(format!("no lineage `{name}` in this run; there are {all}{near}")))
+        }
+    }
 }

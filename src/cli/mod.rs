@@ -55,6 +55,7 @@ mod report;
 mod result_text;
 mod rollout;
 mod run;
+mod run_name;
 mod scene_best;
 mod scene_draw;
 mod scene_export;

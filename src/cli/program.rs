@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::folder::RunFolder;
+use super::run_name::OneRun;
 use super::show;
 use crate::adapters::ADAPTER_VERSION;
 use crate::evaluation::EVAL_VERSION;
@@ -34,14 +34,16 @@ pub enum Command {
 }
 
 #[derive(Debug, Args)]
+#[command(allow_missing_positional = true)]
 pub struct Which {
-    /// Run folder.
-    pub run: PathBuf,
+    #[command(flatten)]
+    pub run: OneRun,
     /// Attempt that left a program, e.g. cat-idm/e2s5, or a lineage's parent, e.g. cat-idm/parent.
     pub attempt: String,
 }
 
 #[derive(Debug, Args)]
+#[command(allow_missing_positional = true)]
 pub struct ExportOptions {
     #[command(flatten)]
     pub which: Which,
@@ -78,7 +80,7 @@ pub fn run(command: &Command) -> Result<Answer, Failure> {
 
 /// The program's file, put together from its run folder.
 fn packed(which: &Which) -> Result<ProgramFile, Failure> {
-    let folder = RunFolder::find(Some(&which.run))?;
+    let folder = which.run.folder()?;
     let story = folder.story()?;
     let program = find(&story, &which.attempt)?;
     let lineage = &program.lineage_id;

@@ -6,15 +6,15 @@ use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::folder::RunFolder;
+use super::run_name::OneRun;
 use super::{agree, behind, page};
 use crate::backend::Answers;
 use crate::kernel::Threads;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Run folder; without it the latest one below runs/.
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
     /// Run of the same study in another simulator: adds a section on how far the two agree, as `agree` prints it.
     #[arg(long)]
     pub against: Option<PathBuf>,
@@ -22,7 +22,7 @@ pub struct Options {
 
 /// Simulates the played rollouts again (they are deterministic), so a report needs no stored motion.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(options.run.as_deref())?;
+    let folder = options.run.folder()?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = folder.read_experiment()?;
     let study = experiment.study(folder.read_pool()?, &threads)?;

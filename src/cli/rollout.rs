@@ -4,7 +4,7 @@ use clap::Args;
 use std::path::PathBuf;
 
 use super::exit::Failure;
-use super::folder::RunFolder;
+use super::run_name::OneRun;
 use super::{behind, playables, program};
 use crate::backend::Answers;
 use crate::compiler::Decision;
@@ -29,9 +29,28 @@ pub struct OfAttempt {
     /// the ego does.
     #[arg(long, requires = "attempt")]
     pub ego_log: bool,
-    /// Run folder of the attempt; without it the latest one below runs/.
-    #[arg(long, requires = "attempt")]
+    /// The attempt's run: its folder, its name below runs/, or the beginning of either; without it the latest.
+    #[arg(id = "run_option", long = "run", value_name = "RUN", requires = "attempt")]
     pub run: Option<PathBuf>,
+}
+
+impl OfAttempt {
+    /// The attempt's run, which may stand in the place where a pool does without an attempt.
+    ///
+    /// # Errors
+    /// It is named in both ways.
+    pub fn run(&self, place: Option<&PathBuf>) -> Result<OneRun, Failure> {
+        match (place, &self.run) {
+            (Some(place), Some(_)) => {
+                let place = place.display();
+                Err(Failure::bad_input(format!(
+                    "the run is named twice, as {place} and by --run; leave one of them out"
+                )))
+            }
+            (None, None) => Ok(OneRun::default()),
+            (Some(dir), None) | (None, Some(dir)) => Ok(OneRun::of(dir)),
+        }
+    }
 }
 
 /// One scene of a run and what became of it.
@@ -53,13 +72,8 @@ pub struct Played {
 /// # Errors
 /// No such attempt, program or scene; a scene of the held-out suite while the run is unfinished; a rollout that comes
 /// out differently from its record.
-pub fn of_attempt(
-    run: Option<&PathBuf>,
-    attempt: &str,
-    scenes: &[String],
-    jobs: usize,
-) -> Result<Vec<Played>, Failure> {
-    let folder = RunFolder::find(run.map(PathBuf::as_path))?;
+pub fn of_attempt(run: &OneRun, attempt: &str, scenes: &[String], jobs: usize) -> Result<Vec<Played>, Failure> {
+    let folder = run.folder()?;
     let story = folder.story()?;
     let subject = Subject::of(&story, attempt)?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;

@@ -4,13 +4,14 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 use super::answer::{Answer, progress};
-use super::args::{FolderArgs, JobArgs, RecordArgs, RunArgs};
+use super::args::{JobArgs, RecordArgs, RunArgs};
 use super::covered::RESULT_BYTES_MAX;
 use super::exit::Failure;
 use super::folder::{Recording, RunFolder};
 use super::held::Held;
 use super::interrupt::{Interrupt, Until};
 use super::moving_line::{Heard, MovingLine};
+use super::run_name::OneRun;
 use super::typed::{record_command, resume_command};
 use super::worker_process::Processes;
 use super::{
@@ -261,11 +262,8 @@ fn before_fresh(cassette: &Path) -> Result<String, Failure> {
 
 /// Goes on with an interrupted run or recording, or confirms a finished run. Without a folder it takes the one below `runs` that
 /// is not finished, and the latest one where all are.
-pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    let folder = match &args.run {
-        None => RunFolder::unfinished()?.map_or_else(|| RunFolder::find(None), Ok)?,
-        named => RunFolder::find(named.as_deref())?,
-    };
+pub fn resume(args: &OneRun, jobs: usize) -> Result<Answer, Failure> {
+    let folder = args.unfinished_or_latest()?;
     let (card, went_on) = (folder.card()?, folder.is_unfinished()?);
     let answer = match card.recording {
         Some(recording) => {
@@ -286,12 +284,12 @@ pub fn resume(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
     Ok(answer)
 }
 
-pub fn check(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    again(RunFolder::find(args.run.as_deref())?, jobs, Way::Check)
+pub fn check(args: &OneRun, jobs: usize) -> Result<Answer, Failure> {
+    again(args.folder()?, jobs, Way::Check)
 }
 
-pub fn verify(args: &FolderArgs, jobs: usize) -> Result<Answer, Failure> {
-    again(RunFolder::find(args.run.as_deref())?, jobs, Way::Verify)
+pub fn verify(args: &OneRun, jobs: usize) -> Result<Answer, Failure> {
+    again(args.folder()?, jobs, Way::Verify)
 }
 
 /// Derives a run folder's run again from its own copies of experiment, scenes and cassette.

@@ -3,11 +3,10 @@
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::folder::RunFolder;
+use super::run_name::OneRun;
 use super::shell::rollout_command;
 use super::{data, scenes};
 use crate::evidence::best::{By, Ranked, best};
@@ -17,8 +16,8 @@ use crate::objects::LineageId;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Run folder; without it the latest one below runs/.
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
     /// Number of rollouts to list.
     #[arg(long, default_value_t = 5)]
     pub top: usize,
@@ -39,7 +38,7 @@ pub enum Criterion {
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(options.run.as_deref())?;
+    let folder = options.run.folder()?;
     let story = folder.story()?;
     let all: Vec<String> = story.parents.iter().map(|of| of.lineage.to_string()).collect();
     if let Some(name) = options.lineage.as_ref().filter(|name| !all.contains(name)) {

@@ -29,8 +29,8 @@ const ENCODING_LIMIT: Duration = Duration::from_secs(300);
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// A pool or scenario file; none with --attempt, whose run has its own scenes.
-    #[arg(required_unless_present = "attempt", conflicts_with = "attempt")]
+    /// A pool or scenario file; with --attempt its run, which has its own scenes.
+    #[arg(id = "run", value_name = "POOL|RUN", required_unless_present = "attempt")]
     pub path: Option<PathBuf>,
     /// Scene id; not needed where there is only one.
     #[arg(long)]

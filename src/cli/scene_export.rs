@@ -24,8 +24,8 @@ const NAME_MAX: usize = 100;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Pools, scenario files or folders; none with --attempt, whose run has its own scenes.
-    #[arg(required_unless_present = "attempt", conflicts_with = "attempt")]
+    /// Pools, scenario files or folders; with --attempt its run, which has its own scenes.
+    #[arg(id = "run", value_name = "POOL|RUN", required_unless_present = "attempt")]
     pub paths: Vec<PathBuf>,
     /// Only the scene with this id; may be repeated. Without it all scenes, or all that the attempt was labelled on.
     #[arg(long)]
@@ -92,7 +92,12 @@ pub fn run(options: &Options, threads: usize) -> Result<Answer, Failure> {
 fn chosen(options: &Options, threads: usize) -> Result<Vec<(Scene, Option<Staging>)>, Failure> {
     Ok(match &options.of.attempt {
         Some(attempt) => {
-            let played = rollout::of_attempt(options.of.run.as_ref(), attempt, &options.scene, threads)?;
+            if let [_, second, ..] = options.paths.as_slice() {
+                let what = "expected one run beside --attempt, found another";
+                return Err(Failure::bad_input(format!("{}: {what}; scenes are named by --scene", second.display())));
+            }
+            let played =
+                rollout::of_attempt(&options.of.run(options.paths.first())?, attempt, &options.scene, threads)?;
             let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(options.of.ego_log)?)));
             played.iter().map(of).collect::<Result<_, Failure>>()?
         }

@@ -17,8 +17,8 @@ use crate::store;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// A pool or scenario file; none with --attempt, whose run has its own scenes.
-    #[arg(required_unless_present = "attempt", conflicts_with = "attempt")]
+    /// A pool or scenario file; with --attempt its run, which has its own scenes.
+    #[arg(id = "run", value_name = "POOL|RUN", required_unless_present = "attempt")]
     pub path: Option<PathBuf>,
     /// Scene id; not needed where there is only one.
     pub scene: Option<String>,
@@ -53,7 +53,7 @@ fn meant(path: Option<&PathBuf>, id: Option<&String>, of: &OfAttempt, jobs: usiz
     match (&of.attempt, path) {
         (Some(attempt), _) => {
             let named: Vec<String> = id.cloned().into_iter().collect();
-            let mut rollouts = rollout::of_attempt(of.run.as_ref(), attempt, &named, jobs)?;
+            let mut rollouts = rollout::of_attempt(&of.run(path)?, attempt, &named, jobs)?;
             match (rollouts.pop(), rollouts.is_empty()) {
                 (Some(one), true) => Ok(Meant::Played(Box::new(one))),
                 (last, _) => {

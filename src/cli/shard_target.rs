@@ -9,12 +9,18 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use super::held::Held;
 use super::run::Job;
+use super::run_name::OneRun;
 
 /// Which run work is planned for or merged into.
 #[derive(Debug, Args)]
 pub struct TargetOptions {
-    /// Experiment file, or run folder.
-    pub run: PathBuf,
+    /// Experiment file (.toml), or run: its folder, its name below runs/, or the beginning of either; without it the run that is
+    /// not finished, or else the latest.
+    #[arg(value_name = "EXPERIMENT|RUN")]
+    pub run: Option<PathBuf>,
+    /// The run as an option.
+    #[arg(id = "run_option", long = "run", value_name = "RUN", conflicts_with = "run")]
+    pub option: Option<PathBuf>,
     /// Folder for run folders, with an experiment file.
     #[arg(long, default_value = "runs")]
     pub out: PathBuf,
@@ -40,15 +46,17 @@ pub struct Target {
 impl Target {
     /// A run folder, or the one of an experiment, which is made.
     pub fn of(options: &TargetOptions, jobs: usize) -> Result<Target, Failure> {
-        let named = options.run.clone();
-        if options.run.is_dir() {
-            let folder = RunFolder::find(Some(&options.run))?;
+        let experiment = options.run.clone().filter(|path| path.extension().is_some_and(|ending| ending == "toml"));
+        let Some(experiment) = experiment else {
+            let run = options.run.as_ref().or(options.option.as_ref());
+            let folder = run.map(|dir| OneRun::of(dir)).unwrap_or_default().unfinished_or_latest()?;
+            let named = folder.dir.clone();
             let job = Job::of_folder(&folder, jobs)?;
             let rollouts = job.experiment.simulator.backend.as_ref().map(|_| folder.rollouts());
             let held = Held::of(folder.clone())?;
             return Ok(Target { job, cassette: folder.cassette(), rollouts, folder, named, held });
-        }
-        let (experiment, out, scenes) = (options.run.clone(), options.out.clone(), options.scenes.clone());
+        };
+        let (named, out, scenes) = (experiment.clone(), options.out.clone(), options.scenes.clone());
         let job = Job::new(&JobArgs { experiment, out, cassette: None, scenes, set: vec![] }, jobs)?;
         let held = job.open_folder(None)?;
         let folder = held.folder.clone();

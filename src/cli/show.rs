@@ -3,11 +3,10 @@
 
 use clap::Args;
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
-use super::folder::RunFolder;
+use super::run_name::OneRun;
 use crate::evidence::attempt_text::{self, Exchanged};
 use crate::evidence::{RecordedRun, composition_text, counsel_text, lineage_text, world_text};
 use crate::llm::{Cassette, Metadata};
@@ -19,16 +18,15 @@ pub struct Options {
     /// Attempt, e.g. cat-idm/e2s5; or a lineage's parent, e.g. cat-idm/parent; or a scene that was counselled, e.g. llm_attacker-idm/synth/urban/500/42; or a
     /// template that was composed, e.g. chatscene-idm/crossing; or a turn of the world evaluator, e.g. world/e3.
     pub attempt: String,
-    /// Run folder; without it the latest one below runs/.
-    #[arg(long)]
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
     /// Print whole prompts and replies.
     #[arg(long)]
     pub full: bool,
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let folder = RunFolder::find(options.run.as_deref())?;
+    let folder = options.run.folder()?;
     let story = folder.story()?;
     let cassette = if folder.cassette().exists() { Some(Cassette::load(&folder.cassette())?) } else { None };
     let texts = |exchange: &Exchange| {

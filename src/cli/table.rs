@@ -1,11 +1,11 @@
 //! `table`: the paper's tables from recorded runs.
 
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
+use super::run_name::Runs;
 use crate::evidence::tables::{self, Table, TableError};
 use crate::evidence::{RecordedRun, cell};
 
@@ -13,9 +13,8 @@ use crate::evidence::{RecordedRun, cell};
 pub struct Options {
     /// Which of the paper's tables.
     pub table: Which,
-    /// Run folder; may be repeated, but no two may hold the same row. Without it the latest one below runs/.
-    #[arg(long)]
-    pub run: Vec<PathBuf>,
+    #[command(flatten)]
+    pub runs: Runs,
     /// How to write it.
     #[arg(long, default_value = "markdown")]
     pub format: Format,
@@ -78,10 +77,7 @@ pub enum Format {
 }
 
 pub fn run(options: &Options) -> Result<Answer, Failure> {
-    let named: Vec<Option<&PathBuf>> =
-        if options.run.is_empty() { vec![None] } else { options.run.iter().map(Some).collect() };
-    let story = |dir: Option<&PathBuf>| RunFolder::find(dir.map(PathBuf::as_path))?.story();
-    let stories = named.into_iter().map(story).collect::<Result<Vec<_>, _>>()?;
+    let stories = options.runs.folders()?.iter().map(RunFolder::story).collect::<Result<Vec<_>, _>>()?;
     let table = options.table.of(&stories).map_err(Failure::bad_input)?;
     let text = match options.format {
         Format::Markdown => tables::markdown(&table),

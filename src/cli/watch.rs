@@ -2,13 +2,13 @@
 
 use clap::Args;
 use serde_json::json;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use super::answer::{Answer, progress};
 use super::exit::Failure;
 use super::folder::RunFolder;
 use super::interrupt::Interrupt;
+use super::run_name::OneRun;
 use super::timed::timed;
 use super::typed::resume_command;
 use super::{behind, cost, page};
@@ -28,10 +28,15 @@ const PAUSE_TIMES: u32 = 4;
 /// Without an event for so long whoever watches is told how to go on.
 const SILENT: Duration = Duration::from_secs(60);
 
+/// Which run is watched.
+const RUN: &str = "Run: its folder, its name below runs/, or the beginning of either; without it the one that is not finished, or else the \
+                   latest";
+
 #[derive(Debug, Args)]
+#[command(mut_arg("run", |arg| arg.help(RUN)))]
 pub struct Options {
-    /// Run folder; without it the one below runs/ that is not finished, or else the latest.
-    pub run: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: OneRun,
     /// Seconds between two looks at the run, and between two reloads of an open page.
     #[arg(long, default_value_t = 2.0, allow_negative_numbers = true)]
     pub every: f64,
@@ -42,10 +47,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     if !(0.2..=3600.0).contains(&options.every) {
         return Err(Failure::bad_input(format!("--every {}: expected 0.2 to 3600 seconds", options.every)));
     }
-    let folder = match (&options.run, RunFolder::unfinished()?) {
-        (None, Some(unfinished)) => unfinished,
-        (named, _) => RunFolder::find(named.as_deref())?,
-    };
+    let folder = options.run.unfinished_or_latest()?;
     let interrupt = Interrupt::listen()?;
     let threads = Threads::new(jobs).map_err(Failure::internal)?;
     let experiment = folder.read_experiment()?;

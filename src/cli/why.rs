@@ -2,11 +2,11 @@
 
 use clap::Args;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
+use super::run_name::Runs;
 use super::table::Which;
 use crate::evidence::tables::{Bases, Table};
 use crate::evidence::why::{Places, Why};
@@ -24,8 +24,8 @@ pub struct Options {
     /// The cell as TABLE:ROW:COLUMN, e.g. metadrive-main:cat:attack; a row is named by its label (cat/idm), a column
     /// by its heading or its key in CSV.
     pub cell: String,
-    /// Run folders that the table is made from; without one the latest below runs/.
-    pub runs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub runs: Runs,
     /// The labels of one scene: contact, diagnostics, digests of its rollout.
     #[arg(long)]
     pub scene: Option<String>,
@@ -37,17 +37,9 @@ pub struct Options {
     pub full: bool,
 }
 
-/// The runs that were named, or the latest one.
-pub fn folders(runs: &[PathBuf]) -> Result<Vec<RunFolder>, Failure> {
-    if runs.is_empty() {
-        return Ok(vec![RunFolder::find(None)?]);
-    }
-    runs.iter().map(|dir| RunFolder::find(Some(dir))).collect()
-}
-
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let (table, row, column) = split(&options.cell)?;
-    let folders = folders(&options.runs)?;
+    let folders = options.runs.folders()?;
     let stories = folders.iter().map(RunFolder::story).collect::<Result<Vec<_>, _>>()?;
     let table = table.of(&stories).map_err(Failure::bad_input)?;
     let named = cell::find(&table, row, column).map_err(Failure::bad_input)?;

@@ -3,13 +3,12 @@
 use std::fmt::Write as _;
 
 use super::recorded_run::RecordedRun;
-use crate::objects::{Attempt, LineageId, Objectives, Program, program_diff};
+use crate::objects::{Attempt, LineageId, Objectives, Program, SolutionId, program_diff};
 
-/// The chain from the parent to the active program, each step with its hypothesis, labels and diff.
-pub fn chain(story: &RecordedRun, lineage: &LineageId) -> String {
-    let Some(active) = story.active(lineage) else { return format!("no lineage {lineage} in this run\n") };
-    let programs = story.chain(active);
-    let mut out = format!("lineage {lineage}: {} programs from the parent to {active}\n", programs.len());
+/// The chain from the parent to a program, each step with its hypothesis, labels and diff.
+pub fn chain(story: &RecordedRun, lineage: &LineageId, last: &SolutionId) -> String {
+    let programs = story.chain(last);
+    let mut out = format!("lineage {lineage}: {} programs from the parent to {last}\n", programs.len());
     for (i, program) in programs.iter().enumerate() {
         let _ = writeln!(out, "\n[{i}] {}  generation {}", program.solution_id, program.generation);
         if let Some(attempt) = attempt_of(story, program) {

@@ -27,6 +27,7 @@ mod ledger;
 #[cfg(feature = "live")]
 mod live;
 mod models;
+mod naming_runs;
 mod not_losing_work;
 mod nudge;
 mod openevolve;

@@ -2,12 +2,13 @@
 
 use clap::Args;
 use serde_json::json;
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::scenes;
-use crate::experiment::{Starter, StarterDriver, starter};
+use crate::experiment::{Starter, StarterDriver, family_named, starter};
 use crate::store;
 
 #[derive(Debug, Args)]
@@ -19,12 +20,17 @@ pub struct Options {
     #[arg(long)]
     pub scenes: Option<PathBuf>,
     /// Generator family to evolve.
-    #[arg(long, default_value = "cat")]
+    #[arg(long, default_value = "cat", value_parser = family)]
     pub family: String,
     /// Your planner as the ego under test: a program, or a .py file with the helper evodrive_driver.py beside it.
     /// Without it the ego is IDM.
     #[arg(long)]
     pub driver: Option<PathBuf>,
+}
+
+/// A family as it is typed; whether there is one of that name is asked when the file is written.
+fn family(word: &str) -> Result<String, Infallible> {
+    Ok(family_named(word))
 }
 
 /// The helper of examples/own_ego, which a planner in Python may import.

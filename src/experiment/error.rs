@@ -33,8 +33,8 @@ impl OptionError {
 
 /// `; did you mean ...?`, or nothing where no known word is near.
 pub fn did_you_mean(word: &str, known: &[String]) -> String {
-    spelling::nearest(word, known.iter().map(String::as_str))
-        .map_or(String::new(), |near| format!("; did you mean `{near}`?"))
+    let near = |word: &str| spelling::nearest(word, known.iter().map(String::as_str));
+    near(word).or_else(|| near(&word.to_lowercase())).map_or(String::new(), |near| format!("; did you mean `{near}`?"))
 }
 
 /// An experiment that cannot be carried out.

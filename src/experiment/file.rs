@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 use super::place::{Place, problem};
-use super::{ExperimentError, OptionError, calibration, check, ego_weights, own_driver, parent_program, set};
+use super::{
+    ExperimentError, OptionError, calibration, check, ego_weights, family_name, own_driver, parent_program, set,
+};
 
 /// Files of one chain of bases.
 const CHAIN_MAX: usize = 8;
@@ -90,6 +92,7 @@ pub fn composed_under(path: &Path, assignments: &[String]) -> Result<Composed, E
 
 /// Puts what a table names into the place of its name. Says whether it named something.
 fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError> {
+    family_name::spell(table);
     let mut inlined = calibration::inline(table, place)?;
     inlined |= parent_program::inline(table, place)?;
     inlined |= ego_weights::inline(table, place)?;

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use std::io::Write;
 
 use super::exit::{Exit, Failure};
+use super::terminal::{stderr_width, stdout_width, wrapped};
 
 /// The result of a command.
 #[derive(Debug)]
@@ -13,11 +14,18 @@ pub struct Answer {
     pub json: Value,
     /// Most answers are successes; `fsck` and `verify` may have found something.
     pub exit: Exit,
+    /// Whether the text is a file's: its lines stay as they are on a terminal too.
+    pub exact: bool,
 }
 
 impl Answer {
     pub fn new(text: impl Into<String>, json: Value) -> Answer {
-        Answer { text: text.into(), json, exit: Exit::Success }
+        Answer { text: text.into(), json, exit: Exit::Success, exact: false }
+    }
+
+    /// An answer that is the text of a file, such as CSV or a program.
+    pub fn exact(text: impl Into<String>, json: Value) -> Answer {
+        Answer { exact: true, ..Answer::new(text, json) }
     }
 
     /// Prints to stdout. A reader that went away (`| head`) is not an error; a full disk is.
@@ -25,7 +33,11 @@ impl Answer {
         if !as_json && self.text.is_empty() {
             return self.exit;
         }
-        let text = if as_json { format!("{}\n", self.json) } else { ended_with_newline(&without_controls(&self.text)) };
+        let text = match stdout_width() {
+            _ if as_json => format!("{}\n", self.json),
+            Some(width) if !self.exact => ended_with_newline(&wrapped(&without_controls(&self.text), width)),
+            _ => ended_with_newline(&without_controls(&self.text)),
+        };
         let mut stdout = std::io::stdout();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
@@ -39,16 +51,19 @@ impl Answer {
 
 /// Tells of a failure on stderr, and with `--json` as an object on stdout too.
 pub fn complain(failure: &Failure, as_json: bool) {
-    let _ = writeln!(std::io::stderr(), "error: {}", without_controls(&failure.message));
+    progress(format_args!("error: {}", failure.message));
     if as_json {
         let object = json!({"error": failure.message, "exit": failure.exit as u8});
         let _ = writeln!(std::io::stdout(), "{object}");
     }
 }
 
-/// One line of progress on stderr.
+/// One line of progress on stderr, in several where a terminal is narrower.
 pub fn progress(line: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stderr(), "{}", without_controls(&line.to_string()));
+    let text = line.to_string();
+    let text = without_controls(&text);
+    let text = stderr_width().map_or_else(|| text.to_string(), |width| wrapped(&text, width));
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// A text for a terminal: what a model or a file wrote must not move its cursor or change its title.

@@ -19,7 +19,7 @@ use super::{
 /// Exit codes: 0 success, 2 bad input, 3 no recorded answer, 4 something came out differently, 5 stored bytes are damaged,
 /// 70 internal, 130 interrupted by Ctrl-C.
 #[derive(Debug, Parser)]
-#[command(name = "evodrive", version, term_width = 100)]
+#[command(name = "evodrive", version)]
 pub struct Arguments {
     /// Print one JSON object on stdout instead of text.
     #[arg(long, global = true)]

@@ -47,7 +47,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let found = judged(file, &stories)?;
     let text = match options.format {
         Format::Markdown => claims::markdown(&found),
-        Format::Csv => claims::csv(&found),
+        Format::Csv => return Ok(Answer::exact(claims::csv(&found), json!(found))),
     };
     Ok(Answer::new(text, json!(found)))
 }

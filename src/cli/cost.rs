@@ -7,6 +7,7 @@ use std::time::Duration;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use crate::epoch::{Study, Tools};
+use crate::evidence::aligned::Aligned;
 use crate::objects::{
     FamilyName, LineageId,
     cost::{FORMAT, LineageCost, RunCost, Work},
@@ -67,54 +68,67 @@ pub fn kept(folder: &RunFolder) -> Result<Option<RunCost>, Failure> {
     Ok(Some(cost))
 }
 
-/// A line a lineage, the dearest first, and their sum.
-pub fn table(cost: &RunCost) -> String {
+/// A line a lineage, the dearest first, and their sum. Tokens have a column where some were counted.
+pub fn table(cost: &RunCost, width: usize) -> String {
+    let mut dearest: Vec<&LineageCost> = cost.lineages.iter().collect();
+    dearest.sort_by(|a, b| b.work.wall_s.total_cmp(&a.work.wall_s));
+    let mut rows: Vec<Vec<String>> =
+        dearest.iter().map(|of| row(of.lineage.as_str(), &of.work, cost.wall_s())).collect();
+    if cost.lineages.len() > 1 {
+        rows.push(row("all", &sum(cost), cost.wall_s()));
+    }
+    let mut heads = HEADS.map(String::from).to_vec();
+    if sum(cost).input_tokens == 0 && sum(cost).output_tokens == 0 {
+        heads.pop();
+        rows.iter_mut().for_each(|row| row.truncate(heads.len()));
+    }
+    let table = Aligned { indent: 2, labels: 1, words: 0, heads, rows }.text(width);
     let mut out = format!(
         "cost: {} rollouts simulated, {} read from the store, {:.1} s on {} threads; times of compiling, rollouts and models are \
-         summed over threads\n",
+         summed over threads\n{}",
         cost.simulated,
         cost.reused,
         cost.wall_s(),
-        cost.threads
+        cost.threads,
+        table.trim_end()
     );
-    let _ = writeln!(
-        out,
-        "  {:<18} {:>8} {:>6} {:>9} {:>9} {:>9} {:>9} {:>8} {:>8} {:>12}",
-        "lineage", "wall s", "share", "rollouts", "roll. s", "compiled", "comp. s", "answers", "model s", "tokens"
-    );
-    let mut dearest: Vec<&LineageCost> = cost.lineages.iter().collect();
-    dearest.sort_by(|a, b| b.work.wall_s.total_cmp(&a.work.wall_s));
-    for lineage in dearest {
-        row(&mut out, lineage.lineage.as_str(), &lineage.work, cost.wall_s());
-    }
-    if cost.lineages.len() > 1 {
-        row(&mut out, "all", &sum(cost), cost.wall_s());
-    }
     let all = sum(cost);
     if all.cached_input_tokens > 0 {
-        let _ = writeln!(out, "  {} of the questions' tokens came from providers' caches", all.cached_input_tokens);
+        let _ = write!(out, "\n  {} of the questions' tokens came from providers' caches", all.cached_input_tokens);
     }
     if all.cut_prompts > 0 {
-        let _ = writeln!(
+        let _ = write!(
             out,
-            "  {} of {} questions were cut by their server: give it a larger context and record again with --fresh",
+            "\n  {} of {} questions were cut by their server: give it a larger context and record again with --fresh",
             all.cut_prompts, all.answers
         );
     }
-    out.trim_end().to_string()
+    out
 }
 
-fn row(out: &mut String, name: &str, work: &Work, wall_s: f64) {
+const HEADS: [&str; 10] =
+    ["lineage", "wall s", "share", "rollouts", "roll. s", "compiled", "comp. s", "answers", "model s", "tokens"];
+
+fn row(name: &str, work: &Work, wall_s: f64) -> Vec<String> {
     let share = if wall_s > 0.0 { 100.0 * work.wall_s / wall_s } else { 0.0 };
     let tokens = match work.input_tokens.saturating_add(work.output_tokens) {
         0 => "-".to_string(),
         _ => format!("{}+{}", work.input_tokens, work.output_tokens),
     };
-    let _ = writeln!(
-        out,
-        "  {name:<18} {:>8.1} {share:>5.0}% {:>9} {:>9.1} {:>9} {:>9.1} {:>8} {:>8.1} {tokens:>12}",
-        work.wall_s, work.rollouts, work.rollout_s, work.compiled, work.compile_s, work.answers, work.model_s
-    );
+    let seconds = |of: f64| format!("{of:.1}");
+    let (compiled, rollouts, answers) = (work.compiled, work.rollouts, work.answers);
+    vec![
+        name.to_string(),
+        seconds(work.wall_s),
+        format!("{share:.0}%"),
+        rollouts.to_string(),
+        seconds(work.rollout_s),
+        compiled.to_string(),
+        seconds(work.compile_s),
+        answers.to_string(),
+        seconds(work.model_s),
+        tokens,
+    ]
 }
 
 fn sum(cost: &RunCost) -> Work {
@@ -158,7 +172,7 @@ mod tests {
         let of = |wall_s, rollouts| Work { wall_s, rollouts, ..Work::default() };
         let lineages = vec![lineage("cat-idm", of(1.0, 40)), lineage("king-idm", of(3.0, 60))];
         let cost = RunCost { format: FORMAT.into(), threads: 2, simulated: 100, reused: 7, lineages };
-        let text = table(&cost);
+        let text = table(&cost, 100);
         let lines: Vec<Vec<&str>> =
             text.lines().skip(2).map(|line| line.split_whitespace().take(4).collect()).collect();
         assert_eq!(

@@ -9,6 +9,7 @@ use super::exit::Failure;
 use super::folder::RunFolder;
 use super::program;
 use super::run_name::{self, OneRun};
+use super::terminal::table_width;
 use crate::evidence::choice::Choice;
 use crate::evidence::{RecordedRun, lineage_text};
 use crate::experiment::did_you_mean;
@@ -37,7 +38,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         Some(name) => vec![named(&story, name)?],
     };
     let told = |shown: &Shown| {
-        let chosen = choice(shown).map_or(String::new(), |choice| format!("\n{}", choice.text()));
+        let chosen = choice(shown).map_or(String::new(), |choice| format!("\n{}", choice.text(table_width())));
         format!("{}{chosen}", lineage_text::chain(&story, &shown.0, &shown.1))
     };
     let text: Vec<String> = wanted.iter().map(told).collect();
@@ -71,7 +72,7 @@ fn all(story: &RecordedRun) -> Vec<Shown> {
 
 /// The lineage of that name up to its active program, or the program of that name.
 fn named(story: &RecordedRun, name: &str) -> Result<Shown, Failure> {
-    if let Some(shown) = all(story).into_iter().find(|(id, _)| id.as_str() == name) {
+    if let Some(shown) = all(story).into_iter().find(|(id, _)| id.as_str().eq_ignore_ascii_case(name)) {
         return Ok(shown);
     }
     let known = || all(story).into_iter().map(|(id, _)| id.to_string()).collect::<Vec<_>>();

@@ -30,7 +30,7 @@ pub fn completions(options: &CompletionsOptions, mut command: Command) -> Answer
     clap_complete::generate(options.shell, &mut command, NAME, &mut script);
     let script = String::from_utf8_lossy(&script).into_owned();
     let object = json!({"shell": options.shell.to_string(), "script": script});
-    Answer::new(script, object)
+    Answer::exact(script, object)
 }
 
 /// The manual: `evodrive.1`, `evodrive-run.1` ...

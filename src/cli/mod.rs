@@ -30,6 +30,7 @@ mod exit_from;
 mod figure;
 mod folder;
 mod fsck;
+mod groups;
 mod held;
 mod impact;
 mod init;
@@ -71,6 +72,7 @@ mod shard_work;
 mod shell;
 mod show;
 mod table;
+mod terminal;
 mod timed;
 mod train;
 mod train_text;
@@ -86,9 +88,14 @@ use std::process::ExitCode;
 
 pub use exit::{Exit, Failure};
 
+/// Characters of a line of help in a pipe or a file.
+const HELP_WIDTH: usize = 100;
+
 /// Reads the arguments, runs one command, prints its answer.
 pub fn main() -> ExitCode {
-    let matches = examples::with_examples(args::Arguments::command()).try_get_matches();
+    let width = terminal::stdout_width().unwrap_or(HELP_WIDTH);
+    let command = groups::grouped(args::Arguments::command().term_width(width), width);
+    let matches = examples::with_examples(command).try_get_matches();
     let arguments = match matches.and_then(|matches| args::Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => {

@@ -62,7 +62,7 @@ pub fn run(command: &Command) -> Result<Answer, Failure> {
             let file = packed(which)?;
             let bytes = file.to_bytes().map_err(Failure::internal)?;
             let Some(path) = out else {
-                return Ok(Answer::new(String::from_utf8_lossy(&bytes), json!(file)));
+                return Ok(Answer::exact(String::from_utf8_lossy(&bytes), json!(file)));
             };
             store::write_atomic(path, &bytes)?;
             let text = format!(

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::folder::RunFolder;
 use crate::epoch::Progress;
 use crate::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions};
+use crate::evidence::aligned::Aligned;
 use crate::evidence::choice::Choice;
 use crate::evidence::realism::LineageRealisms;
 use crate::experiment::{Experiment, provenance};
@@ -57,11 +58,13 @@ pub struct Told<'a> {
 }
 
 /// Parent against evolved, the front, why each program was chosen, the four exits, where things are; the last line is the root.
+/// Tables keep to the width; sentences are one line each.
 pub fn summary(
     experiment: &Experiment,
     folder: &RunFolder,
     Told { result, choices, realisms, unlabelled }: Told<'_>,
     root: Digest,
+    width: usize,
 ) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
@@ -77,14 +80,13 @@ pub fn summary(
         let _ = writeln!(out, "attack is the experiment's own: {}\n", when.text());
     }
     let strict = realism_name(experiment.evaluation.safebench().is_some());
-    let heads = ["attack", "any crash", "realism", strict, "coverage", "PF-Area@3 %", "chosen"].map(String::from);
-    line(&mut out, "lineage", &heads);
-    for replay in result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut) {
-        replay_row(&mut out, replay);
-    }
-    for lineage in &result.lineages {
-        row(&mut out, lineage, realisms.iter().find(|of| of.lineage == lineage.lineage.as_str()));
-    }
+    let replayed = result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut).map(replay_row);
+    let of = |lineage: &LineageResult| realisms.iter().find(|of| of.lineage == lineage.lineage.as_str());
+    let evolved = result.lineages.iter().flat_map(|lineage| rows(lineage, of(lineage)));
+    let rows = replayed.chain(evolved).map(Vec::from).collect();
+    let heads = ["lineage", "program", "attack", "any crash", "realism", strict, "coverage", "PF-Area@3 %"];
+    let heads = heads.map(String::from).to_vec();
+    out.push_str(&Aligned { indent: 0, labels: 2, words: 0, heads, rows }.text(width));
     if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
         let _ = writeln!(out, "\n{words}");
     }
@@ -113,7 +115,7 @@ pub fn summary(
             let _ = writeln!(out, "  {:.3} / {:.4}  {}", o.attack, o.realism, point.solution);
         }
         for choice in choices.iter().filter(|choice| choice.lineage == lineage.lineage) {
-            let _ = write!(out, "{}", choice.text());
+            let _ = write!(out, "{}", choice.text(width));
         }
     }
     let e = result.exits;
@@ -128,27 +130,21 @@ pub fn summary(
     out
 }
 
-/// One line of the table of lineages.
-fn line(out: &mut String, name: &str, cells: &[String; 7]) {
-    let [attack, crash, realism, strict, coverage, area, chosen] = cells;
-    let _ = writeln!(
-        out,
-        "{name:<20} {attack:>15} {crash:>15} {realism:>16} {strict:>16} {coverage:>13} {area:>12} {chosen:>8}"
-    );
-}
+/// A line of the table of lineages: lineage, program, and the numbers.
+type Row = [String; 8];
 
 /// The recorded scenes without a program.
-fn replay_row(out: &mut String, replay: &ReplayRow) {
-    let cells = [
+fn replay_row(replay: &ReplayRow) -> Row {
+    [
+        format!("replay, {}", replay.ego),
+        "-".to_string(),
         "0.000".to_string(),
         format!("{:.3}", replay.contact_rate),
         four_digits(replay.realism),
         "-".to_string(),
         "0.00".to_string(),
         "-".to_string(),
-        "-".to_string(),
-    ];
-    line(out, &format!("replay, {}", replay.ego), &cells);
+    ]
 }
 
 fn replay_words(replay: &ReplayRow) -> String {
@@ -172,7 +168,7 @@ fn column_words(safebench: bool) -> String {
     };
     format!(
         "realism: mean over the scenes that a program acts in; {strict}; coverage: share of the scenes that it acts in; \
-         chosen: the program that the run reports."
+         ->: the program that was chosen, which the run reports."
     )
 }
 
@@ -180,18 +176,25 @@ fn four_digits(rate: Option<f64>) -> String {
     rate.map_or("-".to_string(), |rate| format!("{rate:.4}"))
 }
 
-fn row(out: &mut String, lineage: &LineageResult, realisms: Option<&LineageRealisms>) {
-    let (p, e) = (&lineage.parent, &lineage.evolved);
-    let pair = |of: &dyn Fn(&Measured) -> String| format!("{} -> {}", of(p), of(e));
-    let acted = realisms.map(|of| [&of.parent, &of.evolved].map(|program| four_digits(program.realisms.realism_acted)));
-    let cells = [
-        pair(&|m| format!("{:.3}", m.objectives.attack)),
-        pair(&|m| format!("{:.3}", m.any_contact)),
-        acted.map_or("-".to_string(), |[parent, evolved]| format!("{parent} -> {evolved}")),
-        pair(&|m| format!("{:.4}", m.objectives.realism)),
-        pair(&|m| format!("{:.2}", m.coverage)),
-        format!("{:+.1}", lineage.pf_area_at_3_pct),
-        e.solution.as_str().rsplit('/').next().unwrap_or_default().to_string(),
-    ];
-    line(out, lineage.lineage.as_str(), &cells);
+/// The lineage's parent, and under it the program that was chosen.
+fn rows(lineage: &LineageResult, realisms: Option<&LineageRealisms>) -> [Row; 2] {
+    let acted = realisms.map(|of| [&of.parent, &of.evolved].map(|program| program.realisms.realism_acted));
+    let [acted_parent, acted_evolved] = acted.map_or([None, None], |acted| acted);
+    let row = |name: &str, program: String, (of, acted): (&Measured, Option<f64>), area: String| {
+        [
+            name.to_string(),
+            program,
+            format!("{:.3}", of.objectives.attack),
+            format!("{:.3}", of.any_contact),
+            four_digits(acted),
+            format!("{:.4}", of.objectives.realism),
+            format!("{:.2}", of.coverage),
+            area,
+        ]
+    };
+    let chosen = lineage.evolved.solution.as_str().rsplit('/').next().unwrap_or_default();
+    [
+        row(lineage.lineage.as_str(), "parent".into(), (&lineage.parent, acted_parent), String::new()),
+        row("", format!("-> {chosen}"), (&lineage.evolved, acted_evolved), format!("{:+.1}", lineage.pf_area_at_3_pct)),
+    ]
 }

@@ -12,6 +12,7 @@ use super::held::Held;
 use super::interrupt::{Interrupt, Until};
 use super::moving_line::{Heard, MovingLine};
 use super::run_name::OneRun;
+use super::terminal::{USUAL, stderr_width, table_width};
 use super::typed::{record_command, resume_command};
 use super::worker_process::Processes;
 use super::{
@@ -412,7 +413,7 @@ fn carry_out(
         cost::keep(folder, &cost)?;
         store::write_atomic(&folder.result(), &text)?;
     }
-    progress(cost::table(&cost));
+    progress(cost::table(&cost, stderr_width().unwrap_or(USUAL)));
     let (reused, simulated) = counts;
     let motion = match sources.rollouts.is_some() && sources.way.sums_up_again() {
         true => {
@@ -509,7 +510,7 @@ fn answer(
         result.lineages.iter().filter_map(|of| LineageRealisms::of(story, of)).collect();
     let unlabelled = unlabelled(story);
     let told = Told { result, choices: &choices, realisms: &realisms, unlabelled: &unlabelled };
-    let text = result_text::summary(experiment, folder, told, root);
+    let text = result_text::summary(experiment, folder, told, root, table_width());
     let object = json!({
         "name": experiment.name,
         "root": root,

@@ -6,6 +6,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use super::run_name::Runs;
+use super::terminal::stdout_width;
 use crate::evidence::tables::{self, Table, TableError};
 use crate::evidence::{RecordedRun, cell};
 
@@ -15,9 +16,9 @@ pub struct Options {
     pub table: Which,
     #[command(flatten)]
     pub runs: Runs,
-    /// How to write it.
-    #[arg(long, default_value = "markdown")]
-    pub format: Format,
+    /// How to write it; without it aligned columns on a terminal, and Markdown in a pipe or a file.
+    #[arg(long)]
+    pub format: Option<Format>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -79,12 +80,13 @@ pub enum Format {
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let stories = options.runs.folders()?.iter().map(RunFolder::story).collect::<Result<Vec<_>, _>>()?;
     let table = options.table.of(&stories).map_err(Failure::bad_input)?;
-    let text = match options.format {
-        Format::Markdown => tables::markdown(&table),
-        Format::Csv => tables::csv(&table),
-        Format::Latex => tables::latex(&table),
-    };
-    Ok(Answer::new(text, table.json()))
+    let object = table.json();
+    Ok(match (options.format, stdout_width()) {
+        (None, Some(width)) => Answer::new(tables::plain(&table, width), object),
+        (None | Some(Format::Markdown), _) => Answer::exact(tables::markdown(&table), object),
+        (Some(Format::Csv), _) => Answer::exact(tables::csv(&table), object),
+        (Some(Format::Latex), _) => Answer::exact(tables::latex(&table), object),
+    })
 }
 
 #[cfg(test)]

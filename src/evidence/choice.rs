@@ -4,6 +4,7 @@
 use serde::Serialize;
 use std::fmt::Write as _;
 
+use super::aligned::Aligned;
 use super::recorded_run::RecordedRun;
 use crate::archive::{Contender, Selection, SelectionRule, SelectorOptions, select_active};
 use crate::kernel::num;
@@ -48,6 +49,23 @@ pub struct Row {
     pub standing: Option<Standing>,
 }
 
+impl Row {
+    /// Its line in the table of a choice.
+    fn cells(&self) -> Vec<String> {
+        let Row { measured, on_front, standing } = self;
+        let front = on_front.then_some("on the front");
+        let said: Vec<&str> = standing.iter().map(|standing| standing.words()).chain(front).collect();
+        vec![
+            measured.solution.to_string(),
+            format!("{:.3}", measured.objectives.attack),
+            format!("{:.4}", measured.objectives.realism),
+            format!("{:.2}", measured.coverage),
+            format!("{:.3}", measured.any_contact),
+            said.join("; "),
+        ]
+    }
+}
+
 /// Where a program fell out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -75,9 +93,9 @@ impl Standing {
             Standing::Chosen => "chosen",
             Standing::ActsNowhere => "acts nowhere",
             Standing::TooUnrealistic => "not realistic enough",
-            Standing::TooWeak => "attack below the best by more than the tolerance",
-            Standing::LessRealistic => "less realistic than the chosen one",
-            Standing::LessAttack => "as realistic as the chosen one, less attack",
+            Standing::TooWeak => "not enough attack",
+            Standing::LessRealistic => "less realistic",
+            Standing::LessAttack => "less attack",
             Standing::Later => "equal to the chosen one, which came before it",
         }
     }
@@ -117,28 +135,19 @@ impl Choice {
         })
     }
 
-    /// Table and reasons, as a terminal shows them.
-    pub fn text(&self) -> String {
+    /// Table and reasons, as a terminal shows them: the table within the width, each sentence in one line.
+    pub fn text(&self, width: usize) -> String {
         let scenes = match self.unlabelled {
             0 => self.scenes.to_string(),
             without => format!("{} of {}", self.scenes, self.scenes + without),
         };
         let mut out = format!(
-            "why {} (labels on the whole evolution pool, {scenes} scenes)\n  rule: {}\n  {:<24} {:>7} {:>14} {:>8} {:>9}\n",
-            self.chosen, self.rule, "program", "attack", self.realism_name, "coverage", "any crash"
+            "why {} (labels on the whole evolution pool, {scenes} scenes)\n  rule: {}\n",
+            self.chosen, self.rule
         );
-        for Row { measured, on_front, standing } in &self.rows {
-            let mut said: Vec<&str> = standing.iter().map(|standing| standing.words()).collect();
-            if *on_front {
-                said.push("on the front");
-            }
-            let (name, of) = (measured.solution.as_str(), measured.objectives);
-            let numbers = format!(
-                "{:>7.3} {:>14.4} {:>8.2} {:>9.3}",
-                of.attack, of.realism, measured.coverage, measured.any_contact
-            );
-            let _ = writeln!(out, "{}", format!("  {name:<24} {numbers}  {}", said.join("; ")).trim_end());
-        }
+        let heads = ["program", "attack", self.realism_name, "coverage", "any crash", ""].map(String::from).to_vec();
+        let rows = self.rows.iter().map(Row::cells).collect();
+        out.push_str(&Aligned { indent: 2, labels: 1, words: 1, heads, rows }.text(width));
         for reason in &self.reasons {
             let _ = writeln!(out, "  {reason}");
         }

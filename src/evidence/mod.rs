@@ -1,6 +1,7 @@
 //! From recorded attempts to reports: it reads what was recorded and computes no label.
 
 pub mod agreement;
+pub mod aligned;
 pub mod attempt_text;
 pub mod audit;
 pub mod best;

@@ -1,7 +1,12 @@
 //! The quickstart as a user runs it: one root, twice; what a missing answer, a flipped byte and a kill do.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+
+use evodrive::evidence::RecordedRun;
+use evodrive::evidence::tables::{markdown, metadrive_main, plain, proposals};
+use evodrive::store::read_events;
 
 use crate::harness::{evodrive, files, folder_below, home, run, text};
 
@@ -189,6 +194,23 @@ fn the_result_matches_its_golden_text() {
         .collect();
     let golden = text("golden/quickstart.txt");
     assert_eq!(kept.join("\n") + "\n", golden, "if this is meant, run .ci/bless and say why");
+}
+
+#[test]
+fn the_tables_of_a_terminal_keep_to_its_width_and_say_what_markdown_says() {
+    let events = read_events(&finished().1.join("transcript.jsonl")).unwrap();
+    let stories = [RecordedRun::read(&events).unwrap()];
+    let words = |text: &str| text.split(|c: char| !c.is_alphanumeric()).map(String::from).collect::<BTreeSet<_>>();
+    for (name, table) in [("metadrive-main", metadrive_main(&stories)), ("proposals", proposals(&stories))] {
+        let table = table.unwrap();
+        let shown = plain(&table, 80);
+        let (columns, _) = shown.split_once("\n- ").unwrap();
+        let wide: Vec<&str> = columns.lines().filter(|line| line.chars().count() > 80).collect();
+        assert!(wide.is_empty(), "{name}: {wide:#?}");
+        let lost: Vec<String> =
+            words(&markdown(&table).replace("&lt;", "<")).difference(&words(&shown)).cloned().collect();
+        assert!(lost.is_empty(), "{name}: {lost:?}");
+    }
 }
 
 #[test]

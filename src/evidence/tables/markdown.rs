@@ -35,7 +35,7 @@ fn line(out: &mut String, cells: impl IntoIterator<Item = String>) {
     out.push_str(&format!("| {} |\n", cells.into_iter().collect::<Vec<_>>().join(" | ")));
 }
 
-fn head(column: &Column) -> String {
+pub(super) fn head(column: &Column) -> String {
     let arrow = match column.upward {
         Some(true) => " ↑",
         Some(false) => " ↓",

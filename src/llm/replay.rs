@@ -3,7 +3,7 @@
 use serde::Serialize;
 use std::cmp::Reverse;
 
-use super::{Ask, AskError, Cassette, DrawSlot, Message, Miss, ModelError, Reply, Request, Text, cassette::Recorded};
+use super::{Ask, AskError, Cassette, DrawSlot, Message, Miss, ModelError, Reply, Request, cassette::Recorded};
 use crate::store::{first_difference, shortened};
 
 /// A cassette as the source of answers. A request without a recorded answer is a miss; no model is asked by accident.
@@ -164,6 +164,7 @@ fn around(line: Option<&str>, other: Option<&str>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Text;
     use super::*;
     use crate::llm::{ModelSpec, Schema};
     use proptest::prelude::*;

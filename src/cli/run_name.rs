@@ -180,13 +180,15 @@ fn unknown(name: &Path, runs: &Path) -> Failure {
     let known: Vec<String> =
         all.iter().filter_map(|of| of.dir.file_name()).map(|name| name.to_string_lossy().into_owned()).collect();
     let near = did_you_mean(&name.to_string_lossy(), &known);
-    let there = match all.is_empty() {
-        true => format!("there is no run below {}", runs.display()),
-        false => format!("there are {}", listed(&all)),
+    let there = match (name.is_absolute(), all.is_empty()) {
+        // A whole path is no name: what else lies below runs/ was not looked for.
+        (true, _) => String::new(),
+        (false, true) => format!("; there is no run below {}", runs.display()),
+        (false, false) => format!("; there are {}", listed(&all)),
     };
     let what = if name.is_dir() { "it has no run.json" } else { "it does not exist" };
     let expected = "expected a run's folder, its name below runs/ or the beginning of either";
-    Failure::bad_input(format!("{} is not a run folder: {what}; {expected}; {there}{near}", name.display()))
+    Failure::bad_input(format!("{} is not a run folder: {what}; {expected}{there}{near}", name.display()))
 }
 
 /// Where a run is looked for by name.

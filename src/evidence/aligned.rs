@@ -37,9 +37,11 @@ impl Aligned {
         if total(&spans) <= room {
             return spans;
         }
-        // Labels share the half of a line at most; beside them any other column has place.
-        let share = ((room / 2) / self.labels.max(1)).saturating_sub(GAP).max(1);
-        spans[..self.labels].iter_mut().for_each(|span| *span = share.min(*span));
+        // Labels take the half of a line at most; beside them any other column has place.
+        if total(&spans[..self.labels]) > room / 2 {
+            let share = ((room / 2) / self.labels).saturating_sub(GAP).max(1);
+            spans[..self.labels].iter_mut().for_each(|span| *span = share.min(*span));
+        }
         let beside = room.saturating_sub(total(&spans[..self.labels]) + GAP).max(1);
         spans[self.labels..].iter_mut().for_each(|span| *span = beside.min(*span));
         for i in self.heads.len() - self.words..self.heads.len() {

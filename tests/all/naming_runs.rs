@@ -57,7 +57,7 @@ fn words(text: &str) -> Vec<String> {
     let scene = SCENE.get_or_init(|| {
         let best = Ran::of(evodrive().current_dir(home()).args(["scenes", "best", "--top", "1", "--json"]));
         let object: serde_json::Value = serde_json::from_str(&best.stdout).unwrap();
-        object["scenes"][0]["scene"].as_str().unwrap_or_else(|| panic!("{object}")).to_string()
+        object["best"][0]["rollout"]["scene"].as_str().unwrap_or_else(|| panic!("{object}")).to_string()
     });
     let paper = crate::harness::home().join("paper").display().to_string();
     text.split_whitespace().map(|word| word.replace("SCENE", scene).replace("PAPER", &paper)).collect()

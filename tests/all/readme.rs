@@ -152,10 +152,10 @@ fn the_seed_that_the_quickstart_is_made_with_gave_its_golden() {
     let seed = experiment["models"]["scripted"]["sampling"]["seed"].to_string();
     let golden = text("golden/quickstart_seeds.csv");
     let rows: Vec<Vec<&str>> = golden.lines().map(|line| line.split(',').collect()).collect();
-    for line in table().iter().skip(2) {
-        let shown: Vec<&str> = line.split_whitespace().collect();
-        let of = rows.iter().find(|row| row[0] == seed && row[1] == shown[0]).expect("a row of the seed");
+    for both in table()[2..].chunks(2) {
+        let [parent, evolved] = [0, 1].map(|i| both[i].split_whitespace().collect::<Vec<_>>());
+        let of = rows.iter().find(|row| row[0] == seed && row[1] == parent[0]).expect("a row of the seed");
         let rounded = |cell: &str| format!("{:.3}", cell.parse::<f64>().unwrap());
-        assert_eq!([shown[1].to_string(), shown[3].to_string()], [rounded(of[2]), rounded(of[3])], "{}", shown[0]);
+        assert_eq!([parent[2], evolved[2]].map(String::from), [rounded(of[2]), rounded(of[3])], "{}", parent[0]);
     }
 }

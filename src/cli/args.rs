@@ -99,7 +99,7 @@ pub enum Command {
     /// Compare two runs that differ in their simulator alone: who says contact, with whom, when.
     Agree(agree::Options),
     /// Print every key of an experiment file: symbol, unit, range, values in the shipped protocols, meaning.
-    Options,
+    Options(options::Options),
     /// List the source families that can be evolved.
     Families,
     /// List the scene formats that are read and written.
@@ -172,7 +172,7 @@ impl Command {
     pub fn run(self, jobs: usize) -> Result<Answer, Failure> {
         match self {
             Command::Init(options) => init::run(&options, jobs),
-            Command::Options => Ok(options::run()),
+            Command::Options(options) => options::run(&options),
             Command::Plan(options) => plan::run(&options, jobs),
             Command::Run(args) => run::run(&args, jobs),
             Command::Resume(args) => run::resume(&args, jobs),

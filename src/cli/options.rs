@@ -1,11 +1,25 @@
-//! `options`: the reference of experiment files, as `docs/EXPERIMENT.md` holds it.
+//! `options`: the reference of experiment files, as `docs/EXPERIMENT.md` and `docs/experiment.schema.json` hold it.
 
+use clap::Args;
 use serde_json::json;
 
 use super::answer::Answer;
+use super::exit::Failure;
 use crate::experiment;
 
-pub fn run() -> Answer {
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Print a JSON Schema of experiment files instead, for editors that complete and check TOML (docs/EXPERIMENT.md).
+    #[arg(long)]
+    pub schema: bool,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    if options.schema {
+        let schema = experiment::schema();
+        let text = serde_json::to_string_pretty(&schema).map_err(Failure::internal)? + "\n";
+        return Ok(Answer::new(text, schema));
+    }
     let page = experiment::page();
-    Answer::new(page.clone(), json!({"page": page}))
+    Ok(Answer::new(page.clone(), json!({"page": page})))
 }

@@ -15,7 +15,7 @@ pub enum Step {
 
 /// One step of a key's place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
+pub enum Part {
     Name(&'static str),
     EachKey,
     EachIndex,
@@ -32,7 +32,7 @@ impl Part {
 }
 
 /// `lineage[].id` -> lineage, each entry, id.
-fn parts(place: &'static str) -> Vec<Part> {
+pub fn parts(place: &'static str) -> Vec<Part> {
     let mut parts = Vec::new();
     for word in place.split('.') {
         match (word, word.strip_suffix("[]")) {

@@ -151,7 +151,7 @@ pub fn is_name(name: &str) -> bool {
 }
 
 /// Large bounds as powers of ten.
-fn bound(x: f64) -> String {
+pub fn bound(x: f64) -> String {
     if x.abs() >= 1e6 { format!("{x:e}") } else { x.to_string() }
 }
 

@@ -635,7 +635,7 @@ fn acceptance() -> Vec<Key> {
         ("memory.alpha_mechanism", "α_3", "", WEIGHT, "Weight of mechanism tags in common."),
         ("memory.alpha_scene", "α_4", "", WEIGHT, "Weight of scene tags in common."),
         ("memory.alpha_recency", "α_5", "", WEIGHT, "Weight of recency."),
-        ("memory.alpha_future", "α_6", "", WEIGHT, "Penalty of a card from the future."),
+        ("memory.alpha_future", "α_6", "", WEIGHT, "Penalty of a card from the future. It cannot act, because no card of a later epoch is there when cards are drawn: any value gives the same run. It goes with the next change of meaning."),
         ("memory.top_m", "M", "cards", Whole(0, 1000), "Cards that an actor is shown."),
         ("curation.attack_low", "", "", SHARE, "Attack below which a candidate counts as weak."),
         ("curation.realism_low", "", "", SHARE, "Realism below which a candidate counts as implausible."),

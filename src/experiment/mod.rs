@@ -21,6 +21,7 @@ mod program_file;
 mod read;
 mod relations;
 mod scenes;
+mod schema;
 mod set;
 mod starter;
 mod study;
@@ -43,5 +44,6 @@ pub use program_file::{
     BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, ProgramFile, ProgramFileError,
 };
 pub use scenes::{import, read_pool, read_scenes};
+pub use schema::schema;
 pub use starter::{Starter, StarterDriver, starter};
 pub use training_file::TrainingFile;

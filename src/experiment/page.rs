@@ -4,39 +4,55 @@ use std::fmt::Write as _;
 use toml::Table;
 
 use super::check;
-use super::key::{Key, Need, shown};
+use super::key::{Key, Need, Range, bound, shown};
 use super::keys::keys;
 use super::place::PROTOCOLS;
 
 const HEAD: &str = "\
 # The experiment file
 
-This page is written by `evodrive options > docs/EXPERIMENT.md` (`.ci/bless` does that) from the list against which every file is checked. A value
-outside its range, a key that is missing and a key that no table has are refused when the file is read, before any
-file is created, with their place, what was found and what is expected.
+This page lets you write an experiment file and look up every key. It is written by `evodrive options > docs/EXPERIMENT.md` from the list against
+which every file is checked. A value outside its range, a key that is missing and a key that no table has are refused
+when the file is read, with their place, what was found and what is expected.
 
 A file of your own is short: `evodrive init mine --scenes my_scenarios/` writes one. `base` names the file whose keys
 hold wherever yours does not say otherwise: a path relative to your file, or a protocol that the program carries
 (`evodrive:metadrive`, `evodrive:safebench`). Tables merge key by key, lists are replaced. A table that names another
 `source` or `kind` than its base replaces the base's table, and so does `split.evolution`. A base may have a base;
-circles are refused. The digest of an experiment is taken of the merged table, so it does not matter how a file is
-composed. Paths lie relative to the file that names them.
+circles are refused. The digest of an experiment is taken of the merged table. Paths lie relative to the file that names them.
 
-Scenes are generated, or they are yours: `source = \"pool\"` with `path = \"my.pool\"` takes a pool that `evodrive scenes import`, `generate`,
-`filter`, `merge` or `split` wrote; `source = \"files\"` with `paths = [...]` takes scenario files, folders and pools, read anew each time
-(`evodrive formats`). A pool is one file with a digest, so a study on it is one on these scenes: make it once, check it with `evodrive scenes
-check`, and name it. `--scenes` on the command line stands in for the file's scenes. `[split]` draws the evolution scenes and the held-out ones
-from it by the experiment's seed; a window larger than the evolution scenes is refused.
+Scenes are generated, or they are yours: `source = \"pool\"` with `path = \"my.pool\"` takes a pool (`evodrive scenes import`);
+`source = \"files\"` with `paths = [...]` takes scenario files, folders and pools, read anew each time. `--scenes` on the command
+line stands in for the file's scenes. `[split]` draws the evolution scenes and the held-out ones by the experiment's seed.
 
-In the keys, `[]` stands for each entry of a list and `*` for each name. The last columns before the meaning are the
-values in the two protocols; an empty cell says that each experiment chooses its own.
+**What to leave alone.** Most keys have one value in every shipped file. The second part of both protocol files, below the line
+`# LEAVE ALONE`, holds those that no study needs to change, each table with the reason. Keys that no shipped file sets are for files
+of your own: `scenes.path`, `[driver]`, `evaluation.attack.when`, `[evaluation.metrics]`, and of live models `top_k`, `min_p`,
+`max_completion_tokens`, `frequency_penalty` and `presence_penalty`.
+
+**In an editor.** [experiment.schema.json](experiment.schema.json) (`evodrive options --schema`) is a JSON Schema of the file. Editors that read it
+complete keys, show meanings and underline mistakes: taplo, and Even Better TOML for VS Code. Begin your file with
+`#:schema path/to/experiment.schema.json`, or name it for a folder in `.taplo.toml`:
+
+```toml
+[[rule]]
+include = [\"my_experiments/*.toml\"]
+
+[rule.schema]
+path = \"docs/experiment.schema.json\"
+```
+
+The schema knows each key by itself. What depends on other keys, `evodrive plan` says.
+
+In the keys, `[]` stands for each entry of a list and `*` for each name; the paper's symbol stands behind the key. The columns before the
+meaning are the values in the two protocols; an empty cell says that each experiment chooses its own.
 ";
 
 /// The whole page.
 pub fn page() -> String {
     let mut page = HEAD.to_string();
     let bases: Vec<Table> = PROTOCOLS.iter().filter_map(|(_, text)| text.parse().ok()).collect();
-    let names = PROTOCOLS.map(|(name, _)| name).join(" | ");
+    let names = PROTOCOLS.map(|(name, _)| name).join("|");
     let all = keys();
     let mut sections: Vec<&str> = Vec::new();
     for key in &all {
@@ -46,19 +62,18 @@ pub fn page() -> String {
     }
     for title in sections {
         let heading = if title.is_empty() { "The file itself".to_string() } else { format!("`[{title}]`") };
-        let _ = write!(page, "\n## {heading}\n\n| key | symbol | unit | range | {names} | meaning |\n");
-        page.push_str("|---|---|---|---|---|---|---|\n");
+        let _ = write!(page, "\n## {heading}\n\n|key|range|{names}|meaning|\n");
+        page.push_str("|---|---|---|---|---|\n");
         for key in all.iter().filter(|key| section(key) == title) {
             let values: Vec<String> = bases.iter().map(|base| value(base, key)).collect();
             let _ = writeln!(
                 page,
-                "| `{}` | {} | {} | {}{} | {} | {} |",
+                "|`{}`{}|{}{}|{}|{}|",
                 key.key,
-                key.symbol,
-                key.unit,
-                key.range,
+                if key.symbol.is_empty() { String::new() } else { format!(" ({})", key.symbol) },
+                range(key),
                 needed(&key.need),
-                values.join(" | "),
+                values.join("|"),
                 key.meaning
             );
         }
@@ -71,14 +86,27 @@ fn section(key: &Key) -> &str {
     if key.key.contains(['.', '[']) { key.key.split(['.', '[']).next().unwrap_or_default() } else { "" }
 }
 
+/// The values that a key may have, with their unit.
+fn range(key: &Key) -> String {
+    let range = match &key.range {
+        Range::Whole(least, i64::MAX) => format!("whole, {least} to 2^63 - 1"),
+        Range::Whole(least, most) => format!("whole, {least} to {most}"),
+        Range::Number(least, most) => format!("{} to {}", bound(*least), bound(*most)),
+        Range::Above(least, most) => format!("above {}, at most {}", bound(*least), bound(*most)),
+        Range::Text(most) => format!("text, 1 to {most} characters"),
+        other => other.to_string(),
+    };
+    if key.unit.is_empty() { range } else { format!("{range} {}", key.unit) }
+}
+
 /// When the key is needed, where that is not always.
 fn needed(need: &Need) -> String {
     match need {
         Need::Always => String::new(),
-        Need::Optional => "; may be left out".into(),
-        Need::With(place) => format!("; where `{place}` is given"),
-        Need::Without(place) => format!("; where `{place}` is not given"),
-        Need::Of(place, values) => format!("; where `{place}` is {}", values.join(" or ")),
+        Need::Optional => "; optional".into(),
+        Need::With(place) => format!("; with `{place}`"),
+        Need::Without(place) => format!("; without `{place}`"),
+        Need::Of(place, values) => format!("; if `{place}` is {}", values.join(" or ")),
     }
 }
 

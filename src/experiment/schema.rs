@@ -20,7 +20,8 @@ const BASE: &str = "The file whose keys hold wherever this one does not say othe
 /// The schema of an experiment file.
 pub fn schema() -> Value {
     let mut root = Place::default();
-    root.named.insert("base", Place { value: Some(json!({"type": "string", "description": BASE})), ..Place::default() });
+    root.named
+        .insert("base", Place { value: Some(json!({"type": "string", "description": BASE})), ..Place::default() });
     for key in keys() {
         root.put(&parts(key.key), value(&key));
     }

@@ -1,3 +1,5 @@
+//! One table of everything that servers, and what stands before them, were seen to answer, with what it counts as.
+
 use super::*;
 use serde_json::json;
 

@@ -186,7 +186,11 @@ fn unknown(name: &Path, runs: &Path) -> Failure {
         (false, true) => format!("; there is no run below {}", runs.display()),
         (false, false) => format!("; there are {}", listed(&all)),
     };
-    let what = if name.is_dir() { "it has no run.json" } else { "it does not exist" };
+    let what = match (name.is_dir(), name.exists()) {
+        (true, _) => "it has no run.json",
+        (false, true) => "it is a file",
+        (false, false) => "it does not exist",
+    };
     let expected = "expected a run's folder, its name below runs/ or the beginning of either";
     Failure::bad_input(format!("{} is not a run folder: {what}; {expected}{there}{near}", name.display()))
 }

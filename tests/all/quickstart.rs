@@ -444,7 +444,7 @@ fn scenes_that_cannot_be_exported_are_bad_input_and_leave_nothing() {
         (&[pool, "--scene", "nowhere"], "name one of the"),
         (&["--run", folder, "--attempt", "cat-idm/e99s0"], "no attempt"),
         (&["--run", folder, "--attempt", &attempt, "--scene", "nowhere"], "no scene `nowhere`"),
-        (&[pool, "--attempt", &attempt], "cannot be used with"),
+        (&[pool, "--attempt", &attempt], "is not a run folder: it is a file"),
         (&["--run", folder], "required"),
         (&["no/such.pool"], "no/such.pool"),
     ];

@@ -186,9 +186,9 @@ mod tests {
     fn questions_that_were_cut_are_told_below_the_table() {
         let lineages = vec![lineage("cat-idm", Work { answers: 9, cut_prompts: 4, ..Work::default() })];
         let mut cost = RunCost { format: FORMAT.into(), threads: 2, simulated: 0, reused: 0, lineages };
-        assert!(table(&cost).contains("4 of 9 questions were cut by their server"), "{}", table(&cost));
+        assert!(table(&cost, 80).contains("4 of 9 questions were cut by their server"), "{}", table(&cost, 80));
         cost.lineages[0].work.cut_prompts = 0;
-        assert!(!table(&cost).contains("cut by"));
+        assert!(!table(&cost, 80).contains("cut by"));
     }
 
     #[test]

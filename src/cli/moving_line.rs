@@ -21,7 +21,7 @@ const LOOK: &str = "{bar:10} {wide_msg}";
 /// Characters of a line that the bar takes.
 const BAR: usize = 11;
 /// The least that is worth showing of a folder's name.
-const NAME_MIN: usize = 8;
+const NAME_MIN: usize = 7;
 
 /// An answer that took so long is told of; those that were recorded or come from rules are not.
 const SLOW: Duration = Duration::from_secs(2);

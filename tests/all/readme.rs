@@ -6,7 +6,7 @@ use crate::harness::text;
 
 /// Digits that belong to a name, a definition or a typed command and are no result.
 const NAMES: [&str; 6] =
-    ["2-D simulator", "is 1 where motion", "PF-Area@3*", "--set selector.realism_min=0.85", "--top 5", "Apache 2.0"];
+    ["2-D simulator", "is 1 where motion", "PF-Area@3*", "--set budget.finalists=2", "--top 5", "Apache 2.0"];
 
 /// What the golden of the quickstart prints of each lineage, with the line that names the columns: the recorded scenes, then a line
 /// for a parent and one for the program that was chosen.

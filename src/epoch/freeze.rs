@@ -3,23 +3,20 @@
 
 use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
-use super::{
-    RunError, briefing,
-    counsels::Counsels,
-    desk::Tools,
-    handbook::handbook,
-    history,
-    in_effect::{InScene, in_effect},
-    labels::Labelling,
-    search,
-    standings::Standings,
-    state::State,
-    study::{LineageSpec, Study},
-    window_rows,
-};
+use super::RunError;
+use super::state::State;
 use crate::agents::{AgentError, Briefing, Context, Handbook, ParentOutcome};
 use crate::archive::Archive;
 use crate::archive::search::{SearchState, SlotDraw};
+use crate::epoch::acceptance::search;
+use crate::epoch::briefs::counsels::Counsels;
+use crate::epoch::briefs::handbook::handbook;
+use crate::epoch::briefs::in_effect::{InScene, in_effect};
+use crate::epoch::briefs::{briefing, history, window_rows};
+use crate::epoch::labelling::labels::Labelling;
+use crate::epoch::labelling::standings::Standings;
+use crate::epoch::setting::desk::Tools;
+use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::kernel::Digest;
 use crate::memory::{Query, retrieve};
 use crate::objects::{

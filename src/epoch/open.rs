@@ -2,18 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use super::{
-    RunError, composition,
-    consider::parent_entry,
-    counsel,
-    counsels::Counsels,
-    desk::Desk,
-    freeze::freeze,
-    rival,
-    state::State,
-    study::{LineageSpec, Study},
-};
+use super::RunError;
+use super::freeze::freeze;
+use super::state::State;
 use crate::adapters::ADAPTER_VERSION;
+use crate::epoch::acceptance::consider::parent_entry;
+use crate::epoch::acceptance::rival;
+use crate::epoch::briefs::counsels::Counsels;
+use crate::epoch::briefs::{composition, counsel};
+use crate::epoch::setting::desk::Desk;
+use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::evaluation::{EVAL_VERSION, EvaluationOptions};
 use crate::kernel::Digest;
 use crate::lineage::LineageStore;

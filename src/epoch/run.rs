@@ -1,26 +1,22 @@
 //! The whole loop on one page (paper, algorithms evodrive_loop and parallel_epoch): freeze, propose in parallel,
 //! judge serially, settle once, and open the held-out scenes when it is over. Comments quote the algorithms' lines.
 
-use super::{
-    RunError,
-    admit::admit,
-    consider::{Judged, consider, foretell},
-    desk::Desk,
-    evaluate::{evaluate, evaluate_ahead},
-    evolve::evolve,
-    finale,
-    freeze::freeze,
-    open,
-    pilot::pilot,
-    progress::Progress,
-    propose::propose,
-    route::{allot, predict},
-    seal::seal,
-    search,
-    settle::settle,
-    state::State,
-    study::{LineageSpec, Study},
-};
+use super::freeze::freeze;
+use super::state::State;
+use super::{RunError, open};
+use crate::epoch::acceptance::consider::{Judged, consider, foretell};
+use crate::epoch::acceptance::evolve::evolve;
+use crate::epoch::acceptance::seal::seal;
+use crate::epoch::acceptance::settle::settle;
+use crate::epoch::acceptance::{finale, search};
+use crate::epoch::setting::desk::Desk;
+use crate::epoch::setting::progress::Progress;
+use crate::epoch::setting::study::{LineageSpec, Study};
+use crate::epoch::slots::admit::admit;
+use crate::epoch::slots::evaluate::{evaluate, evaluate_ahead};
+use crate::epoch::slots::pilot::pilot;
+use crate::epoch::slots::propose::propose;
+use crate::epoch::slots::route::{allot, predict};
 use crate::objects::event::{RunResult, kind};
 use crate::world::Router;
 

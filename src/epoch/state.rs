@@ -3,10 +3,11 @@
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{RunError, counsels::Counsels};
+use super::RunError;
 use crate::agents::Change;
 use crate::archive::Archive;
 use crate::archive::search::SearchState;
+use crate::epoch::briefs::counsels::Counsels;
 use crate::kernel::Digest;
 use crate::lineage::{AttemptRecord, LineageStore};
 use crate::memory::Memory;

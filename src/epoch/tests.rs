@@ -4,11 +4,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use super::counsels::Counsels;
-use super::desk::{Desk, Tools};
-use super::labels::Labelling;
 use super::{Meter, Mode, Rollouts, Study};
 use crate::archive::{MeanOverScenes, PromotionRule, Standing, consider, pf_area_pct};
+use crate::epoch::briefs::counsels::Counsels;
+use crate::epoch::labelling::labels::Labelling;
+use crate::epoch::setting::desk::{Desk, Tools};
 use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions};
 use crate::experiment::{Experiment, SceneSource};
 use crate::families::grammar;

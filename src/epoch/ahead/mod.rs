@@ -1,0 +1,6 @@
+//! Work named ahead of a run, for whoever does it elsewhere.
+
+pub(super) mod foresee;
+pub(super) mod plan;
+pub(super) mod wanted;
+pub(super) mod work;

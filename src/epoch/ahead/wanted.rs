@@ -1,0 +1,109 @@
+//! Missing work: what a run would have to compute because no record has it. While a plan is made, such work is listed and not done.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::Digest;
+use crate::objects::{Counsel, LineageId, Program};
+use crate::store::MemoKind;
+
+/// A piece of work that stands alone: with the study and its programs it can be done anywhere, in any order.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Task {
+    /// A label: the program is compiled for the scene and rolled out against the lineage's ego.
+    Label { lineage: LineageId, program: Digest, scene: String, counsel: Option<Counsel> },
+    /// A trial of the compile gate.
+    Trial { lineage: LineageId, program: Digest, scene: String, counsel: Option<Counsel> },
+    /// The scene without a program against the lineage's ego, in another simulator than ours.
+    Undisturbed { lineage: LineageId, scene: String },
+}
+
+impl Task {
+    /// The scene that it is about.
+    pub fn scene(&self) -> &str {
+        match self {
+            Task::Label { scene, .. } | Task::Trial { scene, .. } | Task::Undisturbed { scene, .. } => scene,
+        }
+    }
+
+    pub fn lineage(&self) -> &LineageId {
+        match self {
+            Task::Label { lineage, .. } | Task::Trial { lineage, .. } | Task::Undisturbed { lineage, .. } => lineage,
+        }
+    }
+
+    /// The program that is needed to do it.
+    pub fn program(&self) -> Option<Digest> {
+        match self {
+            Task::Label { program, .. } | Task::Trial { program, .. } => Some(*program),
+            Task::Undisturbed { .. } => None,
+        }
+    }
+
+    /// Under which kind of memo the store keeps its record; `None` for what has no record of its own.
+    pub fn memo(&self) -> Option<MemoKind> {
+        match self {
+            Task::Label { .. } => Some(MemoKind::Rollout),
+            Task::Trial { .. } => Some(MemoKind::Compile),
+            Task::Undisturbed { .. } => None,
+        }
+    }
+
+    pub(in crate::epoch) fn counsel(&self) -> Option<&Counsel> {
+        match self {
+            Task::Label { counsel, .. } | Task::Trial { counsel, .. } => counsel.as_ref(),
+            Task::Undisturbed { .. } => None,
+        }
+    }
+}
+
+/// Missing work, by the key of its record.
+#[derive(Default)]
+pub struct Wanted {
+    /// Whether work is asked for again that was done and gave no label.
+    again: bool,
+    desk: Mutex<Gathered>,
+}
+
+#[derive(Default)]
+struct Gathered {
+    tasks: BTreeMap<Digest, Task>,
+    programs: BTreeMap<Digest, Program>,
+}
+
+impl Wanted {
+    /// Nothing yet. `again` asks also for what was tried and gave no label.
+    pub fn new(again: bool) -> Wanted {
+        Wanted { again, desk: Mutex::default() }
+    }
+
+    pub(in crate::epoch) fn again(&self) -> bool {
+        self.again
+    }
+
+    /// Asks for a piece of work, with the program that it takes.
+    pub fn ask(&self, key: Digest, task: Task, program: Option<&Program>) {
+        let mut desk = self.desk();
+        if let (Some(hash), Some(program)) = (task.program(), program) {
+            desk.programs.entry(hash).or_insert_with(|| program.clone());
+        }
+        desk.tasks.insert(key, task);
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.desk().tasks.is_empty()
+    }
+
+    /// Everything that was asked for, with its programs by their hashes.
+    pub fn into_tasks(self) -> (BTreeMap<Digest, Task>, BTreeMap<Digest, Program>) {
+        let Gathered { tasks, programs } = self.desk.into_inner().unwrap_or_else(PoisonError::into_inner);
+        (tasks, programs)
+    }
+
+    fn desk(&self) -> MutexGuard<'_, Gathered> {
+        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

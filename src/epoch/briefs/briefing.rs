@@ -1,0 +1,91 @@
+//! What the snapshot tells the agents: scene clusters, the parent's labels, the front.
+
+use std::collections::BTreeMap;
+
+use crate::agents::{Cluster, FrontPoint, ParentOutcome};
+use crate::archive::Archive;
+use crate::ego::Policy;
+use crate::epoch::setting::study::{SceneEntry, Study};
+use crate::kernel::num;
+use crate::objects::entry::diagnostics_mean;
+use crate::objects::{Entry, Score, SolutionId};
+use crate::scene::features::SceneFeatures;
+
+/// Features whose means describe a cluster.
+const CLUSTER_FEATURES: [&str; 5] =
+    ["ego_speed_mps", "vehicle_count", "nearest_vehicle_gap_m", "conflict_count", "route_curvature_max_1pm"];
+
+/// The kind of place a scene is: the first that holds.
+pub fn cluster_of(features: &SceneFeatures) -> &'static str {
+    ["junction", "highway", "multi_lane"].into_iter().find(|tag| features.tags.contains(tag)).unwrap_or("single_lane")
+}
+
+/// Clusters of the evolution scenes with the parent's success in those of the window.
+pub fn clusters(study: &Study, window_score: &Score) -> Vec<Cluster> {
+    let mut groups: BTreeMap<&str, Vec<&SceneEntry>> = BTreeMap::new();
+    for &place in &study.evolution {
+        let entry = &study.scenes[place];
+        groups.entry(cluster_of(entry.features())).or_default().push(entry);
+    }
+    groups.into_iter().map(|(name, entries)| cluster(name, &entries, window_score)).collect()
+}
+
+fn cluster(name: &str, entries: &[&SceneEntry], score: &Score) -> Cluster {
+    let labels: Vec<f64> = entries
+        .iter()
+        .filter_map(|e| score.scenes.iter().find(|s| s.scene == e.scene().id))
+        .map(|s| s.attack)
+        .collect();
+    let mean_of = |feature: &&str| {
+        let values: Vec<f64> = entries.iter().filter_map(|e| e.features().value(feature)).collect();
+        num::mean(&values).map(|mean| ((*feature).to_string(), num::rounded(mean, 2)))
+    };
+    let describes = match name {
+        "junction" => "the ego's route crosses or merges with other lanes",
+        "highway" => "fast road without crossing traffic",
+        "multi_lane" => "several lanes in the ego's direction, no junction on the route",
+        _ => "one lane in the ego's direction, no junction on the route",
+    };
+    Cluster {
+        name: format!("cluster:{name}"),
+        scenes: entries.len(),
+        describes: describes.into(),
+        attacked_share: num::mean(&labels).map(|share| num::rounded(share, 4)),
+        features: CLUSTER_FEATURES.iter().filter_map(mean_of).collect(),
+    }
+}
+
+/// The parent's labels on the window in sums.
+pub fn parent_outcome(parent: &Score) -> ParentOutcome {
+    ParentOutcome {
+        objectives: parent.objectives,
+        scenes: parent.scenes.len(),
+        failures: parent.failures.len(),
+        coverage: num::rounded(parent.coverage, 4),
+        diagnostics: diagnostics_mean(parent).into_iter().map(|(k, v)| (k, num::rounded(v, 4))).collect(),
+    }
+}
+
+/// The ego in a sentence, for prompts.
+pub fn ego_sentence(ego: &Policy) -> &'static str {
+    match ego.name() {
+        "idm" => {
+            "idm: MetaDrive's TrajectoryIDMPolicy along its route; brakes for whoever is in its path, heeds no light"
+        }
+        "idm-lights" => "idm-lights: TrajectoryIDMPolicy along its route that also stops at red lights",
+        "command" => "command: a planner of its own; a fixed function of what it sees around it",
+        "replay" => "replay: the recorded motion, blind to everybody",
+        _ => "a fixed policy with frozen weights",
+    }
+}
+
+/// The lineage's front as the prompts of a parent show it.
+pub fn front(archive: &Archive, parent: &SolutionId) -> Vec<FrontPoint> {
+    let point = |entry: &Entry| FrontPoint {
+        solution: entry.solution.clone(),
+        objectives: entry.objectives,
+        attempt: entry.attempt.clone(),
+        is_parent: entry.solution == *parent,
+    };
+    archive.front().map(point).collect()
+}

@@ -1,0 +1,97 @@
+//! The desk: everything of a run that acts. It takes the events, gives answers of models and labels, meters costs and reports
+//! progress. What the result depends on is in `study.rs`.
+
+use std::sync::Arc;
+
+use super::cost::Meter;
+use super::progress::Progress;
+use super::situations::Situations;
+use super::study::Study;
+use crate::backend::Backend;
+use crate::compiler::Searched;
+use crate::epoch::RunError;
+use crate::epoch::ahead::wanted::Wanted;
+use crate::epoch::labelling::made::Made;
+use crate::epoch::labelling::rollouts::Rollouts;
+use crate::kernel::{Digest, Kept, Threads};
+use crate::llm::Ask;
+use crate::objects::counsel::Vehicle;
+use crate::store::Transcript;
+
+/// Most compilations that are kept: some epochs' worth of what probe scenes and windows share, about 10 kB each.
+const COMPILED_MAX: usize = 8192;
+
+/// Most scenes whose vehicles are kept.
+const COUNSELLED_MAX: usize = 4096;
+
+/// Most bytes of searches that are kept: a lineage's window several times over.
+const SEARCHED_BYTES_MAX: usize = 192 << 20;
+
+/// Everything that a run works with besides the study.
+pub struct Desk<'a> {
+    /// Compares every event with what an earlier run of the same inputs wrote, and appends where that ends. Workers
+    /// have no access to it.
+    pub log: Transcript,
+    pub watch: &'a mut dyn FnMut(Progress),
+    pub tools: Tools<'a>,
+}
+
+/// The part that workers share. No result depends on it.
+pub struct Tools<'a> {
+    /// Who answers for the models.
+    pub ask: &'a dyn Ask,
+    pub threads: &'a Threads,
+    /// Labels that are on record.
+    pub rollouts: &'a Rollouts<'a>,
+    pub meter: Meter<'a>,
+    /// Who simulates rollouts for labels.
+    pub backend: Backend<'a>,
+    /// Where a plan gathers missing work; `None` where the work is done.
+    pub(in crate::epoch) wanted: Option<&'a Wanted>,
+    /// Whether whoever started the run wants it to stop.
+    stop: Option<&'a (dyn Fn() -> bool + Sync)>,
+    pub(in crate::epoch) situations: Situations,
+    /// What programs were compiled to, or why not, by all that decides there.
+    pub(in crate::epoch) compiled: Kept<Digest, Result<Arc<Made>, String>>,
+    /// The vehicles that were ranked for a scene's counsel, or why none could be.
+    pub(in crate::epoch) counselled: Kept<Digest, Result<Vec<Vehicle>, String>>,
+    /// What their motion and search nodes came to.
+    pub(in crate::epoch) searched: Searched,
+}
+
+impl<'a> Tools<'a> {
+    pub fn new(
+        study: &Study,
+        ask: &'a dyn Ask,
+        threads: &'a Threads,
+        rollouts: &'a Rollouts<'a>,
+        meter: Meter<'a>,
+    ) -> Tools<'a> {
+        let (situations, compiled) = (Situations::of(study), Kept::new(COMPILED_MAX));
+        let (counselled, searched) = (Kept::new(COUNSELLED_MAX), Searched::new(SEARCHED_BYTES_MAX));
+        let (backend, wanted, stop) = (Backend::Own, None, None);
+        Tools { ask, threads, rollouts, meter, backend, wanted, stop, situations, compiled, counselled, searched }
+    }
+
+    /// The same with rollouts from a backend.
+    pub fn behind(self, backend: Backend<'a>) -> Tools<'a> {
+        Tools { backend, ..self }
+    }
+
+    /// The same for a plan: what is missing is asked of `wanted`.
+    pub fn planning(self, wanted: &'a Wanted) -> Tools<'a> {
+        Tools { wanted: Some(wanted), ..self }
+    }
+    /// The same until `stop` says so.
+    pub fn until(self, stop: &'a (dyn Fn() -> bool + Sync)) -> Tools<'a> {
+        Tools { stop: Some(stop), ..self }
+    }
+
+    /// Asked before each piece of work: an interrupted run ends with what it has on record, and with no half-made event.
+    pub(in crate::epoch) fn go_on(&self) -> Result<(), RunError> {
+        match self.stop {
+            Some(stop) if stop() => Err(RunError::Interrupted),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! A worker's second step: the patch is applied, the gates judge it, and the compiler tries the child on probe scenes.
+
+use std::sync::{Mutex, PoisonError};
+
+use super::draft::{Draft, Reached, Verdict};
+use super::probes::probes;
+use crate::candidates::{self, Judging, Trials};
+use crate::epoch::RunError;
+use crate::epoch::briefs::in_effect::{InScene, in_effect};
+use crate::epoch::freeze::Snapshot;
+use crate::epoch::labelling::labels::Labelling;
+use crate::epoch::setting::desk::Tools;
+use crate::epoch::setting::study::Study;
+use crate::kernel::Digest;
+use crate::objects::{AttemptId, Program, ProgramPatch, SolutionId};
+
+/// Judges a proposed patch, if its proposer did not learn the verdict already.
+pub fn admit(study: &Study, snapshot: &Snapshot<'_>, draft: Draft, tools: &Tools<'_>) -> Result<Draft, RunError> {
+    draft.next(|slot, reached| match reached {
+        Reached::Proposed { patch, verdict } => {
+            let judge = || admission(study, snapshot, slot, &patch, tools);
+            let verdict = verdict.map_or_else(judge, |verdict| Ok(*verdict))?;
+            Ok(judged(patch, verdict))
+        }
+        ended => Ok(ended),
+    })
+}
+
+fn judged(patch: Box<ProgramPatch>, Verdict { admission, trials, in_effect }: Verdict) -> Reached {
+    match admission.candidate {
+        None => Reached::Invalid { gates: admission.gates },
+        Some(candidate) => {
+            let (gates, candidate) = (admission.gates, Box::new(candidate));
+            Reached::Admitted { gates, candidate, patch, probes: trials.probes, in_effect }
+        }
+    }
+}
+
+/// Judges a patch for the parent of a slot. The agents are told the verdict before their critics speak; a draft carries it on, so
+/// that nothing is judged twice.
+pub fn admission(
+    study: &Study,
+    snapshot: &Snapshot<'_>,
+    slot: u32,
+    patch: &ProgramPatch,
+    tools: &Tools<'_>,
+) -> Result<Verdict, RunError> {
+    let contract = &study.source(snapshot.spec)?.contract;
+    let child = SolutionId::new(AttemptId::at(&snapshot.spec.id, snapshot.event.epoch, slot).0);
+    let labelling = Labelling { study, spec: snapshot.spec, counsels: &snapshot.counsels, tools };
+    // The gates know no error of the store: it waits here until they are done.
+    let outcome: Mutex<Result<(Trials, Vec<InScene>), RunError>> = Mutex::new(Ok(Default::default()));
+    let parent = snapshot.parent_of(slot);
+    let tried = |program: &Program, hash: Digest| {
+        let own = in_effect(study, snapshot.spec, program, &snapshot.window)?;
+        let probes = probes(
+            &snapshot.window,
+            study.budget.probe_scenes,
+            (program, own.as_ref().ok()),
+            (&parent.program, &parent.in_effect),
+        );
+        let trials = labelling.trials(&probes, (program, hash), (&parent.program, parent.hash))?;
+        Ok((trials, own.unwrap_or_default()))
+    };
+    let compiles = |program: &Program, hash: Digest| {
+        let found = tried(program, hash);
+        let trials = found.as_ref().map(|(trials, _)| trials.clone()).unwrap_or_default();
+        *outcome.lock().unwrap_or_else(PoisonError::into_inner) = found;
+        trials
+    };
+    let (skipped, closed) = (study.skipped_gates(), study.without.closed());
+    let judging = Judging { contract, registry: &study.registry, skipped: &skipped, closed: &closed };
+    let admission = candidates::admit(&parent.program, patch, child, &judging, &compiles);
+    let (trials, in_effect) = outcome.into_inner().unwrap_or_else(PoisonError::into_inner)?;
+    Ok(Verdict { admission, trials, in_effect })
+}

@@ -1,0 +1,107 @@
+//! A proposal on its way: how far it came. Each step of the epoch takes a draft and hands it on.
+
+use crate::candidates::{Admission, Trials};
+use crate::epoch::RunError;
+use crate::epoch::briefs::in_effect::InScene;
+use crate::objects::{
+    Candidate, Exit, GateReport, Pilot, ProbePair, ProgramPatch, Proposal, Route, RouteDecision, Score, WorldRow,
+};
+use crate::world::Prediction;
+
+/// What the gates say of a patch, and what they learned of its child on the way.
+pub struct Verdict {
+    pub admission: Admission,
+    /// What came of compiling it on probe scenes.
+    pub trials: Trials,
+    /// It in each scene of the window; empty where it keeps its contract not so far that this could be told.
+    pub in_effect: Vec<InScene>,
+}
+
+/// What is known of a proposal from its first step on.
+pub struct Head {
+    pub slot: u32,
+    /// What its slot was asked for.
+    pub target: String,
+    pub proposal: Proposal,
+}
+
+/// A proposal and how far it came.
+pub struct Draft {
+    pub head: Head,
+    pub reached: Reached,
+}
+
+/// How far a proposal came. The first three of the four exits can be reached before any rollout.
+pub enum Reached {
+    Declined {
+        reason: String,
+    },
+    /// With what the gates said of the patch, where they were asked already.
+    Proposed {
+        patch: Box<ProgramPatch>,
+        verdict: Option<Box<Verdict>>,
+    },
+    Invalid {
+        gates: GateReport,
+    },
+    Admitted {
+        gates: GateReport,
+        candidate: Box<Candidate>,
+        patch: Box<ProgramPatch>,
+        probes: Vec<ProbePair>,
+        in_effect: Vec<InScene>,
+    },
+    Predicted {
+        gates: GateReport,
+        predicted: Box<Predicted>,
+    },
+    Routed {
+        gates: GateReport,
+        routed: Box<RoutedCandidate>,
+    },
+    Evaluated {
+        gates: GateReport,
+        routed: Box<RoutedCandidate>,
+        score: Score,
+    },
+}
+
+/// An admitted candidate with what the world evaluator expects of it.
+pub struct Predicted {
+    pub candidate: Candidate,
+    /// What the prediction rests on, and a label will be learned from.
+    pub row: WorldRow,
+    pub prediction: Prediction,
+    /// Whether it may differ from its parent, scene of the window by scene.
+    pub open: Vec<bool>,
+    /// What its pilot showed, where there is one.
+    pub pilot: Option<Pilot>,
+}
+
+/// An admitted candidate with what the world evaluator decided about it.
+pub struct RoutedCandidate {
+    pub candidate: Candidate,
+    pub route: Route,
+    /// What a label will be learned from.
+    pub row: WorldRow,
+}
+
+impl RoutedCandidate {
+    pub fn is_rejected(&self) -> bool {
+        self.route.decision == RouteDecision::Reject
+    }
+}
+
+/// A proposal that was judged: which of the four exits it took.
+pub struct Considered {
+    pub head: Head,
+    pub exit: Exit,
+}
+
+impl Draft {
+    /// Takes the next step, which leaves alone what ended before it.
+    pub fn next(self, step: impl FnOnce(u32, Reached) -> Result<Reached, RunError>) -> Result<Draft, RunError> {
+        let reached = step(self.head.slot, self.reached)?;
+        Ok(Draft { head: self.head, reached })
+    }
+}

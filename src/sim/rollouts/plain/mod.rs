@@ -1,6 +1,23 @@
 //! The rollout in its plainest form: everyone against everyone at every physics step, straight from the scene, no
-//! circles, no grids, no early outs. It is the oracle of the fast one and must agree bit for bit. Only the laws of
-//! motion are shared.
+//! circles, no grids, no early outs. It is the oracle of the fast one, with actions of every kind (samples, skills, scripts
+//! and their triggers, laws), and must agree bit for bit.
+//!
+//! Shared are the laws of motion: the bicycle, IDM, the skills, the value of a formula. Scripts (`scripts.rs`), laws
+//! (`laws.rs`) and everybody's bookkeeping (`bodies.rs`) are written here a second time, constants and all.
+//!
+//! Not covered, because both sides use the same code:
+//! - the geometry below a rollout (boxes, paths, time to collision, the nearest lane), which has tests of its own;
+//! - the class and the sides of a contact (`encounters/class.rs`, `contact::describe`) once it is known who touches whom;
+//! - the meters of accelerations and of windows (`accounts/motion.rs`, `accounts/feasibility.rs`);
+//! - which recorded road users may turn reactive, and their paths (`prepared/plant.rs`).
+//!
+//! The ego's controls are those that the driver of the fast rollout decided, and the digest of the trace is taken over. What
+//! the simulator refuses is refused by the fast rollout alone.
+
+mod bodies;
+mod laws;
+mod scripts;
+mod tests;
 
 use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample, Scene};
@@ -13,13 +30,15 @@ use crate::sim::encounters::contact::{Hit, describe};
 use crate::sim::encounters::gaps::{ENCROACHMENT_STEPS, time_to_collision_s};
 use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS, Size, coasting, sample_during};
 use crate::sim::prepared::path::Along;
-use crate::sim::road_users::actors::{Actor, Mind, adversaries, first_change};
 use crate::sim::road_users::bicycle::Car;
 use crate::sim::road_users::driver::Control;
 use crate::sim::road_users::idm::{self, Front, SIGHT_M};
 use crate::sim::road_users::skills::EgoForecast;
 use crate::sim::{Action, ActorRef, AdversaryReport, End, Feasibility, Intervention, Outcome, Plant};
 
+use self::bodies::{Body, Mind, begins};
+use self::laws::{Around, Own};
+use self::scripts::set_off;
 use super::rollout::{ARRIVAL_SHARE, OFF_ROAD_OFFSET_M, ROUTE_M_MIN};
 
 /// Someone but the ego during one decision step.
@@ -29,6 +48,8 @@ struct Other {
     adversary: Option<usize>,
     appears: bool,
     size: Size,
+    /// Unit heading vector at the beginning.
+    axis: Vec2,
     /// At the beginning and after each physics step.
     samples: [Sample; SUBSTEPS + 1],
     places: [Place; SUBSTEPS + 1],
@@ -68,7 +89,7 @@ impl Plain<'_> {
     }
 
     /// Everyone present during the k-th step, tracks in order, then simulated ones.
-    fn others(&self, actors: &[Actor], simulated: &[bool], k: usize) -> Vec<Other> {
+    fn others(&self, actors: &[Body<'_>], simulated: &[bool], k: usize) -> Vec<Other> {
         let mut others = Vec::new();
         for (i, track) in self.scene.tracks.iter().enumerate().filter(|(i, _)| !simulated[*i]) {
             let Some(now) = self.track_at(i, k) else { continue };
@@ -79,6 +100,7 @@ impl Plain<'_> {
                 adversary: None,
                 appears: k == 0 || self.track_at(i, k - 1).is_none(),
                 size: Size::new(track.kind, track.length_m, track.width_m),
+                axis: places[0].axis,
                 samples: between(&now, next.as_ref(), &places),
                 places,
             });
@@ -90,6 +112,7 @@ impl Plain<'_> {
                 adversary: actor.action,
                 appears: actor.born() == Some(k),
                 size: actor.size,
+                axis: actor.axis,
                 samples: between(now, actor.next.as_ref(), &actor.places),
                 places: actor.places,
             });
@@ -97,13 +120,11 @@ impl Plain<'_> {
         others
     }
 
-    fn throttles(&self, actors: &mut [Actor], others: &[Other], ego: &Sample, k: usize) {
+    fn throttles(&self, actors: &mut [Body<'_>], others: &[Other], ego: &Sample) {
         for actor in actors {
-            let (Mind::Path { born, index, along, speed_mps, throttle }, Some(now)) = (&mut actor.mind, &actor.now)
-            else {
+            let (Mind::Path { path, along, speed_mps, throttle, .. }, Some(now)) = (&mut actor.mind, &actor.now) else {
                 continue;
             };
-            let path = &self.plant.candidates[*born][*index].path;
             let mut seen: Vec<(Sample, Size)> =
                 others.iter().filter(|o| o.who != actor.who).map(|o| (o.samples[0], o.size)).collect();
             seen.push((*ego, self.plant.ego_size));
@@ -117,7 +138,17 @@ impl Plain<'_> {
             }
             let axis = Vec2::from_heading(now.heading_rad);
             *throttle = idm::throttle(*speed_mps, now.velocity, axis, idm::NORMAL_SPEED_KMPH, front.as_ref());
-            let _ = k;
+        }
+    }
+
+    /// Shows everyone who obeys a law what is around, before anybody moves.
+    fn look(&self, actors: &mut [Body<'_>], others: &[Other], ego: &EgoForecast, ego_s_m: f64, k: usize) {
+        let count = self.act.actions.len();
+        let around = Around { plant: self.plant, others, k, ego, ego_s_m, count };
+        for (index, actor) in actors.iter_mut().enumerate() {
+            if let (Mind::Law(obeying), Some(now)) = (&mut actor.mind, actor.now) {
+                obeying.look(&around, &Own { index, who: actor.who, size: actor.size, now, axis: actor.axis });
+            }
         }
     }
 
@@ -145,15 +176,13 @@ impl Plain<'_> {
         self.plant.drivable.distance_by_walk_m(point)
     }
 
-    /// The outcome but for its trace digest, which is taken over.
-    pub fn rollout(&self, trace: crate::kernel::Digest) -> Outcome {
+    /// The outcome but for its trace digest, which is taken over, and everyone at every step.
+    fn rollout(&self, trace: crate::kernel::Digest) -> (Outcome, Vec<Vec<Other>>) {
         let (plant, size) = (self.plant, self.plant.ego_size);
-        let mut actors = Vec::new();
-        adversaries(plant, self.act, &mut actors).unwrap();
+        let mut actors = Body::adversaries(plant, self.act);
         let count = actors.len();
         let mut simulated = vec![false; self.scene.tracks.len()];
-        for actor in &mut actors {
-            actor.place_first(plant, self.act);
+        for actor in &actors {
             if let ActorRef::Track(track) = actor.who {
                 simulated[track] = true;
             }
@@ -180,7 +209,9 @@ impl Plain<'_> {
             let Some((ego, moved)) = self.ego_step(&car, &now, k) else { break };
             let place = Place { position: now.position, axis };
             let forecast = EgoForecast { place, velocity: now.velocity, acceleration_mps2: acceleration, size };
-            self.throttles(&mut actors, &bare, &now, k);
+            self.throttles(&mut actors, &bare, &now);
+            set_off(&mut actors, self.act, &forecast);
+            self.look(&mut actors, &bare, &forecast, along.s_m, k);
             for actor in &mut actors {
                 actor.plan(plant, self.act, k, &forecast);
             }
@@ -189,7 +220,7 @@ impl Plain<'_> {
             let until = hit.map_or(SUBSTEPS, |h: Hit| h.substep);
             for own in others.iter().filter(|o| o.adversary.is_some()) {
                 let i = own.adversary.unwrap();
-                let from = first_change(&self.act.actions[i]).saturating_sub(plant.first_step());
+                let from = begins(&self.act.actions[i]).saturating_sub(plant.first_step());
                 let touches = |b: &Other, j: usize| own.size.at(own.places[j]).overlaps(&b.size.at(b.places[j]));
                 let rest = || others.iter().filter(|b| b.who != own.who && !self.overlapped(own.who, b.who));
                 acted[i] |= k >= from && self.differs(own.who, &own.samples[0], k);
@@ -285,14 +316,14 @@ impl Plain<'_> {
         }
         outcome.post_encroachment_s_min =
             if adversary_hit { Some(0.0) } else { encroachment.map(|lag| lag as f64 * DT_S) };
-        outcome
+        (outcome, rows)
     }
 
-    fn wake(&self, actors: &mut Vec<Actor>, simulated: &mut [bool], ego: &Sample, axis: Vec2, k: usize) {
+    fn wake<'p>(&'p self, actors: &mut Vec<Body<'p>>, simulated: &mut [bool], ego: &Sample, axis: Vec2, k: usize) {
         if self.replays || k >= self.plant.steps() {
             return;
         }
-        for (index, candidate) in self.plant.candidates[k].iter().enumerate() {
+        for candidate in &self.plant.candidates[k] {
             let track = self.plant.rows.track[candidate.row as usize] as usize;
             let sample = self.track_at(track, k).unwrap();
             let (delta, turn) = (
@@ -302,7 +333,7 @@ impl Plain<'_> {
             let behind = delta.dot(axis) < -1.0 && axis.cross(delta).abs() < 15.0;
             if behind && turn < crate::kernel::num::FRAC_PI_2 && !simulated[track] {
                 simulated[track] = true;
-                actors.push(Actor::reacting(self.plant, k, index));
+                actors.push(Body::reacting(self.plant, track, k, &candidate.path));
             }
         }
     }
@@ -346,6 +377,7 @@ impl Plain<'_> {
     fn adversary_size(&self, i: usize, rows: &[Vec<Other>], _count: usize) -> Size {
         match self.act.actions[i] {
             Action::Insert { kind, length_m, width_m, .. } => Size::new(kind, length_m, width_m),
+            Action::Triggered(ref script) => Size::new(script.kind, script.length_m, script.width_m),
             _ => rows.iter().flatten().find(|o| o.adversary == Some(i)).map_or(self.plant.ego_size, |o| o.size),
         }
     }
@@ -395,17 +427,15 @@ impl Plain<'_> {
         struck: Touched,
     ) -> AdversaryReport {
         let action = &self.act.actions[i];
-        let from = first_change(action).saturating_sub(self.plant.first_step());
+        let from = begins(action).saturating_sub(self.plant.first_step());
         let (actor, log) = match action {
-            Action::Triggered(_) => unreachable!("the plain simulator is compared without scripts"),
-            Action::Insert { .. } => {
-                let before = self.act.actions[..i].iter().filter(|a| matches!(a, Action::Insert { .. })).count();
-                (ActorRef::Inserted(before), None)
+            Action::Insert { .. } | Action::Triggered(_) => {
+                let adds = |action: &&Action| matches!(action, Action::Insert { .. } | Action::Triggered(_));
+                (ActorRef::Inserted(self.act.actions[..i].iter().filter(adds).count()), None)
             }
-            Action::FollowThenObey { .. } => unreachable!("the plain simulator is compared without laws"),
-            Action::Follow { track, .. } | Action::FollowThenReact { track, .. } => {
-                (ActorRef::Track(*track), Some(*track))
-            }
+            Action::Follow { track, .. }
+            | Action::FollowThenReact { track, .. }
+            | Action::FollowThenObey { track, .. } => (ActorRef::Track(*track), Some(*track)),
         };
         let mut meter = MotionMeter::default();
         let mut report = AdversaryReport {
@@ -530,98 +560,5 @@ impl Plain<'_> {
             (Some(at), Some(other)) => (0..=SUBSTEPS).any(|j| size(a).at(at[j]).overlaps(&size(b).at(other[j]))),
             _ => false,
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ego::Policy;
-    use crate::kernel::Seed;
-    use crate::sim::scenes::{crossing, intercept, sample};
-    use crate::sim::{Driver, View, rollout};
-
-    /// Remembers what another driver decides, and holds what it sees against everyone present.
-    struct Remembering {
-        inner: Box<dyn Driver>,
-        controls: Vec<Control>,
-    }
-
-    impl Driver for Remembering {
-        fn begin(&mut self, plant: &Plant) {
-            self.inner.begin(plant);
-        }
-
-        fn decide(&mut self, view: &View<'_>) -> Control {
-            let mut near = 0;
-            view.for_each_within(SIGHT_M, |_| near += 1);
-            let mut all = 0;
-            view.for_each_within(f64::INFINITY, |seen| {
-                all += usize::from((seen.position - view.ego().sample.position).norm_squared() <= SIGHT_M * SIGHT_M);
-            });
-            assert_eq!(near, all);
-            self.controls.push(self.inner.decide(view));
-            self.controls[self.controls.len() - 1]
-        }
-
-        fn follows_log(&self) -> bool {
-            self.inner.follows_log()
-        }
-    }
-
-    fn both(scene: &Scene, act: &Intervention, policy: &Policy) -> (Outcome, Outcome) {
-        let plant = Plant::new(scene).unwrap();
-        let mut driver = Remembering { inner: policy.driver(), controls: Vec::new() };
-        let fast = rollout(&plant, act, &mut driver).unwrap();
-        let replays = driver.follows_log();
-        let plain = Plain { scene, plant: &plant, act, controls: &driver.controls, replays };
-        let slow = plain.rollout(fast.trace);
-        (fast, slow)
-    }
-
-    /// Actions drawn around the ego, of all three forms.
-    fn drawn(scene: &Scene, seed: u64) -> Intervention {
-        let mut stream = Seed(seed).stream(&["drawn"]);
-        let mut act = if stream.chance(0.3) { Intervention::default() } else { intercept(scene, stream.below(30)) };
-        let from_step = stream.below(40);
-        let start = sample(stream.uniform(-20.0, 20.0), stream.uniform(-8.0, 8.0), stream.uniform(-3.0, 3.0), 6.0);
-        let samples: Vec<Sample> = (0..1 + stream.below(50))
-            .map(|k| Sample { position: start.position + start.velocity * (0.1 * k as f64), ..start })
-            .collect();
-        if stream.chance(0.4) {
-            let kind = crate::scene::AgentKind::Cyclist;
-            let length_m = stream.uniform(0.5, 5.0);
-            act.actions.push(Action::Insert { kind, length_m, width_m: 0.8, from_step, samples });
-        } else if stream.chance(0.7) {
-            let taken = |t: usize| act.actions.iter().any(|a| matches!(a, Action::Follow { track, .. } if *track == t));
-            if let Some(track) = (0..scene.tracks.len()).rfind(|&t| !taken(t)) {
-                let handover_step = from_step + stream.below(30);
-                act.actions.push(Action::FollowThenReact { track, from_step, samples, handover_step });
-            }
-        }
-        act
-    }
-
-    #[test]
-    fn the_fast_rollout_is_the_plain_one_bit_for_bit() {
-        let (mut contacts, mut ends) = (0, std::collections::BTreeSet::new());
-        for seed in 0..300 {
-            let mut scene = crossing(seed, 3 + (seed % 40) as usize, 91);
-            scene.ego.start_step = (seed % 3) as usize * 5;
-            match seed % 7 {
-                // A short route to arrive on, and one that leads away from the ego.
-                2 => scene.ego.route.truncate(20),
-                5 => scene.ego.route.iter_mut().enumerate().for_each(|(i, p)| p.y += 0.3 * i as f64),
-                _ => {}
-            }
-            let act = drawn(&scene, seed);
-            let policy = if seed % 4 == 0 { Policy::Replay } else { Policy::Idm };
-            let (fast, slow) = both(&scene, &act, &policy);
-            assert_eq!(fast, slow, "seed {seed}");
-            contacts += usize::from(fast.contact.is_some());
-            ends.insert(format!("{:?}", fast.end));
-        }
-        assert!(contacts > 50, "{contacts}");
-        assert_eq!(ends.len(), 4, "{ends:?}");
     }
 }

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::error::TableError;
-use super::key::{Reads, RowKey};
-use super::labels::{self, LineageLabels, Reading, Side};
+use super::key::{Reads, RowKey, Side};
+use super::labels::{self, LineageLabels, Reading};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, Part, REPLAY, Row, Table};
 use super::metadrive::{SCENES, SEEDS, quantity};
 use super::notes;

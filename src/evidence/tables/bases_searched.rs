@@ -4,7 +4,8 @@
 use super::ablations::{self as columns, ACTED_REALISM};
 use super::bases::Bases;
 use super::basis::{Basis, Combine, Leaf, Piece};
-use super::labels::{self, LineageLabels, Reading, Side};
+use super::key::Side;
+use super::labels::{self, LineageLabels, Reading};
 use super::layout::{Row, Table};
 use crate::objects::Attempt;
 

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use super::bootstrap::Search;
 use super::error::TableError;
-use super::key::{Reads, RowKey};
-use super::labels::{self, LineageLabels, Reading, ReplayLabels, Side};
+use super::key::{Reads, RowKey, Side};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels};
 use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::metadrive::{SCENES, SEEDS, estimated, quantity};
 use super::searches::searches;

@@ -1,7 +1,6 @@
 //! What a row of a table is about, beside how it is called. Whoever asks for the labels behind a number finds them by this key, so
 //! neither a label's wording nor the order of rows can lead to another row's labels.
 
-use super::labels::Side;
 use crate::objects::LineageId;
 
 /// A lineage, or an ego in scenes without a program, with the place of its run among those that the table was made from.
@@ -20,6 +19,17 @@ pub enum RowKey {
     Lineages { of: Vec<Of<LineageId>>, reads: Reads },
     /// Records that are not those of the runs, such as trainings.
     Elsewhere,
+}
+
+/// Which of a lineage's programs a number is read off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    Parent,
+    Evolved,
+    /// The best descendant; there is no number where a lineage has none.
+    Endpoint,
+    /// Evolved minus parent, on the scenes that count for both.
+    Change,
 }
 
 /// What of its lineages a row reads.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::PerScene;
 use super::error::TableError;
-use super::key::Of;
+use super::key::{Of, Side};
 use super::paper::{
     self,
     metadrive::{METHODS, Method},
@@ -155,17 +155,6 @@ pub struct LineageLabels {
     pub proposals: String,
     /// Where there is no gain: what stopped it.
     pub stopped: Option<String>,
-}
-
-/// Which of a lineage's programs a number is read off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    Parent,
-    Evolved,
-    /// The best descendant; there is no number where a lineage has none.
-    Endpoint,
-    /// Evolved minus parent, on the scenes that count for both.
-    Change,
 }
 
 impl LineageLabels {

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::error::TableError;
-use super::key::RowKey;
-use super::labels::{self, LineageLabels, Reading, ReplayLabels, Side};
+use super::key::{RowKey, Side};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::notes;
 use super::paper::{self, Figures, metadrive as printed};

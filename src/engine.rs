@@ -4,14 +4,18 @@
 //!
 //! A crate of its own, so that the compiler holds the wall: nothing here can reach a file format, a model or a command.
 
+#![forbid(unsafe_code)]
+
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod adapters;
 pub mod archive;
 pub mod backend;
 pub mod candidates;
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod compiler;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod ego;
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod evaluation;
 pub mod families;
 #[cfg_attr(not(test), warn(missing_docs))]
@@ -28,6 +32,7 @@ pub mod objects;
 pub mod scene;
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod search;
+#[cfg_attr(not(test), warn(missing_docs))]
 pub mod sim;
 pub mod stage;
 #[cfg_attr(not(test), warn(missing_docs))]

@@ -83,6 +83,8 @@
 //! - [`shard`]: missing work of a run as files that travel, and the union of their results.
 //! - [`experiment`]: reads, checks and resolves experiment files, their scenes and their models.
 
+#![forbid(unsafe_code)]
+
 #[doc(inline)]
 pub use evodrive_engine::{
     adapters, archive, backend, candidates, compiler, ego, evaluation, families, kernel, learn, lineage, memory,

@@ -1,5 +1,7 @@
 //! The `evodrive` binary: hands the arguments to the library and turns its verdict into an exit code.
 
+#![forbid(unsafe_code)]
+
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

@@ -4,6 +4,9 @@
 //! JSON in its tree (hostile values, fields gone, doubled or renamed, other nesting). `PROPTEST_CASES=20000 cargo test --release
 //! --test fuzz` draws more; a case that fails is printed, and belongs into `crashes` for ever.
 
+// An allocator that counts: `GlobalAlloc` is an unsafe trait.
+#![allow(unsafe_code)]
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::OnceLock;

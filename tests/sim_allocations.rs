@@ -1,6 +1,9 @@
 //! A rollout allocates its buffers once: a long one asks the allocator as often as a short one. A prepared scene keeps
 //! little beside the scene itself.
 
+// An allocator that counts: `GlobalAlloc` is an unsafe trait.
+#![allow(unsafe_code)]
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 

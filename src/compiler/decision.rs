@@ -10,6 +10,7 @@ use crate::sim::Intervention;
 /// A program made concrete for one scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compiled {
+    /// What was decided, as it is recorded.
     pub decision: Decision,
     /// Empty where the program does not apply: plain replay.
     pub intervention: Intervention,
@@ -18,6 +19,7 @@ pub struct Compiled {
 /// What a program decided in one scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Decision {
+    /// Whether the program does anything in this scene.
     pub applies: bool,
     /// Why it does not apply; empty where it does.
     pub reason: String,
@@ -40,14 +42,19 @@ pub struct ActorDecision {
     /// What was inserted; `None` for a track of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inserted: Option<AgentKind>,
+    /// The steps of the scene in which it follows its chosen motion.
     pub window: Window,
     /// How many candidates were left to choose from, and which was chosen.
     pub candidates: usize,
+    /// Place of the chosen one among them, from 0.
     pub chosen: usize,
+    /// What the choice made of it; its unit is that of the program's expression.
     pub score: f64,
+    /// Logarithm of its probability under the motion prior.
     pub prior_log_probability: f64,
     /// Length of the chosen path, metres, and speed at its end, m/s.
     pub path_m: f64,
+    /// Speed at the path's end, m/s.
     pub end_speed_mps: f64,
     /// Whether it obeys a law.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -60,8 +67,11 @@ pub struct ActorDecision {
 /// What a filter node did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterReport {
+    /// The filter's name in the program.
     pub node: String,
+    /// How many candidates came to it.
     pub before: usize,
+    /// How many it let through.
     pub after: usize,
     /// Where it refused every candidate: by how much the one that it handed back violates it, 1 = once the bound.
     #[serde(default, skip_serializing_if = "Option::is_none")]

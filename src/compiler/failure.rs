@@ -9,18 +9,31 @@ pub enum CompileFailure {
     /// The program breaks its family's contract.
     #[error("the program breaks its contract: {}", .0.join("; "))]
     Contract(Vec<String>),
+    /// The program has no canonical bytes, and so no name; the text says why.
     #[error("the program cannot be hashed: {0}")]
     Hash(String),
+    /// A node of the program, by its name, cannot do its work in this scene.
     #[error("node {node}: {source}")]
-    Node { node: String, source: StageError },
+    Node {
+        /// Its name in the program.
+        node: String,
+        /// What stood in its way.
+        source: StageError,
+    },
     /// Γ_map, Γ_dyn or Γ_api does not hold in this scene.
     #[error("scene {scene}, track {actor}, step {step}: constraint {constraint} needs {expected}, found {found}")]
     Constraint {
+        /// The scene's name.
         scene: String,
+        /// The constraint that does not hold.
         constraint: &'static str,
+        /// Whom it does not hold for: a track, or a place beyond the tracks for an inserted road user.
         actor: TrackIx,
+        /// The step of the scene.
         step: usize,
+        /// What was measured, with its unit.
         found: String,
+        /// What the constraint asks for.
         expected: &'static str,
     },
 }

@@ -32,19 +32,26 @@ const RESOLUTION: Feasibility = Feasibility {
 /// Scenes that give no calibration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
+    /// A quantile that bounds nothing.
     #[error("quantile is {0}, expected a number above 0.5 and below 1")]
     Quantile(f64),
     #[error(
         "{found} recorded road users move {MOVED_M_MIN} m or more within 2 s or longer, expected at least \
          {ROAD_USERS_MIN}; give more recorded scenes"
+    /// Too few moving road users for a quantile.
     )]
-    TooFew { found: usize },
+    TooFew {
+        /// How many road users of the scenes move so far.
+        found: usize,
+    },
 }
 
 /// What a recorded road user shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observed {
+    /// What sort of road user it is.
     pub kind: AgentKind,
+    /// What realism judges, over its whole recording.
     pub motion: Feasibility,
 }
 

@@ -15,17 +15,22 @@ use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
 /// What is labelled.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
+    /// The program's hash.
     pub program: Digest,
+    /// The driver under test.
     pub ego: &'a Policy,
     /// Digest of the simulator's options, and of the backend where that is another simulator.
     pub simulator: Digest,
+    /// Of every random draw of compiler and simulator.
     pub seed: Seed,
 }
 
 /// A scene by what its rollout's key needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneRef<'a> {
+    /// The scene's name.
     pub id: &'a str,
+    /// Of the scene's content.
     pub digest: Digest,
     /// Its group in SafeBench's protocol; `None` for a scene that is staged for no traffic family.
     pub group: Option<Group>,
@@ -40,14 +45,19 @@ pub type Labeller<'a> = dyn Fn(usize) -> Result<RolloutRecord, NoOutcome> + Sync
 /// No score.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluationError {
+    /// The records of rollouts cannot be used.
     #[error(transparent)]
     Cache(#[from] CacheError),
+    /// Not one scene has a label; the text is the reason of the first.
     #[error("no scene could be labelled; the first reason: {0}")]
     NoLabel(String),
+    /// A scene, by its name, belongs to no group of SafeBench's protocol.
     #[error("scene {0} belongs to no traffic family of SafeBench; its protocol needs [scenes] source = \"safebench\"")]
     Unstaged(String),
+    /// Whoever simulates cannot go on.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// A request has no canonical bytes, and so no key.
     #[error("the key of a rollout request cannot be computed: {0}")]
     Key(#[from] CanonError),
 }

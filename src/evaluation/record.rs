@@ -13,9 +13,13 @@ use crate::sim::{ActorRef, Outcome, SIM_VERSION};
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RolloutRecord {
+    /// The scene's name.
     pub scene: String,
+    /// Of the scene's content.
     pub scene_digest: Digest,
+    /// The program's hash.
     pub program: Digest,
+    /// The driver's name.
     pub ego: String,
     /// Whether the program intervened; where it did not, the outcome is plain replay.
     pub intervened: bool,
@@ -24,6 +28,7 @@ pub struct RolloutRecord {
     pub meets_anyway: Option<ActorRef>,
     /// The scene-level decision ω in the compiler's words, for people and audits.
     pub decision: Written,
+    /// What happened.
     pub outcome: Outcome,
 }
 
@@ -78,11 +83,25 @@ pub enum CacheError {
     /// What the store said; `evaluation` does not know stores.
     #[error(transparent)]
     Store(Box<dyn std::error::Error + Send + Sync>),
+    /// What is stored under a request cannot be read.
     #[error("stored rollout {key} is damaged: {reason}; run `evodrive fsck --read`")]
-    Damaged { key: Digest, reason: String },
+    Damaged {
+        /// Of the rollout's request.
+        key: Digest,
+        /// What is wrong with the bytes.
+        reason: String,
+    },
     #[error(
         "rollout {key} of scene {scene} came out differently than recorded: {difference}; if the simulator, the \
          compiler or a family was changed, raise its version and record again"
+    /// A request that was recorded before has another outcome now.
     )]
-    Diverged { key: Digest, scene: String, difference: String },
+    Diverged {
+        /// Of the rollout's request.
+        key: Digest,
+        /// The scene's name.
+        scene: String,
+        /// The first place at which both differ.
+        difference: String,
+    },
 }

@@ -23,6 +23,7 @@ pub struct Playing<'a> {
     pub simulator: &'a SimulatorOptions,
     /// Who simulates.
     pub backend: Backend<'a>,
+    /// Of every random draw of the simulator.
     pub seed: Seed,
     /// Those of the MetaDrive protocol judge the recorded traffic; SafeBench's score the empty program.
     pub evaluation: &'a EvaluationOptions,

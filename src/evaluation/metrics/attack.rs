@@ -36,8 +36,10 @@ struct WrittenOptions {
 /// `[evaluation.attack]` that defines no label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AttackOptionsError {
+    /// A class of contact that is named in both lists, or twice in one.
     #[error("evaluation.attack names {0} twice; name a class once, in `counts` or in `counts_if_avoidable`")]
     Twice(&'static str),
+    /// No class of contact is named.
     #[error("evaluation.attack counts no class, so no program could ever attack; name at least one")]
     Nothing,
 }

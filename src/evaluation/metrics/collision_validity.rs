@@ -3,8 +3,10 @@
 
 use crate::sim::AdversaryReport;
 
+/// Its name in weights, scores and tables.
 pub const NAME: &str = "collision_validity";
 
+/// 1 or 0.
 pub fn diagnostic(report: &AdversaryReport) -> f64 {
     if report.struck_bystander { 0.0 } else { 1.0 }
 }

@@ -7,8 +7,10 @@
 use super::limits::Limits;
 use crate::sim::AdversaryReport;
 
+/// Its name in weights, scores and tables.
 pub const NAME: &str = "trajectory_continuity";
 
+/// The smallest of the three, each 1 within its limit and 0 one tolerance beyond it.
 pub fn diagnostic(report: &AdversaryReport, limits: &Limits) -> f64 {
     let jump = limits.jump_m.diagnostic(report, |motion| motion.jump_m);
     let kink = limits.kink_m.diagnostic(report, |motion| motion.kink_m);

@@ -34,17 +34,26 @@ pub struct Limits {
     pub road_users: usize,
     /// Whether the kind had too few, so that all kinds together stand in for it.
     pub pooled: bool,
+    /// How far a corner of the box leaves the drivable area, metres.
     pub off_road_m: Limit,
+    /// Driven against the direction of every lane, metres.
     pub wrong_way_m: Limit,
+    /// Level of the filtered acceleration, m/s².
     pub acceleration_mps2: Limit,
+    /// Level of the filtered jerk, m/s³.
     pub jerk_mps3: Limit,
+    /// Level of the filtered velocity across the heading, m/s.
     pub slip_mps: Limit,
+    /// A step that the velocities at its ends do not explain, metres.
     pub jump_m: Limit,
+    /// A step that the step before it does not explain, metres.
     pub kink_m: Limit,
+    /// What the filter takes away, metres.
     pub roughness_m: Limit,
 }
 
 impl Limits {
+    /// All of them with their names, in the order of the fields.
     pub fn by_name(&self) -> [(&'static str, Limit); 8] {
         [
             ("off_road_m", self.off_road_m),
@@ -67,9 +76,13 @@ pub struct Calibration {
     pub quantile: f64,
     /// Digests of the recorded pools, and how many scenes they hold in all.
     pub pools: Vec<Digest>,
+    /// How many scenes these pools hold together.
     pub scenes: usize,
+    /// Of cars, lorries, buses and motorcycles.
     pub vehicle: Limits,
+    /// Of cyclists.
     pub cyclist: Limits,
+    /// Of people on foot.
     pub pedestrian: Limits,
     /// Barriers, cones, parked or unknown things.
     #[serde(rename = "static")]
@@ -77,6 +90,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// The limits of one kind of road user.
     pub fn of(&self, kind: AgentKind) -> &Limits {
         match kind {
             AgentKind::Vehicle => &self.vehicle,
@@ -86,6 +100,7 @@ impl Calibration {
         }
     }
 
+    /// All of them with the names of their kinds.
     pub fn by_kind(&self) -> [(&'static str, &Limits); 4] {
         [
             ("vehicle", &self.vehicle),

@@ -29,9 +29,11 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, try_from = "WrittenOptions")]
 pub enum EvaluationOptions {
+    /// The MetaDrive protocol: success and realism, scene by scene.
     Metadrive(MetadriveOptions),
     /// Scenes must be staged for SafeBench's traffic families.
     Safebench {
+        /// The table `[evaluation.safebench]`.
         safebench: safebench::SafebenchOptions,
     },
 }
@@ -40,7 +42,9 @@ pub enum EvaluationOptions {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MetadriveOptions {
+    /// Which contacts are a success.
     pub attack: AttackOptions,
+    /// What a plausible motion is.
     pub realism: RealismOptions,
     /// Quantities of the experiment's own, measured in every scene beside the objectives: name -> expression over the outcome. They are
     /// shown to agents and readers and decide nothing.
@@ -80,17 +84,21 @@ pub enum ProtocolError {
     #[error(
         "[evaluation.{0}] is read by the MetaDrive protocol only, and [evaluation.safebench] asks for SafeBench's; \
          remove one of the two"
+    /// A table of the MetaDrive protocol beside that of SafeBench.
     )]
     Unread(&'static str),
     #[error(
         "[evaluation.{0}] is missing; the MetaDrive protocol needs [evaluation.attack] and [evaluation.realism], \
          SafeBench's needs [evaluation.safebench] alone"
+    /// A table that the MetaDrive protocol needs.
     )]
     Missing(&'static str),
+    /// An own metric whose name cannot head a column.
     #[error(
         "evaluation.metrics.{0} is not a valid name of a metric; expected lower-case letters, digits and _, a letter first, at most 40 characters"
     )]
     MetricName(String),
+    /// More own metrics than a prompt has room for.
     #[error("[evaluation.metrics] has {0} metrics; expected at most 8, because each adds a column to every prompt")]
     Metrics(usize),
 }

@@ -19,15 +19,25 @@ const DIAGNOSTICS: usize = 10;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
+    /// Of leaving the drivable area.
     pub map_validity: f64,
+    /// Of driving against lanes.
     pub lane_direction: f64,
+    /// Of the recorded way that is not driven.
     pub route_completion: f64,
+    /// Of overlapping somebody at the beginning.
     pub initial_non_overlap: f64,
+    /// Of touching somebody who moves, the ego aside.
     pub collision_validity: f64,
+    /// Of driving through what stands.
     pub parked_obstacles: f64,
+    /// Of places that make no one motion.
     pub trajectory_continuity: f64,
+    /// Of accelerations beyond those of recorded traffic.
     pub bounded_acceleration: f64,
+    /// Of jerks beyond those of recorded traffic.
     pub bounded_jerk: f64,
+    /// Of sliding sideways.
     pub bounded_slip: f64,
 }
 
@@ -35,6 +45,7 @@ pub struct Weights {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RealismOptions {
+    /// How much each diagnostic counts.
     pub weights: Weights,
     /// In a file: the table itself, `evodrive:recorded`, or the path of a file that `evodrive calibrate` wrote.
     pub calibration: Box<Calibration>,
@@ -44,8 +55,11 @@ pub struct RealismOptions {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("evaluation.realism.{place} is {found}, expected {expected}")]
 pub struct OptionsError {
+    /// The key below `[evaluation.realism]`.
     pub place: String,
+    /// Its value.
     pub found: f64,
+    /// What it must be.
     pub expected: &'static str,
 }
 

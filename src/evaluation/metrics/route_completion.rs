@@ -6,6 +6,7 @@
 use super::soft;
 use crate::sim::AdversaryReport;
 
+/// Its name in weights, scores and tables.
 pub const NAME: &str = "route_completion";
 
 /// Violation `1 - completion` with tolerance 1.

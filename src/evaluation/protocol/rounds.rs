@@ -11,8 +11,11 @@ use crate::objects::{LineageId, Objectives, SolutionId};
 /// A scene's run in its group.
 #[derive(Clone, Debug)]
 pub struct StagedRun {
+    /// The scene's name.
     pub scene: String,
+    /// The scene's family and route.
     pub group: Group,
+    /// What was measured.
     pub run: SafebenchRun,
     /// Whether the program acts in the scene; where it does not, the run is nobody's.
     pub acted: bool,

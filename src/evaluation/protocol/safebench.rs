@@ -28,9 +28,11 @@ impl SafebenchRun {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SafebenchScore {
+    /// How many runs the scores rest on.
     pub runs: usize,
     /// Scenes that could not be run; they count as invalid.
     pub failures: usize,
+    /// SafeBench's sub-metrics.
     pub criteria: Criteria,
     /// CR, 0..=1.
     pub collision_rate: f64,
@@ -93,20 +95,27 @@ pub struct Table {
     pub families: BTreeMap<TrafficFamily, SafebenchScore>,
     /// Means over the families that have a run.
     pub collision_rate: f64,
+    /// OS, 0..=1.
     pub overall_score: f64,
+    /// ARS of the runs that the program acts in, 0..=1.
     pub realism: f64,
+    /// ARS of all runs, 0..=1.
     pub realism_all: f64,
+    /// Share of the runs that the program acts in, 0..=1.
     pub coverage: f64,
+    /// Share of those that are valid, 0..=1.
     pub valid_rate: f64,
     /// CR (1 - OS) of the two means: the paper's tables give 0.631 (1 - 0.589), no mean of products.
     pub attack: f64,
 }
 
 impl Runs {
+    /// One more run of a group.
     pub fn add(&mut self, group: Group, run: SafebenchRun) {
         self.0.entry(group).or_default().0.push(run);
     }
 
+    /// One more scene of a group that could not be run.
     pub fn add_failure(&mut self, group: Group) {
         self.0.entry(group).or_default().1 += 1;
     }

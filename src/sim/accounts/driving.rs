@@ -49,6 +49,7 @@ pub struct Driving {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActorConduct {
+    /// What sort of road user it is.
     pub kind: AgentKind,
     /// Whether it ever moved.
     pub moved: bool,

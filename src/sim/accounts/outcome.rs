@@ -13,6 +13,7 @@ use crate::sim::road_users::intervention::ActorRef;
 /// The labels of one closed-loop rollout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
+    /// How the rollout ended.
     pub end: End,
     /// Decision steps simulated (0.1 s each).
     pub steps: usize,
@@ -28,7 +29,9 @@ pub struct Outcome {
     pub route_completion: f64,
     /// Largest lateral distance of the ego from its route, metres.
     pub ego_lateral_m_max: f64,
+    /// The ego's motion, over all steps.
     pub ego: Motion,
+    /// One report an adversary, in the order of the intervention's actions.
     pub adversaries: Vec<AdversaryReport>,
     /// Digest of the full trace: two rollouts with one trace digest are the same rollout.
     pub trace: Digest,
@@ -37,23 +40,30 @@ pub struct Outcome {
     pub driving: Option<Driving>,
 }
 
+/// How a rollout ends; what comes first counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum End {
+    /// The ego touched somebody or something.
     Contact,
+    /// The ego left its route: by 4 m to the side, in a staged scene by SafeBench's rule.
     OffRoad,
+    /// The ego came to the end of its route.
     Arrived,
+    /// The scene's last step was simulated, or a replayed recording ended.
     Horizon,
 }
 
 /// The ego's first contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
+    /// Whom the ego touched.
     pub with: ActorRef,
     /// Whether `with` is one of the intervention's adversaries.
     pub adversary: bool,
     /// Since the first simulated step, s.
     pub time_s: f64,
+    /// Norm of the difference of both velocities at the moment of contact, m/s.
     pub relative_speed_mps: f64,
     /// Direction of the other's motion relative to the ego's heading, (-π, π].
     pub impact_angle_rad: f64,
@@ -63,6 +73,7 @@ pub struct Contact {
     pub ego_side: Side,
     /// The side of the other that was touched, seen from the other.
     pub other_side: Side,
+    /// The manner of the collision.
     pub class: ContactClass,
     /// How long before the contact the ego could see it coming, s; `None` if it never could, or was not asked for.
     pub visible_s: Option<f64>,
@@ -71,35 +82,50 @@ pub struct Contact {
     pub avoidable: Option<bool>,
 }
 
+/// Who ran into whom: each one's velocity is measured along the normal of the touch, towards the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Striker {
+    /// Only the ego moved towards the other.
     Ego,
+    /// Only the other moved towards the ego.
     Other,
+    /// Each moved towards the other, or neither did.
     Both,
 }
 
 /// Motion statistics over the simulated steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
+    /// Mean over time of the speed, m/s.
     pub speed_mps_mean: f64,
+    /// Largest speed, m/s.
     pub speed_mps_max: f64,
+    /// Largest increase of speed, m/s²; at least 0.
     pub acceleration_mps2_max: f64,
+    /// Largest decrease of speed, m/s², as a positive number.
     pub deceleration_mps2_max: f64,
+    /// Largest absolute product of speed and yaw rate, m/s².
     pub lateral_acceleration_mps2_max: f64,
+    /// Largest absolute change of the acceleration along the motion, m/s³.
     pub jerk_mps3_max: f64,
+    /// Largest absolute rate of turning, rad/s.
     pub yaw_rate_radps_max: f64,
+    /// Length of the way, metres.
     pub distance_m: f64,
 }
 
 /// What realism is judged by, for one adversary, over the steps up to the end of the rollout.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AdversaryReport {
+    /// Which road user of the rollout this is.
     pub actor: ActorRef,
+    /// What sort of road user it is.
     pub kind: AgentKind,
     /// Whether its motion differs from what replay shows: it was somewhere else by more than [`ACTED_M`] at a step, or
     /// was there when its recording is not.
     pub acted: bool,
+    /// Its motion from the first step of the intervention on.
     pub motion: Motion,
     /// From the first step of the intervention on.
     pub simulated: Feasibility,
@@ -133,15 +159,22 @@ impl Outcome {
 pub struct Trace {
     /// First simulated step of the scene.
     pub from_step: usize,
+    /// The ego, one sample a decision step; where it touched somebody within a step, that moment is the last.
     pub ego: Vec<Sample>,
+    /// Everybody else: all tracks of the scene in their order, then those that the intervention added.
     pub actors: Vec<ActorTrace>,
 }
 
+/// The motion of one road user beside the ego.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ActorTrace {
+    /// Which road user this is.
     pub actor: ActorRef,
+    /// Length of its box, metres.
     pub length_m: f64,
+    /// Width of its box, metres.
     pub width_m: f64,
+    /// Whether it is one of the intervention's adversaries.
     pub adversary: bool,
     /// As long as `Trace::ego`.
     pub samples: Vec<Option<Sample>>,

@@ -19,9 +19,13 @@ pub const CUT_OFF_HZ: f64 = 0.83;
 /// The fitted motion at the centre of a window, SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Smoothed {
+    /// Metres, in the scene's frame.
     pub position: Vec2,
+    /// First derivative of the fitted cubic, m/s.
     pub velocity: Vec2,
+    /// Its second derivative, m/s².
     pub acceleration: Vec2,
+    /// Its third derivative, m/s³.
     pub jerk: Vec2,
 }
 

@@ -54,6 +54,7 @@ pub enum ContactClass {
 }
 
 impl ContactClass {
+    /// Every class, in the order of tables.
     pub const ALL: [ContactClass; 8] = [
         ContactClass::EgoStrikes,
         ContactClass::EgoSideswipes,

@@ -50,10 +50,12 @@ pub struct Footprints {
 }
 
 impl Footprints {
+    /// None yet, with room for so many decision steps.
     pub fn with_room(steps: usize) -> Footprints {
         Footprints { places: Vec::with_capacity(steps), step_m_max: 0.0 }
     }
 
+    /// Adds the place at the next decision step; `None` while it is not there.
     pub fn push(&mut self, place: Option<Place>) {
         if let Some(&last) = self.places.last() {
             let step = match (last, place) {

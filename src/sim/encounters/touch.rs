@@ -11,9 +11,13 @@ const APPROACH_MPS: f64 = 1e-9;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
+    /// The edge ahead.
     Front,
+    /// The edge behind.
     Rear,
+    /// The flank to the left, seen from the road user.
     Left,
+    /// The flank to the right, seen from the road user.
     Right,
 }
 

@@ -11,14 +11,18 @@ pub const SUBSTEPS: usize = 5;
 /// Kind and footprint of a road user.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Size {
+    /// What sort of road user it is.
     pub kind: AgentKind,
+    /// Half of the box along its heading, metres.
     pub half_length_m: f64,
+    /// Half of the box across it, metres.
     pub half_width_m: f64,
     /// Radius of the circle that holds the box, metres.
     pub radius_m: f64,
 }
 
 impl Size {
+    /// From the whole length and width, metres.
     pub fn new(kind: AgentKind, length_m: f64, width_m: f64) -> Size {
         let (half_length_m, half_width_m) = (0.5 * length_m, 0.5 * width_m);
         let radius_m = (half_length_m * half_length_m + half_width_m * half_width_m).sqrt();
@@ -39,11 +43,14 @@ impl Size {
 /// Position and unit heading vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
+    /// The centre of the box, metres.
     pub position: Vec2,
+    /// Where it points, of length 1.
     pub axis: Vec2,
 }
 
 impl Place {
+    /// The place of a sample.
     pub fn of(sample: &Sample) -> Place {
         Place { position: sample.position, axis: Vec2::from_heading(sample.heading_rad) }
     }

@@ -10,7 +10,9 @@ use crate::kernel::{Digest, canon::CanonError};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatorOptions {
+    /// The law of motion: what cars can do, and how traffic behaves.
     pub plant: PlantOptions,
+    /// When a contact counts as avoidable.
     pub avoidance: AvoidanceOptions,
 }
 
@@ -87,8 +89,12 @@ impl AvoidanceOptions {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("simulator.{place} is {found}, expected {low} to {high}; correct the experiment file")]
 pub struct SimulatorOptionsError {
+    /// The key below `[simulator]`.
     pub place: &'static str,
+    /// Its value.
     pub found: f64,
+    /// The lowest value that is allowed.
     pub low: f64,
+    /// The highest value that is allowed.
     pub high: f64,
 }

@@ -81,10 +81,12 @@ impl Path {
         self
     }
 
+    /// The corners of its line, at least two, metres.
     pub fn points(&self) -> &[Vec2] {
         &self.points
     }
 
+    /// From its first point to its last, metres.
     pub fn length_m(&self) -> f64 {
         self.lengths[self.lengths.len() - 1]
     }

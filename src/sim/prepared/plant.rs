@@ -144,6 +144,7 @@ impl Plant {
         &self.prepared.lanes
     }
 
+    /// The scene's name.
     pub fn scene_id(&self) -> &str {
         &self.prepared.scene.id
     }

@@ -17,9 +17,13 @@ pub struct PlantOptions {
     pub full_brake_mps2: f64,
     /// Largest lateral acceleration the tyres hold, m/s².
     pub grip_mps2: f64,
+    /// What a bend costs in speed.
     pub cornering_loss: CorneringLoss,
+    /// How fast traffic is that turns reactive.
     pub follower_start: FollowerStart,
+    /// What drivers by IDM take for an obstacle.
     pub obstacle: Obstacle,
+    /// How large the ego is.
     pub ego_box: EgoBox,
 }
 

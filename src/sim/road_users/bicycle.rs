@@ -10,7 +10,9 @@ use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS};
 /// What a car can do at most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
+    /// Largest angle of the front wheels to either side, radians.
     pub steering_rad: f64,
+    /// Top speed, m/s.
     pub speed_mps: f64,
     /// Full throttle, m/s².
     pub engine_mps2: f64,
@@ -20,6 +22,7 @@ pub struct Limits {
     pub brake_mps2: f64,
     /// Largest lateral acceleration the tyres hold, m/s²; beyond it the car understeers.
     pub grip_mps2: f64,
+    /// What a bend costs in speed.
     pub cornering_loss: CorneringLoss,
 }
 
@@ -35,7 +38,10 @@ pub enum CorneringLoss {
         cornering_coefficient: f64,
     },
     /// This share of `|v yaw rate| sin |δ|`: what a fit to MetaDrive at full throttle gives.
-    Steering { share: f64 },
+    Steering {
+        /// The share, 0 to 2.
+        share: f64,
+    },
 }
 
 /// A car of MetaDrive's default size on tyres that hold 0.9 g: steering 40°, 80 km/h, four wheels of 759 N on 1100 kg
@@ -61,9 +67,13 @@ const REAR_SHARE: f64 = 1.4166 / 4.515;
 /// A car in motion. It never drives backwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Car {
+    /// The centre of its box, metres.
     pub position: Vec2,
+    /// Where it points, (-π, π].
     pub heading_rad: f64,
+    /// The same as a vector of length 1.
     pub axis: Vec2,
+    /// Speed of the centre, m/s; at least 0.
     pub speed_mps: f64,
     /// Direction of motion of the centre: the axis turned by the slip angle.
     pub course: Vec2,
@@ -86,10 +96,12 @@ impl Car {
         }
     }
 
+    /// Its pose and velocity as a sample; the velocity points along the course.
     pub fn sample(&self) -> Sample {
         Sample { position: self.position, heading_rad: self.heading_rad, velocity: self.course * self.speed_mps }
     }
 
+    /// Its centre and axis.
     pub fn place(&self) -> Place {
         Place { position: self.position, axis: self.axis }
     }

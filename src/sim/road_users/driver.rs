@@ -13,6 +13,7 @@ use super::others::Others;
 
 /// A driver of the ego. One instance drives one rollout at a time; `begin` resets it.
 pub trait Driver {
+    /// A rollout of this scene begins: whatever was remembered of another one is forgotten.
     fn begin(&mut self, plant: &Plant);
 
     /// Asked once a decision step (0.1 s).
@@ -32,7 +33,12 @@ pub trait Driver {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Control {
     /// Drive; both are clamped to the car's limits. Steering is positive to the left.
-    Drive { acceleration_mps2: f64, steering_rad: f64 },
+    Drive {
+        /// Along the heading, m/s²; negative brakes.
+        acceleration_mps2: f64,
+        /// Angle of the front wheels, radians.
+        steering_rad: f64,
+    },
     /// Be where the recording was.
     FollowLog,
 }
@@ -40,14 +46,17 @@ pub enum Control {
 /// The ego as it is now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EgoState {
+    /// Position, heading and velocity.
     pub sample: Sample,
     /// Unit heading vector.
     pub axis: Vec2,
+    /// Norm of the velocity, m/s.
     pub speed_mps: f64,
     /// Steering of the last decision, radians.
     pub steering_rad: f64,
     /// Change of speed over the last decision step, m/s².
     pub acceleration_mps2: f64,
+    /// Its box.
     pub size: Size,
     /// Place along the route.
     pub along: Along,
@@ -56,10 +65,15 @@ pub struct EgoState {
 /// Another road user as the ego sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
+    /// Which road user it is.
     pub actor: ActorRef,
+    /// The centre of its box, metres.
     pub position: Vec2,
+    /// Where it points, of length 1.
     pub axis: Vec2,
+    /// In the scene's frame, m/s.
     pub velocity: Vec2,
+    /// Its box.
     pub size: Size,
 }
 
@@ -82,10 +96,12 @@ impl View<'_> {
         self.plant.first_step() + self.k
     }
 
+    /// The ego at this step.
     pub fn ego(&self) -> &EgoState {
         self.ego
     }
 
+    /// The path that the ego is to drive.
     pub fn route(&self) -> &Path {
         self.plant.route()
     }

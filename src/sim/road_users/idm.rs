@@ -16,10 +16,15 @@ use super::bicycle::Limits;
 
 /// Constants of the law (MetaDrive `IDMPolicy` and `TrajectoryIDMPolicy`).
 pub const DISTANCE_WANTED_M: f64 = 10.0;
+/// Wanted time to whoever is ahead; it is multiplied by a speed in km/h, see above.
 pub const TIME_WANTED: f64 = 1.5;
+/// How sharply the free acceleration falls off as the wanted speed comes near.
 pub const EXPONENT: u32 = 10;
+/// The law's acceleration, as a throttle.
 pub const ACCELERATION_FACTOR: f64 = 1.0;
+/// The law's comfortable deceleration, as a throttle.
 pub const DECELERATION_FACTOR: f64 = 5.0;
+/// Wanted speed of reactive traffic, and of the ego where its scene gives none, km/h.
 pub const NORMAL_SPEED_KMPH: f64 = 40.0;
 /// Farther objects are not seen, metres from centre to centre.
 pub const SIGHT_M: f64 = 20.0;
@@ -35,6 +40,7 @@ const KMPH: f64 = 3.6;
 pub struct Front {
     /// Along the path from centre to centre, metres; positive.
     pub gap_m: f64,
+    /// Of whoever is ahead, m/s.
     pub velocity: Vec2,
 }
 

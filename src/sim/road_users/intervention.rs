@@ -10,6 +10,7 @@ use crate::scene::{AgentKind, Sample, TrackIx};
 /// Everything that is done to a scene in one rollout. Empty means plain log replay.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Intervention {
+    /// One a road user; their order is that of the adversaries everywhere.
     pub actions: Vec<Action>,
 }
 
@@ -19,15 +20,51 @@ pub struct Intervention {
 pub enum Action {
     /// An existing track follows `samples` from `from_step` on (`samples[0]` lies at `from_step`); when they end
     /// it keeps its last velocity.
-    Follow { track: TrackIx, from_step: usize, samples: Vec<Sample> },
+    Follow {
+        /// The track, by its position in the scene.
+        track: TrackIx,
+        /// Step of the scene.
+        from_step: usize,
+        /// One a decision step, at least one.
+        samples: Vec<Sample>,
+    },
     /// A new road user appears at `from_step` and follows `samples`; it leaves when they end.
-    Insert { kind: AgentKind, length_m: f64, width_m: f64, from_step: usize, samples: Vec<Sample> },
+    Insert {
+        /// What sort of road user it is.
+        kind: AgentKind,
+        /// Length of its box, metres, above 0 and at most 100.
+        length_m: f64,
+        /// Width of its box, metres, likewise.
+        width_m: f64,
+        /// Step of the scene.
+        from_step: usize,
+        /// One a decision step, at least one.
+        samples: Vec<Sample>,
+    },
     /// An existing track follows `samples` from `from_step`, then at `handover_step` turns reactive: every second it
     /// takes the motion primitive that brings it nearest to the ego (SEAL's skills).
-    FollowThenReact { track: TrackIx, from_step: usize, samples: Vec<Sample>, handover_step: usize },
+    FollowThenReact {
+        /// The track, by its position in the scene.
+        track: TrackIx,
+        /// Step of the scene.
+        from_step: usize,
+        /// One a decision step, at least one.
+        samples: Vec<Sample>,
+        /// Step of the scene, from `from_step` to the last.
+        handover_step: usize,
+    },
     /// An existing track follows `samples` from `from_step` until its law takes over; from then on it obeys the law along
     /// the path of the samples.
-    FollowThenObey { track: TrackIx, from_step: usize, samples: Vec<Sample>, law: Law },
+    FollowThenObey {
+        /// The track, by its position in the scene.
+        track: TrackIx,
+        /// Step of the scene.
+        from_step: usize,
+        /// One a decision step, at least one.
+        samples: Vec<Sample>,
+        /// What it does from its onset on.
+        law: Law,
+    },
     /// A new road user stands somewhere from the first step on and does what its script says once the ego comes near
     /// (SafeBench's actors).
     Triggered(Script),
@@ -37,6 +74,7 @@ pub enum Action {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ActorRef {
+    /// A track of the scene, by its position.
     Track(TrackIx),
     /// Position among the intervention's inserted road users.
     Inserted(usize),

@@ -37,27 +37,49 @@ pub struct Law {
 /// What an adversary observes at a decision step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Observed {
+    /// Time since the law took over, s; 0 before.
     SinceOnset,
+    /// Its own speed, m/s.
     OwnSpeed,
+    /// Left of the path of its samples, metres.
     OwnPathLeft,
+    /// To the left of the centre of the nearest lane of its direction, metres; 0 where none is near.
     OwnLaneOffset,
+    /// How far its outermost corner is off the road, metres.
     OwnOffRoad,
+    /// How far the road goes on beside its left flank, metres, in steps of 0.5 and at most 5.
     RoadLeft,
+    /// The same beside its right flank.
     RoadRight,
+    /// What it takes to have the speed of its samples one step later, m/s².
     PlannedAcceleration,
+    /// Distance box to box to the ego, metres.
     SeenGap,
+    /// How fast the ego's centre comes nearer, m/s.
     SeenClosing,
+    /// Time to collision with the ego at constant velocities, s; at most [`NEVER_S`].
     SeenTtc,
+    /// The ego's speed, m/s.
     SeenEgoSpeed,
+    /// Change of the ego's speed over its last step, m/s².
     SeenEgoAcceleration,
+    /// The ego's heading relative to its own, radians, (-π, π].
     SeenEgoHeading,
+    /// How far ahead of it the ego's centre is, metres; negative behind.
     SeenEgoAhead,
+    /// How far to its left the ego's centre is, metres.
     SeenEgoLeft,
+    /// The ego's way along its route to where both paths meet, metres; [`NO_CONFLICT_M`] where they never do.
     EgoToConflict,
+    /// Its own way along its path to that place, metres; [`NO_CONFLICT_M`] likewise.
     OwnToConflict,
+    /// Distance box to box to the nearest of all others but the ego, metres; at most [`FAR_M`].
     OthersGap,
+    /// The same among those that are in its way ahead.
     OthersAheadGap,
+    /// Which of the adversaries it is, from 0.
     AdversaryIndex,
+    /// How many adversaries there are.
     AdversaryCount,
 }
 

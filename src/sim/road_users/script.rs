@@ -23,11 +23,15 @@ const RADIUS_M_MIN: f64 = 3.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
+    /// What sort of road user it is; someone on foot walks, everybody else drives a bicycle model.
     pub kind: AgentKind,
+    /// Length of its box, metres, above 0 and at most 100.
     pub length_m: f64,
+    /// Width of its box, metres, likewise.
     pub width_m: f64,
     /// Where it stands from the first simulated step on.
     pub spawn: Pose,
+    /// What sets it off.
     pub trigger: Trigger,
     /// Empty for what is parked.
     pub phases: Vec<Phase>,
@@ -50,7 +54,9 @@ pub struct Trigger {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Phase {
+    /// How fast.
     pub speed: Speed,
+    /// Where to.
     pub way: Way,
     /// Share of full throttle, 0..=1; not used on foot.
     pub throttle: f64,
@@ -71,22 +77,28 @@ impl Phase {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Speed {
+    /// The same all the time.
     Constant {
+        /// m/s, 0 to 1000.
         mps: f64,
     },
     /// One value a decision step of the phase, the last repeated (AdvSim's 100 values).
     Profile {
+        /// m/s, 1 to 10 000 values.
         mps: Vec<f64>,
     },
     /// The ego's, at most this.
     MatchEgo {
+        /// m/s.
         mps_max: f64,
     },
     /// So that both reach the crossing of their ways at once: own lateral distance to the ego's line times the ego's
     /// speed over the ego's distance along it, within bounds (ChatScene's `CrossingBehavior`); the upper bound once the
     /// ego has passed.
     Intercept {
+        /// m/s.
         mps_min: f64,
+        /// m/s.
         mps_max: f64,
     },
 }
@@ -98,39 +110,63 @@ pub enum Way {
     /// Wheels straight.
     Straight,
     /// Steering angles, radians to the left, one a decision step of the phase, the last repeated. Straight on foot.
-    Wheel { rad: Vec<f64> },
+    Wheel {
+        /// Radians, 1 to 10 000 values, cut to what the wheels can do.
+        rad: Vec<f64>,
+    },
     /// Steers at one point a decision step of the phase, the last repeated (the AT port's 100 perturbed waypoints).
-    Points { points: Vec<Vec2> },
+    Points {
+        /// In the scene's frame, metres, 1 to 10 000.
+        points: Vec<Vec2>,
+    },
     /// Follows a path by pure pursuit; on foot exactly, from where it is nearest.
-    Path { points: Vec<Vec2> },
+    Path {
+        /// In the scene's frame, metres, 1 to 10 000.
+        points: Vec<Vec2>,
+    },
     /// Moves sideways while it goes on: by `left_m` (negative: to the right) over the next `over_m` metres along the
     /// heading that it has when the phase begins, then parallel to its old line. A lane change, a cut-in or, over a long
     /// way, a drift.
-    Shift { left_m: f64, over_m: f64 },
+    Shift {
+        /// Metres to the left, at most 1000 to either side.
+        left_m: f64,
+        /// Metres along the heading, 1 to 1000.
+        over_m: f64,
+    },
     /// Turns by `left_rad` (negative: to the right) on an arc of `radius_m`, then goes straight on; on foot at once. An
     /// abrupt turn, or a crossing at an angle.
-    Turn { left_rad: f64, radius_m: f64 },
+    Turn {
+        /// Radians to the left, at most half a turn to either side.
+        left_rad: f64,
+        /// Metres, 3 to 1000; not used on foot.
+        radius_m: f64,
+    },
 }
 
 /// When a phase is over.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Until {
+    /// It lasts until the rollout ends.
     Forever,
     /// It has gone this far since it was set off, metres (SafeBench's stop rules).
     Driven {
+        /// Metres, at least 0.
         m: f64,
     },
     /// The ego is nearer than this, centre to centre, metres.
     EgoWithin {
+        /// Metres, at least 0.
         m: f64,
     },
     /// Its centre is nearer than this to the ego's route, metres (ChatScene's `distance from self to egoTrajectory`).
     NearRoute {
+        /// Metres, at least 0.
         m: f64,
     },
     /// The phase has lasted this long, s.
     Lasted {
+        /// Seconds, at least 0.
         s: f64,
     },
 }

@@ -25,15 +25,21 @@ const STEERING_RAD: f64 = 0.15;
 /// A motion primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Skill {
+    /// Wheels straight, speed kept.
     Hold,
+    /// 2 m/s² of braking.
     BrakeMildly,
+    /// 6 m/s² of braking.
     BrakeHard,
+    /// 2 m/s² more.
     Accelerate,
     /// Half a sine of steering: leaves with another heading.
     SwerveLeft,
+    /// The same to the right.
     SwerveRight,
     /// A whole sine of steering: leaves beside its old line with the old heading.
     CutInLeft,
+    /// The same to the right.
     CutInRight,
 }
 
@@ -71,10 +77,13 @@ impl Skill {
 /// The ego as an adversary predicts it: straight on with its present acceleration, never backwards.
 #[derive(Clone, Copy, Debug)]
 pub struct EgoForecast {
+    /// Where it is now.
     pub place: Place,
+    /// In the scene's frame, m/s.
     pub velocity: Vec2,
     /// Along the velocity, m/s².
     pub acceleration_mps2: f64,
+    /// Its box.
     pub size: Size,
 }
 

@@ -47,8 +47,10 @@ pub enum Part {
 }
 
 impl Part {
+    /// Every part, in the order in which a step comes to them.
     pub const ALL: [Part; 6] = [Part::Setup, Part::Traffic, Part::Ego, Part::Motion, Part::Contact, Part::Statistics];
 
+    /// As in the tables of `bench sim`.
     pub fn name(self) -> &'static str {
         match self {
             Part::Setup => "setup",

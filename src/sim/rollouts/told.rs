@@ -16,7 +16,9 @@ use crate::sim::road_users::intervention::{Action, ActorRef, Intervention};
 /// from the other rounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
+    /// Position, heading and velocity.
     pub sample: Sample,
+    /// Where it points, of length 1.
     pub axis: Vec2,
 }
 
@@ -35,7 +37,9 @@ impl Pose {
 /// moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Told {
+    /// How the rollout ended.
     pub end: End,
+    /// The ego's first contact; something exactly where `end` says so.
     pub contact: Option<ToldContact>,
     /// One a row.
     pub ego: Vec<Pose>,
@@ -47,6 +51,7 @@ pub struct Told {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ToldContact {
+    /// Whom the ego touched.
     pub with: ActorRef,
     /// The decision step in which they touched, from 0.
     pub step: usize,
@@ -57,6 +62,7 @@ pub struct ToldContact {
 /// A road user that does not follow its recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToldActor {
+    /// Which road user it is.
     pub who: ActorRef,
     /// Its first row; before that it follows its recording. 0 for adversaries.
     pub from_step: usize,
@@ -93,8 +99,17 @@ pub fn commands(plant: &Plant, intervention: &Intervention) -> Vec<Vec<Option<Sa
 /// A told motion that cannot be that of a rollout of the scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ToldError {
+    /// Our own simulator refuses the scene or the intervention.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// Something in the told motion, at the named place of it, is not what it must be.
     #[error("{place}: expected {expected}, found {found}")]
-    Motion { place: String, expected: String, found: String },
+    Motion {
+        /// Which part of the told motion.
+        place: String,
+        /// What can be there.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
 }

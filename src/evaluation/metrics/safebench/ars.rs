@@ -39,6 +39,7 @@ pub struct BoundedOptions {
     pub tolerance: f64,
 }
 
+/// Bounds of the kinematic sub-score.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KinematicsOptions {
@@ -50,6 +51,7 @@ pub struct KinematicsOptions {
     pub jerk: BoundedOptions,
 }
 
+/// Bounds of the sub-score of road and lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MapOptions {
@@ -59,6 +61,7 @@ pub struct MapOptions {
     pub wrong_way_tolerance_m: f64,
 }
 
+/// Bounds of the sub-score of the meeting with the ego.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InteractionOptions {
@@ -68,6 +71,7 @@ pub struct InteractionOptions {
     pub approach: BoundedOptions,
 }
 
+/// Bounds of the sub-score of distances and jumps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DistanceOptions {
@@ -93,10 +97,15 @@ pub struct ValidityOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArsOptions {
+    /// Accelerations and jerk.
     pub kinematics: KinematicsOptions,
+    /// Road and lanes.
     pub map: MapOptions,
+    /// The meeting with the ego.
     pub interaction: InteractionOptions,
+    /// Gaps and jumps.
     pub distance: DistanceOptions,
+    /// Which runs are valid at all.
     pub validity: ValidityOptions,
 }
 
@@ -104,7 +113,9 @@ pub struct ArsOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ars {
+    /// The weighted mean of the sub-scores, 0..=1.
     pub ars: f64,
+    /// Share of the runs that are valid, 0..=1; scenes that could not be run count as invalid.
     pub valid_rate: f64,
     /// Means over the runs in which the program acted; 0 where there is none.
     pub sub_scores: [f64; 4],

@@ -19,6 +19,7 @@ pub use overall::{Criteria, criteria};
 pub struct SafebenchOptions {
     /// Scenes that balanced selection keeps per group of family and route; at least 1.
     pub selected_per_group: usize,
+    /// What the realism score rests on.
     pub ars: ArsOptions,
 }
 

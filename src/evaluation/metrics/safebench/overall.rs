@@ -44,6 +44,7 @@ pub struct Criteria {
     pub collision_rate: f64,
     /// RL and SS: mean counts.
     pub red_lights: f64,
+    /// Stop signs passed without standing still.
     pub stop_signs: f64,
     /// OR: mean metres.
     pub off_road_m: f64,

@@ -6,9 +6,8 @@ use similar::TextDiff;
 use std::collections::BTreeSet;
 
 use super::{
-    expr,
     patch::{EDITABLE_SURFACE, ProgramPatch},
-    program::Program,
+    program::{Program, normalised_modules, normalised_policy},
 };
 
 /// Lines around a change that are shown with it.
@@ -66,8 +65,8 @@ pub fn program_text(program: &Program) -> String {
         source_family: &program.source_family,
         parameters: &program.parameters,
         operator_graph: &program.operator_graph,
-        scenario_conditioned_policy: expr::normalised_policy(&program.scenario_conditioned_policy),
-        mechanism_modules: expr::normalised_modules(&program.mechanism_modules),
+        scenario_conditioned_policy: normalised_policy(&program.scenario_conditioned_policy),
+        mechanism_modules: normalised_modules(&program.mechanism_modules),
         compile_contract: &program.compile_contract,
     };
     match serde_json::to_string_pretty(&shown) {

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+use super::expr;
 use super::ids::{FamilyName, LineageId, SolutionId};
 use crate::kernel::{Digest, canon::CanonError};
 
@@ -120,16 +121,6 @@ pub struct PolicyRule {
     pub operators: BTreeMap<String, BTreeMap<String, Setting>>,
 }
 
-/// What a mechanism's expression gives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ValueType {
-    /// A number.
-    Number,
-    /// True or false.
-    Boolean,
-}
-
 /// One module of H: a declarative mechanism in the expression language.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -203,8 +194,8 @@ impl Program {
             &self.source_family,
             &self.parameters,
             &self.operator_graph,
-            super::expr::normalised_policy(&self.scenario_conditioned_policy),
-            super::expr::normalised_modules(&self.mechanism_modules),
+            normalised_policy(&self.scenario_conditioned_policy),
+            normalised_modules(&self.mechanism_modules),
             &self.compile_contract,
         );
         Digest::of("evodrive/program/1", &content)
@@ -221,4 +212,22 @@ impl Program {
             ..self.clone()
         }
     }
+}
+
+/// Modules with their expressions in canonical text; one that does not parse keeps its own text.
+pub fn normalised_modules(modules: &BTreeMap<String, MechanismModule>) -> BTreeMap<String, MechanismModule> {
+    let mut modules = modules.clone();
+    for module in modules.values_mut() {
+        module.expression = expr::canonical_text(&module.expression);
+    }
+    modules
+}
+
+/// Rules with their conditions in canonical text; one that does not parse keeps its own text.
+pub fn normalised_policy(rules: &[PolicyRule]) -> Vec<PolicyRule> {
+    let mut rules = rules.to_vec();
+    for rule in &mut rules {
+        rule.when = expr::canonical_text(&rule.when);
+    }
+    rules
 }

@@ -7,10 +7,10 @@ mod road_users;
 mod rollouts;
 
 pub use accounts::{
-    ACTED_M, ActorConduct, ActorTrace, AdversaryReport, Contact, Driving, End, Feasibility, Motion, Outcome, Striker,
-    Trace, driving, feasibility, outcome, smooth,
+    ACTED_M, ActorConduct, ActorTrace, AdversaryReport, Contact, Driving, End, Feasibility, Motion, Outcome, Trace,
+    driving, feasibility, outcome, smooth,
 };
-pub use encounters::{ContactClass, Side, assess, gaps, meeting, rollout_assessed};
+pub use encounters::{ContactClass, Side, Striker, assess, gaps, meeting, rollout_assessed};
 pub use prepared::{
     Along, AvoidanceOptions, EgoBox, FollowerStart, Obstacle, Path, Plant, PlantOptions, SimError, SimulatorOptions,
     SimulatorOptionsError, Size, body, drivable, error, options, path, plant, plant_options,

@@ -7,6 +7,7 @@ mod file;
 mod fsck;
 mod index;
 mod lines;
+mod memo_kind;
 mod objects;
 mod pack;
 mod text;
@@ -22,6 +23,7 @@ pub use file::{
 };
 pub use fsck::{FsckReport, fsck};
 pub use lines::{LINE_BYTES_MAX, Line, batch, next_line, too_large};
-pub use objects::{MemoKind, Opening, Store};
+pub use memo_kind::MemoKind;
+pub use objects::{Opening, Store};
 pub use text::{TextFault, TextLines, UNPACKED_FREE, UNPACKED_PER_BYTE, read_text, text_lines, write_text};
 pub use transcript::{Event, SEALED, Transcript, each_event, each_event_on, fsck_transcript, read_events};

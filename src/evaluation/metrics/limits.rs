@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::soft;
+use super::soft::soft;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::scene::AgentKind;
 use crate::sim::{AdversaryReport, Feasibility};

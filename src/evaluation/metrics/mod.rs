@@ -14,6 +14,7 @@ pub mod realism;
 pub mod route_completion;
 pub mod safebench;
 pub mod slip;
+pub mod soft;
 pub mod wrong_way;
 
 pub use attack::{AttackOptions, AttackOptionsError, PublishedReadings};
@@ -136,12 +137,6 @@ impl TryFrom<WrittenOptions> for EvaluationOptions {
     }
 }
 
-/// `1 - min(v / ρ, 1)`: a soft diagnostic of a non-negative violation `v` with tolerance scale ρ, same unit (paper eq.
-/// app-metadrive-realism-score).
-pub fn soft(violation: f64, tolerance: f64) -> f64 {
-    1.0 - (violation.max(0.0) / tolerance).min(1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -162,10 +157,5 @@ mod tests {
         let nine: Vec<String> = (0..=METRICS_MAX).map(|k| format!("m{k}")).collect();
         let nine: Vec<&str> = nine.iter().map(String::as_str).collect();
         assert!(matches!(named(&nine), Err(ProtocolError::Metrics(9))) && named(&nine[1..]).is_ok());
-    }
-
-    #[test]
-    fn a_soft_diagnostic_falls_linearly_to_zero_at_its_tolerance() {
-        assert_eq!([soft(0.0, 2.0), soft(0.5, 2.0), soft(2.0, 2.0), soft(9.0, 2.0)], [1.0, 0.75, 0.0, 0.0]);
     }
 }

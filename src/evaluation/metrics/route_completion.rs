@@ -3,7 +3,7 @@
 //! completion among the checks without a formula; the recorded way is the only route that is known of another road user.
 //! One without such a way, as an inserted one, completes it.
 
-use super::soft;
+use super::soft::soft;
 use crate::sim::AdversaryReport;
 
 /// Its name in weights, scores and tables.

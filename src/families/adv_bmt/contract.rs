@@ -1,6 +1,6 @@
 //! What a program of the family may contain, and its parent.
 
-use super::{INSERTED_ACTOR, NAME, REJECTION, REVERSE_TOKENS};
+use super::words::{INSERTED_ACTOR, NAME, REJECTION, REVERSE_TOKENS};
 use crate::adapters::{Family, OperatorSpec};
 use crate::families::grammar::{self, choice, integer, number, optional, parameter, required, slot};
 use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};

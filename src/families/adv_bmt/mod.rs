@@ -8,8 +8,10 @@
 
 pub mod contract;
 pub mod reverse;
+mod words;
 
 pub use contract::family;
+pub use words::{INSERTED_ACTOR, NAME, REJECTION, REVERSE_TOKENS};
 
 use self::reverse::{Imposed, Preference, Reverse};
 use crate::kernel::{Stream, Vec2, num};
@@ -19,15 +21,6 @@ use crate::motion::token_grid::Nucleus;
 use crate::scene::{AgentKind, DT_S, Sample, TrackIx};
 use crate::stage::judged::Judged;
 use crate::stage::{Part, Settings, Situation, Source, Stage, StageError};
-
-/// The family's name in programs, experiments and tables.
-pub const NAME: &str = "adv_bmt";
-/// Actor operator: a road user that was not there.
-pub const INSERTED_ACTOR: &str = "inserted_actor";
-/// Motion operator: backward rollouts over tokens.
-pub const REVERSE_TOKENS: &str = "reverse_tokens";
-/// Search operator: rejection by displacement and curvature.
-pub const REJECTION: &str = "plausibility_rejection";
 
 /// Shortest way to the collision that is used, steps.
 const STEPS_MIN: usize = 10;

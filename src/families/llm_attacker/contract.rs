@@ -1,6 +1,6 @@
 //! What a program of the family may contain, and its parent.
 
-use super::{ATTACKER_POOL, ATTACKER_PRIOR, COUNSEL_RANK, COUNSEL_WEIGHT, DELIBERATION, NAME, PRIOR};
+use super::words::{ATTACKER_POOL, ATTACKER_PRIOR, COUNSEL_RANK, COUNSEL_WEIGHT, DELIBERATION, NAME, PRIOR};
 use crate::adapters::{Family, Feature, OperatorSpec, ParameterSpec, vocabulary};
 use crate::families::grammar::{self, choice, from_parameter, integer, number, optional, parameter, required, slot};
 use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};

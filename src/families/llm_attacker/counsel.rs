@@ -2,8 +2,9 @@
 //! out, and what went wrong with one. Who is asked, and when, is not known here.
 
 use super::deliberation::reaches;
+use super::promise::{known, promise, time_to_collision_s, weights};
 use super::reflection::{evaluate, timing};
-use super::{COUNSEL_WEIGHT, PRIOR, known, promise, time_to_collision_s, weights};
+use super::words::{COUNSEL_WEIGHT, PRIOR};
 use crate::families::prior;
 use crate::kernel::num;
 use crate::motion::Window;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::COUNSEL_WEIGHT;
 use super::reflection::{Evaluation, evaluate, mean_speed_mps, timing};
+use super::words::COUNSEL_WEIGHT;
 use crate::motion::Candidate;
 use crate::objects::Counsel;
 use crate::objects::counsel::Failure;

@@ -13,39 +13,21 @@
 pub mod contract;
 pub mod counsel;
 pub mod deliberation;
+mod promise;
 pub mod reflection;
+mod words;
 
 pub use contract::family;
 
+use self::promise::{known, promise, weights};
+use self::words::{COUNSEL_WEIGHT, PRIOR};
 use super::prior;
-use crate::kernel::num;
 use crate::scene::TrackIx;
 use crate::stage::actors::ActorFacts;
 use crate::stage::{AskCounsel, Asks, Part, Settings, Source, Stage, StageError};
 
 pub use deliberation::search;
-
-/// The family's name in programs, experiments and tables.
-pub const NAME: &str = "llm_attacker";
-/// Actor operator: vehicles that may attack, most promising first.
-pub const ATTACKER_POOL: &str = "attacker_pool";
-/// Motion operator: candidates of the lane-graph prior for each of them.
-pub const ATTACKER_PRIOR: &str = "attacker_prior";
-/// Search operator: propose, evaluate, reflect.
-pub const DELIBERATION: &str = "attacker_deliberation";
-/// Feature: place among the advised attackers, from 1; 0 for a vehicle that is not advised.
-pub const COUNSEL_RANK: &str = "counsel_rank";
-/// Parameter: what being advised is worth.
-const COUNSEL_WEIGHT: &str = "counsel_weight";
-/// Prefix of the prior's words in this family.
-const PRIOR: &str = "attacker_";
-
-/// Weights of the first proposal's score.
-const WEIGHTS: [&str; 5] =
-    ["urgency_weight", "nearness_weight", "conflict_weight", "lane_relation_weight", "behind_weight"];
-/// Time scale of the urgency, s, and length scale of the nearness, metres.
-const URGENCY_S: f64 = 3.0;
-const NEARNESS_M: f64 = 20.0;
+pub use words::{ATTACKER_POOL, ATTACKER_PRIOR, COUNSEL_RANK, DELIBERATION, NAME};
 
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {
@@ -88,38 +70,6 @@ pub fn pool(stage: &Stage<'_>, settings: &Settings) -> Result<Vec<TrackIx>, Stag
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
     ranked.truncate(size.max(1));
     Ok(ranked.into_iter().map(|(track, _)| track).collect())
-}
-
-/// Vehicles that may attack, in the scene's order.
-fn known<'s>(stage: &Stage<'s>) -> impl Iterator<Item = (TrackIx, &'s ActorFacts)> + use<'s> {
-    stage.situation.actors.iter().enumerate().filter_map(|(track, facts)| Some((track, facts.as_ref()?)))
-}
-
-fn weights(settings: &Settings) -> Result<[f64; WEIGHTS.len()], StageError> {
-    let mut weights = [0.0; WEIGHTS.len()];
-    for (weight, name) in weights.iter_mut().zip(WEIGHTS) {
-        *weight = settings.number(name)?;
-    }
-    Ok(weights)
-}
-
-/// e^(-TTC/3) + 0.7 e^(-d/20) + 0.5 conflict + 0.3 same or adjacent lane - 0.5 behind, with the program's weights.
-fn promise(facts: &ActorFacts, [urgency, nearness, conflict, lane, behind]: &[f64; WEIGHTS.len()]) -> f64 {
-    let value = |name: &str| facts.value(name).unwrap_or(0.0);
-    let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
-    let collision_s = time_to_collision_s(facts).unwrap_or(f64::INFINITY);
-    let beside = value("same_lane") != 0.0 || value("adjacent_lane") != 0.0;
-    urgency * num::exp(-collision_s / URGENCY_S)
-        + nearness * num::exp(-value("gap_m") / NEARNESS_M)
-        + conflict * value("paths_cross")
-        + lane * flag(beside)
-        - behind * value("behind")
-}
-
-/// Gap over closing speed; `None` where the distance does not shrink.
-fn time_to_collision_s(facts: &ActorFacts) -> Option<f64> {
-    let closing_mps = facts.value("closing_speed_mps").filter(|mps| *mps > 0.1)?;
-    Some(facts.value("gap_m")? / closing_mps)
 }
 
 /// Candidates of the lane-graph prior for every vehicle of the pool.

@@ -6,7 +6,7 @@ use super::*;
 use crate::ego;
 use crate::families::sources;
 use crate::families::tests::{built, worlds};
-use crate::kernel::Seed;
+use crate::kernel::{Seed, num};
 use crate::objects::counsel::Vehicle;
 use crate::objects::{Counsel, FamilyName, MechanismModule, MechanismRef, ParameterValue, Program, Setting, ValueType};
 use crate::sim;

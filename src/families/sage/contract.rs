@@ -1,7 +1,7 @@
 //! What a program of the family may contain, and its parent.
 
 use super::experts::Experts;
-use super::{MIXED_EXPERTS, NAME, PREFERENCE_REWARD, PRIOR};
+use super::words::{MIXED_EXPERTS, NAME, PREFERENCE_REWARD, PRIOR};
 use crate::adapters::{Family, OperatorSpec};
 use crate::families::grammar::{self, choice, integer, number, optional, parameter, required, slot};
 use crate::families::interface::{self, FamilySpec, OwnParameter, own, word};

@@ -11,25 +11,19 @@ pub mod contract;
 pub mod experts;
 pub mod measure;
 pub mod training;
+mod words;
 
 pub use contract::family;
+pub use words::{MIXED_EXPERTS, NAME, PREFERENCE_REWARD};
 
 use self::experts::Experts;
 use self::measure::Measured;
+use self::words::PRIOR;
 use super::prior;
 use crate::motion::Window;
 use crate::motion::motion_prior::{self, Goals, PriorOptions};
 use crate::stage::judged::Judged;
 use crate::stage::{Part, Settings, Source, Stage, StageError};
-
-/// The family's name in programs, experiments and tables.
-pub const NAME: &str = "sage";
-/// Motion operator: candidates of the mixed expert.
-pub const MIXED_EXPERTS: &str = "mixed_experts";
-/// Search operator: the reward with its weights.
-pub const PREFERENCE_REWARD: &str = "preference_reward";
-/// Prefix of the prior's words in this family.
-const PRIOR: &str = "reference_";
 
 /// The family as it is registered: what it declares, and the code that carries it out.
 pub fn source() -> Source {

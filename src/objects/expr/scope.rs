@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::objects::program::ValueType;
+use crate::objects::value_type::ValueType;
 
 /// Names in the order in which their values are passed to `Compiled`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

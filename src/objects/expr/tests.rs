@@ -6,7 +6,7 @@ use super::{
     tree::{Column, Function, Infix, Kind, Node, Prefix},
     *,
 };
-use crate::objects::program::ValueType;
+use crate::objects::value_type::ValueType;
 
 fn scope() -> Scope {
     let number = ["gap_m", "closing_speed_mps", "actor_speed_mps"].map(|name| (name, ValueType::Number));

@@ -2,15 +2,16 @@
 //! own closed loop, or another simulator whose motion is told.
 
 use crate::scene::DT_S;
-use crate::sim::encounters::contact::Mover;
 use crate::sim::encounters::gaps::Footprints;
+use crate::sim::encounters::hit::Mover;
 use crate::sim::prepared::body::Place;
 use crate::sim::prepared::plant::Plant;
 use crate::sim::rollouts::closed_loop::{ClosedLoop, EgoStep};
 
 use super::driving::DrivingMeter;
+use super::end::End;
 use super::motion::MotionMeter;
-use super::outcome::{Contact, End, Outcome};
+use super::outcome::{Contact, Outcome};
 use super::trace_digest::TraceDigest;
 use super::watch::{Nearness, Watched};
 

@@ -2,6 +2,7 @@
 
 pub(super) mod account;
 pub mod driving;
+pub(super) mod end;
 pub mod feasibility;
 pub(super) mod motion;
 pub mod outcome;
@@ -11,5 +12,6 @@ mod trace_digest;
 mod watch;
 
 pub use driving::{ActorConduct, Driving};
+pub use end::End;
 pub use feasibility::Feasibility;
-pub use outcome::{ACTED_M, ActorTrace, AdversaryReport, Contact, End, Motion, Outcome, Striker, Trace};
+pub use outcome::{ACTED_M, ActorTrace, AdversaryReport, Contact, Motion, Outcome, Trace};

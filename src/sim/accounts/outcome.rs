@@ -3,11 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::driving::Driving;
+use super::end::End;
 use super::feasibility::Feasibility;
 use crate::kernel::Digest;
 use crate::scene::{AgentKind, Sample};
 use crate::sim::encounters::class::ContactClass;
-use crate::sim::encounters::touch::Side;
+use crate::sim::encounters::touch::{Side, Striker};
 use crate::sim::road_users::intervention::ActorRef;
 
 /// The labels of one closed-loop rollout.
@@ -40,20 +41,6 @@ pub struct Outcome {
     pub driving: Option<Driving>,
 }
 
-/// How a rollout ends; what comes first counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum End {
-    /// The ego touched somebody or something.
-    Contact,
-    /// The ego left its route: by 4 m to the side, in a staged scene by SafeBench's rule.
-    OffRoad,
-    /// The ego came to the end of its route.
-    Arrived,
-    /// The scene's last step was simulated, or a replayed recording ended.
-    Horizon,
-}
-
 /// The ego's first contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
@@ -80,18 +67,6 @@ pub struct Contact {
     /// Whether braking or swerving would have avoided it ([`assess`](crate::sim::assess)); `None` where that was not asked
     /// for: contacts with anyone but an adversary, and rollouts of searches.
     pub avoidable: Option<bool>,
-}
-
-/// Who ran into whom: each one's velocity is measured along the normal of the touch, towards the other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Striker {
-    /// Only the ego moved towards the other.
-    Ego,
-    /// Only the other moved towards the ego.
-    Other,
-    /// Each moved towards the other, or neither did.
-    Both,
 }
 
 /// Motion statistics over the simulated steps.

@@ -5,18 +5,16 @@
 use serde::{Deserialize, Serialize};
 
 use crate::kernel::{OrientedBox, Vec2};
-use crate::sim::accounts::outcome::Striker;
 use crate::sim::prepared::body::{Place, Size};
 use crate::sim::prepared::path::Along;
 use crate::sim::prepared::plant::Plant;
+use crate::sim::road_users::actors::CUT_IN_STEPS;
 use crate::sim::road_users::intervention::ActorRef;
 use crate::sim::road_users::others::Others;
 
-use super::contact::Hit;
-use super::touch::Side;
+use super::hit::Hit;
+use super::touch::{Side, Striker};
 
-/// Who was outside the ego's path this long before the contact has cut in, decision steps (2 s).
-pub const CUT_IN_STEPS: usize = 20;
 /// The ego's path is as wide as the ego and this much on either side, metres (the intrusion at which UN Regulation 157,
 /// 5.2.5.2, begins to count a cut-in).
 pub const PATH_CLEARANCE_M: f64 = 0.3;

@@ -2,42 +2,18 @@
 
 use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::Sample;
-use crate::sim::accounts::outcome::{Contact, Striker};
+use crate::sim::accounts::outcome::Contact;
 use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS, Size, sample_during};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::intervention::ActorRef;
 use crate::sim::road_users::others::Others;
 
 use super::class::{Before, Encounter, classify};
-use super::touch::{Side, contact_normal};
-
-/// The places of a road user through one decision step, the first at its beginning.
-pub(in crate::sim) type Swept = [Place; SUBSTEPS + 1];
+use super::hit::{Hit, Mover, Swept};
+use super::touch::{Side, Striker, contact_normal};
 
 /// Slower approach than this is no strike, m/s.
 const STRIKE_MPS: f64 = 0.5;
-
-/// Someone through one decision step.
-#[derive(Clone, Copy)]
-pub(in crate::sim) struct Mover<'a> {
-    pub size: &'a Size,
-    pub path: &'a Swept,
-    /// Radius of the box plus the way it takes.
-    pub reach_m: f64,
-}
-
-/// The first contact of the ego in a step.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::sim) struct Hit {
-    pub substep: usize,
-    pub with: ActorRef,
-    pub adversary: bool,
-    /// Whether it follows its recording.
-    pub replayed: bool,
-    pub size: Size,
-    pub place: Place,
-    pub velocity: Vec2,
-}
 
 /// First physics step of the k-th step up to `until` at which `mover` touches the road user of a row.
 pub(super) fn touches_row(mover: &Mover<'_>, plant: &Plant, k: usize, row: usize, until: usize) -> Option<usize> {

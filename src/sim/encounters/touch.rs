@@ -7,6 +7,18 @@ use crate::kernel::{OrientedBox, Vec2};
 /// Slower than this along a separating axis is no approach along it, m/s.
 const APPROACH_MPS: f64 = 1e-9;
 
+/// Who ran into whom: each one's velocity is measured along the normal of the touch, towards the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Striker {
+    /// Only the ego moved towards the other.
+    Ego,
+    /// Only the other moved towards the ego.
+    Other,
+    /// Each moved towards the other, or neither did.
+    Both,
+}
+
 /// A side of a road user's box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -3,8 +3,7 @@
 use crate::kernel::{Vec2, num};
 use crate::scene::{DT_S, Sample, TrackIx};
 use crate::sim::SimError;
-use crate::sim::encounters::class::CUT_IN_STEPS;
-use crate::sim::encounters::contact::Mover;
+use crate::sim::encounters::hit::Mover;
 use crate::sim::prepared::body::{Place, SUBSTEPS, Size, coasting, sample_during};
 use crate::sim::prepared::path::{Along, Path};
 use crate::sim::prepared::plant::{Plant, sample_is_sound, size_is_sound};
@@ -16,6 +15,10 @@ use super::intervention::{Action, ActorRef, Intervention};
 use super::obedience::Obedience;
 use super::skills::{self, EgoForecast, SKILL_STEPS, Skill};
 use super::triggered::{Moved, Play, standing};
+
+/// Who was outside the ego's path this long before the contact has cut in, decision steps (2 s): so far back
+/// places are kept.
+pub const CUT_IN_STEPS: usize = 20;
 
 /// How a simulated road user finds its next pose.
 #[derive(Clone, Debug)]

@@ -2,14 +2,14 @@
 
 use crate::kernel::Vec2;
 use crate::scene::{LightState, Sample};
-use crate::sim::accounts::outcome::End;
+use crate::sim::accounts::end::End;
 use crate::sim::prepared::body::Size;
 use crate::sim::prepared::path::{Along, Path};
 use crate::sim::prepared::plant::Plant;
 
 use super::idm::{self, Front, SIGHT_M};
 use super::intervention::ActorRef;
-use super::others::Others;
+use super::others::{Others, Seen};
 
 /// A driver of the ego. One instance drives one rollout at a time; `begin` resets it.
 pub trait Driver {
@@ -60,21 +60,6 @@ pub struct EgoState {
     pub size: Size,
     /// Place along the route.
     pub along: Along,
-}
-
-/// Another road user as the ego sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
-    /// Which road user it is.
-    pub actor: ActorRef,
-    /// The centre of its box, metres.
-    pub position: Vec2,
-    /// Where it points, of length 1.
-    pub axis: Vec2,
-    /// In the scene's frame, m/s.
-    pub velocity: Vec2,
-    /// Its box.
-    pub size: Size,
 }
 
 /// The world at one decision step, as a driver may see it.

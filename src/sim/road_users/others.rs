@@ -6,7 +6,6 @@ use crate::sim::prepared::plant::Plant;
 use crate::sim::prepared::rows::Rows;
 
 use super::actors::Actor;
-use super::driver::Seen;
 use super::intervention::ActorRef;
 
 /// The buffers of a rollout; reused, so that a step allocates nothing.
@@ -16,6 +15,21 @@ pub struct Others {
     pub(in crate::sim) actors: Vec<Actor>,
     /// Tracks that are simulated: their recorded rows are passed over.
     pub(in crate::sim) simulated: Vec<bool>,
+}
+
+/// Another road user as the ego sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Which road user it is.
+    pub actor: ActorRef,
+    /// The centre of its box, metres.
+    pub position: Vec2,
+    /// Where it points, of length 1.
+    pub axis: Vec2,
+    /// In the scene's frame, m/s.
+    pub velocity: Vec2,
+    /// Its box.
+    pub size: Size,
 }
 
 /// Someone near a place; the velocity of a recorded road user lies in the scene and is fetched when it is asked for.

@@ -9,9 +9,11 @@
 use crate::scene::Sample;
 use crate::sim::SimError;
 use crate::sim::accounts::account::Account;
-use crate::sim::accounts::outcome::{Contact, End, Outcome, Trace};
+use crate::sim::accounts::end::End;
+use crate::sim::accounts::outcome::{Contact, Outcome, Trace};
 use crate::sim::encounters::avoidance::{Relived, assess_relived};
-use crate::sim::encounters::contact::{Hit, Swept, row_during};
+use crate::sim::encounters::contact::row_during;
+use crate::sim::encounters::hit::{Hit, Swept};
 use crate::sim::prepared::body::{SUBSTEPS, Size};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::{Actor, Mind};

@@ -3,8 +3,9 @@
 use crate::scene::DT_S;
 use crate::sim::SimError;
 use crate::sim::accounts::account::Account;
-use crate::sim::accounts::outcome::{Contact, End, Outcome, Trace};
-use crate::sim::encounters::contact::Hit;
+use crate::sim::accounts::end::End;
+use crate::sim::accounts::outcome::{Contact, Outcome, Trace};
+use crate::sim::encounters::hit::Hit;
 use crate::sim::prepared::body::SUBSTEPS;
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::driver::Driver;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::kernel::Vec2;
 use crate::scene::Sample;
 use crate::sim::SimError;
-use crate::sim::accounts::outcome::End;
+use crate::sim::accounts::end::End;
 use crate::sim::prepared::body::Place;
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::scripted;

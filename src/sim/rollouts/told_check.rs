@@ -1,7 +1,7 @@
 //! What a told motion must be before it is judged: the first thing that cannot be one of a rollout of the scene is named.
 
 use crate::kernel::num;
-use crate::sim::accounts::outcome::End;
+use crate::sim::accounts::end::End;
 use crate::sim::prepared::body::SUBSTEPS;
 use crate::sim::prepared::plant::{Plant, sample_is_sound};
 use crate::sim::road_users::actors::scripted;

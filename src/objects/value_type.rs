@@ -1,0 +1,13 @@
+//! The types of the expression language.
+
+use serde::{Deserialize, Serialize};
+
+/// What a mechanism's expression gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ValueType {
+    /// A number.
+    Number,
+    /// True or false.
+    Boolean,
+}

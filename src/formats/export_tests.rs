@@ -184,7 +184,7 @@ fn scenarionet_json_gives_back_every_scene() {
         assert_eq!(back.left_out, vec![], "{}", scene.id);
         assert_eq!(back.scenes[0].digest(), scene.digest(), "{}", scene.id);
         let pickled = scenarionet::pickled(&exported.bytes).unwrap();
-        let back = scenarionet::read::import("f.pkl", &pickled.bytes).unwrap();
+        let back = scenarionet::read_pickle::import("f.pkl", &pickled.bytes).unwrap();
         assert_eq!((back.left_out, back.scenes[0].digest()), (vec![], scene.digest()), "{}", scene.id);
     }
 }
@@ -204,7 +204,7 @@ fn a_data_set_counts_what_its_scenes_hold_and_is_imported_as_no_scene() {
     assert_eq!(set.files(), vec![]);
     set.add("sd_a.pkl", summary);
     for (name, bytes) in set.files() {
-        let read = scenarionet::read::import(name, &bytes).unwrap();
+        let read = scenarionet::read_pickle::import(name, &bytes).unwrap();
         assert!(read.scenes.is_empty() && read.left_out[0].reason.contains("data set"), "{name}");
     }
 }

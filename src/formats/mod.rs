@@ -12,6 +12,7 @@ pub mod gpudrive;
 #[cfg(test)]
 mod hostile;
 pub mod import_error;
+pub mod imported;
 pub mod opendrive;
 pub mod openscenario;
 pub mod resample;
@@ -26,5 +27,6 @@ pub mod xml_write;
 
 pub use export_error::{ExportError, Exported, Note};
 pub use import_error::ImportError;
+pub use imported::Imported;
 pub use staging::{Inserted, Staging};
-pub use summary::{ImportSummary, Imported, import_files};
+pub use summary::{ImportSummary, import_files};

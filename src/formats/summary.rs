@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::import_error::ImportError;
+use super::imported::Imported;
 use super::scenarionet::{DATA_SET_FILES, pickle_name};
 use super::waymo::tfrecord::Records;
 use super::{
@@ -11,21 +12,12 @@ use super::{
     gpudrive,
     opendrive::read as opendrive,
     safebench,
-    scenarionet::{read as scenarionet, read_json as scenarionet_json},
+    scenarionet::{read_json as scenarionet_json, read_pickle as scenarionet},
     waymo,
 };
 use crate::kernel::Digest;
 use crate::scene::validate::how_many;
 use crate::scene::{LeftOut, Scene};
-
-/// What one file gave.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Imported {
-    /// In the order of the file.
-    pub scenes: Vec<Scene>,
-    /// What was left out, with its reason.
-    pub left_out: Vec<LeftOut>,
-}
 
 /// What many files gave.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use super::{
     Draws, check, edit, forms,
     reader::PromptView,
+    refusal::unanswerable,
     strategies::{STRATEGIES, Strategy},
-    unanswerable,
     wiring::Draft,
 };
 use crate::{kernel::Stream, llm::ModelError};

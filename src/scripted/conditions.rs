@@ -2,7 +2,7 @@
 //! or near the mean of a scene cluster if the prompt shows one.
 
 use super::{
-    forms::{fill, without_constants},
+    constants::{fill, without_constants},
     reader::{PromptView, names_in},
 };
 use crate::kernel::{Stream, num};

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-use super::unanswerable;
+use super::refusal::unanswerable;
 use crate::llm::ModelError;
 
 #[derive(Debug)]

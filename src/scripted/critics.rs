@@ -9,7 +9,7 @@ use super::{
     edit,
     forms::Purpose,
     reader::{Program, PromptView, words},
-    unanswerable,
+    refusal::unanswerable,
 };
 use crate::{kernel::Stream, llm::ModelError};
 

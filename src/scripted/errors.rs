@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::{edit, reader::PromptView, unanswerable};
+use super::{edit, reader::PromptView, refusal::unanswerable};
 use crate::{
     kernel::{Stream, num},
     llm::{ModelError, ModelSpec},

@@ -8,6 +8,7 @@ mod actor;
 mod attackers;
 mod check;
 mod conditions;
+mod constants;
 mod contract;
 mod critics;
 mod edit;
@@ -15,6 +16,7 @@ mod errors;
 mod evaluator;
 mod forms;
 mod reader;
+mod refusal;
 mod repair;
 mod strategies;
 mod templates;
@@ -25,6 +27,7 @@ pub use errors::Rates;
 
 use serde_json::Value;
 
+use self::refusal::unanswerable;
 use crate::kernel::{Seed, Stream};
 use crate::llm::{self, Completion, Model, ModelError, Request};
 
@@ -69,10 +72,6 @@ impl Model for Scripted {
 fn patch_answer(page: &reader::PromptView, mut patch: Value, rates: Rates, draws: &Draws) -> Value {
     errors::plant(page, &mut patch, rates, &mut draws.stream("errors"));
     page.answer("program_patch", patch)
-}
-
-pub(crate) fn unanswerable(reason: impl Into<String>) -> ModelError {
-    ModelError::Unanswerable { reason: reason.into() }
 }
 
 /// Streams of random numbers for one request.

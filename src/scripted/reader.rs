@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     contract::{Contract, Kind},
-    unanswerable,
+    refusal::unanswerable,
 };
 use crate::llm::{ModelError, Request};
 

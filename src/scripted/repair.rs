@@ -7,7 +7,8 @@ use super::{
     check::{self, Finding, Fix},
     critics, edit,
     reader::{PromptView, words},
-    strategies, unanswerable,
+    refusal::unanswerable,
+    strategies,
 };
 use crate::llm::ModelError;
 

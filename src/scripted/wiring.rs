@@ -4,9 +4,10 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
+    constants::kinship,
     contract::{Domain, Kind},
     edit,
-    forms::{self, Mechanism, Purpose, kinship},
+    forms::{self, Mechanism, Purpose},
     reader::{Node, Program, PromptView, names_in},
 };
 use crate::kernel::{Stream, num};

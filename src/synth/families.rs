@@ -294,7 +294,7 @@ impl Plan {
             origin: Origin { format: "synth/safebench".into(), name: format!("{}/{}/{route}", seed.0, family.name()) },
             steps: STEPS,
             current_step: 0,
-            road: super::road(&self.site.net),
+            road: super::road::road(&self.site.net),
             tracks: vec![],
             ego: ego_at_rest(start, start_heading, self.site.route(self.length_m)),
             objects_of_interest: vec![],

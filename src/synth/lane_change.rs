@@ -1,8 +1,9 @@
 //! Lane changes by MOBIL (Kesting, Treiber and Helbing 2007): they must be safe for the follower and useful for the
 //! driver.
 
+use super::car::Shift;
 use super::network::LaneEnd;
-use super::traffic::{Shift, Traffic};
+use super::traffic::Traffic;
 use crate::scene::LaneIx;
 
 /// Braking that a change may force on oneself or on the new follower, m/s².

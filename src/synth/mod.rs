@@ -4,6 +4,7 @@
 //! gap acceptance, so a log is dynamically consistent: no two road users overlap, and a driver could make every motion.
 //! Equal options, seed and index give equal bits.
 
+mod car;
 mod curve;
 mod driver;
 mod families;
@@ -16,6 +17,7 @@ mod node;
 mod options;
 mod record;
 mod right_of_way;
+mod road;
 mod traffic;
 mod walkers;
 mod worlds;
@@ -27,10 +29,11 @@ pub use families::{FamilyOptions, family_member, family_scene};
 pub use options::{Reject, SynthError, SynthOptions, WorldKind};
 
 use crate::kernel::{Seed, num};
-use crate::scene::{Ego, Lane, LaneIx, Light, Neighbour, Origin, Road, Scene, StopSign};
+use crate::scene::{Ego, LaneIx, Light, Origin, Scene, StopSign};
 use interaction::Pair;
-use network::{Network, SynthLane};
+use network::Network;
 use record::Log;
+use road::road;
 use traffic::{Traffic, stream};
 
 /// The scene `synth/<kind>/<seed>/<index>`.
@@ -115,28 +118,6 @@ fn assemble(
         crosswalks: walkers::polygons(net),
         staging: None,
     }
-}
-
-fn road(net: &Network) -> Road {
-    let lane = |(i, lane): (usize, &SynthLane)| {
-        let half = 0.5 * lane.width_m;
-        let beside = |n: Option<(LaneIx, bool)>| {
-            n.map(|(lane, same_direction)| Neighbour { lane, same_direction }).into_iter().collect()
-        };
-        Lane {
-            id: i.to_string(),
-            kind: lane.kind,
-            centre: lane.curve.points.clone(),
-            left: lane.curve.line(half),
-            right: lane.curve.line(-half),
-            entries: lane.entries.clone(),
-            exits: lane.exits.clone(),
-            left_neighbours: beside(lane.left),
-            right_neighbours: beside(lane.right),
-            speed_limit_mps: Some(num::rounded(lane.limit_mps, 3)),
-        }
-    };
-    Road { lanes: net.lanes.iter().enumerate().map(lane).collect(), edges: net.edges.clone() }
 }
 
 fn stop_point(net: &Network, lane: LaneIx) -> crate::kernel::Vec2 {

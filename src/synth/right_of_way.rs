@@ -3,8 +3,9 @@
 //! A node permits drivers to enter one after another. Where two paths are in conflict, the later driver waits before
 //! the conflict zone until the earlier one has left it. So no two drivers with permission can collide.
 
+use super::car::{Car, Pass};
 use super::node::{Connector, Meeting};
-use super::traffic::{Car, Pass, Traffic};
+use super::traffic::Traffic;
 use crate::scene::{LaneIx, LightState};
 
 /// Distance from the front to the stop line ahead, the lane it closes, and where the connector starts.

@@ -1,8 +1,8 @@
 //! People on foot: they walk up to a crosswalk, wait for a safe moment or a red light, and cross; drivers stop for
 //! people on the crosswalk who have not passed their lane yet.
 
+use super::car::Car;
 use super::network::{Crossing, Crosswalk, Network};
-use super::traffic::Car;
 use crate::kernel::{Stream, Vec2};
 use crate::scene::{DT_S, LaneIx, LightState, Sample};
 

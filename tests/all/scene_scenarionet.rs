@@ -5,7 +5,7 @@ use crate::harness::{files, home, shared};
 use evodrive::kernel::{Polyline, Vec2};
 use evodrive::scene::{AgentKind, LaneGraph, LaneKind, LightState, SceneFeatures, usable};
 use evodrive::{
-    formats::scenarionet::read as scenarionet,
+    formats::scenarionet::read_pickle as scenarionet,
     formats::{Imported, import_files},
 };
 

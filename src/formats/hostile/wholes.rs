@@ -7,7 +7,7 @@ use super::super::{ImportError, Imported, gpudrive, safebench, waymo};
 use crate::formats::{
     commonroad::read as commonroad,
     opendrive::read as opendrive,
-    scenarionet::{read as scenarionet, read_json as scenarionet_json},
+    scenarionet::{read_json as scenarionet_json, read_pickle as scenarionet},
     waymo::tfrecord,
 };
 

@@ -83,7 +83,7 @@ impl Number {
 
 impl Transform {
     fn pose(&self) -> Option<Pose> {
-        Some(super::pose(self.x.value()?, self.y.value()?, self.yaw.value()?))
+        Some(super::pose::pose(self.x.value()?, self.y.value()?, self.yaw.value()?))
     }
 }
 

@@ -4,18 +4,21 @@
 //! degrees: (x, y, yaw) becomes (x, -y, -yaw).
 
 mod events;
+mod pose;
 mod road;
 mod way;
 
 use std::collections::BTreeMap;
 
 use super::import_error::{ImportError, shown};
-use super::summary::Imported;
+use super::imported::Imported;
 use super::xml_read::{Document, Element};
-use crate::kernel::{Polyline, Pose, Vec2, num};
+use crate::kernel::{Polyline, Pose, num};
 use crate::scene::safebench::{STEPS, Staging, TrafficFamily};
 use crate::scene::{LaneGraph, LeftOut, Origin, Road, Scene};
 pub use events::Events;
+
+use self::pose::pose;
 
 /// Waypoints of one route.
 const WAYPOINTS_MAX: usize = 64;
@@ -103,11 +106,6 @@ fn named(file: &str) -> Option<(TrafficFamily, u32)> {
     let digits = |text: &str| !text.is_empty() && text.len() <= 6 && text.bytes().all(|b| b.is_ascii_digit());
     (digits(family) && digits(route)).then_some(())?;
     Some((TrafficFamily::of_number(family.parse().ok()?)?, route.parse().ok()?))
-}
-
-/// A CARLA pose in our frame.
-fn pose(x: f64, y: f64, yaw_degrees: f64) -> Pose {
-    Pose { position: Vec2::new(x, -y), heading_rad: num::wrap_angle(-yaw_degrees * num::PI / 180.0) }
 }
 
 /// A route that is being turned into a scene.

@@ -3,6 +3,7 @@
 pub mod pickle;
 pub mod read;
 pub mod read_json;
+pub mod read_pickle;
 pub mod write_json;
 pub mod write_pickle;
 

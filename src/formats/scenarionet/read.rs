@@ -1,12 +1,10 @@
-//! MetaDrive and ScenarioNet scene descriptions in pickles: Waymo, nuScenes and others in one schema.
+//! MetaDrive and ScenarioNet scene descriptions, whatever file they stand in: Waymo, nuScenes and others in one schema.
 
-use super::pickle::{self, Node, Numbers};
-use super::read_json::described;
-use super::write_pickle::is_of_data_set;
+use super::pickle::{Node, Numbers};
 use crate::formats::assemble::{Log, LogLane, LogLight, LogTrack, assembled};
 use crate::formats::centreline::{Across, widths_within};
 use crate::formats::import_error::{ImportError, shown};
-use crate::formats::summary::Imported;
+use crate::formats::imported::Imported;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::{STEPS_MAX, how_many};
 use crate::scene::{AgentKind, DT_S, LaneKind, LeftOut, LightState, Origin, Sample};
@@ -21,19 +19,6 @@ const POINTS_MAX: usize = 8_000_000;
 /// The current step if the file does not name one: after one second of history, as in Waymo's data.
 const CURRENT_UNSAID: usize = 10;
 const MPH_IN_MPS: f64 = 0.44704;
-
-/// The scene in a pickle.
-///
-/// # Errors The file is not a pickle of plain data, lacks something that a scene needs, or holds NaN or infinity.
-pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    let pickle = pickle::read(file_name, bytes)?;
-    if is_of_data_set(&pickle.root()) {
-        let reason = "a data set's list of its pickles: it holds no scene itself";
-        let left_out = vec![LeftOut { file: file_name.into(), what: String::new(), reason: reason.into() }];
-        return Ok(Imported { scenes: vec![], left_out });
-    }
-    described(file_name, &pickle.root(), "scenarionet")
-}
 
 /// The scenes of a description, whether it was a pickle or JSON.
 pub(super) fn log_of(file_name: &str, root: &Node<'_>, format: &str) -> Result<Log, ImportError> {

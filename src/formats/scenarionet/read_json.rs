@@ -5,7 +5,7 @@ use super::pickle::{self, Node};
 use super::read::{finished, log_of};
 use crate::formats::assemble::assembled;
 use crate::formats::import_error::ImportError;
-use crate::formats::summary::Imported;
+use crate::formats::imported::Imported;
 use crate::kernel::Vec2;
 use crate::scene::remainder::Remainder;
 use crate::scene::{LeftOut, Origin, Scene};
@@ -15,7 +15,7 @@ const FORMAT: &str = "scenarionet-json";
 /// The scene in a JSON file. If an export of this project was edited, only its standard keys count, and `left_out` says
 /// so.
 ///
-/// # Errors The file is not JSON, or not a ScenarioDescription with a self-driving car; see [`super::read::import`].
+/// # Errors The file is not JSON, or not a ScenarioDescription with a self-driving car; see [`super::read_pickle::import`].
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     described(file_name, &pickle::read_json(file_name, bytes)?.root(), FORMAT)
 }

@@ -5,6 +5,7 @@ use crate::scene::{DT_S, Sample};
 use crate::sim::encounters::bystanders::{self, Touched};
 use crate::sim::encounters::contact;
 use crate::sim::encounters::gaps::{Footprints, encroach, encroachment_s, time_to_collision_s};
+use crate::sim::encounters::hit::Mover;
 use crate::sim::prepared::body::Size;
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::{Actor, first_change};
@@ -165,7 +166,7 @@ impl Watched {
 
     /// Whether it overlaps anyone, the ego included, at the first step of the intervention. Where it does what it was
     /// recorded to do, whoever is in its way was put there by others.
-    pub fn check_start(&mut self, plant: &Plant, world: &Others, own: usize, k: usize, ego: &contact::Mover<'_>) {
+    pub fn check_start(&mut self, plant: &Plant, world: &Others, own: usize, k: usize, ego: &Mover<'_>) {
         if k != self.from_k || !self.acted || world.actors[own].now.is_none() {
             return;
         }

@@ -6,7 +6,7 @@ mod problem;
 mod road;
 
 use crate::formats::import_error::{ImportError, shown};
-use crate::formats::summary::Imported;
+use crate::formats::imported::Imported;
 use crate::formats::xml_read::{Document, Element};
 use crate::kernel::{Vec2, num};
 use crate::scene::remainder::Remainder;

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::obstacles;
+use super::standing;
 use crate::scene::Scene;
 
 pub(super) struct Ids {
@@ -45,7 +45,7 @@ impl Ids {
                 .into_iter()
                 .zip(&scene.tracks)
                 .map(|(own, track)| {
-                    let parts = obstacles::count(track, scene.ego.start_step);
+                    let parts = standing::count(track, scene.ego.start_step);
                     (0..parts).map(|k| pick.or_free(own.filter(|_| k == 0))).collect()
                 })
                 .collect(),

@@ -12,6 +12,7 @@
 mod ids;
 mod obstacles;
 mod road;
+mod standing;
 
 use super::read::read_plainly;
 use crate::formats::export_error::{ExportError, Exported, Note};

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::ids::Ids;
+use super::standing::stands;
 use super::{exact, point, rectangle};
 use crate::formats::export_error::Note;
 use crate::formats::staging::stretches;
@@ -41,17 +42,6 @@ pub(super) fn write(xml: &mut Xml, scene: &Scene, ids: &Ids, notes: &mut Vec<Not
             dynamic(xml, track, part.clone(), *id, start, &mut waiting);
         }
     }
-}
-
-/// The obstacles of a track: one if it never moves, else one for each stretch from `start` on.
-pub(super) fn count(track: &Track, start: usize) -> usize {
-    if stands(track) { 1 } else { stretches(track, start).len() }
-}
-
-/// Whether a thing is in one place for the whole scene.
-fn stands(track: &Track) -> bool {
-    let first = track.at(0).filter(|first| first.velocity == Vec2::ZERO);
-    track.kind == AgentKind::Static && first.is_some() && track.samples.iter().all(|s| s.as_ref() == first)
 }
 
 fn note(ix: usize, track: &Track, parts: &[Range<usize>], start: usize, notes: &mut Vec<Note>) {

@@ -123,10 +123,7 @@ impl<'a> Acting<'a> {
             None => (-limits.brake_mps2, 0.0),
             Some(phase) => {
                 let faster = self.car.speed_mps > self.asked_mps(phase, ego);
-                let pedal = match faster {
-                    true => -phase.brake * limits.brake_mps2,
-                    false => phase.throttle * limits.engine_mps2,
-                };
+                let pedal = if faster { -phase.brake * limits.brake_mps2 } else { phase.throttle * limits.engine_mps2 };
                 (pedal, self.wheel_for(&phase.way))
             }
         };
@@ -142,7 +139,7 @@ impl<'a> Acting<'a> {
         let most_rad = DEFAULT_LIMITS.steering_rad;
         match way {
             Way::Straight => 0.0,
-            Way::Wheel { rad } => rad.get(self.ticks).unwrap_or(&rad[rad.len() - 1]).clamp(-most_rad, most_rad),
+            Way::Wheel { rad } => (*rad.get(self.ticks).unwrap_or(&rad[rad.len() - 1])).clamp(-most_rad, most_rad),
             Way::Points { points } => {
                 self.car.steering_towards(*points.get(self.ticks).unwrap_or(&points[points.len() - 1]))
             }

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use super::*;
 use crate::ego::Policy;
-use crate::kernel::{Formula, Op, Pose, Seed, Stream};
+use crate::kernel::formula::Op;
+use crate::kernel::{Formula, Pose, Seed, Stream};
 use crate::scene::AgentKind;
 use crate::sim::scenes::{crossing, intercept, sample};
 use crate::sim::{Driver, Law, Observed, Phase, Script, Speed, Trace, Trigger, Until, View, Way, rollout_traced};
@@ -207,10 +208,11 @@ fn adversaries_under_laws_are_where_the_plain_rollout_has_them() {
         assert_eq!(fast, slow, "seed {seed}");
         contacts += usize::from(fast.contact.as_ref().is_some_and(|contact| contact.adversary));
         for action in &act.actions {
-            let Action::FollowThenObey { track, samples, law, .. } = action else { continue };
-            // The last place is none of its samples: the law had taken over.
-            let last = trace.actors[*track].samples.iter().rev().flatten().next();
-            let left = last.is_some_and(|last| samples.iter().all(|told| told.position != last.position));
+            let Action::FollowThenObey { track, from_step, samples, law } = action else { continue };
+            // Somewhere before the end it is not where its samples are: the law had taken over.
+            let ran = from_step - trace.from_step..trace.ego.len() - 1;
+            let rows = trace.actors[*track].samples.get(ran).unwrap_or_default();
+            let left = rows.iter().zip(samples).any(|(now, told)| now.is_some_and(|now| now.position != told.position));
             taken_over += usize::from(left);
             let formulas = [law.onset.as_ref(), Some(&law.acceleration), law.offset.as_ref()];
             read.extend(formulas.into_iter().flatten().flat_map(Formula::loads).filter(|_| left));

@@ -35,10 +35,10 @@ pub enum CalibrationError {
     /// A quantile that bounds nothing.
     #[error("quantile is {0}, expected a number above 0.5 and below 1")]
     Quantile(f64),
+    /// Too few moving road users for a quantile.
     #[error(
         "{found} recorded road users move {MOVED_M_MIN} m or more within 2 s or longer, expected at least \
          {ROAD_USERS_MIN}; give more recorded scenes"
-    /// Too few moving road users for a quantile.
     )]
     TooFew {
         /// How many road users of the scenes move so far.

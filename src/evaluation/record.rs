@@ -91,10 +91,10 @@ pub enum CacheError {
         /// What is wrong with the bytes.
         reason: String,
     },
+    /// A request that was recorded before has another outcome now.
     #[error(
         "rollout {key} of scene {scene} came out differently than recorded: {difference}; if the simulator, the \
          compiler or a family was changed, raise its version and record again"
-    /// A request that was recorded before has another outcome now.
     )]
     Diverged {
         /// Of the rollout's request.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::expr;
 use super::ids::{FamilyName, LineageId, SolutionId};
+use super::value_type::ValueType;
 use crate::kernel::{Digest, canon::CanonError};
 
 /// The slots of an operator graph, in the order in which a scene passes them: the paper's seven, and the law.

@@ -30,7 +30,7 @@ pub(super) struct Shift {
 
 impl Shift {
     /// Offset, its slope by distance, and the share that is done.
-    fn at(&self, odo: f64) -> (f64, f64, f64) {
+    pub fn at(&self, odo: f64) -> (f64, f64, f64) {
         let t = ((odo - self.start_odo) / self.length_m).clamp(0.0, 1.0);
         let done = t * t * t * (10.0 + t * (-15.0 + 6.0 * t));
         let slope = 30.0 * t * t * (1.0 - t) * (1.0 - t) / self.length_m;

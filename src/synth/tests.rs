@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::kernel::{Digest, OrientedBox};
-use crate::scene::{AgentKind, DT_S, LightState, Track};
+use crate::scene::{AgentKind, DT_S, Lane, LightState, Neighbour, Track};
 use proptest::prelude::*;
 
 pub(crate) fn options() -> SynthOptions {

@@ -82,16 +82,16 @@ struct WrittenOptions {
 /// `[evaluation]` that names no protocol, or two.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ProtocolError {
+    /// A table of the MetaDrive protocol beside that of SafeBench.
     #[error(
         "[evaluation.{0}] is read by the MetaDrive protocol only, and [evaluation.safebench] asks for SafeBench's; \
          remove one of the two"
-    /// A table of the MetaDrive protocol beside that of SafeBench.
     )]
     Unread(&'static str),
+    /// A table that the MetaDrive protocol needs.
     #[error(
         "[evaluation.{0}] is missing; the MetaDrive protocol needs [evaluation.attack] and [evaluation.realism], \
          SafeBench's needs [evaluation.safebench] alone"
-    /// A table that the MetaDrive protocol needs.
     )]
     Missing(&'static str),
     /// An own metric whose name cannot head a column.

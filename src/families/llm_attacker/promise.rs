@@ -6,7 +6,7 @@ use crate::stage::actors::ActorFacts;
 use crate::stage::{Settings, Stage, StageError};
 
 /// Weights of the first proposal's score.
-const WEIGHTS: [&str; 5] =
+pub(super) const WEIGHTS: [&str; 5] =
     ["urgency_weight", "nearness_weight", "conflict_weight", "lane_relation_weight", "behind_weight"];
 /// Time scale of the urgency, s, and length scale of the nearness, metres.
 const URGENCY_S: f64 = 3.0;

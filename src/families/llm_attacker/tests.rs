@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::promise::WEIGHTS;
 use super::*;
 use crate::ego;
 use crate::families::sources;

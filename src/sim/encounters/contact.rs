@@ -9,7 +9,7 @@ use crate::sim::road_users::intervention::ActorRef;
 use crate::sim::road_users::others::Others;
 
 use super::class::{Before, Encounter, classify};
-use super::hit::{Hit, Mover, Swept};
+use super::hit::{Hit, Mover};
 use super::touch::{Side, Striker, contact_normal};
 
 /// Slower approach than this is no strike, m/s.

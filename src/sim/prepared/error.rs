@@ -35,10 +35,10 @@ pub enum SimError {
         /// The first of the two.
         earlier: usize,
     },
+    /// The ego is to repeat a recording that has no sample at this step of the scene.
     #[error(
         "scene {scene}: the replay ego needs a recorded motion, but the ego's log has no sample at step {step}; \
          use another ego policy"
-    /// The ego is to repeat a recording that has no sample at this step of the scene.
     )]
     NoLog {
         /// The scene's name.

@@ -8,7 +8,6 @@ use crate::sim::prepared::path::{Along, Path};
 use crate::sim::prepared::plant::Plant;
 
 use super::idm::{self, Front, SIGHT_M};
-use super::intervention::ActorRef;
 use super::others::{Others, Seen};
 
 /// A driver of the ego. One instance drives one rollout at a time; `begin` resets it.

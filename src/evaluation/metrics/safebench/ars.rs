@@ -20,7 +20,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::soft;
+use super::super::soft::soft;
 use crate::kernel::num;
 use crate::objects::benchmark::RunRealism;
 use crate::scene::AgentKind;

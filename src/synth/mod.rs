@@ -28,7 +28,7 @@ mod tests;
 pub use families::{FamilyOptions, family_member, family_scene};
 pub use options::{Reject, SynthError, SynthOptions, WorldKind};
 
-use crate::kernel::{Seed, num};
+use crate::kernel::Seed;
 use crate::scene::{Ego, LaneIx, Light, Origin, Scene, StopSign};
 use interaction::Pair;
 use network::Network;

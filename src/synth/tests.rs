@@ -1,7 +1,7 @@
 //! Whole scenes: what every generated log must keep.
 
 use super::*;
-use crate::kernel::{Digest, OrientedBox};
+use crate::kernel::{Digest, OrientedBox, num};
 use crate::scene::{AgentKind, DT_S, Lane, LightState, Neighbour, Track};
 use proptest::prelude::*;
 

@@ -177,10 +177,12 @@ fn row(score: &SafebenchScore) -> BenchmarkRow {
     }
 }
 
+/// Runs made by hand, for tests.
 #[cfg(any(test, feature = "fixtures"))]
 pub mod samples {
     use super::*;
 
+    /// A run that differs from a faultless one in these two things alone.
     pub fn run(collision: bool, valid: bool) -> SafebenchRun {
         SafebenchRun {
             run: Run {

@@ -1,6 +1,7 @@
 //! What the numbers of a rollout cannot be, whatever the scene: held up where records come from elsewhere.
 
-use super::outcome::{End, Motion, Outcome};
+use super::end::End;
+use super::outcome::{Motion, Outcome};
 use crate::scene::DT_S;
 use crate::sim::rollouts::told::Told;
 

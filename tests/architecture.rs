@@ -42,7 +42,7 @@ const TABLE: &[(&str, &str)] = &[
         "experiment",
         "kernel store scene formats synth sim ego learn backend objects llm adapters stage families agents world evaluation archive memory epoch",
     ),
-    ("evidence", "kernel store scene draw objects evaluation archive lineage world"),
+    ("evidence", "kernel store scene draw sim objects evaluation archive lineage world"),
     ("shard", "kernel store sim backend objects adapters evaluation epoch"),
     ("bundle", "kernel store"),
     ("cli", "*"),

@@ -19,6 +19,7 @@ const ALLOWED: &[(&str, &str)] = &[
         "cli/scene_best cli/scene_draw cli/scene_export cli/scene_pools cli/scene_show cli/scenes",
         "a command and its subcommands",
     ),
+    ("cli/folder cli/run_name", "a run folder, and the names by which it is asked for"),
     ("compiler/prepared compiler/walk", "a prepared program, and its way through a scene"),
     (
         "formats/scenarionet/pickle formats/scenarionet/pickle/json formats/scenarionet/pickle/machine \

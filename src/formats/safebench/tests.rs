@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::formats::import_files;
+use crate::kernel::Vec2;
 use crate::scene::safebench::Stage;
 
 /// A straight road of two lanes each way along CARLA's +x, 300 m.

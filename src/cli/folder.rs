@@ -108,7 +108,7 @@ impl RunFolder {
     /// The folder that is named (see `run_name`), or the latest one below `runs`.
     pub fn find(named: Option<&Path>) -> Result<RunFolder, Failure> {
         let dir = match named {
-            Some(name) => return run_name::below_runs(name),
+            Some(name) => run_name::below_runs(name)?.dir,
             None => {
                 let runs = Path::new(RUNS);
                 let text = store::read_bounded(&runs.join(LATEST), CARD_BYTES_MAX)

@@ -181,7 +181,7 @@ fn a_study_that_cannot_be_carried_out_is_refused_with_file_and_key() {
     refused(&|table| drop(table["sets"].as_table_mut().unwrap().insert("training".into(), 400.into())), "expected 800");
     refused(
         &|table| drop(table["arm"][1].as_table_mut().unwrap().insert("name".into(), "none".into())),
-        "arm[1].name is \"none\", which an arm before it has",
+        "arm[1].name is \"none\", which an earlier arm has",
     );
     refused(
         &|table| drop(table["training"]["sac"].as_table_mut().unwrap().insert("batch".into(), 0.into())),

@@ -235,7 +235,8 @@ fn a_run_tells_its_epochs_share_and_folder_from_the_start_in_a_file_and_on_a_ter
     command.args(["-qec", &again, "/dev/null"]).current_dir(home());
     let screen = Ran::of(command.stdin(Stdio::null()));
     assert_eq!(screen.code, 0, "{}", screen.stdout);
-    let place = folder_below(&out).display().to_string();
-    let moving = screen.stdout.split(['\r', '\n']).find(|line| line.contains(&format!("{place}: epoch 1 of 2")));
-    assert!(moving.is_some(), "one line has both: {}", screen.stdout);
+    let place = folder_below(&out);
+    let name = place.file_name().unwrap().to_str().unwrap();
+    let both = |line: &str| line.contains("epoch 1 of 2") && line.contains(name);
+    assert!(screen.stdout.split(['\r', '\n']).any(both), "one line has both: {}", screen.stdout);
 }

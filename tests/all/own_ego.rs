@@ -166,7 +166,7 @@ fn one_cassette_holds_the_rollouts_of_several_recordings_and_no_failed_replay_mo
     assert_eq!(std::fs::read(first.join("rollouts.jsonl")).unwrap(), kept);
     let (checked, verified) = (here(&["check", first.to_str().unwrap()]), here(&["verify", first.to_str().unwrap()]));
     assert_eq!((checked.code, verified.code), (0, 0), "{} {}", checked.stderr, verified.stderr);
-    assert!(verified.stderr.contains("nobody was asked"), "{}", verified.stderr);
+    assert!(verified.stderr.contains("without asking it"), "{}", verified.stderr);
     for ran in [&checked, &verified] {
         assert!(ran.stderr.contains("recorded events and the result are as recorded"), "{}", ran.stderr);
     }
@@ -204,7 +204,9 @@ fn scenes_in_which_the_planner_ends_are_counted_where_the_result_is_told() {
     assert_eq!(recorded.code, 0, "{}", recorded.stderr);
     let told = recorded.stdout.lines().find(|line| line.contains("held-out scenes the parent is labelled in"));
     let told = told.unwrap_or_else(|| panic!("{}", recorded.stdout));
-    assert!(told.contains("of 6 held-out scenes") && told.contains("sensor lost"), "{told}");
+    assert!(told.contains("of 6 held-out scenes") && told.contains("the process ended"), "{told}");
+    // What the planner printed before it ended may hold anything and stands in no record.
+    assert!(!told.contains("sensor lost"), "{told}");
     let page = crate::harness::folder_below(&folder.path().join("a")).join("report.html");
     let report = crate::harness::report_data(&std::fs::read_to_string(page).unwrap());
     assert_eq!(report[0]["unlabelled"][0], told);
@@ -218,7 +220,7 @@ fn scenes_in_which_the_planner_ends_are_counted_where_the_result_is_told() {
     let listed = std::fs::read_to_string(tables.join("unlabelled.csv")).unwrap();
     let parents = listed.lines().filter(|line| line.starts_with("cat-mine,cat-mine/parent,held_out,")).count();
     let all: usize = told.split(" is labelled in ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
-    assert!(parents == 6 - all && listed.contains("sensor lost"), "{listed}\n{told}");
+    assert!(parents == 6 - all && listed.contains("the process ended"), "{listed}\n{told}");
 }
 
 #[test]

@@ -26,7 +26,8 @@ pub struct Options {
 
 pub fn run(command: &Command) -> Result<Answer, Failure> {
     let Command::Status(options) = command;
-    let folder = options.run.folder()?;
+    // Who asks this while a recording waits means that one, not the latest run that ended.
+    let folder = options.run.unfinished_or_latest()?;
     let mut entries: Vec<Entry> = Vec::new();
     for dir in folders(&folder)? {
         entries.extend(status(&dir).map_err(Failure::bad_input)?);

@@ -4,6 +4,7 @@ use evodrive::llm::Cassette;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::backends::experiment as small;
 use crate::harness::{Ran, evodrive, folder_below, run, text};
 
 /// The live example with another model as actor and repair.
@@ -87,6 +88,30 @@ fn questions_in_files_are_answered_while_the_recording_waits_and_after_it_was_st
     );
     assert_eq!(replayed.code, 0, "{}", replayed.stderr);
     assert!(replayed.stdout.contains("exchange (local, a-person) as actor, repair"), "{}", replayed.stdout);
+}
+
+#[test]
+fn status_without_a_folder_takes_the_run_that_is_being_recorded_and_not_the_latest() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, runs) = (small(dir.path(), "earlier", ""), dir.path().join("runs"));
+    let begin = |path: &Path| {
+        let mut command = evodrive();
+        command.args(["record", "--no-report"]).arg(path).arg("--out").arg(&runs);
+        command
+    };
+    Ran::of(&mut begin(&path)).root();
+    let status = || Ran::of(evodrive().args(["exchange", "status"]).current_dir(dir.path())).stdout;
+    assert!(status().starts_with("0 questions wait, 0 are answered: runs/earlier-"), "{}", status());
+    let roles = "[roles]\nactor = \"me\"\n[models.me]\n";
+    let path = small(dir.path(), "asks", &format!("{roles}{EXCHANGE}"));
+    let mut waiting = begin(&path).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let asked = (0..600).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        Some(status()).filter(|status| status.starts_with("1 questions wait, 0 are answered: runs/asks-"))
+    });
+    waiting.kill().unwrap();
+    waiting.wait().unwrap();
+    assert!(asked.is_some(), "{}", status());
 }
 
 #[test]

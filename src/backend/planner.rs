@@ -124,11 +124,18 @@ pub(super) struct Planner<'p> {
     seed: Seed,
     /// What went wrong, and at which decision.
     broken: Option<Refusal>,
+    /// Nobody waits for it any more; of the scene that says nothing.
+    stopped: bool,
 }
 
 impl<'p> Planner<'p> {
     pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed) -> Planner<'p> {
-        Planner { line, limit, seed, broken: None }
+        Planner { line, limit, seed, broken: None, stopped: false }
+    }
+
+    /// Whether it drove no further because nobody waits for it any more.
+    pub fn was_stopped(&self) -> bool {
+        self.stopped
     }
 
     /// Why it drove no further, if it did not.
@@ -152,7 +159,9 @@ impl<'p> Planner<'p> {
             Some(Err(broken)) => return Err(refused(&broken, self.limit)),
         }
         self.say(&observation(view));
-        let bytes = self.line.receive(self.limit).map_err(|broken| refused(&broken, self.limit))?;
+        let received = self.line.receive(self.limit);
+        self.stopped = received == Err(Broken::Stopped);
+        let bytes = received.map_err(|broken| refused(&broken, self.limit))?;
         let wrong = |found: &str| Refusal::of(format!("{FORM}, found {found}"), &bytes);
         let answered: Answered = serde_json::from_slice(&bytes).map_err(|error| match error.classify() {
             serde_json::error::Category::Data => wrong("other fields"),
@@ -294,5 +303,6 @@ pub(super) fn why(broken: &Broken, limit: Duration) -> String {
         Broken::HalfLine(bytes) => format!("the process ended {bytes} bytes into a line"),
         Broken::Late => format!("no answer within {} s (driver.timeout_s)", limit.as_secs_f64()),
         Broken::TooLong(most) => format!("a line of more than {most} bytes"),
+        Broken::Stopped => "it is not waited for any more: the command is being stopped".into(),
     }
 }

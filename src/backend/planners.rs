@@ -63,8 +63,17 @@ impl<'a> Planners<'a> {
     fn play(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<Told, NoOutcome> {
         let mut planner = Planner::new(&mut *line, self.limit(), request.seed);
         let told = tell(request.plant, request.intervention, &mut planner);
+        let stopped = planner.was_stopped();
         match planner.broken() {
             None => Ok(told?),
+            // A failure of its scene would be recorded.
+            Some(Refusal { reason, .. }) if stopped => Err(NoOutcome::Stop(BackendError::Worker(Fault {
+                command: self.command(),
+                place: format!("scene {}", request.scene()),
+                expected: "a decision".into(),
+                found: reason,
+                remedy: "repeat the command to go on".into(),
+            }))),
             Some(Refusal { reason, printed }) => {
                 let reason = format!("planner `{}`, {reason}", self.command());
                 let told = complaint(line);

@@ -56,6 +56,8 @@ pub enum Broken {
     Late,
     /// The line is longer than so many bytes.
     TooLong(usize),
+    /// Nobody waits for it any more: the command is being stopped.
+    Stopped,
 }
 
 /// What a worker says of itself when it starts.
@@ -204,6 +206,7 @@ impl<'a> Workers<'a> {
                 "raise simulator.backend.worker.seconds, or see what the worker waits for",
             ),
             Broken::TooLong(most) => (format!("a line of at most {most} bytes"), "a longer one".into(), MEND),
+            Broken::Stopped => ("a line".into(), "the command's end".into(), "repeat the command to go on"),
         };
         self.fault(place, expected, found, remedy)
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::worker_process::PROCESSES;
+use super::worker_process::Processes;
 use crate::backend::{Answers, Backend, BackendOptions, DriverOptions, Header, Planners, Replay, RolloutCassette};
 use crate::ego::Policy;
 use crate::experiment::{Experiment, named_driver};
@@ -22,14 +22,15 @@ pub fn backend<'a>(experiment: &'a Experiment, answers: Option<&'a dyn Answers>)
 pub struct Asked {
     driver: DriverOptions,
     options: BackendOptions,
+    processes: Processes,
 }
 
 impl Asked {
-    /// The program that a file's table `[driver]` names.
+    /// A program, or the one that a TOML file's table `[driver]` names.
     pub fn named(path: &Path, simulator: &SimulatorOptions) -> Result<Asked, Failure> {
         let driver = named_driver(path)?;
         let options = driver.backend(simulator).map_err(Failure::internal)?;
-        Ok(Asked { driver, options })
+        Ok(Asked { driver, options, processes: Processes::default() })
     }
 
     pub fn ego(&self) -> Result<Policy, Failure> {
@@ -38,7 +39,7 @@ impl Asked {
 
     /// Its processes; none is started yet.
     pub fn planners(&self) -> Planners<'_> {
-        Planners::new(&self.driver, &PROCESSES)
+        Planners::new(&self.driver, &self.processes)
     }
 }
 

@@ -9,9 +9,11 @@ use super::answer::progress;
 use super::exit::Failure;
 use super::folder::RunFolder;
 use super::interrupt::Interrupt;
-use super::worker_process::PROCESSES;
+use super::worker_process::Processes;
 use crate::experiment::{self, Experiment};
 use crate::llm::{ClientOptions, Command, Exchange, Model, client};
+#[cfg(feature = "live")]
+use crate::llm::{Completion, ModelError, Request};
 use crate::scripted::Scripted;
 
 /// How often the folder of an exchange is looked at.
@@ -35,7 +37,9 @@ pub fn askable(
                 continue;
             }
             (client::EXCHANGE, ..) => Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?),
-            (client::COMMAND, _, Some(command)) => Box::new(Command::new(command.clone(), provenance, &PROCESSES)),
+            (client::COMMAND, _, Some(command)) => {
+                Box::new(Command::new(command.clone(), provenance, Processes::until(interrupt)))
+            }
             // Never asked itself.
             (client::DRAWN, ..) => continue,
             _ => Box::new(Scripted),
@@ -43,7 +47,7 @@ pub fn askable(
         models.insert(name.clone(), model);
     }
     if !live.is_empty() {
-        models.extend(connected(&live, experiment, folder)?);
+        models.extend(connected(&live, experiment, folder, interrupt)?);
     }
     Ok(models)
 }
@@ -82,6 +86,7 @@ fn connected(
     _: &[Live<'_>],
     experiment: &Experiment,
     _: &RunFolder,
+    _: &Interrupt,
 ) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
     check_build(experiment).map(|()| BTreeMap::new())
 }
@@ -91,6 +96,7 @@ fn connected(
     live: &[Live<'_>],
     experiment: &Experiment,
     folder: &RunFolder,
+    interrupt: &Interrupt,
 ) -> Result<BTreeMap<String, Box<dyn Model>>, Failure> {
     use crate::llm::live::{Ledger, Live, Outside};
     let cap = experiment.spend.ok_or_else(|| Failure::bad_input("a live model needs a table [spend]"))?;
@@ -102,9 +108,33 @@ fn connected(
     for (name, kind, client) in live {
         let key = client.api_key_env.as_deref().map(|variable| key_in(name, variable)).transpose()?;
         let model = Live::new(name, kind, client, key, ledger.clone(), outside.clone()).map_err(Failure::bad_input)?;
-        models.insert(name.to_string(), Box::new(model));
+        models.insert(name.to_string(), Box::new(NotForEver { model: Arc::new(model), interrupt: interrupt.clone() }));
     }
     Ok(models)
+}
+
+/// A model behind the network, whose answer may take minutes: it is left alone not long after Ctrl-C. What it will say is lost then,
+/// and counts as spent at its upper bound.
+#[cfg(feature = "live")]
+struct NotForEver {
+    model: Arc<dyn Model + Send + Sync>,
+    interrupt: Interrupt,
+}
+
+#[cfg(feature = "live")]
+impl Model for NotForEver {
+    fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        let (model, asked) = (self.model.clone(), request.clone());
+        let (to, from) = std::sync::mpsc::sync_channel(1);
+        let ask = move || drop(to.send(model.complete(&asked)));
+        let lost = |reason: String| Err(ModelError::Unanswerable { reason });
+        if let Err(error) = crate::kernel::threads::beside(ask) {
+            return lost(format!("no thread waits for its answer: {error}"));
+        }
+        self.interrupt
+            .wait(&from, None)
+            .unwrap_or_else(|_| lost("its answer is not waited for any more; repeat the command to ask again".into()))
+    }
 }
 
 /// The time since 1970, UTC.

@@ -186,7 +186,7 @@ fn carry_out_recording(
     let recorder = Record::new(&answers, before, mode, models).telling(&|line| progress(line));
     let name = job.experiment.name.clone();
     let (backend, driver) = (job.experiment.simulator.backend.clone(), job.experiment.driver.clone());
-    let processes = Processes::kept_in(folder.processes());
+    let processes = Processes::until(interrupt).kept_in(folder.processes());
     let rollouts = match (&backend, &recording.rollouts) {
         (Some(options), Some(path)) => {
             Some(rollout_recorder((options, driver.as_ref()), path, recording.fresh, (&answers, &processes))?)

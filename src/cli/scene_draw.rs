@@ -9,7 +9,7 @@ use super::answer::Answer;
 use super::exit::Failure;
 use super::rollout::OfAttempt;
 use super::scene_show;
-use super::worker_process::PROCESSES;
+use super::worker_process::Processes;
 use crate::draw::{Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, strip};
 use crate::kernel::Threads;
 use crate::llm::command::{Ended, Run};
@@ -164,13 +164,14 @@ fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
         "mp4",
         &to,
     ];
-    let ended = PROCESSES.run(&words.map(String::from), film.pictures.concat(), ENCODING_LIMIT);
+    let ended = Processes::default().run(&words.map(String::from), film.pictures.concat(), ENCODING_LIMIT);
     let failed = match ended {
         Ended::Well(_) => return Ok(store::rename(&part, out)?),
         Ended::Unstarted(reason) => {
             format!("{}: MP4 needs ffmpeg: {reason}; install it (Debian: ffmpeg), or write a .gif", out.display())
         }
         Ended::Badly { stderr, .. } => format!("{}: ffmpeg failed: {}", out.display(), stderr.trim()),
+        Ended::Stopped => format!("{}: stopped", out.display()),
         Ended::Late { .. } => format!("{}: ffmpeg did not end within {} s", out.display(), ENCODING_LIMIT.as_secs()),
     };
     // The failure is what is to be told, not that a part of a film is left.

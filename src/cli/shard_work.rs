@@ -9,7 +9,7 @@ use super::answer::{Answer, progress};
 use super::behind;
 use super::exit::Failure;
 use super::folder::RunFolder;
-use super::worker_process::PROCESSES;
+use super::worker_process::Processes;
 use crate::backend::{Answers, Recorder, Workers};
 use crate::epoch::{Done, Meter, Mode, Rollouts, Study, Task, Tools, Workbench};
 use crate::experiment::Experiment;
@@ -106,6 +106,7 @@ impl Site {
     ) -> Result<Vec<TaskResult>, Failure> {
         let scratch = result.with_file_name(format!(".{}.work", digest.short(16)));
         let store = Store::open(&scratch)?;
+        let processes = Processes::default();
         let recorder = match &self.experiment.simulator.backend {
             None => None,
             Some(options) if options.drives() => {
@@ -114,7 +115,7 @@ impl Site {
             }
             Some(options) => {
                 let before = behind::recorded(options, &self.folder.rollouts(), false)?;
-                Some(Recorder::new(&store, before, Box::new(Workers::new(options, &PROCESSES)), String::new()))
+                Some(Recorder::new(&store, before, Box::new(Workers::new(options, &processes)), String::new()))
             }
         };
         let answers = recorder.as_ref().map(|recorder| recorder as &dyn Answers);

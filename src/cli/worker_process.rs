@@ -4,10 +4,11 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
 use super::answer::progress;
+use super::interrupt::{Interrupt, Waited, now};
 use super::redacted;
 use crate::backend::{Broken, Line, Start};
 use crate::kernel::threads;
@@ -19,30 +20,33 @@ const LINE_BYTES_MAX: usize = 16 << 20;
 /// Lines that are read ahead of whoever asks.
 const LINES_AHEAD: usize = 2;
 
-/// Starts worker processes and programs.
-#[derive(Default)]
+/// Starts worker processes and programs. They are waited for until Ctrl-C, where somebody listens to it.
+#[derive(Clone, Debug, Default)]
 pub struct Processes {
+    interrupt: Interrupt,
     /// Where what they printed is kept, beside the terminal: a file that no record speaks for.
     kept: Option<PathBuf>,
 }
 
-/// Keeps nothing.
-pub static PROCESSES: Processes = Processes { kept: None };
-
 impl Processes {
-    /// What processes print goes into this file, too.
-    pub fn kept_in(file: PathBuf) -> Processes {
-        Processes { kept: Some(file) }
+    /// Processes that are not waited for long once Ctrl-C was pressed.
+    pub fn until(interrupt: &Interrupt) -> Processes {
+        Processes { interrupt: interrupt.clone(), kept: None }
+    }
+
+    /// What they print goes into this file, too.
+    pub fn kept_in(self, file: PathBuf) -> Processes {
+        Processes { kept: Some(file), ..self }
     }
 }
 
 impl Start for Processes {
     fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String> {
-        spoken_to(command, |prepared| prepared)
+        self.spoken_to(command, |prepared| prepared)
     }
 
     fn start_in(&self, command: &[String], folder: &Path) -> Result<Box<dyn Line>, String> {
-        spoken_to(command, |prepared| prepared.current_dir(folder).stderr(Stdio::piped()))
+        self.spoken_to(command, |prepared| prepared.current_dir(folder).stderr(Stdio::piped()))
     }
 
     fn show(&self, about: &str, printed: &str) {
@@ -66,22 +70,28 @@ fn apart(program: &str) -> Command {
     command
 }
 
-/// Starts a process that is spoken to by lines; `how` says what else is to be prepared.
-fn spoken_to(command: &[String], how: impl FnOnce(&mut Command) -> &mut Command) -> Result<Box<dyn Line>, String> {
-    let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
-    let mut prepared = apart(program);
-    how(prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()));
-    let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
-    let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-        return Err(format!("`{program}` has no standard input or output"));
-    };
-    let (to, lines) = channel();
-    let (found, from) = sync_channel(LINES_AHEAD);
-    let failed = |error: std::io::Error| format!("no thread for `{program}`: {error}");
-    let complaints = child.stderr.take().map(kept_end).transpose().map_err(failed)?;
-    threads::beside(move || write_lines(input, &lines)).map_err(failed)?;
-    threads::beside(move || read_lines(output, &found)).map_err(failed)?;
-    Ok(Box::new(Process { child, to, from, complaints }))
+impl Processes {
+    /// Starts a process that is spoken to by lines; `how` says what else is to be prepared.
+    fn spoken_to(
+        &self,
+        command: &[String],
+        how: impl FnOnce(&mut Command) -> &mut Command,
+    ) -> Result<Box<dyn Line>, String> {
+        let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
+        let mut prepared = apart(program);
+        how(prepared.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()));
+        let mut child = prepared.spawn().map_err(|error| format!("`{program}` cannot be started: {error}"))?;
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(format!("`{program}` has no standard input or output"));
+        };
+        let (to, lines) = channel();
+        let (found, from) = sync_channel(LINES_AHEAD);
+        let failed = |error: std::io::Error| format!("no thread for `{program}`: {error}");
+        let complaints = child.stderr.take().map(kept_end).transpose().map_err(failed)?;
+        threads::beside(move || write_lines(input, &lines)).map_err(failed)?;
+        threads::beside(move || read_lines(output, &found)).map_err(failed)?;
+        Ok(Box::new(Process { child, to, from, complaints, interrupt: self.interrupt.clone() }))
+    }
 }
 
 /// The end of what a process will have written on standard error.
@@ -104,6 +114,7 @@ struct Process {
     from: Receiver<Result<Vec<u8>, Broken>>,
     /// The end of its standard error, where that is kept.
     complaints: Option<Receiver<Vec<u8>>>,
+    interrupt: Interrupt,
 }
 
 impl Line for Process {
@@ -113,10 +124,11 @@ impl Line for Process {
     }
 
     fn receive(&mut self, limit: Duration) -> Result<Vec<u8>, Broken> {
-        match self.from.recv_timeout(limit) {
+        match self.interrupt.wait(&self.from, Some(now() + limit)) {
             Ok(line) => line,
-            Err(RecvTimeoutError::Timeout) => Err(Broken::Late),
-            Err(RecvTimeoutError::Disconnected) => Err(Broken::Ended),
+            Err(Waited::Late) => Err(Broken::Late),
+            Err(Waited::Gone) => Err(Broken::Ended),
+            Err(Waited::Stopped) => Err(Broken::Stopped),
         }
     }
 
@@ -178,16 +190,10 @@ const LOOK: Duration = Duration::from_millis(10);
 impl Run for Processes {
     fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended {
         match Running::start(program, input) {
-            Ok(running) => running.end(now() + limit),
+            Ok(running) => running.end(now() + limit, &self.interrupt),
             Err(reason) => Ended::Unstarted(reason),
         }
     }
-}
-
-/// The clock, for the time limit of a program.
-#[allow(clippy::disallowed_methods)]
-fn now() -> Instant {
-    Instant::now()
 }
 
 /// A program that answers one request.
@@ -216,19 +222,22 @@ impl Running {
         Ok(Running { child, output, complaints })
     }
 
-    /// What it printed, once it has ended; it is stopped at the deadline.
-    fn end(mut self, deadline: Instant) -> Ended {
+    /// What it printed, once it has ended; it is stopped at the deadline, and not long after Ctrl-C.
+    fn end(mut self, deadline: Instant, interrupt: &Interrupt) -> Ended {
         let left = || deadline.saturating_duration_since(now());
-        let printed = match self.output.recv_timeout(left()) {
+        let printed = match interrupt.wait(&self.output, Some(deadline)) {
             Ok(Ok(printed)) => printed,
             Ok(Err(reason)) => return Ended::Unstarted(reason),
-            Err(_) => return self.late(),
+            // Dropped, it is killed.
+            Err(Waited::Stopped) => return Ended::Stopped,
+            Err(Waited::Late | Waited::Gone) => return self.late(),
         };
         loop {
             match self.child.try_wait() {
                 Ok(Some(status)) if status.success() => return Ended::Well(printed),
                 Ok(Some(status)) => return Ended::Badly { code: status.code(), stderr: self.complaints() },
                 Ok(None) if left().is_zero() => return self.late(),
+                Ok(None) if interrupt.is_overdue() => return Ended::Stopped,
                 Ok(None) => std::thread::sleep(LOOK),
                 Err(error) => return Ended::Unstarted(format!("it cannot be waited for: {error}")),
             }
@@ -279,7 +288,7 @@ mod tests {
     use super::*;
 
     fn shell(script: &str, input: &str, limit: Duration) -> Ended {
-        PROCESSES.run(&["sh".into(), "-c".into(), script.into()], input.into(), limit)
+        Processes::default().run(&["sh".into(), "-c".into(), script.into()], input.into(), limit)
     }
 
     const LONG: Duration = Duration::from_secs(60);
@@ -289,7 +298,7 @@ mod tests {
         assert_eq!(shell("read x; echo got $x", "word\n", LONG), Ended::Well(b"got word\n".to_vec()));
         let badly = Ended::Badly { code: Some(5), stderr: "no\n".into() };
         assert_eq!(shell("echo ignored; echo no >&2; exit 5", "", LONG), badly);
-        assert!(matches!(PROCESSES.run(&["/no/such/program".into()], vec![], LONG), Ended::Unstarted(_)));
+        assert!(matches!(Processes::default().run(&["/no/such/program".into()], vec![], LONG), Ended::Unstarted(_)));
     }
 
     #[test]
@@ -308,7 +317,7 @@ mod tests {
         let kept = std::fs::read_to_string(&file).unwrap();
         assert_eq!(kept, "scene 7\nTraceback in ~/mine.py\n");
         let command = ["sh", "-c", "echo one; echo two; read x"].map(String::from);
-        let mut line = PROCESSES.start(&command).unwrap();
+        let mut line = Processes::default().start(&command).unwrap();
         assert_eq!(line.receive(LONG).unwrap(), b"one");
         let early = (0..500).find_map(|_| {
             std::thread::sleep(LOOK);

@@ -35,6 +35,8 @@ pub enum Ended {
         /// The end of its standard error.
         stderr: String,
     },
+    /// Nobody waits for it any more: the command that asks is being stopped.
+    Stopped,
     /// It could not be started, or spoken to.
     Unstarted(String),
 }
@@ -50,13 +52,19 @@ pub struct Command<'a> {
     options: CommandOptions,
     /// Who answers, and how: kept with every answer.
     provenance: String,
-    run: &'a dyn Run,
+    run: Box<dyn Run + 'a>,
+}
+
+impl<R: Run> Run for &R {
+    fn run(&self, program: &[String], input: Vec<u8>, limit: Duration) -> Ended {
+        (**self).run(program, input, limit)
+    }
 }
 
 impl<'a> Command<'a> {
     /// A program, and who starts it.
-    pub fn new(options: CommandOptions, provenance: &str, run: &'a dyn Run) -> Command<'a> {
-        Command { options, provenance: provenance.into(), run }
+    pub fn new(options: CommandOptions, provenance: &str, run: impl Run + 'a) -> Command<'a> {
+        Command { options, provenance: provenance.into(), run: Box::new(run) }
     }
 
     fn failed(&self, reason: String) -> ModelError {
@@ -90,6 +98,10 @@ impl Model for Command<'_> {
             Ended::Late { stderr } => {
                 let limit = self.options.timeout_s;
                 Err(self.failed(format!("no answer within timeout_s = {limit}; {}", said(&stderr))))
+            }
+            Ended::Stopped => {
+                let reason = "its answer is not waited for any more; repeat the command to ask again".into();
+                Err(ModelError::Unanswerable { reason })
             }
             Ended::Unstarted(reason) => Err(self.failed(reason)),
         }

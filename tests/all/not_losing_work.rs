@@ -176,6 +176,122 @@ fn ctrl_c_ends_a_recording_that_waits_for_a_reply_and_the_question_stays() {
     assert_eq!(files(&moved.join("exchange/me"), ".request.md"), question, "the same question, once");
 }
 
+/// What waits for an answer, and the file that it leaves once the answer was asked for.
+struct Waits {
+    folder: tempfile::TempDir,
+    experiment: PathBuf,
+}
+
+/// An experiment whose `more` waits for somebody: a model or a planner.
+fn waits(more: impl Fn(&Path) -> String) -> Waits {
+    let folder = tempfile::tempdir().unwrap();
+    let more = more(folder.path());
+    let experiment = experiment(folder.path(), "waits", &more);
+    Waits { folder, experiment }
+}
+
+/// Every role asks the model `mine`.
+fn all_roles(model: &str) -> String {
+    let roles = ["actor", "attack_critic", "isolation_critic", "realism_critic", "repair", "structural_critic"];
+    let roles: String = roles.iter().map(|role| format!("{role} = \"mine\"\n")).collect();
+    format!("[roles]\n{roles}[models.mine]\n{model}")
+}
+
+impl Waits {
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Records until somebody was asked, presses Ctrl-C, and says what was told until the end.
+    fn stopped(&self, asked: impl Fn() -> bool) -> String {
+        let out = self.file("out");
+        let args = ["record", self.experiment.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()];
+        let (mut child, mut stderr) = until(evodrive().args(args), "run folder: ");
+        let come = (0..1200).any(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(100));
+            asked()
+        });
+        assert!(come, "nobody was asked");
+        interrupt(&child);
+        let mut told = String::new();
+        std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+        let command = format!("resume {}", folder_below(&out).display());
+        assert!(told.contains("replies have 3 s left") && told.contains(&command), "{told}");
+        told
+    }
+}
+
+/// A shell that leaves a file when it is asked, and another one when it answers half a minute later.
+fn slow(folder: &Path) -> String {
+    format!("touch {0}/asked; [ -e {0}/ready ] || {{ sleep 30; touch {0}/answered; }}", folder.display())
+}
+
+#[test]
+fn ctrl_c_is_heard_while_a_program_is_asked_for_a_reply() {
+    let waiting = waits(|folder| {
+        let script = format!("{}; echo '{{}}'", slow(folder));
+        all_roles(&format!(
+            "kind = \"command\"\nmodel = \"a-shell\"\nprovenance = \"a shell\"\n[models.mine.command]\n\
+             program = [\"sh\", \"-c\", {script:?}]\ntimeout_s = 600\n"
+        ))
+    });
+    waiting.stopped(|| waiting.file("asked").exists());
+    assert!(!waiting.file("answered").exists(), "it was waited for");
+}
+
+#[cfg(feature = "live")]
+#[test]
+fn ctrl_c_is_heard_while_a_server_is_asked_for_a_reply_and_the_call_counts_as_spent() {
+    let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap();
+    let waiting = waits(|_| {
+        all_roles(&format!(
+            "kind = \"openai_compatible\"\nmodel = \"slow\"\n[models.mine.sampling]\nmax_tokens = 10\n\
+             [models.mine.client]\nbase_url = \"http://{address}/v1\"\ntimeout_s = 600\nattempts_max = 1\nwait_s_max = 1\n\
+             input_usd_per_million = 0.0\noutput_usd_per_million = 0.0\n[spend]\nusd_max = 1.0\ntokens_max = 10_000_000\n"
+        ))
+    });
+    let (asked, answered) = (waiting.file("asked"), waiting.file("answered"));
+    let (noted, late) = (asked.clone(), answered.clone());
+    std::thread::spawn(move || {
+        let (stream, _) = server.accept().unwrap();
+        std::fs::write(noted, "").unwrap();
+        std::thread::sleep(std::time::Duration::from_secs(30));
+        // The folder may be gone by then.
+        let _ = std::fs::write(late, "");
+        drop(stream);
+    });
+    waiting.stopped(|| asked.exists());
+    assert!(!answered.exists(), "it was waited for");
+    let spend = std::fs::read_to_string(folder_below(&waiting.file("out")).join("spend.json")).unwrap();
+    let page: serde_json::Value = serde_json::from_str(&spend).unwrap();
+    assert!(page["models"]["mine"]["output"].as_u64() == Some(10), "an answer that is lost may be billed: {spend}");
+}
+
+/// A planner that is stopped in the middle of a rollout has not failed in its scene: nothing is recorded of that.
+#[test]
+fn ctrl_c_is_heard_while_a_planner_decides_and_its_scene_is_not_called_failed() {
+    let waiting = waits(|folder| {
+        let script = format!(
+            "echo '{{\"evodrive_driver\":1}}'\nwhile read -r line; do case $line in *'\"type\":\"step\"'*)\n{}\n\
+             echo '{{\"acceleration_mps2\":0,\"steering_rad\":0}}';; esac; done\n",
+            slow(folder)
+        );
+        std::fs::write(folder.join("planner.sh"), script).unwrap();
+        "[[lineage]]\nid = \"cat-mine\"\nfamily = \"cat\"\nego = \"command\"\n[driver]\ncommand = [\"sh\", \"planner.sh\"]\n\
+         files = [\"planner.sh\"]\ncassette = \"planner.jsonl\"\ntimeout_s = 600\n"
+            .into()
+    });
+    waiting.stopped(|| waiting.file("asked").exists());
+    assert!(!waiting.file("answered").exists(), "it was waited for");
+    std::fs::write(waiting.file("ready"), "").unwrap();
+    let folder = folder_below(&waiting.file("out"));
+    let resumed = run(&["resume", folder.to_str().unwrap()]);
+    resumed.root();
+    assert!(resumed.stderr.contains("; 0 of them failed"), "{}", resumed.stderr);
+}
+
 #[test]
 fn ctrl_c_ends_a_training_at_its_checkpoint_which_it_goes_on_from() {
     let folder = tempfile::tempdir().unwrap();

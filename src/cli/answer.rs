@@ -28,7 +28,7 @@ impl Answer {
         Answer { exact: true, ..Answer::new(text, json) }
     }
 
-    /// Prints to stdout. A reader that went away (`| head`) is not an error; a full disk is.
+    /// Prints to stdout. A reader that went away (`| head`) is not an error; a full disk is, of the place that was chosen.
     pub fn print(&self, as_json: bool) -> Exit {
         if !as_json && self.text.is_empty() {
             return self.exit;
@@ -41,8 +41,12 @@ impl Answer {
         let mut stdout = std::io::stdout();
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-                let _ = writeln!(std::io::stderr(), "error: cannot write the answer to standard output: {error}");
-                Exit::Internal
+                let remedy = "make room where it goes, and repeat the command";
+                let _ = writeln!(
+                    std::io::stderr(),
+                    "error: cannot write the answer to standard output: {error}; {remedy}"
+                );
+                Exit::BadInput
             }
             _ => self.exit,
         }

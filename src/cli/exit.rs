@@ -6,7 +6,7 @@ use std::process::ExitCode;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     Success = 0,
-    /// A file, argument or experiment that cannot be used as it is.
+    /// A file, argument or experiment that cannot be used as it is, or a place that cannot be written to (a full disk).
     BadInput = 2,
     /// Replay met a question without a recorded answer.
     CassetteMiss = 3,
@@ -14,7 +14,7 @@ pub enum Exit {
     Divergence = 4,
     /// Stored bytes are not what they were.
     Corruption = 5,
-    /// A bug or a failure of the machine (disk full, no threads).
+    /// A bug, or a failure of the machine that no place or file explains (no threads).
     Internal = 70,
     /// Ctrl-C: what was done is kept, and the message says how to go on. Shells use this number for it.
     Interrupted = 130,

@@ -20,8 +20,7 @@ fn of_store(error: &StoreError) -> Failure {
     match error {
         StoreError::Corrupt(_) => Failure::corruption(error),
         StoreError::Divergence(_) | StoreError::Conflict { .. } => Failure::divergence(error),
-        StoreError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => Failure::bad_input(error),
-        StoreError::Io { source, .. } if source.kind() == std::io::ErrorKind::IsADirectory => Failure::bad_input(error),
+        of_the_place if of_the_place.is_of_the_place() => Failure::bad_input(error),
         StoreError::TooLarge { .. } | StoreError::Locked { .. } | StoreError::Sealed { .. } => {
             Failure::bad_input(error)
         }
@@ -62,6 +61,7 @@ impl From<RunError> for Failure {
     fn from(error: RunError) -> Failure {
         match &error {
             RunError::Agent(AgentError::Ask(AskError::Miss(_))) => Failure::miss(error),
+            RunError::Agent(AgentError::Ask(AskError::Disk(store))) => of_store(store),
             RunError::Agent(AgentError::Ask(AskError::Store(_))) => Failure::internal(error),
             RunError::Interrupted | RunError::Agent(AgentError::Ask(AskError::Stopped)) => Failure::interrupted(error),
             RunError::Agent(_) | RunError::Study(_) | RunError::World(_) => Failure::bad_input(error),

@@ -61,7 +61,10 @@ pub enum AskError {
         /// Why.
         error: ModelError,
     },
-    /// The store could not be read or written; it holds the reason.
+    /// The store could not be read or written.
+    #[error("{0}")]
+    Disk(std::sync::Arc<crate::store::StoreError>),
+    /// What is stored cannot be used, or what is to be stored has no bytes; it holds the reason.
     #[error("{0}")]
     Store(String),
     /// Whoever started the run wants it to stop; nobody was asked.

@@ -174,7 +174,7 @@ fn metadata_key(memo_key: &Digest, response: &Digest) -> Result<Digest, AskError
 }
 
 fn on_disk(error: StoreError) -> AskError {
-    AskError::Store(error.to_string())
+    AskError::Disk(error.into())
 }
 
 impl Ask for Record<'_> {

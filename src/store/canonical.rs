@@ -35,7 +35,28 @@ pub fn reader(path: &Path) -> Result<impl Read + use<>, StoreError> {
     file::open_bounded(path, u64::MAX)
 }
 
-/// Writes a file from what `fill` writes, whole or not at all, without having it in memory. What `fill` says is passed on.
+/// A file that remembers why it took no more: whoever fills it knows neither its name nor its disk.
+struct Remembering {
+    file: File,
+    refused: Option<std::io::Error>,
+}
+
+impl Write for Remembering {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.file.write(bytes).inspect_err(|error| {
+            if error.kind() != std::io::ErrorKind::Interrupted {
+                self.refused = Some(error.raw_os_error().map_or(error.kind().into(), std::io::Error::from_raw_os_error));
+            }
+        })
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// Writes a file from what `fill` writes, whole or not at all, without having it in memory. What `fill` says is passed on, unless
+/// the file was at fault.
 pub fn write_filled<E>(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> Result<(), E>,
@@ -45,15 +66,15 @@ pub fn write_filled<E>(
     if let Some(name) = path.file_name() {
         file::remove_abandoned(file::parent_of(path), &format!(".{}.", name.to_string_lossy()), ".tmp");
     }
-    let mut made = File::create(&temporary).map_err(io)?;
+    let mut made = Remembering { file: File::create(&temporary).map_err(io)?, refused: None };
     // Held while it is written: what nobody holds was left by a command that was killed.
     let _claimed = file::claim(&temporary)?;
     let filled = fill(&mut made);
     if filled.is_err() {
         let _ = fs::remove_file(&temporary);
-        return Ok(filled);
+        return made.refused.map_or(Ok(filled), |source| Err(io(source)));
     }
-    let ended = made.sync_all().and_then(|()| fs::rename(&temporary, path));
+    let ended = made.file.sync_all().and_then(|()| fs::rename(&temporary, path));
     if let Err(source) = ended {
         let _ = fs::remove_file(&temporary);
         return Err(io(source));

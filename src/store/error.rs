@@ -154,7 +154,11 @@ impl StoreError {
         let remedy = match source.kind() {
             std::io::ErrorKind::NotFound => "check the path",
             std::io::ErrorKind::PermissionDenied => "check its permissions and owner",
-            std::io::ErrorKind::StorageFull => "make room on the disk and repeat; what was flushed is safe",
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+                "the disk is full: make room there, or name a place on another disk, and repeat the command; what was written \
+                 whole is safe"
+            }
+            std::io::ErrorKind::ReadOnlyFilesystem => "name a place that may be written to",
             std::io::ErrorKind::AlreadyExists => "choose another place, or remove it first",
             std::io::ErrorKind::IsADirectory | std::io::ErrorKind::NotADirectory => {
                 "a file was expected where a folder is, or the reverse"
@@ -162,6 +166,23 @@ impl StoreError {
             _ => "check the path and the disk",
         };
         StoreError::Io { action, path: path.to_path_buf(), source, remedy }
+    }
+
+    /// Whether the user can mend it where the file lies: the program is not at fault.
+    pub fn is_of_the_place(&self) -> bool {
+        use std::io::ErrorKind::{
+            IsADirectory, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
+        };
+        let places = [
+            IsADirectory,
+            NotADirectory,
+            NotFound,
+            PermissionDenied,
+            QuotaExceeded,
+            ReadOnlyFilesystem,
+            StorageFull,
+        ];
+        matches!(self, StoreError::Io { source, .. } if places.contains(&source.kind()))
     }
 
     pub(super) fn corrupt(damage: Damage) -> StoreError {

@@ -293,7 +293,12 @@ fn new_index(path: &Path) -> Result<Index, StoreError> {
 }
 
 fn index_error(path: &Path, error: &rusqlite::Error) -> StoreError {
-    StoreError::io("write", path, std::io::Error::other(error.to_string()))
+    let source = match error.sqlite_error_code() {
+        Some(rusqlite::ErrorCode::DiskFull) => std::io::ErrorKind::StorageFull.into(),
+        Some(rusqlite::ErrorCode::ReadOnly) => std::io::ErrorKind::ReadOnlyFilesystem.into(),
+        _ => std::io::Error::other(error.to_string()),
+    };
+    StoreError::io("write", path, source)
 }
 
 fn truncated(path: &Path, places: &Places, end: u64) -> Damage {

@@ -21,6 +21,7 @@ mod experiments;
 mod families_gradient;
 mod families_isolation;
 mod families_signatures;
+mod full_disk;
 mod harness;
 mod language;
 mod ledger;

@@ -12,7 +12,7 @@ use crate::synth::{self, FamilyOptions, SynthError, SynthOptions};
 /// Bytes that a scenario file or a pool may have.
 const SCENE_FILE_BYTES_MAX: u64 = 1 << 30;
 /// Endings of the scenario files that a folder is searched for.
-const SCENARIO_ENDINGS: [&str; 6] = [".xml", ".json", ".pkl", ".tfrecord", ".xodr", ".cr.xml"];
+const SCENARIO_ENDINGS: [&str; 5] = [".pkl", ".json", ".xml", ".xodr", ".tfrecord"];
 
 impl Experiment {
     /// Its scenes, or those of `instead` (a pool, scenario files or folders) where some are named.
@@ -93,15 +93,43 @@ fn each(
     Pool::new(scenes.into_iter().collect::<Result<Vec<Scene>, _>>().map_err(unusable)?, Vec::new()).map_err(unusable)
 }
 
+/// Waymo numbers its files behind the ending: `training.tfrecord-00000-of-01000`.
+fn is_scenario_file(name: &str) -> bool {
+    SCENARIO_ENDINGS.iter().any(|ending| name.ends_with(ending)) || name.contains(".tfrecord-")
+}
+
+/// No file of these folders is a scenario file: what was looked for, and what is there instead.
+fn nothing_in(folders: &[PathBuf], others: &[PathBuf]) -> ExperimentError {
+    let listed = |paths: &[PathBuf]| paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    let mut text = format!(
+        "{}: no scenario file here or in the folders below; looked for names with {} (`evodrive formats` says what each is)",
+        listed(folders),
+        SCENARIO_ENDINGS.join(", ")
+    );
+    let (pools, rest): (Vec<_>, Vec<_>) =
+        others.iter().cloned().partition(|path| path.extension().is_some_and(|ending| ending == "pool"));
+    match (pools.as_slice(), rest.as_slice()) {
+        ([], []) => text += "; no file at all was found",
+        ([], [first, ..]) => text += &format!("; found {} other files, e.g. {}", rest.len(), first.display()),
+        (pools, _) => text += &format!("; a pool is named itself, not its folder: {}", listed(pools)),
+    }
+    ExperimentError::Scenes(text)
+}
+
 /// Imports files and folders. What cannot be used is left out with its reason; nothing usable at all is an error. A
 /// thread has one file in memory at a time.
 pub fn import(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentError> {
     let mut files: Vec<(String, PathBuf)> = Vec::new();
+    let mut others: Vec<PathBuf> = Vec::new();
     for path in paths {
-        for file in store::list_files(path, &SCENARIO_ENDINGS)? {
+        for file in store::list_files(path, &[])? {
             let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            files.push((name, file));
+            // A file that is named itself is read whatever its name is.
+            if *path == file || is_scenario_file(&name) { files.push((name, file)) } else { others.push(file) }
         }
+    }
+    if files.is_empty() {
+        return Err(nothing_in(paths, &others));
     }
     // A file that cannot be read is told by the second reading.
     let part = |_: usize, file: &(String, PathBuf)| {
@@ -128,4 +156,41 @@ pub fn import(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentEr
         return Err(unusable(format!("no scene could be imported:\n{}", reasons.join("\n"))));
     }
     Pool::new(summary.scenes, summary.left_out).map_err(unusable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Why nothing comes from a folder with these files.
+    fn refused(files: &[&str]) -> String {
+        let dir = tempfile::tempdir().unwrap();
+        for name in files {
+            let path = dir.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "no scenario").unwrap();
+        }
+        let error = read_scenes(&[dir.path().to_path_buf()], &Threads::new(1).unwrap()).unwrap_err().to_string();
+        error.replace(dir.path().to_str().unwrap(), "DIR")
+    }
+
+    #[test]
+    fn a_folder_without_a_scenario_file_says_what_was_looked_for_and_what_is_there() {
+        let empty = refused(&[]);
+        assert!(empty.starts_with("DIR: no scenario file here or in the folders below; looked for"), "{empty}");
+        for ending in SCENARIO_ENDINGS {
+            assert!(empty.contains(ending), "{ending}: {empty}");
+        }
+        assert!(empty.ends_with("no file at all was found"), "{empty}");
+        let others = refused(&["a/notes.txt", "b.csv"]);
+        assert!(others.ends_with("found 2 other files, e.g. DIR/a/notes.txt"), "{others}");
+        let pool = refused(&["notes.txt", "mine.pool"]);
+        assert!(pool.ends_with("a pool is named itself, not its folder: DIR/mine.pool"), "{pool}");
+    }
+
+    #[test]
+    fn a_file_with_a_scenarios_name_is_looked_into_also_where_waymo_numbers_it() {
+        let said = refused(&["training.tfrecord-00000-of-01000"]);
+        assert!(said.starts_with("no scene could be imported:\n  training.tfrecord-00000-of-01000: "), "{said}");
+    }
 }

@@ -1,6 +1,6 @@
 //! The parent's outcome in each scene of the window, as a table that prompts show.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::kernel::num;
 
@@ -34,9 +34,25 @@ pub struct SceneRow {
     pub metrics: BTreeMap<String, f64>,
 }
 
+/// Heads of the table's columns.
+const HEAD: &str = "scene | place and tags | adversaries | outcome | nearest_m | below 1";
+/// Between two cells of a row.
+const BETWEEN: &str = " | ";
+
+/// The rows of the table in a prompt, without their head; none where the prompt has no table.
+pub fn rows_in(prompt: &str) -> impl Iterator<Item = &str> {
+    let behind = prompt.split_once(HEAD).map_or("", |(_, behind)| behind);
+    behind.lines().skip(1).take_while(|line| line.contains(BETWEEN))
+}
+
+/// The scene of such a row, if it is one of those that are known. A scene's id may hold anything, also what stands between cells.
+pub fn scene_of<'r>(row: &'r str, known: &BTreeSet<&str>) -> Option<&'r str> {
+    row.match_indices(BETWEEN).map(|(end, _)| &row[..end]).find(|id| known.contains(id))
+}
+
 /// The table, a row a line.
 pub fn table(rows: &[SceneRow]) -> String {
-    let mut head = "scene | place and tags | adversaries | outcome | nearest_m | below 1".to_string();
+    let mut head = HEAD.to_string();
     if rows.iter().any(|row| !row.metrics.is_empty()) {
         head += " | measured";
     }
@@ -58,10 +74,43 @@ fn row(row: &SceneRow) -> String {
     let nearest_m = row.nearest_m.map_or("-".into(), |m| num::rounded(m, 1).to_string());
     let (place, actors, below) = (place.join(" "), row.actors.join(" "), below.join("; "));
     let outcome = format!("{}{share}{contact}", row.outcome);
-    let line = [row.scene.as_str(), &place, &actors, &outcome, &nearest_m, &below].join(" | ");
+    let line = [row.scene.as_str(), &place, &actors, &outcome, &nearest_m, &below].join(BETWEEN);
     if row.metrics.is_empty() {
         return line;
     }
     let measured = row.metrics.iter().map(|(name, value)| format!("{name} {}", num::rounded(*value, 3)));
     format!("{line} | {}", measured.collect::<Vec<_>>().join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row_of(scene: &str) -> SceneRow {
+        SceneRow {
+            scene: scene.into(),
+            cluster: "junction".into(),
+            tags: vec![],
+            actors: vec!["7".into()],
+            attack: 0.0,
+            outcome: "missed",
+            contact: None,
+            nearest_m: None,
+            note: String::new(),
+            diagnostics: BTreeMap::new(),
+            metrics: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn the_rows_of_a_prompt_are_read_back_with_their_scenes_whatever_an_id_holds() {
+        let ids = ["synth/merge/7/13", "a | b", "a"];
+        let prompt = format!("## Window\n```text\n{}\n```\nx | y | z\n", table(&ids.map(row_of)));
+        let rows: Vec<&str> = rows_in(&prompt).collect();
+        assert_eq!(rows.len(), 3, "{rows:?}");
+        let known = BTreeSet::from(["synth/merge/7/13", "a | b"]);
+        let found: Vec<_> = rows.iter().map(|row| scene_of(row, &known)).collect();
+        assert_eq!(found, [Some("synth/merge/7/13"), Some("a | b"), None]);
+        assert_eq!(rows_in("## Rules\nx | y\n").count(), 0);
+    }
 }

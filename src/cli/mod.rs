@@ -42,6 +42,7 @@ mod manual;
 mod models;
 mod moving_line;
 mod options;
+mod other_pool;
 mod overwriting;
 mod page;
 mod paper;

@@ -5,11 +5,13 @@ use std::path::Path;
 
 use super::exit::Failure;
 use super::folder::Recording;
+use super::other_pool;
 use crate::adapters::ADAPTER_VERSION;
 use crate::experiment::Experiment;
 use crate::kernel::Digest;
 use crate::llm::Cassette;
 use crate::objects::world_audit::WORLD_LINE;
+use crate::scene::Pool;
 
 /// What a message proposes where a cassette would be lost.
 const REMEDY: &str = "name another cassette (in the file, or by --cassette FILE), or add --overwrite to replace it";
@@ -25,8 +27,12 @@ impl<'a> Held<'a> {
     /// a cassette whose answers this experiment cannot ask for.
     ///
     /// # Errors
-    /// A cassette of other lineages or of another version; one that cannot be read and would be gone on with.
-    pub fn before(recording: &'a Recording, experiment: &Experiment) -> Result<(Held<'a>, Cassette), Failure> {
+    /// A cassette of other lineages, of another version or of other scenes; one that cannot be read and would be gone on with.
+    pub fn before(
+        recording: &'a Recording,
+        experiment: &Experiment,
+        scenes: &Pool,
+    ) -> Result<(Held<'a>, Cassette), Failure> {
         let Recording { fresh, overwrite, .. } = *recording;
         let path = recording.cassette.as_path();
         let nothing = || (Held { path, exchanges: BTreeSet::new() }, Cassette::new(path.display().to_string()));
@@ -45,6 +51,9 @@ impl<'a> Held<'a> {
         if let Some(found) = foreign(&there, experiment) {
             let place = path.display();
             return Err(Failure::bad_input(format!("{place} {found}: recording would write over it; {REMEDY}")));
+        }
+        if let Some(told) = other_pool::told(&there, scenes) {
+            return Err(Failure::bad_input(format!("{told}; --overwrite loses it")));
         }
         // Other answers lead to other questions, and a fresh recording asks for these.
         if fresh {

@@ -11,6 +11,7 @@ use super::behind;
 use super::exit::{Exit, Failure};
 use super::folder::RunFolder;
 use super::held::Held;
+use super::other_pool;
 use super::plan_cost::{RoleCost, rest};
 use super::plan_looked::{Looked, Seen};
 use super::run::Job;
@@ -53,6 +54,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         true => Cassette::load(&path)?,
         false => Cassette::new(path.display().to_string()),
     };
+    // Nothing of it will be used: what the plan says is missing is everything.
+    other_pool::told(&cassette, &job.scenes).into_iter().for_each(progress);
     let held = job.open_folder(None)?;
     held.or_gone(planned(options, job, &held, &cassette), |_| false)
 }

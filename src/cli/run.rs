@@ -16,7 +16,7 @@ use super::terminal::{USUAL, stderr_width, table_width};
 use super::typed::{record_command, resume_command};
 use super::worker_process::Processes;
 use super::{
-    behind, cost, left_out, models, overwriting, page,
+    behind, cost, left_out, models, other_pool, overwriting, page,
     result_text::{self, Told},
 };
 use crate::backend::{Answers, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers};
@@ -42,6 +42,7 @@ pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
     let remedy = record_command();
     let cassette = Cassette::load_on(&path, Some(&job.threads))
         .map_err(|error| Failure { message: format!("{error}\n  to record it: {remedy}"), ..Failure::from(error) })?;
+    other_pool::check(&cassette, &job.scenes)?;
     let rollouts = behind::replay(&job.experiment, &remedy)?;
     let interrupt = Interrupt::listen()?;
     let held = job.open_folder(None)?;
@@ -149,7 +150,7 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     let rollouts = behind::path(&job.experiment).map(std::path::absolute).transpose().map_err(Failure::internal)?;
     let driver_folder = job.experiment.driver.as_ref().map(|driver| driver.folder().to_path_buf());
     let recording = Recording { cassette, fresh: args.fresh, overwrite: args.overwrite, rollouts, driver_folder };
-    let before = overwriting::Held::before(&recording, &job.experiment)?;
+    let before = overwriting::Held::before(&recording, &job.experiment, &job.scenes)?;
     if let (Some(options), Some(path)) = (&job.experiment.simulator.backend, &recording.rollouts) {
         behind::recorded(options, path, args.fresh)?;
     }
@@ -272,7 +273,7 @@ pub fn resume(args: &OneRun, jobs: usize) -> Result<Answer, Failure> {
             if let (Some(driver), Some(folder)) = (&mut job.experiment.driver, &recording.driver_folder) {
                 driver.folder.clone_from(folder);
             }
-            let before = overwriting::Held::before(&recording, &job.experiment)?;
+            let before = overwriting::Held::before(&recording, &job.experiment, &job.scenes)?;
             let interrupt = Interrupt::listen()?;
             let way = Way::Record { report: true };
             carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, way)

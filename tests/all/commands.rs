@@ -65,8 +65,8 @@ fn a_recording_loses_no_answer_of_another_experiment_unless_it_is_told_to() {
     let refused = call("record", &other, &folder.path().join("o"), &shared);
     assert!(refused.code == 2 && refused.stderr.contains("which other does not have"), "{}", refused.stderr);
     assert!(!folder.path().join("o").exists(), "refused before a run folder is made");
-    // The same lineages on other scenes are found out when the questions are.
-    let elsewhere = ["--set", "scenes.seed=8"];
+    // The same lineages with other questions are found out when these are asked.
+    let elsewhere = ["--set", "budget.slots=2", "--set", "models.scripted.sampling.seed=3"];
     let refused = call("record", &path, &out, &elsewhere);
     assert!(refused.code == 2 && refused.stderr.contains("did not ask for"), "{}", refused.stderr);
     assert_eq!(std::fs::read(&cassette).unwrap(), before);
@@ -79,6 +79,32 @@ fn a_recording_loses_no_answer_of_another_experiment_unless_it_is_told_to() {
     let (program, out) = (env!("CARGO_BIN_EXE_evodrive"), folder.path().join("m"));
     let command = format!("{program} record {} --no-report --out {}", path.display(), out.display());
     assert!(missed.stderr.contains(&command), "{}", missed.stderr);
+}
+
+/// The questions of a cassette name the scenes of their windows, so other scenes are seen before there is any work.
+#[test]
+fn a_cassette_of_another_pool_is_called_that_before_a_folder_is_made_and_one_of_a_larger_pool_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (experiment(folder.path(), "mine", ""), folder.path().join("out"));
+    let root = call("record", &path, &out, &[]).root();
+    let before = std::fs::read(folder.path().join("mine.jsonl")).unwrap();
+    let (other, elsewhere) = (["--set", "scenes.seed=8"], folder.path().join("elsewhere"));
+    for (command, code) in [("run", 3), ("record", 2)] {
+        let refused = call(command, &path, &elsewhere, &other);
+        assert_eq!((refused.code, elsewhere.exists()), (code, false), "{}", refused.stderr);
+        for part in ["mine.jsonl was recorded on another scene pool", "/7/", "the 12 scenes here", "--cassette FILE"] {
+            assert!(refused.stderr.contains(part), "{part}: {}", refused.stderr);
+        }
+    }
+    assert_eq!(std::fs::read(folder.path().join("mine.jsonl")).unwrap(), before);
+    let plan = ["plan", path.to_str().unwrap(), "--out", elsewhere.to_str().unwrap()];
+    let planned = Ran::of(evodrive().args(plan).args(other));
+    let told = planned.stderr.contains("was recorded on another scene pool");
+    assert!(planned.code == 3 && told, "{}", planned.stderr);
+    // Scenes of its own beside others: what is missing then is an answer, not the pool.
+    let more = call("run", &path, &elsewhere, &["--set", "scenes.count=14"]);
+    assert!(more.code == 3 && !more.stderr.contains("another scene pool"), "{}", more.stderr);
+    assert_eq!(call("run", &path, &out, &[]).root(), root);
 }
 
 #[test]

@@ -44,7 +44,7 @@ pub struct Options {
     /// it the one that the program was evolved against.
     #[arg(long)]
     pub ego: Option<String>,
-    /// File with a table [driver]: the program of one's own that drives, e.g. examples/own_ego/idm.toml (docs/EGOS.md).
+    /// Your planner as the driver: a program, a .py file, or a .toml file with a table [driver] (docs/EGOS.md).
     #[arg(long, conflicts_with = "ego")]
     pub driver: Option<PathBuf>,
     /// Root of the random streams; without it the one of the program's run.
@@ -124,7 +124,7 @@ pub fn driver(name: &str) -> Result<Policy, Failure> {
             "the program was evolved against a learned ego, whose weights are not in its file; name them: --ego policies/<name>.safetensors",
         ),
         PolicyError::NoProgram => Failure::bad_input(
-            "the program was evolved against a planner, which is not in its file; name it: --driver FILE with a table [driver]",
+            "the program was evolved against a planner, which is not in its file; name it: --driver planner.py, a program, or a .toml file with a table [driver]",
         ),
         PolicyError::Unknown(_) => {
             let near = nearest(name, ["idm", "idm-lights", "replay"]);

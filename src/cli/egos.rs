@@ -28,7 +28,7 @@ pub struct Options {
     /// Weights of a learned ego; may be repeated.
     #[arg(long)]
     pub policy: Vec<PathBuf>,
-    /// File with a table [driver]: a program of one's own that drives too, e.g. examples/own_ego/idm.toml; may be repeated.
+    /// Your planner, which drives too: a program, a .py file, or a .toml file with a table [driver]; may be repeated.
     #[arg(long)]
     pub driver: Vec<PathBuf>,
 }

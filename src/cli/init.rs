@@ -3,12 +3,12 @@
 use clap::Args;
 use serde_json::json;
 use std::convert::Infallible;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::answer::Answer;
 use super::exit::Failure;
 use super::scenes;
-use crate::experiment::{Starter, StarterDriver, family_named, starter};
+use crate::experiment::{PlannerFile, Starter, family_named, starter};
 use crate::store;
 
 #[derive(Debug, Args)]
@@ -33,25 +33,6 @@ fn family(word: &str) -> Result<String, Infallible> {
     Ok(family_named(word))
 }
 
-/// The helper of examples/own_ego, which a planner in Python may import.
-const HELPER: &str = "evodrive_driver.py";
-
-/// How the planner is started from the folder of the experiment file, which is the working directory.
-fn driver(path: &Path) -> Result<StarterDriver, Failure> {
-    if !path.is_file() {
-        let expected = "the program or Python file that drives (docs/EGOS.md, \"A planner of your own\")";
-        return Err(Failure::bad_input(format!("--driver {}: no such file; expected {expected}", path.display())));
-    }
-    let named = path.display().to_string();
-    if path.extension().is_none_or(|ending| ending != "py") {
-        let command = if path.components().count() == 1 { format!("./{named}") } else { named.clone() };
-        return Ok(StarterDriver { command: vec![command], files: vec![named] });
-    }
-    let helper = path.with_file_name(HELPER);
-    let files = std::iter::once(named.clone()).chain(helper.is_file().then(|| helper.display().to_string()));
-    Ok(StarterDriver { command: vec!["python3".into(), named], files: files.collect() })
-}
-
 /// Reads the scenes, so that what cannot be used is told now and the split fits them.
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let path = PathBuf::from(format!("{}.toml", options.name));
@@ -60,7 +41,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let read = |path: &PathBuf| Ok::<_, Failure>((path.clone(), scenes::read(std::slice::from_ref(path), jobs)?));
     let scenes = options.scenes.as_ref().map(read).transpose()?;
-    let driver = options.driver.as_deref().map(driver).transpose()?;
+    let driver = options.driver.as_deref().map(PlannerFile::named).transpose()?;
     let begun = Starter { name: options.name.clone(), family: options.family.clone(), scenes, driver };
     let text = starter(&begun)?;
     store::write_atomic(&path, text.as_bytes())?;

@@ -35,7 +35,7 @@ pub use family_name::family_named;
 pub use file::{Composed, composed};
 pub use model_options::ModelOptions;
 pub use models::{asked, by_role, provenance};
-pub use named_driver::named_driver;
+pub use named_driver::{PlannerFile, named_driver};
 pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
 pub use page::page;
 pub use parent_program::ParentProgram;
@@ -45,5 +45,5 @@ pub use program_file::{
 };
 pub use scenes::{import, read_pool, read_scenes};
 pub use schema::schema;
-pub use starter::{Starter, StarterDriver, starter};
+pub use starter::{Starter, starter};
 pub use training_file::TrainingFile;

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::{ExperimentError, OptionError};
+use super::{ExperimentError, OptionError, PlannerFile};
 use crate::families;
 use crate::objects::FamilyName;
 use crate::scene::{Pool, usable};
@@ -17,16 +17,7 @@ pub struct Starter {
     /// The scenes as the file names them, with what they hold; generated ones without.
     pub scenes: Option<(PathBuf, Pool)>,
     /// The planner that is the ego; IDM without.
-    pub driver: Option<StarterDriver>,
-}
-
-/// A planner as `[driver]` names it.
-#[derive(Clone, Debug)]
-pub struct StarterDriver {
-    /// Program and arguments.
-    pub command: Vec<String>,
-    /// Its identity, as the file names them.
-    pub files: Vec<String>,
+    pub driver: Option<PlannerFile>,
 }
 
 /// Scenes of a small generated study.

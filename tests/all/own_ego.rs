@@ -97,6 +97,40 @@ fn an_interrupted_recording_finds_its_planner_again_and_a_finished_one_names_no_
     assert!(again.code == 2 && again.stderr.contains("starts no planner"), "{}", again.stderr);
 }
 
+/// The planner itself is named as for `init`; it is the planner that a file with a table `[driver]` names.
+#[test]
+fn egos_and_apply_take_the_planner_itself_and_a_table_that_names_it_for_the_same_ego() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let home = folder.path();
+    copied(home, &["evodrive_driver.py", "idm.py"]);
+    std::fs::create_dir(home.join("below")).unwrap();
+    std::fs::rename(home.join("idm.py"), home.join("below/idm.py")).unwrap();
+    std::fs::rename(home.join("evodrive_driver.py"), home.join("below/evodrive_driver.py")).unwrap();
+    let table = "[driver]\ncommand = [\"python3\", \"below/idm.py\"]\n\
+                 files = [\"below/idm.py\", \"below/evodrive_driver.py\"]\ncassette = \"x.jsonl\"\n";
+    std::fs::write(home.join("table.toml"), table).unwrap();
+    let here = |args: &[&str]| Ran::of(evodrive().current_dir(home).args(args));
+    let path = experiment(home, "mine", "");
+    let egos = here(&["egos", path.to_str().unwrap(), "--driver", "below/idm.py", "--driver", "table.toml", "--json"]);
+    assert_eq!(egos.code, 0, "{}", egos.stderr);
+    let object: serde_json::Value = serde_json::from_str(&egos.stdout).unwrap();
+    let figures = |at: usize| object["egos"][at]["figures"].clone();
+    assert_eq!(figures(2), figures(3), "{object}");
+    assert_ne!(figures(2), figures(0), "it drives otherwise than replay: {object}");
+    here(&["record", path.to_str().unwrap(), "--no-report"]).root();
+    let run = crate::harness::folder_below(&home.join("runs")).display().to_string();
+    assert_eq!(here(&["program", "export", &run, "cat-idm/parent", "--out", "program.json"]).code, 0);
+    here(&["scenes", "generate", path.to_str().unwrap(), "--out", "mine.pool"]);
+    let applied = |driver: &str| here(&["apply", "program.json", "--scenes", "mine.pool", "--driver", driver, "--json"]);
+    let (itself, named) = (applied("below/idm.py"), applied("table.toml"));
+    assert!(itself.code == 0 && itself.stdout == named.stdout, "{} {}", itself.stderr, named.stderr);
+    let missing = applied("idm.py");
+    assert!(missing.code == 2 && missing.stderr.contains("--driver idm.py: no such file"), "{}", missing.stderr);
+}
+
 #[test]
 fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     if !python() {

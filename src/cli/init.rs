@@ -19,9 +19,21 @@ pub struct Options {
     /// Your scenes: a pool, a scenario file or a folder of them. Without it scenes are generated.
     #[arg(long)]
     pub scenes: Option<PathBuf>,
-    /// Generator family to evolve.
-    #[arg(long, default_value = "cat", value_parser = family)]
-    pub family: String,
+    /// Generator family to evolve; several with commas, or repeated. Each becomes a lineage.
+    #[arg(long, default_value = "cat", value_delimiter = ',', value_parser = family)]
+    pub family: Vec<String>,
+    /// Every family of the same protocol: with `--family human` those of SafeBench.
+    #[arg(long)]
+    pub all: bool,
+    /// Epochs; 4 without it.
+    #[arg(long)]
+    pub epochs: Option<i64>,
+    /// Proposals of an epoch; 6 without it.
+    #[arg(long)]
+    pub slots: Option<i64>,
+    /// Scenes that stay closed until evolution is over; without it a fifth, and 20 at least where half of the scenes are so many.
+    #[arg(long)]
+    pub held_out: Option<usize>,
     /// Your planner as the ego under test: a program, or a .py file with the helper evodrive_driver.py beside it.
     /// Without it the ego is IDM.
     #[arg(long)]
@@ -42,7 +54,16 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let read = |path: &PathBuf| Ok::<_, Failure>((path.clone(), scenes::read(std::slice::from_ref(path), jobs)?));
     let scenes = options.scenes.as_ref().map(read).transpose()?;
     let driver = options.driver.as_deref().map(PlannerFile::named).transpose()?;
-    let begun = Starter { name: options.name.clone(), family: options.family.clone(), scenes, driver };
+    let begun = Starter {
+        name: options.name.clone(),
+        families: options.family.clone(),
+        all: options.all,
+        scenes,
+        driver,
+        epochs: options.epochs,
+        slots: options.slots,
+        held_out: options.held_out,
+    };
     let text = starter(&begun)?;
     store::write_atomic(&path, text.as_bytes())?;
     let shown = path.display();

@@ -4,7 +4,7 @@ use evodrive::ego::network::Mlp;
 use evodrive::ego::{Policy, Setting, Weights};
 use evodrive::experiment::{Experiment, SceneSource, composed};
 use evodrive::families::sources;
-use evodrive::kernel::Digest;
+use evodrive::kernel::{Digest, Threads};
 use evodrive::objects::{FamilyName, LineageId};
 use evodrive::stage::Asks;
 use std::collections::BTreeSet;
@@ -339,6 +339,43 @@ fn init_writes_a_short_file_for_every_family_that_is_read_outside_the_repository
     assert!(code == 2 && text.contains("did you mean `cat`?"), "{text}");
 }
 
+/// A study of several families needs no editing: each has its lineage, and what one of them asks for is there.
+#[test]
+fn init_takes_several_families_or_all_with_what_they_need_and_the_size_of_the_study() {
+    let dir = tempfile::tempdir().unwrap();
+    let made = |name: &str, args: &[&str]| {
+        let (code, text) = evodrive(dir.path(), &[&["init", name], args].concat());
+        assert_eq!(code, 0, "{args:?}: {text}");
+        read(&dir.path().join(format!("{name}.toml")))
+    };
+    let families = |experiment: &Experiment| {
+        experiment.lineages.iter().map(|of| of.family.to_string()).collect::<Vec<_>>().join(" ")
+    };
+    let some = made("some", &["--family", "king,llm_attacker", "--family", "cat", "--epochs", "2", "--slots", "3"]);
+    assert_eq!(families(&some), "king llm_attacker cat");
+    assert_eq!((some.budget.epochs, some.budget.slots), (2, 3));
+    assert!(some.counsel.is_some(), "LLM-Attacker asks who attacks");
+    assert!(some.split.held_out >= 20 && made("few", &["--held-out", "7"]).split.held_out == 7);
+    let text = std::fs::read_to_string(dir.path().join("few.toml")).unwrap();
+    assert!(text.contains("# few: a rate over 7 scenes is known to within 38 percentage points"), "{text}");
+    assert_eq!(families(&made("all", &["--all"])), "adv_bmt at cat king llm_attacker sage seal strive");
+    let staged = made("staged", &["--family", "human", "--all"]);
+    assert_eq!(families(&staged), "adv_traj advsim chatscene human");
+    let pool = staged.scenes(&[], &Threads::new(1).unwrap()).unwrap();
+    let split = staged.split_of(&pool).unwrap();
+    assert_eq!((split.held_out.len(), split.evolution.len()), (24, 40));
+    for (args, said) in [
+        (["--family", "cat,human"], "human beside cat, expected families of one protocol"),
+        (["--family", "cat,cat"], "\"cat\" twice"),
+        (["--family", "cat,kng"], "did you mean `king`?"),
+        (["--held-out", "60"], "1 to 59: 60 scenes can be used"),
+        (["--epochs", "0"], "--epochs is 0, expected a whole number from 1 to 1000"),
+    ] {
+        let (code, text) = evodrive(dir.path(), &[&["init", "bad"], args.as_slice()].concat());
+        assert!(code == 2 && text.contains(said), "{args:?}: {text}");
+    }
+}
+
 #[test]
 fn init_names_a_planner_with_its_helper_as_the_driver() {
     let dir = tempfile::tempdir().unwrap();
@@ -377,7 +414,7 @@ fn init_fits_the_split_to_ones_own_scenes_and_the_experiment_runs() {
     done(&["scenes", "generate", "worlds.toml", "--out", "mine.pool"]);
     done(&["init", "mine", "--scenes", "mine.pool"]);
     let experiment = read(&dir.path().join("mine.toml"));
-    assert_eq!((experiment.split.held_out, experiment.split.window), (1, 5));
+    assert_eq!((experiment.split.held_out, experiment.split.window), (3, 3));
     let path = dir.path().join("mine.toml");
     let text =
         std::fs::read_to_string(&path).unwrap().replace("epochs = 4", "epochs = 1").replace("slots = 6", "slots = 1");

@@ -1,10 +1,11 @@
 //! What daily work rests on: values on the command line, comparisons, lists, completions and manual pages, and what a
 //! recording may write over.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::backends::experiment;
-use crate::harness::{Ran, evodrive, folder_below, run};
+use crate::harness::{Ran, evodrive, folder_below, home, run};
 
 fn call(command: &str, path: &Path, out: &Path, more: &[&str]) -> Ran {
     let fixed = [command, path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()];
@@ -50,6 +51,43 @@ fn a_value_of_the_command_line_is_checked_like_the_files_and_kept_in_the_run() {
     assert!(quantities.iter().any(spread), "no scene differs from another, so this shows nothing: {object}");
     let unknown = run(&["compare", &format!("{}:cat-idn", names[0]), &same]);
     assert!(unknown.code == 2 && unknown.stderr.contains("did you mean cat-idm?"), "{}", unknown.stderr);
+}
+
+/// Commands with `--set` that a page shows in a block of its own, or the help at its end, each once.
+fn examples_of_set() -> BTreeSet<String> {
+    let docs = std::fs::read_dir(home().join("docs")).unwrap().map(|entry| entry.unwrap().path());
+    let pages = docs.chain([home().join("README.md")]).filter(|path| path.extension().is_some_and(|end| end == "md"));
+    let mut texts: Vec<String> = pages.map(|path| std::fs::read_to_string(path).unwrap()).collect();
+    texts.push(format!("```\n{}\n```", run(&["record", "--help"]).stdout));
+    let mut found = BTreeSet::new();
+    for text in &texts {
+        // Every second part lies in a block.
+        for line in text.split("```").skip(1).step_by(2).flat_map(str::lines) {
+            let command = line.trim().split(" #").next().unwrap_or_default().trim();
+            if command.starts_with("evodrive ") && command.contains(" --set ") {
+                found.insert(command.to_string());
+            }
+        }
+    }
+    found
+}
+
+/// In a folder that has of a clone what the quickstart needs.
+#[test]
+fn every_example_of_set_works_as_it_is_typed() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in ["experiments/quickstart.toml", "cassettes/quickstart.jsonl"] {
+        let copy = folder.path().join(file);
+        std::fs::create_dir_all(copy.parent().unwrap()).unwrap();
+        std::fs::copy(home().join(file), copy).unwrap();
+    }
+    let examples = examples_of_set();
+    assert!(!examples.is_empty());
+    for example in examples {
+        let words = example.split_whitespace().skip(1);
+        let ran = Ran::of(evodrive().current_dir(folder.path()).args(words).arg("--no-report"));
+        assert_eq!(ran.code, 0, "{example}: {}", ran.stderr);
+    }
 }
 
 #[test]

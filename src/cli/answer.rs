@@ -42,10 +42,8 @@ impl Answer {
         match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
                 let remedy = "make room where it goes, and repeat the command";
-                let _ = writeln!(
-                    std::io::stderr(),
-                    "error: cannot write the answer to standard output: {error}; {remedy}"
-                );
+                let _ =
+                    writeln!(std::io::stderr(), "error: cannot write the answer to standard output: {error}; {remedy}");
                 Exit::BadInput
             }
             _ => self.exit,

@@ -313,7 +313,7 @@ mod tests {
     fn what_a_process_printed_goes_to_the_kept_file_and_a_line_that_came_unasked_is_there_early() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("processes.log");
-        Processes::kept_in(file.clone()).show("scene 7", "Traceback in /home/alice/mine.py");
+        Processes::default().kept_in(file.clone()).show("scene 7", "Traceback in /home/alice/mine.py");
         let kept = std::fs::read_to_string(&file).unwrap();
         assert_eq!(kept, "scene 7\nTraceback in ~/mine.py\n");
         let command = ["sh", "-c", "echo one; echo two; read x"].map(String::from);

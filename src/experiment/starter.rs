@@ -127,7 +127,8 @@ fn chosen(starter: &Starter) -> Result<Vec<Source>, OptionError> {
     };
     if let Some(other) = named.iter().find(|of| protocol(of) != first) {
         let found = format!("{} beside {}", other.contract.family, named[0].contract.family);
-        let expected = "families of one protocol (`evodrive families` says which is whose); write a file for each protocol";
+        let expected =
+            "families of one protocol (`evodrive families` says which is whose); write a file for each protocol";
         return Err(OptionError::new("--family", found, expected));
     }
     Ok(if starter.all { sources.iter().filter(|of| protocol(of) == first).cloned().collect() } else { named })

@@ -45,7 +45,8 @@ impl Write for Remembering {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.file.write(bytes).inspect_err(|error| {
             if error.kind() != std::io::ErrorKind::Interrupted {
-                self.refused = Some(error.raw_os_error().map_or(error.kind().into(), std::io::Error::from_raw_os_error));
+                self.refused =
+                    Some(error.raw_os_error().map_or(error.kind().into(), std::io::Error::from_raw_os_error));
             }
         })
     }

@@ -173,15 +173,8 @@ impl StoreError {
         use std::io::ErrorKind::{
             IsADirectory, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull,
         };
-        let places = [
-            IsADirectory,
-            NotADirectory,
-            NotFound,
-            PermissionDenied,
-            QuotaExceeded,
-            ReadOnlyFilesystem,
-            StorageFull,
-        ];
+        let places =
+            [IsADirectory, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull];
         matches!(self, StoreError::Io { source, .. } if places.contains(&source.kind()))
     }
 

@@ -69,7 +69,9 @@ fn every_command_that_writes_says_that_the_disk_is_full_where_and_what_to_do() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     // A report lies in its run's folder, which fills the disk.
-    let filled = format!("cp -r {run} full/run && rm -f full/run/report.html && head -c 64M /dev/zero > full/rest 2> /dev/null; true");
+    let filled = format!(
+        "cp -r {run} full/run && rm -f full/run/report.html && head -c 64M /dev/zero > full/rest 2> /dev/null; true"
+    );
     let Some(ran) = on_a_full_disk(dir.path(), (16384, &filled), &["report", "full/run"]) else { return };
     assert!(ran.code == 2 && ran.stderr.contains("full/run/report.html: No space left"), "{}", ran.stderr);
 }
@@ -83,7 +85,11 @@ fn a_run_that_a_full_disk_ended_ends_with_exit_code_2_wherever_that_happened() {
     for kilobytes in [64, 900, 960, 1020, 1060, 1100, 1140, 1180, 1240, 1400] {
         let args = ["run", "mine.toml", "--no-report", "--out", "full"];
         let Some(ran) = on_a_full_disk(dir.path(), (kilobytes, ""), &args) else { return };
-        assert!(ran.code == 0 || ran.code == 2 && ran.stderr.contains("the disk is full"), "{kilobytes}: {}", ran.stderr);
+        assert!(
+            ran.code == 0 || ran.code == 2 && ran.stderr.contains("the disk is full"),
+            "{kilobytes}: {}",
+            ran.stderr
+        );
         ends.push(ran.code);
     }
     assert!(ends.contains(&2), "no disk was full, so this shows nothing");

@@ -124,7 +124,8 @@ fn egos_and_apply_take_the_planner_itself_and_a_table_that_names_it_for_the_same
     let run = crate::harness::folder_below(&home.join("runs")).display().to_string();
     assert_eq!(here(&["program", "export", &run, "cat-idm/parent", "--out", "program.json"]).code, 0);
     here(&["scenes", "generate", path.to_str().unwrap(), "--out", "mine.pool"]);
-    let applied = |driver: &str| here(&["apply", "program.json", "--scenes", "mine.pool", "--driver", driver, "--json"]);
+    let applied =
+        |driver: &str| here(&["apply", "program.json", "--scenes", "mine.pool", "--driver", driver, "--json"]);
     let (itself, named) = (applied("below/idm.py"), applied("table.toml"));
     assert!(itself.code == 0 && itself.stdout == named.stdout, "{} {}", itself.stderr, named.stderr);
     let missing = applied("idm.py");

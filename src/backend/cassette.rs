@@ -133,7 +133,7 @@ impl RolloutCassette {
     pub fn load(path: &Path) -> Result<RolloutCassette, RolloutCassetteError> {
         let file = path.display().to_string();
         let mut lines = store::text_lines(path, MAX_BYTES)?;
-        RolloutCassette::read_from(&mut || lines.next(), &file)
+        RolloutCassette::read_from(&mut || lines.next_line(), &file)
     }
 
     /// Reads the text of a cassette; `file` names it in messages.

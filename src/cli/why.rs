@@ -129,7 +129,7 @@ fn lines(folder: &RunFolder) -> Result<BTreeMap<Digest, usize>, Failure> {
     let (mut found, mut at) = (BTreeMap::new(), 0);
     loop {
         at += 1;
-        match lines.next() {
+        match lines.next_line() {
             Ok(None) => return Ok(found),
             Ok(Some(line)) => found.extend(key_in(&line.bytes).map(|key| (key, at))),
             Err(TextFault::Store(error)) => return Err(error.into()),

@@ -253,7 +253,7 @@ impl Cassette {
     pub fn load_on(path: &Path, threads: Option<&Threads>) -> Result<Cassette, CassetteError> {
         let file = path.display().to_string();
         let mut lines = store::text_lines(path, MAX_BYTES)?;
-        Cassette::read_on(&mut || lines.next(), &file, threads)
+        Cassette::read_on(&mut || lines.next_line(), &file, threads)
     }
 
     /// Reads the text of a cassette; `file` is its name in messages and afterwards.

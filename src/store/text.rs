@@ -50,7 +50,7 @@ pub fn text_lines(path: &Path, max_bytes: u64) -> Result<TextLines, StoreError> 
 
 impl TextLines {
     /// The next line; none at the end.
-    pub fn next(&mut self) -> Result<Option<Line>, TextFault> {
+    pub fn next_line(&mut self) -> Result<Option<Line>, TextFault> {
         let line = next_line(&mut self.from).map_err(|error| self.fault(error))?;
         match line.as_ref().and_then(|line| too_large(&line.bytes)) {
             Some((expected, found)) => Err(TextFault::Wrong(expected, found)),
@@ -204,6 +204,6 @@ mod tests {
         let (expected, _) = read_text(&path, 1 << 30).unwrap().unwrap_err();
         assert!(expected.contains("for each byte of the file"), "{expected}");
         let mut lines = text_lines(&path, 1 << 30).unwrap();
-        assert_eq!(lines.next().unwrap().unwrap().bytes, b"", "what stands ahead of the limit is read");
+        assert_eq!(lines.next_line().unwrap().unwrap().bytes, b"", "what stands ahead of the limit is read");
     }
 }

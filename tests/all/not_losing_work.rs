@@ -247,9 +247,9 @@ fn ctrl_c_is_heard_while_a_server_is_asked_for_a_reply_and_the_call_counts_as_sp
     let address = server.local_addr().unwrap();
     let waiting = waits(|_| {
         all_roles(&format!(
-            "kind = \"openai_compatible\"\nmodel = \"slow\"\n[models.mine.sampling]\nmax_tokens = 10\n\
+            "kind = \"openai_compatible\"\nmodel = \"slow\"\nresponse_format = \"json_schema\"\n[models.mine.sampling]\nmax_tokens = 10\n\
              [models.mine.client]\nbase_url = \"http://{address}/v1\"\ntimeout_s = 600\nattempts_max = 1\nwait_s_max = 1\n\
-             input_usd_per_million = 0.0\noutput_usd_per_million = 0.0\n[spend]\nusd_max = 1.0\ntokens_max = 10_000_000\n"
+             incomplete_replies = \"keep\"\ninput_usd_per_million = 0.0\noutput_usd_per_million = 0.0\n[spend]\nusd_max = 1.0\ntokens_max = 10_000_000\n"
         ))
     });
     let (asked, answered) = (waiting.file("asked"), waiting.file("answered"));

@@ -66,7 +66,7 @@ impl Motion {
             ("yaw_rate_radps_max", self.yaw_rate_radps_max, SIZE_MAX),
             ("distance_m", self.distance_m, SIZE_MAX),
         ];
-        let (name, x, most) = numbers.into_iter().find(|(_, x, most)| !(x.abs() <= *most))?;
+        let (name, x, most) = numbers.into_iter().find(|(_, x, most)| x.is_nan() || x.abs() > *most)?;
         Some((format!("{whose}.{name} of at most {most}"), x.to_string()))
     }
 }
@@ -117,7 +117,8 @@ mod tests {
     #[test]
     fn numbers_that_no_rollout_has_are_named() {
         let hit = (0..60).map(outcome).find(|outcome| outcome.contact.is_some()).unwrap();
-        let changes: [(fn(&mut Outcome), &str); 6] = [
+        type Change = (fn(&mut Outcome), &'static str);
+        let changes: [Change; 6] = [
             (|o| o.steps = 1_000_000_000, "steps"),
             (|o| o.route_completion = 1e308, "route_completion"),
             (|o| o.route_completion = -5.0, "route_completion"),

@@ -14,6 +14,7 @@ use super::laws::Obeying;
 use super::scripts::Acting;
 
 /// What a simulated road user goes by.
+#[expect(clippy::large_enum_variant, reason = "one is made for a road user, in tests alone")]
 pub(super) enum Mind<'a> {
     /// The samples of an action, or the recording before they begin.
     Samples,

@@ -242,6 +242,7 @@ fn ctrl_c_is_heard_while_a_program_is_asked_for_a_reply() {
 
 #[cfg(feature = "live")]
 #[test]
+#[expect(clippy::disallowed_methods, reason = "the server that is slow")]
 fn ctrl_c_is_heard_while_a_server_is_asked_for_a_reply_and_the_call_counts_as_spent() {
     let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap();

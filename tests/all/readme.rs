@@ -28,6 +28,7 @@ fn seeds() -> BTreeMap<String, Vec<[f64; 2]>> {
 }
 
 /// Mean and standard error, written with the sign that a typesetter takes.
+#[expect(clippy::disallowed_methods, reason = "squares alone")]
 fn mean(values: &[f64]) -> String {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;

@@ -148,8 +148,8 @@ fn classes() -> Vec<Class> {
         class("a figure of the result's file", Fsck, "result.json", Text("result.json", |text| text.replacen("\"coverage\": ", "\"coverage\": -", 1))),
         class("the root of the result's file", Fsck, "/root", Text("result.json", |text| text.replacen("\"root\": \"", "\"root\": \"00", 1))),
         // Lines of the transcript, the chain left as it is.
-        class("the seal cut off", Fsck, "expected the seal", Text("transcript.jsonl", |text| cut_lines(text, 1))),
-        class("the last twenty events cut off", Fsck, "expected the seal", Text("transcript.jsonl", |text| cut_lines(text, 20))),
+        class("the seal cut off", Fsck, "to end with a seal", Text("transcript.jsonl", |text| cut_lines(text, 1))),
+        class("the last twenty events cut off", Fsck, "to end with a seal", Text("transcript.jsonl", |text| cut_lines(text, 20))),
         class("an event behind the seal", Fsck, "behind the seal", Text("transcript.jsonl", appended)),
         class("two events swapped", Fsck, "seq: expected", Text("transcript.jsonl", swapped_lines)),
         class("an event taken out", Fsck, "seq: expected", Text("transcript.jsonl", |text| text.replacen(&format!("{}\n", text.lines().nth(4).unwrap()), "", 1))),

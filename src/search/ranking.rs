@@ -126,7 +126,7 @@ impl<'a> Plausibility<'a> {
     }
 
     /// Mean over the movers of how far their motions, up to the rollout's end, go beyond what anybody may do and beyond
-    /// what their records do, summed over [`EXCESSES`], and a price for bystanders.
+    /// what their records do, summed over `EXCESSES`, and a price for bystanders.
     pub fn lack_of(&self, iterate: &Iterate) -> f64 {
         let of = |(mover, (log, log_off_road_m)): (&Mover, &Measured)| {
             let (own, off_road_m) = self.measured(mover, iterate.end_step);

@@ -10,7 +10,7 @@ pub struct Side {
     pub contact: Option<Meeting>,
     /// How it ended, in a word.
     pub end: String,
-    /// The ego's places, one a decision step of 0.1 s; a contact within a step ends the list. [steps]
+    /// The ego's places, one a decision step of 0.1 s; a contact within a step ends the list. `[steps]`
     pub ego: Vec<[f64; 2]>,
     /// Smallest distance of the ego to an adversary, or to anyone where there is none, metres.
     pub distance_m_min: Option<f64>,

@@ -17,8 +17,7 @@ const SIGNATURE_BYTES_MAX: u64 = 1 << 16;
 /// Most bytes, as a power of two, that the decompressor looks back on.
 const WINDOW_LOG_MAX: u32 = 26;
 const CHUNK: usize = 1 << 16;
-/// First bytes of a zstd frame, and the bit behind them that says that it ends in a checksum (RFC 8878, section 3.1.1).
-const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
+/// The bit behind the first bytes of a zstd frame that says that it ends in a checksum (RFC 8878, section 3.1.1).
 const CHECKSUM: u8 = 1 << 2;
 
 /// A bundle that was read to its end and is whole.
@@ -34,7 +33,7 @@ pub struct Opened {
 /// removes that folder when this fails.
 pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, BundleError> {
     let reading = Reading { file: path.display().to_string(), bytes_max };
-    let most = store::UNPACKED_FREE.saturating_add(store::length(path)?.saturating_mul(store::UNPACKED_PER_BYTE));
+    let most = store::unpacked_bytes_max(store::length(path)?);
     let mut archive = tar::Archive::new(reading.frame(path, most)?);
     let mut entries = archive.entries().map_err(|error| reading.no_bundle(&error))?.raw(true);
     let first = entries.next().ok_or_else(|| reading.refused(format!("expected {MANIFEST} first, found no entry")))?;
@@ -114,7 +113,7 @@ impl Reading {
     fn frame(&self, path: &Path, most: u64) -> Result<Frame<impl Read + use<>>, BundleError> {
         let mut packed = BufReader::new(store::reader(path)?);
         let head = packed.fill_buf().map_err(|error| self.no_bundle(&error))?;
-        if head.starts_with(&ZSTD_MAGIC) && head.get(4).is_some_and(|described| described & CHECKSUM == 0) {
+        if head.starts_with(&store::ZSTD_MAGIC) && head.get(4).is_some_and(|described| described & CHECKSUM == 0) {
             return Err(self.refused("expected a zstd frame with a checksum, found one without".into()));
         }
         let decoder = zstd::stream::read::Decoder::with_buffer(packed).and_then(|mut decoder| {

@@ -25,5 +25,8 @@ pub use fsck::{FsckReport, fsck};
 pub use lines::{LINE_BYTES_MAX, Line, batch, next_line, too_large};
 pub use memo_kind::MemoKind;
 pub use objects::{Opening, Store};
-pub use text::{TextFault, TextLines, UNPACKED_FREE, UNPACKED_PER_BYTE, read_text, text_lines, write_text};
+pub use text::{
+    TextFault, TextLines, UNPACKED_FREE, UNPACKED_PER_BYTE, ZSTD_MAGIC, read_text, text_lines, unpacked_bytes_max,
+    write_text,
+};
 pub use transcript::{Event, SEALED, Transcript, each_event, each_event_on, fsck_transcript, read_events};

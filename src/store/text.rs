@@ -8,7 +8,7 @@ use super::file::{open_bounded, write_atomic};
 use super::lines::{Line, next_line, too_large};
 
 /// First bytes of a zstd frame (RFC 8878, section 3.1.1).
-const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
+pub const ZSTD_MAGIC: [u8; 4] = [0x28, 0xB5, 0x2F, 0xFD];
 /// A study's cassette of 280 MB becomes 16 MB in eight seconds; the levels above 16 save a sixth of that and take minutes.
 const LEVEL: i32 = 12;
 /// Most bytes, as a power of two, that the decompressor looks back on.
@@ -25,6 +25,11 @@ pub enum TextFault {
     Store(StoreError),
     /// What was expected, and what was found.
     Wrong(String, String),
+}
+
+/// What a compressed file of so many bytes may come to.
+pub fn unpacked_bytes_max(packed: u64) -> u64 {
+    UNPACKED_FREE.saturating_add(packed.saturating_mul(UNPACKED_PER_BYTE))
 }
 
 /// A text that is read line by line.
@@ -118,7 +123,7 @@ struct TooMuch(String);
 impl Bounded {
     fn hold(&self) -> std::io::Result<()> {
         let after = if self.compressed { " after decompression" } else { "" };
-        let from_file = UNPACKED_FREE.saturating_add(self.read.get().saturating_mul(UNPACKED_PER_BYTE));
+        let from_file = unpacked_bytes_max(self.read.get());
         let too_much = if self.given > self.max_bytes {
             TooMuch(format!("at most {} bytes{after}", self.max_bytes))
         } else if self.compressed && self.given > from_file {

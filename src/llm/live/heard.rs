@@ -8,6 +8,7 @@ use super::http::Answer;
 use super::protocol::{End, Protocol, Said, text_at};
 use super::surrogates;
 use crate::llm::Metadata;
+use crate::llm::unwrap::MARK;
 
 /// An HTTP answer, understood.
 #[derive(Debug, PartialEq)]
@@ -134,13 +135,17 @@ fn body(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> String) ->
 
 /// JSON, behind a byte order mark too: RFC 8259 lets a reader pass over it.
 fn parsed(body: &[u8]) -> Result<Value, serde_json::Error> {
-    serde_json::from_slice(body.strip_prefix(b"\xef\xbb\xbf").unwrap_or(body))
+    serde_json::from_slice(unmarked(body))
+}
+
+fn unmarked(body: &[u8]) -> &[u8] {
+    body.strip_prefix(MARK).unwrap_or(body)
 }
 
 /// The name of a body that is no JSON at all, by what it begins with.
 fn named(answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Option<String> {
     let body = answer.body.as_slice();
-    let text = body.strip_prefix(b"\xef\xbb\xbf").unwrap_or(body).trim_ascii_start();
+    let text = unmarked(body).trim_ascii_start();
     let of_type = |word: &str| answer.content_type.as_deref().is_some_and(|kind| kind.contains(word));
     let begins = |words: &[&str]| words.iter().any(|word| text.starts_with(word.as_bytes()));
     let name = if body.is_empty() {

@@ -63,7 +63,9 @@ fn every_command_that_writes_says_that_the_disk_is_full_where_and_what_to_do() {
         let Some(ran) = on_a_full_disk(dir.path(), (4, ""), args) else { return };
         let said = ran.stderr.lines().find(|line| line.starts_with("error: ")).unwrap_or_default();
         let names = ["full/", "the disk is full: make room"];
-        if ran.code != 2 || names.iter().any(|name| !said.contains(name)) {
+        // The system's words, and those for what SQLite reports.
+        let why = ["No space left on device", "no storage space"];
+        if ran.code != 2 || names.iter().any(|name| !said.contains(name)) || !why.iter().any(|why| said.contains(why)) {
             wrong.push(format!("{args:?}: exit {}: {said}", ran.code));
         }
     }

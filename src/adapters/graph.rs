@@ -172,14 +172,14 @@ fn circle(graph: &BTreeMap<String, OperatorNode>) -> Option<Vec<&str>> {
 
 /// `end` and everything that feeds it.
 fn ancestors<'a>(graph: &'a BTreeMap<String, OperatorNode>, end: &'a str) -> BTreeSet<&'a str> {
-    let mut found = BTreeSet::from([end]);
+    let mut feeding = BTreeSet::from([end]);
     let mut open = vec![end];
     while let Some(name) = open.pop() {
         for input in graph.get(name).into_iter().flat_map(|node| &node.inputs) {
-            if found.insert(input) {
+            if feeding.insert(input) {
                 open.push(input);
             }
         }
     }
-    found
+    feeding
 }

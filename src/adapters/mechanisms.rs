@@ -137,9 +137,9 @@ impl Contract {
             let found = format!("an expression of {nodes} nodes and depth {depth}");
             return Err(Problem::new(place, found, format!("at most {most} nodes and depth {deepest}")));
         }
-        let found = expr.compile(scope).map_err(refused)?.value_type();
-        if found != wanted {
-            return Err(Problem::new(place, format!("an expression of type {found:?}"), format!("{wanted:?}")));
+        let compiled = expr.compile(scope).map_err(refused)?.value_type();
+        if compiled != wanted {
+            return Err(Problem::new(place, format!("an expression of type {compiled:?}"), format!("{wanted:?}")));
         }
         Ok(expr)
     }

@@ -15,9 +15,9 @@ fn findings(change: impl FnOnce(&mut Program)) -> Vec<String> {
 
 /// The only finding.
 fn finding(change: impl FnOnce(&mut Program)) -> String {
-    let mut found = findings(change);
-    assert_eq!(found.len(), 1, "{found:#?}");
-    found.remove(0)
+    let mut problems = findings(change);
+    assert_eq!(problems.len(), 1, "{problems:#?}");
+    problems.remove(0)
 }
 
 fn set(name: &str, value: f64) -> impl FnOnce(&mut Program) {
@@ -52,21 +52,21 @@ fn parameters_lie_in_their_domains() {
 
 #[test]
 fn a_whole_number_has_no_fraction_wherever_it_is_used() {
-    let found = findings(set("push_count", 2.5));
-    assert_eq!(found.len(), 2, "{found:#?}");
-    assert_eq!(found[0], "at /parameters/push_count: found 2.5, expected a whole number in [2, 8]");
-    assert!(found[1].starts_with("at /operator_graph/motion/settings/count: found parameter `push_count`"));
+    let problems = findings(set("push_count", 2.5));
+    assert_eq!(problems.len(), 2, "{problems:#?}");
+    assert_eq!(problems[0], "at /parameters/push_count: found 2.5, expected a whole number in [2, 8]");
+    assert!(problems[1].starts_with("at /operator_graph/motion/settings/count: found parameter `push_count`"));
 }
 
 #[test]
 fn a_reference_is_checked_with_every_value_that_rules_may_give() {
     // 9 s is legal for the parameter but not for the setting that follows it.
-    let found = finding(|p| {
+    let problems = finding(|p| {
         let rule = &mut p.scenario_conditioned_policy[0];
         rule.parameters.insert("duration_s".into(), ParameterValue::Number(9.0));
     });
     assert!(
-        found.starts_with(
+        problems.starts_with(
             "at /operator_graph/timing/settings/duration_s: found parameter `duration_s` with the value 9"
         )
     );
@@ -92,28 +92,31 @@ fn settings_are_known_required_and_of_their_domain() {
 
 #[test]
 fn a_reference_to_a_module_of_another_slot_is_refused() {
-    let found = finding(|p| {
+    let problems = finding(|p| {
         let mut guard = module("gap_m < 5", &["gap_m"]);
         (guard.slot, guard.output) = ("actor_guard".into(), ValueType::Boolean);
         p.mechanism_modules.insert("near".into(), guard);
         setting("actor", "score", Setting::Mechanism(MechanismRef { mechanism: "near".into() }))(p);
     });
-    assert!(found.contains("found module `near` of slot `actor_guard`"), "{found}");
+    assert!(problems.contains("found module `near` of slot `actor_guard`"), "{problems}");
 }
 
 #[test]
 fn nodes_have_a_kind_of_their_slot_and_inputs_of_the_right_type() {
-    let found = findings(|p| p.operator_graph.get_mut("search").unwrap().kind = "pik".into());
-    assert!(found[0].contains("unknown kind of slot `search` `pik`") && found[0].contains("`pick`"), "{found:#?}");
-    let found = findings(|p| p.operator_graph.get_mut("search").unwrap().inputs = vec!["actor".into()]);
+    let problems = findings(|p| p.operator_graph.get_mut("search").unwrap().kind = "pik".into());
     assert!(
-        found[0].contains("found `actor`, which gives actors, expected a node that gives candidates"),
-        "{found:#?}"
+        problems[0].contains("unknown kind of slot `search` `pik`") && problems[0].contains("`pick`"),
+        "{problems:#?}"
     );
-    let found = findings(|p| p.operator_graph.get_mut("search").unwrap().inputs = vec!["motio".into()]);
-    assert!(found[0].contains("did you mean `motion`?"), "{found:#?}");
-    let found = findings(|p| p.operator_graph.get_mut("search").unwrap().inputs.clear());
-    assert!(found[0].contains("found 0 inputs, expected 1 (candidates)"), "{found:#?}");
+    let problems = findings(|p| p.operator_graph.get_mut("search").unwrap().inputs = vec!["actor".into()]);
+    assert!(
+        problems[0].contains("found `actor`, which gives actors, expected a node that gives candidates"),
+        "{problems:#?}"
+    );
+    let problems = findings(|p| p.operator_graph.get_mut("search").unwrap().inputs = vec!["motio".into()]);
+    assert!(problems[0].contains("did you mean `motion`?"), "{problems:#?}");
+    let problems = findings(|p| p.operator_graph.get_mut("search").unwrap().inputs.clear());
+    assert!(problems[0].contains("found 0 inputs, expected 1 (candidates)"), "{problems:#?}");
 }
 
 #[test]
@@ -209,8 +212,8 @@ fn mechanisms_are_bounded_in_size_and_have_a_slot_type_and_plain_names() {
         finding(|p| p.mechanism_modules.get_mut("pressure").unwrap().expression = long)
             .contains("at most 96 nodes and depth 12")
     );
-    let found = findings(|p| p.mechanism_modules.get_mut("pressure").unwrap().slot = "actor_scor".into());
-    assert!(found.iter().any(|f| f.contains("did you mean `actor_score`?")), "{found:#?}");
+    let problems = findings(|p| p.mechanism_modules.get_mut("pressure").unwrap().slot = "actor_scor".into());
+    assert!(problems.iter().any(|f| f.contains("did you mean `actor_score`?")), "{problems:#?}");
     assert!(
         finding(|p| p.mechanism_modules.get_mut("pressure").unwrap().output = ValueType::Boolean).contains("/output")
     );
@@ -228,12 +231,12 @@ fn what_is_inherited_cannot_differ() {
 
 #[test]
 fn a_program_beyond_the_limits_is_not_looked_at_further() {
-    let found = finding(|p| {
+    let problems = finding(|p| {
         for index in 0..1000 {
             p.mechanism_modules.insert(format!("m{index}"), module("(", &[]));
         }
     });
-    assert_eq!(found, "at /mechanism_modules: found 1001 modules, expected at most 12");
+    assert_eq!(problems, "at /mechanism_modules: found 1001 modules, expected at most 12");
 }
 
 #[test]
@@ -262,8 +265,8 @@ fn prompts_show_range_unit_and_meaning_and_are_stable() {
 fn words_private_to_another_family_are_found_inside_expressions_and_paths() {
     let (registry, contract) = (registry(), contract());
     let foreign = contract.foreign_vocabulary(registry.iter());
-    let found = foreign.words_in(["/parameters/swarm_size", "1+swarm_size*2", "particle_swarms", "push"]);
-    let words: Vec<(&str, &str)> = found.iter().map(|f| (f.word.as_str(), f.family.as_str())).collect();
+    let problems = foreign.words_in(["/parameters/swarm_size", "1+swarm_size*2", "particle_swarms", "push"]);
+    let words: Vec<(&str, &str)> = problems.iter().map(|f| (f.word.as_str(), f.family.as_str())).collect();
     assert_eq!(words, [("swarm_size", "swarm")]);
 }
 

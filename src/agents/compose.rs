@@ -117,8 +117,8 @@ fn request(
     refused: Option<&str>,
     trials: &[TemplateTrial],
 ) -> Result<Request, PromptError> {
-    let told = (!trials.is_empty()).then(|| ("Tried", json!(trials)));
-    let blocks = refused.map(|refusal| ("Refused", json!({"refusal": refusal}))).into_iter().chain(told).collect();
+    let tried = (!trials.is_empty()).then(|| ("Tried", json!(trials)));
+    let blocks = refused.map(|refusal| ("Refused", json!({"refusal": refusal}))).into_iter().chain(tried).collect();
     let (lineage, slot, model) = (order.lineage, order.slot, order.model);
     Aside { lineage, epoch: 0, slot, role: Role::TemplateAgent, round, model, shown }.request(&[], blocks)
 }

@@ -122,8 +122,8 @@ impl Talk<'_> {
     fn set(&self, choice: &Choice) -> Result<Set, Refusal> {
         let case = self.case;
         if choice.attackers.len() > case.attackers_max {
-            let (found, most) = (choice.attackers.len(), case.attackers_max);
-            return Err(Refusal(format!("attackers: found {found} vehicles, expected at most {most}")));
+            let (count, most) = (choice.attackers.len(), case.attackers_max);
+            return Err(Refusal(format!("attackers: found {count} vehicles, expected at most {most}")));
         }
         let mut set = Set::new();
         for id in &choice.attackers {
@@ -277,8 +277,8 @@ mod tests {
         assert_eq!(advice.counsel.attackers, [9, 4]);
         assert_eq!(advice.rounds[1].attackers, ["c", "a"]);
         assert!(advice.rounds.iter().all(|round| round.proposed_by == Proposer::Model));
-        let told: Vec<bool> = asked.iter().map(|request| request.messages[2].text.contains("\"late\"")).collect();
-        assert_eq!(told, [false, true, true], "the agent is told why its set failed");
+        let says_late: Vec<bool> = asked.iter().map(|request| request.messages[2].text.contains("\"late\"")).collect();
+        assert_eq!(says_late, [false, true, true], "the agent is told why its set failed");
         assert!(asked.iter().all(|request| request.messages[1] == asked[0].messages[1]), "one text a scene");
         let slots: Vec<(u32, u32)> = asked.iter().map(|request| (request.slot.slot, request.slot.round)).collect();
         assert_eq!(slots, [(17, 0), (17, 1), (17, 2)]);

@@ -93,7 +93,7 @@ fn shown(turn: &Turn<'_>) -> Result<Text, PromptError> {
     let columns: BTreeMap<&str, String> = FeatureGroup::ALL.into_iter().map(of).collect();
     let audit = serde_json::to_value(turn.audit)
         .map_err(|error| PromptError { template: "world.md", reason: error.to_string() })?;
-    let earlier: Vec<Value> = turn.earlier.iter().map(told).collect();
+    let earlier: Vec<Value> = turn.earlier.iter().map(evolved_shown).collect();
     let blocks = json!({
         "epoch": turn.audit.before_epoch,
         "active": lean_json(&surface_values(turn.active, turn.schema, turn.surface)),
@@ -106,18 +106,18 @@ fn shown(turn: &Turn<'_>) -> Result<Text, PromptError> {
 }
 
 /// An earlier turn: what was proposed, and what became of it.
-fn told(turn: &WorldEvolved) -> Value {
-    let mut told = json!({"after_epoch": turn.epoch, "verdict": turn.verdict()});
+fn evolved_shown(turn: &WorldEvolved) -> Value {
+    let mut shown = json!({"after_epoch": turn.epoch, "verdict": turn.verdict()});
     if let Some(patch) = &turn.patch {
-        told["changes"] = json!(patch.changes);
+        shown["changes"] = json!(patch.changes);
     }
     let refusals: Vec<&str> = turn.refusals().collect();
     if !refusals.is_empty() {
-        told["refused"] = json!(refusals);
+        shown["refused"] = json!(refusals);
     }
     if let Some(judgement) = &turn.judgement {
         let objections: Vec<&str> = judgement.objections.iter().map(|objection| objection.says.as_str()).collect();
-        told["objections"] = json!(objections);
+        shown["objections"] = json!(objections);
     }
-    told
+    shown
 }

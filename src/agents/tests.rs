@@ -260,8 +260,8 @@ fn a_patch_that_a_gate_refuses_goes_to_the_repair_with_the_verdict_though_all_cr
 fn each_critic_is_told_what_the_gates_of_its_side_say() {
     let shown = |gate: Gate| {
         let (_, asked) = run_with(&[], 0, &|_| refused(gate, "a problem: 51c9"));
-        let told = asked.iter().filter(|r| r.messages[3].text.contains("a problem: 51c9"));
-        told.map(|r| r.slot.role.clone()).collect::<Vec<String>>()
+        let asked_with_it = asked.iter().filter(|r| r.messages[3].text.contains("a problem: 51c9"));
+        asked_with_it.map(|r| r.slot.role.clone()).collect::<Vec<String>>()
     };
     assert_eq!(shown(Gate::Mechanism), ["structural_critic"]);
     assert_eq!(shown(Gate::Isolation), ["structural_critic", "isolation_critic"]);

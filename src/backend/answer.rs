@@ -4,12 +4,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 use crate::kernel::{Digest, Vec2};
 use crate::scene::Sample;
-use crate::sim::{ActorRef, End, Pose, Told, ToldActor, ToldContact};
+use crate::sim::{ActorRef, End, Pose, ReportedActor, ReportedContact, ReportedRollout};
 
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    Told(Told),
+    ReportedRollout(ReportedRollout),
     /// Why this rollout has no motion.
     Failed(String),
 }
@@ -24,7 +24,7 @@ pub(super) struct AnswerLine {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     end: Option<End>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    contact: Option<ToldContact>,
+    contact: Option<ReportedContact>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     ego: Option<Vec<Numbers>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,12 +78,17 @@ impl AnswerLine {
             AnswerLine { failure: None, end: Some(end), contact, ego: Some(ego), road_users: Some(users), .. } => {
                 let ego = ego.into_iter().map(|numbers| numbers.0).collect();
                 let pose = |numbers: Option<Numbers>| numbers.map(|numbers| numbers.0);
-                let actor = |user: UserLine| ToldActor {
+                let actor = |user: UserLine| ReportedActor {
                     who: user.who,
                     from_step: user.from_step,
                     poses: user.poses.into_iter().map(pose).collect(),
                 };
-                Ok(Answer::Told(Told { end, contact, ego, actors: users.into_iter().map(actor).collect() }))
+                Ok(Answer::ReportedRollout(ReportedRollout {
+                    end,
+                    contact,
+                    ego,
+                    actors: users.into_iter().map(actor).collect(),
+                }))
             }
             AnswerLine { failure: Some(_), .. } => Err("a motion beside a failure".into()),
             AnswerLine { end, ego, .. } => {
@@ -103,17 +108,17 @@ impl AnswerLine {
         let nothing = AnswerLine { request, failure: None, end: None, contact: None, ego: None, road_users: None };
         match answer {
             Answer::Failed(reason) => AnswerLine { failure: Some(reason.clone()), ..nothing },
-            Answer::Told(told) => {
-                let user = |actor: &ToldActor| UserLine {
+            Answer::ReportedRollout(rollout) => {
+                let user = |actor: &ReportedActor| UserLine {
                     who: actor.who,
                     from_step: actor.from_step,
                     poses: actor.poses.iter().map(|pose| pose.map(Numbers)).collect(),
                 };
                 AnswerLine {
-                    end: Some(told.end),
-                    contact: told.contact,
-                    ego: Some(told.ego.iter().copied().map(Numbers).collect()),
-                    road_users: Some(told.actors.iter().map(user).collect()),
+                    end: Some(rollout.end),
+                    contact: rollout.contact,
+                    ego: Some(rollout.ego.iter().copied().map(Numbers).collect()),
+                    road_users: Some(rollout.actors.iter().map(user).collect()),
                     ..nothing
                 }
             }

@@ -247,8 +247,8 @@ impl RolloutCassette {
     }
 
     /// The digest of the motion that is recorded for a request.
-    pub fn told_digest(&self, key: &Digest) -> Option<Digest> {
-        let recorded = self.rollouts.get(key).filter(|recorded| matches!(recorded.answer, Answer::Told(_)));
+    pub fn answer_digest(&self, key: &Digest) -> Option<Digest> {
+        let recorded = self.rollouts.get(key).filter(|recorded| matches!(recorded.answer, Answer::ReportedRollout(_)));
         recorded.map(|recorded| RolloutCassette::digest_of(*key, &recorded.answer))
     }
 

@@ -8,11 +8,11 @@ use super::error::Fault;
 /// At most so many `T`, idle or busy.
 pub struct Crew<T> {
     most: usize,
-    desk: Mutex<Desk<T>>,
+    state: Mutex<State<T>>,
     returned: Condvar,
 }
 
-struct Desk<T> {
+struct State<T> {
     idle: Vec<T>,
     /// How many there are, idle or busy.
     started: usize,
@@ -23,8 +23,8 @@ struct Desk<T> {
 impl<T> Crew<T> {
     /// Nobody is started yet.
     pub fn new(most: usize) -> Crew<T> {
-        let desk = Mutex::new(Desk { idle: Vec::new(), started: 0, fault: None });
-        Crew { most, desk, returned: Condvar::new() }
+        let state = Mutex::new(State { idle: Vec::new(), started: 0, fault: None });
+        Crew { most, state, returned: Condvar::new() }
     }
 
     /// One that is idle, or a new one where there may be one more; waits where there may not. One that cannot begin stops
@@ -33,45 +33,45 @@ impl<T> Crew<T> {
     /// # Errors
     /// What stopped the crew.
     pub fn take(&self, start: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
-        let mut desk = self.desk();
+        let mut state = self.state();
         loop {
-            if let Some(fault) = &desk.fault {
+            if let Some(fault) = &state.fault {
                 return Err(fault.clone());
             }
-            if let Some(one) = desk.idle.pop() {
+            if let Some(one) = state.idle.pop() {
                 return Ok(one);
             }
-            if desk.started < self.most {
-                desk.started += 1;
-                drop(desk);
+            if state.started < self.most {
+                state.started += 1;
+                drop(state);
                 return start().map_err(|fault| {
                     self.give_back(None);
                     self.stop(fault)
                 });
             }
-            desk = self.returned.wait(desk).unwrap_or_else(PoisonError::into_inner);
+            state = self.returned.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
     }
 
     /// Whoever went wrong is not given back: another one is started in its place.
     pub fn give_back(&self, one: Option<T>) {
-        let mut desk = self.desk();
+        let mut state = self.state();
         match one {
-            Some(one) => desk.idle.push(one),
-            None => desk.started -= 1,
+            Some(one) => state.idle.push(one),
+            None => state.started -= 1,
         }
-        drop(desk);
+        drop(state);
         self.returned.notify_one();
     }
 
     /// The first fault counts for everybody.
     pub fn stop(&self, fault: Fault) -> Fault {
-        let first = self.desk().fault.get_or_insert(fault).clone();
+        let first = self.state().fault.get_or_insert(fault).clone();
         self.returned.notify_all();
         first
     }
 
-    fn desk(&self) -> MutexGuard<'_, Desk<T>> {
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    fn state(&self) -> MutexGuard<'_, State<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

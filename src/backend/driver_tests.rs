@@ -46,10 +46,10 @@ impl<F: Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static> Start for Fak
 
 impl<F: Fn(&Value, usize) -> Said + Send> Line for Drives<F> {
     fn send(&mut self, line: String) {
-        let told: Value = serde_json::from_str(&line).unwrap();
+        let question: Value = serde_json::from_str(&line).unwrap();
         self.lines += 1;
-        if told["type"] == "step" {
-            match (self.answer)(&told, self.lines) {
+        if question["type"] == "step" {
+            match (self.answer)(&question, self.lines) {
                 Ok(lines) => self.said.extend(lines.split(|byte| *byte == b'\n').map(|line| Ok(line.to_vec()))),
                 broken => self.said.push_back(broken),
             }
@@ -110,11 +110,11 @@ impl Driver for Plain {
 }
 
 /// The same law, from the lines.
-fn plain(told: &Value, _: usize) -> Said {
+fn plain(question: &Value, _: usize) -> Said {
     let at = |of: &Value| crate::kernel::Vec2::new(of[0].as_f64().unwrap(), of[1].as_f64().unwrap());
-    let ego = at(&told["ego"]["position"]);
-    let nearest = told["neighbours"].as_array().unwrap().first().map(|near| at(&near["position"]).distance(ego));
-    let (acceleration_mps2, steering_rad) = law(nearest, told["ego"]["route_offset_m"].as_f64().unwrap());
+    let ego = at(&question["ego"]["position"]);
+    let nearest = question["neighbours"].as_array().unwrap().first().map(|near| at(&near["position"]).distance(ego));
+    let (acceleration_mps2, steering_rad) = law(nearest, question["ego"]["route_offset_m"].as_f64().unwrap());
     Ok(json!({"acceleration_mps2": acceleration_mps2, "steering_rad": steering_rad}).to_string().into_bytes())
 }
 
@@ -157,8 +157,8 @@ fn a_planner_behind_the_lines_drives_as_the_same_law_within_also_against_adversa
 #[test]
 fn a_trajectory_is_driven_along_and_points_behind_the_car_stop_it() {
     let scene = crossing(3, 1, 91);
-    let straight = |told: &Value, _: usize| {
-        let ego = &told["ego"];
+    let straight = |question: &Value, _: usize| {
+        let ego = &question["ego"];
         let (x, y) = (ego["position"][0].as_f64().unwrap(), ego["position"][1].as_f64().unwrap());
         let points: Vec<[f64; 2]> = (1..=20).map(|k| [x + 0.6 * f64::from(k), y]).collect();
         Ok(json!({"trajectory": points}).to_string().into_bytes())
@@ -167,9 +167,9 @@ fn a_trajectory_is_driven_along_and_points_behind_the_car_stop_it() {
         played(&options(0.0), &Fake(straight, AtomicUsize::new(0), Mutex::default()), &scene, &Intervention::default())
             .unwrap();
     assert!((driven.ego.speed_mps_mean - 6.0).abs() < 1.5, "0.6 m in 0.1 s: {}", driven.ego.speed_mps_mean);
-    let back = |told: &Value, _: usize| {
-        let x = told["ego"]["position"][0].as_f64().unwrap();
-        Ok(json!({"trajectory": [[x - 1.0, told["ego"]["position"][1]]]}).to_string().into_bytes())
+    let back = |question: &Value, _: usize| {
+        let x = question["ego"]["position"][0].as_f64().unwrap();
+        Ok(json!({"trajectory": [[x - 1.0, question["ego"]["position"][1]]]}).to_string().into_bytes())
     };
     let stopped =
         played(&options(0.0), &Fake(back, AtomicUsize::new(0), Mutex::default()), &scene, &Intervention::default())
@@ -192,7 +192,10 @@ const OUTSIDE: &str = "/home/alice/mine.py sk-123";
 #[test]
 fn a_crash_a_late_answer_and_nonsense_leave_the_scene_without_a_label_and_with_a_reason_that_is_ours_alone() {
     let cases: [(Answering, &str); 7] = [
-        (|told, k| if k > 5 { Err(Broken::Ended) } else { plain(told, k) }, "decision 4 (0.4 s): the process ended"),
+        (
+            |question, k| if k > 5 { Err(Broken::Ended) } else { plain(question, k) },
+            "decision 4 (0.4 s): the process ended",
+        ),
         (|_, _| Err(Broken::Late), "decision 0 (0.0 s): no answer within 1 s (driver.timeout_s)"),
         (|_, _| Ok(OUTSIDE.into()), "found a line that is no JSON object"),
         (|_, _| Ok(b"{\"acceleration_mps2\": NaN, \"steering_rad\": 0}".to_vec()), "found a line that is no JSON"),
@@ -220,15 +223,15 @@ fn what_a_failed_planner_printed_is_shown() {
 
 #[test]
 fn a_line_that_came_before_its_question_is_refused_with_the_questions_number() {
-    let two = |told: &Value, k: usize| {
-        let line = plain(told, k)?;
-        Ok(if told["step"] == 2 { [line.clone(), b"\n".to_vec(), line].concat() } else { line })
+    let two = |question: &Value, k: usize| {
+        let line = plain(question, k)?;
+        Ok(if question["step"] == 2 { [line.clone(), b"\n".to_vec(), line].concat() } else { line })
     };
     let said = reason(&options(0.0), two);
     assert!(said.contains("decision 3 (0.3 s): expected one line an answer"), "{said}");
-    let other = |told: &Value, k: usize| {
-        let mut said: Value = serde_json::from_slice(&plain(told, k)?).unwrap();
-        said["step"] = json!(told["step"].as_u64().unwrap().min(4));
+    let other = |question: &Value, k: usize| {
+        let mut said: Value = serde_json::from_slice(&plain(question, k)?).unwrap();
+        said["step"] = json!(question["step"].as_u64().unwrap().min(4));
         Ok(said.to_string().into_bytes())
     };
     assert!(reason(&options(0.0), other).contains("decision 5 (0.5 s): expected"), "an answer to another step");
@@ -238,37 +241,43 @@ fn a_line_that_came_before_its_question_is_refused_with_the_questions_number() {
 fn a_line_that_nobody_asked_for_behind_the_last_decision_is_refused() {
     let last = Arc::new(AtomicUsize::new(0));
     let seen = last.clone();
-    let counting = move |told: &Value, k: usize| {
-        seen.store(told["step"].as_u64().unwrap() as usize, Ordering::SeqCst);
-        plain(told, k)
+    let counting = move |question: &Value, k: usize| {
+        seen.store(question["step"].as_u64().unwrap() as usize, Ordering::SeqCst);
+        plain(question, k)
     };
     assert_eq!(reason(&options(0.0), counting), "driven");
     let last = last.load(Ordering::SeqCst);
-    let said = reason(&options(0.0), move |told, k| {
-        let line = plain(told, k)?;
-        Ok(if told["step"] == last { [line.clone(), b"\n".to_vec(), line].concat() } else { line })
+    let said = reason(&options(0.0), move |question, k| {
+        let line = plain(question, k)?;
+        Ok(if question["step"] == last { [line.clone(), b"\n".to_vec(), line].concat() } else { line })
     });
     assert!(said.contains("found one that nobody asked for"), "{said}");
 }
 
 #[test]
 fn a_planner_that_keeps_something_from_one_rollout_to_the_next_is_found_where_rollouts_are_played_twice() {
-    let forgetful = |told: &Value, lines: usize| {
-        let mut said: Value = serde_json::from_slice(&plain(told, lines)?).unwrap();
+    let forgetful = |question: &Value, lines: usize| {
+        let mut said: Value = serde_json::from_slice(&plain(question, lines)?).unwrap();
         said["acceleration_mps2"] = json!(0.3 + 0.001 * lines as f64);
         Ok(said.to_string().into_bytes())
     };
     assert_eq!(reason(&options(0.0), forgetful), "driven", "nobody looked");
-    let found = reason(&options(1.0), forgetful);
-    assert!(found.starts_with("STOP worker `python3 mine.py`, scene") && found.contains("played twice"), "{found}");
-    assert!(found.contains("after 1 decisions") && found.contains("seed its random numbers at `begin`"), "{found}");
+    let refusal = reason(&options(1.0), forgetful);
+    assert!(
+        refusal.starts_with("STOP worker `python3 mine.py`, scene") && refusal.contains("played twice"),
+        "{refusal}"
+    );
+    assert!(
+        refusal.contains("after 1 decisions") && refusal.contains("seed its random numbers at `begin`"),
+        "{refusal}"
+    );
 }
 
 #[test]
 fn a_process_that_failed_is_replaced_and_one_that_drove_is_kept() {
-    let planner = |told: &Value, k: usize| match told["ego"]["speed_mps"].as_f64() {
+    let planner = |question: &Value, k: usize| match question["ego"]["speed_mps"].as_f64() {
         Some(speed) if speed > 1e3 => Err(Broken::Ended),
-        _ => plain(told, k),
+        _ => plain(question, k),
     };
     let (start, options) = (Fake(planner, AtomicUsize::new(0), Mutex::default()), options(0.0));
     let planners = Planners::new(&options, &start);

@@ -3,7 +3,7 @@
 
 use super::error::{BackendError, NoOutcome};
 use crate::ego::Policy;
-use crate::sim::{Action, ActorRef, Intervention, Plant, Told, tell};
+use crate::sim::{Action, ActorRef, Intervention, Plant, ReportedRollout, tell};
 
 /// The intervention with every reacting action in place of which stand its samples.
 pub(super) fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) -> Result<Intervention, NoOutcome> {
@@ -11,8 +11,8 @@ pub(super) fn lowered(plant: &Plant, intervention: &Intervention, ego: &Policy) 
     if !intervention.actions.iter().any(reacts) {
         return Ok(intervention.clone());
     }
-    let told = tell(plant, intervention, ego.driver().as_mut())?;
-    Ok(as_driven(plant, intervention, &told))
+    let reported = tell(plant, intervention, ego.driver().as_mut())?;
+    Ok(as_driven(plant, intervention, &reported))
 }
 
 /// Refuses what only our own simulator plays without asking anybody.
@@ -30,14 +30,14 @@ fn reacts(action: &Action) -> bool {
 }
 
 /// The intervention with the motion of a told rollout in place of every reacting action.
-pub(super) fn as_driven(plant: &Plant, intervention: &Intervention, told: &Told) -> Intervention {
-    let within = told.contact.is_some_and(|contact| (1..5).contains(&contact.substep));
-    let rows = told.ego.len() - usize::from(within);
+pub(super) fn as_driven(plant: &Plant, intervention: &Intervention, reported: &ReportedRollout) -> Intervention {
+    let within = reported.contact.is_some_and(|contact| (1..5).contains(&contact.substep));
+    let rows = reported.ego.len() - usize::from(within);
     let lower = |action: &Action| match action {
         Action::FollowThenReact { track, from_step, samples, .. }
         | Action::FollowThenObey { track, from_step, samples, .. } => {
             let from = from_step.saturating_sub(plant.first_step());
-            let actor = told.actors.iter().find(|actor| actor.who == ActorRef::Track(*track));
+            let actor = reported.actors.iter().find(|actor| actor.who == ActorRef::Track(*track));
             let driven: Vec<_> =
                 (from..rows).map_while(|row| actor.and_then(|actor| actor.at(row)).map(|pose| pose.sample)).collect();
             // A rollout that ends before the action begins leaves it as it is.

@@ -19,7 +19,7 @@ const POINTS_AHEAD: usize = 5;
 /// What a planner is told.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
-enum Told<'a> {
+enum Message<'a> {
     /// A rollout begins.
     Begin {
         scene: &'a str,
@@ -143,8 +143,8 @@ impl<'p> Planner<'p> {
         self.broken
     }
 
-    fn say(&mut self, told: &Told<'_>) {
-        match serde_json::to_string(told) {
+    fn say(&mut self, message: &Message<'_>) {
+        match serde_json::to_string(message) {
             Ok(line) => self.line.send(line),
             Err(error) => unreachable!("texts, lists and finite numbers under text keys: {error}"),
         }
@@ -198,7 +198,7 @@ const BEFORE: &str = "expected one line an answer, found one that came before th
 impl Driver for Planner<'_> {
     fn begin(&mut self, plant: &Plant) {
         let (scene, limits, size) = (plant.scene(), plant.limits(), &plant.scene().ego.track);
-        let told = Told::Begin {
+        let message = Message::Begin {
             scene: plant.scene_id(),
             dt_s: DT_S,
             seed: self.seed.0,
@@ -219,7 +219,7 @@ impl Driver for Planner<'_> {
             stop_signs: &scene.stop_signs,
             lights: scene.lights.iter().map(|l| LightPlace { lane: l.lane, stop_point: l.stop_point }).collect(),
         };
-        self.say(&told);
+        self.say(&message);
     }
 
     fn decide(&mut self, view: &View<'_>) -> Control {
@@ -233,7 +233,7 @@ impl Driver for Planner<'_> {
     }
 
     fn finish(&mut self, view: &View<'_>, end: End) {
-        self.say(&Told::End { end, steps: view.decision() });
+        self.say(&Message::End { end, steps: view.decision() });
         if let (None, Ok(bytes)) = (&self.broken, self.line.receive(UNASKED)) {
             let reason = format!("behind decision {}: {AFTER}", view.decision());
             self.broken = Some(Refusal::of(reason, &bytes));
@@ -242,7 +242,7 @@ impl Driver for Planner<'_> {
 }
 
 /// Everything that a planner is told at one decision: nothing of the future.
-fn observation(view: &View<'_>) -> Told<'static> {
+fn observation(view: &View<'_>) -> Message<'static> {
     let ego = view.ego();
     let mut near: Vec<(f64, Neighbour)> = Vec::new();
     view.for_each_within(SIGHT_M, |seen: &Seen| {
@@ -259,7 +259,7 @@ fn observation(view: &View<'_>) -> Told<'static> {
     });
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
     let lights = view.plant().scene().lights.iter();
-    Told::Step {
+    Message::Step {
         step: view.decision(),
         time_s: view.decision() as f64 * DT_S,
         ego: EgoNow {

@@ -14,7 +14,7 @@ use super::planner::{Planner, Refusal, why};
 use super::request::{Answers, Request};
 use super::workers::{Line, Start, start_of};
 use crate::kernel::Digest;
-use crate::sim::{Told, tell};
+use crate::sim::{ReportedRollout, tell};
 
 /// A planner may load weights before it greets: it has at least this long, s.
 const GREETING_S: f64 = 120.0;
@@ -40,7 +40,7 @@ impl<'a> Planners<'a> {
     }
 
     /// One rollout, or two where it is drawn to be compared.
-    fn drive(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<Told, NoOutcome> {
+    fn drive(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
         let first = self.play(line, request)?;
         if !drawn(&request.key, self.options.repeat_share) {
             return Ok(first);
@@ -60,12 +60,12 @@ impl<'a> Planners<'a> {
         }
     }
 
-    fn play(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<Told, NoOutcome> {
+    fn play(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
         let mut planner = Planner::new(&mut *line, self.limit(), request.seed);
-        let told = tell(request.plant, request.intervention, &mut planner);
+        let reported = tell(request.plant, request.intervention, &mut planner);
         let stopped = planner.was_stopped();
         match planner.broken() {
-            None => Ok(told?),
+            None => Ok(reported?),
             // A failure of its scene would be recorded.
             Some(Refusal { reason, .. }) if stopped => Err(NoOutcome::Stop(BackendError::Worker(Fault {
                 command: self.command(),
@@ -76,8 +76,8 @@ impl<'a> Planners<'a> {
             }))),
             Some(Refusal { reason, printed }) => {
                 let reason = format!("planner `{}`, {reason}", self.command());
-                let told = complaint(line);
-                let printed = if printed.is_empty() { told } else { format!("; it printed: {printed}{told}") };
+                let reported = complaint(line);
+                let printed = if printed.is_empty() { reported } else { format!("; it printed: {printed}{reported}") };
                 if let Some(printed) = printed.strip_prefix("; ") {
                     self.start.show(&format!("scene {}: {reason}", request.scene()), printed);
                 }
@@ -135,7 +135,7 @@ impl Answers for Planners<'_> {
         // Whatever went wrong, nobody knows what the process would say next.
         self.crew.give_back(driven.is_ok().then_some(line));
         match driven {
-            Ok(told) => Ok(Answer::Told(told)),
+            Ok(reported) => Ok(Answer::ReportedRollout(reported)),
             Err(NoOutcome::Scene(reason)) => Ok(Answer::Failed(reason)),
             Err(NoOutcome::Stop(BackendError::Worker(fault))) => Err(self.crew.stop(fault).into()),
             Err(NoOutcome::Stop(error)) => Err(error),
@@ -160,16 +160,16 @@ fn drawn(key: &Digest, share: f64) -> bool {
 }
 
 /// Where two motions of one rollout part, in words.
-fn difference(first: &Told, second: &Told) -> Option<(String, String)> {
+fn difference(first: &ReportedRollout, second: &ReportedRollout) -> Option<(String, String)> {
     if first == second {
         return None;
     }
-    let place = |told: &Told, row: usize| match told.ego.get(row) {
+    let place = |reported: &ReportedRollout, row: usize| match reported.ego.get(row) {
         Some(pose) => {
             let at = pose.sample.position;
             format!("the ego at ({}, {}) after {row} decisions", at.x, at.y)
         }
-        None => format!("an end after {} decisions", told.ego.len().saturating_sub(1)),
+        None => format!("an end after {} decisions", reported.ego.len().saturating_sub(1)),
     };
     let rows = first.ego.len().max(second.ego.len());
     let parted = (0..rows).find(|&row| first.ego.get(row) != second.ego.get(row));

@@ -40,8 +40,8 @@ impl<'a> Recorder<'a> {
     }
 
     fn find(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
-        if let Some(Recorded { answer: Answer::Told(told), .. }) = self.before.get(&request.key) {
-            return Ok(Answer::Told(told.clone()));
+        if let Some(Recorded { answer: Answer::ReportedRollout(rollout), .. }) = self.before.get(&request.key) {
+            return Ok(Answer::ReportedRollout(rollout.clone()));
         }
         let memo = Digest::of("evodrive/backend-answer/1", &(&self.fresh, request.key))?;
         if let Some(object) = self.store.memo_get(MemoKind::Rollout, &memo) {
@@ -52,7 +52,7 @@ impl<'a> Recorder<'a> {
             }
         }
         let answer = self.asked.answer(request)?;
-        if let Answer::Told(_) = answer {
+        if let Answer::ReportedRollout(_) = answer {
             let object = self.store.put(&AnswerLine::of(request.key, &answer).to_bytes())?;
             match self.store.memo_put(MemoKind::Rollout, &memo, &object) {
                 // Two threads may ask the same at once; a backend that is no function shows itself at the next recording.

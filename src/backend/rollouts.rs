@@ -70,8 +70,8 @@ impl Backend<'_> {
         let request = Request::new(options, plant, &intervention, ego, seed).map_err(BackendError::Key)?;
         match answers.answer(&request)? {
             Answer::Failed(reason) => Err(NoOutcome::Scene(reason)),
-            Answer::Told(told) => judge(plant, &as_driven(plant, &intervention, &told), &told, request.replays)
-                .map_err(|error| {
+            Answer::ReportedRollout(rollout) => {
+                judge(plant, &as_driven(plant, &intervention, &rollout), &rollout, request.replays).map_err(|error| {
                     NoOutcome::Stop(BackendError::Worker(Fault {
                         command: options.name.clone(),
                         place: format!("recorded answer to request {}", request.key.short(16)),
@@ -79,7 +79,8 @@ impl Backend<'_> {
                         found: error.to_string(),
                         remedy: "record it anew".into(),
                     }))
-                }),
+                })
+            }
         }
     }
 }

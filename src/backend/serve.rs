@@ -76,8 +76,9 @@ fn played(asked: Asked) -> Result<Answer, String> {
         return Err(format!("the scene has {} steps from {} on", plant.steps(), plant.first_step()));
     }
     let actions = adversaries.into_iter().map(|of| action(of, first_step)).collect::<Result<_, String>>()?;
-    let told = tell(&plant, &Intervention { actions }, policy.driver().as_mut()).map_err(|error| error.to_string())?;
-    Ok(Answer::Told(told))
+    let rollout =
+        tell(&plant, &Intervention { actions }, policy.driver().as_mut()).map_err(|error| error.to_string())?;
+    Ok(Answer::ReportedRollout(rollout))
 }
 
 /// The action that carries a command out.

@@ -16,7 +16,7 @@ type Said = Result<Vec<u8>, Broken>;
 /// A worker that greets, and then says what a closure makes of each line.
 struct Fake<F>(F, Mutex<usize>);
 
-struct Told<F> {
+struct ReportedRollout<F> {
     said: VecDeque<Said>,
     answer: F,
 }
@@ -30,7 +30,7 @@ impl<F: Fn(&str, usize) -> Vec<Said> + Clone + Send + Sync + 'static> Start for 
         *started += 1;
         let (answer, times) = (self.0.clone(), *started);
         let said = answer("hello", times).into();
-        Ok(Box::new(Told { said, answer: move |line: &str| answer(line, times) }))
+        Ok(Box::new(ReportedRollout { said, answer: move |line: &str| answer(line, times) }))
     }
 
     fn start_in(&self, command: &[String], _: &std::path::Path) -> Result<Box<dyn Line>, String> {
@@ -38,7 +38,7 @@ impl<F: Fn(&str, usize) -> Vec<Said> + Clone + Send + Sync + 'static> Start for 
     }
 }
 
-impl<F: Fn(&str) -> Vec<Said> + Send> Line for Told<F> {
+impl<F: Fn(&str) -> Vec<Said> + Send> Line for ReportedRollout<F> {
     fn send(&mut self, line: String) {
         self.said.extend((self.answer)(&line));
     }

@@ -141,15 +141,15 @@ impl<'a> Workers<'a> {
             return Err(wrong(&format!("request {}", request.key), line.request.to_hex()));
         }
         let mut answer = line.into_answer().map_err(|found| wrong("a motion or a failure", found))?;
-        if let Answer::Failed(told) = &mut answer {
-            let reason = stable(told);
-            if reason != *told {
-                self.start.show(&place(request), told);
-                *told = reason;
+        if let Answer::Failed(rollout) = &mut answer {
+            let reason = stable(rollout);
+            if reason != *rollout {
+                self.start.show(&place(request), rollout);
+                *rollout = reason;
             }
         }
-        if let Answer::Told(told) = &answer {
-            judge(request.plant, request.intervention, told, request.replays)
+        if let Answer::ReportedRollout(rollout) = &answer {
+            judge(request.plant, request.intervention, rollout, request.replays)
                 .map_err(|error| wrong("a motion of the scene", error.to_string()))?;
         }
         Ok(answer)

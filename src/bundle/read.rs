@@ -46,8 +46,8 @@ pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, Bu
     let (mut seen, mut signature) = (BTreeSet::from([MANIFEST.to_string()]), None);
     let mut expected = manifest.files.iter();
     for found in entries {
-        let mut found = found.map_err(|error| reading.broken(&error))?;
-        let name = reading.name(&found)?;
+        let mut entry = found.map_err(|error| reading.broken(&error))?;
+        let name = reading.name(&entry)?;
         if !seen.insert(name.clone()) {
             return Err(reading.refused(format!("expected {name} once, found it a second time")));
         }
@@ -55,8 +55,8 @@ pub fn open(path: &Path, bytes_max: u64, to: Option<&Path>) -> Result<Opened, Bu
             return Err(reading.refused(format!("expected nothing after {SIGNATURE}, found {name}")));
         }
         match expected.next() {
-            Some(content) if content.path == name => reading.content(&mut found, content, to)?,
-            None if name == SIGNATURE => signature = Some(reading.small(&mut found, SIGNATURE, SIGNATURE_BYTES_MAX)?),
+            Some(content) if content.path == name => reading.content(&mut entry, content, to)?,
+            None if name == SIGNATURE => signature = Some(reading.small(&mut entry, SIGNATURE, SIGNATURE_BYTES_MAX)?),
             Some(content) => return Err(reading.damaged(format!("expected {} next, found {name}", content.path))),
             None => return Err(reading.refused(format!("expected the manifest to name every file, found {name} too"))),
         }

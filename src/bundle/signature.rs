@@ -118,10 +118,10 @@ pub fn verified(
     if envelope.payload_type != PAYLOAD_TYPE {
         return Err(wrong("its signed statement does not have in-toto's type"));
     }
-    let told = encoded(&payload);
+    let message = encoded(&payload);
     let by_key = |signed: &Signed| {
         let bytes = STANDARD.decode(&signed.sig).ok()?;
-        key.verify_strict(&told, &Signature::from_slice(&bytes).ok()?).ok()
+        key.verify_strict(&message, &Signature::from_slice(&bytes).ok()?).ok()
     };
     if !envelope.signatures.iter().any(|signed| by_key(signed).is_some()) {
         return Err(wrong("expected a signature by the given key, found none"));

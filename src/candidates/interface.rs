@@ -23,9 +23,9 @@ pub fn check(patch: &ProgramPatch, contract: &Contract, changes_nothing: bool) -
     for (index, operation) in patch.operations.iter().take(most.saturating_mul(2)).enumerate() {
         let place = format!("patch/operations/{index}/path");
         let path = shortened(&operation.path);
-        let found = Pointer::parse(&operation.path)
+        let parsed = Pointer::parse(&operation.path)
             .map_err(|error| Problem::new(&place, format!("`{path}`"), error.to_string()));
-        problems.extend(match found {
+        problems.extend(match parsed {
             Err(problem) => Some(problem),
             Ok(pointer) => words.check(&pointer).map(|expected| Problem::new(&place, format!("`{path}`"), expected)),
         });

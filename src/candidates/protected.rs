@@ -106,9 +106,9 @@ fn check_path(place: &str, path: &str) -> Option<Problem> {
 fn check_words(place: &str, operation: &Operation) -> Vec<Problem> {
     let texts = operation.value.iter().flat_map(weight::texts);
     let words = texts.flat_map(identifiers);
-    let found: std::collections::BTreeSet<String> =
+    let names: std::collections::BTreeSet<String> =
         words.map(str::to_ascii_lowercase).filter(|word| is_protected(word)).collect();
-    found
+    names
         .into_iter()
         .map(|word| Problem::new(place, format!("the protected word `{word}`"), "nothing protected"))
         .collect()

@@ -268,8 +268,8 @@ fn a_closed_part_and_what_lies_in_it_take_no_edit() {
         Judging { closed: &["/mechanism_modules", "/parameters/style"], ..Judging::whole(&contract, &registry) };
     let refused = |operations: Vec<Operation>| -> Vec<String> {
         let admission = admit(&program(), &patch(operations), child_id(), &closed, &|_, _| Trials::default());
-        let found = admission.gates.failed().flat_map(|verdict| verdict.problems.clone());
-        found.filter(|problem| problem.contains("is closed in this run")).collect()
+        let gates = admission.gates.failed().flat_map(|verdict| verdict.problems.clone());
+        gates.filter(|problem| problem.contains("is closed in this run")).collect()
     };
     assert!(refused(vec![longer()]).is_empty());
     assert_eq!(refused(vec![replace("/mechanism_modules/pressure/expression", json!("1"))]).len(), 1);
@@ -303,22 +303,25 @@ fn of_a_patch_that_cannot_be_applied_every_gate_says_why_it_saw_nothing() {
 
 #[test]
 fn paths_into_lists_end_in_an_index_or_append() {
-    let told = |path: &str| {
-        let found = judge(&patch(vec![add(path, json!("select"))])).gates;
-        found.failed().flat_map(|verdict| verdict.problems.clone()).any(|p| p.contains("an index, or `-` to append"))
+    let refusal = |path: &str| {
+        let gates = judge(&patch(vec![add(path, json!("select"))])).gates;
+        gates.failed().flat_map(|verdict| verdict.problems.clone()).any(|p| p.contains("an index, or `-` to append"))
     };
     for list in
         ["/operator_graph/timing/inputs", "/mechanism_modules/pressure/inputs", "/mechanism_modules/pressure/tags"]
     {
         let odd: Vec<String> = ["one", "1a", "", "-1"].map(|end| format!("{list}/{end}")).to_vec();
-        assert!(odd.iter().all(|path| told(path)), "{odd:?}");
-        assert!(!told(&format!("{list}/0")) && !told(&format!("{list}/-")) && !told(&format!("{list}/12")), "{list}");
+        assert!(odd.iter().all(|path| refusal(path)), "{odd:?}");
+        assert!(
+            !refusal(&format!("{list}/0")) && !refusal(&format!("{list}/-")) && !refusal(&format!("{list}/12")),
+            "{list}"
+        );
     }
-    assert!(told("/scenario_conditioned_policy/first/when") && !told("/scenario_conditioned_policy/0/when"));
+    assert!(refusal("/scenario_conditioned_policy/first/when") && !refusal("/scenario_conditioned_policy/0/when"));
     // A node may be replaced whole, and has no other fields than its own.
     let fields = |path: &str| {
-        let found = judge(&patch(vec![add(path, json!("x"))])).gates;
-        found
+        let gates = judge(&patch(vec![add(path, json!("x"))])).gates;
+        gates
             .failed()
             .flat_map(|verdict| verdict.problems.clone())
             .any(|p| p.contains("/operator_graph/<node>/ and one of"))

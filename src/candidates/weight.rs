@@ -34,9 +34,9 @@ pub fn too_large(value: &Value) -> Option<String> {
 
 /// Keys and texts of a value, in no particular order.
 pub fn texts(value: &Value) -> Vec<&str> {
-    let mut found = keys(value);
-    found.extend(Walk::new(value).filter_map(|(value, _)| value.as_str()));
-    found
+    let mut weight = keys(value);
+    weight.extend(Walk::new(value).filter_map(|(value, _)| value.as_str()));
+    weight
 }
 
 /// Keys of all objects in a value.
@@ -93,11 +93,11 @@ mod tests {
     #[test]
     fn texts_are_keys_and_texts_of_all_levels() {
         let value = json!({ "a": ["b", { "c": "d" }], "e": 1 });
-        let mut found = texts(&value);
-        found.sort_unstable();
-        assert_eq!(found, ["a", "b", "c", "d", "e"]);
-        found = keys(&value);
-        found.sort_unstable();
-        assert_eq!(found, ["a", "c", "e"]);
+        let mut weight = texts(&value);
+        weight.sort_unstable();
+        assert_eq!(weight, ["a", "b", "c", "d", "e"]);
+        weight = keys(&value);
+        weight.sort_unstable();
+        assert_eq!(weight, ["a", "c", "e"]);
     }
 }

@@ -1,18 +1,16 @@
 //! All arguments. Their help texts are goldens: change them on purpose.
 
-use clap::{Args, CommandFactory, Parser, Subcommand};
-use std::path::PathBuf;
+use clap::{CommandFactory, Parser, Subcommand};
 
-use super::answer::Answer;
-use super::examples::with_examples;
-use super::exit::Failure;
-use super::folder::RUNS;
-use super::run_name::OneRun;
-use super::{
-    agree, apply, bench, bundle, calibrate, claims, compare, data, diff, downstream, egos, exchange, figure, fsck,
-    impact, init, known, lineage, manual, options, paper, plan, program, report, run, scenes, shard, show, table,
-    train, watch, why, worker, world,
-};
+use crate::cli::cluster::{bench, shard, worker};
+use crate::cli::evolve::job_args::{RecordArgs, RunArgs};
+use crate::cli::evolve::{exchange, init, plan, run, watch};
+use crate::cli::look::{compare, data, diff, figure, impact, lineage, report, show, table, why, world};
+use crate::cli::records::{bundle, fsck, run_name::OneRun};
+use crate::cli::reference::{known, manual, options};
+use crate::cli::scenes::{calibrate, command};
+use crate::cli::studies::{agree, apply, claims, downstream, egos, paper, program, train};
+use crate::cli::terminal::{answer::Answer, examples::with_examples, exit::Failure};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
@@ -39,7 +37,7 @@ pub enum Command {
     Plan(plan::Options),
     /// Carry an experiment out from its cassette; the same command again gives the same root.
     Run(RunArgs),
-    /// Go on with a run that was interrupted; without a folder with the one below runs/ that is not finished.
+    /// Go on with a run that was interrupted; without a name, the one below runs/ that is not finished.
     Resume(OneRun),
     /// Derive a finished run again from its recorded answers and rollouts, and compare every event.
     #[command(alias = "replay")]
@@ -54,7 +52,7 @@ pub enum Command {
     Exchange(exchange::Command),
     /// Import, generate, list, show and compare scenes.
     #[command(subcommand)]
-    Scenes(scenes::Command),
+    Scenes(command::Command),
     /// Take bounds and tolerances of the realism diagnostics from recorded traffic.
     Calibrate(calibrate::Options),
     /// Show how a lineage's programs descend from each other, with their patches as diffs.
@@ -112,7 +110,7 @@ pub enum Command {
     Man(manual::ManOptions),
     /// Serve our own simulator's rollouts as a backend's worker does: JSON lines on stdin and stdout (docs/BACKENDS.md).
     Worker,
-    /// Do the missing work of a run on many machines: plan shards, work on them anywhere, merge what came of them
+    /// Do the missing work of a run on many machines: plan shards, work on them anywhere, merge their results
     /// (docs/BUNDLES.md).
     #[command(subcommand)]
     Shard(shard::Command),
@@ -128,46 +126,6 @@ pub enum Command {
     Bench(bench::Command),
 }
 
-/// What is carried out, and from which answers.
-#[derive(Debug, Args)]
-pub struct JobArgs {
-    /// Experiment file, e.g. experiments/quickstart.toml.
-    pub experiment: PathBuf,
-    /// Folder for run folders.
-    #[arg(long, default_value = RUNS)]
-    pub out: PathBuf,
-    /// Cassette to replay from, instead of the experiment's.
-    #[arg(long)]
-    pub cassette: Option<PathBuf>,
-    /// Scenario files, folders or a pool, instead of the experiment's scenes.
-    #[arg(long, num_args = 1..)]
-    pub scenes: Vec<PathBuf>,
-    /// A value above the file's, e.g. budget.slots=8; it is kept in the run's experiment. May be given again.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-}
-
-#[derive(Debug, Args)]
-pub struct RunArgs {
-    #[command(flatten)]
-    pub job: JobArgs,
-    /// Do not write report.html.
-    #[arg(long)]
-    pub no_report: bool,
-}
-
-#[derive(Debug, Args)]
-pub struct RecordArgs {
-    #[command(flatten)]
-    pub run: RunArgs,
-    /// Ask everything anew, also what the cassette holds already.
-    #[arg(long)]
-    pub fresh: bool,
-    /// Write over cassettes though they hold answers or rollouts that this recording does not ask for.
-    #[arg(long)]
-    pub overwrite: bool,
-}
-
 impl Command {
     pub fn run(self, jobs: usize) -> Result<Answer, Failure> {
         match self {
@@ -180,7 +138,7 @@ impl Command {
             Command::Verify(args) => run::verify(&args, jobs),
             Command::Record(args) => run::record(&args, jobs),
             Command::Exchange(command) => exchange::run(&command),
-            Command::Scenes(command) => scenes::run(command, jobs),
+            Command::Scenes(command) => command::run(command, jobs),
             Command::Calibrate(options) => calibrate::run(&options, jobs),
             Command::Lineage(options) => lineage::run(&options),
             Command::Show(options) => show::run(&options),

@@ -167,13 +167,13 @@ fn rays<const COUNT: usize>(axis: Vec2) -> [Vec2; COUNT] {
 fn nearest(view: &View<'_>) -> [Option<Seen>; OTHERS] {
     let own = view.ego().sample.position;
     let apart = |seen: &Seen| (seen.position - own).norm_squared();
-    let mut found: [Option<Seen>; OTHERS] = [None; OTHERS];
+    let mut nearest: [Option<Seen>; OTHERS] = [None; OTHERS];
     view.for_each_within(SIGHT_M, |seen| {
-        let place = found.iter().position(|f| f.as_ref().is_none_or(|f| apart(seen) < apart(f)));
+        let place = nearest.iter().position(|f| f.as_ref().is_none_or(|f| apart(seen) < apart(f)));
         if let Some(place) = place {
-            found[place..].rotate_right(1);
-            found[place] = Some(*seen);
+            nearest[place..].rotate_right(1);
+            nearest[place] = Some(*seen);
         }
     });
-    found
+    nearest
 }

@@ -139,8 +139,8 @@ fn setting(bytes: &[u8]) -> Result<Setting, WeightsError> {
     let line = header.metadata().as_ref().and_then(|lines| lines.get(KEY));
     let line = line.ok_or_else(|| refuse(format!("no line {KEY:?}")))?;
     let read: Header = serde_json::from_str(line).map_err(|error| refuse(error.to_string()))?;
-    let found = Setting::ALL.into_iter().find(|setting| setting.name() == read.observation);
-    found.ok_or_else(|| refuse(format!("observation {:?}", read.observation)))
+    let known = Setting::ALL.into_iter().find(|setting| setting.name() == read.observation);
+    known.ok_or_else(|| refuse(format!("observation {:?}", read.observation)))
 }
 
 fn layer(file: &SafeTensors<'_>, name: &str, inputs: usize, outputs: usize) -> Result<Dense, WeightsError> {

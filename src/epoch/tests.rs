@@ -115,8 +115,8 @@ fn the_finalists_are_front_leaders_and_head(ran: &Ran) {
         .filter(|solution| solution != parent)
         .collect();
     let measured: Vec<SolutionId> = ran.finalists.iter().map(|f| f.solution.clone()).filter(|s| s != parent).collect();
-    let found: BTreeSet<SolutionId> = measured.iter().chain(&lineage.cut).cloned().collect();
-    assert_eq!(found, wanted);
+    let solutions: BTreeSet<SolutionId> = measured.iter().chain(&lineage.cut).cloned().collect();
+    assert_eq!(solutions, wanted);
     assert_eq!(measured.len(), wanted.len().min(1), "the budget is one");
 }
 

@@ -98,17 +98,17 @@ impl Aligned {
 /// The columns of each block: the labels, and as many of the others as fit.
 fn blocks(spans: &[usize], labels: usize, width: usize) -> Vec<Vec<usize>> {
     let begin: Vec<usize> = (0..labels.min(spans.len())).collect();
-    let mut found = vec![begin.clone()];
+    let mut lines = vec![begin.clone()];
     for i in begin.len()..spans.len() {
-        let block = &found[found.len() - 1];
+        let block = &lines[lines.len() - 1];
         let wide = total(&block.iter().chain([&i]).map(|i| spans[*i]).collect::<Vec<_>>());
         if wide > width && block.len() > begin.len() {
-            found.push(begin.clone());
+            lines.push(begin.clone());
         }
-        let last = found.len() - 1;
-        found[last].push(i);
+        let last = lines.len() - 1;
+        lines[last].push(i);
     }
-    found
+    lines
 }
 
 fn total(spans: &[usize]) -> usize {

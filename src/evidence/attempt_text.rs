@@ -15,7 +15,7 @@ pub struct Exchanged {
     pub messages: Vec<(String, String)>,
     pub reply: String,
     /// What a provider said about the reply; the scripted model says nothing.
-    pub told: Option<String>,
+    pub metadata: Option<String>,
 }
 
 /// The whole story of an attempt. `texts` gives prompt and reply of an exchange; `full` prints prompts uncut.
@@ -84,8 +84,8 @@ pub fn exchanges(out: &mut String, exchanges: &[Exchange], texts: &dyn Fn(&Excha
             let _ = writeln!(out, "   [{role}] {shown}");
         }
         let _ = writeln!(out, "   [reply] {}", exchanged.reply.trim_end());
-        if let Some(told) = &exchanged.told {
-            let _ = writeln!(out, "   {told}");
+        if let Some(metadata) = &exchanged.metadata {
+            let _ = writeln!(out, "   {metadata}");
         }
     }
 }

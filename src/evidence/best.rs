@@ -71,14 +71,14 @@ pub struct Best {
 /// Ranks the rollouts behind the labels of a run in which the program acts, of one lineage or of all. `rollouts` are the records
 /// that the run's store holds; a program that meets a scene twice counts once. Equals stay in the order of the record.
 pub fn best(
-    story: &RecordedRun,
+    run: &RecordedRun,
     pool: &Pool,
     rollouts: &BTreeMap<Digest, Rollout>,
     by: By,
     lineage: Option<&LineageId>,
 ) -> Best {
     let (mut seen, mut ranked, mut lacking) = (BTreeSet::new(), Vec::new(), 0);
-    for (of, program, suite, score) in story.scores().filter(|(of, ..)| lineage.is_none_or(|wanted| wanted == *of)) {
+    for (of, program, suite, score) in run.scores().filter(|(of, ..)| lineage.is_none_or(|wanted| wanted == *of)) {
         for label in score.scenes.iter().filter(|label| label.acted) {
             if !seen.insert((program, &label.scene)) {
                 continue;
@@ -218,8 +218,8 @@ mod tests {
             ranked("grandchild", 1.0, Some(9.0), Some(0.5), 0.0),
         ];
         let rows = folded(all);
-        let told: Vec<(&str, Vec<&str>)> =
+        let listed: Vec<(&str, Vec<&str>)> =
             rows.iter().map(|of| (of.program.as_str(), of.also.iter().map(SolutionId::as_str).collect())).collect();
-        assert_eq!(told, [("parent", vec!["child", "grandchild"]), ("child", vec![]), ("other", vec![])]);
+        assert_eq!(listed, [("parent", vec!["child", "grandchild"]), ("child", vec![]), ("other", vec![])]);
     }
 }

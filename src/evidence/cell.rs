@@ -49,17 +49,17 @@ fn find_row<'t>(table: &'t Table, name: &str) -> Result<&'t Row, String> {
         labels[0].starts_with(&first) && labels[1..].starts_with(&wanted[1..])
     };
     let holds = |row: &&Row| row.lineages.iter().any(|id| id == name);
-    let mut found: Vec<&Row> = table.rows().filter(exact).collect();
+    let mut matching: Vec<&Row> = table.rows().filter(exact).collect();
     for other in [&opens as &dyn Fn(&&Row) -> bool, &holds] {
-        if found.is_empty() {
-            found = table.rows().filter(|row| other(row)).collect();
+        if matching.is_empty() {
+            matching = table.rows().filter(|row| other(row)).collect();
         }
     }
-    if found.len() > 1 {
-        found.retain(|row| !row.missing());
+    if matching.len() > 1 {
+        matching.retain(|row| !row.missing());
     }
     let names = |rows: &[&Row]| rows.iter().map(|row| row_name(row)).collect::<Vec<_>>();
-    match found.as_slice() {
+    match matching.as_slice() {
         [one] => Ok(one),
         [] => {
             let known = names(&table.rows().collect::<Vec<_>>());
@@ -86,19 +86,19 @@ fn find_column(table: &Table, name: &str) -> Result<(&'static str, Vec<&'static 
     let keys = |fits: &dyn Fn(&Column) -> bool| {
         table.columns.iter().filter(|column| fits(column)).map(|column| column.key).collect::<Vec<_>>()
     };
-    let mut found = by.iter().map(|fits| keys(fits)).find(|found| !found.is_empty()).unwrap_or_default();
-    let evolved = found.iter().position(|key| key.starts_with("evolved_")).unwrap_or(0);
-    if found.is_empty() {
+    let mut matching = by.iter().map(|fits| keys(fits)).find(|matching| !matching.is_empty()).unwrap_or_default();
+    let evolved = matching.iter().position(|key| key.starts_with("evolved_")).unwrap_or(0);
+    if matching.is_empty() {
         let known: Vec<String> = keys(&|_| true).into_iter().map(String::from).collect();
         let hint = near(name, &known);
         return Err(format!("table {} has no column `{name}`{hint}; its columns are {}", table.name, known.join(", ")));
     }
-    let key = found.remove(evolved);
-    Ok((key, found))
+    let key = matching.remove(evolved);
+    Ok((key, matching))
 }
 
 /// `; did you mean ...?`, where something is near.
 pub fn near(name: &str, known: &[String]) -> String {
-    let found = spelling::nearest(name, known.iter().map(String::as_str));
-    found.map_or(String::new(), |near| format!("; did you mean `{near}`?"))
+    let matching = spelling::nearest(name, known.iter().map(String::as_str));
+    matching.map_or(String::new(), |near| format!("; did you mean `{near}`?"))
 }

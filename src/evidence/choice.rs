@@ -103,9 +103,9 @@ impl Standing {
 
 impl Choice {
     /// The choice of a lineage; `None` while the run is unfinished or has no such lineage.
-    pub fn of(story: &RecordedRun, lineage: &LineageId, options: &SelectorOptions) -> Option<Choice> {
-        let result = story.result.as_ref()?.lineages.iter().find(|of| of.lineage == *lineage)?;
-        let finalists: Vec<_> = story.finalists.iter().filter(|of| of.lineage == *lineage).collect();
+    pub fn of(run: &RecordedRun, lineage: &LineageId, options: &SelectorOptions) -> Option<Choice> {
+        let result = run.result.as_ref()?.lineages.iter().find(|of| of.lineage == *lineage)?;
+        let finalists: Vec<_> = run.finalists.iter().filter(|of| of.lineage == *lineage).collect();
         let measured: Vec<Measured> =
             finalists.iter().map(|of| Measured::new(of.solution.clone(), &of.score)).collect();
         let contenders: Vec<Contender> = measured.iter().map(contender).collect();
@@ -278,7 +278,7 @@ mod tests {
     const PAPER: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
 
     /// Rows of points (attack, realism, coverage), the parent first, with the reasons of the choice among them.
-    fn told(points: &[[f64; 3]]) -> (Vec<Standing>, String) {
+    fn standings(points: &[[f64; 3]]) -> (Vec<Standing>, String) {
         let name = |k: usize| SolutionId::new(if k == 0 { "parent".into() } else { format!("c{k}") });
         let measured = |(k, [attack, realism, coverage]): (usize, &[f64; 3])| Measured {
             solution: name(k),
@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn everybody_is_told_where_the_rule_left_them() {
         use Standing::*;
-        let (standings, reasons) = told(&[
+        let (standings, reasons) = standings(&[
             [0.10, 0.99, 1.0],
             [0.90, 0.90, 1.0],
             [0.40, 0.96, 1.0],
@@ -332,7 +332,7 @@ mod tests {
             (&[[0.5, 0.97, 1.0], [0.5, 0.97, 1.0]], "has the same labels"),
         ];
         for (points, expected) in cases {
-            let (standings, reasons) = told(points);
+            let (standings, reasons) = standings(points);
             assert_eq!(standings[0], Standing::Chosen, "{points:?}");
             assert!(reasons.contains("The parent stays: ") && reasons.contains(expected), "{points:?}: {reasons}");
             let mut others = cases.iter().map(|(_, other)| *other).filter(|other| *other != expected);
@@ -342,7 +342,7 @@ mod tests {
 
     #[test]
     fn where_nobody_is_realistic_enough_nobody_is_said_to_be_too_unrealistic() {
-        let (standings, reasons) = told(&[[0.1, 0.80, 1.0], [0.2, 0.90, 1.0], [0.3, 0.90, 1.0]]);
+        let (standings, reasons) = standings(&[[0.1, 0.80, 1.0], [0.2, 0.90, 1.0], [0.3, 0.90, 1.0]]);
         assert_eq!(standings, [Standing::LessRealistic, Standing::LessAttack, Standing::Chosen]);
         assert!(
             reasons.contains("None of the 3") && reasons.contains("the one with more attack is taken"),

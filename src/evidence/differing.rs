@@ -81,7 +81,7 @@ pub enum Cause {
 
 impl Cause {
     /// In words, with what helps.
-    pub fn told(self) -> &'static str {
+    pub fn text(self) -> &'static str {
         match self {
             Cause::Unfinished => {
                 "one run ends here: it was interrupted, or its end is lost (evodrive resume, evodrive fsck)"
@@ -112,13 +112,13 @@ pub fn compare(first: &Path, second: &Path) -> Result<Differing, StoreError> {
     let events = [one.digests.len(), other.digests.len()];
     let behind = usize::from(!inputs.is_empty());
     let seq = (behind..events[0].max(events[1])).find(|seq| one.digests.get(*seq) != other.digests.get(*seq));
-    let found = |seq| -> Result<FirstEvent, StoreError> {
+    let difference = |seq| -> Result<FirstEvent, StoreError> {
         let pair = (event_at(first, seq)?, event_at(second, seq)?);
         let elsewhere = |bodies: &Bodies, digest: Option<&Digest>| digest.is_some_and(|d| bodies.all.contains(d));
         let swapped = elsewhere(&one, other.digests.get(seq)) && elsewhere(&other, one.digests.get(seq));
         Ok(first_event(seq, pair, swapped))
     };
-    Ok(Differing { events, inputs, first: seq.map(found).transpose()? })
+    Ok(Differing { events, inputs, first: seq.map(difference).transpose()? })
 }
 
 /// What a transcript's events say, each as a digest.
@@ -144,13 +144,13 @@ impl Bodies {
 }
 
 fn event_at(path: &Path, seq: usize) -> Result<Option<Event>, StoreError> {
-    let mut found = None;
+    let mut difference = None;
     each_event(path, &mut |event| {
         if event.seq == seq as u64 {
-            found = Some(event);
+            difference = Some(event);
         }
     })?;
-    Ok(found)
+    Ok(difference)
 }
 
 /// Every field of the opening events that differs.
@@ -272,23 +272,23 @@ mod tests {
             (2, "/exit/gates/0", json!("no"), Cause::Code),
         ];
         for (place, field, to, cause) in cases {
-            let found = set(place, field, to).first.unwrap();
-            assert_eq!((found.seq, found.cause), (place, cause), "{field}");
-            assert_eq!(found.field.unwrap().field, field);
-            assert_eq!(found.of, format!("cat/e0s{}", place - 1));
+            let difference = set(place, field, to).first.unwrap();
+            assert_eq!((difference.seq, difference.cause), (place, cause), "{field}");
+            assert_eq!(difference.field.unwrap().field, field);
+            assert_eq!(difference.of, format!("cat/e0s{}", place - 1));
         }
     }
 
     #[test]
     fn inputs_are_named_apart_from_the_first_event_behind_them() {
-        let found = compared(|run| {
+        let difference = compared(|run| {
             run[0].1["experiment"] = json!("e2");
             run[0].1["pool"] = json!("p2");
             run[2].1["exit"]["gates"][0] = json!("no");
         });
-        let named: Vec<&str> = found.inputs.iter().map(|parting| parting.field.as_str()).collect();
+        let named: Vec<&str> = difference.inputs.iter().map(|parting| parting.field.as_str()).collect();
         assert_eq!(named, ["/experiment", "/pool"]);
-        assert_eq!(found.first.unwrap().seq, 2);
+        assert_eq!(difference.first.unwrap().seq, 2);
         // Other inputs, and every event the same.
         let renamed = compared(|run| run[0].1["name"] = json!("y"));
         assert!(renamed.first.is_none() && !renamed.is_nothing());

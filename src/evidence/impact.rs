@@ -61,17 +61,17 @@ pub struct Touched {
 }
 
 /// Everything of these runs that has a digest or a name, by its text. `scenes` are ids by the digest of the scene.
-pub fn things(stories: &[RecordedRun], scenes: &[BTreeMap<Digest, String>]) -> BTreeMap<String, BTreeSet<Met>> {
-    let mut found: BTreeMap<String, BTreeSet<Met>> = BTreeMap::new();
-    for (run, story) in stories.iter().enumerate() {
+pub fn things(runs: &[RecordedRun], scenes: &[BTreeMap<Digest, String>]) -> BTreeMap<String, BTreeSet<Met>> {
+    let mut met: BTreeMap<String, BTreeSet<Met>> = BTreeMap::new();
+    for (run, recorded) in runs.iter().enumerate() {
         let mut add = |text: String, thing: Thing| {
-            found.entry(text).or_default().insert((run, thing));
+            met.entry(text).or_default().insert((run, thing));
         };
-        let opened = &story.opened;
+        let opened = &recorded.opened;
         add(opened.experiment.to_hex(), Thing::Whole("the experiment"));
         add(opened.pool.to_hex(), Thing::Whole("the pool of scenes"));
-        add(story.root.to_hex(), Thing::Whole("the run's root"));
-        for (_, solution, suite, score) in story.scores() {
+        add(recorded.root.to_hex(), Thing::Whole("the run's root"));
+        for (_, solution, suite, score) in recorded.scores() {
             for label in &score.scenes {
                 let (solution, scene, held_out) = (solution.clone(), label.scene.clone(), suite == "held_out");
                 for digest in [label.request, label.record] {
@@ -80,12 +80,12 @@ pub fn things(stories: &[RecordedRun], scenes: &[BTreeMap<Digest, String>]) -> B
                 }
             }
         }
-        for parent in &story.parents {
+        for parent in &recorded.parents {
             let solution = &parent.program.solution_id;
             add(parent.program_hash.to_hex(), Thing::Program(solution.clone()));
             add(solution.to_string(), Thing::Program(solution.clone()));
         }
-        for attempt in &story.attempts {
+        for attempt in &recorded.attempts {
             let of = || Thing::Attempt(attempt.id.clone());
             add(attempt.id.to_string(), of());
             if let Some(candidate) = attempt.exit.candidate() {
@@ -94,13 +94,13 @@ pub fn things(stories: &[RecordedRun], scenes: &[BTreeMap<Digest, String>]) -> B
             }
             asked(&attempt.proposal.exchanges).for_each(|digest| add(digest, of()));
         }
-        for counselled in &story.counsels {
+        for counselled in &recorded.counsels {
             asked(&counselled.exchanges).for_each(|digest| add(digest, Thing::Lineage(counselled.lineage.clone())));
         }
-        for composed in &story.composed {
+        for composed in &recorded.composed {
             asked(&composed.exchanges).for_each(|digest| add(digest, Thing::Lineage(composed.lineage.clone())));
         }
-        for turn in &story.evolved {
+        for turn in &recorded.evolved {
             asked(&turn.exchanges).for_each(|digest| add(digest, Thing::Whole("a turn of the world evaluator")));
         }
         for id in opened.evolution_scenes.iter().chain(&opened.held_out_scenes) {
@@ -110,7 +110,7 @@ pub fn things(stories: &[RecordedRun], scenes: &[BTreeMap<Digest, String>]) -> B
             add(digest.to_hex(), Thing::Scene(id.clone()));
         }
     }
-    found
+    met
 }
 
 fn asked(exchanges: &[Exchange]) -> impl Iterator<Item = String> {
@@ -131,8 +131,8 @@ pub fn find<'a>(
     let short = name.to_lowercase();
     let is_digest = short.len() >= DIGITS_MIN && short.chars().all(|c| c.is_ascii_hexdigit());
     let fits = |text: &&String| is_digest && text.len() == 64 && text.starts_with(&short);
-    let found: Vec<(&String, &BTreeSet<Met>)> = known.iter().filter(|(text, _)| fits(text)).collect();
-    match found.as_slice() {
+    let met: Vec<(&String, &BTreeSet<Met>)> = known.iter().filter(|(text, _)| fits(text)).collect();
+    match met.as_slice() {
         [one] => Ok(*one),
         [] => Err(format!(
             "nothing in these runs has the digest or the name `{name}`; expected at least {DIGITS_MIN} hex digits of a rollout's key or \
@@ -140,7 +140,7 @@ pub fn find<'a>(
         )),
         several => {
             let first: Vec<String> =
-                several.iter().take(5).map(|(text, of)| format!("{} ({})", &text[..16], told(of))).collect();
+                several.iter().take(5).map(|(text, of)| format!("{} ({})", &text[..16], listed(of))).collect();
             Err(format!(
                 "`{name}` is the beginning of {} digests; give more digits: {}",
                 several.len(),
@@ -151,7 +151,7 @@ pub fn find<'a>(
 }
 
 /// What the object is, in words.
-pub fn told(things: &BTreeSet<Met>) -> String {
+pub fn listed(things: &BTreeSet<Met>) -> String {
     let word = |(_, thing): &Met| match thing {
         Thing::Rollout { solution, scene, held_out } => {
             format!("rollout of {solution} in {} scene {scene}", if *held_out { "held-out" } else { "evolution" })
@@ -169,14 +169,14 @@ pub fn told(things: &BTreeSet<Met>) -> String {
 }
 
 /// The cells of these tables that rest on the object, each once, by what holds it fastest.
-pub fn impact(tables: &[Table], stories: &[RecordedRun], things: &BTreeSet<Met>) -> Result<Vec<Touched>, TableError> {
+pub fn impact(tables: &[Table], runs: &[RecordedRun], things: &BTreeSet<Met>) -> Result<Vec<Touched>, TableError> {
     let mut touched = Vec::new();
     for table in tables {
-        let bases = Bases::of(table, stories)?;
+        let bases = Bases::of(table, runs)?;
         for row in table.rows() {
             for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
                 let Some(basis) = bases.basis(table, row, cell.column.key) else { continue };
-                let rests = Rests { stories, bases: &bases, basis: &basis };
+                let rests = Rests { runs, bases: &bases, basis: &basis };
                 if let Some((how, through, numbers)) = things.iter().filter_map(|thing| rests.on(thing)).min() {
                     let printed = cell.ours.map_or(String::new(), |ours| cell.column.form.number(ours.value));
                     touched.push(Touched { cell: cell_name(table, row, &cell.column), printed, how, through, numbers });
@@ -189,7 +189,7 @@ pub fn impact(tables: &[Table], stories: &[RecordedRun], things: &BTreeSet<Met>)
 
 /// One cell's basis, asked what it rests on.
 struct Rests<'a> {
-    stories: &'a [RecordedRun],
+    runs: &'a [RecordedRun],
     bases: &'a Bases<'a>,
     basis: &'a Basis,
 }
@@ -207,7 +207,7 @@ impl Rests<'_> {
                 (!held_out).then(|| self.chosen(*run, Some(&lineage))).flatten()
             }),
             Thing::Scene(scene) => self.reads(*run, None, scene).or_else(|| {
-                let open = self.stories[*run].opened.evolution_scenes.contains(scene);
+                let open = self.runs[*run].opened.evolution_scenes.contains(scene);
                 open.then(|| self.chosen(*run, None)).flatten()
             }),
             Thing::Program(solution) => self
@@ -219,8 +219,8 @@ impl Rests<'_> {
                 .or_else(|| self.chosen(*run, Some(&LineageId::new(lineage_of(id.as_str()))))),
             Thing::Lineage(lineage) => {
                 let of = |(_, part): &(&Basis, &Piece)| part.run == *run && part.lineage == lineage.as_str();
-                let found = self.parts().any(|pair| of(&pair));
-                found.then(|| (How::MadeFrom, format!("lineage {lineage}"), Vec::new()))
+                let met = self.parts().any(|pair| of(&pair));
+                met.then(|| (How::MadeFrom, format!("lineage {lineage}"), Vec::new()))
             }
         }
     }
@@ -261,13 +261,13 @@ impl Rests<'_> {
 
     /// Whether a program whose labels are read is this one or descends from it.
     fn descends(&self, run: usize, solution: &SolutionId) -> Option<Found> {
-        let story = &self.stories[run];
+        let recorded = &self.runs[run];
         let read: BTreeSet<&SolutionId> =
             self.parts().filter(|(_, part)| part.run == run).flat_map(|(_, part)| &part.programs).collect();
         if read.contains(solution) {
             return Some((How::Reads, format!("the labels of {solution}"), Vec::new()));
         }
-        let descends = |of: &&&SolutionId| story.chain(of).iter().any(|program| program.solution_id == *solution);
+        let descends = |of: &&&SolutionId| recorded.chain(of).iter().any(|program| program.solution_id == *solution);
         let child = read.iter().find(descends)?;
         Some((How::MadeFrom, format!("{child}, which descends from {solution}"), Vec::new()))
     }

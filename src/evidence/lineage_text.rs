@@ -6,21 +6,21 @@ use super::recorded_run::RecordedRun;
 use crate::objects::{Attempt, LineageId, Objectives, Program, SolutionId, program_diff};
 
 /// The chain from the parent to a program, each step with its hypothesis, labels and diff.
-pub fn chain(story: &RecordedRun, lineage: &LineageId, last: &SolutionId) -> String {
-    let programs = story.chain(last);
+pub fn chain(run: &RecordedRun, lineage: &LineageId, last: &SolutionId) -> String {
+    let programs = run.chain(last);
     let mut out = format!("lineage {lineage}: {} programs from the parent to {last}\n", programs.len());
     for (i, program) in programs.iter().enumerate() {
         let _ = writeln!(out, "\n[{i}] {}  generation {}", program.solution_id, program.generation);
-        if let Some(attempt) = attempt_of(story, program) {
+        if let Some(attempt) = attempt_of(run, program) {
             describe_step(&mut out, attempt);
         }
-        origins(&mut out, story, program);
+        origins(&mut out, run, program);
         if let Some(before) = i.checked_sub(1).map(|k| programs[k]) {
             out.push_str(&program_diff(before, program));
         }
     }
     let _ = writeln!(out, "\nattempts of {lineage}:");
-    for attempt in story.attempts.iter().filter(|a| a.lineage == *lineage) {
+    for attempt in run.attempts.iter().filter(|a| a.lineage == *lineage) {
         let _ = writeln!(out, "  {}", one_line(attempt));
     }
     out
@@ -58,15 +58,15 @@ pub fn shortened(text: &str, most: usize) -> String {
 }
 
 /// The runs that a lineage's parent came out of, where the experiment names a program file.
-pub fn origins(out: &mut String, story: &RecordedRun, program: &Program) {
-    let adopted = story.parents.iter().find(|parent| parent.program.solution_id == program.solution_id);
+pub fn origins(out: &mut String, run: &RecordedRun, program: &Program) {
+    let adopted = run.parents.iter().find(|parent| parent.program.solution_id == program.solution_id);
     for origin in adopted.iter().flat_map(|parent| &parent.origins) {
         let _ = writeln!(out, "    from {origin}");
     }
 }
 
-fn attempt_of<'a>(story: &'a RecordedRun, program: &Program) -> Option<&'a Attempt> {
-    story.attempts.iter().find(|a| a.exit.candidate().is_some_and(|c| c.program.solution_id == program.solution_id))
+fn attempt_of<'a>(run: &'a RecordedRun, program: &Program) -> Option<&'a Attempt> {
+    run.attempts.iter().find(|a| a.exit.candidate().is_some_and(|c| c.program.solution_id == program.solution_id))
 }
 
 fn describe_step(out: &mut String, attempt: &Attempt) {

@@ -44,10 +44,10 @@ pub struct LineageRealisms {
 
 impl LineageRealisms {
     /// `None` where the record lacks the labels of one of the two.
-    pub fn of(story: &RecordedRun, result: &LineageResult) -> Option<LineageRealisms> {
+    pub fn of(run: &RecordedRun, result: &LineageResult) -> Option<LineageRealisms> {
         let program = |solution: &SolutionId| {
-            let found = story.held_out.iter().find(|of| of.lineage == result.lineage && of.solution == *solution)?;
-            Some(ProgramRealisms { solution: solution.clone(), realisms: Realisms::of(&found.score) })
+            let measured = run.held_out.iter().find(|of| of.lineage == result.lineage && of.solution == *solution)?;
+            Some(ProgramRealisms { solution: solution.clone(), realisms: Realisms::of(&measured.score) })
         };
         Some(LineageRealisms {
             lineage: result.lineage.to_string(),

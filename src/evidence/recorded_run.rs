@@ -56,7 +56,7 @@ impl Reading {
     pub fn add(&mut self, event: Event) {
         self.0 = Some(match self.0.take() {
             None => RecordedRun::begun(event),
-            Some(Ok(mut story)) => story.add(event).map(|()| story),
+            Some(Ok(mut run)) => run.add(event).map(|()| run),
             Some(Err(error)) => Err(error),
         });
     }

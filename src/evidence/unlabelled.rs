@@ -9,15 +9,15 @@ use crate::objects::{SceneFailure, SolutionId};
 
 /// One sentence a lineage in which parent or evolved program has no label in some held-out scene, and one in which somebody who was
 /// compared for the choice has none in some evolution scene; nothing where all are labelled.
-pub fn unlabelled(story: &RecordedRun) -> Vec<String> {
-    let lineages = || story.result.iter().flat_map(|result| &result.lineages);
+pub fn unlabelled(run: &RecordedRun) -> Vec<String> {
+    let lineages = || run.result.iter().flat_map(|result| &result.lineages);
     let (held_out, chosen) =
-        (lineages().filter_map(|of| told(story, of)), lineages().filter_map(|of| told_of_choice(story, of)));
+        (lineages().filter_map(|of| note(run, of)), lineages().filter_map(|of| note_on_choice(run, of)));
     held_out.chain(chosen).collect()
 }
 
-fn told_of_choice(story: &RecordedRun, lineage: &LineageResult) -> Option<String> {
-    let own = story.finalists.iter().filter(|of| of.lineage == lineage.lineage);
+fn note_on_choice(run: &RecordedRun, lineage: &LineageResult) -> Option<String> {
+    let own = run.finalists.iter().filter(|of| of.lineage == lineage.lineage);
     let failures: BTreeMap<&str, &str> =
         own.flat_map(|of| &of.score.failures).map(|of| (of.scene.as_str(), of.reason.as_str())).collect();
     let (scene, reason) = failures.first_key_value()?;
@@ -26,14 +26,14 @@ fn told_of_choice(story: &RecordedRun, lineage: &LineageResult) -> Option<String
          `evodrive data` lists them (table unlabelled).",
         lineage.lineage,
         failures.len(),
-        story.opened.evolution_scenes.len(),
+        run.opened.evolution_scenes.len(),
         on_one_line(reason)
     ))
 }
 
-fn told(story: &RecordedRun, lineage: &LineageResult) -> Option<String> {
+fn note(run: &RecordedRun, lineage: &LineageResult) -> Option<String> {
     let failed = |solution: &SolutionId| -> &[SceneFailure] {
-        let own = story.held_out.iter().find(|h| h.lineage == lineage.lineage && h.solution == *solution);
+        let own = run.held_out.iter().find(|h| h.lineage == lineage.lineage && h.solution == *solution);
         own.map_or(&[], |held_out| held_out.score.failures.as_slice())
     };
     let (parent, evolved) = (failed(&lineage.parent.solution), failed(&lineage.evolved.solution));

@@ -32,7 +32,7 @@ pub struct Why<'a> {
     pub named: &'a Named<'a>,
     pub basis: &'a Basis,
     pub bases: &'a Bases<'a>,
-    pub stories: &'a [RecordedRun],
+    pub recorded_runs: &'a [RecordedRun],
     /// One a run.
     pub places: &'a [Places],
 }
@@ -105,7 +105,7 @@ impl Why<'_> {
         let counted = part.leaves.iter().filter(|leaf| leaf.value.is_some()).count();
         let programs: Vec<&str> = part.programs.iter().map(SolutionId::as_str).collect();
         let programs = if programs.len() > 4 { format!("{} programs", programs.len()) } else { programs.join(", ") };
-        let of = &self.stories[part.run];
+        let of = &self.recorded_runs[part.run];
         let _ = writeln!(
             out,
             "  {} seed {}: {value}  of {programs}  {counted} of {} counted  run {} ({})",
@@ -124,16 +124,16 @@ impl Why<'_> {
 
     /// Names of the attempts and parents that the cell rests on, each once, those that are read first.
     pub fn attempts(&self) -> Vec<String> {
-        let mut found: Vec<String> = Vec::new();
+        let mut reasons: Vec<String> = Vec::new();
         for part in self.basis.all().into_iter().flat_map(|basis| &basis.parts) {
             let counted = part.leaves.iter().filter_map(|leaf| leaf.attempt.as_ref()).map(|id| id.to_string());
             for id in part.programs.iter().rev().map(|of| of.to_string()).chain(counted) {
-                if !found.contains(&id) {
-                    found.push(id);
+                if !reasons.contains(&id) {
+                    reasons.push(id);
                 }
             }
         }
-        found
+        reasons
     }
 
     /// Every scene of every repetition.
@@ -163,7 +163,7 @@ impl Why<'_> {
                 let note = leaf.note.as_ref().map_or(String::new(), |note| format!("  ({note})"));
                 let _ = writeln!(out, "{} seed {}: {id}: {value}{note}", part.lineage, part.replica);
                 self.labels(&mut out, part, leaf, true);
-                if let Some(when) = &self.stories[part.run].opened.attack {
+                if let Some(when) = &self.recorded_runs[part.run].opened.attack {
                     let fields = "`evodrive data` lays its fields out: rollouts, in the row of this record";
                     let _ = writeln!(out, "  attack is the experiment's own: {when}\n    {fields}");
                 }
@@ -187,19 +187,19 @@ impl Why<'_> {
     /// One program: its digest, its chain back to the parent, reviews, questions and answers. `None` for a name that the cell
     /// does not rest on.
     pub fn attempt(&self, id: &str) -> Option<String> {
-        let story_of = |part: &&Piece| {
-            let program = self.stories[part.run].program(&SolutionId::new(id));
-            program.is_some() || self.stories[part.run].attempt(id).is_some()
+        let recorded_of = |part: &&Piece| {
+            let program = self.recorded_runs[part.run].program(&SolutionId::new(id));
+            program.is_some() || self.recorded_runs[part.run].attempt(id).is_some()
         };
         let all = self.basis.all();
-        let part = all.into_iter().flat_map(|basis| &basis.parts).find(story_of)?;
-        let (story, places) = (&self.stories[part.run], &self.places[part.run]);
+        let part = all.into_iter().flat_map(|basis| &basis.parts).find(recorded_of)?;
+        let (run, places) = (&self.recorded_runs[part.run], &self.places[part.run]);
         let mut out = format!("{id}\n");
-        let chain = story.chain(&SolutionId::new(id));
+        let chain = run.chain(&SolutionId::new(id));
         for (step, program) in chain.iter().enumerate() {
-            self.step(&mut out, story, step, program);
+            self.step(&mut out, run, step, program);
         }
-        if let Some(attempt) = story.attempt(id) {
+        if let Some(attempt) = run.attempt(id) {
             proposed(&mut out, attempt, places);
         }
         let folder = &places.folder;
@@ -211,10 +211,10 @@ impl Why<'_> {
         Some(out)
     }
 
-    fn step(&self, out: &mut String, story: &RecordedRun, step: usize, program: &Program) {
+    fn step(&self, out: &mut String, run: &RecordedRun, step: usize, program: &Program) {
         let hash = program.hash().map_or("?".into(), |hash| hash.to_hex());
         let _ = writeln!(out, "  [{step}] {}  program {hash}", program.solution_id);
-        let attempt = story.attempt(program.solution_id.as_str());
+        let attempt = run.attempt(program.solution_id.as_str());
         if let Some(candidate) = attempt.and_then(|attempt| attempt.exit.candidate()) {
             let _ = writeln!(out, "      patch {}", candidate.patch_hash);
         }
@@ -249,20 +249,20 @@ impl Why<'_> {
             let selected = leaf.selected.map(|selected| json!({"round": selected.round, "run": selected.run}));
             json!({"name": leaf.name, "value": leaf.value, "labels": labels, "selected": selected, "note": leaf.note})
         };
-        let (leaves, story) = (part.leaves.iter().map(leaf).collect::<Vec<Value>>(), &self.stories[part.run]);
+        let (leaves, run) = (part.leaves.iter().map(leaf).collect::<Vec<Value>>(), &self.recorded_runs[part.run]);
         json!({
             "search": part.search, "lineage": part.lineage, "replica": part.replica, "value": part.value, "programs": part.programs,
-            "run": story.opened.name, "root": story.root, "leaves": leaves,
+            "run": run.opened.name, "root": run.root, "leaves": leaves,
         })
     }
 
     fn program(&self, id: &str) -> Value {
-        let found = self.stories.iter().zip(self.places).find_map(|(story, places)| {
-            let chain = story.chain(&SolutionId::new(id));
-            let attempt = story.attempt(id);
+        let reasons = self.recorded_runs.iter().zip(self.places).find_map(|(run, places)| {
+            let chain = run.chain(&SolutionId::new(id));
+            let attempt = run.attempt(id);
             (!chain.is_empty() || attempt.is_some()).then_some((chain, attempt, places))
         });
-        let Some((chain, attempt, places)) = found else { return Value::Null };
+        let Some((chain, attempt, places)) = reasons else { return Value::Null };
         let chain: Vec<Value> =
             chain.iter().map(|of| json!({"program": of.solution_id, "digest": of.hash().ok()})).collect();
         let line = |asked: &Exchange| json!({"exchange": asked, "cassette_line": places.lines.get(&asked.request)});

@@ -101,12 +101,12 @@ pub fn check(table: &Table) -> Result<(), OptionError> {
 /// `split.evolution` is written in one of its two forms.
 fn one_form(root: &Value) -> Result<(), OptionError> {
     let evolution = root.get("split").and_then(|split| split.get("evolution"));
-    let found = match evolution {
+    let scenes = match evolution {
         Some(Value::Table(forms)) if forms.len() == 1 => return Ok(()),
         Some(value) => shown(value),
         None => "missing".to_string(),
     };
-    Err(OptionError::new("split.evolution", found, "`{ count = 240 }` or `{ share = 1.0 }`, one of the two"))
+    Err(OptionError::new("split.evolution", scenes, "`{ count = 240 }` or `{ share = 1.0 }`, one of the two"))
 }
 
 /// The values of one key in a table, in the order of the file.

@@ -83,8 +83,8 @@ impl Place {
     pub fn beside(&self, base: &str, name: &str) -> Result<Place, ExperimentError> {
         if let Some(wanted) = base.strip_prefix(SHIPPED) {
             let known = PROTOCOLS.map(|(name, _)| format!("{SHIPPED}{name}"));
-            let found = PROTOCOLS.iter().find(|(name, _)| *name == wanted);
-            return found.map(|(name, text)| Place::Shipped(name, text)).ok_or_else(|| ExperimentError::Option {
+            let protocol = PROTOCOLS.iter().find(|(name, _)| *name == wanted);
+            return protocol.map(|(name, text)| Place::Shipped(name, text)).ok_or_else(|| ExperimentError::Option {
                 file: name.to_string(),
                 error: OptionError::word("base", base, &known),
             });

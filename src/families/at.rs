@@ -217,9 +217,9 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Res
             });
             own + extra
         };
-        let found = pso::minimise(&swarm, space.dimensions(), &mut stage.stream("swarm", part.actor), loss);
+        let minimum = pso::minimise(&swarm, space.dimensions(), &mut stage.stream("swarm", part.actor), loss);
         let mut offsets = Vec::new();
-        part.candidates = found
+        part.candidates = minimum
             .iter()
             .map(|best| {
                 let theta = space.offsets(&best.place, &mut offsets);
@@ -250,7 +250,7 @@ pub fn descend(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Re
             target.loss(&offsets, theta, judge.weights)
         };
         let mut stream = stage.stream("gradient", part.actor);
-        let found = gradient::minimise(&descent, space.dimensions(), &mut stream, loss);
+        let minimum = gradient::minimise(&descent, space.dimensions(), &mut stream, loss);
         let mut offsets = Vec::new();
         let candidate = |best: &Found| {
             let theta = space.offsets(&best.place, &mut offsets);
@@ -259,7 +259,7 @@ pub fn descend(stage: &Stage<'_>, settings: &Settings, parts: &mut [Part]) -> Re
             let given = judge.module.map_or(0.0, |module| module.of_candidate(&candidate, &judged));
             Candidate { score: -own - given, ..candidate }
         };
-        part.candidates = found.iter().map(candidate).collect();
+        part.candidates = minimum.iter().map(candidate).collect();
     }
     Ok(())
 }

@@ -145,12 +145,12 @@ pub fn search(stage: &Stage<'_>, settings: &Settings, prefix: &str, parts: &mut 
         let judged = Judged { situation, actor, from_step, adversaries: &adversaries };
         let ask = |place: &[f64]| {
             let actions = space.actions(place);
-            let mut found = scripted::simulated(situation, actions, space.adversary, from_step, None)?;
-            let (own, success) = found.scripted.as_ref().map(|s| (s.loss(), s.contact))?;
-            let extra = module.map_or(0.0, |module| module.of_candidate(&found, &judged));
+            let mut profiles = scripted::simulated(situation, actions, space.adversary, from_step, None)?;
+            let (own, success) = profiles.scripted.as_ref().map(|s| (s.loss(), s.contact))?;
+            let extra = module.map_or(0.0, |module| module.of_candidate(&profiles, &judged));
             let loss = num::stored(own + extra)?;
-            found.score = -loss;
-            Some(Answer { loss, success: success && module.is_none(), found })
+            profiles.score = -loss;
+            Some(Answer { loss, success: success && module.is_none(), made: profiles })
         };
         let asked = ask_all(&queries, PROFILE_VALUES, &mut stage.stream("queries", actor), ask);
         part.candidates = asked.into_iter().map(|(_, found)| found).collect();

@@ -121,8 +121,8 @@ mod tests {
             let situation = situation(family_scene(family, 5, Seed(7)));
             for (which, name) in NAMES.into_iter().enumerate() {
                 let compiled = compiled(name, &situation, 1);
-                let told = format!("{name} in {}: {}", family.name(), compiled.decision.reason);
-                assert!(compiled.decision.applies, "{told}");
+                let expected = format!("{name} in {}: {}", family.name(), compiled.decision.reason);
+                assert!(compiled.decision.applies, "{expected}");
                 let mut driver = Policy::Idm.driver();
                 let outcome = sim::rollout(&situation.plant, &compiled.intervention, driver.as_mut()).unwrap();
                 contacts[which] += usize::from(outcome.contact.is_some());

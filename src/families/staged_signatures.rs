@@ -81,7 +81,7 @@ fn profile_losses(stage: &Stage<'_>, family: &Family, motion: Operator, prefix: 
     let space = parts[0].candidates.first()?.scripted.clone()?.space.clone()?;
     let search = settings(family, "search");
     profile_search::search(stage, &search, prefix, &mut parts).unwrap();
-    let found = scenarios(&parts[0]).map(Scripted::loss).fold(f64::INFINITY, f64::min);
+    let losses = scenarios(&parts[0]).map(Scripted::loss).fold(f64::INFINITY, f64::min);
     let mut stream = stage.stream("random", 0);
     let mut random = f64::INFINITY;
     for _ in 0..search.count(&format!("{prefix}query_count")).unwrap() {
@@ -94,7 +94,7 @@ fn profile_losses(stage: &Stage<'_>, family: &Family, motion: Operator, prefix: 
             break;
         }
     }
-    Some((found, random))
+    Some((losses, random))
 }
 
 fn search_beats_random(family: &Family, motion: Operator, prefix: &str) {
@@ -103,8 +103,8 @@ fn search_beats_random(family: &Family, motion: Operator, prefix: &str) {
         .iter()
         .flat_map(|situation| (1..=QUERY_SEEDS).map(move |seed| (situation, seed)))
         .filter_map(|(situation, seed)| {
-            let (found, random) = profile_losses(&stage(situation, seed), family, motion, prefix)?;
-            Some((family_of(situation), found, random))
+            let (losses, random) = profile_losses(&stage(situation, seed), family, motion, prefix)?;
+            Some((family_of(situation), losses, random))
         })
         .collect();
     for of in TrafficFamily::ALL {

@@ -158,14 +158,14 @@ fn drop_unseen(played: &mut Scene, notes: &mut Vec<Note>) {
 
 /// Steps from `from` on in which a track is seen without a gap.
 pub(super) fn stretches(track: &Track, from: usize) -> Vec<Range<usize>> {
-    let mut found: Vec<Range<usize>> = Vec::new();
+    let mut ranges: Vec<Range<usize>> = Vec::new();
     for (step, _) in track.samples.iter().enumerate().skip(from).filter(|(_, sample)| sample.is_some()) {
-        match found.last_mut() {
+        match ranges.last_mut() {
             Some(last) if last.end == step => last.end += 1,
-            _ => found.push(step..step + 1),
+            _ => ranges.push(step..step + 1),
         }
     }
-    found
+    ranges
 }
 
 /// Height where no data set gave one, metres: a car, a person, a person on a bicycle, a barrier.

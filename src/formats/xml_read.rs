@@ -271,8 +271,8 @@ impl<'d> Element<'d> {
 
     /// The text as a whole number.
     pub fn integer(&self) -> Result<i64, ImportError> {
-        let found = self.text().parse().ok();
-        found.ok_or_else(|| self.refuse(format!("a whole number, found {:?}", shown(self.text()))))
+        let parsed = self.text().parse().ok();
+        parsed.ok_or_else(|| self.refuse(format!("a whole number, found {:?}", shown(self.text()))))
     }
 
     /// An attribute as a finite number.

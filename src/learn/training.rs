@@ -187,16 +187,16 @@ impl Training {
             return Err(TrainingError::NoScene("validation"));
         }
         let bytes = Weights::to_bytes(self.options.setting, self.present())?;
-        let found = trial(grounds.validation, &Policy::learned(&bytes)?, grounds.threads)?;
+        let validated = trial(grounds.validation, &Policy::learned(&bytes)?, grounds.threads)?;
         let place = self.curve.len();
-        self.curve.push(Point { updates: self.updates, steps: self.steps, trial: found });
+        self.curve.push(Point { updates: self.updates, steps: self.steps, trial: validated });
         let TrainingOptions { crash_rate_max, route_completion_min, .. } = self.options;
         let of = |trial: &Trial| rank(trial, crash_rate_max, route_completion_min);
-        let is_better = self.best.as_ref().is_none_or(|(best, _)| of(&found) > of(&self.curve[*best].trial));
+        let is_better = self.best.as_ref().is_none_or(|(best, _)| of(&validated) > of(&self.curve[*best].trial));
         if is_better {
             self.best = Some((place, self.present().clone()));
         }
-        Ok(found)
+        Ok(validated)
     }
 
     /// The weights that the training gives: those of the best evaluated actor, or of the present one before any evaluation.

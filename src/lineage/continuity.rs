@@ -101,8 +101,8 @@ fn check_attempt(lineage: &Lineage, record: &AttemptRecord, problems: &mut Vec<S
     match lineage.solutions.get(child).map(|program| program.ancestor_chain.last()) {
         None => problems.push(format!("{name}: its child {child} is missing")),
         Some(last) => {
-            let told = last.map(|ancestor| (&ancestor.solution_id, Some(ancestor.patch_hash)));
-            if told != Some((&record.parent, record.patch_hash)) {
+            let expected = last.map(|ancestor| (&ancestor.solution_id, Some(ancestor.patch_hash)));
+            if expected != Some((&record.parent, record.patch_hash)) {
                 problems.push(format!("{name}: its child {child} tells of another parent or patch"));
             }
         }

@@ -75,7 +75,7 @@ impl<'a> Command<'a> {
 
 impl Model for Command<'_> {
     fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
-        let told = json!({
+        let request = json!({
             "format": "evodrive-command/1",
             "model": request.model.model,
             "sampling": request.model.sampling,
@@ -84,7 +84,7 @@ impl Model for Command<'_> {
             "schema": request.schema,
         });
         let limit = Duration::from_secs(self.options.timeout_s);
-        let mut input = told.to_string().into_bytes();
+        let mut input = request.to_string().into_bytes();
         input.push(b'\n');
         match self.run.run(&self.options.program, input, limit) {
             Ended::Well(bytes) => {
@@ -148,18 +148,18 @@ mod tests {
         let schema = Schema::new(json!({"type": "object"})).unwrap();
         let request = Request { adapter_version: 1, slot, model, messages, schema };
         let answer = Command::new(options, "my own", &run).complete(&request);
-        let told = serde_json::from_slice(&run.1.lock().unwrap()).unwrap();
-        (answer, told)
+        let request = serde_json::from_slice(&run.1.lock().unwrap()).unwrap();
+        (answer, request)
     }
 
     #[test]
     fn a_program_is_told_the_request_and_what_it_prints_is_the_reply() {
-        let (answer, told) = asked(Ended::Well(b"{}".to_vec()));
+        let (answer, request) = asked(Ended::Well(b"{}".to_vec()));
         let answer = answer.unwrap();
         assert_eq!((answer.bytes.as_slice(), answer.metadata.unwrap().model.as_str()), (&b"{}"[..], "my own"));
-        assert_eq!(told["messages"][0]["text"], "Hello.");
-        assert_eq!((&told["schema"]["type"], &told["slot"]["slot"]), (&json!("object"), &json!(3)));
-        assert_eq!((&told["model"], &told["sampling"]["temperature"]), (&json!("mine-1"), &json!(0.5)));
+        assert_eq!(request["messages"][0]["text"], "Hello.");
+        assert_eq!((&request["schema"]["type"], &request["slot"]["slot"]), (&json!("object"), &json!(3)));
+        assert_eq!((&request["model"], &request["sampling"]["temperature"]), (&json!("mine-1"), &json!(0.5)));
     }
 
     #[test]

@@ -109,15 +109,15 @@ impl Model for Exchange {
     fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
         let number = self.number(request)?;
         let path = self.dir.join(reply_name(number));
-        let mut told = false;
+        let mut announced = false;
         loop {
             if let Some(bytes) = replied(&path)? {
                 let metadata = Metadata { model: self.provenance.clone(), ..Metadata::default() };
                 return Ok(Completion { bytes, metadata: Some(metadata) });
             }
-            if !told {
+            if !announced {
                 (self.tell)(&self.dir.join(format!("{number}.request.md")));
-                told = true;
+                announced = true;
             }
             if !(self.pause)() {
                 let reason = format!("{} is no longer waited for; the question stays", path.display());
@@ -152,7 +152,7 @@ fn replied(path: &Path) -> Result<Option<Vec<u8>>, ModelError> {
 
 /// What was asked in a folder, by number.
 fn written(dir: &Path) -> Result<Vec<Written>, ModelError> {
-    let mut found = Vec::new();
+    let mut questions = Vec::new();
     for path in store::list_entries(dir, REQUEST).map_err(|error| on_disk(dir, &error))? {
         store::is_plain_file(&path).map_err(|error| on_disk(&path, &error))?;
         let bytes = store::read_bounded(&path, REQUEST_BYTES_MAX).map_err(|error| on_disk(&path, &error))?;
@@ -166,10 +166,10 @@ fn written(dir: &Path) -> Result<Vec<Written>, ModelError> {
             let expected = "the number of the file's name, and its reply beside it";
             return Err(on_disk(&path, &format!("expected {expected}, found number {number} and another name")));
         }
-        found.push(one);
+        questions.push(one);
     }
-    found.sort_by_key(|one| one.number);
-    Ok(found)
+    questions.sort_by_key(|one| one.number);
+    Ok(questions)
 }
 
 fn on_disk(path: &Path, error: &dyn std::fmt::Display) -> ModelError {

@@ -104,7 +104,7 @@ fn shared(recorded: &Recorded, request: &Request) -> (usize, usize, usize, Rever
 /// where they lie: thousands of them may share one long text.
 fn difference(recorded: &Recorded, request: &Request) -> Option<String> {
     if recorded.adapter_version != request.adapter_version {
-        return Some(told("adapter_version", &recorded.adapter_version, &request.adapter_version));
+        return Some(differs("adapter_version", &recorded.adapter_version, &request.adapter_version));
     }
     if recorded.slot != request.slot {
         return by_value("slot", &recorded.slot, &request.slot);
@@ -114,14 +114,14 @@ fn difference(recorded: &Recorded, request: &Request) -> Option<String> {
     }
     for (i, ((role, text), message)) in recorded.messages.iter().zip(&request.messages).enumerate() {
         if *role != message.role {
-            return Some(told(&format!("role of message {}", i + 1), role, &message.role));
+            return Some(differs(&format!("role of message {}", i + 1), role, &message.role));
         }
         if *text != message.text {
             return Some(text_difference(&format!("message {} ({role})", i + 1), text, &message.text));
         }
     }
     if recorded.messages.len() != request.messages.len() {
-        return Some(told("number of messages", &recorded.messages.len(), &request.messages.len()));
+        return Some(differs("number of messages", &recorded.messages.len(), &request.messages.len()));
     }
     if recorded.schema != request.schema {
         return by_value("schema", &recorded.schema, &request.schema);
@@ -132,10 +132,10 @@ fn difference(recorded: &Recorded, request: &Request) -> Option<String> {
 fn by_value(name: &str, old: &impl Serialize, new: &impl Serialize) -> Option<String> {
     let (old, new) = (serde_json::to_value(old).ok()?, serde_json::to_value(new).ok()?);
     let (field, old, new) = first_difference(name, &old, &new);
-    Some(told(&field, &old, &new))
+    Some(differs(&field, &old, &new))
 }
 
-fn told(field: &str, old: &dyn std::fmt::Display, new: &dyn std::fmt::Display) -> String {
+fn differs(field: &str, old: &dyn std::fmt::Display, new: &dyn std::fmt::Display) -> String {
     format!("{field}: recorded {old}, asked {new}")
 }
 
@@ -255,8 +255,8 @@ mod tests {
         };
         let asked = of("is");
         assert_eq!(shared(&recorded, &asked), (5, 4000, 1, Reverse(1)));
-        let told = difference(&recorded, &asked).unwrap();
-        assert_eq!(told, r#"message 4001 (user) line 1: recorded "was", asked "is""#);
+        let differs = difference(&recorded, &asked).unwrap();
+        assert_eq!(differs, r#"message 4001 (user) line 1: recorded "was", asked "is""#);
     }
 
     /// What is changed in a request that was recorded, and the word by which the message names it.
@@ -326,8 +326,8 @@ mod tests {
             let field = change.make(&mut asked);
             let found = missed(&cassette(&all), &asked);
             prop_assert_eq!(found.nearest.as_ref(), Some(&asked.slot));
-            let told = found.difference.unwrap();
-            prop_assert!(told.starts_with(&format!("{field}: recorded ")), "{}: {}", field, told);
+            let differs = found.difference.unwrap();
+            prop_assert!(differs.starts_with(&format!("{field}: recorded ")), "{}: {}", field, differs);
         }
     }
 }

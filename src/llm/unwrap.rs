@@ -74,8 +74,9 @@ fn inside_fence(text: &str) -> Option<&str> {
 pub fn remedy(model: &ModelSpec, reply: &[u8], refusal: &Refusal) -> Option<(&'static str, String)> {
     let at = &model.name;
     if let Some((_, taken)) = unwrapped(reply) {
-        let told = format!("set unwrap = true in [models.{at}], then replay or record on: nothing is asked again");
-        return Some((taken[0], told));
+        let remedy_text =
+            format!("set unwrap = true in [models.{at}], then replay or record on: nothing is asked again");
+        return Some((taken[0], remedy_text));
     }
     if reply.starts_with(b"\xff\xfe") || reply.starts_with(b"\xfe\xff") {
         return Some(("text in UTF-16", "let the program or the server write UTF-8".into()));
@@ -96,8 +97,8 @@ pub fn remedy(model: &ModelSpec, reply: &[u8], refusal: &Refusal) -> Option<(&'s
     use super::ResponseFormat::{JsonSchema, JsonSchemaStrict, Tool};
     let held = matches!(model.response_format, Some(JsonSchema | JsonSchemaStrict | Tool));
     (!text.starts_with('{') && !held).then(|| {
-        let told = "hold the model to the schema, with response_format = \"json_schema\" or \"tool\" for a live model, or tell it in its own prompt to answer with the object alone";
-        ("words around the object, or no object", told.into())
+        let remedy_text = "hold the model to the schema, with response_format = \"json_schema\" or \"tool\" for a live model, or tell it in its own prompt to answer with the object alone";
+        ("words around the object, or no object", remedy_text.into())
     })
 }
 
@@ -180,15 +181,15 @@ mod tests {
 
     #[test]
     fn each_kind_of_refused_reply_names_the_setting_that_helps() {
-        let told = |text: &str| {
+        let remedy_text = |text: &str| {
             let refusal = json_object(text.as_bytes()).unwrap_err();
-            remedy(&model(), text.as_bytes(), &refusal).map(|(_, told)| told).unwrap_or_default()
+            remedy(&model(), text.as_bytes(), &refusal).map(|(_, remedy_text)| remedy_text).unwrap_or_default()
         };
-        assert!(told("```json\n{}\n```").contains("unwrap = true in [models.m]"));
-        assert!(told("{\"a\": [1").contains("raise max_tokens of [models.m]"));
-        assert!(told("Sure! {}").contains("response_format"));
-        assert!(told("  ").contains("max_tokens"));
-        assert_eq!(told("{\"a\": 1, \"a\": 2}"), "");
+        assert!(remedy_text("```json\n{}\n```").contains("unwrap = true in [models.m]"));
+        assert!(remedy_text("{\"a\": [1").contains("raise max_tokens of [models.m]"));
+        assert!(remedy_text("Sure! {}").contains("response_format"));
+        assert!(remedy_text("  ").contains("max_tokens"));
+        assert_eq!(remedy_text("{\"a\": 1, \"a\": 2}"), "");
     }
 
     proptest::proptest! {

@@ -81,10 +81,11 @@ pub fn reflect(
         scene_tags: tag_set(context.scene_tags),
         shareable: false,
     };
-    let told = card("lineage", CardKind::Lineage, progress(attempts, active, context.options.digits), winners.clone());
+    let progress_card =
+        card("lineage", CardKind::Lineage, progress(attempts, active, context.options.digits), winners.clone());
     let advice = hint(attempts).map(|hint| advice(hint, attempts, &winners));
     let advice = advice.map(|text| card("reflection", CardKind::Reflection, text, winners.clone()));
-    std::iter::once(told).chain(advice).collect()
+    std::iter::once(progress_card).chain(advice).collect()
 }
 
 fn progress(attempts: &[Attempt], active: Objectives, digits: u32) -> String {

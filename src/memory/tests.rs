@@ -227,8 +227,8 @@ fn shown(cards: Vec<Card>, front: &[AttemptId], top_m: usize) -> Vec<String> {
     let (mut memory, parent) = (Memory::default(), program("cat-idm", "cat", &[]));
     memory.append(cards).unwrap();
     let query = Query { parent: &parent, epoch: 2, scene_tags: &[], front };
-    let found = retrieve(&memory, &query, &MemoryOptions { top_m, ..WEIGHTS });
-    found.into_iter().map(|(card, _)| card.id.to_string()).collect()
+    let retrieved = retrieve(&memory, &query, &MemoryOptions { top_m, ..WEIGHTS });
+    retrieved.into_iter().map(|(card, _)| card.id.to_string()).collect()
 }
 
 #[test]
@@ -332,8 +332,8 @@ fn equal_scores_come_in_order_of_their_ids_and_no_more_than_m() {
     memory.append(["c", "a", "b"].map(|id| card(id, "cat-idm", 1, false)).to_vec()).unwrap();
     let parent = program("cat-idm", "cat", &[]);
     let options = MemoryOptions { top_m: 4, ..WEIGHTS };
-    let found = retrieve(&memory, &Query { parent: &parent, epoch: 2, scene_tags: &[], front: &[] }, &options);
-    assert_eq!(found.iter().map(|(c, _)| c.id.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+    let retrieved = retrieve(&memory, &Query { parent: &parent, epoch: 2, scene_tags: &[], front: &[] }, &options);
+    assert_eq!(retrieved.iter().map(|(c, _)| c.id.as_str()).collect::<Vec<_>>(), ["a", "b"]);
 }
 
 #[test]
@@ -371,16 +371,16 @@ proptest! {
         };
         let parent = program("cat-idm", "cat", &["a"]);
         let query = Query { parent: &parent, epoch, scene_tags: &[], front: &[] };
-        let found = retrieve(&memory, &query, &options);
+        let retrieved = retrieve(&memory, &query, &options);
         let legal = |c: &Card| c.epoch < epoch && (c.lineage.as_str() == "cat-idm" || c.shareable);
-        prop_assert!(found.iter().all(|(c, _)| legal(c)));
+        prop_assert!(retrieved.iter().all(|(c, _)| legal(c)));
         // All are of one kind.
         let most = top_m.div_ceil(2).min(top_m);
-        prop_assert_eq!(found.len(), memory.cards().iter().filter(|c| legal(c)).count().min(most));
-        prop_assert!(found.windows(2).all(|pair| pair[0].1 >= pair[1].1));
+        prop_assert_eq!(retrieved.len(), memory.cards().iter().filter(|c| legal(c)).count().min(most));
+        prop_assert!(retrieved.windows(2).all(|pair| pair[0].1 >= pair[1].1));
 
         // What is written later changes nothing that was read.
-        let before: Vec<(Card, f64)> = found.into_iter().map(|(c, s)| (c.clone(), s)).collect();
+        let before: Vec<(Card, f64)> = retrieved.into_iter().map(|(c, s)| (c.clone(), s)).collect();
         memory.append(vec![card("later", "cat-idm", 20, true)]).unwrap();
         let after: Vec<(Card, f64)> =
             retrieve(&memory, &query, &options).into_iter().map(|(c, s)| (c.clone(), s)).collect();

@@ -142,7 +142,7 @@ impl LoggedPath {
 
     /// Largest offset, speed, acceleration and jerk of the path with `theta` times the offsets.
     pub fn extremes(&self, offsets: &[Vec2], theta: f64) -> Bounds {
-        let mut found = Bounds {
+        let mut bounds = Bounds {
             offset_m_max: offsets.iter().map(|d| theta * d.norm()).fold(0.0, f64::max),
             speed_mps_max: 0.0,
             acceleration_mps2_max: 0.0,
@@ -156,18 +156,18 @@ impl LoggedPath {
             let (along, across) = (value.dot(direction).abs(), value.dot(direction.left()).abs());
             let raise = |most: &mut f64, x: f64| *most = most.max(x);
             match order {
-                1 => raise(&mut found.speed_mps_max, value.norm()),
+                1 => raise(&mut bounds.speed_mps_max, value.norm()),
                 2 => {
-                    raise(&mut found.acceleration_mps2_max, along);
-                    raise(&mut found.lateral_mps2_max, across);
+                    raise(&mut bounds.acceleration_mps2_max, along);
+                    raise(&mut bounds.lateral_mps2_max, across);
                 }
                 _ => {
-                    raise(&mut found.jerk_mps3_max, along);
-                    raise(&mut found.lateral_jerk_mps3_max, across);
+                    raise(&mut bounds.jerk_mps3_max, along);
+                    raise(&mut bounds.lateral_jerk_mps3_max, across);
                 }
             }
         });
-        found
+        bounds
     }
 
     /// Every finite difference of order 1, 2, 3 that a movable point takes part in: the point's place behind the

@@ -111,16 +111,16 @@ impl LanePath {
 
 /// All possible paths of a vehicle within `reach_m`.
 pub fn paths(lanes: &LaneGraph, anchor: &Sample, reach_m: f64) -> Vec<LanePath> {
-    let mut found = Vec::new();
+    let mut paths = Vec::new();
     if let Some(own) = lanes.nearest_lane(anchor.position, anchor.heading_rad, LANE_WITHIN_M) {
         let reached = lanes.reachable(own.lane, own.s_m, reach_m);
         let reached = &reached[..reached.len().min(LANES_MAX)];
         for target in reached {
-            found.extend(lane_path(lanes, anchor, reached, target, own.offset_m, reach_m));
+            paths.extend(lane_path(lanes, anchor, reached, target, own.offset_m, reach_m));
         }
     }
-    found.extend(ARC_RATES.iter().filter_map(|rate| arc(anchor, *rate, reach_m)));
-    found
+    paths.extend(ARC_RATES.iter().filter_map(|rate| arc(anchor, *rate, reach_m)));
+    paths
 }
 
 /// The lanes that lead to a target: a lane that is left sideways at the very start does not count.

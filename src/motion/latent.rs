@@ -50,14 +50,14 @@ impl LatentSpace {
             let controls = following::controls(&Curved::CAR, start, samples);
             project(&waves, &base, &controls)
         };
-        let found: Vec<Vec<f64>> = likely.iter().map(coefficients).collect();
+        let latents: Vec<Vec<f64>> = likely.iter().map(coefficients).collect();
         let floor = |k: usize| {
             if k < options.modes { options.acceleration_spread_mps2 } else { options.curvature_spread_1pm }
         };
         let spread_of = |k: usize| {
             let away =
                 |(c, candidate): (&Vec<f64>, &Candidate)| num::exp(candidate.prior_log_probability) * c[k] * c[k];
-            (floor(k) * floor(k) + num::sum(found.iter().zip(likely).map(away))).sqrt()
+            (floor(k) * floor(k) + num::sum(latents.iter().zip(likely).map(away))).sqrt()
         };
         let spread: Vec<f64> = (0..2 * options.modes).map(spread_of).collect();
         let record = vec![0.0; 2 * options.modes];

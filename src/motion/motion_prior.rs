@@ -181,7 +181,7 @@ pub fn normalise(logs: &mut [f64]) {
 fn goals(lanes: &LaneGraph, anchor: &Sample, ways: &[LanePath], time_s: f64, options: &PriorOptions) -> Vec<Goal> {
     let speed = anchor.speed_mps();
     let own: Vec<LaneIx> = ways.iter().filter(|w| w.lane_changes == 0).filter_map(|w| w.lane).collect();
-    let mut found = Vec::new();
+    let mut neighbours = Vec::new();
     for (path, way) in ways.iter().enumerate() {
         let (from, to) = way.goals_m;
         let count = ((to - from).max(0.0) / options.goal_spacing_m) as usize;
@@ -193,10 +193,10 @@ fn goals(lanes: &LaneGraph, anchor: &Sample, ways: &[LanePath], time_s: f64, opt
             let place = way.at(distance_m);
             let aside_m = way.sideways_m.unwrap_or_else(|| off_lane_m(lanes, &own, place));
             let log_prior = log_prior(way, &profile, distance_m, time_s, aside_m, options);
-            found.push(Goal { path, profile, place, log_prior });
+            neighbours.push(Goal { path, profile, place, log_prior });
         }
     }
-    found
+    neighbours
 }
 
 /// How far a place lies off the lanes that the actor can follow without changing lane.
@@ -282,15 +282,15 @@ mod tests {
 
     #[test]
     fn candidates_are_sorted_probabilities_that_sum_to_one() {
-        let found = of(&crate::scene::fixture::two_lane_scene(), 8.0);
-        assert_eq!(found.len(), 32);
-        let total = num::sum(found.iter().map(|c| num::exp(c.prior_log_probability)));
+        let neighbours = of(&crate::scene::fixture::two_lane_scene(), 8.0);
+        assert_eq!(neighbours.len(), 32);
+        let total = num::sum(neighbours.iter().map(|c| num::exp(c.prior_log_probability)));
         assert!((total - 1.0).abs() < 1e-12);
-        assert!(found.windows(2).all(|p| p[0].prior_log_probability >= p[1].prior_log_probability));
-        let level = found[6].prior_log_probability;
-        assert!(found[6..].iter().all(|c| c.prior_log_probability == level));
+        assert!(neighbours.windows(2).all(|p| p[0].prior_log_probability >= p[1].prior_log_probability));
+        let level = neighbours[6].prior_log_probability;
+        assert!(neighbours[6..].iter().all(|c| c.prior_log_probability == level));
         // The likeliest way on keeps lane and speed.
-        let end = found[0].samples[79];
+        let end = neighbours[0].samples[79];
         assert!(end.position.y.abs() < 0.5 && (end.position.x - 84.0).abs() < 8.0, "{end:?}");
     }
 
@@ -313,8 +313,8 @@ mod tests {
     fn every_candidate_moves_as_its_velocity_says() {
         for candidate in of(&crate::scene::fixture::two_lane_scene(), 8.0) {
             for pair in candidate.samples.windows(2) {
-                let told = (pair[0].velocity + pair[1].velocity) * (0.5 * DT_S);
-                assert!((pair[1].position - pair[0].position - told).norm() < 0.25);
+                let moved = (pair[0].velocity + pair[1].velocity) * (0.5 * DT_S);
+                assert!((pair[1].position - pair[0].position - moved).norm() < 0.25);
             }
         }
     }
@@ -322,8 +322,9 @@ mod tests {
     #[test]
     fn without_any_lane_there_are_still_arcs() {
         let lanes = LaneGraph::of(&Road::default());
-        let found = candidates(&lanes, &eastbound(5.0), 80, &PriorOptions::REFERENCE, &mut Seed(1).stream(&["prior"]));
-        assert!(!found.is_empty());
+        let neighbours =
+            candidates(&lanes, &eastbound(5.0), 80, &PriorOptions::REFERENCE, &mut Seed(1).stream(&["prior"]));
+        assert!(!neighbours.is_empty());
     }
 
     #[test]

@@ -324,10 +324,11 @@ mod tests {
     #[test]
     fn parameters_that_are_none_and_roads_that_do_not_fit_are_told() {
         let mut scene = family_scene(TrafficFamily::VehiclePassing, 5, Seed(7));
-        let told = |scene: &Scene, values: &[f64]| actions(&Stage::of(scene).unwrap(), values).unwrap_err().to_string();
-        assert!(told(&scene, &[1.0]).contains("4 parameters"));
-        assert!(told(&scene, &[50.0, f64::NAN, 8.0, 45.0]).contains("oncoming_gap_m"));
+        let refusal =
+            |scene: &Scene, values: &[f64]| actions(&Stage::of(scene).unwrap(), values).unwrap_err().to_string();
+        assert!(refusal(&scene, &[1.0]).contains("4 parameters"));
+        assert!(refusal(&scene, &[50.0, f64::NAN, 8.0, 45.0]).contains("oncoming_gap_m"));
         scene.road.lanes.iter_mut().for_each(|lane| lane.left_neighbours.clear());
-        assert!(told(&scene, &standard(TrafficFamily::VehiclePassing)).contains("an oncoming lane"));
+        assert!(refusal(&scene, &standard(TrafficFamily::VehiclePassing)).contains("an oncoming lane"));
     }
 }

@@ -232,9 +232,9 @@ impl Reader<'_> {
 
     fn array<const N: usize>(&mut self, expected: &'static str) -> Read<[u8; N]> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
-        let found = rest.first_chunk::<N>().ok_or_else(|| self.expected(expected))?;
+        let bytes = rest.first_chunk::<N>().ok_or_else(|| self.expected(expected))?;
         self.at += N;
-        Ok(*found)
+        Ok(*bytes)
     }
 
     fn byte(&mut self, expected: &'static str) -> Read<u8> {
@@ -262,8 +262,8 @@ impl Reader<'_> {
     fn text(&mut self) -> Read<String> {
         let length = self.count()?;
         let rest = self.bytes.get(self.at..).unwrap_or_default();
-        let found = rest.get(..length).ok_or_else(|| self.expected("a text of that length"))?;
-        let text = std::str::from_utf8(found).map_err(|_| self.expected("UTF-8 text"))?.to_string();
+        let bytes = rest.get(..length).ok_or_else(|| self.expected("a text of that length"))?;
+        let text = std::str::from_utf8(bytes).map_err(|_| self.expected("UTF-8 text"))?.to_string();
         self.at += length;
         Ok(text)
     }

@@ -225,18 +225,18 @@ fn meets_other_lanes(route: &Polyline, lanes: &[LaneIx], graph: &LaneGraph) -> b
 
 /// Lanes of the same direction side by side, the lane itself included.
 fn lanes_abreast(place: LanePlace, graph: &LaneGraph) -> usize {
-    let mut found = vec![place.lane];
+    let mut lanes = vec![place.lane];
     let Some(here) = graph.pose_at(place.lane, place.s_m) else { return 1 };
     let mut next = 0;
-    while next < found.len() {
-        for lane in graph.beside_at(found[next], here.position) {
-            if graph.is_through(lane) && !found.contains(&lane) {
-                found.push(lane);
+    while next < lanes.len() {
+        for lane in graph.beside_at(lanes[next], here.position) {
+            if graph.is_through(lane) && !lanes.contains(&lane) {
+                lanes.push(lane);
             }
         }
         next += 1;
     }
-    found.len()
+    lanes.len()
 }
 
 #[cfg(test)]

@@ -199,13 +199,13 @@ impl LaneGraph {
 
     /// Where a point falls on one lane's centre line.
     pub fn place_in(&self, lane: LaneIx, point: Vec2) -> Option<LanePlace> {
-        let found = self.centre(lane)?.project(point);
+        let projected = self.centre(lane)?.project(point);
         Some(LanePlace {
             lane,
-            s_m: found.s_m,
-            offset_m: found.offset_m,
-            heading_rad: found.heading_rad,
-            distance_m: found.offset_m.abs(),
+            s_m: projected.s_m,
+            offset_m: projected.offset_m,
+            heading_rad: projected.heading_rad,
+            distance_m: projected.offset_m.abs(),
         })
     }
 
@@ -369,8 +369,11 @@ mod tests {
             [(0, -40.0, 0), (1, -40.0, 1)]
         );
         let long = graph().reachable(1, 40.0, 80.0);
-        let found: Vec<_> = long.iter().map(|r| (r.lane, r.start_m, r.lane_changes, r.via)).collect();
-        assert_eq!(found, [(1, -40.0, 0, None), (0, -40.0, 1, Some(1)), (2, 60.0, 1, Some(0)), (3, 60.0, 1, Some(0))]);
+        let projected: Vec<_> = long.iter().map(|r| (r.lane, r.start_m, r.lane_changes, r.via)).collect();
+        assert_eq!(
+            projected,
+            [(1, -40.0, 0, None), (0, -40.0, 1, Some(1)), (2, 60.0, 1, Some(0)), (3, 60.0, 1, Some(0))]
+        );
     }
 
     #[test]
@@ -413,8 +416,8 @@ mod tests {
             let cos = num::cos(HEADING_DIFFERENCE_MAX_RAD);
             let fits = |p: &&super::super::pieces::Piece| p.direction.dot(Vec2::from_heading(heading)) > cos;
             let best = graph.pieces.all().iter().filter(fits).map(|p| p.nearest(point).1).fold(f64::INFINITY, f64::min);
-            let found = graph.nearest_lane(point, heading, 30.0).map(|p| p.distance_m);
-            prop_assert_eq!(found, Some(best.sqrt()).filter(|d| *d <= 30.0));
+            let projected = graph.nearest_lane(point, heading, 30.0).map(|p| p.distance_m);
+            prop_assert_eq!(projected, Some(best.sqrt()).filter(|d| *d <= 30.0));
             let rim = graph.pieces.all().iter().map(|p| if p.contains(point) { 0.0 } else { p.rim_distance_squared(point) });
             let off = rim.fold(f64::INFINITY, f64::min).sqrt().min(OFF_ROAD_MAX_M);
             prop_assert_eq!(graph.off_road_m(point), off);

@@ -386,12 +386,12 @@ mod tests {
         scene.objects_of_interest = vec![99; 1000];
         assert_eq!((scene.validate().len(), how_many(&scene.validate()).as_str()), (1000, "1000"));
         scene.objects_of_interest = vec![99; 5000];
-        let told = scene.validate();
+        let violations = scene.validate();
         assert_eq!(
-            (told.len(), told[0].rule, how_many(&told).as_str()),
+            (violations.len(), violations[0].rule, how_many(&violations).as_str()),
             (1001, "objects_of_interest_exist", "more than 1000")
         );
-        assert_eq!((told[1000].rule, told[1000].found.as_str()), ("and_more", "5000 violations"));
+        assert_eq!((violations[1000].rule, violations[1000].found.as_str()), ("and_more", "5000 violations"));
     }
 
     #[test]

@@ -57,12 +57,12 @@ impl Finding {
 
 /// All blocking faults, in the order of the operations.
 pub fn findings(page: &PromptView, patch: &Value) -> Vec<Finding> {
-    let mut found = identity(page, patch);
-    found.extend(surface(page, patch));
-    if !found.iter().any(|finding| matches!(finding.fix, Fix::Drop)) {
-        found.extend(content(page, patch));
+    let mut objections = identity(page, patch);
+    objections.extend(surface(page, patch));
+    if !objections.iter().any(|finding| matches!(finding.fix, Fix::Drop)) {
+        objections.extend(content(page, patch));
     }
-    found
+    objections
 }
 
 /// The program after all operations that can be applied.

@@ -64,10 +64,10 @@ fn structural(page: &PromptView, patch: &Value) -> Vec<Objection> {
 
 /// Whether the patch can do what the target asks, and whether memory warns of its mechanism.
 fn attack(page: &PromptView, patch: &Value) -> Vec<Objection> {
-    let mut found = vec![];
+    let mut objections = vec![];
     let operations = edit::operations(patch);
     if page.target() == "raise_attack" && !operations.is_empty() && operations.iter().all(|o| restricts(page, o)) {
-        found.push(Objection {
+        objections.push(Objection {
             blocker:
                 "every operation only takes candidates, actors or scenes away: nothing raises the pressure on the ego"
                     .into(),
@@ -80,14 +80,14 @@ fn attack(page: &PromptView, patch: &Value) -> Vec<Objection> {
     for operation in operations {
         let tags = operation["value"]["tags"].as_array().into_iter().flatten().filter_map(Value::as_str);
         for tag in tags.filter(|tag| failed.contains(tag) && !present.iter().any(|p| p == tag)) {
-            found.push(Objection {
+            objections.push(Objection {
                 blocker: format!("{}: memory says that `{tag}` failed", edit::path_of(operation)),
                 hint: format!("add a guard beside `{tag}` so that it fails no more for the same reason"),
                 fatal: false,
             });
         }
     }
-    found
+    objections
 }
 
 /// Filters, guards and gates can only remove candidates, actors and scenes.
@@ -106,16 +106,16 @@ fn realism(page: &PromptView, patch: &Value) -> Vec<Objection> {
     let operations = edit::operations(patch);
     let Some(child) = check::child(page, patch) else { return vec![] };
     let hint = |why: &str| format!("add a guard {why}: a filter between the candidates and the choice");
-    let mut found = vec![];
+    let mut objections = vec![];
     if guards(page, &child) < guards(page, &page.program) && page.target() != "diversify" {
-        found.push(Objection {
+        objections.push(Objection {
             blocker: "the patch takes a filter or a guard away and puts none in its place".into(),
             hint: hint("in its place"),
             fatal: false,
         });
     }
     for operation in operations.iter().filter(|operation| loosens(page, operation)) {
-        found.push(Objection {
+        objections.push(Objection {
             blocker: format!("{}: a bound becomes much looser", edit::path_of(operation)),
             hint: hint("for what the bound held"),
             fatal: false,
@@ -131,13 +131,13 @@ fn realism(page: &PromptView, patch: &Value) -> Vec<Objection> {
         && presses
         && guards(page, &child) == 0
     {
-        found.push(Objection {
+        objections.push(Objection {
             blocker: format!("pressure is added while {weakest} stands at {value} and nothing guards it"),
             hint: hint(&format!("on {weakest}")),
             fatal: false,
         });
     }
-    found
+    objections
 }
 
 /// Nodes of filters, and settings that hold a guard.
@@ -164,11 +164,11 @@ fn loosens(page: &PromptView, operation: &Value) -> bool {
 
 /// Family, parent, foreign and protected words, references.
 fn isolation(page: &PromptView, patch: &Value) -> Vec<Objection> {
-    let mut found = vec![];
+    let mut objections = vec![];
     for finding in check::identity(page, patch) {
         let fatal = finding.path == "source_baseline";
         let hint = Finding { fix: Fix::Identity, ..finding };
-        found.push(Objection { blocker: hint.blocker(), hint: hint.hint(), fatal });
+        objections.push(Objection { blocker: hint.blocker(), hint: hint.hint(), fatal });
     }
     let operations = edit::operations(patch);
     let tainted: Vec<(usize, String)> = operations
@@ -178,7 +178,7 @@ fn isolation(page: &PromptView, patch: &Value) -> Vec<Objection> {
         .collect();
     for (index, word) in &tainted {
         let path = edit::path_of(&operations[*index]);
-        found.push(Objection {
+        objections.push(Objection {
             blocker: format!("{path}: `{word}` belongs to another family"),
             hint: format!("drop the operation at {path}, or its use of `{word}`"),
             fatal: tainted.len() == operations.len() && operations.len() > 1,
@@ -190,21 +190,21 @@ fn isolation(page: &PromptView, patch: &Value) -> Vec<Objection> {
     ] {
         let cited = patch[field].as_array().into_iter().flatten().filter_map(Value::as_str);
         for unknown in cited.filter(|cited| !known.contains(cited)) {
-            found.push(Objection {
+            objections.push(Objection {
                 blocker: format!("{field}: `{unknown}` was not shown"),
                 hint: format!("drop `{unknown}` from {field}"),
                 fatal: false,
             });
         }
     }
-    found
+    objections
 }
 
 /// The first word of another family in an operation.
 pub fn foreign_word(page: &PromptView, operation: &Value) -> Option<String> {
     let text = operation.to_string();
-    let found = words(&text).find(|word| page.foreign.iter().any(|foreign| foreign == word));
-    found.map(str::to_string)
+    let objections = words(&text).find(|word| page.foreign.iter().any(|foreign| foreign == word));
+    objections.map(str::to_string)
 }
 
 fn risk_tags(page: &PromptView, patch: &Value, role: &str) -> Vec<String> {

@@ -31,11 +31,11 @@ impl Rates {
     /// The error rates among a model's sampling parameters.
     pub fn of(model: &ModelSpec) -> Result<Rates, ModelError> {
         let rate = |name: &str| {
-            let found = required(model, name)?;
-            if (0.0..=1.0).contains(&found) {
-                return Ok(found);
+            let value = required(model, name)?;
+            if (0.0..=1.0).contains(&value) {
+                return Ok(value);
             }
-            Err(unanswerable(format!("sampling.{name} of model `{}` is {found}, expected 0 to 1", model.name)))
+            Err(unanswerable(format!("sampling.{name} of model `{}` is {value}, expected 0 to 1", model.name)))
         };
         Ok(Rates {
             malformed_json_rate: rate("malformed_json_rate")?,

@@ -97,8 +97,8 @@ fn golden(family: &str) -> String {
     let asked = asked(family);
     let shared = asked[0].messages[..2].iter().map(|m| format!("[{}]\n{}\n", m.role, &*m.text)).collect::<String>();
     let own = asked.iter().map(|request| {
-        let told = request.messages[2..].iter().map(|m| format!("[{}]\n{}\n", m.role, &*m.text)).collect::<String>();
-        format!("==== {} ====\n{told}", request.slot.role)
+        let prompt = request.messages[2..].iter().map(|m| format!("[{}]\n{}\n", m.role, &*m.text)).collect::<String>();
+        format!("==== {} ====\n{prompt}", request.slot.role)
     });
     format!("==== every role ====\n{shared}{}", own.collect::<String>())
 }

@@ -272,13 +272,13 @@ fn clusters(text: &str) -> Result<Vec<Cluster>, ModelError> {
 /// `## title` followed by a fenced block, for every such pair: JSON, or a text that stays one. Prompts put no raw line break inside a
 /// JSON string, so a line that begins with a fence ends the block.
 pub fn blocks(text: &str) -> Vec<(String, Value)> {
-    let mut found = vec![];
+    let mut edits = vec![];
     let (mut title, mut body, mut is_json) = (None::<String>, None::<String>, false);
     for line in text.lines() {
         match (&mut body, line) {
             (Some(open), "```") => {
                 let value = if is_json { serde_json::from_str(open).ok() } else { Some(Value::from(open.as_str())) };
-                found.extend(title.clone().zip(value));
+                edits.extend(title.clone().zip(value));
                 body = None;
             }
             (Some(open), _) => {
@@ -289,7 +289,7 @@ pub fn blocks(text: &str) -> Vec<(String, Value)> {
             (None, _) => title = line.strip_prefix("## ").map(str::to_string).or(title),
         }
     }
-    found
+    edits
 }
 
 pub fn take<T: DeserializeOwned>(blocks: &BTreeMap<String, Value>, title: &str) -> Result<T, ModelError> {

@@ -178,9 +178,9 @@ fn redrafted(page: &PromptView, draws: &Draws) -> Result<Value, ModelError> {
         .unreadable
         .as_ref()
         .ok_or_else(|| unanswerable("a repair's prompt has neither `Patch` nor `Unreadable reply`"))?;
-    let found =
+    let repaired =
         text.find('{').and_then(|at| serde_json::Deserializer::from_str(&text[at..]).into_iter::<Value>().next());
-    let meant = found.and_then(Result::ok).map(|reply| reply["program_patch"].clone()).filter(is_patch);
+    let meant = repaired.and_then(Result::ok).map(|reply| reply["program_patch"].clone()).filter(is_patch);
     let mut patch = match meant {
         Some(patch) => patch,
         None => actor::propose(page, &draws.of_actor())?,

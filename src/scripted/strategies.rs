@@ -67,10 +67,10 @@ impl Place<'_> {
 }
 
 fn places(page: &PromptView) -> Vec<Place<'_>> {
-    let mut found = vec![];
+    let mut strategies = vec![];
     for (node, operator) in &page.program.operator_graph {
         if let Some(kind) = page.kind(&operator.slot, &operator.kind) {
-            found.extend(kind.settings.iter().map(|(setting, domain)| Place {
+            strategies.extend(kind.settings.iter().map(|(setting, domain)| Place {
                 node,
                 operator,
                 setting,
@@ -79,7 +79,7 @@ fn places(page: &PromptView) -> Vec<Place<'_>> {
             }));
         }
     }
-    found
+    strategies
 }
 
 /// One of the items, all equally likely; `None` if there are none.

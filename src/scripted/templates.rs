@@ -191,9 +191,9 @@ mod tests {
         );
         assert_eq!((intercept.behaviour.as_str(), steady.behaviour.as_str()), ("intercept", "steady"));
         assert_eq!((intercept.ranges["speed_mps"], steady.ranges["speed_mps"]), ([5.0, 15.0], [5.0, 11.0]));
-        let untold = of("Something happens.");
-        assert_eq!(untold.behaviour, "rush_and_stop", "the published one");
-        assert_eq!(untold.ranges["trigger_m"], [15.0, 45.0], "as published");
+        let unnamed = of("Something happens.");
+        assert_eq!(unnamed.behaviour, "rush_and_stop", "the published one");
+        assert_eq!(unnamed.ranges["trigger_m"], [15.0, 45.0], "as published");
     }
 
     #[test]
@@ -224,12 +224,14 @@ mod tests {
                 found => panic!("{found:?}"),
             }
         }
-        let told: Vec<&String> = events.iter().flat_map(|e| &e.exchanges).filter_map(|e| e.refusal.as_ref()).collect();
+        let refusals: Vec<&String> =
+            events.iter().flat_map(|e| &e.exchanges).filter_map(|e| e.refusal.as_ref()).collect();
         assert!(
-            told.iter()
+            refusals
+                .iter()
                 .any(|why| why.contains("ranges/ahead_m: found -25 to 21, expected low <= high within -45 to 20 m"))
         );
-        assert!(told.iter().any(|why| why.contains("JSON")));
+        assert!(refusals.iter().any(|why| why.contains("JSON")));
         assert!(events.iter().any(|event| event.template.is_none()), "some are never answered");
         assert!(events.iter().any(|event| event.exchanges.len() == 2 && event.template.is_some()), "some are mended");
     }

@@ -205,15 +205,15 @@ fn errors_come_at_the_declared_rates() {
     let (p, near) = (0.1, 4.0 * (f64::from(draws) * 0.1 * 0.9).sqrt());
     let garbled = replies([p, 0.0, 0.0, 0.0]).iter().filter(|bytes| parsed(bytes).is_none()).count();
     let patches: Vec<ProgramPatch> = replies([0.0, p, p, p]).iter().filter_map(|bytes| parsed(bytes)).collect();
-    for (kind, found) in [
+    for (kind, counted) in [
         ("malformed", garbled),
         ("out of range", patches.iter().filter(|patch| out_of_range(patch)).count()),
         ("foreign", patches.iter().filter(|patch| foreign(patch)).count()),
         ("stale", patches.iter().filter(|patch| patch.parent_program_hash != identity).count()),
     ] {
-        let found = found as f64;
-        println!("{kind}: {found} of {draws}");
-        assert!((found - p * f64::from(draws)).abs() <= near, "{kind}: {found} of {draws} at rate {p}");
+        let count = counted as f64;
+        println!("{kind}: {count} of {draws}");
+        assert!((count - p * f64::from(draws)).abs() <= near, "{kind}: {count} of {draws} at rate {p}");
     }
 }
 

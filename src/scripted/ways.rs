@@ -12,8 +12,8 @@ use crate::kernel::Stream;
 
 /// The only node of a slot.
 fn only<'p>(page: &'p PromptView, slot: &str) -> Option<(&'p String, &'p Node)> {
-    let mut found = page.program.operator_graph.iter().filter(|(_, node)| node.slot == slot);
-    found.next().filter(|_| found.next().is_none())
+    let mut nodes = page.program.operator_graph.iter().filter(|(_, node)| node.slot == slot);
+    nodes.next().filter(|_| nodes.next().is_none())
 }
 
 /// Feeds whoever a node feeds from another one.

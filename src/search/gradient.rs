@@ -29,7 +29,7 @@ pub fn minimise(
     stream: &mut Stream,
     mut loss: impl FnMut(&[f64], &mut [f64]) -> f64,
 ) -> Vec<Found> {
-    let mut found: Vec<Found> = Vec::with_capacity(descent.restarts);
+    let mut minima: Vec<Found> = Vec::with_capacity(descent.restarts);
     let mut slope = vec![0.0; dimensions];
     for restart in 0..descent.restarts.max(1) {
         let mut place: Vec<f64> =
@@ -51,10 +51,10 @@ pub fn minimise(
                 *x = (*x - descent.step * g).clamp(-1.0, 1.0);
             }
         }
-        found.extend(best);
+        minima.extend(best);
     }
-    found.sort_by(|a, b| a.loss.total_cmp(&b.loss));
-    found
+    minima.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    minima
 }
 
 #[cfg(test)]
@@ -71,9 +71,9 @@ mod tests {
             (0..3).for_each(|k| slope[k] = 20.0 * (x[k] - goal[k]));
             (0..3).map(|k| 10.0 * (x[k] - goal[k]) * (x[k] - goal[k])).sum::<f64>()
         };
-        let found = minimise(&DESCENT, 3, &mut Seed(3).stream(&["descent"]), loss);
-        assert_eq!(found.len(), 4);
-        assert!(found.iter().all(|f| f.loss < 1e-2), "{found:?}");
+        let minima = minimise(&DESCENT, 3, &mut Seed(3).stream(&["descent"]), loss);
+        assert_eq!(minima.len(), 4);
+        assert!(minima.iter().all(|f| f.loss < 1e-2), "{minima:?}");
     }
 
     #[test]

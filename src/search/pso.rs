@@ -46,9 +46,9 @@ pub fn minimise(
     for _ in 0..swarm.iterations {
         for p in 0..swarm.particles {
             fly(swarm, &mut places[p], &mut speeds[p], &best[p].place, &leader.place, stream);
-            let found = loss(&places[p]);
-            if found < best[p].loss {
-                best[p] = Found { place: places[p].clone(), loss: found };
+            let losses = loss(&places[p]);
+            if losses < best[p].loss {
+                best[p] = Found { place: places[p].clone(), loss: losses };
             }
         }
         if let Some(next) = best_of(&best).filter(|next| next.loss < leader.loss) {
@@ -88,9 +88,9 @@ mod tests {
     fn the_swarm_finds_a_known_minimum() {
         let goal = [0.3, -0.7, 0.1];
         let loss = |x: &[f64]| x.iter().zip(&goal).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-        let found = minimise(&SWARM, 3, &mut Seed(3).stream(&["pso"]), loss);
-        assert!(found[0].loss < 1e-2, "{}", found[0].loss);
-        assert!(found.windows(2).all(|pair| pair[0].loss <= pair[1].loss));
+        let losses = minimise(&SWARM, 3, &mut Seed(3).stream(&["pso"]), loss);
+        assert!(losses[0].loss < 1e-2, "{}", losses[0].loss);
+        assert!(losses.windows(2).all(|pair| pair[0].loss <= pair[1].loss));
     }
 
     #[test]

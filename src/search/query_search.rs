@@ -24,7 +24,7 @@ pub struct Answer<T> {
     /// Whether the goal is reached, so that the search may stop.
     pub success: bool,
     /// What the simulation left behind.
-    pub found: T,
+    pub made: T,
 }
 
 /// Asks until a query succeeds or none is left. What the queries found with their losses, in the order asked; a query
@@ -43,7 +43,7 @@ pub fn ask_all<T>(
         if answer.loss < best.1 {
             best = (place, answer.loss);
         }
-        answers.push((answer.loss, answer.found));
+        answers.push((answer.loss, answer.made));
         if answer.success {
             break;
         }
@@ -76,7 +76,7 @@ mod tests {
         ask_all(queries, 4, &mut stream, |place| {
             assert!(place.iter().all(|u| (0.0..=1.0).contains(u)));
             let loss = place.iter().map(|u| (u - 0.7) * (u - 0.7)).sum::<f64>();
-            Some(Answer { loss, success: loss < success, found: place.to_vec() })
+            Some(Answer { loss, success: loss < success, made: place.to_vec() })
         })
     }
 

@@ -97,14 +97,14 @@ impl Merge<'_> {
     }
 
     fn load(&self, path: &Path) -> Result<(Shard, ResultFile), ShardError> {
-        let found = std::cell::RefCell::new(None);
+        let failure = std::cell::RefCell::new(None);
         let shards = |digest: Digest| {
             let (shard, _) = Shard::load(&self.shards.join(format!("{digest}{SHARD_ENDING}")))?;
-            *found.borrow_mut() = Some(shard.clone());
+            *failure.borrow_mut() = Some(shard.clone());
             Ok(shard)
         };
         let result = ResultFile::load(path, self.study, &shards)?;
-        match found.into_inner() {
+        match failure.into_inner() {
             Some(shard) => Ok((shard, result)),
             None => unreachable!("a result is checked against its shard"),
         }
@@ -143,8 +143,8 @@ impl Merge<'_> {
                 meet(Kind::Memo(memo), *key, task.scene(), digest, self.store.memo_get(memo, key))?;
             }
         }
-        for (key, recorded) in told(result.answers.as_ref()) {
-            let stored = self.cassette.as_ref().and_then(|cassette| cassette.told_digest(key));
+        for (key, recorded) in answered(result.answers.as_ref()) {
+            let stored = self.cassette.as_ref().and_then(|cassette| cassette.answer_digest(key));
             let digest = RolloutCassette::digest_of(*key, &recorded.answer);
             meet(Kind::Answer, *key, &recorded.scene, digest, stored)?;
         }
@@ -180,8 +180,8 @@ impl Merge<'_> {
                 // A motion stands above a failure, never the other way round.
                 let better = match cassette.get(key).map(|before| &before.answer) {
                     None => true,
-                    Some(Answer::Failed(_)) => matches!(recorded.answer, Answer::Told(_)),
-                    Some(Answer::Told(_)) => false,
+                    Some(Answer::Failed(_)) => matches!(recorded.answer, Answer::ReportedRollout(_)),
+                    Some(Answer::ReportedRollout(_)) => false,
                 };
                 if better {
                     cassette.insert(*key, recorded.clone());
@@ -194,7 +194,7 @@ impl Merge<'_> {
 }
 
 /// Answers that are motions.
-fn told(answers: Option<&RolloutCassette>) -> impl Iterator<Item = (&Digest, &Recorded)> {
+fn answered(answers: Option<&RolloutCassette>) -> impl Iterator<Item = (&Digest, &Recorded)> {
     let all = answers.into_iter().flat_map(RolloutCassette::rollouts);
-    all.filter(|(_, recorded)| matches!(recorded.answer, Answer::Told(_)))
+    all.filter(|(_, recorded)| matches!(recorded.answer, Answer::ReportedRollout(_)))
 }

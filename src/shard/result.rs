@@ -133,16 +133,16 @@ impl ResultFile {
         }
         let answers = study.backend.as_ref().map(|backend| RolloutCassette::new(file.clone(), backend.clone()));
         let (answers, end) = answers_of(&mut lines, answers).map_err(|(at, wrong)| damaged(at, wrong))?;
-        let found = (end.tasks, end.answers);
+        let counts = (end.tasks, end.answers);
         let expected = (results.len(), answers.as_ref().map_or(0, RolloutCassette::len));
-        if found != expected {
+        if counts != expected {
             let say = |(tasks, answers): (usize, usize)| format!("{tasks} tasks and {answers} answers");
-            return Err(damaged(lines.at(), (say(expected), say(found))));
+            return Err(damaged(lines.at(), (say(expected), say(counts))));
         }
         lines.end().map_err(|(at, wrong)| damaged(at, wrong))?;
         let jump = |(_, recorded): (&Digest, &Recorded)| match &recorded.answer {
-            Answer::Told(told) => {
-                told.jump().map(|(expected, found)| (format!("{expected} of scene {}", recorded.scene), found))
+            Answer::ReportedRollout(rollout) => {
+                rollout.jump().map(|(expected, counts)| (format!("{expected} of scene {}", recorded.scene), counts))
             }
             Answer::Failed(_) => None,
         };

@@ -20,8 +20,8 @@ pub use road_users::{
     Until, View, Way, bicycle, driver, idm, intervention, law, script, skills,
 };
 pub use rollouts::{
-    Part, Pose, RolloutCost, Told, ToldActor, ToldContact, ToldError, adversaries_of, commands, ending, judge, rollout,
-    rollout_counted, rollout_in_parts, rollout_traced, tell, told,
+    Part, Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, RolloutCost, adversaries_of, commands,
+    ending, judge, reported, rollout, rollout_counted, rollout_in_parts, rollout_traced, tell,
 };
 
 /// Part of every rollout key; rises when any outcome can change.

@@ -40,11 +40,11 @@ impl Bystanders {
             local.x < -BEHIND_M && local.y.abs() < ASIDE_M
         };
         let behind = self.at(first + 1).iter().filter(|(_, body)| follows(body));
-        let mut found: Vec<TrackIx> = behind.map(|(ix, _)| *ix).collect();
+        let mut behind_ego: Vec<TrackIx> = behind.map(|(ix, _)| *ix).collect();
         for step in first + 1..first + 1 + count {
             let Some(ego) = situation.ego.body(step) else { break };
-            found.extend(self.at(step).iter().filter(|(_, body)| ego.overlaps(body)).map(|(ix, _)| *ix));
+            behind_ego.extend(self.at(step).iter().filter(|(_, body)| ego.overlaps(body)).map(|(ix, _)| *ix));
         }
-        found
+        behind_ego
     }
 }

@@ -110,21 +110,21 @@ impl EgoPlan {
         samples: &[Sample],
         deceleration_mps2_max: f64,
     ) -> Response {
-        let mut found = Response { meeting: 0, contact: false, gap_m_min: f64::INFINITY, deviation_m: 0.0 };
+        let mut response = Response { meeting: 0, contact: false, gap_m_min: f64::INFINITY, deviation_m: 0.0 };
         let (mut way_m, mut late) = (0.0, false);
         let mut speed_mps = self.points[0].speed_mps();
         for k in (0..samples.len().min(self.points.len())).step_by(STRIDE) {
             let own = situation.body(actor, &samples[k]);
             let (position, heading_rad) = if late { self.at(way_m) } else { self.pose(k) };
             let ego = OrientedBox::new(position, heading_rad, self.length_m, self.width_m);
-            found.deviation_m += position.distance(self.points[k].position) * STRIDE as f64;
-            if position.distance(own.center) - own.radius() - ego.radius() < found.gap_m_min {
+            response.deviation_m += position.distance(self.points[k].position) * STRIDE as f64;
+            if position.distance(own.center) - own.radius() - ego.radius() < response.gap_m_min {
                 let gap = own.distance(&ego);
-                if gap < found.gap_m_min {
-                    (found.gap_m_min, found.meeting) = (gap, k);
+                if gap < response.gap_m_min {
+                    (response.gap_m_min, response.meeting) = (gap, k);
                 }
                 if gap == 0.0 {
-                    found.contact = true;
+                    response.contact = true;
                     break;
                 }
             }
@@ -141,8 +141,8 @@ impl EgoPlan {
             }
             way_m += speed_mps * LOOK_S;
         }
-        found.gap_m_min = found.gap_m_min.min(200.0);
-        found
+        response.gap_m_min = response.gap_m_min.min(200.0);
+        response
     }
 
     fn pose(&self, k: usize) -> (Vec2, f64) {

@@ -124,30 +124,30 @@ struct EgoRelation {
 fn ego_relation(samples: &[Sample], judged: &Judged<'_>) -> EgoRelation {
     let situation = judged.situation;
     let now = situation.scene.current_step;
-    let mut found =
+    let mut measured =
         EgoRelation { distance_m_min: 200.0, approach_s: 20.0, samples: samples.len(), ..EgoRelation::default() };
     for (k, sample) in samples.iter().enumerate() {
         let step = judged.from_step + k;
         let (Some(ego), Some(body)) = (situation.ego.at(step), situation.ego.body(step)) else { break };
         let track = situation.track(judged.actor);
         let reach = body.radius() + 0.5 * num::hypot(track.length_m, track.width_m);
-        if sample.position.distance(body.center) - reach >= found.distance_m_min {
+        if sample.position.distance(body.center) - reach >= measured.distance_m_min {
             continue;
         }
         let distance = situation.body(judged.actor, sample).distance(body);
-        if distance < found.distance_m_min {
-            found.distance_m_min = distance;
-            found.approach_s = step.saturating_sub(now) as f64 * DT_S;
-            found.speed_mps = (sample.velocity - ego.velocity).norm();
+        if distance < measured.distance_m_min {
+            measured.distance_m_min = distance;
+            measured.approach_s = step.saturating_sub(now) as f64 * DT_S;
+            measured.speed_mps = (sample.velocity - ego.velocity).norm();
         }
         if distance == 0.0 {
             // First overlap: CAT's discount per 0.5 s.
-            found.likelihood = num::pow(0.99, (k / 5 + 1) as f64);
-            found.samples = k + 1;
+            measured.likelihood = num::pow(0.99, (k / 5 + 1) as f64);
+            measured.samples = k + 1;
             break;
         }
     }
-    found
+    measured
 }
 
 /// Motion extremes from finite differences, the anchor before the first sample included.
@@ -164,24 +164,24 @@ pub struct Kinematics {
 fn kinematics(samples: &[Sample], judged: &Judged<'_>) -> Kinematics {
     let anchor = judged.from_step.checked_sub(1).and_then(|k| judged.situation.track(judged.actor).at(k));
     let all: Vec<&Sample> = anchor.into_iter().chain(samples).collect();
-    let mut found = Kinematics::default();
+    let mut measured = Kinematics::default();
     let mut last_acceleration: Option<f64> = None;
     for pair in all.windows(2) {
         let (speed, next) = (pair[0].speed_mps(), pair[1].speed_mps());
         let turn = num::wrap_angle(pair[1].heading_rad - pair[0].heading_rad);
         let acceleration = (next - speed) / DT_S;
         let yaw_rate = turn / DT_S;
-        found.acceleration_mps2_max = found.acceleration_mps2_max.max(acceleration.abs());
-        found.lateral_mps2_max = found.lateral_mps2_max.max((0.5 * (speed + next) * yaw_rate).abs());
-        found.yaw_rate_radps_max = found.yaw_rate_radps_max.max(yaw_rate.abs());
-        found.speed_mps_max = found.speed_mps_max.max(next);
-        found.heading_change_rad += turn.abs();
+        measured.acceleration_mps2_max = measured.acceleration_mps2_max.max(acceleration.abs());
+        measured.lateral_mps2_max = measured.lateral_mps2_max.max((0.5 * (speed + next) * yaw_rate).abs());
+        measured.yaw_rate_radps_max = measured.yaw_rate_radps_max.max(yaw_rate.abs());
+        measured.speed_mps_max = measured.speed_mps_max.max(next);
+        measured.heading_change_rad += turn.abs();
         if let Some(last) = last_acceleration {
-            found.jerk_mps3_max = found.jerk_mps3_max.max((acceleration - last).abs() / DT_S);
+            measured.jerk_mps3_max = measured.jerk_mps3_max.max((acceleration - last).abs() / DT_S);
         }
         last_acceleration = Some(acceleration);
     }
-    found
+    measured
 }
 
 /// How far a corner leaves the drivable area, and the distance from the nearest centre line; largest of each.

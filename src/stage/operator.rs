@@ -104,12 +104,12 @@ impl Settings {
 
     /// A whole number that is not negative.
     pub fn count(&self, name: &str) -> Result<usize, StageError> {
-        let found = self.number(name)?;
-        if found.fract() == 0.0 && (0.0..=1e6).contains(&found) {
-            return Ok(found as usize);
+        let value = self.number(name)?;
+        if value.fract() == 0.0 && (0.0..=1e6).contains(&value) {
+            return Ok(value as usize);
         }
         let expected = "a whole number".into();
-        Err(StageError::Unfit { setting: name.into(), found: found.to_string(), expected })
+        Err(StageError::Unfit { setting: name.into(), found: value.to_string(), expected })
     }
 
     pub fn word(&self, name: &str) -> Result<&str, StageError> {

@@ -198,15 +198,15 @@ pub fn remove_empty_dir(path: &Path) -> Result<(), StoreError> {
 /// The folders in a folder, sorted by path; hidden and linked ones are left out.
 pub fn list_dirs(root: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let io = |source| StoreError::io("list", root, source);
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     for entry in fs::read_dir(root).map_err(io)? {
         let entry = entry.map_err(io)?;
         if entry.file_type().map_err(io)?.is_dir() && !entry.file_name().to_string_lossy().starts_with('.') {
-            found.push(entry.path());
+            entries.push(entry.path());
         }
     }
-    found.sort();
-    Ok(found)
+    entries.sort();
+    Ok(entries)
 }
 
 /// Whether there is a plain file; nothing there is none. A link, a folder, a pipe and a device are errors: whoever can write here
@@ -245,16 +245,16 @@ pub fn create_plain_dir(path: &Path) -> Result<(), StoreError> {
 /// What lies in a folder under names that end so, sorted, whatever it is: nothing is followed.
 pub fn list_entries(dir: &Path, ending: &str) -> Result<Vec<PathBuf>, StoreError> {
     let io = |source| StoreError::io("list", dir, source);
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     for entry in fs::read_dir(dir).map_err(io)? {
         let entry = entry.map_err(io)?;
         let name = entry.file_name().to_string_lossy().into_owned();
         if name.ends_with(ending) && !name.starts_with('.') {
-            found.push(entry.path());
+            entries.push(entry.path());
         }
     }
-    found.sort();
-    Ok(found)
+    entries.sort();
+    Ok(entries)
 }
 
 /// Makes a folder and its parents. It is no error if the folder exists.
@@ -265,14 +265,14 @@ pub fn create_dir(path: &Path) -> Result<(), StoreError> {
 /// The files under `root` whose names end in one of `endings` (`[".xml"]`; an empty list takes all), sorted by path so that
 /// no file system's order is seen. Hidden entries and linked folders are left out. A `root` that is a file is the answer itself.
 pub fn list_files(root: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, StoreError> {
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     if fs::metadata(root).map_err(|source| StoreError::io("read", root, source))?.is_file() {
-        found.push(root.to_path_buf());
+        entries.push(root.to_path_buf());
     } else {
-        collect(root, endings, MAX_DEPTH, &mut found)?;
+        collect(root, endings, MAX_DEPTH, &mut entries)?;
     }
-    found.sort();
-    Ok(found)
+    entries.sort();
+    Ok(entries)
 }
 
 fn collect(dir: &Path, endings: &[&str], depth: usize, found: &mut Vec<PathBuf>) -> Result<(), StoreError> {

@@ -48,17 +48,17 @@ pub fn fsck(dir: &Path, read_all: bool) -> Result<FsckReport, StoreError> {
     let pieces = pack::scan(&pack, 0, read_all).map_err(io)?;
     let mut report = FsckReport { pack_bytes: pack.metadata().map_err(io)?.len(), read_all, ..FsckReport::default() };
     let indexed = check_index(&dir.join(INDEX), lock.is_some(), &mut report);
-    let mut found = Places::default();
+    let mut places = Places::default();
     for piece in &pieces {
-        found.add(piece);
+        places.add(piece);
         count(piece, &pack_path, indexed.as_ref(), &mut report);
     }
-    report.whole = found.objects.keys().copied().collect();
-    check_memo(&pack_path, &found, &mut report);
+    report.whole = places.objects.keys().copied().collect();
+    check_memo(&pack_path, &places, &mut report);
     if let Some(indexed) = &indexed {
-        compare(dir, indexed, &found, &mut report);
+        compare(dir, indexed, &places, &mut report);
     }
-    name_referrers(&found, indexed.as_ref(), &mut report);
+    name_referrers(&places, indexed.as_ref(), &mut report);
     Ok(report)
 }
 

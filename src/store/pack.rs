@@ -205,8 +205,8 @@ fn next_record(file: &File, from: u64, size: u64) -> std::io::Result<Option<u64>
     let mut at = from;
     while at.saturating_add(HEADER) <= size {
         let window = read_at(file, at, (size - at).min(CHUNK as u64))?;
-        let found = window.array_windows::<{ HEADER as usize }>().position(|bytes| read_header_here(bytes).is_some());
-        if let Some(offset) = found {
+        let header = window.array_windows::<{ HEADER as usize }>().position(|bytes| read_header_here(bytes).is_some());
+        if let Some(offset) = header {
             return Ok(Some(at + offset as u64));
         }
         at += (window.len() as u64 - HEADER) + 1;

@@ -245,14 +245,14 @@ pub fn fsck_transcript(path: &Path) -> Result<Vec<Damage>, StoreError> {
 
 /// The recorded event at a place.
 fn event_at(path: &Path, seq: u64) -> Result<Event, StoreError> {
-    let mut found = None;
+    let mut difference = None;
     each_event(path, &mut |event| {
         if event.seq == seq {
-            found = Some(event);
+            difference = Some(event);
         }
     })?;
     let gone = || format!("expected event {seq}, which was there when the run began, found none");
-    found.ok_or_else(|| StoreError::corrupt(Damage::at(path, format!("line {}", seq + 1), gone())))
+    difference.ok_or_else(|| StoreError::corrupt(Damage::at(path, format!("line {}", seq + 1), gone())))
 }
 
 fn lock(file: &File, path: &Path) -> Result<(), StoreError> {
@@ -589,7 +589,7 @@ mod tests {
         three_events(&path);
         let whole = std::fs::read(&path).unwrap();
         let threads = Threads::new(3).unwrap();
-        let found = |threads: Option<&Threads>| {
+        let difference = |threads: Option<&Threads>| {
             let mut hashes = Vec::new();
             let walked = walk(&path, threads, &mut |event| hashes.push(event.hash)).unwrap();
             let damage = walked.damage.map(|damage| damage.to_string());
@@ -600,12 +600,12 @@ mod tests {
             changed[at] ^= 1;
             for bytes in [&changed[..], &whole[..at]] {
                 std::fs::write(&path, bytes).unwrap();
-                assert_eq!(found(Some(&threads)), found(None), "byte {at}");
+                assert_eq!(difference(Some(&threads)), difference(None), "byte {at}");
             }
         }
         std::fs::write(&path, &whole).unwrap();
-        assert_eq!(found(Some(&threads)), found(None));
-        assert_eq!(found(None).0.len(), 3);
+        assert_eq!(difference(Some(&threads)), difference(None));
+        assert_eq!(difference(None).0.len(), 3);
     }
 
     #[test]

@@ -150,17 +150,17 @@ impl Curve {
 
     /// The bent stretches of the curve, each at most `spacing` metres long: `(start, end, largest curvature)`.
     pub fn bends(&self, spacing_m: f64) -> Vec<(f64, f64, f64)> {
-        let mut found: Vec<(f64, f64, f64)> = Vec::new();
+        let mut crossings: Vec<(f64, f64, f64)> = Vec::new();
         for i in 0..self.points.len() - 1 {
             let (a, b) = (self.lengths[i], self.lengths[i + 1]);
             let curvature = ((self.headings[i + 1] - self.headings[i]) / (b - a)).abs();
-            match found.last_mut() {
+            match crossings.last_mut() {
                 Some(last) if last.1 == a && b - last.0 <= spacing_m => *last = (last.0, b, last.2.max(curvature)),
-                _ if curvature > 1e-4 => found.push((a, b, curvature)),
+                _ if curvature > 1e-4 => crossings.push((a, b, curvature)),
                 _ => {}
             }
         }
-        found
+        crossings
     }
 }
 

@@ -58,8 +58,8 @@ fn every_route_follows_lanes_in_their_direction() {
     for scene in TrafficFamily::ALL.into_iter().flat_map(scenes) {
         let graph = LaneGraph::of(&scene.road);
         for pair in scene.ego.route.windows(2) {
-            let found = graph.nearest_lane(pair[0].lerp(pair[1], 0.5), (pair[1] - pair[0]).heading(), 1.0);
-            assert!(found.is_some_and(|place| place.distance_m < 0.3), "{}", scene.id);
+            let lane = graph.nearest_lane(pair[0].lerp(pair[1], 0.5), (pair[1] - pair[0]).heading(), 1.0);
+            assert!(lane.is_some_and(|place| place.distance_m < 0.3), "{}", scene.id);
         }
     }
 }

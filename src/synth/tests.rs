@@ -85,14 +85,19 @@ fn nobody_speeds_up_brakes_jerks_or_turns_beyond_what_a_driver_can() {
 }
 
 #[test]
-fn positions_headings_and_velocities_tell_the_same_story() {
+fn positions_headings_and_velocities_agree() {
     for scene in few_scenes() {
         for track in everyone(&scene) {
             for pair in track.samples.windows(2) {
                 let [Some(a), Some(b)] = pair else { continue };
                 let moved = b.position - a.position;
-                let told = (a.velocity + b.velocity) * (0.5 * DT_S);
-                assert!((moved - told).norm() < 0.04, "{} {}: moved {moved:?}, told {told:?}", scene.id, track.id);
+                let expected = (a.velocity + b.velocity) * (0.5 * DT_S);
+                assert!(
+                    (moved - expected).norm() < 0.04,
+                    "{} {}: moved {moved:?}, expected {expected:?}",
+                    scene.id,
+                    track.id
+                );
                 if a.speed_mps() > 1.0 {
                     let slip = num::wrap_angle(a.velocity.heading() - a.heading_rad);
                     assert!(slip.abs() < 1e-6, "{} {}: {slip}", scene.id, track.id);

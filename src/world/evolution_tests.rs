@@ -161,8 +161,8 @@ fn a_rank_that_tells_lineages_apart_and_no_candidates_of_one_is_no_rank() {
     let by_epoch = |k: usize, label: &WorldLabel| Says { rank_score: (k / OF_EPOCH) as f64, ..usual(k, label) };
     let (labels, lineage) = (candidates(last), LineageId::new("cat-idm"));
     let of = made_up(&labels, &lineage, by_epoch);
-    let found = super::held::measures(&of.iter().collect::<Vec<_>>(), &configuration(WorldModel::Ridge).routing);
-    assert_eq!(found.rank_correlation, None);
+    let measured = super::held::measures(&of.iter().collect::<Vec<_>>(), &configuration(WorldModel::Ridge).routing);
+    assert_eq!(measured.rank_correlation, None);
 }
 
 #[test]
@@ -174,9 +174,9 @@ fn a_drawn_candidate_counts_for_all_that_it_stands_for() {
     // The first by rank stands for seven; three places of the budget go by rank.
     of[0].evidence.weight = 7.0;
     let routing = RoutingOptions { rollout_budget: 6, audit_share: 0.5, ..configuration(WorldModel::Ridge).routing };
-    let found = super::held::measures(&of.iter().collect::<Vec<_>>(), &routing);
+    let measured = super::held::measures(&of.iter().collect::<Vec<_>>(), &routing);
     let missed = 100.0 * 4.0 / 9.0;
-    assert!((found.false_reject_pct.unwrap() - missed).abs() < 1e-9, "{found:?}");
+    assert!((measured.false_reject_pct.unwrap() - missed).abs() < 1e-9, "{measured:?}");
 }
 
 #[test]
@@ -192,9 +192,9 @@ fn a_rank_correlation_is_worked_by_hand() {
     });
     held[2].evidence.weight = 2.0;
     let routing = configuration(WorldModel::Ridge).routing;
-    let found = super::held::measures(&held.iter().collect::<Vec<_>>(), &routing).rank_correlation.unwrap();
+    let measured = super::held::measures(&held.iter().collect::<Vec<_>>(), &routing).rank_correlation.unwrap();
     // Centred ranks 0.375, -0.375, 0 and -0.375, -0.125, 0.25; products -0.09375, squares 0.28125 each.
-    assert!((found + 1.0 / 3.0).abs() < 1e-12, "{found}");
+    assert!((measured + 1.0 / 3.0).abs() < 1e-12, "{measured}");
     // Against a rank that differs from the gains in its spread: squares 0.375 and 0.28125.
     held[1].prediction.rank_score = 3.0;
     let tied = super::held::measures(&held.iter().collect::<Vec<_>>(), &routing).rank_correlation.unwrap();
@@ -219,8 +219,8 @@ fn a_change_of_the_share_of_audits_alone_earns_nothing() {
         let mut other = founding.clone();
         other.routing.audit_share = share;
         let of = |configuration| fits(&judging, configuration, &evidence(&labels, &lineage));
-        let found = judge(&judging, &of(&founding), &of(&other));
-        let rules: Vec<JudgeRule> = found.objections.iter().map(|objection| objection.rule).collect();
+        let measured = judge(&judging, &of(&founding), &of(&other));
+        let rules: Vec<JudgeRule> = measured.objections.iter().map(|objection| objection.rule).collect();
         assert_eq!(rules, [JudgeRule::Gain]);
     }
 }
@@ -233,9 +233,9 @@ fn an_evaluator_that_sees_the_decisive_column_takes_the_place_of_one_that_does_n
     let judging = Judging { schema: &schema, founding: &founding, options: &options, before: EPOCHS };
     let known = evidence(&labels, &lineage);
     let (old, new) = (fits(&judging, &blind, &known), fits(&judging, &founding, &known));
-    let found = judge(&judging, &old, &new);
-    let ranked = found.gains.iter().find(|gain| gain.rule == JudgeRule::Ranking).unwrap();
-    assert!(ranked.gain > 0.5, "{found:?}");
+    let measured = judge(&judging, &old, &new);
+    let ranked = measured.gains.iter().find(|gain| gain.rule == JudgeRule::Ranking).unwrap();
+    assert!(ranked.gain > 0.5, "{measured:?}");
     let back = judge(&judging, &new, &old);
     let objection = back.objections.iter().find(|objection| objection.rule == JudgeRule::Ranking).unwrap();
     let number = |of: &WorldMeasures| format!("{:.4}", of.rank_correlation.unwrap());

@@ -84,8 +84,8 @@ pub fn held<'a>(
 ) -> Result<Vec<Held<'a>>, RouterError> {
     validate(configuration, judging.schema)?;
     let epochs: Vec<u32> = (0..judging.before).collect();
-    let found = threads.map(&epochs, |_, &epoch| held_of(judging, configuration, evidence, (epoch, threads)));
-    Ok(found.into_iter().collect::<Result<Vec<_>, RouterError>>()?.into_iter().flatten().collect())
+    let held = threads.map(&epochs, |_, &epoch| held_of(judging, configuration, evidence, (epoch, threads)));
+    Ok(held.into_iter().collect::<Result<Vec<_>, RouterError>>()?.into_iter().flatten().collect())
 }
 
 /// The candidates of one epoch; nobody where too little was known before it.

@@ -25,7 +25,7 @@ impl Interaction {
     /// Estimates for a validated scene. The ego follows its log, or, where the log is missing, its route at its first
     /// speed.
     pub fn of(scene: &Scene) -> Interaction {
-        let mut found = Interaction {
+        let mut interaction = Interaction {
             relative_distance_m_min: NOBODY_M,
             relative_speed_mps: 0.0,
             time_to_conflict_s_min: NEVER_S,
@@ -39,15 +39,15 @@ impl Interaction {
             for (step, ego) in egos.iter().enumerate().skip(scene.current_step) {
                 let Some(sample) = track.at(step) else { continue };
                 if let Some(ego) = ego {
-                    found.meet(sample.position - ego.0, sample.velocity - ego.1);
+                    interaction.meet(sample.position - ego.0, sample.velocity - ego.1);
                 }
                 if let Some(line) = &route {
                     let offset_m = sample.position.distance(line.at(line.project(sample.position).s_m));
-                    found.route_deviation_m_min = found.route_deviation_m_min.min(offset_m);
+                    interaction.route_deviation_m_min = interaction.route_deviation_m_min.min(offset_m);
                 }
             }
         }
-        found
+        interaction
     }
 
     fn meet(&mut self, gap: Vec2, relative: Vec2) {

@@ -156,11 +156,11 @@ fn a_log_that_passes_beside_gives_its_nearest_moment_and_who_goes_away_no_confli
     let nearest = steps.clone().map(distance).fold(f64::INFINITY, f64::min);
     let closing = |step: usize| 6.0 * gap_m(step) / distance(step);
     let conflict = steps.filter(|step| closing(*step) > 0.1).map(|step| distance(step) / closing(step));
-    let found = Interaction::of(&scene);
-    assert!((found.relative_distance_m_min - nearest).abs() < 1e-9);
-    assert!((found.relative_speed_mps - 6.0).abs() < 1e-9);
-    assert!((found.time_to_conflict_s_min - conflict.fold(20.0, f64::min)).abs() < 1e-9);
-    assert!((found.route_deviation_m_min - 4.0).abs() < 1e-9);
+    let computed = Interaction::of(&scene);
+    assert!((computed.relative_distance_m_min - nearest).abs() < 1e-9);
+    assert!((computed.relative_speed_mps - 6.0).abs() < 1e-9);
+    assert!((computed.time_to_conflict_s_min - conflict.fold(20.0, f64::min)).abs() < 1e-9);
+    assert!((computed.route_deviation_m_min - 4.0).abs() < 1e-9);
     scene.tracks[0].samples = fixture::straight(scene.steps, Vec2::new(30.0, 4.0), 0.0, 14.0);
     assert_eq!(Interaction::of(&scene).time_to_conflict_s_min, 20.0);
 }
@@ -178,10 +178,10 @@ fn an_ego_without_a_log_follows_its_route_at_its_first_speed() {
     let whole = Interaction::of(&scene);
     let unlogged = |(step, sample)| if step <= start { sample } else { None };
     scene.ego.track.samples = logged.into_iter().enumerate().map(unlogged).collect();
-    let found = Interaction::of(&scene);
-    assert!((found.relative_distance_m_min - whole.relative_distance_m_min).abs() < 1e-9);
-    assert!((found.relative_speed_mps - 2.0).abs() < 1e-9);
-    assert!((found.time_to_conflict_s_min - whole.time_to_conflict_s_min).abs() < 1e-9);
+    let computed = Interaction::of(&scene);
+    assert!((computed.relative_distance_m_min - whole.relative_distance_m_min).abs() < 1e-9);
+    assert!((computed.relative_speed_mps - 2.0).abs() < 1e-9);
+    assert!((computed.time_to_conflict_s_min - whole.time_to_conflict_s_min).abs() < 1e-9);
 }
 
 #[test]
@@ -221,13 +221,13 @@ fn an_error_is_scaled_by_the_root_of_the_open_share_that_it_was_made_at() {
 #[test]
 fn candidates_are_ranked_by_their_gain_and_by_what_is_not_known_of_them() {
     let snapshot = means_alone(1.0);
-    let found = Router::new(&snapshot).unwrap().predict(&xi(&[3.0, 7.0], 0.25)).unwrap();
-    let (gain, half) = (found.difference, found.half_width.unwrap());
+    let computed = Router::new(&snapshot).unwrap().predict(&xi(&[3.0, 7.0], 0.25)).unwrap();
+    let (gain, half) = (computed.difference, computed.half_width.unwrap());
     let wanted = gain.attack + 3.0 * gain.realism + 0.5 * (half.attack + 3.0 * half.realism);
-    assert!((found.rank_score - wanted).abs() < 1e-12);
+    assert!((computed.rank_score - wanted).abs() < 1e-12);
     assert!((gain.realism + 0.1).abs() < 1e-9 && half.realism > 0.0, "{gain:?} {half:?}");
-    assert!((found.objectives.realism - (0.5 + gain.realism)).abs() < 1e-12);
-    assert!((found.objectives.attack - (0.3 + gain.attack)).abs() < 1e-12);
+    assert!((computed.objectives.realism - (0.5 + gain.realism)).abs() < 1e-12);
+    assert!((computed.objectives.attack - (0.3 + gain.attack)).abs() < 1e-12);
 }
 
 #[test]
@@ -243,9 +243,9 @@ fn what_few_open_scenes_show_counts_for_those_scenes_alone() {
     let snapshot = settle(&columns(2), &configuration(WorldModel::Ridge), &set, 1, &Threads::new(1).unwrap()).unwrap();
     let router = Router::new(&snapshot).unwrap();
     for (open_share, gain) in [(0.25, 0.05), (1.0, 0.2)] {
-        let found = router.predict(&xi(&[2.0, 7.0], open_share)).unwrap();
-        assert!((found.difference.attack - gain).abs() < 1e-9, "{open_share}: {found:?}");
-        assert!((found.objectives.attack - (0.3 + gain)).abs() < 1e-9, "{open_share}: {found:?}");
+        let computed = router.predict(&xi(&[2.0, 7.0], open_share)).unwrap();
+        assert!((computed.difference.attack - gain).abs() < 1e-9, "{open_share}: {computed:?}");
+        assert!((computed.objectives.attack - (0.3 + gain)).abs() < 1e-9, "{open_share}: {computed:?}");
     }
 }
 

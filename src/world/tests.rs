@@ -143,8 +143,8 @@ fn trees_find_a_step_that_a_line_cannot() {
 fn a_candidate_that_is_open_nowhere_has_no_difference_and_no_uncertainty() {
     let snapshot = settled(&stepped(60), &configuration(WorldModel::Boosted));
     let router = Router::new(&snapshot).unwrap();
-    let found = router.predict(&xi(&[0.9, 7.0], 0.0)).unwrap();
-    assert_eq!((found.difference.attack, found.uncertainty()), (0.0, 0.0));
+    let computed = router.predict(&xi(&[0.9, 7.0], 0.0)).unwrap();
+    assert_eq!((computed.difference.attack, computed.uncertainty()), (0.0, 0.0));
     let (half, whole) =
         (router.predict(&xi(&[0.9, 7.0], 0.5)).unwrap(), router.predict(&xi(&[0.9, 7.0], 1.0)).unwrap());
     assert!((2.0 * half.difference.attack - whole.difference.attack).abs() < 1e-12);
@@ -164,8 +164,8 @@ fn calibration_mixes_the_prediction_with_its_groups_mean_and_a_sparse_one_with_t
         let mixing = WorldConfiguration { beta_attack: beta, group_labels_min, ..configuration(WorldModel::Ridge) };
         let snapshot = settled(&set, &mixing);
         let row = WorldRow { family: FamilyName::new(name), ..xi(&[0.9, 7.0], 1.0) };
-        let found = Router::new(&snapshot).unwrap().predict(&row).unwrap().difference.attack;
-        (found, snapshot.fit.unwrap())
+        let computed = Router::new(&snapshot).unwrap().predict(&row).unwrap().difference.attack;
+        (computed, snapshot.fit.unwrap())
     };
     let (raw, fit) = mean("at", 1.0, 3);
     assert!((mean("at", 0.75, 3).0 - (0.75 * raw + 0.25 * fit.global.mean.attack)).abs() < 1e-12);
@@ -191,9 +191,9 @@ fn the_budget_goes_to_the_first_by_rank() {
         routed(&predictions, &options(2, 0.0), 1).into_iter().map(|(d, ..)| d).collect();
     use RouteDecision::{Reject, Select};
     assert_eq!(decisions, [Reject, Select, Reject, Select]);
-    let told: Vec<String> = routed(&predictions, &options(2, 0.0), 1).into_iter().map(|(.., why)| why).collect();
+    let reasons: Vec<String> = routed(&predictions, &options(2, 0.0), 1).into_iter().map(|(.., why)| why).collect();
     let rejected = |rank: u32| format!("reject: behind the budget, rank {rank} of 4");
-    assert_eq!(told, [rejected(4), "select: rank 1 of 4".into(), rejected(3), "select: rank 2 of 4".into()]);
+    assert_eq!(reasons, [rejected(4), "select: rank 1 of 4".into(), rejected(3), "select: rank 2 of 4".into()]);
     let all = routed(&predictions, &options(9, 0.0), 1);
     assert!(all.iter().all(|(decision, ..)| *decision == Select), "{all:?}");
 }
@@ -207,15 +207,15 @@ fn the_weak_and_certain_leave_even_a_budget_unused_and_the_uncertain_do_not() {
     };
     let mut thresholds = options(2, 0.0);
     (thresholds.lambda_a, thresholds.lambda_u) = (0.2, 0.1);
-    let found = routed(&[weak(0.05), weak(0.5)], &thresholds, 1);
-    assert_eq!((found[0].0, found[1].0), (RouteDecision::Reject, RouteDecision::Select));
-    assert!(found[0].2.contains("weak and certain"), "{}", found[0].2);
+    let computed = routed(&[weak(0.05), weak(0.5)], &thresholds, 1);
+    assert_eq!((computed[0].0, computed[1].0), (RouteDecision::Reject, RouteDecision::Select));
+    assert!(computed[0].2.contains("weak and certain"), "{}", computed[0].2);
     // Either objective alone may be lost too much of; as much as declared is not too much.
     let loses =
         |attack: f64, realism: f64| Prediction { difference: Objectives { attack, realism }, ..prediction(0.5) };
     (thresholds.lambda_a, thresholds.lambda_r) = (0.2, 0.1);
-    let found = routed(&[loses(0.5, -0.11), loses(-0.2, -0.1), loses(-0.21, 0.5)], &thresholds, 1);
-    let decisions: Vec<RouteDecision> = found.into_iter().map(|(decision, ..)| decision).collect();
+    let computed = routed(&[loses(0.5, -0.11), loses(-0.2, -0.1), loses(-0.21, 0.5)], &thresholds, 1);
+    let decisions: Vec<RouteDecision> = computed.into_iter().map(|(decision, ..)| decision).collect();
     assert_eq!(decisions, [RouteDecision::Reject, RouteDecision::Select, RouteDecision::Reject]);
 }
 
@@ -226,9 +226,9 @@ fn audits_estimate_what_was_left_out_without_bias() {
     let (mut estimate, mut drawn) = (0.0, BTreeSet::new());
     let seeds = 2000;
     for seed in 0..seeds {
-        let found = routed(&predictions, &options(5, 0.4), seed);
+        let computed = routed(&predictions, &options(5, 0.4), seed);
         let audited: Vec<(usize, f64)> =
-            found.iter().enumerate().filter_map(|(place, (_, weight, _))| Some((place, (*weight)?))).collect();
+            computed.iter().enumerate().filter_map(|(place, (_, weight, _))| Some((place, (*weight)?))).collect();
         assert_eq!((audited.len(), audited.iter().map(|(_, weight)| weight).sum::<f64>()), (2, 7.0));
         estimate += audited.iter().filter(|(place, _)| [0, 5].contains(place)).map(|(_, weight)| weight).sum::<f64>();
         drawn.extend(audited.into_iter().map(|(place, _)| place));
@@ -242,8 +242,8 @@ fn audits_estimate_what_was_left_out_without_bias() {
 fn a_share_of_audits_that_is_no_whole_number_is_met_on_the_average() {
     let predictions: Vec<Prediction> = (0..10).map(|k| prediction(f64::from(k))).collect();
     let audits = |seed: u64| {
-        let found = routed(&predictions, &options(3, 0.4), seed);
-        found.iter().filter(|(decision, ..)| *decision == RouteDecision::Audit).count()
+        let computed = routed(&predictions, &options(3, 0.4), seed);
+        computed.iter().filter(|(decision, ..)| *decision == RouteDecision::Audit).count()
     };
     // 1.2 of three places: one, and in a fifth of the epochs two.
     let counts: Vec<usize> = (0..500).map(audits).collect();
@@ -259,8 +259,8 @@ fn without_evidence_and_by_choice_the_budget_is_drawn() {
     for unranked in [random, scarce] {
         let mut counts = [0; 10];
         for seed in 0..400 {
-            let found = routed(&predictions, &unranked, seed);
-            let drawn = found.iter().enumerate().filter(|(_, (decision, ..))| *decision == RouteDecision::Audit);
+            let computed = routed(&predictions, &unranked, seed);
+            let drawn = computed.iter().enumerate().filter(|(_, (decision, ..))| *decision == RouteDecision::Audit);
             drawn.for_each(|(place, (_, weight, _))| {
                 counts[place] += 1;
                 assert_eq!(*weight, Some(2.0));
@@ -315,9 +315,9 @@ fn behind_a_pilot_candidates_are_ranked_however_few_were_labelled_before() {
     let predictions: Vec<Prediction> = (0..10).map(|k| prediction(f64::from(k))).collect();
     let pilot = Some(PilotOptions { scenes: 3, prior_scenes: 3.0 });
     let scarce = RoutingOptions { min_labels: 101, pilot, ..options(5, 0.0) };
-    let found = routed(&predictions, &scarce, 1);
+    let computed = routed(&predictions, &scarce, 1);
     let chosen = |(decision, ..): &(RouteDecision, Option<f64>, String)| *decision == RouteDecision::Select;
-    assert_eq!(found.iter().map(chosen).collect::<Vec<bool>>(), (0..10).map(|k| k >= 5).collect::<Vec<bool>>());
+    assert_eq!(computed.iter().map(chosen).collect::<Vec<bool>>(), (0..10).map(|k| k >= 5).collect::<Vec<bool>>());
 }
 
 #[test]
@@ -498,12 +498,12 @@ fn a_log_that_closes_in_gives_its_time_to_conflict() {
     scene.ego.track.samples = fixture::straight(scene.steps, Vec2::new(0.0, 0.0), 0.0, 10.0);
     scene.tracks.truncate(1);
     scene.tracks[0].samples = fixture::straight(scene.steps, Vec2::new(50.0, 0.0), 0.0, 5.0);
-    let found = Interaction::of(&scene);
+    let computed = Interaction::of(&scene);
     let last_s = (scene.steps - 1) as f64 * 0.1;
-    assert!((found.relative_distance_m_min - (50.0 - 5.0 * last_s)).abs() < 1e-9);
-    assert!((found.relative_speed_mps - 5.0).abs() < 1e-12);
-    assert!((found.time_to_conflict_s_min - (10.0 - last_s)).abs() < 1e-9);
-    assert!(found.route_deviation_m_min < 1e-9);
+    assert!((computed.relative_distance_m_min - (50.0 - 5.0 * last_s)).abs() < 1e-9);
+    assert!((computed.relative_speed_mps - 5.0).abs() < 1e-12);
+    assert!((computed.time_to_conflict_s_min - (10.0 - last_s)).abs() < 1e-9);
+    assert!(computed.route_deviation_m_min < 1e-9);
     scene.tracks.clear();
     assert_eq!(Interaction::of(&scene).time_to_conflict_s_min, 20.0);
 }
@@ -532,9 +532,9 @@ proptest! {
         prop_assert!(snapshot.digest().is_ok(), "a NaN has no digest");
         let router = Router::new(&snapshot).unwrap();
         for row in rows.iter().map(Vec::as_slice).chain([&[1e300, -1e300, 1e300, 0.0][..], &[0.0; 4][..]]) {
-            let found = router.predict(&xi(row, 1.0)).unwrap();
-            prop_assert!((0.0..=1.0).contains(&found.objectives.attack) && found.rank_score.is_finite());
-            prop_assert!(found.uncertainty().is_finite() && found.uncertainty() >= 0.0);
+            let computed = router.predict(&xi(row, 1.0)).unwrap();
+            prop_assert!((0.0..=1.0).contains(&computed.objectives.attack) && computed.rank_score.is_finite());
+            prop_assert!(computed.uncertainty().is_finite() && computed.uncertainty() >= 0.0);
         }
     }
 

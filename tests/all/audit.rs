@@ -31,8 +31,8 @@ fn accepted(exit: &Exit) -> bool {
 fn a_run_as_it_was_recorded_has_no_breach() {
     let breaches: Vec<_> = audit(&recorded()).into_iter().filter(|f| f.gravity == Gravity::Breach).collect();
     assert_eq!(breaches, []);
-    let told = run(&["fsck", finished().1.to_str().unwrap()]);
-    assert!(told.code == 0 && told.stdout.contains("audit:"), "{}", told.stdout);
+    let ran = run(&["fsck", finished().1.to_str().unwrap()]);
+    assert!(ran.code == 0 && ran.stdout.contains("audit:"), "{}", ran.stdout);
 }
 
 #[test]
@@ -181,9 +181,9 @@ fn fsck_finds_a_record_that_was_changed_and_chained_anew() {
     transcript.seal(&body).unwrap();
     transcript.flush().unwrap();
     drop(transcript);
-    let told = run(&["fsck", folder.to_str().unwrap()]);
-    assert_eq!(told.code, 5, "{}", told.stdout);
-    assert!(!told.stdout.contains("transcript.jsonl"), "the chain itself holds: {}", told.stdout);
-    assert!(told.stdout.contains("result.json: /result/lineages/0/evolved"), "{}", told.stdout);
-    assert!(told.stdout.contains("breach (result) cat-idm: "), "{}", told.stdout);
+    let ran = run(&["fsck", folder.to_str().unwrap()]);
+    assert_eq!(ran.code, 5, "{}", ran.stdout);
+    assert!(!ran.stdout.contains("transcript.jsonl"), "the chain itself holds: {}", ran.stdout);
+    assert!(ran.stdout.contains("result.json: /result/lineages/0/evolved"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("breach (result) cat-idm: "), "{}", ran.stdout);
 }

@@ -44,12 +44,12 @@ fn frozen_bundles_are_read_for_ever_and_carried_out_again_by_every_build_of_thei
             continue;
         }
         assert_eq!(ran.code, 0, "{}", ran.stderr);
-        let told: Value = serde_json::from_str(&ran.stdout).unwrap();
-        assert_eq!((&told["root"], &told["executed"]["rollouts"]), (&root.into(), &25.into()), "{told}");
+        let printed: Value = serde_json::from_str(&ran.stdout).unwrap();
+        assert_eq!((&printed["root"], &printed["executed"]["rollouts"]), (&root.into(), &25.into()), "{printed}");
         assert_eq!(
-            (&told["replayed"]["answers"], &told["replayed"]["models"][0]),
+            (&printed["replayed"]["answers"], &printed["replayed"]["models"][0]),
             (&47.into(), &"scripted".into()),
-            "{told}"
+            "{printed}"
         );
     }
     let ran = bundle(&["verify", ALL_FROZEN[0].0]);
@@ -222,8 +222,8 @@ fn keys(dir: &Path, name: &str) -> Option<(PathBuf, PathBuf)> {
         skip("openssl is not installed: signatures with keys that it makes");
         return None;
     }
-    let told = Command::new("openssl").args(["pkey", "-in", path(&key), "-pubout", "-out", path(&public)]).output();
-    assert!(told.unwrap().status.success());
+    let printed = Command::new("openssl").args(["pkey", "-in", path(&key), "-pubout", "-out", path(&public)]).output();
+    assert!(printed.unwrap().status.success());
     Some((key, public))
 }
 

@@ -108,8 +108,8 @@ fn a_recording_loses_no_answer_of_another_experiment_unless_it_is_told_to() {
     let refused = call("record", &path, &out, &elsewhere);
     assert!(refused.code == 2 && refused.stderr.contains("did not ask for"), "{}", refused.stderr);
     assert_eq!(std::fs::read(&cassette).unwrap(), before);
-    let told = call("record", &path, &out, &[&elsewhere[..], &["--overwrite"]].concat());
-    assert_eq!(told.code, 0, "{}", told.stderr);
+    let answered = call("record", &path, &out, &[&elsewhere[..], &["--overwrite"]].concat());
+    assert_eq!(answered.code, 0, "{}", answered.stderr);
     assert_ne!(std::fs::read(&cassette).unwrap(), before);
     // A missing answer proposes the command with everything that decides what is asked.
     let missed = call("run", &path, &folder.path().join("m"), &[]);
@@ -137,8 +137,8 @@ fn a_cassette_of_another_pool_is_called_that_before_a_folder_is_made_and_one_of_
     assert_eq!(std::fs::read(folder.path().join("mine.jsonl")).unwrap(), before);
     let plan = ["plan", path.to_str().unwrap(), "--out", elsewhere.to_str().unwrap()];
     let planned = Ran::of(evodrive().args(plan).args(other));
-    let told = planned.stderr.contains("was recorded on another scene pool");
-    assert!(planned.code == 3 && told, "{}", planned.stderr);
+    let answered = planned.stderr.contains("was recorded on another scene pool");
+    assert!(planned.code == 3 && answered, "{}", planned.stderr);
     // Scenes of its own beside others: what is missing then is an answer, not the pool.
     let more = call("run", &path, &elsewhere, &["--set", "scenes.count=14"]);
     assert!(more.code == 3 && !more.stderr.contains("another scene pool"), "{}", more.stderr);

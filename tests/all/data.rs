@@ -76,10 +76,11 @@ fn tables_say_what_the_record_says_and_join() {
     }
     assert!(met >= 5 && missed >= 5, "{met} contacts, {missed} without");
     // The dictionary has every column of every table.
-    let told: BTreeSet<(&String, &String)> = dictionary.iter().map(|row| (&row["table"], &row["column"])).collect();
+    let described: BTreeSet<(&String, &String)> =
+        dictionary.iter().map(|row| (&row["table"], &row["column"])).collect();
     for (table, rows) in [("attempts", &attempts), ("labels", &labels), ("rollouts", &rollouts)] {
         for column in rows[0].keys() {
-            assert!(told.contains(&(&table.to_string(), column)), "{table}.{column} is not explained");
+            assert!(described.contains(&(&table.to_string(), column)), "{table}.{column} is not explained");
         }
     }
     assert!(dictionary.iter().all(|row| row["meaning"].len() > 5));

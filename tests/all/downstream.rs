@@ -167,11 +167,11 @@ fn a_bent_record_and_a_changed_study_are_found() {
 #[test]
 fn a_study_that_cannot_be_carried_out_is_refused_with_file_and_key() {
     let folder = tempfile::tempdir().unwrap();
-    let refused = |change: &dyn Fn(&mut toml::Table), told: &str| {
+    let refused = |change: &dyn Fn(&mut toml::Table), reason: &str| {
         let path = study(folder.path(), change);
         let ran = downstream(&path, &["--record"]);
         assert_eq!(ran.code, 2, "{}", ran.stderr);
-        assert!(ran.stderr.contains("study.toml") && ran.stderr.contains(told), "{told}: {}", ran.stderr);
+        assert!(ran.stderr.contains("study.toml") && ran.stderr.contains(reason), "{reason}: {}", ran.stderr);
     };
     refused(
         &|table| drop(table.insert("seeds".into(), toml::Value::Array(vec![]))),

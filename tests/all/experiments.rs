@@ -304,7 +304,7 @@ fn evodrive(dir: &Path, args: &[&str]) -> (i32, String) {
 #[test]
 fn a_refused_experiment_leaves_no_file() {
     let cassette = Path::new(env!("CARGO_MANIFEST_DIR")).join("cassettes/quickstart.jsonl");
-    for (table, told) in [
+    for (table, reason) in [
         ("[selector]\ntolerance = -1.0", "selector.tolerance is -1.0, expected a number from 0 to 1"),
         ("[curation]\ndigits = 99", "curation.digits is 99, expected a whole number from 0 to 9"),
         ("[world]\nbeta_attack = 7.0", "world.beta_attack is 7.0, expected a number from 0 to 1"),
@@ -316,7 +316,7 @@ fn a_refused_experiment_leaves_no_file() {
         for command in ["run", "record"] {
             let (code, text) = evodrive(dir.path(), &[command, "own.toml", "--cassette", cassette.to_str().unwrap()]);
             assert_eq!(code, 2, "{table}: {text}");
-            assert!(text.contains(told), "{table}: {text}");
+            assert!(text.contains(reason), "{table}: {text}");
             let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
             assert_eq!(left, ["own.toml"], "{table}");
         }

@@ -134,9 +134,9 @@ fn an_answer_that_cannot_be_written_is_no_success() {
     let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") else {
         return crate::harness::skip("no /dev/full");
     };
-    let told = evodrive().args(["fsck", folder.to_str().unwrap()]).stdout(full).output().unwrap();
-    let words = String::from_utf8_lossy(&told.stderr);
-    assert_eq!(told.status.code(), Some(2), "{words}");
+    let printed = evodrive().args(["fsck", folder.to_str().unwrap()]).stdout(full).output().unwrap();
+    let words = String::from_utf8_lossy(&printed.stderr);
+    assert_eq!(printed.status.code(), Some(2), "{words}");
     assert!(words.contains("standard output") && words.contains("make room"), "{words}");
 }
 

@@ -120,7 +120,7 @@ struct Client {
     live: Live,
     ledger: Arc<Ledger>,
     waits: Arc<Mutex<Vec<u64>>>,
-    told: Arc<Mutex<Vec<String>>>,
+    printed: Arc<Mutex<Vec<String>>>,
     _dir: tempfile::TempDir,
 }
 
@@ -145,11 +145,11 @@ fn client_with(key: &str, kind: &str, options: &ClientOptions, tokens_max: u64) 
     let log = waits.clone();
     let pause = Arc::new(move |wait: Duration| log.lock().unwrap().push(wait.as_secs()));
     let now = Arc::new(|| Duration::from_secs(784_110_600));
-    let told = Arc::new(Mutex::new(Vec::new()));
-    let log = told.clone();
+    let printed = Arc::new(Mutex::new(Vec::new()));
+    let log = printed.clone();
     let outside = Outside { pause, now, tell: Arc::new(move |line: &str| log.lock().unwrap().push(line.to_string())) };
     let live = Live::new("m", kind, options, Some(Secret::new(key).unwrap()), ledger.clone(), outside).unwrap();
-    Client { live, ledger, waits, told, _dir: dir }
+    Client { live, ledger, waits, printed, _dir: dir }
 }
 
 fn openai(server: &Server) -> Client {
@@ -327,8 +327,8 @@ fn a_connection_that_breaks_after_the_request_counts_as_if_it_had_been_answered(
 
 #[test]
 fn a_refused_request_is_asked_once_and_the_key_is_cut_out_of_the_servers_words() {
-    let told = format!("Incorrect API key provided: {KEY}.\nSee your account.");
-    let server = Server::start(move |_, _| Some(Reply::status(401, json!({"error": {"message": told}}))));
+    let printed = format!("Incorrect API key provided: {KEY}.\nSee your account.");
+    let server = Server::start(move |_, _| Some(Reply::status(401, json!({"error": {"message": printed}}))));
     let client = openai(&server);
     let error = client.error();
     let expected = "HTTP 401: Incorrect API key provided: [api key]. See your account.";
@@ -366,25 +366,25 @@ fn spelled(key: &str) -> Vec<String> {
 #[test]
 fn no_spelling_of_the_key_comes_through_by_any_path() {
     const RESERVED: &str = "sk/te+st=0123456789&abcdef";
-    let with = |place: &'static str, told: String| -> Reply {
+    let with = |place: &'static str, printed: String| -> Reply {
         let mut answer = json!({
             "model": "m-1", "system_fingerprint": "f-1", "usage": {"prompt_tokens": 9, "completion_tokens": 9},
             "choices": [{"finish_reason": "stop", "message": {"role": "assistant", "content": "fine"}}],
         });
         match place {
-            "content" => answer["choices"][0]["message"]["content"] = told.into(),
-            "model" | "system_fingerprint" => answer[place] = told.into(),
-            "refusal" => answer["choices"][0]["message"] = json!({"content": null, "refusal": told}),
-            "finish_reason" => answer["choices"][0] = json!({"finish_reason": told, "message": {"content": ""}}),
-            "no protocol" => answer = json!({ told: 1 }),
-            "status" => return Reply::status(401, json!({"error": {"message": told}})),
-            _ => return Reply { body: told.into_bytes(), ..chat("") },
+            "content" => answer["choices"][0]["message"]["content"] = printed.into(),
+            "model" | "system_fingerprint" => answer[place] = printed.into(),
+            "refusal" => answer["choices"][0]["message"] = json!({"content": null, "refusal": printed}),
+            "finish_reason" => answer["choices"][0] = json!({"finish_reason": printed, "message": {"content": ""}}),
+            "no protocol" => answer = json!({ printed: 1 }),
+            "status" => return Reply::status(401, json!({"error": {"message": printed}})),
+            _ => return Reply { body: printed.into_bytes(), ..chat("") },
         }
         Reply::json(answer)
     };
     let places =
         ["content", "model", "system_fingerprint", "refusal", "finish_reason", "no protocol", "status", "no JSON"];
-    let (mut canaries, mut told) = (0, Vec::new());
+    let (mut canaries, mut printed) = (0, Vec::new());
     for place in places {
         for text in spelled(RESERVED) {
             canaries += 1;
@@ -397,11 +397,11 @@ fn no_spelling_of_the_key_comes_through_by_any_path() {
                 Err(error) => format!("{error} {error:?}"),
             };
             if kept.contains(&text) || kept.contains(&text.replace('\\', "\\\\")) {
-                told.push(format!("{place}, {text}: {kept}"));
+                printed.push(format!("{place}, {text}: {kept}"));
             }
         }
     }
-    assert!(canaries >= 50 && told.is_empty(), "{} of {canaries}: {told:#?}", told.len());
+    assert!(canaries >= 50 && printed.is_empty(), "{} of {canaries}: {printed:#?}", printed.len());
 }
 
 #[test]
@@ -413,8 +413,8 @@ fn a_redirect_is_not_followed() {
         let server = Server::start(move |_, _| {
             Some(Reply { headers: vec![("location", to.clone())], ..Reply::status(status, json!({})) })
         });
-        let told = openai(&server).error().to_string();
-        assert!(told.contains(&target), "{told}");
+        let printed = openai(&server).error().to_string();
+        assert!(printed.contains(&target), "{printed}");
         assert_eq!((server.received().len(), other.received().len()), (asked, 0), "{status}");
     }
 }
@@ -432,14 +432,14 @@ fn what_is_not_the_protocol_is_asked_again_and_said_so_in_the_end() {
 #[test]
 fn an_error_told_with_200_is_asked_again_as_that_error_and_costs_nothing() {
     let busy = json!({"id": null, "choices": null, "error": {"message": "Provider returned error", "code": 429}});
-    let told = busy.clone();
+    let printed = busy.clone();
     let server = Server::start(move |before, _| Some(if before == 0 { Reply::json(busy.clone()) } else { chat("{}") }));
     let client = openai(&server);
     client.ask().unwrap();
     assert_eq!((client.waits.lock().unwrap().as_slice(), client.used()), ([1].as_slice(), Tokens::new(120, 30)));
-    let server = Server::start(move |_, _| Some(Reply::json(told.clone())));
+    let server = Server::start(move |_, _| Some(Reply::json(printed.clone())));
     let error = openai(&server).error();
-    let expected = "error 429 told with HTTP 200: Provider returned error";
+    let expected = "error 429 inside HTTP 200: Provider returned error";
     assert!(matches!(&error, ModelError::Transport { attempts: 3, reason, .. } if reason == expected), "{error}");
 }
 
@@ -471,8 +471,11 @@ fn half_a_character_is_an_error_of_its_own_and_an_unusable_reply_where_such_are_
 fn a_grammar_that_is_refused_names_the_setting_to_change() {
     let words = "Failed to initialize samplers: failed to parse grammar";
     let server = Server::start(move |_, _| Some(Reply::status(400, json!({"error": {"code": 400, "message": words}}))));
-    let told = openai(&server).error().to_string();
-    assert!(told.contains(words) && told.contains("response_format") && told.contains("[models.m]"), "{told}");
+    let printed = openai(&server).error().to_string();
+    assert!(
+        printed.contains(words) && printed.contains("response_format") && printed.contains("[models.m]"),
+        "{printed}"
+    );
 }
 
 #[test]
@@ -500,9 +503,9 @@ fn a_server_that_cuts_prompts_is_warned_of_once_with_the_context_to_set() {
         client.live.complete(&Request { messages: vec![long.clone()], ..request }).unwrap();
     }
     client.ask().unwrap();
-    let told = client.told.lock().unwrap().clone();
-    assert!(told.len() == 1 && told[0].contains("models.m: the server counts 2048 tokens"), "{told:?}");
-    assert!(told[0].contains("a context of 16384 tokens"), "{told:?}");
+    let printed = client.printed.lock().unwrap().clone();
+    assert!(printed.len() == 1 && printed[0].contains("models.m: the server counts 2048 tokens"), "{printed:?}");
+    assert!(printed[0].contains("a context of 16384 tokens"), "{printed:?}");
 }
 
 #[test]
@@ -529,7 +532,7 @@ fn the_example_program_asks_any_chat_completions_address() {
     }
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/chat/chat.py");
     let ask = |server: &Server| {
-        let told = json!({"model": "mine-1", "sampling": {"max_tokens": 9.0, "temperature": 0.5}, "schema": {},
+        let printed = json!({"model": "mine-1", "sampling": {"max_tokens": 9.0, "temperature": 0.5}, "schema": {},
             "messages": [{"role": "system", "text": "Be strict."}, {"role": "user", "text": "Task ü."}]});
         let mut child = std::process::Command::new("python3")
             .arg(&program)
@@ -540,7 +543,7 @@ fn the_example_program_asks_any_chat_completions_address() {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
-        child.stdin.take().unwrap().write_all(told.to_string().as_bytes()).unwrap();
+        child.stdin.take().unwrap().write_all(printed.to_string().as_bytes()).unwrap();
         child.wait_with_output().unwrap()
     };
     let server = Server::start(|_, _| Some(chat("{\"a\": 1}")));
@@ -722,15 +725,15 @@ fn a_recorded_run_is_replayed_without_server_and_key_and_nothing_holds_the_key()
             && !cassette.contains(&server.url)
             && !cassette.contains("EVODRIVE_TEST_KEY")
     );
-    let told = Cassette::load(&place.path("cassette.jsonl")).unwrap();
-    assert_eq!(told.exchanges().iter().filter(|e| e.metadata.is_some()).count(), asked);
+    let printed = Cassette::load(&place.path("cassette.jsonl")).unwrap();
+    assert_eq!(printed.exchanges().iter().filter(|e| e.metadata.is_some()).count(), asked);
     for file in files_below(place.dir.path()) {
         let bytes = std::fs::read(&file).unwrap();
         assert!(!bytes.windows(KEY.len()).any(|part| part == KEY.as_bytes()), "{}", file.display());
     }
     // Without its metadata the cassette gives the same run: they are for the reader.
     let mut bare = Cassette::new("bare");
-    told.exchanges().iter().for_each(|e| bare.push(&e.request(), e.bytes.clone()).unwrap());
+    printed.exchanges().iter().for_each(|e| bare.push(&e.request(), e.bytes.clone()).unwrap());
     let elsewhere = Place::new();
     bare.save(&elsewhere.path("cassette.jsonl"), "bare").unwrap();
     let replayed = elsewhere.carry_out("run", &experiment(&server, 1), None);

@@ -134,12 +134,12 @@ fn ctrl_c_ends_a_run_cleanly_and_says_how_it_goes_on() {
     let args = ["run", "experiments/quickstart.toml", "--no-report", "--out", out.path().to_str().unwrap()];
     let (mut child, mut stderr) = until(evodrive().args(args), "/e0 settled");
     interrupt(&child);
-    let mut told = String::new();
-    std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+    let mut printed = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut printed).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{printed}");
     let folder = folder_below(out.path());
     let command = format!("resume {}", folder.display());
-    assert!(told.contains("interrupted") && told.contains(&command), "{told}");
+    assert!(printed.contains("interrupted") && printed.contains(&command), "{printed}");
     assert_eq!(latest(out.path()), None, "it is not finished");
     assert!(!folder.join("result.json").exists());
     assert_eq!(run(&["fsck", "--read", folder.to_str().unwrap()]).code, 0);
@@ -161,9 +161,9 @@ fn ctrl_c_ends_a_recording_that_waits_for_a_reply_and_the_question_stays() {
     let args = ["record", path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()];
     let (mut child, mut stderr) = until(evodrive().args(args), "waits for a reply");
     interrupt(&child);
-    let mut told = String::new();
-    std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+    let mut printed = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut printed).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{printed}");
     let run_folder = folder_below(&out);
     let question = files(&run_folder.join("exchange/me"), ".request.md");
     assert_eq!(question.len(), 1, "the question stays");
@@ -213,12 +213,12 @@ impl Waits {
         });
         assert!(come, "nobody was asked");
         interrupt(&child);
-        let mut told = String::new();
-        std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
-        assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+        let mut printed = String::new();
+        std::io::Read::read_to_string(&mut stderr, &mut printed).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{printed}");
         let command = format!("resume {}", folder_below(&out).display());
-        assert!(told.contains("replies have 3 s left") && told.contains(&command), "{told}");
-        told
+        assert!(printed.contains("replies have 3 s left") && printed.contains(&command), "{printed}");
+        printed
     }
 }
 
@@ -310,10 +310,10 @@ fn ctrl_c_ends_a_training_at_its_checkpoint_which_it_goes_on_from() {
     let train = ["train", "small.toml", "--out", "weights", "--checkpoints", "kept"];
     let (mut child, mut stderr) = until(evodrive().args(train).current_dir(folder.path()), "validation: ");
     interrupt(&child);
-    let mut told = String::new();
-    std::io::Read::read_to_string(&mut stderr, &mut told).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
-    let proposed = told.split_once("to go on: ").expect("a command").1.lines().next().unwrap();
+    let mut printed = String::new();
+    std::io::Read::read_to_string(&mut stderr, &mut printed).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{printed}");
+    let proposed = printed.split_once("to go on: ").expect("a command").1.lines().next().unwrap();
     assert!(proposed.ends_with("train small.toml --out weights --checkpoints kept --resume"), "{proposed}");
     let more = Ran::of(evodrive().args(train).args(["--resume", "--evaluations", "1"]).current_dir(folder.path()));
     assert!(more.code == 0 && more.stderr.contains("goes on after "), "{}", more.stderr);

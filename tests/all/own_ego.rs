@@ -237,14 +237,14 @@ fn scenes_in_which_the_planner_ends_are_counted_where_the_result_is_told() {
         folder.path().join("a").to_str().unwrap(),
     ]));
     assert_eq!(recorded.code, 0, "{}", recorded.stderr);
-    let told = recorded.stdout.lines().find(|line| line.contains("held-out scenes the parent is labelled in"));
-    let told = told.unwrap_or_else(|| panic!("{}", recorded.stdout));
-    assert!(told.contains("of 6 held-out scenes") && told.contains("the process ended"), "{told}");
+    let line = recorded.stdout.lines().find(|line| line.contains("held-out scenes the parent is labelled in"));
+    let line = line.unwrap_or_else(|| panic!("{}", recorded.stdout));
+    assert!(line.contains("of 6 held-out scenes") && line.contains("the process ended"), "{line}");
     // What the planner printed before it ended may hold anything and stands in no record.
-    assert!(!told.contains("sensor lost"), "{told}");
+    assert!(!line.contains("sensor lost"), "{line}");
     let page = crate::harness::folder_below(&folder.path().join("a")).join("report.html");
     let report = crate::harness::report_data(&std::fs::read_to_string(page).unwrap());
-    assert_eq!(report[0]["unlabelled"][0], told);
+    assert_eq!(report[0]["unlabelled"][0], line);
     // So are those of the choice among finalists, which no held-out number shows.
     let choice = report[0]["unlabelled"][1].as_str().unwrap();
     assert!(choice.contains("evolution scenes a program that was compared for the choice has no label"), "{choice}");
@@ -254,8 +254,8 @@ fn scenes_in_which_the_planner_ends_are_counted_where_the_result_is_told() {
     assert_eq!(laid_out.code, 0, "{}", laid_out.stderr);
     let listed = std::fs::read_to_string(tables.join("unlabelled.csv")).unwrap();
     let parents = listed.lines().filter(|line| line.starts_with("cat-mine,cat-mine/parent,held_out,")).count();
-    let all: usize = told.split(" is labelled in ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
-    assert!(parents == 6 - all && listed.contains("the process ended"), "{listed}\n{told}");
+    let all: usize = line.split(" is labelled in ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(parents == 6 - all && listed.contains("the process ended"), "{listed}\n{line}");
 }
 
 #[test]

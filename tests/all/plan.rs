@@ -87,6 +87,6 @@ fn what_nobody_recorded_is_priced_as_the_experiment_declares() {
     let bytes: Vec<f64> =
         found["missing"].as_array().unwrap().iter().map(|of| (of["bytes"].as_f64().unwrap() / 4.0).ceil()).collect();
     let usd = bytes.iter().map(|tokens| (tokens * 2.0 + 1500.0 * 8.0) / 1e6).sum::<f64>();
-    let told = found["usd_estimate"]["known"].as_f64().unwrap();
-    assert!(bytes.len() == 2 && (told - usd).abs() < 1e-9, "{told}, {usd}");
+    let printed = found["usd_estimate"]["known"].as_f64().unwrap();
+    assert!(bytes.len() == 2 && (printed - usd).abs() < 1e-9, "{printed}, {usd}");
 }

@@ -25,7 +25,7 @@ use serde_json::Value;
 use crate::harness::{Ran, evodrive, files, folder_below, home, run};
 use crate::quickstart::finished;
 
-fn story(folder: &Path) -> RecordedRun {
+fn read_run(folder: &Path) -> RecordedRun {
     RecordedRun::read(&read_events(&folder.join("transcript.jsonl")).unwrap()).unwrap()
 }
 
@@ -39,8 +39,8 @@ fn json(ran: &Ran) -> Value {
 }
 
 /// The evaluated attempt of a lineage that acts in most scenes of those that attack most often.
-fn attacker(story: &RecordedRun, lineage: &str) -> (String, Score) {
-    let labelled = story.attempts.iter().filter(|attempt| attempt.lineage.as_str() == lineage);
+fn attacker(recorded_run: &RecordedRun, lineage: &str) -> (String, Score) {
+    let labelled = recorded_run.attempts.iter().filter(|attempt| attempt.lineage.as_str() == lineage);
     let mut found: Vec<(String, Score)> =
         labelled.filter_map(|attempt| Some((attempt.id.to_string(), attempt.exit.score()?.clone()))).collect();
     found.sort_by(|(_, a), (_, b)| b.objectives.attack.total_cmp(&a.objectives.attack));
@@ -77,7 +77,7 @@ fn exported() -> &'static (tempfile::TempDir, PathBuf, String, Score) {
     static FILE: OnceLock<(tempfile::TempDir, PathBuf, String, Score)> = OnceLock::new();
     FILE.get_or_init(|| {
         let (_, folder) = finished();
-        let (attempt, score) = attacker(&story(folder), "cat-idm");
+        let (attempt, score) = attacker(&read_run(folder), "cat-idm");
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("cat.json");
         export(folder, &attempt, &file);
@@ -88,10 +88,10 @@ fn exported() -> &'static (tempfile::TempDir, PathBuf, String, Score) {
 #[test]
 fn an_exported_program_has_the_labels_of_its_run_bit_for_bit_and_exports_are_equal() {
     let (_, folder) = finished();
-    let story = story(folder);
+    let recorded_run = read_run(folder);
     let dir = tempfile::tempdir().unwrap();
     for lineage in ["cat-idm", "at-idm"] {
-        let (attempt, score) = attacker(&story, lineage);
+        let (attempt, score) = attacker(&recorded_run, lineage);
         let (one, two) = (dir.path().join("one.json"), dir.path().join("two.json"));
         assert_eq!(export(folder, &attempt, &one), export(folder, &attempt, &two));
         let printed = run(&["program", "export", path(folder), &attempt]);
@@ -99,7 +99,7 @@ fn an_exported_program_has_the_labels_of_its_run_bit_for_bit_and_exports_are_equ
         let applied = apply(&one, &score.scenes);
         // Requests and records are digests of all that went in and came out: the intervention's outcome included.
         assert_eq!(labels(&applied["program"]["score"]), recorded(&score), "{attempt}");
-        let first = story.frozen.iter().find(|f| f.lineage.as_str() == lineage && f.epoch == 0).unwrap();
+        let first = recorded_run.frozen.iter().find(|f| f.lineage.as_str() == lineage && f.epoch == 0).unwrap();
         let parent = dir.path().join("parent.json");
         export(folder, &format!("{lineage}/parent"), &parent);
         let applied = apply(&parent, &first.parent_score.scenes);
@@ -203,7 +203,7 @@ fn a_lineage_starts_from_an_exported_program_and_carries_it_in_its_run() {
         recorded_run.stdout
     );
     let folder = folder_below(&out);
-    let further = story(&folder);
+    let further = read_run(&folder);
     assert_eq!(further.parents[0].origins[0].solution.as_str(), attempt);
     let first = &further.frozen[0].parent_score;
     let ours: BTreeMap<String, Value> = labels(&apply(&exported().1, &first.scenes)["program"]["score"]);
@@ -360,8 +360,8 @@ fn staged_scenes_are_scored_by_safebenchs_rates() {
 fn counsel_travels_for_its_scenes_and_is_missed_in_others() {
     let dir = tempfile::tempdir().unwrap();
     let pool = read_pool(&finished().1.join("scenes.pool")).unwrap();
-    let story = story(&finished().1);
-    let names: Vec<&String> = story.opened.evolution_scenes.iter().take(3).collect();
+    let recorded_run = read_run(&finished().1);
+    let names: Vec<&String> = recorded_run.opened.evolution_scenes.iter().take(3).collect();
     let advised = |track: usize| {
         let scene = pool.scene(names[0]).unwrap();
         CarriedCounsel { scene: scene.digest(), counsel: Counsel { attackers: vec![track] } }
@@ -376,10 +376,10 @@ fn counsel_travels_for_its_scenes_and_is_missed_in_others() {
     };
     let (with, without) = (play([(names[0].clone(), advised(0))].into()), play(BTreeMap::new()));
     assert_eq!((&with["counselled"], &without["counselled"]), (&Value::from(1), &Value::from(0)));
-    let told = |part: &str| with["notes"].as_array().unwrap().iter().any(|note| note.as_str().unwrap().contains(part));
-    assert!(told("for 1 of these 3 scenes"), "{}", with["notes"]);
+    let noted = |part: &str| with["notes"].as_array().unwrap().iter().any(|note| note.as_str().unwrap().contains(part));
+    assert!(noted("for 1 of these 3 scenes"), "{}", with["notes"]);
     // Nobody evolved or chose it on these scenes.
-    assert!(told("its lineage's own parent") && !told("by its labels there"), "{}", with["notes"]);
+    assert!(noted("its lineage's own parent") && !noted("by its labels there"), "{}", with["notes"]);
     let (with, without) = (labels(&with["program"]["score"]), labels(&without["program"]["score"]));
     assert_ne!(with[names[0]]["request"], without[names[0]]["request"]);
     assert_eq!(with[names[1]], without[names[1]]);
@@ -391,8 +391,8 @@ fn counsel_travels_for_its_scenes_and_is_missed_in_others() {
 #[test]
 fn attempts_that_left_no_program_and_unknown_names_are_told() {
     let (_, folder) = finished();
-    let story = story(folder);
-    let declined = story.attempts.iter().find(|attempt| attempt.exit.candidate().is_none()).unwrap();
+    let recorded_run = read_run(folder);
+    let declined = recorded_run.attempts.iter().find(|attempt| attempt.exit.candidate().is_none()).unwrap();
     let ran = run(&["program", "show", path(folder), declined.id.as_str()]);
     assert_eq!(ran.code, 2);
     assert!(ran.stderr.contains("so there is no program"), "{}", ran.stderr);

@@ -199,9 +199,9 @@ fn the_result_matches_its_golden_text() {
 #[test]
 fn the_tables_of_a_terminal_keep_to_its_width_and_say_what_markdown_says() {
     let events = read_events(&finished().1.join("transcript.jsonl")).unwrap();
-    let stories = [RecordedRun::read(&events).unwrap()];
+    let runs = [RecordedRun::read(&events).unwrap()];
     let words = |text: &str| text.split(|c: char| !c.is_alphanumeric()).map(String::from).collect::<BTreeSet<_>>();
-    for (name, table) in [("metadrive-main", metadrive_main(&stories)), ("proposals", proposals(&stories))] {
+    for (name, table) in [("metadrive-main", metadrive_main(&runs)), ("proposals", proposals(&runs))] {
         let table = table.unwrap();
         let shown = plain(&table, 80);
         let (columns, _) = shown.split_once("\n- ").unwrap();
@@ -227,9 +227,9 @@ fn the_tables_of_the_run_hold_its_result_with_intervals_and_what_is_missing() {
     let folder = finished().1.to_str().unwrap();
     let result: serde_json::Value =
         serde_json::from_slice(&std::fs::read(finished().1.join("result.json")).unwrap()).unwrap();
-    let told = run(&["--json", "table", "metadrive-policy", "--run", folder]);
-    assert_eq!(told.code, 0, "{}", told.stderr);
-    let table: serde_json::Value = serde_json::from_str(&told.stdout).unwrap();
+    let printed = run(&["--json", "table", "metadrive-policy", "--run", folder]);
+    assert_eq!(printed.code, 0, "{}", printed.stderr);
+    let table: serde_json::Value = serde_json::from_str(&printed.stdout).unwrap();
     let rows = table["rows"].as_array().unwrap();
     let measured: Vec<&serde_json::Value> = rows.iter().filter(|row| row["missing"] == false).collect();
     assert_eq!((rows.len(), measured.len()), (11, 4), "the recorded scenes without a program stand first");
@@ -353,9 +353,9 @@ fn an_attempts_rollouts_are_exported_as_played_and_come_back() {
         let wanted = ["scenes", "export", "--run", folder, "--attempt", &attempt, "--format", format, "--out", out];
         let ran = run(&[&["--json"], &wanted[..]].concat());
         assert_eq!(ran.code, 0, "{}", ran.stderr);
-        let told: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+        let printed: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
         let exported: Vec<&str> =
-            told["scenes"].as_array().unwrap().iter().map(|s| s["scene"].as_str().unwrap()).collect();
+            printed["scenes"].as_array().unwrap().iter().map(|s| s["scene"].as_str().unwrap()).collect();
         assert!(exported.len() >= 10 && exported.iter().all(|id| id.ends_with(&attempt)), "{exported:?}");
         let back = run(&["--json", "scenes", "list", out]);
         let back: serde_json::Value = serde_json::from_str(&back.stdout).unwrap();
@@ -376,8 +376,8 @@ fn a_rollout_is_exported_for_players_and_drawn_with_its_logged_adversary() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let show = run(&["--json", "show", &attempt, "--run", folder]);
-    let told: serde_json::Value = serde_json::from_str(&show.stdout).unwrap();
-    let labelled = told["attempt"]["exit"]["score"]["scenes"].as_array().unwrap();
+    let printed: serde_json::Value = serde_json::from_str(&show.stdout).unwrap();
+    let labelled = printed["attempt"]["exit"]["score"]["scenes"].as_array().unwrap();
     let scene = labelled.iter().find(|s| s["acted"] == true).unwrap()["scene"].as_str().unwrap();
     let of = ["--run", folder, "--attempt", &attempt, "--scene", scene];
     let (svg, html, out) = (at("r.svg"), at("r.html"), at("out"));

@@ -12,12 +12,9 @@ use crate::quickstart::finished;
 /// As in the quickstart.
 const SELECTOR: SelectorOptions = SelectorOptions { realism_min: 0.95, tolerance: 0.05 };
 
-fn attempts(story: &RecordedRun) -> Vec<Value> {
-    report_data(&html(
-        story,
-        &Stage::default(),
-        &Beside { selector: &SELECTOR, cost: None, agreement: None, live: None },
-    ))[0]["attempts"]
+fn attempts(run: &RecordedRun) -> Vec<Value> {
+    report_data(&html(run, &Stage::default(), &Beside { selector: &SELECTOR, cost: None, agreement: None, live: None }))
+        [0]["attempts"]
         .as_array()
         .unwrap()
         .clone()
@@ -27,18 +24,18 @@ fn attempts(story: &RecordedRun) -> Vec<Value> {
 /// out, and what the charts draw of one is the same.
 #[test]
 fn attempts_of_a_large_run_are_told_in_short_but_for_the_accepted_ones() {
-    let mut story = RecordedRun::read(&read_events(&finished().1.join("transcript.jsonl")).unwrap()).unwrap();
-    let whole = attempts(&story);
-    assert_eq!(whole.len(), story.attempts.len());
+    let mut run = RecordedRun::read(&read_events(&finished().1.join("transcript.jsonl")).unwrap()).unwrap();
+    let whole = attempts(&run);
+    assert_eq!(whole.len(), run.attempts.len());
     assert!(whole.iter().all(|attempt| attempt.get("in_short").is_none()), "a small run is told whole");
     let accepted: Vec<bool> =
-        story.attempts.iter().map(|a| a.exit.decision().is_some_and(|decision| decision.gates.any())).collect();
+        run.attempts.iter().map(|a| a.exit.decision().is_some_and(|decision| decision.gates.any())).collect();
     assert!(accepted.contains(&true) && accepted.contains(&false), "the run has both");
 
     let copies = 1_000 / whole.len() + 1;
-    story.attempts = std::iter::repeat_n(story.attempts.clone(), copies).flatten().collect();
-    let large = attempts(&story);
-    assert_eq!(large.len(), story.attempts.len());
+    run.attempts = std::iter::repeat_n(run.attempts.clone(), copies).flatten().collect();
+    let large = attempts(&run);
+    assert_eq!(large.len(), run.attempts.len());
     for (at, attempt) in large.iter().enumerate() {
         let before = &whole[at % whole.len()];
         if accepted[at % whole.len()] {

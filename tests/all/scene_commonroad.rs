@@ -48,10 +48,10 @@ fn steps_of_a_fifth_of_a_second_are_interpolated_and_regions_stand_for_their_mid
 #[test]
 fn what_is_left_out_is_named_with_its_reason() {
     let imported = imported("two_lanes_2018b.xml");
-    let told: Vec<String> = imported.left_out.iter().map(|l| format!("{}: {}", l.what, l.reason)).collect();
-    assert_eq!(told.len(), 2);
-    assert!(told[0].contains("obstacle 13") && told[0].contains("occupancies"), "{}", told[0]);
-    assert!(told[1].contains("#101") && told[1].contains("does not start in a lane"), "{}", told[1]);
+    let left_out: Vec<String> = imported.left_out.iter().map(|l| format!("{}: {}", l.what, l.reason)).collect();
+    assert_eq!(left_out.len(), 2);
+    assert!(left_out[0].contains("obstacle 13") && left_out[0].contains("occupancies"), "{}", left_out[0]);
+    assert!(left_out[1].contains("#101") && left_out[1].contains("does not start in a lane"), "{}", left_out[1]);
 }
 
 #[test]

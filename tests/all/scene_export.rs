@@ -181,9 +181,13 @@ fn commonroad_files_are_valid_by_the_schema() {
         }
         ran => {
             let ran = ran.unwrap();
-            let told = String::from_utf8_lossy(&ran.stderr);
-            assert!(ran.status.success(), "{}", told.lines().filter(|l| !l.ends_with("validates")).collect::<String>());
-            assert_eq!(told.matches(" validates").count(), files.len());
+            let printed = String::from_utf8_lossy(&ran.stderr);
+            assert!(
+                ran.status.success(),
+                "{}",
+                printed.lines().filter(|l| !l.ends_with("validates")).collect::<String>()
+            );
+            assert_eq!(printed.matches(" validates").count(), files.len());
         }
     }
 }

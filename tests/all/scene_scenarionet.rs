@@ -46,8 +46,8 @@ fn lanes_keep_links_kinds_and_believable_widths() {
     let across: Vec<f64> = first.left.iter().zip(&first.right).map(|(l, r)| l.distance(*r)).collect();
     assert!(across.iter().all(|w| (2.6..=5.0).contains(w)), "{across:?}");
     assert_eq!((road.edges.len(), road.edges[0].len()), (1, 2), "a straight edge needs two points");
-    let told: Vec<&str> = imported.left_out.iter().map(|l| l.what.as_str()).collect();
-    assert_eq!(told, ["track 4", "lane 104", "light of lane 999"]);
+    let left_out: Vec<&str> = imported.left_out.iter().map(|l| l.what.as_str()).collect();
+    assert_eq!(left_out, ["track 4", "lane 104", "light of lane 999"]);
 }
 
 #[test]
@@ -104,13 +104,13 @@ fn changed(from: &[u8], to: &[u8]) -> Vec<u8> {
 
 #[test]
 fn what_a_scene_needs_and_does_not_find_is_named() {
-    let told = |bytes: &[u8]| scenarionet::import("f.pkl", bytes).unwrap_err().to_string();
-    assert!(told(&changed(b"tracks\x94", b"trucks\x94")).contains("\"tracks\""));
-    assert!(told(&changed(b"sdc_id", b"sdc_iq")).contains("sdc_id"));
-    assert!(told(&changed(b"heading", b"headinq")).contains("[\"tracks\"][\"1\"][\"state\"]"));
-    let nan = told(&changed(&8000.0f64.to_le_bytes(), &f64::NAN.to_le_bytes()));
+    let left_out = |bytes: &[u8]| scenarionet::import("f.pkl", bytes).unwrap_err().to_string();
+    assert!(left_out(&changed(b"tracks\x94", b"trucks\x94")).contains("\"tracks\""));
+    assert!(left_out(&changed(b"sdc_id", b"sdc_iq")).contains("sdc_id"));
+    assert!(left_out(&changed(b"heading", b"headinq")).contains("[\"tracks\"][\"1\"][\"state\"]"));
+    let nan = left_out(&changed(&8000.0f64.to_le_bytes(), &f64::NAN.to_le_bytes()));
     assert!(nan.contains("finite numbers at valid step 0"), "{nan}");
-    let forbidden = told(&changed(b"_reconstruct", b"_reconstrucT"));
+    let forbidden = left_out(&changed(b"_reconstruct", b"_reconstrucT"));
     assert!(forbidden.contains("numpy.core.multiarray._reconstrucT"), "{forbidden}");
 }
 

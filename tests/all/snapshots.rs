@@ -68,14 +68,14 @@ fn messages_of_typical_mistakes() {
         ("a table of the other protocol", ["table", "safebench-main", "--run", &folder].map(String::from).to_vec()),
         ("a folder that is no run", ["fsck", &at("nowhere")].map(String::from).to_vec()),
     ];
-    let mut told = String::new();
+    let mut printed = String::new();
     for (mistake, args) in &mistakes {
         let ran = run(&args.iter().map(String::as_str).collect::<Vec<_>>());
-        told += &format!("# {mistake}\nexit {}\n{}\n", ran.code, ran.stderr.trim_end());
+        printed += &format!("# {mistake}\nexit {}\n{}\n", ran.code, ran.stderr.trim_end());
     }
-    let told = told.replace(&folder, "RUN").replace(dir.path().to_str().unwrap(), "DIR");
-    let told = told.replace(env!("CARGO_BIN_EXE_evodrive"), "evodrive");
-    insta::assert_snapshot!("mistakes", told);
+    let printed = printed.replace(&folder, "RUN").replace(dir.path().to_str().unwrap(), "DIR");
+    let printed = printed.replace(env!("CARGO_BIN_EXE_evodrive"), "evodrive");
+    insta::assert_snapshot!("mistakes", printed);
 }
 
 /// What the page's script draws, but for what it cost, which is another in every run: the scalars, the findings, and of

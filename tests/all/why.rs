@@ -20,24 +20,24 @@ fn recorded(folder: &Path) -> RecordedRun {
 }
 
 /// Every table that a run gives.
-fn all_tables(stories: &[RecordedRun]) -> Vec<Table> {
+fn all_tables(runs: &[RecordedRun]) -> Vec<Table> {
     let made = [
-        tables::metadrive_main(stories),
-        tables::metadrive_policy(stories),
-        tables::metadrive_contacts(stories),
-        tables::safebench_main(stories),
-        tables::safebench_rounds(stories),
-        tables::safebench_held_out(stories),
-        tables::proposals(stories),
+        tables::metadrive_main(runs),
+        tables::metadrive_policy(runs),
+        tables::metadrive_contacts(runs),
+        tables::safebench_main(runs),
+        tables::safebench_rounds(runs),
+        tables::safebench_held_out(runs),
+        tables::proposals(runs),
     ];
     made.into_iter().filter_map(Result::ok).collect()
 }
 
 /// Compares every number of every table with what its parts give; the number of cells.
-fn every_number_comes_from_its_parts(stories: &[RecordedRun]) -> usize {
+fn every_number_comes_from_its_parts(runs: &[RecordedRun]) -> usize {
     let mut cells = 0;
-    for table in all_tables(stories) {
-        let bases = Bases::of(&table, stories).unwrap();
+    for table in all_tables(runs) {
+        let bases = Bases::of(&table, runs).unwrap();
         for row in table.rows() {
             for cell in &row.cells {
                 let name = cell::cell_name(&table, row, &cell.column);
@@ -90,32 +90,33 @@ fn a_cell_is_told_in_layers_each_of_which_names_the_next() {
     }
     let option = |name: &str| short.split(name).nth(1).unwrap().split_whitespace().next().unwrap().to_string();
     let (scene, attempt) = (option("--scene "), option("--attempt "));
-    let (code, told) = asked(&["why", "metadrive-main:cat:attack", "--scene", &scene]);
-    assert_eq!(code, 0, "{told}");
+    let (code, printed) = asked(&["why", "metadrive-main:cat:attack", "--scene", &scene]);
+    assert_eq!(code, 0, "{printed}");
     for word in ["contact: ", "rollout key ", "rollout record ", "evodrive impact "] {
-        assert!(told.contains(word), "{word}: {told}");
+        assert!(printed.contains(word), "{word}: {printed}");
     }
-    let (code, told) = asked(&["why", "metadrive-main:cat:attack", "--attempt", &attempt]);
-    assert_eq!(code, 0, "{told}");
+    let (code, printed) = asked(&["why", "metadrive-main:cat:attack", "--attempt", &attempt]);
+    assert_eq!(code, 0, "{printed}");
     for word in ["[0] cat-idm/parent  program ", "evodrive show "] {
-        assert!(told.contains(word), "{word}: {told}");
+        assert!(printed.contains(word), "{word}: {printed}");
     }
-    let story = recorded(&finished().1);
-    let made = story.attempts.iter().find(|of| of.id.as_str().starts_with("cat-idm/") && of.exit.candidate().is_some());
+    let recorded_run = recorded(&finished().1);
+    let made =
+        recorded_run.attempts.iter().find(|of| of.id.as_str().starts_with("cat-idm/") && of.exit.candidate().is_some());
     let (cell, id) = ("proposals:cat:evaluated_pct", made.unwrap().id.as_str());
-    let (code, told) = asked(&["why", cell, "--attempt", id]);
-    assert_eq!(code, 0, "{told}");
+    let (code, printed) = asked(&["why", cell, "--attempt", id]);
+    assert_eq!(code, 0, "{printed}");
     for word in ["patch ", "review of round 0 by ", "prompt ", "answer ", "cassette.jsonl line ", "of transcript.jsonl"]
     {
-        assert!(told.contains(word), "{word}: {told}");
+        assert!(printed.contains(word), "{word}: {printed}");
     }
 }
 
 #[test]
 fn the_place_in_the_cassette_is_the_line_that_holds_the_exchange() {
-    let (code, told) = asked(&["--json", "why", "proposals:cat:evaluated_pct"]);
-    assert_eq!(code, 0, "{told}");
-    let object: Value = serde_json::from_str(&told).unwrap();
+    let (code, printed) = asked(&["--json", "why", "proposals:cat:evaluated_pct"]);
+    assert_eq!(code, 0, "{printed}");
+    let object: Value = serde_json::from_str(&printed).unwrap();
     let cassette = std::fs::read_to_string(finished().1.join("cassette.jsonl")).unwrap();
     let lines: Vec<&str> = cassette.lines().collect();
     let programs = object["programs"].as_object().unwrap();
@@ -142,45 +143,45 @@ fn what_no_cell_is_called_is_refused_with_the_nearest_and_all_names() {
         ("kwidth:cat:speedup", "has no parts that can be listed one by one: wall clocks are"),
     ];
     for (name, word) in cases {
-        let (code, told) = asked(&["why", name]);
-        assert!(code == 2 && told.contains(word), "{name}: {code} {told}");
+        let (code, printed) = asked(&["why", name]);
+        assert!(code == 2 && printed.contains(word), "{name}: {code} {printed}");
     }
-    let (code, told) = asked(&["why", "metadrive-main:cat:attack", "--attempt", "cat-idm/e99s0"]);
-    assert!(code == 2 && told.contains("it rests on"), "{told}");
+    let (code, printed) = asked(&["why", "metadrive-main:cat:attack", "--attempt", "cat-idm/e99s0"]);
+    assert!(code == 2 && printed.contains("it rests on"), "{printed}");
     for object in ["zz", "abc", "ffffffffffffffff"] {
-        let (code, told) = asked(&["impact", object]);
-        assert!(code == 2 && told.contains("nothing in these runs"), "{object}: {told}");
+        let (code, printed) = asked(&["impact", object]);
+        assert!(code == 2 && printed.contains("nothing in these runs"), "{object}: {printed}");
     }
 }
 
 #[test]
 fn an_object_names_the_cells_that_rest_on_it() {
-    let story = recorded(&finished().1);
-    let held_out = story.held_out.iter().find(|h| h.solution.as_str() == "cat-idm/parent").unwrap();
+    let recorded_run = recorded(&finished().1);
+    let held_out = recorded_run.held_out.iter().find(|h| h.solution.as_str() == "cat-idm/parent").unwrap();
     let label = held_out.score.scenes.iter().find(|label| label.acted).unwrap();
     for digest in [label.record.to_hex(), label.request.short(16)] {
-        let (code, told) = asked(&["impact", &digest]);
-        assert!(code == 0 && told.contains("metadrive-main:cat/idm:parent_attack"), "{told}");
-        assert!(!told.contains(":at/idm:") && told.contains("(realism)"), "{told}");
+        let (code, printed) = asked(&["impact", &digest]);
+        assert!(code == 0 && printed.contains("metadrive-main:cat/idm:parent_attack"), "{printed}");
+        assert!(!printed.contains(":at/idm:") && printed.contains("(realism)"), "{printed}");
     }
-    let adopted = story.parents.iter().find(|of| of.lineage.as_str() == "cat-idm").unwrap();
-    let (_, told) = asked(&["impact", &adopted.program_hash.to_hex()]);
-    assert!(told.contains("metadrive-main:cat/idm:parent_rp_pct"), "{told}");
-    let attempt = &story.attempts[0];
-    let (_, told) = asked(&["impact", &attempt.proposal.exchanges[0].response.to_hex()]);
-    assert!(told.contains("proposals:cat/idm:") && told.contains(attempt.id.as_str()), "{told}");
-    let (_, told) = asked(&["impact", &label.scene]);
-    assert!(told.contains("metadrive-main:replay-no-program/idm:") && told.contains(":at/idm:"), "{told}");
+    let adopted = recorded_run.parents.iter().find(|of| of.lineage.as_str() == "cat-idm").unwrap();
+    let (_, printed) = asked(&["impact", &adopted.program_hash.to_hex()]);
+    assert!(printed.contains("metadrive-main:cat/idm:parent_rp_pct"), "{printed}");
+    let attempt = &recorded_run.attempts[0];
+    let (_, printed) = asked(&["impact", &attempt.proposal.exchanges[0].response.to_hex()]);
+    assert!(printed.contains("proposals:cat/idm:") && printed.contains(attempt.id.as_str()), "{printed}");
+    let (_, printed) = asked(&["impact", &label.scene]);
+    assert!(printed.contains("metadrive-main:replay-no-program/idm:") && printed.contains(":at/idm:"), "{printed}");
 }
 
 /// A cell's own leaves, as bits: what it was computed from.
 type Leaves = BTreeMap<String, (u64, Vec<u64>)>;
 
-fn leaves(story: &RecordedRun) -> Leaves {
-    let stories = std::slice::from_ref(story);
+fn leaves(recorded_run: &RecordedRun) -> Leaves {
+    let runs = std::slice::from_ref(recorded_run);
     let mut found = Leaves::new();
-    for table in all_tables(stories) {
-        let bases = Bases::of(&table, stories).unwrap();
+    for table in all_tables(runs) {
+        let bases = Bases::of(&table, runs).unwrap();
         for row in table.rows() {
             for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
                 let basis = bases.basis(&table, row, cell.column.key).unwrap();
@@ -314,8 +315,8 @@ fn trial(number: usize) -> (usize, usize) {
     };
     let known = impact::things(std::slice::from_ref(&before), &[]);
     let (_, things) = impact::find(&known, &nudged.record.to_hex()).unwrap();
-    let stories = std::slice::from_ref(&before);
-    let named = impact::impact(&all_tables(stories), stories, things).unwrap();
+    let runs = std::slice::from_ref(&before);
+    let named = impact::impact(&all_tables(runs), runs, things).unwrap();
     let reads =
         |of: &&impact::Touched| of.how == How::Reads && of.numbers.iter().any(|number| nudged.moved.contains(number));
     let expected: BTreeSet<String> = named.iter().filter(reads).map(|cell| cell.cell.clone()).collect();

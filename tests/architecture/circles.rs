@@ -11,15 +11,7 @@ const ALLOWED: &[(&str, &str)] = &[
     ("adapters/contract adapters/isolation", "a contract, and the words that it forbids to others"),
     ("agents/counsel agents/scene_prompt", "a case, and the prompt that shows it"),
     ("agents/prompt agents/task", "a task, and the prompt that asks it"),
-    (
-        "cli/args cli/bundle cli/bundle_replay cli/paper cli/plan cli/run cli/shard cli/shard_merge cli/shard_plan cli/shard_target",
-        "arguments and the commands that take them",
-    ),
-    (
-        "cli/scene_best cli/scene_draw cli/scene_export cli/scene_pools cli/scene_show cli/scenes",
-        "a command and its subcommands",
-    ),
-    ("cli/folder cli/run_name", "a run folder, and the names by which it is asked for"),
+    ("cli/records/bundle cli/records/bundle_replay", "a bundle, and the run that is carried out from it"),
     ("compiler/prepared compiler/walk", "a prepared program, and its way through a scene"),
     (
         "formats/scenarionet/pickle formats/scenarionet/pickle/json formats/scenarionet/pickle/machine \

@@ -333,11 +333,11 @@ struct Provider;
 
 impl Model for Provider {
     fn complete(&self, _: &Request) -> Result<Completion, ModelError> {
-        Ok(Completion { bytes: b"{}".to_vec(), metadata: Some(told(17)) })
+        Ok(Completion { bytes: b"{}".to_vec(), metadata: Some(with_tokens(17)) })
     }
 }
 
-fn told(input_tokens: u64) -> Metadata {
+fn with_tokens(input_tokens: u64) -> Metadata {
     Metadata { model: "echo-1-exact".into(), input_tokens: Some(input_tokens), ..Metadata::default() }
 }
 
@@ -354,7 +354,7 @@ fn metadata_are_recorded_survive_a_kill_and_change_no_digest() {
     assert_eq!(again.ask(&request(slot(0, 0))).unwrap(), first);
     let text = again.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap();
     let read = Cassette::parse(&text, "t").unwrap();
-    assert_eq!(read.exchanges()[0].metadata, Some(told(17)));
+    assert_eq!(read.exchanges()[0].metadata, Some(with_tokens(17)));
     let third = Record::new(&store, read, RecordMode::Missing, nobody());
     third.ask(&request(slot(0, 0))).unwrap();
     assert_eq!(third.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap(), text);
@@ -368,7 +368,7 @@ fn metadata_are_recorded_survive_a_kill_and_change_no_digest() {
 fn a_cassette_says_the_lowest_version_that_holds_it_and_changed_metadata_are_refused() {
     assert!(recorded().to_bytes("t").unwrap().starts_with(b"{\"format\":\"evodrive-cassette\",\"version\":\"1.0\""));
     let mut cassette = Cassette::new("t");
-    cassette.push_with(&request(slot(0, 0)), b"{}".to_vec(), Some(told(17))).unwrap();
+    cassette.push_with(&request(slot(0, 0)), b"{}".to_vec(), Some(with_tokens(17))).unwrap();
     let text = String::from_utf8(cassette.to_bytes("t").unwrap()).unwrap();
     assert!(text.starts_with("{\"format\":\"evodrive-cassette\",\"version\":\"1.1\""), "{text}");
     for (from, to) in [(":17", ":18"), ("-exact", "-wrong"), (",\"metadata_digest\"", ",\"reply_hexx\"")] {
@@ -405,7 +405,7 @@ impl Model for Says {
 
 #[test]
 fn after_three_refusals_of_one_kind_it_is_told_once_what_to_set() {
-    let told = |says: &'static str, unwrap: bool, questions: u32| {
+    let with_tokens = |says: &'static str, unwrap: bool, questions: u32| {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path()).unwrap();
         let lines = std::sync::Mutex::new(Vec::new());
@@ -422,9 +422,9 @@ fn after_three_refusals_of_one_kind_it_is_told_once_what_to_set() {
         lines.into_inner().unwrap()
     };
     let fenced = "```json\n{}\n```";
-    let lines = told(fenced, false, 5);
+    let lines = with_tokens(fenced, false, 5);
     assert!(lines.len() == 1 && lines[0].contains("unwrap = true in [models.echo]"), "{lines:?}");
-    assert_eq!(told(fenced, false, 2), Vec::<String>::new());
-    assert_eq!(told(fenced, true, 5), Vec::<String>::new());
-    assert_eq!(told("{\"a\": 1}", false, 5), Vec::<String>::new());
+    assert_eq!(with_tokens(fenced, false, 2), Vec::<String>::new());
+    assert_eq!(with_tokens(fenced, true, 5), Vec::<String>::new());
+    assert_eq!(with_tokens("{\"a\": 1}", false, 5), Vec::<String>::new());
 }

@@ -41,11 +41,11 @@ impl Database {
         let (_, weights) = way.or_else(|| chances.last())?;
         let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
         let (mut left, last) = (place * total, weights.last()?.0);
-        let found = weights.iter().find(|(_, weight)| {
+        let sampled = weights.iter().find(|(_, weight)| {
             left -= weight;
             left < 0.0
         });
-        Some(found.map_or(last, |(member, _)| *member))
+        Some(sampled.map_or(last, |(member, _)| *member))
     }
 
     /// The chance of each program to be the parent for an island, 1: what [`Database::parent`] draws from.
@@ -102,38 +102,38 @@ impl Database {
         count: usize,
         draw: &mut dyn FnMut() -> f64,
     ) -> Vec<String> {
-        let mut found: Vec<String> = Vec::new();
+        let mut sampled: Vec<String> = Vec::new();
         let elite = ((count as f64 * self.options.elite_selection_ratio) as usize).max(1);
         let best = self.island_best[island].iter().filter(|best| self.member(best).is_some()).cloned();
         let top = self.ranked(island).into_iter().take(elite).map(|member| member.id.clone());
         for id in best.chain(top).collect::<Vec<String>>() {
-            if id != parent && !found.contains(&id) {
-                found.push(id);
+            if id != parent && !sampled.contains(&id) {
+                sampled.push(id);
             }
         }
         let mut others: Vec<String> = self.on_island(island).iter().map(|member| member.id.clone()).collect();
-        let left = count.saturating_sub(found.len());
+        let left = count.saturating_sub(sampled.len());
         if others.len() > count && left > 0 {
             let cell = self.cell_of(parent, draw);
             let standing: BTreeMap<String, &String> =
                 others.iter().map(|id| (key(&self.cell_of(id, draw)), id)).collect();
             for _ in 0..TRIES * left {
                 let near: Vec<usize> = cell.iter().map(|bin| self.near(*bin, draw())).collect();
-                if let Some(id) = standing.get(&key(&near)).filter(|id| **id != parent && !found.contains(id)) {
-                    found.push((*id).clone());
+                if let Some(id) = standing.get(&key(&near)).filter(|id| **id != parent && !sampled.contains(id)) {
+                    sampled.push((*id).clone());
                 }
-                if found.len() == count {
+                if sampled.len() == count {
                     break;
                 }
             }
-            others.retain(|id| id != parent && !found.contains(id));
-            while found.len() < count && !others.is_empty() {
+            others.retain(|id| id != parent && !sampled.contains(id));
+            while sampled.len() < count && !others.is_empty() {
                 let place = ((draw() * others.len() as f64) as usize).min(others.len() - 1);
-                found.push(others.remove(place));
+                sampled.push(others.remove(place));
             }
         }
-        found.truncate(count);
-        found
+        sampled.truncate(count);
+        sampled
     }
 
     /// A bin at most two away from another one.

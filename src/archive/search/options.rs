@@ -78,7 +78,7 @@ impl SearchOptions {
     }
 
     /// The rule of acceptance as prompts tell it; `None` for the system's own.
-    pub fn told(&self) -> Option<String> {
+    pub fn described(&self) -> Option<String> {
         let same = "A child is compared with its parent on the same scenes.";
         match self.method {
             Method::Pareto => None,

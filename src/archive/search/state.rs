@@ -172,11 +172,11 @@ mod tests {
 
     #[test]
     fn what_prompts_are_told_of_the_score_names_its_weights() {
-        let told = |method, attack_weight| SearchOptions { attack_weight, ..options(method) }.told();
-        assert_eq!(told(Method::Pareto, None), None);
-        assert!(told(Method::OpenEvolve, Some(0.7)).unwrap().contains("0.7 A + 0.3 R"));
-        assert!(told(Method::AttackOnly, None).unwrap().contains("more attack"));
-        assert!(told(Method::Nsga2, None).unwrap().contains("NSGA-II"));
+        let described = |method, attack_weight| SearchOptions { attack_weight, ..options(method) }.described();
+        assert_eq!(described(Method::Pareto, None), None);
+        assert!(described(Method::OpenEvolve, Some(0.7)).unwrap().contains("0.7 A + 0.3 R"));
+        assert!(described(Method::AttackOnly, None).unwrap().contains("more attack"));
+        assert!(described(Method::Nsga2, None).unwrap().contains("NSGA-II"));
     }
 
     #[test]

@@ -63,9 +63,9 @@ fn turn(
         rejected_before(&changed, earlier).map(|()| changed)
     };
     let line = LineageId::new(WORLD_LINE);
-    let (exchanges, found) = ask_agent(&asked, &desk.tools.meter.asking(desk.tools.ask, &line), &usable)?;
+    let (exchanges, evolved) = ask_agent(&asked, &desk.tools.meter.asking(desk.tools.ask, &line), &usable)?;
     // "W_phi~ <- MaterializeSnapshot(W_phi, dphi)", "j <- WorldJudge(W_phi~, W_phi, D^W, a_W)".
-    let (patch, proposed) = found.unzip();
+    let (patch, proposed) = evolved.unzip();
     let judgement = match &proposed {
         Some(proposed) => Some(judge(&judging, &incumbent, &held(&judging, proposed, &evidence, threads)?)),
         None => None,

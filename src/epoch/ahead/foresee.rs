@@ -122,7 +122,7 @@ impl Ahead<'_> {
         if self.open(&window).len() < window.len() {
             return Ok(None);
         }
-        let found: Mutex<Tried> = Mutex::default();
+        let trials_met: Mutex<Tried> = Mutex::default();
         let tried = |program: &Program, hash: Digest| {
             let own = in_effect(study, spec, program, &window)?;
             let before = in_effect(study, spec, parent, &window)?;
@@ -133,10 +133,10 @@ impl Ahead<'_> {
         };
         let compiles = |program: &Program, hash: Digest| {
             let trials = tried(program, hash);
-            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-            found.0 = Some((program.clone(), hash));
+            let mut trials_met = trials_met.lock().unwrap_or_else(PoisonError::into_inner);
+            trials_met.0 = Some((program.clone(), hash));
             trials.unwrap_or_else(|error| {
-                found.1 = Some(error);
+                trials_met.1 = Some(error);
                 Trials::default()
             })
         };
@@ -145,7 +145,7 @@ impl Ahead<'_> {
         let (skipped, closed) = (study.skipped_gates(), study.without.closed());
         let judging = Judging { contract, registry: &study.registry, skipped: &skipped, closed: &closed };
         let admission = candidates::admit(parent, patch, child, &judging, &compiles);
-        let (child, trouble) = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let (child, trouble) = trials_met.into_inner().unwrap_or_else(PoisonError::into_inner);
         match trouble {
             None => {}
             // Whether it has labels at all is known when its trials are.

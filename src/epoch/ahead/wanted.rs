@@ -65,7 +65,7 @@ impl Task {
 pub struct Wanted {
     /// Whether work is asked for again that was done and gave no label.
     again: bool,
-    desk: Mutex<Gathered>,
+    gathered: Mutex<Gathered>,
 }
 
 #[derive(Default)]
@@ -77,7 +77,7 @@ struct Gathered {
 impl Wanted {
     /// Nothing yet. `again` asks also for what was tried and gave no label.
     pub fn new(again: bool) -> Wanted {
-        Wanted { again, desk: Mutex::default() }
+        Wanted { again, gathered: Mutex::default() }
     }
 
     pub(in crate::epoch) fn again(&self) -> bool {
@@ -86,24 +86,24 @@ impl Wanted {
 
     /// Asks for a piece of work, with the program that it takes.
     pub fn ask(&self, key: Digest, task: Task, program: Option<&Program>) {
-        let mut desk = self.desk();
+        let mut gathered = self.gathered();
         if let (Some(hash), Some(program)) = (task.program(), program) {
-            desk.programs.entry(hash).or_insert_with(|| program.clone());
+            gathered.programs.entry(hash).or_insert_with(|| program.clone());
         }
-        desk.tasks.insert(key, task);
+        gathered.tasks.insert(key, task);
     }
 
     pub fn is_empty(&self) -> bool {
-        self.desk().tasks.is_empty()
+        self.gathered().tasks.is_empty()
     }
 
     /// Everything that was asked for, with its programs by their hashes.
     pub fn into_tasks(self) -> (BTreeMap<Digest, Task>, BTreeMap<Digest, Program>) {
-        let Gathered { tasks, programs } = self.desk.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let Gathered { tasks, programs } = self.gathered.into_inner().unwrap_or_else(PoisonError::into_inner);
         (tasks, programs)
     }
 
-    fn desk(&self) -> MutexGuard<'_, Gathered> {
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    fn gathered(&self) -> MutexGuard<'_, Gathered> {
+        self.gathered.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -33,7 +33,7 @@ pub struct Workbench<'a> {
 }
 
 /// A task with what its names stand for.
-struct Found<'a> {
+struct TaskAt<'a> {
     spec: &'a LineageSpec,
     place: usize,
     counsels: Counsels,
@@ -50,12 +50,12 @@ impl<'a> Workbench<'a> {
     /// # Errors
     /// A lineage or a scene that the study does not have.
     pub fn key(&self, task: &Task) -> Result<Digest, RunError> {
-        let found = self.found(task)?;
-        let labelling = self.labelling(&found);
+        let at = self.task_at(task)?;
+        let labelling = self.labelling(&at);
         match task {
-            Task::Label { program, counsel, .. } => labelling.label_key(*program, found.place, counsel.as_ref()),
-            Task::Trial { program, .. } => labelling.trial_key(found.place, *program),
-            Task::Undisturbed { .. } => undisturbed_key(self.study, found.spec, found.place),
+            Task::Label { program, counsel, .. } => labelling.label_key(*program, at.place, counsel.as_ref()),
+            Task::Trial { program, .. } => labelling.trial_key(at.place, *program),
+            Task::Undisturbed { .. } => undisturbed_key(self.study, at.spec, at.place),
         }
     }
 
@@ -64,32 +64,32 @@ impl<'a> Workbench<'a> {
     /// # Errors
     /// A backend that cannot go on; a store that cannot be used; a program that is not there.
     pub fn carry_out(&self, task: &Task, program: Option<&Program>) -> Result<Done, RunError> {
-        let found = self.found(task)?;
+        let at = self.task_at(task)?;
         let absent = || RunError::Study(format!("a task of {} has no program", task.scene()));
         match task {
-            Task::Label { program: hash, .. } => self.label(task, (program.ok_or_else(absent)?, *hash), &found),
+            Task::Label { program: hash, .. } => self.label(task, (program.ok_or_else(absent)?, *hash), &at),
             Task::Trial { program: hash, .. } => {
                 let subject = (program.ok_or_else(absent)?, *hash);
-                self.labelling(&found).tried(found.place, subject)?;
+                self.labelling(&at).tried(at.place, subject)?;
                 Ok(Done::Record)
             }
-            Task::Undisturbed { .. } => match undisturbed(self.study, found.spec, found.place, self.tools) {
+            Task::Undisturbed { .. } => match undisturbed(self.study, at.spec, at.place, self.tools) {
                 Err(NoOutcome::Stop(error)) => Err(EvaluationError::from(error).into()),
                 Ok(_) | Err(NoOutcome::Scene(_)) => Ok(Done::Asked),
             },
         }
     }
 
-    fn label(&self, task: &Task, (program, hash): (&Program, Digest), found: &Found<'_>) -> Result<Done, RunError> {
-        let key = self.labelling(found).label_key(hash, found.place, task.counsel())?;
+    fn label(&self, task: &Task, (program, hash): (&Program, Digest), at: &TaskAt<'_>) -> Result<Done, RunError> {
+        let key = self.labelling(at).label_key(hash, at.place, task.counsel())?;
         if self.tools.rollouts.recorded(&key)?.is_some() {
             return Ok(Done::Record);
         }
-        let prepared = match Prepared::new(program, self.study.source(found.spec)?) {
+        let prepared = match Prepared::new(program, self.study.source(at.spec)?) {
             Ok(prepared) => prepared,
             Err(failure) => return Ok(Done::NoLabel(failure.to_string())),
         };
-        match self.labelling(found).rollout(&prepared, found.place, task.counsel()) {
+        match self.labelling(at).rollout(&prepared, at.place, task.counsel()) {
             Ok(record) => {
                 self.tools.rollouts.keep(&key, &record)?;
                 Ok(Done::Record)
@@ -99,16 +99,16 @@ impl<'a> Workbench<'a> {
         }
     }
 
-    fn found(&self, task: &Task) -> Result<Found<'a>, RunError> {
+    fn task_at(&self, task: &Task) -> Result<TaskAt<'a>, RunError> {
         let study = self.study;
         let spec = study.lineages.iter().find(|spec| spec.id == *task.lineage());
         let spec = spec.ok_or_else(|| RunError::Study(format!("the study has no lineage {}", task.lineage())))?;
         let place = self.places.get(task.scene()).copied();
         let place = place.ok_or_else(|| RunError::Study(format!("the study has no scene {}", task.scene())))?;
-        Ok(Found { spec, place, counsels: Counsels::given(&spec.id, task.scene(), task.counsel()) })
+        Ok(TaskAt { spec, place, counsels: Counsels::given(&spec.id, task.scene(), task.counsel()) })
     }
 
-    fn labelling<'b>(&'b self, found: &'b Found<'a>) -> Labelling<'b> {
-        Labelling { study: self.study, spec: found.spec, counsels: &found.counsels, tools: self.tools }
+    fn labelling<'b>(&'b self, at: &'b TaskAt<'a>) -> Labelling<'b> {
+        Labelling { study: self.study, spec: at.spec, counsels: &at.counsels, tools: self.tools }
     }
 }

@@ -42,8 +42,8 @@ impl Counsels {
             return Ok(None);
         }
         let scene = &study.scenes[place].scene().id;
-        let found = self.0.get(&spec.id).and_then(|own| own.get(scene));
-        found.map(Some).ok_or_else(|| {
+        let counsel = self.0.get(&spec.id).and_then(|own| own.get(scene));
+        counsel.map(Some).ok_or_else(|| {
             RunError::Study(format!(
                 "lineage {}: no counsel was taken for scene {scene}, so it is not open yet",
                 spec.id

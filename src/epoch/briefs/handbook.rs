@@ -41,7 +41,7 @@ pub fn measures(study: &Study) -> Measures {
         coverage_floor: archive.coverage_floor,
         realism_min: study.selector.realism_min,
     };
-    let rule = study.search.as_ref().and_then(|search| search.told());
+    let rule = study.search.as_ref().and_then(|search| search.described());
     Measures { protocol, acceptance, rule, tradeoff: !study.without.tradeoff }
 }
 

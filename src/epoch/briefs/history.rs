@@ -22,8 +22,8 @@ pub fn change(study: &Study, attempt: &Attempt, parent: &Score) -> Option<Change
     let (score, decision) = (attempt.exit.score()?, attempt.exit.decision()?);
     let (gates, pairs) = (&decision.gates, paired(score, parent));
     let named = |holds: &dyn Fn(&SceneScore, &SceneScore) -> bool| {
-        let found = pairs.iter().filter(|(child, parent)| holds(child, parent));
-        found.map(|(child, _)| child.scene.clone()).collect::<Vec<String>>()
+        let pairs_held = pairs.iter().filter(|(child, parent)| holds(child, parent));
+        pairs_held.map(|(child, _)| child.scene.clone()).collect::<Vec<String>>()
     };
     let trade = &gates.parent_tradeoff;
     Some(Change {

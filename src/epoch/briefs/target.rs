@@ -76,16 +76,16 @@ enum Needs {
 /// The target of a slot. `epoch` turns the list of instructions, so that an idea comes back only when all were asked for.
 pub fn target(aims: &Aims<'_>, epoch: u32, slot: u32, slots: u32) -> Target {
     let turn = (epoch * slots.div_ceil(3) + slot / 3) as usize;
-    let told = |of: &[&str]| of[turn % of.len()].to_string();
+    let chosen = |of: &[&str]| of[turn % of.len()].to_string();
     let Objectives { attack, realism } = aims.parent.objectives;
     match slot % 3 {
         1 if realism < PERFECT => {
-            Target { kind: TargetKind::RaiseRealism, text: raise_realism(aims), instruction: told(&REALISM) }
+            Target { kind: TargetKind::RaiseRealism, text: raise_realism(aims), instruction: chosen(&REALISM) }
         }
         2 => Target {
             kind: TargetKind::Diversify,
             text: widen(aims.front),
-            instruction: told(
+            instruction: chosen(
                 &PORTFOLIO.iter().filter(|(needs, _)| aims.meet(*needs)).map(|of| of.1).collect::<Vec<_>>(),
             ),
         },
@@ -196,16 +196,17 @@ mod tests {
     #[test]
     fn nobody_is_asked_for_what_there_is_not_yet() {
         let parent = parent(0.3, 0.7);
-        let told = |front: &[Objectives]| -> BTreeSet<String> {
+        let chosen = |front: &[Objectives]| -> BTreeSet<String> {
             (0..20).flat_map(|epoch| [2, 5].map(|slot| of(&parent, front, epoch, slot).instruction)).collect()
         };
         let point = |attack, realism| Objectives { attack, realism };
-        let first = told(&[point(0.3, 0.7)]);
+        let first = chosen(&[point(0.3, 0.7)]);
         assert!(
-            first.len() == 4 && first.iter().all(|told| !told.contains("another member") && !told.contains("Undo")),
+            first.len() == 4
+                && first.iter().all(|chosen| !chosen.contains("another member") && !chosen.contains("Undo")),
             "{first:?}"
         );
-        assert_eq!(told(&[point(0.3, 0.7), point(0.2, 0.9)]).len(), PORTFOLIO.len());
+        assert_eq!(chosen(&[point(0.3, 0.7), point(0.2, 0.9)]).len(), PORTFOLIO.len());
     }
 
     #[test]

@@ -61,9 +61,9 @@ impl Applied<'_> {
         threads: &Threads,
     ) -> Result<Vec<Labelled>, RunError> {
         let prepared = self.prepared(programs)?;
-        let found = threads.map(scenes, |_, entry| self.found(&prepared, entry));
+        let labels = threads.map(scenes, |_, entry| self.labels_at(&prepared, entry));
         let of = |(k, prepared): (usize, &Prepared<'_>)| {
-            let records: Vec<&Found> = found.iter().map(|of_scene| &of_scene[k]).collect();
+            let records: Vec<&Found> = labels.iter().map(|of_scene| &of_scene[k]).collect();
             self.scored(prepared.hash(), scenes, &records, threads)
         };
         prepared.iter().enumerate().map(of).collect()
@@ -120,7 +120,7 @@ impl Applied<'_> {
     }
 
     /// The records of all programs in one scene.
-    fn found(&self, programs: &[Prepared<'_>], entry: &SceneEntry) -> Vec<Found> {
+    fn labels_at(&self, programs: &[Prepared<'_>], entry: &SceneEntry) -> Vec<Found> {
         let situation = match self.situation(entry) {
             Ok(situation) => situation,
             Err(reason) => return programs.iter().map(|_| Err(reason.clone())).collect(),

@@ -152,9 +152,9 @@ impl Labelling<'_> {
             let own = self.trial(place, &children, hash)?;
             let (Some(_), None) = (own.intervention, &own.failure) else { return Ok(Err(own.failure.clone())) };
             let before = self.trial(place, &parents, parent_hash)?;
-            let told = |trial: &TrialRecord| trial.probe.unwrap_or(Probe::NOTHING);
+            let reported = |trial: &TrialRecord| trial.probe.unwrap_or(Probe::NOTHING);
             let same = before.intervention == own.intervention;
-            Ok(Ok(ProbePair { child: told(&own), parent: told(&before), same }))
+            Ok(Ok(ProbePair { child: reported(&own), parent: reported(&before), same }))
         };
         // The first ones are tried in any case: at the end of an epoch's slots they keep an idle thread at work.
         let (first, rest) = probes.split_at(probes.len().min(TRIED_MIN));
@@ -207,13 +207,13 @@ impl Labelling<'_> {
         (program, hash): (&Program, Digest),
     ) -> Result<Option<Arc<TrialRecord>>, RunError> {
         let key = self.trial_key(place, hash)?;
-        let found = self.tools.rollouts.tried(&key)?;
-        if let (None, Some(wanted)) = (&found, self.tools.wanted) {
+        let trial = self.tools.rollouts.tried(&key)?;
+        if let (None, Some(wanted)) = (&trial, self.tools.wanted) {
             let counsel = self.counsels.at(self.study, self.spec, place)?.cloned();
             let (lineage, scene) = (self.spec.id.clone(), self.study.scenes[place].scene().id.clone());
             wanted.ask(key, Task::Trial { lineage, program: hash, scene, counsel }, Some(program));
         }
-        Ok(found)
+        Ok(trial)
     }
 
     /// The key of a trial.
@@ -244,7 +244,7 @@ impl Labelling<'_> {
             Ok(prepared) => match tools.situations.at(place, &spec.ego, &tools.backend) {
                 Ok(situation) => match self.compiled(prepared, place, &situation, counsel)? {
                     Ok(made) => {
-                        let (intervention, probe) = made.told(&situation)?;
+                        let (intervention, probe) = made.probed(&situation)?;
                         (Some(intervention), Some(probe), None)
                     }
                     Err(failure) => (None, None, Some(failure)),
@@ -418,8 +418,8 @@ mod tests {
 
     impl Answers for Repeats {
         fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
-            let told = tell(request.plant, request.intervention, Policy::Replay.driver().as_mut());
-            Ok(Answer::Told(told.expect("a rollout")))
+            let reported = tell(request.plant, request.intervention, Policy::Replay.driver().as_mut());
+            Ok(Answer::ReportedRollout(reported.expect("a rollout")))
         }
     }
 

@@ -13,23 +13,23 @@ use crate::stage::{Situation, Source};
 pub struct Made {
     /// What was compiled.
     pub compiled: Compiled,
-    told: OnceLock<(Digest, Probe)>,
+    probed: OnceLock<(Digest, Probe)>,
 }
 
 impl Made {
     /// Nothing is told of it yet.
     pub fn of(compiled: Compiled) -> Made {
-        Made { compiled, told: OnceLock::new() }
+        Made { compiled, probed: OnceLock::new() }
     }
 
     /// Digest of the intervention, and its probe in the scene it was compiled for.
-    pub fn told(&self, situation: &Situation) -> Result<(Digest, Probe), CanonError> {
-        if let Some(told) = self.told.get() {
-            return Ok(*told);
+    pub fn probed(&self, situation: &Situation) -> Result<(Digest, Probe), CanonError> {
+        if let Some(probed) = self.probed.get() {
+            return Ok(*probed);
         }
         let intervention = &self.compiled.intervention;
         let digest = Digest::of("evodrive/intervention/1", intervention)?;
-        Ok(*self.told.get_or_init(|| (digest, probe(situation, intervention))))
+        Ok(*self.probed.get_or_init(|| (digest, probe(situation, intervention))))
     }
 }
 

@@ -25,17 +25,17 @@ struct Motion<'a> {
 
 /// The probe of an intervention in its scene.
 pub fn probe(situation: &Situation, intervention: &Intervention) -> Probe {
-    let mut found = Probe { actors: intervention.actions.len() as f64, ..Probe::NOTHING };
+    let mut probe = Probe { actors: intervention.actions.len() as f64, ..Probe::NOTHING };
     for motion in intervention.actions.iter().filter_map(|action| motion(situation, action)) {
-        meet(situation, &motion, &mut found);
+        meet(situation, &motion, &mut probe);
         let (length_m, width_m) = motion.size_m;
         let judged = situation.plant.feasibility_of(motion.kind, length_m, width_m, motion.samples);
         let worst = |so_far: f64, now: f64| if now.is_finite() { so_far.max(now).min(LEVEL_MAX) } else { LEVEL_MAX };
-        found.off_road_m = worst(found.off_road_m, judged.off_road_m);
-        found.acceleration_mps2 = worst(found.acceleration_mps2, judged.acceleration_mps2);
-        found.jerk_mps3 = worst(found.jerk_mps3, judged.jerk_mps3);
+        probe.off_road_m = worst(probe.off_road_m, judged.off_road_m);
+        probe.acceleration_mps2 = worst(probe.acceleration_mps2, judged.acceleration_mps2);
+        probe.jerk_mps3 = worst(probe.jerk_mps3, judged.jerk_mps3);
     }
-    found
+    probe
 }
 
 /// What an action commands; `None` for a script, which waits for the ego.

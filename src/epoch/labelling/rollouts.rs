@@ -39,7 +39,7 @@ pub struct TrialRecord {
 pub struct Rollouts<'a> {
     store: &'a Store,
     mode: Mode,
-    desk: Mutex<Seen>,
+    seen: Mutex<Seen>,
     records: Latest<RolloutRecord>,
     trials: Latest<TrialRecord>,
 }
@@ -113,7 +113,7 @@ impl Memoed for TrialRecord {
 impl<'a> Rollouts<'a> {
     pub fn new(store: &'a Store, mode: Mode) -> Rollouts<'a> {
         let (records, trials) = (Kept::new(RECORDS_MAX), Kept::new(TRIALS_MAX));
-        Rollouts { store, mode, desk: Mutex::new(Seen::default()), records, trials }
+        Rollouts { store, mode, seen: Mutex::new(Seen::default()), records, trials }
     }
 
     /// Makes every record kept so far survive a power cut.
@@ -194,7 +194,7 @@ impl<'a> Rollouts<'a> {
     }
 
     fn seen(&self) -> MutexGuard<'_, Seen> {
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

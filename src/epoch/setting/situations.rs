@@ -85,7 +85,7 @@ mod tests {
     use crate::backend::{Answer, Answers, BackendError, BackendOptions, PlanAround, Request, WorkerOptions};
     use crate::kernel::Digest;
     use crate::sim::scenes::crossing;
-    use crate::sim::{Told, tell};
+    use crate::sim::{ReportedRollout, tell};
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Another simulator, in which every ego repeats its recording; it fails the first time.
@@ -96,8 +96,9 @@ mod tests {
             if self.0.fetch_add(1, Ordering::SeqCst) == 0 {
                 return Err(BackendError::Unplayable("not yet".into()));
             }
-            let told: Result<Told, _> = tell(request.plant, request.intervention, Policy::Replay.driver().as_mut());
-            Ok(Answer::Told(told.expect("a rollout")))
+            let rollout: Result<ReportedRollout, _> =
+                tell(request.plant, request.intervention, Policy::Replay.driver().as_mut());
+            Ok(Answer::ReportedRollout(rollout.expect("a rollout")))
         }
     }
 

@@ -63,9 +63,9 @@ pub fn admission(
         Ok((trials, own.unwrap_or_default()))
     };
     let compiles = |program: &Program, hash: Digest| {
-        let found = tried(program, hash);
-        let trials = found.as_ref().map(|(trials, _)| trials.clone()).unwrap_or_default();
-        *outcome.lock().unwrap_or_else(PoisonError::into_inner) = found;
+        let trial = tried(program, hash);
+        let trials = trial.as_ref().map(|(trials, _)| trials.clone()).unwrap_or_default();
+        *outcome.lock().unwrap_or_else(PoisonError::into_inner) = trial;
         trials
     };
     let (skipped, closed) = (study.skipped_gates(), study.without.closed());

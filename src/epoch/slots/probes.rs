@@ -22,12 +22,12 @@ pub fn probes(
 /// The scenes in which an edited thing is met first, then the first of the others, in the window's order. `touched` is asked by place in
 /// the window.
 fn drawn(window: &[usize], wanted: usize, touched: impl Fn(usize) -> BTreeSet<Touch>) -> Vec<usize> {
-    let mut found: BTreeSet<Touch> = BTreeSet::new();
+    let mut touches: BTreeSet<Touch> = BTreeSet::new();
     let mut chosen: Vec<usize> = Vec::with_capacity(wanted);
     for (at, &place) in window.iter().enumerate() {
         let touched = touched(at);
-        if chosen.len() < wanted && !touched.is_subset(&found) {
-            found.extend(touched);
+        if chosen.len() < wanted && !touched.is_subset(&touches) {
+            touches.extend(touched);
             chosen.push(place);
         }
     }
@@ -107,8 +107,8 @@ mod tests {
         };
         let (new, old) = (in_scenes(&new), in_scenes(&old));
         let window: Vec<usize> = (0..9).collect();
-        let found = drawn(&window, 3, |at| touched(&new[at], &old[at], &rules));
-        assert_eq!(found, [0, 7, 8], "the first scene, the one of the rule that is gone, the one of the new rule");
+        let touches = drawn(&window, 3, |at| touched(&new[at], &old[at], &rules));
+        assert_eq!(touches, [0, 7, 8], "the first scene, the one of the rule that is gone, the one of the new rule");
         let nothing_edited = drawn(&window, 3, |at| touched(&old[at], &old[at], &(vec![], vec![])));
         assert_eq!(nothing_edited, [0, 1, 2]);
     }

@@ -44,9 +44,10 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
     let check = |patch: &ProgramPatch| -> Result<Findings, RunError> {
         let verdict = admission(study, snapshot, slot, patch, tools)?;
         let Verdict { admission, trials, .. } = &verdict;
-        let found = Findings { gates: admission.gates.clone(), compared: trials.compared, differing: trials.differing };
+        let findings =
+            Findings { gates: admission.gates.clone(), compared: trials.compared, differing: trials.differing };
         latest.replace(Some((patch.clone(), verdict)));
-        Ok(found)
+        Ok(findings)
     };
     let proposed = agents::propose(&task, &tools.meter.asking(tools.ask, &snapshot.spec.id), &check)?;
     let reached = match proposed.end {

@@ -127,10 +127,10 @@ fn agreement((of, row): (Of, &str), pairs: &[&Pair]) -> Agreement {
     let apart = met.iter().map(|(a, b)| (a.time_s() - b.time_s()).abs()).collect();
     let before = |before_s: f64| {
         let apart = |pair: &&&Pair| pair.ego_apart_m(pair.first_contact_s()? - before_s);
-        let mut found: Vec<f64> = pairs.iter().filter_map(|pair| apart(&pair)).collect();
-        found.sort_by(f64::total_cmp);
-        let p90_m = found.get((9 * found.len()).div_ceil(10).saturating_sub(1)).copied();
-        EgoApart { before_s, rollouts: found.len(), p90_m, median_m: median(found) }
+        let mut distances: Vec<f64> = pairs.iter().filter_map(|pair| apart(&pair)).collect();
+        distances.sort_by(f64::total_cmp);
+        let p90_m = distances.get((9 * distances.len()).div_ceil(10).saturating_sub(1)).copied();
+        EgoApart { before_s, rollouts: distances.len(), p90_m, median_m: median(distances) }
     };
     let resampled = resampled(&format!("{}{row}", of.prefix()), pairs);
     let interval = |value: f64, of: &dyn Fn([usize; 4]) -> Option<f64>| {

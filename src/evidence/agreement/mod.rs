@@ -1,5 +1,5 @@
 //! How far two simulators agree about the same rollouts: whether the ego meets a road user, which one, when, and where it was
-//! before. Pure counting over pairs of rollouts; who plays them is `cli::agree`'s business.
+//! before. Pure counting over pairs of rollouts; who plays them is `cli::studies::agree`'s business.
 
 mod count;
 mod disagreement;

@@ -78,8 +78,10 @@ fn score_faults(score: &Score) -> impl Iterator<Item = String> {
         }
         let all = mean(&|s| Some(s.realism)).zip(mean(&|s| Some(if s.acted { 1.0 } else { 0.0 })));
         if !all.is_some_and(|(realism, coverage)| near(realism, score.realism_all) && near(coverage, score.coverage)) {
-            let found = (score.realism_all, score.coverage);
-            faults.push(format!("realism over all scenes and coverage {found:?} are not those of the scenes, {all:?}"));
+            let computed = (score.realism_all, score.coverage);
+            faults.push(format!(
+                "realism over all scenes and coverage {computed:?} are not those of the scenes, {all:?}"
+            ));
         }
     }
     faults.into_iter()
@@ -135,8 +137,8 @@ fn fronts(run: &RecordedRun, findings: &mut Vec<Finding>) {
 fn measured(run: &RecordedRun, lineage: &LineageResult, findings: &mut Vec<Finding>) {
     let named = [Some(&lineage.parent), Some(&lineage.evolved), lineage.endpoint.as_ref()];
     for measured in named.into_iter().flatten() {
-        let found = run.held_out.iter().find(|h| h.lineage == lineage.lineage && h.solution == measured.solution);
-        let read = found.map(|held_out| Measured::new(measured.solution.clone(), &held_out.score));
+        let computed = run.held_out.iter().find(|h| h.lineage == lineage.lineage && h.solution == measured.solution);
+        let read = computed.map(|held_out| Measured::new(measured.solution.clone(), &held_out.score));
         let agree = |read: &Measured| {
             same(&read.objectives, &measured.objectives)
                 && near(read.realism_penalty_pct, measured.realism_penalty_pct)

@@ -40,20 +40,20 @@ impl Monitored {
 
 /// A remark where the evaluator would have turned away what the archive accepted.
 pub fn remark(run: &RecordedRun) -> Option<Finding> {
-    let found = Monitored::of(run);
-    if found.false_rejections.is_empty() {
+    let monitored = Monitored::of(run);
+    if monitored.false_rejections.is_empty() {
         return None;
     }
-    let names: Vec<&str> = found.false_rejections.iter().map(AttemptId::as_str).collect();
+    let names: Vec<&str> = monitored.false_rejections.iter().map(AttemptId::as_str).collect();
     let error = |mean: Option<f64>| mean.map_or("unknown".to_string(), |mean| format!("{mean:.3}"));
     let what = format!(
         "{} of {} candidates that the world evaluator would have turned away were accepted by the archive: {}; its \
          predictions are off by {} in attack and {} in realism on average",
         names.len(),
-        found.candidates,
+        monitored.candidates,
         names.join(", "),
-        error(found.attack_error_mean),
-        error(found.realism_error_mean)
+        error(monitored.attack_error_mean),
+        error(monitored.realism_error_mean)
     );
     Some(Finding { gravity: Gravity::Remark, check: "monitor", place: "world evaluator".into(), what })
 }

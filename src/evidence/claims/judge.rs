@@ -97,7 +97,7 @@ enum Asked<'s> {
 impl Asked<'_> {
     fn name(&self) -> String {
         match self {
-            Asked::Runs(stories) => joined(stories, |story| story.opened.name.clone()),
+            Asked::Runs(runs) => joined(runs, |recorded| recorded.opened.name.clone()),
             Asked::Study(record) => record.opening.name.clone(),
         }
     }
@@ -105,7 +105,7 @@ impl Asked<'_> {
     /// Roots of the runs, or the study's recipe.
     fn root(&self) -> String {
         match self {
-            Asked::Runs(stories) => joined(stories, |story| story.root.to_hex()),
+            Asked::Runs(runs) => joined(runs, |recorded| recorded.root.to_hex()),
             Asked::Study(record) => record.opening.recipe.to_hex(),
         }
     }
@@ -113,36 +113,36 @@ impl Asked<'_> {
     fn table(&self, name: &str) -> Result<Option<Table>, TableError> {
         match self {
             Asked::Study(record) => Ok(Some(downstream::table(record))),
-            Asked::Runs(stories) => {
-                let stories: Vec<RecordedRun> = stories.iter().map(|story| (*story).clone()).collect();
+            Asked::Runs(runs) => {
+                let runs: Vec<RecordedRun> = runs.iter().map(|recorded| (*recorded).clone()).collect();
                 let make = tables::NAMED.iter().find(|(known, _)| *known == name);
-                make.map(|(_, make)| make(&stories)).transpose()
+                make.map(|(_, make)| make(&runs)).transpose()
             }
         }
     }
 
     fn measured(&self, name: &str, families: &[String]) -> Option<Estimate> {
         match self {
-            Asked::Runs(stories) => measure::measured(name, stories, families),
+            Asked::Runs(runs) => measure::measured(name, runs, families),
             Asked::Study(_) => None,
         }
     }
 }
 
-fn joined(stories: &[&RecordedRun], of: fn(&RecordedRun) -> String) -> String {
-    stories.iter().map(|story| of(story)).collect::<Vec<_>>().join(" + ")
+fn joined(runs: &[&RecordedRun], of: fn(&RecordedRun) -> String) -> String {
+    runs.iter().map(|recorded| of(recorded)).collect::<Vec<_>>().join(" + ")
 }
 
 /// Judges the claims by these runs, and by these studies under their names in the file. What no claim names is passed over.
 pub fn judge(
     claims: &Claims,
-    stories: &[RecordedRun],
+    runs: &[RecordedRun],
     studies: &BTreeMap<String, Downstream>,
 ) -> Result<Judgement, ClaimsError> {
     let mut made: BTreeMap<(String, String), Table> = BTreeMap::new();
     let mut judged = Vec::with_capacity(claims.claims.len());
     for claim in &claims.claims {
-        judged.push(match asked_of(claim, claims, stories, studies) {
+        judged.push(match asked_of(claim, claims, runs, studies) {
             Err(reason) => untested(claim, reason, None),
             Ok(of) => one(claim, &of, &mut made)?,
         });
@@ -150,9 +150,9 @@ pub fn judge(
     let tested = correct(&mut judged, claims.level);
     judged.sort_by_key(|claim| claim.verdict);
     let named =
-        |story: &&RecordedRun| claims.runs.values().any(|named| named.experiments().contains(&story.opened.name));
-    let source = |story: &RecordedRun| {
-        (story.opened.name.clone(), story.root.to_hex(), !story.opened.scripted_roles().is_empty())
+        |recorded: &&RecordedRun| claims.runs.values().any(|named| named.experiments().contains(&recorded.opened.name));
+    let source = |recorded: &RecordedRun| {
+        (recorded.opened.name.clone(), recorded.root.to_hex(), !recorded.opened.scripted_roles().is_empty())
     };
     let study = |record: &Downstream| {
         let scripted = record.opening.proposals.split(" + ").any(|kind| kind == "scripted");
@@ -161,7 +161,7 @@ pub fn judge(
     Ok(Judgement {
         level: claims.level,
         tested,
-        runs: stories.iter().filter(named).map(source).collect(),
+        runs: runs.iter().filter(named).map(source).collect(),
         studies: studies.values().map(study).collect(),
         claims: judged,
     })
@@ -171,7 +171,7 @@ pub fn judge(
 fn asked_of<'s>(
     claim: &Claim,
     claims: &Claims,
-    stories: &'s [RecordedRun],
+    runs: &'s [RecordedRun],
     studies: &'s BTreeMap<String, Downstream>,
 ) -> Result<Asked<'s>, String> {
     if let Some(reason) = &claim.not_testable {
@@ -183,8 +183,8 @@ fn asked_of<'s>(
     let run = claim.run.as_deref().unwrap_or_default();
     let Some(named) = claims.runs.get(run) else { return Err(format!("the file names no run `{run}`")) };
     let given = |name: &String| {
-        let story = stories.iter().find(|story| story.opened.name == *name);
-        story.ok_or_else(|| format!("no run of the experiment {name} was given"))
+        let recorded = runs.iter().find(|recorded| recorded.opened.name == *name);
+        recorded.ok_or_else(|| format!("no run of the experiment {name} was given"))
     };
     Ok(Asked::Runs(named.experiments().iter().map(given).collect::<Result<_, _>>()?))
 }
@@ -220,7 +220,7 @@ fn asked(claim: &Claim) -> String {
 }
 
 fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Table>) -> Result<Judged, ClaimsError> {
-    let found = match (&claim.table, &claim.column, &claim.measure) {
+    let measured = match (&claim.table, &claim.column, &claim.measure) {
         (Some(name), Some(column), _) => {
             let key = (name.clone(), of.name());
             if !made.contains_key(&key)
@@ -236,12 +236,12 @@ fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Tabl
             .ok_or_else(|| format!("{} holds nothing that {name} counts", of.name())),
         _ => Err("nothing is asked".into()),
     };
-    let found = match found {
+    let measured = match measured {
         Err(reason) => return Ok(untested(claim, reason, Some(of))),
-        Ok(found) => found,
+        Ok(measured) => measured,
     };
-    let mut parts = Vec::with_capacity(found.len());
-    for (row, estimate, paper, cell) in found {
+    let mut parts = Vec::with_capacity(measured.len());
+    for (row, estimate, paper, cell) in measured {
         let Some([p_for, p_against]) = sides(claim, &estimate) else {
             let reason = format!("the number of {row} has no interval, because nothing was repeated");
             return Ok(untested(claim, reason, Some(of)));
@@ -272,7 +272,7 @@ fn cells(claim: &Claim, table: &Table, column: &str) -> Result<Vec<Found>, Strin
     if rows.is_empty() {
         return Err(format!("{} has none of the paper's rows", table.name));
     }
-    let found = |(wanted, row): (String, Option<&Row>)| {
+    let measured = |(wanted, row): (String, Option<&Row>)| {
         let cell = row.and_then(|row| row.cells.iter().find(|cell| cell.column.key == column));
         let cell = cell.ok_or_else(|| format!("{} has no {column} of {wanted}", table.name))?;
         let ours = cell.ours.ok_or_else(|| format!("{wanted} has no number of {column} in this run"))?;
@@ -286,7 +286,7 @@ fn cells(claim: &Claim, table: &Table, column: &str) -> Result<Vec<Found>, Strin
         let place = format!("{}:{}:{column}", table.name, named.to_lowercase().replace(' ', "-"));
         Ok((wanted, ours, cell.paper, claim.run.is_some().then_some(place)))
     };
-    rows.into_iter().map(found).collect()
+    rows.into_iter().map(measured).collect()
 }
 
 /// One-sided p for the claimed side of the threshold and for the other; `None` without an interval.

@@ -39,40 +39,40 @@ direction = "above"
 threshold = 50.0
 "#;
 
-fn story() -> RecordedRun {
-    let mut story = run("made", &[("actor", "scripted (s, s)")]);
-    add(&mut story, &CAT);
-    story
+fn recorded() -> RecordedRun {
+    let mut recorded = run("made", &[("actor", "scripted (s, s)")]);
+    add(&mut recorded, &CAT);
+    recorded
 }
 
-fn of(stories: &[RecordedRun], id: &str) -> Judged {
-    let found = judge(&read("claims.toml", FILE).unwrap(), stories, &BTreeMap::new()).unwrap();
-    found.claims.into_iter().find(|claim| claim.id == id).unwrap()
+fn of(runs: &[RecordedRun], id: &str) -> Judged {
+    let verdicts = judge(&read("claims.toml", FILE).unwrap(), runs, &BTreeMap::new()).unwrap();
+    verdicts.claims.into_iter().find(|claim| claim.id == id).unwrap()
 }
 
 /// The run with parent and evolved program of every lineage in each other's place.
-fn swapped(mut story: RecordedRun) -> RecordedRun {
-    for lineage in &mut story.result.as_mut().unwrap().lineages {
+fn swapped(mut recorded: RecordedRun) -> RecordedRun {
+    for lineage in &mut recorded.result.as_mut().unwrap().lineages {
         std::mem::swap(&mut lineage.parent, &mut lineage.evolved);
     }
-    story
+    recorded
 }
 
 #[test]
 fn a_fall_in_every_scene_is_supported_and_its_parts_can_be_asked_for() {
-    let claim = of(&[story()], "realism");
+    let claim = of(&[recorded()], "realism");
     assert_eq!(claim.verdict, Verdict::Supported, "{claim:?}");
     assert_eq!(claim.parts[0].cell.as_deref(), Some("metadrive-policy:cat:rp_change_pp"));
-    assert_eq!(claim.root, Some(story().root.to_hex()));
+    assert_eq!(claim.root, Some(recorded().root.to_hex()));
 }
 
 #[test]
 fn with_parent_and_evolved_swapped_the_claim_fails_and_stands_first() {
-    let found = judge(&read("claims.toml", FILE).unwrap(), &[swapped(story())], &BTreeMap::new()).unwrap();
-    assert_eq!((found.claims[0].id.as_str(), found.claims[0].verdict), ("realism", Verdict::NotSupported));
-    let told = markdown(&found);
-    assert!(told.find("## Not supported") < told.find("## Not testable here"), "{told}");
-    assert!(told.contains("scripted stand-in"));
+    let verdicts = judge(&read("claims.toml", FILE).unwrap(), &[swapped(recorded())], &BTreeMap::new()).unwrap();
+    assert_eq!((verdicts.claims[0].id.as_str(), verdicts.claims[0].verdict), ("realism", Verdict::NotSupported));
+    let text = markdown(&verdicts);
+    assert!(text.find("## Not supported") < text.find("## Not testable here"), "{text}");
+    assert!(text.contains("scripted stand-in"));
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn a_run_that_only_reports_its_parents_supports_nothing() {
 #[test]
 fn what_is_not_measured_is_not_testable_and_says_why() {
     for (id, reason) in [("learned", "CAT / RL"), ("elsewhere", "ablations")] {
-        let claim = of(&[story()], id);
+        let claim = of(&[recorded()], id);
         assert_eq!((claim.verdict, claim.parts.len()), (Verdict::NotTestable, 0));
         assert!(claim.reason.unwrap().contains(reason));
     }
@@ -105,7 +105,7 @@ fn holm_steps_down_and_never_falls() {
 
 #[test]
 fn a_file_that_cannot_be_used_is_refused_with_what_was_expected() {
-    for (from, to, told) in [
+    for (from, to, text) in [
         ("level = 0.05", "level = 2.0", "less than 1"),
         ("id = \"learned\"", "id = \"realism\"", "twice"),
         ("\"metadrive-policy\"", "\"metadrive-polcy\"", "there are metadrive-main"),
@@ -114,7 +114,7 @@ fn a_file_that_cannot_be_used_is_refused_with_what_was_expected() {
         ("threshold = 50.0", "threshold = nan", "finite threshold"),
     ] {
         let error = read("claims.toml", &FILE.replacen(from, to, 1)).unwrap_err().to_string();
-        assert!(error.contains("claims.toml") && error.contains(told), "{error}");
+        assert!(error.contains("claims.toml") && error.contains(text), "{error}");
     }
 }
 
@@ -129,21 +129,21 @@ fn the_shipped_claims_can_be_read() {
 fn runs_of_several_experiments_answer_together() {
     let file =
         FILE.replace("made = \"made\"", "made = [\"made\", \"other\"]").replace("metadrive-policy", "metadrive-main");
-    let of = |stories: &[RecordedRun]| {
-        let found = judge(&read("claims.toml", &file).unwrap(), stories, &BTreeMap::new()).unwrap();
-        found.claims.into_iter().find(|claim| claim.id == "realism").unwrap()
+    let of = |runs: &[RecordedRun]| {
+        let verdicts = judge(&read("claims.toml", &file).unwrap(), runs, &BTreeMap::new()).unwrap();
+        verdicts.claims.into_iter().find(|claim| claim.id == "realism").unwrap()
     };
-    let alone = of(&[story()]);
+    let alone = of(&[recorded()]);
     assert_eq!(alone.reason.as_deref(), Some("no run of the experiment other was given"));
     let mut other = run("other", &[("actor", "scripted (s, s)")]);
     add(&mut other, &End { id: "cat-sac", ego: "learned", ..CAT });
     let one = judge(
         &read("claims.toml", &FILE.replace("metadrive-policy", "metadrive-main")).unwrap(),
-        &[story()],
+        &[recorded()],
         &BTreeMap::new(),
     );
     let one = one.unwrap().claims.into_iter().find(|claim| claim.id == "realism").unwrap().parts[0].estimate.value;
-    let both = of(&[story(), swapped(other)]).parts[0].estimate.value;
+    let both = of(&[recorded(), swapped(other)]).parts[0].estimate.value;
     assert!(one < 0.0 && both.abs() < 1e-9, "one ego {one}, the mean with an ego of the opposite change {both}");
     let none = FILE.replace("made = \"made\"", "made = []");
     assert!(read("claims.toml", &none).unwrap_err().to_string().contains("runs.made names no experiment"));

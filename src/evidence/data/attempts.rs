@@ -27,9 +27,9 @@ impl Row<'_> {
     }
 }
 
-pub fn sheet(story: &RecordedRun) -> Sheet {
-    let adopted = |attempt: &Attempt| story.parents.iter().find(|parent| parent.lineage == attempt.lineage);
-    let rows: Vec<Row<'_>> = story.attempts.iter().map(|attempt| Row { attempt, adopted: adopted(attempt) }).collect();
+pub fn sheet(run: &RecordedRun) -> Sheet {
+    let adopted = |attempt: &Attempt| run.parents.iter().find(|parent| parent.lineage == attempt.lineage);
+    let rows: Vec<Row<'_>> = run.attempts.iter().map(|attempt| Row { attempt, adopted: adopted(attempt) }).collect();
     let columns = Columns::<Row<'_>>::new()
         .text("attempt", "Its id: lineage, epoch and slot, both from 0.", |r| r.attempt.id.to_string())
         .text("lineage", "The lineage.", |r| r.attempt.lineage.to_string())

@@ -6,8 +6,8 @@ use crate::objects::{AttemptId, Exchange, Review};
 
 type Asked<'r> = (&'r AttemptId, usize, &'r Exchange);
 
-pub fn sheet(story: &RecordedRun) -> Sheet {
-    let rows: Vec<Asked<'_>> = story
+pub fn sheet(run: &RecordedRun) -> Sheet {
+    let rows: Vec<Asked<'_>> = run
         .attempts
         .iter()
         .flat_map(|attempt| attempt.proposal.exchanges.iter().enumerate().map(move |(k, x)| (&attempt.id, k, x)))
@@ -26,8 +26,8 @@ pub fn sheet(story: &RecordedRun) -> Sheet {
 
 type Reviewed<'r> = (&'r AttemptId, usize, &'r Review);
 
-pub fn reviews(story: &RecordedRun) -> Sheet {
-    let rows: Vec<Reviewed<'_>> = story
+pub fn reviews(run: &RecordedRun) -> Sheet {
+    let rows: Vec<Reviewed<'_>> = run
         .attempts
         .iter()
         .flat_map(|attempt| {

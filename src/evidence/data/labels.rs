@@ -19,29 +19,29 @@ struct Whose<'r> {
 type Row<'r> = (Whose<'r>, &'r SceneScore);
 
 /// Every label of the record once: it is a function of program, scene and ego, so it does not matter where it is met first.
-fn labels(story: &RecordedRun) -> Vec<Row<'_>> {
-    let mut found: BTreeMap<Whose<'_>, &SceneScore> = BTreeMap::new();
-    for (lineage, solution, suite, score) in story.scores() {
+fn labels(run: &RecordedRun) -> Vec<Row<'_>> {
+    let mut by_subject: BTreeMap<Whose<'_>, &SceneScore> = BTreeMap::new();
+    for (lineage, solution, suite, score) in run.scores() {
         for label in &score.scenes {
-            found.entry(Whose { lineage, solution, suite, scene: &label.scene }).or_insert(label);
+            by_subject.entry(Whose { lineage, solution, suite, scene: &label.scene }).or_insert(label);
         }
     }
-    found.into_iter().collect()
+    by_subject.into_iter().collect()
 }
 
 /// Scenes in which a program has no label, with the reason, once each.
-fn failures(story: &RecordedRun) -> Vec<(Whose<'_>, &str)> {
-    let mut found: BTreeMap<Whose<'_>, &str> = BTreeMap::new();
-    for (lineage, solution, suite, score) in story.scores() {
+fn failures(run: &RecordedRun) -> Vec<(Whose<'_>, &str)> {
+    let mut by_subject: BTreeMap<Whose<'_>, &str> = BTreeMap::new();
+    for (lineage, solution, suite, score) in run.scores() {
         for failure in &score.failures {
-            found.entry(Whose { lineage, solution, suite, scene: &failure.scene }).or_insert(&failure.reason);
+            by_subject.entry(Whose { lineage, solution, suite, scene: &failure.scene }).or_insert(&failure.reason);
         }
     }
-    found.into_iter().collect()
+    by_subject.into_iter().collect()
 }
 
 /// What labels cannot show: where there is none.
-pub fn unlabelled(story: &RecordedRun) -> Sheet {
+pub fn unlabelled(run: &RecordedRun) -> Sheet {
     let columns = Columns::<(Whose<'_>, &str)>::new()
         .text("lineage", "The lineage.", |(of, _)| of.lineage.to_string())
         .text("solution", "The program, as in labels.", |(of, _)| of.solution.to_string())
@@ -52,18 +52,18 @@ pub fn unlabelled(story: &RecordedRun) -> Sheet {
             "Why: the program could not be compiled, or the driver under test ended there.",
             |(_, reason)| *reason,
         );
-    columns.laid_out("unlabelled", "a program in a scene without a label", &failures(story))
+    columns.laid_out("unlabelled", "a program in a scene without a label", &failures(run))
 }
 
 /// Digests of the rollout records behind the labels, sorted.
-pub fn records(story: &RecordedRun) -> Vec<Digest> {
+pub fn records(run: &RecordedRun) -> Vec<Digest> {
     let all: BTreeSet<Digest> =
-        story.scores().flat_map(|(.., score)| score.scenes.iter().map(|label| label.record)).collect();
+        run.scores().flat_map(|(.., score)| score.scenes.iter().map(|label| label.record)).collect();
     all.into_iter().collect()
 }
 
-pub fn sheet(story: &RecordedRun) -> Sheet {
-    let rows = labels(story);
+pub fn sheet(run: &RecordedRun) -> Sheet {
+    let rows = labels(run);
     let columns = Columns::<Row<'_>>::new()
         .text("lineage", "The lineage.", |(of, _)| of.lineage.to_string())
         .text("solution", "The program: the attempt that proposed it, or <lineage>/parent.", |(of, _)| {

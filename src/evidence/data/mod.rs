@@ -20,14 +20,14 @@ use crate::objects::cost::{LineageCost, RunCost};
 
 /// All tables of a run, and last the dictionary of their columns. `rollouts` are those behind [`records`], as far as the store
 /// still holds them.
-pub fn sheets(story: &RecordedRun, rollouts: &[(Digest, Rollout)], cost: Option<&RunCost>) -> Vec<Sheet> {
+pub fn sheets(run: &RecordedRun, rollouts: &[(Digest, Rollout)], cost: Option<&RunCost>) -> Vec<Sheet> {
     let mut all = vec![
-        attempts::sheet(story),
-        labels::sheet(story),
-        labels::unlabelled(story),
+        attempts::sheet(run),
+        labels::sheet(run),
+        labels::unlabelled(run),
         rollouts::sheet(rollouts),
-        exchanges::reviews(story),
-        exchanges::sheet(story),
+        exchanges::reviews(run),
+        exchanges::sheet(run),
     ];
     all.extend(cost.map(|cost| cost_of(&cost.lineages)));
     let dictionary = dictionary(&all);

@@ -50,7 +50,7 @@ pub fn figure(record: &Downstream) -> Figure {
     for (place, title, up, what) in panels {
         panel(&mut sheet, place, (title, up), record, what);
     }
-    let told = format!(
+    let caption = format!(
         "Means over {} seeds and {} scenes (adversarial: the same scenes as both generators play them) with 95 % bootstrap intervals over \
          both ({RESAMPLES} resamples). Crash: contact with anyone, whoever caused it. Generators: the parent and {}; its patches are of: {}.",
         opening.seeds.len(),
@@ -58,7 +58,7 @@ pub fn figure(record: &Downstream) -> Figure {
         opening.generator,
         opening.proposals,
     );
-    legend::foot(&mut sheet, &told);
+    legend::foot(&mut sheet, &caption);
     sheet
 }
 
@@ -68,8 +68,8 @@ fn curves(record: &Downstream, what: Question<'_>) -> Vec<Vec<Point>> {
         let trained: Vec<_> = record.trainings.iter().filter(|trained| trained.arm == *arm).collect();
         let point = |place: usize| {
             let updates: Vec<f64> = trained.iter().map(|of| of.examinations[place].updates as f64).collect();
-            let found = estimates(&[mean(record, arm, place, what)]).into_iter().next().flatten()?;
-            Some((num::mean(&updates)?, found))
+            let estimated = estimates(&[mean(record, arm, place, what)]).into_iter().next().flatten()?;
+            Some((num::mean(&updates)?, estimated))
         };
         (0..examinations(record, arm)).filter_map(point).collect()
     };

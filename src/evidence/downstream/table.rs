@@ -173,8 +173,8 @@ fn verdict(record: &Downstream, pair: [&str; 2]) -> String {
     let way = if record.opening.families.is_empty() { Read::Completion } else { Read::Score };
     let side = |sets: &[SetName], read: Read, words: [&str; 3]| {
         let asked = Question { sets, read, family: None };
-        let found = estimates(&[difference(record, pair, asked)]).into_iter().next().flatten();
-        match found.and_then(|found| found.interval) {
+        let estimated = estimates(&[difference(record, pair, asked)]).into_iter().next().flatten();
+        match estimated.and_then(|estimated| estimated.interval) {
             Some([_, high]) if high < 0.0 => words[0],
             Some([low, _]) if low > 0.0 => words[2],
             _ => words[1],

@@ -58,8 +58,8 @@ fn record(crashes: usize) -> Downstream {
 
 #[test]
 fn an_arm_that_crashes_in_fewer_scenes_is_said_to() {
-    let found = table(&record(5));
-    let rows: Vec<(&str, f64, f64)> = found
+    let tabled = table(&record(5));
+    let rows: Vec<(&str, f64, f64)> = tabled
         .rows()
         .map(|row| {
             let value = |key: &str| row.cell(key).ours.unwrap().value;
@@ -67,10 +67,10 @@ fn an_arm_that_crashes_in_fewer_scenes_is_said_to() {
         })
         .collect();
     assert_eq!(rows, [("none", 0.5, 0.0), ("evolved", 0.125, 0.0), ("evolved less none", -0.375, 0.0)]);
-    let [low, high] = found.rows().last().unwrap().cell("crash_adversarial").ours.unwrap().interval.unwrap();
+    let [low, high] = tabled.rows().last().unwrap().cell("crash_adversarial").ours.unwrap().interval.unwrap();
     assert!(low < -0.375 && -0.375 < high && high < 0.0, "{low} {high}");
     assert!(
-        found
+        tabled
             .notes
             .iter()
             .any(|note| note.starts_with("evolved against none: crashes less and way undecided in adversarial scenes"))
@@ -80,9 +80,9 @@ fn an_arm_that_crashes_in_fewer_scenes_is_said_to() {
 /// What decides is the pairing: the same arm under another name is no better, and a worse one is told as worse.
 #[test]
 fn a_toy_arm_wins_nothing() {
-    let told = |crashes: usize| table(&record(crashes)).notes.last().unwrap().clone();
-    assert!(told(SCENES / 2).starts_with("evolved against none: crashes undecided"), "{}", told(SCENES / 2));
-    assert!(told(SCENES).starts_with("evolved against none: crashes more"), "{}", told(SCENES));
+    let note = |crashes: usize| table(&record(crashes)).notes.last().unwrap().clone();
+    assert!(note(SCENES / 2).starts_with("evolved against none: crashes undecided"), "{}", note(SCENES / 2));
+    assert!(note(SCENES).starts_with("evolved against none: crashes more"), "{}", note(SCENES));
 }
 
 #[test]
@@ -126,14 +126,14 @@ fn who_stands_is_told_apart_from_who_learned_to_avoid() {
     let standing = |set| SetDriven { set, ends: "h".repeat(SCENES), completion: vec![0.0; SCENES], score: vec![] };
     let sets = [SetName::Plain, SetName::Original, SetName::Evolved].map(standing).to_vec();
     still.opening.references = vec![Reference { driver: "stands still".into(), sets }];
-    let found = table(&still);
+    let tabled = table(&still);
     assert_eq!(
-        found.notes.last().unwrap(),
+        tabled.notes.last().unwrap(),
         "evolved against none: crashes less and drives less of its route in adversarial scenes; drives less of its route in plain ones."
     );
-    let row = found.rows().find(|row| row.labels[0] == "stands still").unwrap();
+    let row = tabled.rows().find(|row| row.labels[0] == "stands still").unwrap();
     assert_eq!(row.cell("crash_adversarial").ours.unwrap().value, 0.0);
-    assert!(crate::evidence::tables::markdown(&found).contains("| stands still | 0.000"));
+    assert!(crate::evidence::tables::markdown(&tabled).contains("| stands still | 0.000"));
 }
 
 /// The same arms as a study by family: the family in which the evolved arm is better is told apart from the one in which it is not.
@@ -157,12 +157,12 @@ fn families_are_told_apart_and_their_mean_is_over_them() {
         examined.for_each(|driven| driven.score = vec![0.75; SCENES]);
     }
     let text = both.to_text().unwrap();
-    let found = table(&Downstream::read(&text).unwrap());
-    let row = found.rows().find(|row| row.labels[0] == "evolved less none").unwrap();
+    let tabled = table(&Downstream::read(&text).unwrap());
+    let row = tabled.rows().find(|row| row.labels[0] == "evolved less none").unwrap();
     let value = |key: &str| row.cell(key).ours.map(|ours| ours.value);
     assert_eq!([value("right_turn"), value("red_light_running")], [Some(-0.375), Some(0.0)]);
     assert_eq!((value("average"), value("lane_changing")), (Some(-0.1875), None));
-    let scores = found.rows().filter(|row| row.labels[0] == "evolved").nth(1).unwrap();
+    let scores = tabled.rows().filter(|row| row.labels[0] == "evolved").nth(1).unwrap();
     assert_eq!(scores.cell("average").ours.unwrap().value, 0.75);
     assert_eq!(scores.cell("average").paper, Some(0.884));
 }

@@ -39,18 +39,18 @@ impl Epoch {
     /// Useful ones among the first `k`, by rank and in expectation over random orders. `None` with fewer than `k` candidates.
     pub fn yield_at(&self, k: usize) -> Option<[f64; 2]> {
         let first = self.useful.get(..k)?;
-        let found = first.iter().filter(|useful| **useful).count() as f64;
-        Some([found, k as f64 * self.useful_count() as f64 / self.useful.len() as f64])
+        let ordered = first.iter().filter(|useful| **useful).count() as f64;
+        Some([ordered, k as f64 * self.useful_count() as f64 / self.useful.len() as f64])
     }
 }
 
 /// The epochs of these runs that can be asked, in their order. One whose candidates all have the same rank score tells nothing and
 /// is left out; of equals the earlier candidate comes first.
-pub fn epochs(stories: &[&RecordedRun]) -> Vec<Epoch> {
-    let mut found = Vec::new();
-    for story in stories {
+pub fn epochs(runs: &[&RecordedRun]) -> Vec<Epoch> {
+    let mut ordered = Vec::new();
+    for run in runs {
         let mut groups: BTreeMap<(LineageId, u32), Vec<Case>> = BTreeMap::new();
-        for case in cases(story) {
+        for case in cases(run) {
             groups.entry((case.lineage.clone(), case.epoch)).or_default().push(case);
         }
         for ((lineage, epoch), mut group) in groups {
@@ -63,10 +63,10 @@ pub fn epochs(stories: &[&RecordedRun]) -> Vec<Epoch> {
             let scores: Vec<f64> = group.iter().map(|case| case.rank_score).collect();
             let gains: Vec<f64> = group.iter().filter_map(|case| case.label.map(|(label, _)| gain(&label))).collect();
             let spearman = spearman(&scores, &gains);
-            found.push(Epoch { lineage: (story.opened.name.clone(), lineage), epoch, useful, spearman });
+            ordered.push(Epoch { lineage: (run.opened.name.clone(), lineage), epoch, useful, spearman });
         }
     }
-    found
+    ordered
 }
 
 #[cfg(test)]

@@ -35,13 +35,13 @@ fn correlations_share_ranks_and_know_constants() {
 #[test]
 fn errors_are_told_as_a_share_of_the_guess_that_nothing_changes() {
     let cases = [case(1, 0.1, 0.2, true), case(1, 0.0, -0.2, false)];
-    let found = quality(&cases.iter().collect::<Vec<_>>());
+    let measured = quality(&cases.iter().collect::<Vec<_>>());
     // Errors 0.1 and 0.2 against differences of 0.2 and 0.2.
-    assert!((found.error_ratio_to_parent.unwrap() - (0.05f64 / 0.08).sqrt()).abs() < 1e-12);
-    assert!((found.absolute_error_ratio_to_parent.unwrap() - 0.75).abs() < 1e-12);
+    assert!((measured.error_ratio_to_parent.unwrap() - (0.05f64 / 0.08).sqrt()).abs() < 1e-12);
+    assert!((measured.absolute_error_ratio_to_parent.unwrap() - 0.75).abs() < 1e-12);
     // Of four labels one lies outside of its interval: the second attack.
-    assert_eq!(found.coverage_80_pct, Some(75.0));
-    assert_eq!(found.spearman_pooled, Some(1.0));
+    assert_eq!(measured.coverage_80_pct, Some(75.0));
+    assert_eq!(measured.spearman_pooled, Some(1.0));
 }
 
 #[test]
@@ -53,21 +53,21 @@ fn a_drawn_reject_stands_for_its_stratum_and_the_selected_for_nobody() {
         ..case(1, 0.0, 0.1, accepted)
     };
     let cases = [case(1, 0.3, 0.3, true), drawn(9.0, false), drawn(3.0, true)];
-    let found = quality(&cases.iter().collect::<Vec<_>>());
-    assert_eq!(found.false_reject_pct, Some(25.0), "three of twelve");
-    let of_a_draw = found.false_reject_of_a_draw_pct.unwrap();
+    let measured = quality(&cases.iter().collect::<Vec<_>>());
+    assert_eq!(measured.false_reject_pct, Some(25.0), "three of twelve");
+    let of_a_draw = measured.false_reject_of_a_draw_pct.unwrap();
     assert!((of_a_draw - 100.0 * 4.0 / 13.0).abs() < 1e-12, "four of all thirteen: {of_a_draw}");
-    assert_eq!((found.selected_accepted_pct, found.audited_accepted_pct), (Some(100.0), Some(50.0)));
-    assert_eq!((found.selected, found.audited, found.rejected), (1, 2, 0));
+    assert_eq!((measured.selected_accepted_pct, measured.audited_accepted_pct), (Some(100.0), Some(50.0)));
+    assert_eq!((measured.selected, measured.audited, measured.rejected), (1, 2, 0));
 }
 
 #[test]
 fn recall_and_regret_look_at_the_first_three_in_ten_of_every_epoch() {
     let mut cases: Vec<Case> = (0..10).map(|k| case(1, f64::from(k) / 10.0, 0.0, k >= 6)).collect();
     cases[6].label = Some((point(0.5, 0.0), true));
-    let found = quality(&cases.iter().collect::<Vec<_>>());
-    assert_eq!((found.recall_top_30_pct, found.precision_top_30_pct), (Some(75.0), Some(100.0)));
-    assert_eq!(found.regret, Some(0.5));
+    let measured = quality(&cases.iter().collect::<Vec<_>>());
+    assert_eq!((measured.recall_top_30_pct, measured.precision_top_30_pct), (Some(75.0), Some(100.0)));
+    assert_eq!(measured.regret, Some(0.5));
 }
 
 #[test]
@@ -76,6 +76,6 @@ fn a_rank_that_knows_nothing_turns_away_what_a_draw_does() {
     let mut cases: Vec<Case> = (0..1000).map(|k| case(1, f64::from(k), 0.0, k % 10 == 0)).collect();
     cases.iter_mut().for_each(|case| case.turned_away = case.rank_score < 700.0);
     cases.push(Case { decision: RouteDecision::Audit, weight: 50.0, ..case(0, 0.0, 0.0, true) });
-    let found = quality(&cases.iter().collect::<Vec<_>>());
-    assert_eq!((found.false_reject_pct, found.false_reject_of_a_draw_pct), (Some(10.0), Some(10.0)));
+    let measured = quality(&cases.iter().collect::<Vec<_>>());
+    assert_eq!((measured.false_reject_pct, measured.false_reject_of_a_draw_pct), (Some(10.0), Some(10.0)));
 }

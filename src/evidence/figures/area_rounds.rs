@@ -33,19 +33,19 @@ pub fn areas(rounds: &[&ArchiveRound]) -> BTreeMap<String, Vec<f64>> {
 }
 
 /// The rounds of every lineage, in their order.
-fn lineages<'s>(stories: &'s [RecordedRun]) -> Vec<(&'s LineageId, Vec<&'s ArchiveRound>)> {
-    let of = |story: &'s RecordedRun, lineage: &'s LineageId| {
-        let mut rounds: Vec<&ArchiveRound> = story.rounds.iter().filter(|round| round.lineage == *lineage).collect();
+fn lineages<'s>(runs: &'s [RecordedRun]) -> Vec<(&'s LineageId, Vec<&'s ArchiveRound>)> {
+    let of = |run: &'s RecordedRun, lineage: &'s LineageId| {
+        let mut rounds: Vec<&ArchiveRound> = run.rounds.iter().filter(|round| round.lineage == *lineage).collect();
         rounds.sort_by_key(|round| round.round);
         (lineage, rounds)
     };
-    let all = stories.iter().flat_map(|story| story.parents.iter().map(move |parent| of(story, &parent.lineage)));
+    let all = runs.iter().flat_map(|run| run.parents.iter().map(move |parent| of(run, &parent.lineage)));
     all.filter(|(_, rounds)| !rounds.is_empty()).collect()
 }
 
 /// A panel a lineage, at most four in a row.
-pub fn area_rounds(stories: &[RecordedRun]) -> Result<Figure, FigureError> {
-    let all = lineages(stories);
+pub fn area_rounds(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
+    let all = lineages(runs);
     if all.is_empty() {
         return Err(FigureError::NoRounds);
     }
@@ -65,13 +65,13 @@ pub fn area_rounds(stories: &[RecordedRun]) -> Result<Figure, FigureError> {
         let top = 36.0 + 155.0 * (place / 4) as f64;
         panel(&mut sheet, [left, top, 82.0, 100.0], lineage, areas, highest, place % 4 == 0);
     }
-    let stories: Vec<&RecordedRun> = stories.iter().collect();
-    let told = format!(
+    let runs: Vec<&RecordedRun> = runs.iter().collect();
+    let caption = format!(
         "Area of attack and ARS from the origin, of all scenes that balanced selection kept in a group up to the round; round 0 is the \
          parent's. It can only grow: what the figure shows is how much and in how many groups. {}",
-        source(&stories)
+        source(&runs)
     );
-    legend::foot(&mut sheet, &told);
+    legend::foot(&mut sheet, &caption);
     Ok(sheet)
 }
 

@@ -37,37 +37,37 @@ const TOLD_MAX: usize = 8;
 const LINES_MAX: usize = 4;
 
 /// One lineage's proposals over its local steps.
-pub fn case_evolution(story: &RecordedRun, lineage: &LineageId) -> Result<Figure, FigureError> {
-    let known: Vec<&LineageId> = story.parents.iter().map(|parent| &parent.lineage).collect();
+pub fn case_evolution(run: &RecordedRun, lineage: &LineageId) -> Result<Figure, FigureError> {
+    let known: Vec<&LineageId> = run.parents.iter().map(|parent| &parent.lineage).collect();
     if !known.contains(&lineage) {
         let known = known.into_iter().map(|id| id.to_string()).collect();
         return Err(FigureError::NoLineage { wanted: lineage.clone(), known });
     }
-    let mut attempts: Vec<&Attempt> = story.attempts.iter().filter(|attempt| attempt.lineage == *lineage).collect();
+    let mut attempts: Vec<&Attempt> = run.attempts.iter().filter(|attempt| attempt.lineage == *lineage).collect();
     attempts.sort_by_key(|attempt| (attempt.epoch, attempt.slot));
-    let chain = chain(story, lineage);
+    let chain = chain(run, lineage);
     let mut sheet = Figure::new(470.0, 250.0, format!("Evolution of {lineage}"));
-    let ego = story.parents.iter().find(|parent| parent.lineage == *lineage).map_or("", |parent| parent.ego.as_str());
+    let ego = run.parents.iter().find(|parent| parent.lineage == *lineage).map_or("", |parent| parent.ego.as_str());
     sheet.heading((10.0, 14.0), 9.0, format!("{lineage}, against {ego}: proposals step by step"));
-    steps(&mut sheet, story, lineage, &attempts, &chain);
-    told(&mut sheet, story, &chain);
-    let safebench = !story.rounds.is_empty();
+    steps(&mut sheet, run, lineage, &attempts, &chain);
+    caption(&mut sheet, run, &chain);
+    let safebench = !run.rounds.is_empty();
     let score = if safebench { "100 CR (1-OS) ARS Valid" } else { "100 A R" };
     let note = format!(
         "Score: {score} as labelled on the window of each epoch; windows differ, so a step up may be an easier window. Curve: best of \
          what was accepted so far, from the parent on. Screened: no usable patch, or a gate refused it. Not routed: the world evaluator \
          gave it no rollout. {}",
-        source(&[story])
+        source(&[run])
     );
     legend::foot(&mut sheet, &note);
     Ok(sheet)
 }
 
 /// The programs that lead to the reported generator, the parent first.
-fn chain<'s>(story: &'s RecordedRun, lineage: &LineageId) -> Vec<&'s Program> {
-    let results = story.result.iter().flat_map(|result| &result.lineages);
+fn chain<'s>(run: &'s RecordedRun, lineage: &LineageId) -> Vec<&'s Program> {
+    let results = run.result.iter().flat_map(|result| &result.lineages);
     let reported = results.into_iter().find(|result| result.lineage == *lineage).map(|result| &result.evolved.solution);
-    reported.or_else(|| story.active(lineage)).map(|solution| story.chain(solution)).unwrap_or_default()
+    reported.or_else(|| run.active(lineage)).map(|solution| run.chain(solution)).unwrap_or_default()
 }
 
 /// The figure's score of a proposal; `None` without labels.
@@ -86,8 +86,8 @@ fn product(objectives: &Objectives) -> f64 {
     100.0 * objectives.attack * objectives.realism
 }
 
-fn steps(sheet: &mut Figure, story: &RecordedRun, lineage: &LineageId, attempts: &[&Attempt], chain: &[&Program]) {
-    let first = story.frozen.iter().find(|frozen| frozen.lineage == *lineage).map(|f| of_score(&f.parent_score));
+fn steps(sheet: &mut Figure, run: &RecordedRun, lineage: &LineageId, attempts: &[&Attempt], chain: &[&Program]) {
+    let first = run.frozen.iter().find(|frozen| frozen.lineage == *lineage).map(|f| of_score(&f.parent_score));
     let scores = || attempts.iter().filter_map(|attempt| score(attempt)).chain(first);
     let last = attempts.len().max(1) as f64;
     let axes = Axes {
@@ -149,7 +149,7 @@ fn step_ticks(count: usize) -> Vec<f64> {
 }
 
 /// The chain in words: what each patch of it changes, and what it was labelled.
-fn told(sheet: &mut Figure, story: &RecordedRun, chain: &[&Program]) {
+fn caption(sheet: &mut Figure, run: &RecordedRun, chain: &[&Program]) {
     let mut y = sheet.height + 8.0;
     sheet.heading((10.0, y), 8.5, "The chain to the reported generator");
     y += 12.0;
@@ -161,7 +161,7 @@ fn told(sheet: &mut Figure, story: &RecordedRun, chain: &[&Program]) {
     }
     let left_out = chain.len().saturating_sub(1 + TOLD_MAX);
     for (nth, program) in chain.iter().enumerate().skip(1 + left_out) {
-        let Some(attempt) = made(story, &program.solution_id) else { continue };
+        let Some(attempt) = made(run, &program.solution_id) else { continue };
         let Some(patch) = attempt.proposal.patch() else { continue };
         let parts: Vec<&str> = edit_categories(patch).into_iter().map(|part| part.name()).collect();
         let labels = attempt.exit.score().map_or(String::new(), |score| {
@@ -188,9 +188,8 @@ fn told(sheet: &mut Figure, story: &RecordedRun, chain: &[&Program]) {
     sheet.height = y;
 }
 
-fn made<'s>(story: &'s RecordedRun, solution: &SolutionId) -> Option<&'s Attempt> {
-    story
-        .attempts
+fn made<'s>(run: &'s RecordedRun, solution: &SolutionId) -> Option<&'s Attempt> {
+    run.attempts
         .iter()
         .find(|attempt| attempt.exit.candidate().is_some_and(|candidate| candidate.program.solution_id == *solution))
 }

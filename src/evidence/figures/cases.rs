@@ -38,13 +38,13 @@ pub struct Side {
 }
 
 /// The scene of every lineage that has one; lineages whose reported program is their parent, or wins nothing, have none.
-pub fn won_scenes(story: &RecordedRun) -> Vec<WonScene> {
-    story.result.iter().flat_map(|result| &result.lineages).filter_map(|lineage| won(story, lineage)).collect()
+pub fn won_scenes(run: &RecordedRun) -> Vec<WonScene> {
+    run.result.iter().flat_map(|result| &result.lineages).filter_map(|lineage| won(run, lineage)).collect()
 }
 
-fn won(story: &RecordedRun, lineage: &LineageResult) -> Option<WonScene> {
+fn won(run: &RecordedRun, lineage: &LineageResult) -> Option<WonScene> {
     let labels = |solution: &SolutionId| -> Option<&[SceneScore]> {
-        let own = story.held_out.iter().find(|of| of.lineage == lineage.lineage && of.solution == *solution);
+        let own = run.held_out.iter().find(|of| of.lineage == lineage.lineage && of.solution == *solution);
         own.map(|held_out| held_out.score.scenes.as_slice())
     };
     let (original, evolved) = (&lineage.parent.solution, &lineage.evolved.solution);
@@ -78,7 +78,7 @@ const WIDTH_M: f64 = 70.0;
 ///
 /// # Errors
 /// No case.
-pub fn cases(cases: &[Case], stories: &[RecordedRun]) -> Result<Figure, FigureError> {
+pub fn cases(cases: &[Case], runs: &[RecordedRun]) -> Result<Figure, FigureError> {
     if cases.is_empty() {
         return Err(FigureError::NothingWon);
     }
@@ -99,7 +99,7 @@ pub fn cases(cases: &[Case], stories: &[RecordedRun]) -> Result<Figure, FigureEr
     }
     let rule = "Of the held-out scenes in which the reported program attacks and its parent does not, the one with the highest realism. Both at \
                 the time at which the evolved rollout ends, or at their own end before it.";
-    legend::foot(&mut sheet, &format!("{rule} {}", source(&stories.iter().collect::<Vec<_>>())));
+    legend::foot(&mut sheet, &format!("{rule} {}", source(&runs.iter().collect::<Vec<_>>())));
     Ok(sheet)
 }
 
@@ -121,8 +121,8 @@ fn row(sheet: &mut Figure, top: f64, case: &Case) {
         // The parent's labels say that it did not attack there, so this contact is one that the ego could not avoid or has anyway.
         let spared = place == 0 && side.drawing.contact.as_ref().is_some_and(|contact| contact.step <= step);
         let counts = if spared { ", which does not count as an attack" } else { "" };
-        let told = format!("{head}, {:.1} s: {}{counts}", step as f64 * side.drawing.dt_s, side.ending);
-        for (line, text) in wrapped(&told, 6.5, PANEL[0], 2).into_iter().enumerate() {
+        let caption = format!("{head}, {:.1} s: {}{counts}", step as f64 * side.drawing.dt_s, side.ending);
+        for (line, text) in wrapped(&caption, 6.5, PANEL[0], 2).into_iter().enumerate() {
             let at = (x, top + PANEL[1] + 20.0 + 7.5 * line as f64);
             let (anchor, bold, upwards) = (Anchor::Start, false, false);
             sheet.words(Words { at, size: 6.5, anchor, bold, colour: GREY, upwards, text });
@@ -168,8 +168,8 @@ mod tests {
             _ => None,
         };
         let words: Vec<String> = sheet.shapes.iter().filter_map(text).collect();
-        for told in ["cat-idm: synthetic-7", "original, 2.0 s: as it ended", "evolved, 2.0 s: as it ended"] {
-            assert!(words.iter().any(|line| line == told), "{told}: {words:?}");
+        for caption in ["cat-idm: synthetic-7", "original, 2.0 s: as it ended", "evolved, 2.0 s: as it ended"] {
+            assert!(words.iter().any(|line| line == caption), "{caption}: {words:?}");
         }
         let panels = sheet.shapes.iter().filter(|shape| matches!(shape, Shape::Within(..))).count();
         assert_eq!(panels, 2);

@@ -28,53 +28,53 @@ struct Edits {
 }
 
 fn count<'a>(attempts: impl Iterator<Item = &'a Attempt>) -> Edits {
-    let mut found =
+    let mut edits =
         Edits { patches: 0, evaluated: 0, parts: [[0; 2]; 4], operations: [[0; 3]; 4], scalar_only: [0; 2] };
     for attempt in attempts {
         let Some(patch) = attempt.proposal.patch() else { continue };
         let evaluated = usize::from(attempt.exit.score().is_some());
-        found.patches += 1;
-        found.evaluated += evaluated;
+        edits.patches += 1;
+        edits.evaluated += evaluated;
         let touched = edit_categories(patch);
         for surface in &touched {
-            let part = &mut found.parts[*surface as usize];
+            let part = &mut edits.parts[*surface as usize];
             part[0] += 1;
             part[1] += evaluated;
         }
         if touched.iter().eq([&Surface::Parameters]) {
-            found.scalar_only[0] += 1;
-            found.scalar_only[1] += evaluated;
+            edits.scalar_only[0] += 1;
+            edits.scalar_only[1] += evaluated;
         }
         for operation in &patch.operations {
             let kind = KINDS.iter().position(|(kind, ..)| *kind == operation.op);
             if let (Some(surface), Some(kind)) = (Surface::of_path(&operation.path), kind) {
-                found.operations[surface as usize][kind] += 1;
+                edits.operations[surface as usize][kind] += 1;
             }
         }
     }
-    found
+    edits
 }
 
 /// Shares of patches by the part that they edit, and operations by part and kind.
-pub fn patch_surface(stories: &[RecordedRun]) -> Result<Figure, FigureError> {
-    let edits = count(stories.iter().flat_map(|story| &story.attempts));
+pub fn patch_surface(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
+    let edits = count(runs.iter().flat_map(|run| &run.attempts));
     if edits.patches == 0 {
         return Err(FigureError::NoPatches);
     }
     let mut sheet = Figure::new(470.0, 190.0, "What patches edit, by part and by kind");
     shares(&mut sheet, &edits);
     operations(&mut sheet, &edits);
-    let stories: Vec<&RecordedRun> = stories.iter().collect();
-    let told = format!(
+    let runs: Vec<&RecordedRun> = runs.iter().collect();
+    let caption = format!(
         "{} patches that could be read, {} of simulated candidates; a patch that edits several parts counts in each. Parameters alone: \
          {} and {}. {}",
         edits.patches,
         edits.evaluated,
         edits.scalar_only[0],
         edits.scalar_only[1],
-        source(&stories)
+        source(&runs)
     );
-    legend::foot(&mut sheet, &told);
+    legend::foot(&mut sheet, &caption);
     Ok(sheet)
 }
 

@@ -33,10 +33,10 @@ pub fn foot(figure: &mut Figure, text: &str) {
 }
 
 /// What stands under a figure: the runs, and what their proposals came from.
-pub fn source(stories: &[&RecordedRun]) -> String {
+pub fn source(runs: &[&RecordedRun]) -> String {
     let named: Vec<String> =
-        stories.iter().map(|story| format!("{} (root {})", story.opened.name, story.root.short(12))).collect();
-    let scripted = stories.iter().any(|story| !story.opened.scripted_roles().is_empty());
+        runs.iter().map(|run| format!("{} (root {})", run.opened.name, run.root.short(12))).collect();
+    let scripted = runs.iter().any(|run| !run.opened.scripted_roles().is_empty());
     let from = if scripted { "; proposals of the scripted stand-in, which is no language model" } else { "" };
     format!("Recorded: {}{from}.", named.join(", "))
 }

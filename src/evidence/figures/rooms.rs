@@ -25,7 +25,7 @@ pub struct Room {
 /// The rooms of a page, in its order. A line without a floor belongs to the one before.
 pub fn rooms(page: &str) -> Vec<Room> {
     let mut floor = String::new();
-    let mut found = Vec::new();
+    let mut rooms = Vec::new();
     let table = page.lines().skip_while(|line| !line.starts_with("| floor | room |")).skip(2);
     for line in table.take_while(|line| line.starts_with('|')) {
         let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
@@ -34,14 +34,14 @@ pub fn rooms(page: &str) -> Vec<Room> {
             floor = own.to_string();
         }
         let listed = !imports.contains(':') && imports != "all";
-        found.push(Room {
+        rooms.push(Room {
             floor: floor.clone(),
             name: name.to_string(),
             holds: holds.replace('`', ""),
             imports: listed.then(|| imports.split_whitespace().count()),
         });
     }
-    found
+    rooms
 }
 
 const COLOURS: [Rgb; 5] = [SKY, GREEN, YELLOW, ORANGE, PURPLE];

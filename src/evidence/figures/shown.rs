@@ -19,10 +19,10 @@ pub struct Shown {
 }
 
 /// Every figure that one run gives, as SVG: what its report shows.
-pub fn of_run(story: &RecordedRun) -> Vec<Shown> {
-    let alone = std::slice::from_ref(story);
+pub fn of_run(run: &RecordedRun) -> Vec<Shown> {
+    let alone = std::slice::from_ref(run);
     let whole = [patch_surface(alone), world_order(alone), area_rounds(alone)];
-    let steps = story.parents.iter().take(LINEAGES_MAX).map(|parent| case_evolution(story, &parent.lineage));
-    let found = whole.into_iter().chain(steps).filter_map(Result::ok);
-    found.map(|figure| Shown { svg: figure.svg(), title: figure.title }).collect()
+    let steps = run.parents.iter().take(LINEAGES_MAX).map(|parent| case_evolution(run, &parent.lineage));
+    let files = whole.into_iter().chain(steps).filter_map(Result::ok);
+    files.map(|figure| Shown { svg: figure.svg(), title: figure.title }).collect()
 }

@@ -14,8 +14,8 @@ fn the_architecture_is_drawn_from_the_page_alone() {
     let page = include_str!("../../../docs/ARCHITECTURE.md");
     let all = rooms::rooms(page);
     assert!(all.len() > 25, "{all:?}");
-    let told = words(&architecture().unwrap());
-    assert!(all.iter().all(|room| told.lines().any(|line| line == room.name)), "{told}");
+    let words_in = words(&architecture().unwrap());
+    assert!(all.iter().all(|room| words_in.lines().any(|line| line == room.name)), "{words_in}");
     assert_eq!(all.iter().find(|room| room.name == "kernel").unwrap().imports, Some(0));
     assert!(rooms::rooms("| floor | no such table |").is_empty());
 }

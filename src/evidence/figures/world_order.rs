@@ -14,8 +14,8 @@ use crate::kernel::num;
 const WANTED: usize = 3;
 
 /// Evaluations to the n-th useful candidate, yield of the first k, and rank correlation by epoch.
-pub fn world_order(stories: &[RecordedRun]) -> Result<Figure, FigureError> {
-    let all: Vec<&RecordedRun> = stories.iter().collect();
+pub fn world_order(runs: &[RecordedRun]) -> Result<Figure, FigureError> {
+    let all: Vec<&RecordedRun> = runs.iter().collect();
     let asked = epochs(&all);
     if asked.is_empty() {
         return Err(FigureError::NothingRanked);
@@ -29,13 +29,13 @@ pub fn world_order(stories: &[RecordedRun]) -> Result<Figure, FigureError> {
     evaluations(&mut sheet, &asked);
     yields(&mut sheet, &asked);
     correlation(&mut sheet, &all, &asked);
-    let told = format!(
+    let caption = format!(
         "{} epochs of {} lineages in which every admitted candidate was ranked and simulated; useful: accepted by the archive. {}",
         asked.len(),
         asked.iter().map(|epoch| &epoch.lineage).collect::<std::collections::BTreeSet<_>>().len(),
         source(&all)
     );
-    legend::foot(&mut sheet, &told);
+    legend::foot(&mut sheet, &caption);
     Ok(sheet)
 }
 
@@ -48,15 +48,15 @@ fn means(pairs: Vec<[f64; 2]>) -> Option<[f64; 2]> {
 fn evaluations(sheet: &mut Figure, asked: &[Epoch]) {
     sheet.heading((10.0, 28.0), 8.5, "Evaluations to the n-th useful");
     let pairs = |n: usize| asked.iter().filter_map(|epoch| epoch.evaluations_to(n)).collect::<Vec<_>>();
-    let found: Vec<(usize, usize, [f64; 2])> =
+    let placed: Vec<(usize, usize, [f64; 2])> =
         (1..=WANTED).filter_map(|n| Some((n, pairs(n).len(), means(pairs(n))?))).collect();
     let axes = Axes {
         place: [42.0, 40.0, 105.0, 100.0],
         across: Scale::fixed(0.5, WANTED as f64 + 0.5, (1..=WANTED).map(|n| n as f64).collect()),
-        up: Scale::over(found.iter().flat_map(|(.., pair)| *pair).chain([0.0]), 4),
+        up: Scale::over(placed.iter().flat_map(|(.., pair)| *pair).chain([0.0]), 4),
     };
     axes.draw(sheet, "n", "Evaluations (mean)");
-    for (n, count, [ranked, random]) in found {
+    for (n, count, [ranked, random]) in placed {
         let bottom = axes.y(0.0);
         for (value, colour, dx) in [(random, GREY, -14.0), (ranked, BLUE, 1.0)] {
             let (left, top) = (axes.x(n as f64) + dx, axes.y(value));
@@ -70,17 +70,17 @@ fn evaluations(sheet: &mut Figure, asked: &[Epoch]) {
 fn yields(sheet: &mut Figure, asked: &[Epoch]) {
     sheet.heading((172.0, 28.0), 8.5, "Useful among the first k");
     let most = asked.iter().map(|epoch| epoch.useful.len()).min().unwrap_or(0).max(1);
-    let found: Vec<(f64, [f64; 2])> = (1..=most)
+    let placed: Vec<(f64, [f64; 2])> = (1..=most)
         .filter_map(|k| Some((k as f64, means(asked.iter().filter_map(|e| e.yield_at(k)).collect())?)))
         .collect();
     let axes = Axes {
         place: [203.0, 40.0, 105.0, 100.0],
         across: Scale::over([0.0, most as f64], 4),
-        up: Scale::over(found.iter().flat_map(|(_, pair)| *pair).chain([0.0]), 4),
+        up: Scale::over(placed.iter().flat_map(|(_, pair)| *pair).chain([0.0]), 4),
     };
     axes.draw(sheet, "k", "Useful (mean)");
     for (side, colour) in [(1, GREY), (0, BLUE)] {
-        let points: Vec<(f64, f64)> = found.iter().map(|(k, pair)| axes.at(*k, pair[side])).collect();
+        let points: Vec<(f64, f64)> = placed.iter().map(|(k, pair)| axes.at(*k, pair[side])).collect();
         for at in &points {
             let mark = if side == 0 { Mark::Disc } else { Mark::Square };
             sheet.mark(mark, *at, 1.7, Ink::fill(colour));
@@ -89,31 +89,31 @@ fn yields(sheet: &mut Figure, asked: &[Epoch]) {
     }
 }
 
-fn correlation(sheet: &mut Figure, stories: &[&RecordedRun], asked: &[Epoch]) {
+fn correlation(sheet: &mut Figure, runs: &[&RecordedRun], asked: &[Epoch]) {
     sheet.heading((333.0, 28.0), 8.5, "Rank against labelled gain");
     let mut by_epoch: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     let mut pooled = Vec::new();
-    for story in stories {
-        let found = report(story, None);
-        let whole = |epoch: &u32| asked.iter().any(|e| e.epoch == *epoch && e.lineage.0 == story.opened.name);
-        for (epoch, quality) in found.epochs.iter().filter(|(epoch, _)| whole(epoch)) {
+    for run in runs {
+        let placed = report(run, None);
+        let whole = |epoch: &u32| asked.iter().any(|e| e.epoch == *epoch && e.lineage.0 == run.opened.name);
+        for (epoch, quality) in placed.epochs.iter().filter(|(epoch, _)| whole(epoch)) {
             by_epoch.entry(*epoch).or_default().extend(quality.spearman_pooled);
         }
-        pooled.extend(found.pooled.spearman_pooled);
+        pooled.extend(placed.pooled.spearman_pooled);
     }
-    let found: Vec<(f64, f64)> =
+    let placed: Vec<(f64, f64)> =
         by_epoch.iter().filter_map(|(epoch, values)| Some((f64::from(*epoch), num::mean(values)?))).collect();
     let pooled = num::mean(&pooled);
-    let ends = found.iter().map(|(_, value)| *value).chain(pooled).chain([0.0]);
+    let ends = placed.iter().map(|(_, value)| *value).chain(pooled).chain([0.0]);
     let axes = Axes {
         place: [365.0, 40.0, 92.0, 100.0],
-        across: Scale::over(found.iter().map(|(epoch, _)| *epoch), 4),
+        across: Scale::over(placed.iter().map(|(epoch, _)| *epoch), 4),
         up: Scale::over(ends, 4),
     };
     axes.draw(sheet, "Epoch", "Spearman's rank correlation");
     sheet.line(axes.at(axes.across.ticks[0], 0.0), (axes.place[0] + axes.place[2], axes.y(0.0)), Ink::line(BLACK, 0.7));
-    sheet.path(found.iter().map(|(x, y)| axes.at(*x, *y)).collect(), Ink::line(BLUE, 1.2));
-    for (x, y) in &found {
+    sheet.path(placed.iter().map(|(x, y)| axes.at(*x, *y)).collect(), Ink::line(BLUE, 1.2));
+    for (x, y) in &placed {
         sheet.mark(Mark::Disc, axes.at(*x, *y), 2.0, Ink::fill(BLUE));
     }
     if let Some(pooled) = pooled {

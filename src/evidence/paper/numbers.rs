@@ -79,9 +79,9 @@ mod tests {
 
     #[test]
     fn every_cell_has_its_macro_and_none_can_break_the_text() {
-        let mut story = run("made", &[("actor", "scripted")]);
-        add(&mut story, &CAT);
-        let table = metadrive_policy(&[story]).unwrap();
+        let mut recorded = run("made", &[("actor", "scripted")]);
+        add(&mut recorded, &CAT);
+        let table = metadrive_policy(&[recorded]).unwrap();
         let text = numbers(&[table], None, &BTreeMap::from([("other".to_string(), "5 %".to_string())]));
         assert!(text.contains("csname evo:metadrive-policy:CAT:evolved_attack\\endcsname{0.500 "), "{text}");
         assert!(!text.contains("CAT/IDM"), "one row of a name needs no more than it");
@@ -90,10 +90,10 @@ mod tests {
 
     #[test]
     fn rows_of_one_method_are_told_apart_by_all_their_labels() {
-        let mut story = run("made", &[("actor", "scripted")]);
-        add(&mut story, &CAT);
-        add(&mut story, &End { id: "cat-sac", ego: "learned", pf_area_at_3_pct: 7.0, ..CAT });
-        let text = numbers(&[metadrive_policy(&[story]).unwrap()], None, &BTreeMap::new());
+        let mut recorded = run("made", &[("actor", "scripted")]);
+        add(&mut recorded, &CAT);
+        add(&mut recorded, &End { id: "cat-sac", ego: "learned", pf_area_at_3_pct: 7.0, ..CAT });
+        let text = numbers(&[metadrive_policy(&[recorded]).unwrap()], None, &BTreeMap::new());
         let number =
             |row: &str| text.split(&format!("evo:metadrive-policy:{row}:pf_area_at_3_pct\\endcsname")).nth(1).unwrap();
         assert!(number("CAT").starts_with("{+12.0") && number("CAT/IDM").starts_with("{+12.0"));

@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_used_is_refused() {
-        for (from, to, told) in [
+        for (from, to, expected) in [
             ("runs = [\"a\"]", "runs = [\"c\"]", "no run `c`; there are a, b"),
             ("file = \"two\"", "file = \"one\"", "twice"),
             ("file = \"two\"", "file = \"../two\"", "lower-case"),
@@ -157,7 +157,7 @@ mod tests {
             ("short = true", "short = 1", "plan.toml"),
         ] {
             let error = plan("plan.toml", &FILE.replacen(from, to, 1)).unwrap_err().to_string();
-            assert!(error.contains(told), "{error}");
+            assert!(error.contains(expected), "{error}");
         }
     }
 

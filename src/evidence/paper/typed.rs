@@ -75,17 +75,17 @@ pub fn typed_numbers(text: &str) -> Vec<Typed> {
 /// The `\evo{...}` of a LaTeX document whose name the numbers, as [`numbers`](super::numbers) writes them, do not define. LaTeX
 /// stops there, but only where it is installed.
 pub fn unknown_numbers(text: &str, numbers: &str) -> Vec<Typed> {
-    let mut found = Vec::new();
+    let mut typed = Vec::new();
     for (at, line) in text.lines().enumerate() {
         let printed =
             line.split_once('%').filter(|(before, _)| !before.ends_with('\\')).map_or(line, |(before, _)| before);
         for name in printed.split("\\evo{").skip(1).filter_map(|rest| rest.split('}').next()) {
             if !numbers.contains(&format!("\\csname evo:{name}\\endcsname")) {
-                found.push(Typed { line: at + 1, text: name.to_string() });
+                typed.push(Typed { line: at + 1, text: name.to_string() });
             }
         }
     }
-    found
+    typed
 }
 
 /// Place behind the arguments in brackets and braces that follow, and how many lines they span.
@@ -116,9 +116,9 @@ mod tests {
 
     #[test]
     fn a_typed_number_is_found_with_its_line() {
-        let found = typed_numbers("All well.\nAttack rose by 0.25 here.\n");
-        assert_eq!((found.len(), found[0].line), (1, 2));
-        assert!(found[0].text.contains("0.25"));
+        let typed = typed_numbers("All well.\nAttack rose by 0.25 here.\n");
+        assert_eq!((typed.len(), typed[0].line), (1, 2));
+        assert!(typed[0].text.contains("0.25"));
         assert_eq!(typed_numbers("$p < 0.05$ and 12\\%").len(), 2);
     }
 
@@ -140,8 +140,8 @@ mod tests {
     #[test]
     fn every_number_that_the_paper_names_is_there() {
         let numbers = include_str!("../../../golden/paper/numbers.tex");
-        let found = unknown_numbers(include_str!("../../../paper/evodrive.tex"), numbers);
-        assert!(found.is_empty(), "{found:?}");
+        let typed = unknown_numbers(include_str!("../../../paper/evodrive.tex"), numbers);
+        assert!(typed.is_empty(), "{typed:?}");
         let text =
             "10 \\% of \\evo{claims:all}\n% \\evo{in a comment}\nso \\evo{claims:non} and \\evo{claims:tested}\n";
         assert_eq!(unknown_numbers(text, numbers), [Typed { line: 3, text: "claims:non".into() }]);
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn the_paper_has_no_typed_number() {
-        let found = typed_numbers(include_str!("../../../paper/evodrive.tex"));
-        assert!(found.is_empty(), "{found:?}");
+        let typed = typed_numbers(include_str!("../../../paper/evodrive.tex"));
+        assert!(typed.is_empty(), "{typed:?}");
     }
 }

@@ -33,39 +33,39 @@ const ROLES: [Role; 7] = [
 ];
 
 /// Everything but the player's scenes.
-pub fn of(story: &RecordedRun, beside: &Beside<'_>) -> Value {
-    let names = Names::of(story);
-    let lineages: Vec<Value> = story.parents.iter().map(|p| lineage(story, &p.lineage, beside)).collect();
+pub fn of(run: &RecordedRun, beside: &Beside<'_>) -> Value {
+    let names = Names::of(run);
+    let lineages: Vec<Value> = run.parents.iter().map(|p| lineage(run, &p.lineage, beside)).collect();
     let mut page = json!({
-        "name": story.opened.name,
-        "root": story.root,
-        "sealed": story.result.is_some(),
-        "safebench": !story.rounds.is_empty(),
-        "models": story.opened.models,
-        "scripted_roles": story.opened.scripted_roles(),
-        "versions": story.opened.versions,
-        "experiment": story.opened.experiment,
-        "pool": story.opened.pool,
-        "evolution_scenes": story.opened.evolution_scenes.len(),
-        "held_out_scenes": story.opened.held_out_scenes.len(),
-        "exits": story.result.as_ref().map(|r| r.exits),
-        "rollouts": story.result.as_ref().map(|r| r.rollouts),
-        "replay": story.replays.iter().map(|replayed| &replayed.row).collect::<Vec<_>>(),
+        "name": run.opened.name,
+        "root": run.root,
+        "sealed": run.result.is_some(),
+        "safebench": !run.rounds.is_empty(),
+        "models": run.opened.models,
+        "scripted_roles": run.opened.scripted_roles(),
+        "versions": run.opened.versions,
+        "experiment": run.opened.experiment,
+        "pool": run.opened.pool,
+        "evolution_scenes": run.opened.evolution_scenes.len(),
+        "held_out_scenes": run.opened.held_out_scenes.len(),
+        "exits": run.result.as_ref().map(|r| r.exits),
+        "rollouts": run.result.as_ref().map(|r| r.rollouts),
+        "replay": run.replays.iter().map(|replayed| &replayed.row).collect::<Vec<_>>(),
         "lineages": lineages,
-        "counsels": story.counsels.iter().map(counsel).collect::<Vec<_>>(),
+        "counsels": run.counsels.iter().map(counsel).collect::<Vec<_>>(),
         "cost": beside.cost,
-        "findings": audit(story),
-        "unlabelled": unlabelled(story),
-        "attack": story.opened.attack,
+        "findings": audit(run),
+        "unlabelled": unlabelled(run),
+        "attack": run.opened.attack,
         "scenes": names.scenes,
         "diagnostics": names.diagnostics,
         "metrics": names.metrics,
         "model_names": names.models,
         "roles": ROLES.map(Role::name),
         "terms": terms(),
-        "attempts": attempts(story, &names, IN_FULL_MAX),
+        "attempts": attempts(run, &names, IN_FULL_MAX),
     });
-    if let Some(evolution) = Evolution::of(story) {
+    if let Some(evolution) = Evolution::of(run) {
         page["evolution"] = json!(evolution);
     }
     if let Some(live) = beside.live {
@@ -77,19 +77,18 @@ pub fn of(story: &RecordedRun, beside: &Beside<'_>) -> Value {
     page
 }
 
-fn lineage(story: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
-    let parent = story.parents.iter().find(|p| p.lineage == *id);
-    let result: Option<&LineageResult> =
-        story.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == *id));
-    let frozen = || story.frozen.iter().filter(|f| f.lineage == *id);
-    let epochs: Vec<Value> = story
+fn lineage(run: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
+    let parent = run.parents.iter().find(|p| p.lineage == *id);
+    let result: Option<&LineageResult> = run.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == *id));
+    let frozen = || run.frozen.iter().filter(|f| f.lineage == *id);
+    let epochs: Vec<Value> = run
         .settled
         .iter()
         .filter(|s| s.lineage == *id)
         .map(|s| json!({"epoch": s.epoch, "hypervolume": s.hypervolume, "front": s.front, "active": s.active}))
         .collect();
     let windows: Vec<Value> = frozen().map(|f| json!([f.epoch, f.window.len(), f.scenes_so_far])).collect();
-    let held_out: Vec<Value> = story
+    let held_out: Vec<Value> = run
         .held_out
         .iter()
         .filter(|of| of.lineage == *id)
@@ -112,17 +111,17 @@ fn lineage(story: &RecordedRun, id: &LineageId, beside: &Beside<'_>) -> Value {
         "family": parent.map(|p| &p.program.source_family),
         "ego": parent.map(|p| &p.ego),
         "parent": parent.map(|p| &p.program.solution_id),
-        "active": story.active(id),
+        "active": run.active(id),
         "epochs": epochs,
         "parent_scores": parent_scores,
         "windows": windows,
         "held_out": held_out,
-        "choice": Choice::of(story, id, beside.selector),
+        "choice": Choice::of(run, id, beside.selector),
         "result": result,
     });
     // SafeBench's scores are of whole sets of runs: the tables of that protocol have their intervals.
-    if let Some(result) = result.filter(|_| story.rounds.is_empty()) {
-        object["compared"] = json!(compared((story, &result.parent.solution), (story, &result.evolved.solution)));
+    if let Some(result) = result.filter(|_| run.rounds.is_empty()) {
+        object["compared"] = json!(compared((run, &result.parent.solution), (run, &result.evolved.solution)));
     }
     // Only where the parent is no published one.
     if let Some(adopted) = parent.filter(|adopted| !adopted.origins.is_empty()) {
@@ -159,8 +158,8 @@ struct Names {
 }
 
 impl Names {
-    fn of(story: &RecordedRun) -> Names {
-        let labelled = || story.attempts.iter().filter_map(|a| a.exit.score()).flat_map(|score| &score.scenes);
+    fn of(run: &RecordedRun) -> Names {
+        let labelled = || run.attempts.iter().filter_map(|a| a.exit.score()).flat_map(|score| &score.scenes);
         let sorted = |names: &mut dyn Iterator<Item = &String>| -> Vec<String> {
             names.collect::<BTreeSet<&String>>().into_iter().cloned().collect()
         };
@@ -169,7 +168,7 @@ impl Names {
             diagnostics: sorted(&mut labelled().flat_map(|scene| scene.diagnostics.keys())),
             metrics: sorted(&mut labelled().flat_map(|scene| scene.metrics.keys())),
             models: sorted(
-                &mut story.attempts.iter().flat_map(|a| &a.proposal.exchanges).map(|exchange| &exchange.model),
+                &mut run.attempts.iter().flat_map(|a| &a.proposal.exchanges).map(|exchange| &exchange.model),
             ),
         }
     }
@@ -203,11 +202,11 @@ impl Names {
     }
 }
 
-fn attempts(story: &RecordedRun, names: &Names, in_full_max: usize) -> Vec<Value> {
-    let all = story.attempts.len() <= in_full_max;
+fn attempts(run: &RecordedRun, names: &Names, in_full_max: usize) -> Vec<Value> {
+    let all = run.attempts.len() <= in_full_max;
     let accepted = |attempt: &Attempt| attempt.exit.decision().is_some_and(|decision| decision.gates.any());
-    let told = |of: &Attempt| if all || accepted(of) { attempt(story, names, of) } else { in_short(of) };
-    story.attempts.iter().map(told).collect()
+    let shown = |of: &Attempt| if all || accepted(of) { attempt(run, names, of) } else { in_short(of) };
+    run.attempts.iter().map(shown).collect()
 }
 
 /// What the charts, the tree and the table show of an attempt.
@@ -232,11 +231,11 @@ fn in_short(attempt: &Attempt) -> Value {
     object
 }
 
-fn attempt(story: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
+fn attempt(run: &RecordedRun, names: &Names, attempt: &Attempt) -> Value {
     let patch = attempt.proposal.patch();
     let candidate = attempt.exit.candidate();
     let change = candidate
-        .and_then(|c| story.program(&attempt.parent).map(|parent| program_diff(parent, &c.program)))
+        .and_then(|c| run.program(&attempt.parent).map(|parent| program_diff(parent, &c.program)))
         .unwrap_or_default();
     let reason = match &attempt.exit {
         Exit::Declined { reason } => Some(reason),

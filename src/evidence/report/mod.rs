@@ -19,8 +19,8 @@ const UNPACK: &str = include_str!("assets/unpack.js");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// The page. Text from scenes, models and programs goes in as JSON and reaches the page as text nodes only.
-pub fn html(story: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
-    let data = script_json(&(data::of(story, beside), packed::stage(stage), figures::of_run(story)));
+pub fn html(run: &RecordedRun, stage: &Stage, beside: &Beside<'_>) -> String {
+    let data = script_json(&(data::of(run, beside), packed::stage(stage), figures::of_run(run)));
     // One pass over the page, so that nothing inserted is searched for another mark.
     let parts = [
         ("/*STYLE*/", format!("{PLAYER_CSS}\n{STYLE}")),

@@ -62,19 +62,21 @@ const PROPOSED: Head = Head { key: "proposed", head: "Proposed" };
 pub(super) const ACTED_REALISM: Reading = |scene| scene.acted.then_some(scene.realism);
 
 /// The run that differences of another one are taken from.
-pub(super) fn whole_of(table: &Table, run: usize, stories: &[RecordedRun]) -> Option<usize> {
+pub(super) fn whole_of(table: &Table, run: usize, recorded_runs: &[RecordedRun]) -> Option<usize> {
     let whole = match table.name {
         "attack-only" => Some(0),
-        "without" => stories.get(..=run)?.iter().rposition(|story| story.opened.without.is_empty()).or(Some(0)),
+        "without" => {
+            recorded_runs.get(..=run)?.iter().rposition(|recorded| recorded.opened.without.is_empty()).or(Some(0))
+        }
         _ => None,
     };
     whole.filter(|whole| *whole != run)
 }
 
 /// What a run is called in a row: its method, and what it leaves out; the run's own name behind it.
-fn title(story: &RecordedRun) -> String {
-    let opened = &story.opened;
-    let what = match (opened.without.as_slice(), method(story)) {
+fn title(recorded: &RecordedRun) -> String {
+    let opened = &recorded.opened;
+    let what = match (opened.without.as_slice(), method(recorded)) {
         ([], method) => method.to_string(),
         (parts, "pareto") => format!("without {}", parts.join(", ")),
         (parts, method) => format!("{method} without {}", parts.join(", ")),
@@ -82,22 +84,22 @@ fn title(story: &RecordedRun) -> String {
     format!("{what} ({})", opened.name)
 }
 
-fn method(story: &RecordedRun) -> &str {
-    story.opened.search.as_ref().map_or("pareto", |search| &search.method)
+fn method(recorded: &RecordedRun) -> &str {
+    recorded.opened.search.as_ref().map_or("pareto", |search| &search.method)
 }
 
 /// K.
-fn width(story: &RecordedRun) -> u32 {
-    story.frozen.first().map_or(0, |frozen| frozen.slots)
+fn width(recorded: &RecordedRun) -> u32 {
+    recorded.frozen.first().map_or(0, |frozen| frozen.slots)
 }
 
 /// Title of the row of the parents.
 const PARENT: &str = "parent (no search)";
 
 /// The paper's row of a method: attack, realism, and their changes in percent.
-fn printed(story: &RecordedRun) -> Option<Figures> {
+fn printed(recorded: &RecordedRun) -> Option<Figures> {
     // The paper has none under a measure of the experimenter's own.
-    let method = Some(method(story)).filter(|_| story.opened.attack.is_none())?;
+    let method = Some(method(recorded)).filter(|_| recorded.opened.attack.is_none())?;
     let figures = match method {
         "pareto" => [0.400, 0.983, 0.0, 0.0],
         "attack_only" => [0.210, 0.933, -47.5, -5.0],
@@ -109,23 +111,23 @@ fn printed(story: &RecordedRun) -> Option<Figures> {
 
 /// A run with the labels of its lineages.
 struct Ablation<'a> {
-    story: &'a RecordedRun,
+    recorded: &'a RecordedRun,
     lineages: Vec<LineageLabels>,
 }
 
 impl<'a> Ablation<'a> {
-    fn all(stories: &'a [RecordedRun]) -> Result<Vec<Ablation<'a>>, TableError> {
-        notes::one_attack(stories)?;
-        let one = |(place, story)| Ok(Ablation { story, lineages: labels::of_run(stories, place)? });
-        stories.iter().enumerate().map(one).collect()
+    fn all(recorded_runs: &'a [RecordedRun]) -> Result<Vec<Ablation<'a>>, TableError> {
+        notes::one_attack(recorded_runs)?;
+        let one = |(place, recorded)| Ok(Ablation { recorded, lineages: labels::of_run(recorded_runs, place)? });
+        recorded_runs.iter().enumerate().map(one).collect()
     }
 
     fn method(&self) -> &str {
-        method(self.story)
+        method(self.recorded)
     }
 
     fn title(&self) -> String {
-        title(self.story)
+        title(self.recorded)
     }
 
     /// A reading of the programs on one side.
@@ -150,12 +152,12 @@ impl<'a> Ablation<'a> {
     }
 
     fn attempts<'s>(&'s self, lineage: &'s LineageId) -> impl Iterator<Item = &'s Attempt> {
-        self.story.attempts.iter().filter(move |attempt| attempt.lineage == *lineage)
+        self.recorded.attempts.iter().filter(move |attempt| attempt.lineage == *lineage)
     }
 
     /// Distinct rollouts on evolution scenes that a lineage's search rested on; those of the final choice are the same for all.
     fn rollouts(&self, lineage: &LineageId) -> usize {
-        let frozen = self.story.frozen.iter().filter(|frozen| frozen.lineage == *lineage);
+        let frozen = self.recorded.frozen.iter().filter(|frozen| frozen.lineage == *lineage);
         let second = |of: &'a Frozen| {
             let others = of.realism_anchor.iter().chain(&of.portfolio).chain(&of.drawn);
             std::iter::once(&of.parent_score).chain(others.map(|other| &other.parent_score))
@@ -169,14 +171,14 @@ impl<'a> Ablation<'a> {
         let suites: BTreeMap<_, usize> = self.lineages.iter().map(|l| (l.suite, l.suite_scenes)).collect();
         let seeds = self.lineages.iter().map(|lineage| lineage.replica).collect::<BTreeSet<u32>>().len();
         let rollouts = self.lineages.iter().map(|lineage| self.rollouts(&lineage.lineage)).sum();
-        let asked = self.story.attempts.iter().any(|attempt| !attempt.proposal.exchanges.is_empty());
+        let asked = self.recorded.attempts.iter().any(|attempt| !attempt.proposal.exchanges.is_empty());
         Row {
             key: RowKey::of(self.lineages.iter().map(LineageLabels::key)),
             labels: vec![title],
             lineages: self.lineages.iter().map(|lineage| lineage.lineage.to_string()).collect(),
             cells: Cell::row(&COLUMNS, numbers, figures),
-            counts: vec![suites.values().sum(), seeds, self.lineages.len(), rollouts, self.story.attempts.len()],
-            proposals: if asked { labels::proposals(self.story) } else { "random".into() },
+            counts: vec![suites.values().sum(), seeds, self.lineages.len(), rollouts, self.recorded.attempts.len()],
+            proposals: if asked { labels::proposals(self.recorded) } else { "random".into() },
             notes: Vec::new(),
         }
     }
@@ -186,13 +188,13 @@ impl<'a> Ablation<'a> {
         let suite = Digest::of_bytes(b"one value");
         let area = |lineage: &LineageLabels| PerScene { suite, values: vec![Some(lineage.pf_area_at_3_pct)] };
         let areas = quantity(&self.lineages.iter().collect::<Vec<_>>(), area);
-        let found = bootstrap::estimates(&[
+        let estimated = bootstrap::estimates(&[
             self.quantity(Side::Evolved, labels::ATTACK),
             self.quantity(Side::Evolved, ACTED_REALISM),
             areas,
         ]);
         let keys = [ATTACK.key, REALISM.key, PF_AREA.key];
-        keys.into_iter().zip(found).filter_map(|(key, estimate)| Some((key, estimate?))).collect()
+        keys.into_iter().zip(estimated).filter_map(|(key, estimate)| Some((key, estimate?))).collect()
     }
 }
 
@@ -207,12 +209,12 @@ struct Pending {
 /// Whole against ablation: differences, and how likely none is.
 fn compared(one: &Ablation<'_>, whole: &Ablation<'_>, numbers: &mut Numbers) -> [Option<f64>; 2] {
     let quantities = [one.against(whole, labels::ATTACK), one.against(whole, ACTED_REALISM)];
-    let found = bootstrap::compared_with_zero(&quantities);
+    let estimated = bootstrap::compared_with_zero(&quantities);
     let base = whole.own_numbers();
     let keys = [(ATTACK.key, ATTACK_CHANGE.key, ATTACK_REL.key), (REALISM.key, REALISM_CHANGE.key, REALISM_REL.key)];
     let mut p = [None; 2];
-    for ((found, (own, change, relative)), p) in found.into_iter().zip(keys).zip(&mut p) {
-        let Some((estimate, chance)) = found else { continue };
+    for ((estimated, (own, change, relative)), p) in estimated.into_iter().zip(keys).zip(&mut p) {
+        let Some((estimate, chance)) = estimated else { continue };
         numbers.insert(change, estimate);
         *p = Some(chance);
         let before = base.get(own).map(|before| before.value).filter(|before| *before > 0.0);
@@ -249,8 +251,8 @@ fn corrected(pending: Vec<Pending>) -> Vec<Row> {
 
 const HEADS: [Head; 5] = [SCENES, SEEDS, LINEAGES, EVOLUTION_ROLLOUTS, PROPOSED];
 
-fn told(stories: &[RecordedRun], all: &[Ablation<'_>], compared: String) -> Vec<String> {
-    let mut told = vec![
+fn notes(recorded_runs: &[RecordedRun], all: &[Ablation<'_>], compared: String) -> Vec<String> {
+    let mut notes = vec![
         compared,
         "Attack: share of held-out scenes in which the ego fails by a contact that counts. Realism: mean r over the held-out scenes that the \
          program acts in. PF-Area@3: percent of the parent's area that the first three descendants add. What a search reports is chosen by one \
@@ -265,33 +267,47 @@ fn told(stories: &[RecordedRun], all: &[Ablation<'_>], compared: String) -> Vec<
     for one in all {
         let few = one.lineages.iter().filter(|l| 10 * one.rollouts(&l.lineage) < 9 * most.unwrap_or(0)).count();
         if few > 0 {
-            told.push(format!(
+            notes.push(format!(
                 "{}: {few} of {} searches ended below nine tenths of the largest number of rollouts.",
                 one.title(),
                 one.lineages.len()
             ));
         }
     }
-    told.extend(notes::own_attack(stories));
-    told.extend(stories.iter().map(notes::run));
-    told.extend(notes::different_versions(stories));
-    told
+    notes.extend(notes::own_attack(recorded_runs));
+    notes.extend(recorded_runs.iter().map(notes::run));
+    notes.extend(notes::different_versions(recorded_runs));
+    notes
 }
 
-fn table(name: &'static str, part: Part, stories: &[RecordedRun], notes: Vec<String>) -> Result<Table, TableError> {
+fn table(
+    name: &'static str,
+    part: Part,
+    recorded_runs: &[RecordedRun],
+    notes: Vec<String>,
+) -> Result<Table, TableError> {
     let (labels, counts) = (vec![METHOD], HEADS.to_vec());
-    Ok(Table { name, labels, columns: COLUMNS.to_vec(), counts, parts: vec![part], runs: notes::runs(stories)?, notes })
+    Ok(Table {
+        name,
+        labels,
+        columns: COLUMNS.to_vec(),
+        counts,
+        parts: vec![part],
+        runs: notes::runs(recorded_runs)?,
+        notes,
+    })
 }
 
 /// The cheapest rows: the scenes without a program, and the parent without a search.
 fn cheapest(whole: &Ablation<'_>) -> Vec<Row> {
     let nothing = Numbers::from([(ATTACK.key, Estimate::plain(0.0))]);
     let mut idle = whole.row(REPLAY.into(), &nothing, None);
-    let found = bootstrap::estimates(&[
+    let estimated = bootstrap::estimates(&[
         whole.quantity(Side::Parent, labels::ATTACK),
         whole.quantity(Side::Parent, ACTED_REALISM),
     ]);
-    let numbers = [ATTACK.key, REALISM.key].into_iter().zip(found).filter_map(|(key, of)| Some((key, of?))).collect();
+    let numbers =
+        [ATTACK.key, REALISM.key].into_iter().zip(estimated).filter_map(|(key, of)| Some((key, of?))).collect();
     let mut parent = whole.row(PARENT.into(), &numbers, None);
     idle.key = RowKey::Elsewhere;
     parent.key = RowKey::reading(whole.lineages.iter().map(LineageLabels::key), Reads::Side(Side::Parent));
@@ -303,35 +319,35 @@ fn cheapest(whole: &Ablation<'_>) -> Vec<Row> {
 }
 
 /// Search methods beside each other.
-pub fn attack_only(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = Ablation::all(stories)?;
+pub fn attack_only(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = Ablation::all(recorded_runs)?;
     let Some((whole, others)) = all.split_first() else { return Err(TableError::NoRuns) };
     let mut rows = cheapest(whole);
-    rows.push(whole.row(whole.title(), &whole.own_numbers(), printed(whole.story).as_ref()));
+    rows.push(whole.row(whole.title(), &whole.own_numbers(), printed(whole.recorded).as_ref()));
     let pending = others.iter().map(|one| {
         let mut numbers = one.own_numbers();
         let p = compared(one, whole, &mut numbers);
         // The paper's one row of OpenEvolve stands beside the first of ours.
         let first = others.iter().find(|other| other.method() == one.method());
-        let figures = printed(one.story).filter(|_| first.is_some_and(|first| std::ptr::eq(first, one)));
+        let figures = printed(one.recorded).filter(|_| first.is_some_and(|first| std::ptr::eq(first, one)));
         Pending { row: one.row(one.title(), &numbers, figures.as_ref()), numbers, figures, p }
     });
     rows.extend(corrected(pending.collect()));
-    let notes = told(stories, &all, format!("The whole is the first run named, {}.", whole.title()));
+    let notes = notes(recorded_runs, &all, format!("The whole is the first run named, {}.", whole.title()));
     let title = "Search methods at the same rollouts".to_string();
     let part = Part { name: "attack-only".into(), title, source: Some(METHODS_LABEL), rows };
-    table("attack-only", part, stories, notes)
+    table("attack-only", part, recorded_runs, notes)
 }
 
 /// The system without one part at a time. A run that leaves something out is compared with the last one before it that leaves
 /// nothing out.
-pub fn without(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = Ablation::all(stories)?;
+pub fn without(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = Ablation::all(recorded_runs)?;
     let Some(first) = all.first() else { return Err(TableError::NoRuns) };
     let (mut whole, mut pending) = (first, Vec::new());
     for one in &all {
         let mut numbers = one.own_numbers();
-        let p = match one.story.opened.without.is_empty() {
+        let p = match one.recorded.opened.without.is_empty() {
             true => {
                 whole = one;
                 [None; 2]
@@ -344,7 +360,7 @@ pub fn without(stories: &[RecordedRun]) -> Result<Table, TableError> {
         "A row that leaves a part out is compared with the last row above it that leaves nothing out.".to_string();
     let title = "The system without one part at a time".to_string();
     let part = Part { name: "without".into(), title, source: None, rows: corrected(pending) };
-    table("without", part, stories, told(stories, &all, compared))
+    table("without", part, recorded_runs, notes(recorded_runs, &all, compared))
 }
 
 pub(super) const YIELD: Column =
@@ -397,15 +413,15 @@ pub(super) fn is_wall_clock(key: &str) -> bool {
 }
 
 /// How many proposals an epoch has: yield, and wall clock with a declared latency.
-pub fn kwidth(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = Ablation::all(stories)?;
+pub fn kwidth(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = Ablation::all(recorded_runs)?;
     let mut rows = Vec::new();
     for one in &all {
         for of in super::searches::searches(one.lineages.iter()) {
             rows.push(width_row(one, &of));
         }
     }
-    let mut notes = told(stories, &all, "A row a run and family.".into());
+    let mut notes = notes(recorded_runs, &all, "A row a run and family.".into());
     notes.push(format!(
         "Proposed, simulated and validated (accepted): means over the seeds, intervals over them. Wall clock: questions and rollouts as counted, {ANSWER_S} s \
          an answer and {ROLLOUT_S} s a rollout as declared; serial asks one question after the other, parallel those of an epoch's \
@@ -414,7 +430,7 @@ pub fn kwidth(stories: &[RecordedRun]) -> Result<Table, TableError> {
     let title = "Parallel proposals".to_string();
     let parts = vec![Part { name: "kwidth".into(), title, source: Some(WIDTH_LABEL), rows }];
     let (labels, counts) = (vec![METHOD, WIDTH], HEADS.to_vec());
-    let runs = notes::runs(stories)?;
+    let runs = notes::runs(recorded_runs)?;
     Ok(Table { name: "kwidth", labels, columns: WIDTH_COLUMNS.to_vec(), counts, parts, runs, notes })
 }
 
@@ -422,7 +438,7 @@ pub fn kwidth(stories: &[RecordedRun]) -> Result<Table, TableError> {
 const WIDTH: Head = Head { key: "k", head: "K" };
 
 fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
-    let searches = Ablation { story: one.story, lineages: of.iter().map(|lineage| (*lineage).clone()).collect() };
+    let searches = Ablation { recorded: one.recorded, lineages: of.iter().map(|lineage| (*lineage).clone()).collect() };
     // One value a seed: only seeds are drawn.
     let over_seeds = |count: &dyn Fn(&LineageId) -> f64| -> Quantity {
         let seed = |lineage: &&LineageLabels| PerScene {
@@ -443,18 +459,19 @@ fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
         interval: found.interval.map(|ends| ends.map(|end| 100.0 * end)),
     };
     let keys = [PROPOSED_MEAN, SIMULATED_MEAN, ACCEPTED_MEAN, SERIAL_H, PARALLEL_H].map(|column| column.key);
-    let mut found: Vec<(&'static str, Option<Estimate>)> = keys.into_iter().zip(means).collect();
-    found.push((SPEEDUP.key, bootstrap::ratio(&hours(0), &hours(1))));
-    found.push((YIELD.key, bootstrap::ratio(&accepted, &simulated).map(percent)));
+    let mut estimated: Vec<(&'static str, Option<Estimate>)> = keys.into_iter().zip(means).collect();
+    estimated.push((SPEEDUP.key, bootstrap::ratio(&hours(0), &hours(1))));
+    estimated.push((YIELD.key, bootstrap::ratio(&accepted, &simulated).map(percent)));
     let mut numbers = searches.own_numbers();
-    for (key, estimate) in found.into_iter().filter_map(|(key, estimate)| Some((key, estimate?))) {
+    for (key, estimate) in estimated.into_iter().filter_map(|(key, estimate)| Some((key, estimate?))) {
         // One search has no spread.
         let interval = estimate.interval.filter(|_| of.len() > 1);
         numbers.insert(key, Estimate { interval, ..estimate });
     }
-    let slots = width(one.story);
+    let slots = width(one.recorded);
     let name = format!("{} + {}", of[0].name, paper::policy(&of[0].ego));
-    let figures = printed_width(&of[0].name, slots).filter(|_| of[0].ego == "idm" && one.story.opened.attack.is_none());
+    let figures =
+        printed_width(&of[0].name, slots).filter(|_| of[0].ego == "idm" && one.recorded.opened.attack.is_none());
     let mut row = searches.row(name, &numbers, None);
     row.counts[4] = of.iter().map(|lineage| one.attempts(&lineage.lineage).count()).sum();
     row.labels.push(slots.to_string());
@@ -473,15 +490,15 @@ mod tests {
     use crate::objects::{Exit, Role};
 
     /// A run of the worked example; a worse one loses the second of its two successes.
-    fn story(name: &str, method: &str, without: &[&str], worse: bool) -> RecordedRun {
-        let mut story = run(name, &[("actor", "scripted (s, s)")]);
-        add(&mut story, &CAT);
-        story.opened.search = Some(Searched { method: method.into(), rollouts: None });
-        story.opened.without = without.iter().map(|part| part.to_string()).collect();
+    fn recorded(name: &str, method: &str, without: &[&str], worse: bool) -> RecordedRun {
+        let mut recorded = run(name, &[("actor", "scripted (s, s)")]);
+        add(&mut recorded, &CAT);
+        recorded.opened.search = Some(Searched { method: method.into(), rollouts: None });
+        recorded.opened.without = without.iter().map(|part| part.to_string()).collect();
         if worse {
-            story.held_out[1].score.scenes[1].attack = 0.0;
+            recorded.held_out[1].score.scenes[1].attack = 0.0;
         }
-        story
+        recorded
     }
 
     fn value(table: &Table, title: &str, key: &str) -> f64 {
@@ -491,8 +508,8 @@ mod tests {
 
     #[test]
     fn methods_are_compared_scene_by_scene_with_the_first_run() {
-        let stories = [story("whole", "pareto", &[], false), story("oe", "openevolve", &[], true)];
-        let table = attack_only(&stories).unwrap();
+        let recorded_runs = [recorded("whole", "pareto", &[], false), recorded("oe", "openevolve", &[], true)];
+        let table = attack_only(&recorded_runs).unwrap();
         near(value(&table, "pareto (whole)", ATTACK.key), 0.5);
         near(value(&table, "openevolve (oe)", ATTACK.key), 0.25);
         near(value(&table, "openevolve (oe)", ATTACK_CHANGE.key), -0.25);
@@ -513,13 +530,13 @@ mod tests {
 
     #[test]
     fn a_part_is_missed_against_the_last_whole_above_it() {
-        let stories = [
-            story("whole", "pareto", &[], false),
-            story("no-critics", "pareto", &["critics"], true),
-            story("routed", "pareto", &[], true),
-            story("no-audit", "pareto", &["audit"], true),
+        let recorded_runs = [
+            recorded("whole", "pareto", &[], false),
+            recorded("no-critics", "pareto", &["critics"], true),
+            recorded("routed", "pareto", &[], true),
+            recorded("no-audit", "pareto", &["audit"], true),
         ];
-        let table = without(&stories).unwrap();
+        let table = without(&recorded_runs).unwrap();
         near(value(&table, "without critics (no-critics)", ATTACK_CHANGE.key), -0.25);
         near(value(&table, "without audit (no-audit)", ATTACK_CHANGE.key), 0.0);
         assert!(table.rows().next().unwrap().cell(ATTACK_CHANGE.key).ours.is_none());
@@ -527,7 +544,7 @@ mod tests {
 
     #[test]
     fn a_width_is_as_fast_as_its_longest_slot() {
-        let mut story = story("wide", "pareto", &[], false);
+        let mut recorded = recorded("wide", "pareto", &[], false);
         for (slot, questions) in [(0, 3), (1, 5)] {
             let mut attempt = attempt("cat-idm", slot, Exit::Declined { reason: "no patch".into() });
             let any = Digest::of_bytes(b"any");
@@ -541,9 +558,9 @@ mod tests {
                 refusal: None,
             };
             attempt.proposal.exchanges = vec![question; questions];
-            story.attempts.push(attempt);
+            recorded.attempts.push(attempt);
         }
-        let table = kwidth(&[story]).unwrap();
+        let table = kwidth(&[recorded]).unwrap();
         // Eight answers of ten seconds, or the five of the slower slot; nothing was simulated.
         near(value(&table, "CAT + IDM", SPEEDUP.key), 80.0 / 50.0);
         near(value(&table, "CAT + IDM", PROPOSED_MEAN.key), 2.0);
@@ -553,23 +570,25 @@ mod tests {
     /// Every number but p-values, wall clocks and the zero of no program comes out again of labels and proposals.
     #[test]
     fn every_number_comes_out_of_its_basis() {
-        let mut stories = vec![
-            story("whole", "pareto", &[], false),
-            story("no-critics", "pareto", &["critics"], true),
-            story("routed", "pareto", &[], true),
-            story("no-audit", "pareto", &["audit"], false),
+        let mut recorded_runs = vec![
+            recorded("whole", "pareto", &[], false),
+            recorded("no-critics", "pareto", &["critics"], true),
+            recorded("routed", "pareto", &[], true),
+            recorded("no-audit", "pareto", &["audit"], false),
         ];
-        stories[1].attempts.push(attempt("cat-idm", 0, Exit::Declined { reason: "no patch".into() }));
-        let untold = [ATTACK_P.key, REALISM_P.key, SERIAL_H.key, PARALLEL_H.key, SPEEDUP.key];
-        let mut told = BTreeSet::new();
-        for table in [attack_only(&stories).unwrap(), without(&stories).unwrap(), kwidth(&stories).unwrap()] {
-            let bases = Bases::of(&table, &stories).unwrap();
+        recorded_runs[1].attempts.push(attempt("cat-idm", 0, Exit::Declined { reason: "no patch".into() }));
+        let unnoted = [ATTACK_P.key, REALISM_P.key, SERIAL_H.key, PARALLEL_H.key, SPEEDUP.key];
+        let mut notes = BTreeSet::new();
+        for table in
+            [attack_only(&recorded_runs).unwrap(), without(&recorded_runs).unwrap(), kwidth(&recorded_runs).unwrap()]
+        {
+            let bases = Bases::of(&table, &recorded_runs).unwrap();
             for row in table.rows() {
                 for cell in row.cells.iter().filter(|cell| cell.ours.is_some()) {
                     let (key, ours) = (cell.column.key, cell.ours.unwrap().value);
                     let Some(basis) = bases.basis(&table, row, key) else {
                         assert!(
-                            untold.contains(&key) || row.labels[0] == REPLAY,
+                            unnoted.contains(&key) || row.labels[0] == REPLAY,
                             "{} {:?} {key}",
                             table.name,
                             row.labels
@@ -577,23 +596,25 @@ mod tests {
                         continue;
                     };
                     near(basis.value().unwrap(), ours);
-                    told.insert((table.name, key));
+                    notes.insert((table.name, key));
                 }
             }
         }
-        assert!(told.len() >= 7 + 6 + 5, "{told:?}");
+        assert!(notes.len() >= 7 + 6 + 5, "{notes:?}");
     }
 
     /// Two runs of one title, with other numbers: a row's labels say nothing of which run it is.
     #[test]
     fn rows_are_found_whatever_they_are_called_and_wherever_they_stand() {
-        let stories = [
-            story("whole", "pareto", &[], false),
-            story("twin", "pareto", &["critics"], true),
-            story("twin", "pareto", &["critics"], false),
+        let recorded_runs = [
+            recorded("whole", "pareto", &[], false),
+            recorded("twin", "pareto", &["critics"], true),
+            recorded("twin", "pareto", &["critics"], false),
         ];
-        for table in [attack_only(&stories).unwrap(), without(&stories).unwrap(), kwidth(&stories).unwrap()] {
-            let bases = Bases::of(&table, &stories).unwrap();
+        for table in
+            [attack_only(&recorded_runs).unwrap(), without(&recorded_runs).unwrap(), kwidth(&recorded_runs).unwrap()]
+        {
+            let bases = Bases::of(&table, &recorded_runs).unwrap();
             let numbers = |table: &Table, row: &Row| -> Vec<Option<f64>> {
                 row.cells.iter().map(|cell| bases.basis(table, row, cell.column.key)?.value()).collect()
             };
@@ -604,18 +625,18 @@ mod tests {
                 row.labels.iter_mut().for_each(|label| *label = "renamed".into());
             }
             other.parts.iter_mut().for_each(|part| part.rows.reverse());
-            let mut found: Vec<_> = other.rows().map(|row| numbers(&other, row)).collect();
-            found.reverse();
-            assert_eq!(found, wanted, "{}", table.name);
+            let mut estimated: Vec<_> = other.rows().map(|row| numbers(&other, row)).collect();
+            estimated.reverse();
+            assert_eq!(estimated, wanted, "{}", table.name);
         }
     }
 
     #[test]
     fn holm_multiplies_the_smallest_by_all_and_never_falls() {
         // Holm's step down by hand: 0.01 * 4, max(0.04, 0.02 * 3), max(0.06, 0.03 * 2), 0.5 * 1.
-        let found = holm(&[0.02, 0.5, 0.01, 0.03]);
+        let estimated = holm(&[0.02, 0.5, 0.01, 0.03]);
         let wanted = [0.06, 0.5, 0.04, 0.06];
-        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        assert!(estimated.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12), "{estimated:?}");
         assert_eq!(holm(&[0.6, 0.9]), [1.0, 1.0]);
         assert!(holm(&[]).is_empty());
     }

@@ -96,7 +96,7 @@ pub fn applied(of: &Applied<'_>) -> [Table; 2] {
     per_scene_of(of, &readings, &mut met);
     met[0].extend(replayed(of, ANY, |scene| Some(labels::share(scene.contact))));
     [
-        table("applied", "Outcomes", of, &outcomes, &numbers, told(staged)),
+        table("applied", "Outcomes", of, &outcomes, &numbers, notes(staged)),
         table("applied-contacts", "Contacts", of, &columns, &met, vec![contacts_note()]),
     ]
 }
@@ -176,13 +176,13 @@ fn staged_numbers(of: &Applied<'_>) -> [Numbers; 4] {
     let mut numbers: [Numbers; 4] = Default::default();
     for (column, rate) in RATES {
         let of_round = |rounds: &[Option<Benchmark>], k: usize| Some(rate(&rounds.get(k)?.as_ref()?.mean));
-        let found = [
+        let replayed = [
             of.replay.row.benchmark.as_ref().map(|row| Estimate::plain(rate(row))),
             resampled.estimate(|rounds| of_round(rounds, 0)),
             resampled.estimate(|rounds| of_round(rounds, 1)),
             resampled.estimate(|rounds| Some(of_round(rounds, 1)? - of_round(rounds, 0)?)),
         ];
-        for (numbers, estimate) in numbers.iter_mut().zip(found) {
+        for (numbers, estimate) in numbers.iter_mut().zip(replayed) {
             numbers.extend(estimate.map(|estimate| (column.key, estimate)));
         }
     }
@@ -207,8 +207,8 @@ fn per_scene_of(of: &Applied<'_>, readings: &[(Column, Read)], numbers: &mut [Nu
 }
 
 fn replayed(of: &Applied<'_>, column: Column, value: fn(&ReplayScene) -> Option<f64>) -> Numbers {
-    let found = |id: &String| of.replay.scenes.iter().find(|scene| scene.scene == *id);
-    let values = of.scenes.iter().map(|id| value(found(id)?)).collect();
+    let replayed = |id: &String| of.replay.scenes.iter().find(|scene| scene.scene == *id);
+    let values = of.scenes.iter().map(|id| value(replayed(id)?)).collect();
     estimated(&[(column, once(PerScene { suite: suite(of), values }))])
 }
 
@@ -233,7 +233,7 @@ fn suite(of: &Applied<'_>) -> Digest {
     Digest::of_bytes(format!("{} {}", of.pool, of.scenes.join("\n")).as_bytes())
 }
 
-fn told(staged: bool) -> Vec<String> {
+fn notes(staged: bool) -> Vec<String> {
     let labels = match staged {
         true => {
             "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score; \

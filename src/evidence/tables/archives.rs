@@ -118,44 +118,47 @@ impl Repeated for LineageArchive {
 }
 
 /// All lineages of these runs, in their order. No row of a table may come from two of them.
-pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
-    gathered(stories, one)
+pub fn lineages(recorded_runs: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
+    gathered(recorded_runs, one)
 }
 
 /// The same with two rounds in place of the archive's: what the parent and what the program that was chosen did on held-out
 /// routes.
-pub fn held_out(stories: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
-    gathered(stories, |place, story, result| {
-        let played = |of: &Measured| played(story, result, of);
+pub fn held_out(recorded_runs: &[RecordedRun]) -> Result<Vec<LineageArchive>, TableError> {
+    gathered(recorded_runs, |place, recorded_run, result| {
+        let played = |of: &Measured| played(recorded_run, result, of);
         let rounds = vec![played(&result.parent)?, played(&result.evolved)?];
-        let stopped = stopped::note(story, result);
-        Ok(LineageArchive { rounds, gains_pct: BTreeMap::new(), stopped, ..one(place, story, result)? })
+        let stopped = stopped::note(recorded_run, result);
+        Ok(LineageArchive { rounds, gains_pct: BTreeMap::new(), stopped, ..one(place, recorded_run, result)? })
     })
 }
 
 fn gathered(
-    stories: &[RecordedRun],
+    recorded_runs: &[RecordedRun],
     one: impl Fn(usize, &RecordedRun, &LineageResult) -> Result<LineageArchive, TableError>,
 ) -> Result<Vec<LineageArchive>, TableError> {
     let mut all: Vec<LineageArchive> = Vec::new();
-    for (place, story) in stories.iter().enumerate() {
-        let result = labels::result(story)?;
-        if story.rounds.is_empty() {
+    for (place, recorded_run) in recorded_runs.iter().enumerate() {
+        let result = labels::result(recorded_run)?;
+        if recorded_run.rounds.is_empty() {
             let (found, tables) = ("the MetaDrive protocol", "metadrive-main and metadrive-policy");
-            return Err(TableError::OtherProtocol { run: labels::run_name(story), found, tables });
+            return Err(TableError::OtherProtocol { run: labels::run_name(recorded_run), found, tables });
         }
         for lineage in &result.lineages {
-            searches::add(&mut all, one(place, story, lineage)?)?;
+            searches::add(&mut all, one(place, recorded_run, lineage)?)?;
         }
     }
     Ok(all)
 }
 
-fn one(place: usize, story: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, TableError> {
-    let mut recorded: Vec<&ArchiveRound> = story.rounds.iter().filter(|r| r.lineage == result.lineage).collect();
+fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Result<LineageArchive, TableError> {
+    let mut recorded: Vec<&ArchiveRound> = recorded_run.rounds.iter().filter(|r| r.lineage == result.lineage).collect();
     recorded.sort_by_key(|round| round.round);
-    let damaged =
-        |what: String| TableError::Archive { run: labels::run_name(story), lineage: result.lineage.clone(), what };
+    let damaged = |what: String| TableError::Archive {
+        run: labels::run_name(recorded_run),
+        lineage: result.lineage.clone(),
+        what,
+    };
     let (Some(first), Some(last)) = (recorded.first(), recorded.last()) else {
         return Err(damaged("holds no round".into()));
     };
@@ -166,7 +169,7 @@ fn one(place: usize, story: &RecordedRun, result: &LineageResult) -> Result<Line
     let descends = last.selected.iter().any(|scene| scene.solution != result.parent.solution);
     let stem = labels::stem(result);
     // Whoever starts from a program of another run is no method as published.
-    let published = story.parents.iter().all(|p| p.lineage != result.lineage || p.origins.is_empty());
+    let published = recorded_run.parents.iter().all(|p| p.lineage != result.lineage || p.origins.is_empty());
     let own_id = |m: &&Method| m.family == result.family.as_str() && m.family == stem.replace('-', "_");
     let method = METHODS.iter().filter(|_| published).find(own_id);
     let group = |name: &String| group(name).ok_or_else(|| damaged(format!("names the group {name:?}")));
@@ -186,23 +189,23 @@ fn one(place: usize, story: &RecordedRun, result: &LineageResult) -> Result<Line
         lineage: result.lineage.clone(),
         place,
         replica: result.replica,
-        run: labels::run_name(story),
+        run: labels::run_name(recorded_run),
         method,
         name: method.map_or(stem, |method| method.name).to_string(),
         ego: result.ego.clone(),
         gains_pct: gains.collect::<Result<_, TableError>>()?,
         rounds: recorded.iter().map(round).collect::<Result<_, TableError>>()?,
-        rollouts: labels::rollouts(story, &result.lineage),
-        proposals: labels::proposals(story),
-        stopped: stopped::archive_note(story, result, attack_change, descends),
+        rollouts: labels::rollouts(recorded_run, &result.lineage),
+        proposals: labels::proposals(recorded_run),
+        stopped: stopped::archive_note(recorded_run, result, attack_change, descends),
     })
 }
 
 /// What one program did on the held-out routes.
-fn played(story: &RecordedRun, result: &LineageResult, of: &Measured) -> Result<Round, TableError> {
-    let (run, lineage) = (labels::run_name(story), result.lineage.clone());
-    let found = story.held_out.iter().find(|h| h.lineage == lineage && h.solution == of.solution);
-    let Some(held_out) = found else {
+fn played(recorded_run: &RecordedRun, result: &LineageResult, of: &Measured) -> Result<Round, TableError> {
+    let (run, lineage) = (labels::run_name(recorded_run), result.lineage.clone());
+    let measured = recorded_run.held_out.iter().find(|h| h.lineage == lineage && h.solution == of.solution);
+    let Some(held_out) = measured else {
         return Err(TableError::NoLabels { run, lineage, solution: of.solution.clone() });
     };
     if held_out.runs.is_empty() {

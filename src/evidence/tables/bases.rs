@@ -19,7 +19,7 @@ use crate::objects::{LineageId, SceneScore, SolutionId};
 
 /// Where the cells of a table come from.
 pub struct Bases<'s> {
-    pub(super) stories: &'s [RecordedRun],
+    pub(super) recorded_runs: &'s [RecordedRun],
     /// By run: labels by program and scene.
     labels: Vec<BTreeMap<(&'s SolutionId, &'s str), &'s SceneScore>>,
     lineages: Vec<LineageLabels>,
@@ -31,25 +31,25 @@ pub struct Bases<'s> {
 
 impl<'s> Bases<'s> {
     /// Of a table that was made from these runs.
-    pub fn of(table: &Table, stories: &'s [RecordedRun]) -> Result<Bases<'s>, TableError> {
-        let labelled = |story: &'s RecordedRun| {
-            let scores = story.scores();
+    pub fn of(table: &Table, recorded_runs: &'s [RecordedRun]) -> Result<Bases<'s>, TableError> {
+        let labelled = |recorded_run: &'s RecordedRun| {
+            let scores = recorded_run.scores();
             scores.flat_map(|(_, of, _, score)| score.scenes.iter().map(move |l| ((of, l.scene.as_str()), l))).collect()
         };
         let (recorded, staged) = (table.name.starts_with("metadrive"), table.name.starts_with("safebench"));
         let compared = matches!(table.name, "attack-only" | "without" | "kwidth");
-        let own = |place| labels::of_run(stories, place);
+        let own = |place| labels::of_run(recorded_runs, place);
         Ok(Bases {
-            stories,
-            searched: if compared { (0..stories.len()).map(own).collect::<Result<_, _>>()? } else { Vec::new() },
-            labels: stories.iter().map(labelled).collect(),
-            lineages: if recorded { labels::lineages(stories)? } else { Vec::new() },
+            recorded_runs,
+            searched: if compared { (0..recorded_runs.len()).map(own).collect::<Result<_, _>>()? } else { Vec::new() },
+            labels: recorded_runs.iter().map(labelled).collect(),
+            lineages: if recorded { labels::lineages(recorded_runs)? } else { Vec::new() },
             archives: match table.name {
-                unseen::NAME => archives::held_out(stories)?,
-                _ if staged => archives::lineages(stories)?,
+                unseen::NAME => archives::held_out(recorded_runs)?,
+                _ if staged => archives::lineages(recorded_runs)?,
                 _ => Vec::new(),
             },
-            replays: if recorded { labels::replays(stories)? } else { Vec::new() },
+            replays: if recorded { labels::replays(recorded_runs)? } else { Vec::new() },
         })
     }
 
@@ -134,7 +134,7 @@ impl<'s> Bases<'s> {
         read: LabelRead,
     ) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
-            let (run, story, result) = self.result(l.place, &l.lineage)?;
+            let (run, recorded_run, result) = self.result(l.place, &l.lineage)?;
             let programs = programs(side, result);
             let leaf = |scene: &String| {
                 let number = |of: &SolutionId| read(self.label(run, of, scene)?);
@@ -145,7 +145,7 @@ impl<'s> Bases<'s> {
                 };
                 Leaf::scene(scene, &programs, value)
             };
-            let leaves: Vec<Leaf> = story.opened.held_out_scenes.iter().map(leaf).collect();
+            let leaves: Vec<Leaf> = recorded_run.opened.held_out_scenes.iter().map(leaf).collect();
             let value = num::mean(&leaves.iter().filter_map(|leaf| leaf.value).collect::<Vec<f64>>());
             Some(part_of(l, run, programs, value, leaves))
         };
@@ -158,12 +158,12 @@ impl<'s> Bases<'s> {
     /// PF-Area@3 as the sealed results have it, with the held-out labels of the parent and of the chosen descendants.
     pub(super) fn frontier<'l>(&self, lineages: impl Iterator<Item = &'l LineageLabels>) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
-            let (run, story, result) = self.result(l.place, &l.lineage)?;
+            let (run, recorded_run, result) = self.result(l.place, &l.lineage)?;
             let counts = |roles: &[String]| roles.iter().any(|role| role == "parent" || role == "descendant");
-            let own = story.held_out.iter().filter(|h| h.lineage == l.lineage && counts(&h.roles));
+            let own = recorded_run.held_out.iter().filter(|h| h.lineage == l.lineage && counts(&h.roles));
             let programs: Vec<SolutionId> = own.map(|held_out| held_out.solution.clone()).collect();
             let leaf = |scene: &String| Leaf::scene(scene, &programs, None);
-            let leaves = story.opened.held_out_scenes.iter().map(leaf).collect();
+            let leaves = recorded_run.opened.held_out_scenes.iter().map(leaf).collect();
             Some(part_of(l, run, programs.clone(), Some(result.pf_area_at_3_pct), leaves))
         };
         let formula = format!(
@@ -214,7 +214,7 @@ impl<'s> Bases<'s> {
         let RowKey::Replay { egos, metric } = &row.key else { return None };
         let Of { run, of: ego } = egos.first()?;
         let own = |replayed: &&Replayed| replayed.row.suite == Suite::Evolution && replayed.row.ego == *ego;
-        let replayed = self.stories.get(*run)?.replays.iter().find(own)?;
+        let replayed = self.recorded_runs.get(*run)?.replays.iter().find(own)?;
         let known = replayed.row.benchmark?;
         let metric = match key {
             "parent_attack" => "Attack",
@@ -254,13 +254,14 @@ impl<'s> Bases<'s> {
     /// A number of the archive's rounds, which is of the selected runs together.
     fn of_rounds(&self, row: &Row, key: &str, number: Number<'_>, reads: impl Fn(u32, &str) -> bool) -> Basis {
         let part = |archive: &LineageArchive| -> Option<Piece> {
-            let (run, story, _) = self.result(archive.place, &archive.lineage)?;
+            let (run, recorded_run, _) = self.result(archive.place, &archive.lineage)?;
             let scores: Vec<_> = archive.rounds.iter().map(|of| of.scores(of.runs.keys().copied())).collect();
             let last = archive.rounds.len().saturating_sub(1) as u32;
             let wanted =
                 |round: u32| !key.starts_with("parent_") && round == last || !key.starts_with("evolved_") && round == 0;
             let main = !matches!(row.key, RowKey::Lineages { reads: Reads::Round { .. }, .. });
-            let rounds = story.rounds.iter().filter(|r| r.lineage == archive.lineage && (!main || wanted(r.round)));
+            let rounds =
+                recorded_run.rounds.iter().filter(|r| r.lineage == archive.lineage && (!main || wanted(r.round)));
             let leaves: Vec<Leaf> = rounds
                 .flat_map(|r| {
                     let read = r.selected.iter().filter(|selected| reads(r.round, &selected.group));
@@ -291,20 +292,22 @@ impl<'s> Bases<'s> {
     fn unseen(&self, row: &Row, key: &str) -> Option<Basis> {
         let seen = unseen::seen_of(key);
         let parts = self.archives_of(row).filter_map(|archive| -> Option<Piece> {
-            let (run, story, result) = self.result(archive.place, &archive.lineage)?;
+            let (run, recorded_run, result) = self.result(archive.place, &archive.lineage)?;
             let [parent, evolved] = [&result.parent.solution, &result.evolved.solution];
             let sides = [(0, parent, !key.contains("evolved_")), (1, evolved, !key.contains("parent_"))];
             let wanted: Vec<(u32, &SolutionId)> =
                 sides.into_iter().filter(|(.., wanted)| *wanted).map(|(round, of, _)| (round, of)).collect();
             let programs: Vec<SolutionId> = wanted.iter().map(|(_, of)| (*of).clone()).collect();
             if let Some(read) = seen {
-                let leaves = story.opened.evolution_scenes.iter().map(|scene| Leaf::scene(scene, &programs, None));
-                let value = unseen::seen(story, result).and_then(|both| read(&both));
+                let leaves =
+                    recorded_run.opened.evolution_scenes.iter().map(|scene| Leaf::scene(scene, &programs, None));
+                let value = unseen::seen(recorded_run, result).and_then(|both| read(&both));
                 return Some(part_of_archive(archive, run, programs.clone(), value, leaves.collect()));
             }
             let scores: Vec<_> = archive.rounds.iter().map(|of| of.scores(of.groups())).collect();
             let runs = wanted.iter().flat_map(|(round, of)| {
-                let held_out = story.held_out.iter().find(|h| h.lineage == archive.lineage && h.solution == **of);
+                let held_out =
+                    recorded_run.held_out.iter().find(|h| h.lineage == archive.lineage && h.solution == **of);
                 held_out.into_iter().flat_map(|held_out| &held_out.runs).map(|one| (*round, *of, one))
             });
             let leaf = |(round, of, one): (u32, &SolutionId, &HeldOutRun)| Leaf {
@@ -345,9 +348,9 @@ impl<'s> Bases<'s> {
     /// A share of proposals.
     fn counted(&self, spec: &Spec, row: &Row, key: &str) -> Basis {
         let mut parts = Vec::new();
-        for (run, story) in self.stories.iter().enumerate() {
-            for parent in story.parents.iter().filter(|parent| row.key.has(run, &parent.lineage)) {
-                let attempts = story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage);
+        for (run, recorded_run) in self.recorded_runs.iter().enumerate() {
+            for parent in recorded_run.parents.iter().filter(|parent| row.key.has(run, &parent.lineage)) {
+                let attempts = recorded_run.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage);
                 let leaf = |attempt: &crate::objects::Attempt| {
                     let (counts, holds) = spec.counted(key, attempt)?;
                     let value = counts.then(|| labels::share(holds));
@@ -375,9 +378,9 @@ impl<'s> Bases<'s> {
     }
 
     fn result(&self, place: usize, lineage: &LineageId) -> Option<(usize, &'s RecordedRun, &'s LineageResult)> {
-        let story = self.stories.get(place)?;
-        let result = story.result.as_ref()?.lineages.iter().find(|result| result.lineage == *lineage)?;
-        Some((place, story, result))
+        let recorded_run = self.recorded_runs.get(place)?;
+        let result = recorded_run.result.as_ref()?.lineages.iter().find(|result| result.lineage == *lineage)?;
+        Some((place, recorded_run, result))
     }
 }
 
@@ -416,7 +419,7 @@ fn programs(side: Side, result: &LineageResult) -> Vec<SolutionId> {
 /// What is read off a label for a column.
 fn words(key: &str) -> String {
     let bare = ["parent_", "evolved_", "endpoint_"].iter().find_map(|side| key.strip_prefix(side)).unwrap_or(key);
-    let told = match bare {
+    let note = match bare {
         "attack" | "attack_change" => "attack",
         "any_contact" => "1 where the ego meets anyone, else 0",
         "rp_pct" | "rp_change_pp" => "100 (1 - realism) where the program acts",
@@ -428,7 +431,7 @@ fn words(key: &str) -> String {
         "adversary_contact" => "1 where the ego meets an adversary, else 0",
         class => return format!("1 where the ego meets an adversary in a contact of class {class}, else 0"),
     };
-    told.to_string()
+    note.to_string()
 }
 
 fn rounds_words(key: &str, row: &Row) -> String {

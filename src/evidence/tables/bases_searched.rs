@@ -20,7 +20,7 @@ impl Bases<'_> {
             self.means_of(of.iter().copied(), side, what, Box::new(reading))
         };
         let against = |reading| {
-            let whole = self.searched.get(columns::whole_of(table, run, self.stories)?)?;
+            let whole = self.searched.get(columns::whole_of(table, run, self.recorded_runs)?)?;
             let all: Vec<&LineageLabels> = whole.iter().collect();
             let terms = vec![read(&shared(&all, &own), reading), read(&shared(&own, &all), reading)];
             let formula =
@@ -64,7 +64,7 @@ impl Bases<'_> {
     /// How many proposals of a lineage something holds of, in the mean.
     fn numbered(&self, run: usize, own: &[&LineageLabels], what: &str, holds: fn(&Attempt) -> bool) -> Basis {
         let part = |l: &&LineageLabels| -> Option<Piece> {
-            let attempts = self.stories.get(run)?.attempts.iter().filter(|attempt| attempt.lineage == l.lineage);
+            let attempts = self.recorded_runs.get(run)?.attempts.iter().filter(|attempt| attempt.lineage == l.lineage);
             let leaf = |attempt: &Attempt| Leaf {
                 attempt: Some(attempt.id.clone()),
                 ..Leaf::scene(attempt.id.as_str(), &[], Some(labels::share(holds(attempt))))

@@ -135,14 +135,14 @@ impl Basis {
 
     /// The parts by search, in the order of their first.
     pub fn searches(&self) -> Vec<Vec<&Piece>> {
-        let mut found: Vec<Vec<&Piece>> = Vec::new();
+        let mut pieces: Vec<Vec<&Piece>> = Vec::new();
         for part in &self.parts {
-            match found.iter_mut().find(|of| of[0].search == part.search) {
+            match pieces.iter_mut().find(|of| of[0].search == part.search) {
                 Some(of) => of.push(part),
-                None => found.push(vec![part]),
+                None => pieces.push(vec![part]),
             }
         }
-        found
+        pieces
     }
 
     /// This basis and its terms.

@@ -136,8 +136,8 @@ fn mean_over(
         num::mean(&labelled.collect::<Vec<f64>>())
     };
     let of_search = |search: &Search| {
-        let found = seeds(search).into_iter().filter_map(|seed| search.seeds.get(seed)).filter_map(of_seed);
-        num::mean(&found.collect::<Vec<f64>>())
+        let of_seeds = seeds(search).into_iter().filter_map(|seed| search.seeds.get(seed)).filter_map(of_seed);
+        num::mean(&of_seeds.collect::<Vec<f64>>())
     };
     num::mean(&quantity.iter().map(of_search).collect::<Option<Vec<f64>>>()?)
 }
@@ -163,8 +163,8 @@ mod tests {
             vec![Search { id: Digest::of_bytes(b"search"), seeds: values.iter().enumerate().map(seed).collect() }]
         };
         let (above, below) = (of(&[2.0, 6.0, 1.0]), of(&[1.0, 3.0, 0.5]));
-        let found = ratio(&above, &below).unwrap();
-        assert_eq!((found.value, found.interval), (2.0, Some([2.0, 2.0])), "twice in every draw");
+        let of_seeds = ratio(&above, &below).unwrap();
+        assert_eq!((of_seeds.value, of_seeds.interval), (2.0, Some([2.0, 2.0])), "twice in every draw");
         let spread = ratio(&above, &of(&[1.0, 1.0, 1.0])).unwrap();
         assert_eq!((spread.value, spread.interval.unwrap()[0] < 2.0), (3.0, true));
         assert!(spread.interval.unwrap()[1] > 4.0, "{spread:?}");
@@ -178,8 +178,8 @@ mod tests {
     #[test]
     fn the_value_is_the_mean_over_lineages_of_their_means_over_labelled_scenes() {
         let unlabelled = PerScene { values: vec![Some(1.0), None, Some(0.0), Some(0.5)], ..suite("a", &[]) };
-        let found = estimates(&[vec![once(unlabelled), once(suite("b", &[0.2, 0.4]))]])[0].unwrap();
-        assert!((found.value - (0.5 + 0.3) / 2.0).abs() < 1e-15, "{found:?}");
+        let of_seeds = estimates(&[vec![once(unlabelled), once(suite("b", &[0.2, 0.4]))]])[0].unwrap();
+        assert!((of_seeds.value - (0.5 + 0.3) / 2.0).abs() < 1e-15, "{of_seeds:?}");
     }
 
     #[test]
@@ -200,9 +200,9 @@ mod tests {
     fn two_programs_that_differ_alike_on_every_scene_differ_without_width() {
         let (before, after) = ([0.0, 1.0, 0.5, 0.25], [0.125, 1.125, 0.625, 0.375]);
         let paired: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
-        let found = estimates(&[vec![once(suite("a", &after))], vec![once(suite("a", &paired))]]);
-        assert_eq!(found[1].unwrap().interval, Some([0.125; 2]));
-        let [low, high] = found[0].unwrap().interval.unwrap();
+        let of_seeds = estimates(&[vec![once(suite("a", &after))], vec![once(suite("a", &paired))]]);
+        assert_eq!(of_seeds[1].unwrap().interval, Some([0.125; 2]));
+        let [low, high] = of_seeds[0].unwrap().interval.unwrap();
         assert!(high - low > 0.3);
     }
 
@@ -219,14 +219,14 @@ mod tests {
 
     #[test]
     fn a_difference_that_is_everywhere_is_sure_and_one_that_evens_out_is_not() {
-        let found = |values: &[f64]| compared_with_zero(&[vec![once(suite("a", values))]])[0].unwrap();
-        let (estimate, chance) = found(&[0.1; 12]);
+        let of_seeds = |values: &[f64]| compared_with_zero(&[vec![once(suite("a", values))]])[0].unwrap();
+        let (estimate, chance) = of_seeds(&[0.1; 12]);
         assert!((estimate.value - 0.1).abs() < 1e-12 && chance < 0.002, "{chance}");
-        let (_, even) = found(&[0.1, -0.1, 0.2, -0.2, 0.3, -0.3]);
+        let (_, even) = of_seeds(&[0.1, -0.1, 0.2, -0.2, 0.3, -0.3]);
         assert!(even > 0.8, "{even}");
         // Without any difference nothing speaks against none.
-        assert_eq!(found(&[0.0; 5]).1, 1.0);
-        assert_eq!(found(&[0.1; 12]).0, estimates(&[vec![once(suite("a", &[0.1; 12]))]])[0].unwrap());
+        assert_eq!(of_seeds(&[0.0; 5]).1, 1.0);
+        assert_eq!(of_seeds(&[0.1; 12]).0, estimates(&[vec![once(suite("a", &[0.1; 12]))]])[0].unwrap());
     }
 
     #[test]
@@ -249,9 +249,9 @@ mod tests {
         // {0, .25, .5, .75, 1}: 2.5 % lie at or below a mean of .2, as many at or above .8.
         let seeds = [0.0, 0.25, 0.5, 0.75, 1.0].map(|rate| suite("a", &[rate; 20])).to_vec();
         let search = Search { id: Digest::of_bytes(b"search"), seeds };
-        let found = estimates(&[vec![search.clone()]])[0].unwrap();
-        let [low, high] = found.interval.unwrap();
-        assert!((found.value - 0.5).abs() < 1e-15);
+        let of_seeds = estimates(&[vec![search.clone()]])[0].unwrap();
+        let [low, high] = of_seeds.interval.unwrap();
+        assert!((of_seeds.value - 0.5).abs() < 1e-15);
         assert!((low - 0.2).abs() < 0.051 && (high - 0.8).abs() < 0.051, "{low} {high}");
         // Two quantities of one search draw the same repetitions: their difference has no width.
         let shifted = search.seeds.iter().map(|part| PerScene {
@@ -267,17 +267,17 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
         fn the_interval_contains_the_value(values in prop::collection::vec(0.0..=1.0f64, 1..40)) {
-            let found = one(&values);
-            let [low, high] = found.interval.unwrap();
+            let of_seeds = one(&values);
+            let [low, high] = of_seeds.interval.unwrap();
             // One ulp or so: a mean of equal numbers in another order.
-            prop_assert!(low <= found.value + 1e-12 && found.value <= high + 1e-12, "{found:?}");
+            prop_assert!(low <= of_seeds.value + 1e-12 && of_seeds.value <= high + 1e-12, "{of_seeds:?}");
         }
 
         #[test]
         fn the_interval_of_a_rate_contains_the_rate(hits in prop::collection::vec(any::<bool>(), 1..60)) {
-            let found = one(&hits.iter().map(|hit| f64::from(u8::from(*hit))).collect::<Vec<_>>());
-            let [low, high] = found.interval.unwrap();
-            prop_assert!(0.0 <= low && low <= found.value && found.value <= high && high <= 1.0, "{found:?}");
+            let of_seeds = one(&hits.iter().map(|hit| f64::from(u8::from(*hit))).collect::<Vec<_>>());
+            let [low, high] = of_seeds.interval.unwrap();
+            prop_assert!(0.0 <= low && low <= of_seeds.value && of_seeds.value <= high && high <= 1.0, "{of_seeds:?}");
         }
     }
 }

@@ -80,16 +80,16 @@ pub fn compared(first: (&RecordedRun, &SolutionId), second: (&RecordedRun, &Solu
     })
 }
 
-fn held_out<'a>(story: &'a RecordedRun, solution: &SolutionId) -> ByScene<'a> {
-    let of = story.held_out.iter().filter(|of| of.solution == *solution);
+fn held_out<'a>(run: &'a RecordedRun, solution: &SolutionId) -> ByScene<'a> {
+    let of = run.held_out.iter().filter(|of| of.solution == *solution);
     by_scene(of.flat_map(|of| &of.score.scenes))
 }
 
 /// An attempt has the labels that decided about it, a parent those of its windows.
-fn evolution<'a>(story: &'a RecordedRun, solution: &SolutionId) -> ByScene<'a> {
+fn evolution<'a>(run: &'a RecordedRun, solution: &SolutionId) -> ByScene<'a> {
     let attempts =
-        story.attempts.iter().filter(|of| of.exit.candidate().is_some_and(|c| c.program.solution_id == *solution));
-    let windows = story.frozen.iter().filter(|of| of.parent == *solution);
+        run.attempts.iter().filter(|of| of.exit.candidate().is_some_and(|c| c.program.solution_id == *solution));
+    let windows = run.frozen.iter().filter(|of| of.parent == *solution);
     let own = attempts.filter_map(|of| of.exit.score()).flat_map(|score| &score.scenes);
     by_scene(own.chain(windows.flat_map(|of| &of.parent_score.scenes)))
 }
@@ -122,8 +122,8 @@ fn quantity(name: &str, reading: &dyn Fn(&SceneScore) -> Option<f64>, pairs: &[[
         let values = both.iter().map(value).collect();
         vec![Search { id: suite, seeds: vec![PerScene { suite, values }] }]
     };
-    let found = bootstrap::estimates(&[of(&|pair| pair[0]), of(&|pair| pair[1]), of(&change)]);
-    let [Some(first), Some(second), Some(difference)] = found[..] else { return None };
+    let estimated = bootstrap::estimates(&[of(&|pair| pair[0]), of(&|pair| pair[1]), of(&change)]);
+    let [Some(first), Some(second), Some(difference)] = estimated[..] else { return None };
     Some(Compared {
         quantity: name.to_string(),
         scenes: both.iter().filter_map(change).count(),

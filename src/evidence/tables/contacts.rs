@@ -36,9 +36,9 @@ const PARENT: &str = "parent";
 const EVOLVED: &str = "evolved";
 
 /// Contacts of every parent and evolved generator on held-out scenes, a row a program and ego.
-pub fn metadrive_contacts(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = labels::lineages(stories)?;
-    let mut rows: Vec<Row> = labels::replays(stories)?.iter().map(replay_row).collect();
+pub fn metadrive_contacts(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = labels::lineages(runs)?;
+    let mut rows: Vec<Row> = labels::replays(runs)?.iter().map(replay_row).collect();
     for of in searches(all.iter()) {
         rows.push(row(PARENT, &of, Side::Parent));
         rows.push(row(EVOLVED, &of, Side::Evolved));
@@ -50,8 +50,8 @@ pub fn metadrive_contacts(stories: &[RecordedRun]) -> Result<Table, TableError> 
         columns: columns(),
         counts: vec![SCENES, SEEDS, ROLLOUTS],
         parts: vec![Part { name: "metadrive-contacts".into(), title, source: None, rows }],
-        runs: notes::runs(stories)?,
-        notes: told(stories),
+        runs: notes::runs(runs)?,
+        notes: notes(runs),
     })
 }
 
@@ -113,8 +113,8 @@ fn replay_row(replay: &ReplayLabels) -> Row {
     }
 }
 
-fn told(stories: &[RecordedRun]) -> Vec<String> {
-    let mut told = vec![
+fn notes(runs: &[RecordedRun]) -> Vec<String> {
+    let mut notes = vec![
         "All numbers are shares of held-out scenes. A rollout ends with the ego's first contact, so the classes of a row add \
          up to its column Adversary. Which classes count for Attack, and which of them only where the ego could have avoided \
          the contact, is said in the experiment's table evaluation.attack. Anyway: the ego meets an adversary that it also runs \
@@ -130,7 +130,7 @@ fn told(stories: &[RecordedRun]) -> Vec<String> {
             bootstrap::SEED.0
         ),
     ];
-    told.extend(stories.iter().map(notes::run));
-    told.extend(notes::different_versions(stories));
-    told
+    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::different_versions(runs));
+    notes
 }

@@ -63,8 +63,8 @@ fn by(attempt: &Attempt, critic: Role) -> bool {
 }
 
 /// What critics did in these runs.
-pub fn actor_critic(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    shares::table(&SPEC, stories)
+pub fn actor_critic(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    shares::table(&SPEC, runs)
 }
 
 #[cfg(test)]
@@ -110,11 +110,11 @@ mod tests {
     #[test]
     fn shares_are_of_what_critics_read_and_the_paper_stands_beside() {
         use Advice::{Approve, Reject, Repair};
-        let mut story = run("made", &[("actor", "scripted (s, s)")]);
-        add(&mut story, &CAT);
+        let mut recorded = run("made", &[("actor", "scripted (s, s)")]);
+        add(&mut recorded, &CAT);
         let declined = || Exit::Declined { reason: "blocked".into() };
         let evaluated = || simulated(RouteDecision::Select, false, 0.0);
-        story.attempts = vec![
+        recorded.attempts = vec![
             judged(0, declined(), &[None]),
             judged(1, evaluated(), &[Some([Approve, Approve])]),
             judged(2, evaluated(), &[Some([Approve, Repair]), Some([Approve, Approve])]),
@@ -122,7 +122,7 @@ mod tests {
             // The reply could not be read; the repaired one was the first to be reviewed, so nothing was repaired behind a review.
             judged(4, evaluated(), &[None, Some([Approve, Approve])]),
         ];
-        let table = actor_critic(&[story]).unwrap();
+        let table = actor_critic(&[recorded]).unwrap();
         let row = table.rows().next().unwrap();
         let share = |key: &str| row.cell(key).ours.unwrap().value;
         assert_eq!(row.counts, [4, 5, 1]);

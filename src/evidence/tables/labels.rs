@@ -104,16 +104,16 @@ impl ReplayLabels {
 }
 
 /// The do-nothing row of every suite and ego of these runs, in their order, each once.
-pub fn replays(stories: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError> {
+pub fn replays(runs: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError> {
     let mut all: Vec<ReplayLabels> = Vec::new();
-    for (place, story) in stories.iter().enumerate() {
-        let (names, digest) = (&story.opened.held_out_scenes, suite(story)?);
-        for replayed in story.replays.iter().filter(|replayed| replayed.row.suite == Suite::HeldOut) {
+    for (place, recorded) in runs.iter().enumerate() {
+        let (names, digest) = (&recorded.opened.held_out_scenes, suite(recorded)?);
+        for replayed in recorded.replays.iter().filter(|replayed| replayed.row.suite == Suite::HeldOut) {
             if all.iter().any(|known| known.suite == digest && known.ego == replayed.row.ego) {
                 continue;
             }
-            let found = |id: &String| replayed.scenes.iter().find(|scene| scene.scene == *id).cloned();
-            let scenes = names.iter().map(found).collect();
+            let measured = |id: &String| replayed.scenes.iter().find(|scene| scene.scene == *id).cloned();
+            let scenes = names.iter().map(measured).collect();
             all.push(ReplayLabels { place, ego: replayed.row.ego.clone(), suite: digest, scenes });
         }
     }
@@ -121,9 +121,9 @@ pub fn replays(stories: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError>
 }
 
 /// Digest of a run's held-out scenes.
-pub fn suite(story: &RecordedRun) -> Result<Digest, TableError> {
-    Digest::of("evodrive/held-out-suite/1", &(story.opened.pool, &story.opened.held_out_scenes))
-        .map_err(|error| TableError::Canon { run: run_name(story), error })
+pub fn suite(recorded: &RecordedRun) -> Result<Digest, TableError> {
+    Digest::of("evodrive/held-out-suite/1", &(recorded.opened.pool, &recorded.opened.held_out_scenes))
+        .map_err(|error| TableError::Canon { run: run_name(recorded), error })
 }
 
 /// One lineage of a finished run.
@@ -200,23 +200,23 @@ impl LineageLabels {
 }
 
 /// The run's name and the beginning of its root.
-pub fn run_name(story: &RecordedRun) -> String {
-    format!("{} ({})", story.opened.name, story.root.short(8))
+pub fn run_name(recorded: &RecordedRun) -> String {
+    format!("{} ({})", recorded.opened.name, recorded.root.short(8))
 }
 
 /// Kinds of the models of the roles that propose programs, e.g. `scripted` or `openai_compatible + scripted`: a label opens
 /// with its kind. Who is asked about scenes or descriptions is named in the run itself.
-pub fn proposals(story: &RecordedRun) -> String {
+pub fn proposals(recorded: &RecordedRun) -> String {
     let kind = |label: &String| label.split(' ').next().unwrap_or_default().to_string();
     let asides = [Role::AttackerAgent, Role::TemplateAgent].map(Role::name);
     let proposing =
-        story.opened.models.iter().filter(|(role, _)| !asides.contains(&role.as_str())).map(|(_, label)| label);
+        recorded.opened.models.iter().filter(|(role, _)| !asides.contains(&role.as_str())).map(|(_, label)| label);
     proposing.map(kind).collect::<BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" + ")
 }
 
 /// The result of a finished run.
-pub fn result(story: &RecordedRun) -> Result<&RunResult, TableError> {
-    story.result.as_ref().ok_or_else(|| TableError::Unfinished { run: run_name(story) })
+pub fn result(recorded: &RecordedRun) -> Result<&RunResult, TableError> {
+    recorded.result.as_ref().ok_or_else(|| TableError::Unfinished { run: run_name(recorded) })
 }
 
 impl Repeated for LineageLabels {
@@ -233,10 +233,10 @@ impl Repeated for LineageLabels {
 }
 
 /// All lineages of these runs, in their order. No row of a table may come from two of them.
-pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableError> {
+pub fn lineages(runs: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableError> {
     let mut all: Vec<LineageLabels> = Vec::new();
-    for place in 0..stories.len() {
-        for lineage in of_run(stories, place)? {
+    for place in 0..runs.len() {
+        for lineage in of_run(runs, place)? {
             searches::add(&mut all, lineage)?;
         }
     }
@@ -244,38 +244,38 @@ pub fn lineages(stories: &[RecordedRun]) -> Result<Vec<LineageLabels>, TableErro
 }
 
 /// The lineages of one of these runs, in their order.
-pub fn of_run(stories: &[RecordedRun], place: usize) -> Result<Vec<LineageLabels>, TableError> {
+pub fn of_run(runs: &[RecordedRun], place: usize) -> Result<Vec<LineageLabels>, TableError> {
     let mut all: Vec<LineageLabels> = Vec::new();
-    if let Some(story) = stories.get(place) {
-        if !story.rounds.is_empty() {
+    if let Some(recorded) = runs.get(place) {
+        if !recorded.rounds.is_empty() {
             let (found, tables) = ("SafeBench's protocol", "safebench-main, safebench-rounds and safebench-held-out");
-            return Err(TableError::OtherProtocol { run: run_name(story), found, tables });
+            return Err(TableError::OtherProtocol { run: run_name(recorded), found, tables });
         }
-        for lineage in &result(story)?.lineages {
-            searches::add(&mut all, one(place, story, lineage)?)?;
+        for lineage in &result(recorded)?.lineages {
+            searches::add(&mut all, one(place, recorded, lineage)?)?;
         }
     }
     Ok(all)
 }
 
-fn one(place: usize, story: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, TableError> {
-    let (names, digest) = (&story.opened.held_out_scenes, suite(story)?);
+fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<LineageLabels, TableError> {
+    let (names, digest) = (&recorded.opened.held_out_scenes, suite(recorded)?);
     let labels = |solution: &SolutionId| {
-        let found = story.held_out.iter().find(|h| h.lineage == result.lineage && h.solution == *solution);
-        found.map(|held_out| Labels::of(&held_out.score, names)).ok_or_else(|| TableError::NoLabels {
-            run: run_name(story),
+        let measured = recorded.held_out.iter().find(|h| h.lineage == result.lineage && h.solution == *solution);
+        measured.map(|held_out| Labels::of(&held_out.score, names)).ok_or_else(|| TableError::NoLabels {
+            run: run_name(recorded),
             lineage: result.lineage.clone(),
             solution: solution.clone(),
         })
     };
-    let published = method(story, result);
+    let published = method(recorded, result);
     // The paper has no row under a measure of the experimenter's own.
-    let method = published.filter(|_| story.opened.attack.is_none());
+    let method = published.filter(|_| recorded.opened.attack.is_none());
     Ok(LineageLabels {
         lineage: result.lineage.clone(),
         place,
         replica: result.replica,
-        run: run_name(story),
+        run: run_name(recorded),
         method,
         name: published.map_or_else(|| stem(result).to_string(), |method| method.name.to_string()),
         ego: result.ego.clone(),
@@ -285,9 +285,9 @@ fn one(place: usize, story: &RecordedRun, result: &LineageResult) -> Result<Line
         evolved: labels(&result.evolved.solution)?,
         endpoint: result.endpoint.as_ref().map(|endpoint| labels(&endpoint.solution)).transpose()?,
         pf_area_at_3_pct: result.pf_area_at_3_pct,
-        rollouts: rollouts(story, &result.lineage),
-        proposals: proposals(story),
-        stopped: stopped::note(story, result),
+        rollouts: rollouts(recorded, &result.lineage),
+        proposals: proposals(recorded),
+        stopped: stopped::note(recorded, result),
     })
 }
 
@@ -301,9 +301,9 @@ pub fn stem(result: &LineageResult) -> &str {
 
 /// The paper's row: the family's own lineage from the published parent on, and for SAGE the one of its parent's preference weight. A lineage with
 /// another id, such as `cat-short-idm`, is a variant with a row of its own.
-fn method(story: &RecordedRun, result: &LineageResult) -> Option<&'static Method> {
+fn method(recorded: &RecordedRun, result: &LineageResult) -> Option<&'static Method> {
     let family = result.family.as_str();
-    let parent = story.parents.iter().find(|p| p.lineage == result.lineage);
+    let parent = recorded.parents.iter().find(|p| p.lineage == result.lineage);
     if parent.is_some_and(|parent| !parent.origins.is_empty()) {
         // It starts from a program of another run: no method as published.
         return None;
@@ -321,11 +321,11 @@ fn method(story: &RecordedRun, result: &LineageResult) -> Option<&'static Method
 }
 
 /// Distinct rollouts behind a lineage's recorded labels.
-pub fn rollouts(story: &RecordedRun, lineage: &LineageId) -> usize {
-    let frozen = story.frozen.iter().filter(|f| f.lineage == *lineage).map(|f| &f.parent_score);
-    let attempts = story.attempts.iter().filter(|a| a.lineage == *lineage).filter_map(|a| a.exit.score());
-    let finalists = story.finalists.iter().filter(|f| f.lineage == *lineage).map(|f| &f.score);
-    let held_out = story.held_out.iter().filter(|h| h.lineage == *lineage).map(|h| &h.score);
+pub fn rollouts(recorded: &RecordedRun, lineage: &LineageId) -> usize {
+    let frozen = recorded.frozen.iter().filter(|f| f.lineage == *lineage).map(|f| &f.parent_score);
+    let attempts = recorded.attempts.iter().filter(|a| a.lineage == *lineage).filter_map(|a| a.exit.score());
+    let finalists = recorded.finalists.iter().filter(|f| f.lineage == *lineage).map(|f| &f.score);
+    let held_out = recorded.held_out.iter().filter(|h| h.lineage == *lineage).map(|h| &h.score);
     let scores = frozen.chain(attempts).chain(finalists).chain(held_out);
     scores.flat_map(|score| score.scenes.iter().map(|s| s.request)).collect::<BTreeSet<Digest>>().len()
 }

@@ -78,8 +78,8 @@ const READ_OF_REPLAY: [(Column, ReplayRead); 4] = [
 
 /// Side and reading of a column that is a mean over labels.
 pub(super) fn read_of(key: &str) -> Option<(Side, Reading)> {
-    let found = READ.iter().chain(&READ_AT_THE_END).find(|(column, ..)| column.key == key);
-    found.map(|(_, side, reading)| (*side, *reading))
+    let estimated = READ.iter().chain(&READ_AT_THE_END).find(|(column, ..)| column.key == key);
+    estimated.map(|(_, side, reading)| (*side, *reading))
 }
 
 /// What a column of the row without a program is a mean of.
@@ -117,12 +117,12 @@ fn policy_columns() -> Vec<Column> {
 }
 
 /// The paper's main table: a row a family, averaged over those of the paper's egos that were run.
-pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = labels::lineages(stories)?;
+pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = labels::lineages(runs)?;
     let mut groups: Vec<&str> = printed::METHODS.iter().map(|method| method.group).collect();
     groups.dedup();
     let averaged = |l: &&LineageLabels| l.method.is_some() && paper::policy_name(&l.ego).is_some();
-    let mut rows: Vec<Row> = replay_row(&labels::replays(stories)?, &main_columns()).into_iter().collect();
+    let mut rows: Vec<Row> = replay_row(&labels::replays(runs)?, &main_columns()).into_iter().collect();
     for group in groups {
         let of: Vec<&LineageLabels> = all.iter().filter(averaged).filter(|l| l.group() == group).collect();
         rows.push(main_row(group, &of, printed::main_figures(group)));
@@ -134,33 +134,26 @@ pub fn metadrive_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
         printed::POLICY_LABEL
     );
     let title = "Generator evolution in MetaDrive";
-    table(
-        "metadrive-main",
-        title,
-        printed::MAIN_LABEL,
-        &main_columns(),
-        rows,
-        told(stories, &all, Some(average)),
-        stories,
-    )
+    table("metadrive-main", title, printed::MAIN_LABEL, &main_columns(), rows, notes(runs, &all, Some(average)), runs)
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
-pub fn metadrive_policy(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = labels::lineages(stories)?;
+pub fn metadrive_policy(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = labels::lineages(runs)?;
     let of_each = |replay: ReplayLabels| replay_row(&[replay], &policy_columns());
-    let mut rows: Vec<Row> = labels::replays(stories)?.into_iter().filter_map(of_each).collect();
+    let mut rows: Vec<Row> = labels::replays(runs)?.into_iter().filter_map(of_each).collect();
     for method in &printed::METHODS {
         for (ego, policy) in expected_policies(&all) {
-            let found: Vec<&LineageLabels> = all.iter().filter(|l| l.method == Some(method) && l.ego == ego).collect();
+            let estimated: Vec<&LineageLabels> =
+                all.iter().filter(|l| l.method == Some(method) && l.ego == ego).collect();
             let theirs = printed::policy_figures(method.name, policy);
-            rows.push(policy_row(method.name, policy, &found, theirs));
+            rows.push(policy_row(method.name, policy, &estimated, theirs));
         }
     }
     let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
     rows.extend(searches(others).iter().map(|of| policy_row(&of[0].name, &of[0].policy(), of, None)));
     let title = "Policy-specific results in MetaDrive";
-    table("metadrive-policy", title, printed::POLICY_LABEL, &policy_columns(), rows, told(stories, &all, None), stories)
+    table("metadrive-policy", title, printed::POLICY_LABEL, &policy_columns(), rows, notes(runs, &all, None), runs)
 }
 
 pub(super) const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
@@ -173,11 +166,11 @@ fn table(
     columns: &[Column],
     rows: Vec<Row>,
     notes: Vec<String>,
-    stories: &[RecordedRun],
+    runs: &[RecordedRun],
 ) -> Result<Table, TableError> {
     let parts = vec![Part { name: name.into(), title: title.into(), source: Some(source), rows }];
     let (labels, counts) = (vec![METHOD, POLICY], vec![SCENES, SEEDS, ROLLOUTS]);
-    Ok(Table { name, labels, columns: columns.to_vec(), counts, parts, runs: notes::runs(stories)?, notes })
+    Ok(Table { name, labels, columns: columns.to_vec(), counts, parts, runs: notes::runs(runs)?, notes })
 }
 
 /// The paper's policies whose rows are listed also where a lineage is missing: IDM, and the learned one once it was run.
@@ -246,8 +239,8 @@ fn pf_area(of: &[&LineageLabels]) -> Option<Estimate> {
     let suite = Digest::of_bytes(b"one value");
     let areas = quantity(of, |l| PerScene { suite, values: vec![Some(l.pf_area_at_3_pct)] });
     let repeated = areas.iter().any(|search| search.seeds.len() > 1);
-    let found = bootstrap::estimates(&[areas]).into_iter().next().flatten()?;
-    Some(if repeated { found } else { Estimate::plain(found.value) })
+    let estimated = bootstrap::estimates(&[areas]).into_iter().next().flatten()?;
+    Some(if repeated { estimated } else { Estimate::plain(estimated.value) })
 }
 
 /// Attack and RP of the best descendants; nothing where a lineage has none.
@@ -261,8 +254,8 @@ fn endpoint(of: &[&LineageLabels]) -> Numbers {
 /// The quantities of these columns with their intervals, all from the same draws.
 pub(super) fn estimated(quantities: &[(Column, Quantity)]) -> Numbers {
     let (columns, quantities): (Vec<Column>, Vec<Quantity>) = quantities.iter().cloned().unzip();
-    let found = columns.iter().zip(bootstrap::estimates(&quantities));
-    found.filter_map(|(column, estimate)| Some((column.key, estimate?))).collect()
+    let estimated = columns.iter().zip(bootstrap::estimates(&quantities));
+    estimated.filter_map(|(column, estimate)| Some((column.key, estimate?))).collect()
 }
 
 fn row(method: &str, policy: String, of: &[&LineageLabels], cells: Vec<Cell>) -> Row {
@@ -285,8 +278,8 @@ const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the eg
                                 counts: one that the ego caused or could have avoided.";
 
 /// What a reader must know beside the numbers.
-fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
-    let mut told = vec![
+fn notes(runs: &[RecordedRun], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
+    let mut notes = vec![
         format!(
             "{PROTOCOLS_ATTACK} Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
          count. RP = 100 (1 - r) over the scenes that the program acts in; RP of successes: over those in which it succeeds. The \
@@ -305,37 +298,37 @@ fn told(stories: &[RecordedRun], all: &[LineageLabels], average: Option<String>)
             bootstrap::SEED.0
         ),
     ];
-    told.extend(notes::own_attack(stories));
-    told.extend(average);
+    notes.extend(notes::own_attack(runs));
+    notes.extend(average);
     if !all.iter().any(|l| paper::policy_name(&l.ego) == Some("RL")) {
-        told.push("The paper's learned ego (RL) is absent: no run named here has one.".into());
+        notes.push("The paper's learned ego (RL) is absent: no run named here has one.".into());
     }
-    told.extend(stories.iter().map(notes::run));
+    notes.extend(runs.iter().map(notes::run));
     let absent = missing(all);
-    let own = stories.iter().all(|story| story.opened.attack.is_some());
+    let own = runs.iter().all(|run| run.opened.attack.is_some());
     if own {
-        told[0] = told[0].replace(PROTOCOLS_ATTACK, "Attack: see below.");
+        notes[0] = notes[0].replace(PROTOCOLS_ATTACK, "Attack: see below.");
     }
     // The paper has no row under another measure, so none is missing.
     if !absent.is_empty() && !own {
-        told.push(format!("Missing in these runs: {}.", absent.join(", ")));
+        notes.push(format!("Missing in these runs: {}.", absent.join(", ")));
     }
     if all.iter().map(|l| l.suite).collect::<BTreeSet<_>>().len() > 1 {
-        told.push("The runs have different held-out scenes: rows of different runs are not paired by scene.".into());
+        notes.push("The runs have different held-out scenes: rows of different runs are not paired by scene.".into());
     }
-    told.extend(notes::different_versions(stories));
+    notes.extend(notes::different_versions(runs));
     for l in all {
         let count = l.parent.unlabelled().max(l.evolved.unlabelled());
         if count > 0 {
             let scenes = l.suite_scenes;
-            told.push(format!(
+            notes.push(format!(
                 "{}: up to {count} of {scenes} held-out scenes have no label and count nowhere.",
                 l.lineage
             ));
         }
     }
-    told.extend(searches(all.iter()).iter().filter_map(|of| stops(of)));
-    told
+    notes.extend(searches(all.iter()).iter().filter_map(|of| stops(of)));
+    notes
 }
 
 /// The paper's rows without a lineage in these runs.

@@ -82,8 +82,8 @@ fn acts_too_rarely(attempt: &Attempt) -> bool {
 }
 
 /// What became of the proposals of these runs.
-pub fn proposals(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    shares::table(&SPEC, stories)
+pub fn proposals(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    shares::table(&SPEC, runs)
 }
 
 #[cfg(test)]
@@ -143,16 +143,16 @@ mod tests {
 
     #[test]
     fn shares_are_of_proposals_patches_and_children() {
-        let mut story = run("made", &[("actor", "scripted (s, s)")]);
-        add(&mut story, &CAT);
+        let mut recorded = run("made", &[("actor", "scripted (s, s)")]);
+        add(&mut recorded, &CAT);
         let module = json!({"slot": "actor_score"});
-        story.attempts = vec![
+        recorded.attempts = vec![
             attempt("cat-idm", 0, Exit::Declined { reason: "no JSON".into() }),
             proposed(1, simulated(RouteDecision::Select, true, 0.1), &[json!(2.0), json!(3)], 0),
             proposed(2, inert(), &[json!(2.0), module], 1),
             proposed(3, simulated(RouteDecision::Reject, false, 0.0), &[json!("nearest_path")], 0),
         ];
-        let table = proposals(&[story]).unwrap();
+        let table = proposals(&[recorded]).unwrap();
         let row = table.rows().next().unwrap();
         let share = |key: &str| row.cell(key).ours.unwrap().value;
         assert_eq!(row.counts, [4, 3, 2, 1]);
@@ -166,24 +166,24 @@ mod tests {
     #[test]
     fn what_two_proposers_did_is_told_apart() {
         let made = |name: &str, model: &str, attempts: Vec<Attempt>| {
-            let mut story = run(name, &[("actor", model)]);
-            add(&mut story, &CAT);
-            story.attempts = attempts;
-            story
+            let mut recorded = run(name, &[("actor", model)]);
+            add(&mut recorded, &CAT);
+            recorded.attempts = attempts;
+            recorded
         };
         let declined = || attempt("cat-idm", 0, Exit::Declined { reason: "no JSON".into() });
         let taken = || proposed(1, simulated(RouteDecision::Select, true, 0.1), &[json!(2.0)], 0);
-        let stories = [
+        let runs = [
             made("rules", "scripted (s, s)", vec![declined(), taken()]),
             made("agent", "exchange (a, a)", vec![taken()]),
         ];
-        let table = proposals(&stories).unwrap();
-        let told: Vec<(&str, f64, usize)> = table
+        let table = proposals(&runs).unwrap();
+        let listed: Vec<(&str, f64, usize)> = table
             .rows()
             .map(|row| (row.labels[0].as_str(), row.cell("declined_pct").ours.unwrap().value, row.counts[0]))
             .collect();
-        assert_eq!(told, [("cat (agent)", 0.0, 1), ("cat (rules)", 50.0, 2)]);
-        let bases = Bases::of(&table, &stories).unwrap();
+        assert_eq!(listed, [("cat (agent)", 0.0, 1), ("cat (rules)", 50.0, 2)]);
+        let bases = Bases::of(&table, &runs).unwrap();
         for row in table.rows() {
             let basis = bases.basis(&table, row, "declined_pct").unwrap();
             assert_eq!(basis.value(), Some(row.cell("declined_pct").ours.unwrap().value), "{:?}", row.labels);

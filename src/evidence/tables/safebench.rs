@@ -37,15 +37,15 @@ const CR: Metric = Metric { name: "CR", of: |row| row.collision_rate };
 const OS: Metric = Metric { name: "OS", of: |row| row.overall_score };
 
 /// The paper's main table: a row a generator and ego.
-pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = archives::lineages(stories)?;
+pub fn safebench_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = archives::lineages(runs)?;
     let columns = main_columns();
     let row = |of: &Subject<'_>| {
         let ours = if of.seeds.is_empty() { Numbers::new() } else { main_numbers(&of.seeds) };
         let figures = of.printed.map(Method::main_figures);
         of.row(Reads::ByColumn, &[], Cell::row(&columns, &ours, figures.as_ref()))
     };
-    let replays = replays(stories).into_iter().map(|replay| replay_row(replay, None, &columns));
+    let replays = replays(runs).into_iter().map(|replay| replay_row(replay, None, &columns));
     let rows = replays.chain(in_order(&all).iter().map(row)).collect();
     let title = "Generator evolution on SafeBench's traffic families".to_string();
     Ok(Table {
@@ -54,8 +54,8 @@ pub fn safebench_main(stories: &[RecordedRun]) -> Result<Table, TableError> {
         columns: columns.clone(),
         counts: COUNTS.to_vec(),
         parts: vec![Part { name: "safebench-main".into(), title, source: Some(MAIN_LABEL), rows }],
-        runs: notes::runs(stories)?,
-        notes: told(stories, &all),
+        runs: notes::runs(runs)?,
+        notes: notes(runs, &all),
     })
 }
 
@@ -87,11 +87,11 @@ fn resampled(seeds: &[&LineageArchive]) -> Resampled {
 /// Ours under the keys of the main columns.
 pub(super) fn main_numbers(seeds: &[&LineageArchive]) -> Numbers {
     let resampled = resampled(seeds);
-    let found = |column: &Column| match column.key {
+    let estimated = |column: &Column| match column.key {
         FRONTIER => resampled.gain(),
         key => resampled.estimate(|rounds| main_number(key, rounds)),
     };
-    main_columns().iter().filter_map(|column| Some((column.key, found(column)?))).collect()
+    main_columns().iter().filter_map(|column| Some((column.key, estimated(column)?))).collect()
 }
 
 /// Key of the column of frontier gains.
@@ -133,18 +133,18 @@ pub(super) fn round_number(metric: &str, round: usize, key: &str, rounds: &[Opti
 const LINES: [Metric; 3] = [CR, OS, ARS];
 
 /// The evolution scenes without a program, an ego a row.
-fn replays(stories: &[RecordedRun]) -> Vec<(usize, &ReplayRow)> {
-    let mut found: Vec<(usize, &ReplayRow)> = Vec::new();
-    let all = stories
+fn replays(runs: &[RecordedRun]) -> Vec<(usize, &ReplayRow)> {
+    let mut estimated: Vec<(usize, &ReplayRow)> = Vec::new();
+    let all = runs
         .iter()
         .enumerate()
-        .flat_map(|(place, story)| story.replays.iter().map(move |replayed| (place, &replayed.row)));
+        .flat_map(|(place, recorded)| recorded.replays.iter().map(move |replayed| (place, &replayed.row)));
     for (place, row) in all.filter(|(_, row)| row.suite == Suite::Evolution) {
-        if !found.iter().any(|(_, known)| *known == row) {
-            found.push((place, row));
+        if !estimated.iter().any(|(_, known)| *known == row) {
+            estimated.push((place, row));
         }
     }
-    found
+    estimated
 }
 
 /// The row of a program that does nothing: under the parent's heads.
@@ -169,7 +169,7 @@ fn replay_row((run, replay): (usize, &ReplayRow), metric: Option<&'static str>, 
 }
 
 /// The same for the tables by round: a line a metric, in the column of all families.
-fn replay_part(stories: &[RecordedRun]) -> Option<Part> {
+fn replay_part(runs: &[RecordedRun]) -> Option<Part> {
     let line = |of: (usize, &ReplayRow), metric: &Metric| {
         let replay = of.1;
         let ours: Numbers = replay.benchmark.iter().map(|row| (AVERAGE, Estimate::plain((metric.of)(row)))).collect();
@@ -178,7 +178,7 @@ fn replay_part(stories: &[RecordedRun]) -> Option<Part> {
         Row { labels, cells: Cell::row(&round_columns(), &ours, None), ..row }
     };
     let rows: Vec<Row> =
-        replays(stories).into_iter().flat_map(|replay| LINES.map(|metric| line(replay, &metric))).collect();
+        replays(runs).into_iter().flat_map(|replay| LINES.map(|metric| line(replay, &metric))).collect();
     let title = "The evolution scenes without a program".to_string();
     (!rows.is_empty()).then(|| Part { name: "safebench-rounds-replay".into(), title, source: None, rows })
 }
@@ -189,8 +189,8 @@ fn mean(round: Option<&Option<Benchmark>>, of: fn(&BenchmarkRow) -> f64) -> Opti
 }
 
 /// The paper's tables by round: a part a generator and ego, a line a metric and round, a column a traffic family.
-pub fn safebench_rounds(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = archives::lineages(stories)?;
+pub fn safebench_rounds(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = archives::lineages(runs)?;
     let part = |of: &Subject<'_>| {
         let (title, stem) = (of.method.map_or(of.name.as_str(), |m| m.title), of.name.to_lowercase().replace('_', "-"));
         let (ego, ending) = match of.seeds.first() {
@@ -209,9 +209,9 @@ pub fn safebench_rounds(stories: &[RecordedRun]) -> Result<Table, TableError> {
         labels: vec![METHOD, POLICY, Head { key: "metric", head: "Metric" }, Head { key: "round", head: "Round" }],
         columns: round_columns(),
         counts: COUNTS.to_vec(),
-        parts: replay_part(stories).into_iter().chain(in_order(&all).iter().map(part)).collect(),
-        runs: notes::runs(stories)?,
-        notes: told(stories, &all),
+        parts: replay_part(runs).into_iter().chain(in_order(&all).iter().map(part)).collect(),
+        runs: notes::runs(runs)?,
+        notes: notes(runs, &all),
     })
 }
 
@@ -240,8 +240,8 @@ fn round_rows(of: &Subject<'_>) -> Vec<Row> {
     let line = |metric: &Metric, round: usize| {
         let figures = of.printed.and_then(|method| method.round_figures(metric.name, round));
         let ours = |column: &Column| {
-            let found = resampled.as_ref()?.estimate(|rounds| round_number(metric.name, round, column.key, rounds));
-            Some((column.key, found?))
+            let estimated = resampled.as_ref()?.estimate(|rounds| round_number(metric.name, round, column.key, rounds));
+            Some((column.key, estimated?))
         };
         let ours: Numbers = columns.iter().filter_map(ours).collect();
         let reads = Reads::Round { metric: metric.name, round };
@@ -304,8 +304,8 @@ impl Subject<'_> {
 }
 
 /// What a reader must know beside the numbers.
-fn told(stories: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
-    let mut told = vec![
+fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
+    let mut notes = vec![
         "CR: collision rate; OS: SafeBench's overall score, lower is the stronger scenario; ARS: adversarial realism score. \
          Attack = CR (1 - OS) of the means over the eight traffic families. Rows: AS is AdvSim, AT SafeBench's port of \
          adversarial trajectories, CS ChatScene, Human the benchmark's own parameter grid."
@@ -325,20 +325,20 @@ fn told(stories: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
         ),
     ];
     if !all.iter().any(|archive| paper::policy_name(&archive.ego) == Some(EGO)) {
-        told.push(format!(
+        notes.push(format!(
             "The paper's ego is a learned policy ({EGO}), which no run named here has: its figures are another ego's."
         ));
     }
-    told.extend(stories.iter().map(notes::run));
+    notes.extend(runs.iter().map(notes::run));
     let filled = |method: &&Method| all.iter().any(|archive| archive.method == Some(*method));
     let missing: Vec<&str> = METHODS.iter().filter(|method| !filled(method)).map(|method| method.name).collect();
     if !missing.is_empty() {
-        told.push(format!("Missing in these runs: {}.", missing.join(", ")));
+        notes.push(format!("Missing in these runs: {}.", missing.join(", ")));
     }
     if all.iter().map(LineageArchive::groups).collect::<BTreeSet<_>>().len() > 1 {
-        told.push("The lineages were evolved on different groups of family and route.".into());
+        notes.push("The lineages were evolved on different groups of family and route.".into());
     }
-    told.extend(notes::different_versions(stories));
-    told.extend(searches(all.iter()).iter().filter_map(|seeds| stops(seeds)));
-    told
+    notes.extend(notes::different_versions(runs));
+    notes.extend(searches(all.iter()).iter().filter_map(|seeds| stops(seeds)));
+    notes
 }

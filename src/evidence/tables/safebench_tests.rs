@@ -50,7 +50,7 @@ struct Lineage<'a> {
     gains_pct: &'a [(&'a str, f64)],
 }
 
-fn add(story: &mut RecordedRun, of: &Lineage<'_>) {
+fn add(recorded: &mut RecordedRun, of: &Lineage<'_>) {
     let lineage = LineageId::new(of.id);
     let parent = SolutionId::new(format!("{}/parent", of.id));
     for (round, scenes) in of.rounds.iter().enumerate() {
@@ -65,7 +65,7 @@ fn add(story: &mut RecordedRun, of: &Lineage<'_>) {
             realism: 0.8,
             run: drive(*collision),
         };
-        story.rounds.push(ArchiveRound {
+        recorded.rounds.push(ArchiveRound {
             lineage: lineage.clone(),
             round: round as u32,
             benchmark: runs.benchmark().unwrap(),
@@ -80,7 +80,7 @@ fn add(story: &mut RecordedRun, of: &Lineage<'_>) {
         any_contact: 0.1,
     };
     let gains: BTreeMap<String, f64> = of.gains_pct.iter().map(|(group, gain)| (group.to_string(), *gain)).collect();
-    story.result.as_mut().unwrap().lineages.push(LineageResult {
+    recorded.result.as_mut().unwrap().lineages.push(LineageResult {
         group: lineage.clone(),
         replica: 0,
         cut: Vec::new(),
@@ -121,10 +121,10 @@ const HUMAN: Lineage<'static> = Lineage {
     gains_pct: &[("right_turn/4", 0.0)],
 };
 
-fn story(lineages: &[&Lineage<'_>]) -> RecordedRun {
-    let mut story = run("made", &[("actor", "scripted")]);
-    lineages.iter().for_each(|lineage| add(&mut story, lineage));
-    story
+fn recorded(lineages: &[&Lineage<'_>]) -> RecordedRun {
+    let mut recorded = run("made", &[("actor", "scripted")]);
+    lineages.iter().for_each(|lineage| add(&mut recorded, lineage));
+    recorded
 }
 
 fn cell(table: &Table, labels: &[&str], key: &str) -> Cell {
@@ -138,7 +138,7 @@ fn ours(table: &Table, labels: &[&str], key: &str) -> Estimate {
 
 #[test]
 fn the_main_table_is_worked_by_hand() {
-    let table = safebench_main(&[story(&[&ADVSIM])]).unwrap();
+    let table = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
     let row = ["AS", "IDM"];
     // Families count alike: CR 0 and 1/2, then 1/2 and 1.
     let (before, after) = (0.25, 0.75);
@@ -168,7 +168,7 @@ fn the_main_table_is_worked_by_hand() {
 
 #[test]
 fn intervals_draw_routes_within_their_family_and_pair_differences() {
-    let table = safebench_main(&[story(&[&ADVSIM])]).unwrap();
+    let table = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
     let interval = |key| ours(&table, &["AS", "IDM"], key).interval.unwrap();
     // Lane changing never collides before, so CR is half of right turn's 0, 1/2 or 1, each with a chance of at least 1/4.
     assert_eq!(interval("parent_cr"), [0.0, 0.5]);
@@ -184,7 +184,7 @@ fn intervals_draw_routes_within_their_family_and_pair_differences() {
 
 #[test]
 fn the_rounds_stand_by_family_with_the_papers_beside_them() {
-    let table = safebench_rounds(&[story(&[&ADVSIM])]).unwrap();
+    let table = safebench_rounds(&[recorded(&[&ADVSIM])]).unwrap();
     let advsim = &table.parts[0];
     assert_eq!((advsim.rows.len(), advsim.source), (15, Some("tab:carla-as-family-rounds")));
     let row = |metric, round| ["AS", "IDM", metric, round];
@@ -202,7 +202,7 @@ fn the_rounds_stand_by_family_with_the_papers_beside_them() {
 /// The paper's ego is a learned one: once that was run, nothing printed stands beside another.
 #[test]
 fn the_papers_figures_stand_beside_its_ego_where_that_was_run() {
-    let mut made = story(&[&ADVSIM, &HUMAN]);
+    let mut made = recorded(&[&ADVSIM, &HUMAN]);
     add(&mut made, &Lineage { id: "advsim-sac", ..ADVSIM });
     made.result.as_mut().unwrap().lineages.last_mut().unwrap().ego = "learned".into();
     let main = safebench_main(std::slice::from_ref(&made)).unwrap();
@@ -218,7 +218,7 @@ fn the_papers_figures_stand_beside_its_ego_where_that_was_run() {
 #[test]
 fn what_was_not_run_is_missing_and_a_variant_stands_apart() {
     let variant = Lineage { id: "advsim-slow-idm", ..ADVSIM };
-    let made = story(&[&ADVSIM, &variant]);
+    let made = recorded(&[&ADVSIM, &variant]);
     let main = safebench_main(std::slice::from_ref(&made)).unwrap();
     let labels: Vec<&str> = main.rows().map(|row| row.labels[0].as_str()).collect();
     assert_eq!(labels, ["AS", "AT", "CS", "Human", "advsim-slow"]);
@@ -235,13 +235,13 @@ fn what_was_not_run_is_missing_and_a_variant_stands_apart() {
 #[test]
 fn a_lineage_id_with_hyphens_is_the_family_with_underscores() {
     let adv_traj = Lineage { id: "adv-traj-idm", family: "adv_traj", ..ADVSIM };
-    let table = safebench_main(&[story(&[&adv_traj])]).unwrap();
+    let table = safebench_main(&[recorded(&[&adv_traj])]).unwrap();
     near(ours(&table, &["AT", "IDM"], "parent_cr").value, 0.25);
 }
 
 #[test]
 fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
-    let mut made = story(&[&HUMAN]);
+    let mut made = recorded(&[&HUMAN]);
     made.attempts = vec![attempt("human-idm", 0, Exit::Declined { reason: "no JSON".into() })];
     let table = safebench_main(&[made]).unwrap();
     for key in ["cr_change_pp", "os_change_pp", "ars_change_pp", "attack_change_pct", "pf_area_at_3_pct"] {
@@ -257,7 +257,7 @@ fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
 
 #[test]
 fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused() {
-    let made = story(&[&ADVSIM]);
+    let made = recorded(&[&ADVSIM]);
     let wrong = metadrive_main(std::slice::from_ref(&made)).unwrap_err().to_string();
     assert!(wrong.contains("safebench-main"), "{wrong}");
     let mut other = made.clone();
@@ -281,7 +281,7 @@ fn runs_of_the_other_protocol_and_records_that_contradict_themselves_are_refused
 
 #[test]
 fn the_first_row_is_what_a_program_that_does_nothing_scores() {
-    let mut made = story(&[&ADVSIM]);
+    let mut made = recorded(&[&ADVSIM]);
     let benchmark =
         BenchmarkRow { collision_rate: 0.0, overall_score: 0.97, realism: 0.0, valid_rate: 0.0, attack: 0.0 };
     for suite in [Suite::Evolution, Suite::HeldOut] {
@@ -309,7 +309,7 @@ fn the_first_row_is_what_a_program_that_does_nothing_scores() {
 }
 
 /// Gives a program of the lineage `advsim-idm` scores on evolution scenes and runs on held-out routes.
-fn measured(story: &mut RecordedRun, solution: &str, seen: &[Selected], held_out: &[Selected], failed: &[&str]) {
+fn measured(recorded: &mut RecordedRun, solution: &str, seen: &[Selected], held_out: &[Selected], failed: &[&str]) {
     let (lineage, solution) = (LineageId::new("advsim-idm"), SolutionId::new(solution));
     let mut labels: Score = score("advsim", &[Some((0.0, 1.0)); 4]);
     let scores = |scenes: &[Selected], failed: &[&str]| {
@@ -319,7 +319,7 @@ fn measured(story: &mut RecordedRun, solution: &str, seen: &[Selected], held_out
         Some(Box::new(runs.benchmark().unwrap()))
     };
     labels.benchmark = scores(seen, &[]);
-    story.finalists.push(Finalist { lineage: lineage.clone(), solution: solution.clone(), score: labels.clone() });
+    recorded.finalists.push(Finalist { lineage: lineage.clone(), solution: solution.clone(), score: labels.clone() });
     labels.benchmark = scores(held_out, failed);
     let run = |(family, route, collision): &Selected| HeldOutRun {
         group: format!("{}/{route}", family.name()),
@@ -328,13 +328,13 @@ fn measured(story: &mut RecordedRun, solution: &str, seen: &[Selected], held_out
     };
     let without = |scene: &&str| HeldOutRun { group: "right_turn/8".into(), scene: scene.to_string(), run: None };
     let runs = held_out.iter().map(run).chain(failed.iter().map(without)).collect();
-    story.held_out.push(HeldOut { lineage, solution, roles: Vec::new(), score: labels, runs });
+    recorded.held_out.push(HeldOut { lineage, solution, roles: Vec::new(), score: labels, runs });
 }
 
 /// On the routes that it saw the chosen program makes the ego collide everywhere; on others only where its parent did, and once
 /// more.
 fn unseen() -> RecordedRun {
-    let mut made = story(&[&ADVSIM]);
+    let mut made = recorded(&[&ADVSIM]);
     made.result.as_mut().unwrap().lineages[0].evolved.solution = SolutionId::new("advsim-idm/e0s0");
     let seen = |collision| [(LaneChanging, 4, collision), (RightTurn, 4, true)];
     let held_out = |collision| [(LaneChanging, 8, false), (LaneChanging, 9, collision), (RightTurn, 8, true)];
@@ -389,7 +389,7 @@ fn held_out_scores_that_are_not_those_of_their_runs_are_refused() {
 
 #[test]
 fn seeds_of_one_search_share_a_row() {
-    let mut made = story(&[&Lineage { id: "advsim-idm-s0", ..ADVSIM }, &Lineage { id: "advsim-idm-s1", ..ADVSIM }]);
+    let mut made = recorded(&[&Lineage { id: "advsim-idm-s0", ..ADVSIM }, &Lineage { id: "advsim-idm-s1", ..ADVSIM }]);
     for (replica, result) in (0..).zip(&mut made.result.as_mut().unwrap().lineages) {
         (result.group, result.replica) = (LineageId::new("advsim-idm"), replica);
     }
@@ -401,7 +401,7 @@ fn seeds_of_one_search_share_a_row() {
     assert_eq!(advsim.lineages, ["advsim-idm-s0", "advsim-idm-s1"]);
     assert_eq!(advsim.counts, [4, 8, 2, 0]);
     // Two equal repetitions: the numbers of one.
-    let one = safebench_main(&[story(&[&ADVSIM])]).unwrap();
+    let one = safebench_main(&[recorded(&[&ADVSIM])]).unwrap();
     assert_eq!(
         advsim.cell("evolved_cr").ours.unwrap().value,
         one.rows().next().unwrap().cell("evolved_cr").ours.unwrap().value
@@ -410,7 +410,7 @@ fn seeds_of_one_search_share_a_row() {
 
 #[test]
 fn rollouts_are_counted_once_over_everything_that_was_labelled() {
-    let mut made = story(&[&ADVSIM]);
+    let mut made = recorded(&[&ADVSIM]);
     let labels: Score = score("advsim", &[Some((0.0, 1.0)); 4]);
     let solution = SolutionId::new("advsim-idm/parent");
     let finalist = Finalist { lineage: LineageId::new("advsim-idm"), solution, score: labels };
@@ -420,7 +420,7 @@ fn rollouts_are_counted_once_over_everything_that_was_labelled() {
 
 #[test]
 fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
-    let made = story(&[&ADVSIM, &HUMAN]);
+    let made = recorded(&[&ADVSIM, &HUMAN]);
     let made = std::slice::from_ref(&made);
     for table in [safebench_main(made).unwrap(), safebench_rounds(made).unwrap()] {
         let text = markdown(&table);

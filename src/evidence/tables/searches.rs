@@ -26,14 +26,14 @@ fn same_search(one: &Repetition<'_>, other: &Repetition<'_>) -> bool {
 
 /// The repetitions of every search, in the order of their first.
 pub fn searches<'a, T: Repeated>(all: impl Iterator<Item = &'a T>) -> Vec<Vec<&'a T>> {
-    let mut found: Vec<Vec<&T>> = Vec::new();
+    let mut groups: Vec<Vec<&T>> = Vec::new();
     for lineage in all {
-        match found.iter_mut().find(|of| same_search(&of[0].repetition(), &lineage.repetition())) {
+        match groups.iter_mut().find(|of| same_search(&of[0].repetition(), &lineage.repetition())) {
             Some(of) => of.push(lineage),
-            None => found.push(vec![lineage]),
+            None => groups.push(vec![lineage]),
         }
     }
-    found
+    groups
 }
 
 /// Adds a lineage, unless the same repetition of its search is there already: no row comes from two of them.

@@ -63,23 +63,23 @@ impl Spec {
 }
 
 /// The table of these runs.
-pub(super) fn table(spec: &Spec, stories: &[RecordedRun]) -> Result<Table, TableError> {
+pub(super) fn table(spec: &Spec, runs: &[RecordedRun]) -> Result<Table, TableError> {
     let mut rows: BTreeMap<(String, String, Option<String>), Group<'_>> = BTreeMap::new();
     // What two proposers did is told apart; runs of one proposer are told together.
-    let kinds: BTreeSet<String> = stories.iter().map(labels::proposals).collect();
-    for (place, story) in stories.iter().enumerate() {
-        let run = (kinds.len() > 1).then(|| story.opened.name.clone());
-        for parent in &story.parents {
+    let kinds: BTreeSet<String> = runs.iter().map(labels::proposals).collect();
+    for (place, recorded) in runs.iter().enumerate() {
+        let run = (kinds.len() > 1).then(|| recorded.opened.name.clone());
+        for parent in &recorded.parents {
             let key = (parent.program.source_family.to_string(), parent.ego.clone(), run.clone());
             let group = rows.entry(key).or_default();
             group.lineages.push(Of { run: place, of: parent.lineage.clone() });
-            group.attempts.extend(story.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage));
-            group.proposals = labels::proposals(story);
+            group.attempts.extend(recorded.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage));
+            group.proposals = labels::proposals(recorded);
         }
     }
-    let mut told = vec![spec.note.to_string()];
-    told.extend(stories.iter().map(notes::run));
-    told.extend(notes::different_versions(stories));
+    let mut notes = vec![spec.note.to_string()];
+    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::different_versions(runs));
     Ok(Table {
         name: spec.name,
         labels: vec![METHOD, POLICY],
@@ -91,8 +91,8 @@ pub(super) fn table(spec: &Spec, stories: &[RecordedRun]) -> Result<Table, Table
             source: spec.source,
             rows: rows.into_iter().map(|((family, ego, run), group)| group.row(spec, &family, &ego, run)).collect(),
         }],
-        runs: notes::runs(stories)?,
-        notes: told,
+        runs: notes::runs(runs)?,
+        notes,
     })
 }
 
@@ -108,9 +108,9 @@ impl Group<'_> {
     fn row(self, spec: &Spec, family: &str, ego: &str, run: Option<String>) -> Row {
         let count = |holds: &dyn Fn(&Attempt) -> bool| self.attempts.iter().filter(|attempt| holds(attempt)).count();
         let share = |share: &Share| {
-            let (all, found) =
+            let (all, counted) =
                 (count(&share.among), count(&|attempt| (share.among)(attempt) && (share.holds)(attempt)));
-            (all > 0).then(|| (share.column.key, Estimate::plain(100.0 * found as f64 / all as f64)))
+            (all > 0).then(|| (share.column.key, Estimate::plain(100.0 * counted as f64 / all as f64)))
         };
         let numbers: Numbers = spec.shares.iter().filter_map(share).collect();
         let counts: Vec<usize> = spec.counts.iter().map(|(_, counts)| count(counts)).collect();

@@ -77,7 +77,7 @@ fn gate_name(gate: Gate) -> &'static str {
 }
 
 /// One sentence for a lineage whose active generator is still its parent or whose frontier did not grow; else `None`.
-pub fn note(story: &RecordedRun, result: &LineageResult) -> Option<String> {
+pub fn note(run: &RecordedRun, result: &LineageResult) -> Option<String> {
     let kept = result.evolved.solution == result.parent.solution;
     let what = match (kept, grows(result)) {
         (false, true) => return None,
@@ -85,12 +85,12 @@ pub fn note(story: &RecordedRun, result: &LineageResult) -> Option<String> {
         (true, false) => "no gain, the parent stays active and descendants add no frontier area",
         (false, false) => "no frontier gain, descendants add no area on held-out scenes",
     };
-    Some(sentence(what, story, result))
+    Some(sentence(what, run, result))
 }
 
 /// The same for SafeBench's archive: whether its attack rose from the parent's scenes to the last round's, and whether
 /// anything of the last round is a descendant's.
-pub fn archive_note(story: &RecordedRun, result: &LineageResult, attack_change: f64, descends: bool) -> Option<String> {
+pub fn archive_note(run: &RecordedRun, result: &LineageResult, attack_change: f64, descends: bool) -> Option<String> {
     let rises = num::rounded(attack_change, Form::Rate.digits()) > 0.0;
     let what = match (descends, rises, grows(result)) {
         (_, true, true) => return None,
@@ -100,7 +100,7 @@ pub fn archive_note(story: &RecordedRun, result: &LineageResult, attack_change: 
         (true, false, false) => "no gain, the archive changes without more attack and no group's frontier grows",
         (true, true, false) => "no frontier gain, the chosen descendants add no area in any group",
     };
-    Some(sentence(what, story, result))
+    Some(sentence(what, run, result))
 }
 
 /// A gain that the tables print as 0 counts as no gain.
@@ -108,7 +108,7 @@ fn grows(result: &LineageResult) -> bool {
     num::rounded(result.pf_area_at_3_pct, Form::Gain.digits()) > 0.0
 }
 
-fn sentence(what: &str, story: &RecordedRun, result: &LineageResult) -> String {
-    let ends = Ends::of(story.attempts.iter().filter(|a| a.lineage == result.lineage));
+fn sentence(what: &str, run: &RecordedRun, result: &LineageResult) -> String {
+    let ends = Ends::of(run.attempts.iter().filter(|a| a.lineage == result.lineage));
     format!("{what}; {}; final choice: {}", ends.text(), result.selection)
 }

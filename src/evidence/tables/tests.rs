@@ -105,7 +105,7 @@ pub(in crate::evidence) struct End<'a> {
     pub(in crate::evidence) pf_area_at_3_pct: f64,
 }
 
-pub(in crate::evidence) fn add(story: &mut RecordedRun, end: &End<'_>) {
+pub(in crate::evidence) fn add(run: &mut RecordedRun, end: &End<'_>) {
     let lineage = LineageId::new(end.id);
     let parent = SolutionId::new(format!("{}/parent", end.id));
     let child = SolutionId::new(format!("{}/e0s0", end.id));
@@ -122,7 +122,7 @@ pub(in crate::evidence) fn add(story: &mut RecordedRun, end: &End<'_>) {
         ancestor_chain: Vec::new(),
     };
     let program_hash = Digest::of_bytes(end.id.as_bytes());
-    story.parents.push(ParentAdopted {
+    run.parents.push(ParentAdopted {
         lineage: lineage.clone(),
         ego: end.ego.into(),
         program,
@@ -133,12 +133,12 @@ pub(in crate::evidence) fn add(story: &mut RecordedRun, end: &End<'_>) {
         let score = score(solution.as_str(), labels);
         let measured = Measured::new(solution.clone(), &score);
         let (lineage, solution) = (lineage.clone(), solution.clone());
-        story.held_out.push(HeldOut { lineage, solution, roles: Vec::new(), score, runs: Vec::new() });
+        run.held_out.push(HeldOut { lineage, solution, roles: Vec::new(), score, runs: Vec::new() });
         measured
     };
     let before = held_out(&parent, &end.parent);
     let after = end.evolved.as_ref().map(|labels| held_out(&child, labels));
-    story.result.as_mut().unwrap().lineages.push(LineageResult {
+    run.result.as_mut().unwrap().lineages.push(LineageResult {
         group: lineage.clone(),
         replica: 0,
         cut: Vec::new(),
@@ -191,8 +191,8 @@ pub(in crate::evidence) fn near(found: f64, expected: f64) {
 }
 
 /// Holds every number of a table to what its parts give, bit for bit; how many there are.
-pub(in crate::evidence) fn from_their_parts(table: &Table, stories: &[RecordedRun]) -> usize {
-    let bases = Bases::of(table, stories).unwrap();
+pub(in crate::evidence) fn from_their_parts(table: &Table, runs: &[RecordedRun]) -> usize {
+    let bases = Bases::of(table, runs).unwrap();
     let mut count = 0;
     for (row, cell) in table.rows().flat_map(|row| row.cells.iter().map(move |cell| (row, cell))) {
         let (Some(ours), key) = (cell.ours, cell.column.key) else { continue };
@@ -205,9 +205,9 @@ pub(in crate::evidence) fn from_their_parts(table: &Table, stories: &[RecordedRu
 
 #[test]
 fn rates_penalties_and_differences_are_the_hand_computed_ones() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
-    let table = metadrive_policy(&[story]).unwrap();
+    let mut run = scripted();
+    add(&mut run, &CAT);
+    let table = metadrive_policy(&[run]).unwrap();
     for (key, expected) in [
         ("parent_attack", 0.25),
         ("parent_rp_pct", 10.0),
@@ -229,9 +229,9 @@ fn rates_penalties_and_differences_are_the_hand_computed_ones() {
 
 #[test]
 fn a_penalty_that_is_the_same_in_every_scene_has_no_width_and_a_rate_has_one() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
-    let table = metadrive_policy(&[story]).unwrap();
+    let mut run = scripted();
+    add(&mut run, &CAT);
+    let table = metadrive_policy(&[run]).unwrap();
     let width = |key| {
         let [low, high] = ours(&table, "CAT", key).interval.unwrap();
         high - low
@@ -245,14 +245,14 @@ fn a_penalty_that_is_the_same_in_every_scene_has_no_width_and_a_rate_has_one() {
 
 #[test]
 fn the_main_table_averages_over_the_papers_egos_and_says_which() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
+    let mut run = scripted();
+    add(&mut run, &CAT);
     let evolved = [Some((1.0, 1.0)), Some((0.0, 1.0)), Some((0.0, 1.0)), Some((0.0, 1.0))];
     let [learned, replay] = ["learned", "replay"].map(|ego| format!("cat-{ego}"));
     let other = |id, ego| End { id, ego, parent: [Some((0.0, 0.8)); 4], evolved: Some(evolved), ..CAT };
-    add(&mut story, &End { pf_area_at_3_pct: 2.0, ..other(&learned, "learned") });
-    add(&mut story, &other(&replay, "replay"));
-    let table = metadrive_main(&[story]).unwrap();
+    add(&mut run, &End { pf_area_at_3_pct: 2.0, ..other(&learned, "learned") });
+    add(&mut run, &other(&replay, "replay"));
+    let table = metadrive_main(&[run]).unwrap();
     let cat = row(&table, "CAT");
     assert_eq!(cat.labels[1], "IDM + RL");
     assert_eq!(cat.lineages, ["cat-idm", "cat-learned"]);
@@ -276,17 +276,17 @@ fn the_main_table_averages_over_the_papers_egos_and_says_which() {
 /// Parent .5 over four scenes, evolved 1/3 over three: in the three that both are labelled in nothing changed.
 #[test]
 fn a_relative_change_is_that_of_the_rows_own_paired_difference() {
-    let mut story = scripted();
+    let mut run = scripted();
     let hit = Some((1.0, 0.9));
     let missed = Some((0.0, 0.9));
-    add(&mut story, &End { parent: [hit, hit, missed, missed], evolved: Some([None, hit, missed, missed]), ..CAT });
-    let stories = [story];
-    let table = metadrive_main(&stories).unwrap();
+    add(&mut run, &End { parent: [hit, hit, missed, missed], evolved: Some([None, hit, missed, missed]), ..CAT });
+    let runs = [run];
+    let table = metadrive_main(&runs).unwrap();
     for (key, expected) in
         [("parent_attack", 0.5), ("evolved_attack", 1.0 / 3.0), ("attack_change", 0.0), ("attack_change_pct", 0.0)]
     {
         near(ours(&table, "CAT", key).value, expected);
-        let bases = Bases::of(&table, &stories).unwrap();
+        let bases = Bases::of(&table, &runs).unwrap();
         near(bases.basis(&table, row(&table, "CAT"), key).unwrap().value().unwrap(), expected);
     }
 }
@@ -314,13 +314,13 @@ fn replayed() -> Replayed {
 
 #[test]
 fn the_first_row_is_the_recorded_scenes_without_a_program() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
+    let mut run = scripted();
+    add(&mut run, &CAT);
     let evolution = ReplayRow { suite: Suite::Evolution, ..replayed().row };
-    story.replays = vec![Replayed { row: evolution, ..replayed() }, replayed()];
-    let tables = [metadrive_main, metadrive_policy, metadrive_contacts].map(|table| table(&[story.clone()]).unwrap());
+    run.replays = vec![Replayed { row: evolution, ..replayed() }, replayed()];
+    let tables = [metadrive_main, metadrive_policy, metadrive_contacts].map(|table| table(&[run.clone()]).unwrap());
     for table in &tables {
-        assert!(from_their_parts(table, &[story.clone()]) > 12);
+        assert!(from_their_parts(table, &[run.clone()]) > 12);
         let first = table.rows().next().unwrap();
         assert_eq!(first.labels[..2], ["Replay (no program)", "IDM"], "{}", table.name);
         assert_eq!((first.missing(), first.counts.as_slice()), (false, [4, 1, 4].as_slice()));
@@ -336,10 +336,10 @@ fn the_first_row_is_the_recorded_scenes_without_a_program() {
 
 #[test]
 fn realism_is_over_the_scenes_acted_in_and_contacts_are_told_by_class() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
+    let mut run = scripted();
+    add(&mut run, &CAT);
     // The parent acts in two of four scenes: in one the ego is struck from behind, in one it meets somebody else.
-    let parent = &mut story.held_out[0].score.scenes;
+    let parent = &mut run.held_out[0].score.scenes;
     parent.iter_mut().for_each(|scene| scene.acted = false);
     for (place, adversary, class) in [(0, true, "rear_end_ego_struck"), (1, false, "ego_strikes")] {
         let realism = [0.5, 0.7][place];
@@ -348,7 +348,7 @@ fn realism_is_over_the_scenes_acted_in_and_contacts_are_told_by_class() {
     }
     parent[2].realism = 1.0;
     parent[3].realism = 1.0;
-    let main = metadrive_main(&[story.clone()]).unwrap();
+    let main = metadrive_main(&[run.clone()]).unwrap();
     for (key, expected) in [
         ("parent_attack", 0.0),
         ("parent_any_contact", 0.5),
@@ -358,7 +358,7 @@ fn realism_is_over_the_scenes_acted_in_and_contacts_are_told_by_class() {
     ] {
         near(ours(&main, "CAT", key).value, expected);
     }
-    let contacts = metadrive_contacts(&[story]).unwrap();
+    let contacts = metadrive_contacts(&[run]).unwrap();
     for (key, expected) in [
         ("adversary_contact", 0.25),
         ("any_contact", 0.5),
@@ -375,16 +375,16 @@ fn realism_is_over_the_scenes_acted_in_and_contacts_are_told_by_class() {
 
 #[test]
 fn seeds_of_one_search_share_a_row_and_their_spread_is_in_its_intervals() {
-    let mut story = scripted();
+    let mut run = scripted();
     let evolved = [None, Some([Some((0.0, 1.0)); 4]), Some([Some((1.0, 1.0)); 4])];
     for (replica, evolved) in (0..).zip(evolved) {
         let id = format!("cat-idm-s{replica}");
-        add(&mut story, &End { id: &id, evolved, pf_area_at_3_pct: 6.0 * f64::from(replica), ..CAT });
-        let result = story.result.as_mut().unwrap().lineages.last_mut().unwrap();
+        add(&mut run, &End { id: &id, evolved, pf_area_at_3_pct: 6.0 * f64::from(replica), ..CAT });
+        let result = run.result.as_mut().unwrap().lineages.last_mut().unwrap();
         (result.group, result.replica) = (LineageId::new("cat-idm"), replica);
     }
-    let table = metadrive_policy(&[story.clone()]).unwrap();
-    from_their_parts(&table, &[story.clone()]);
+    let table = metadrive_policy(&[run.clone()]).unwrap();
+    from_their_parts(&table, &[run.clone()]);
     let cat = row(&table, "CAT");
     assert_eq!(cat.lineages, ["cat-idm-s0", "cat-idm-s1", "cat-idm-s2"]);
     assert_eq!(cat.counts[1], 3);
@@ -395,15 +395,15 @@ fn seeds_of_one_search_share_a_row_and_their_spread_is_in_its_intervals() {
     assert_eq!(attack.interval, Some([0.0, 1.0]));
     assert_eq!(cat.cell("pf_area_at_3_pct").ours, Some(Estimate { value: 6.0, interval: Some([0.0, 12.0]) }));
     // A seed that is in two runs is one too many.
-    assert!(metadrive_policy(&[story.clone(), story]).is_err());
+    assert!(metadrive_policy(&[run.clone(), run]).is_err());
 }
 
 #[test]
 fn what_was_not_run_is_missing_and_the_learned_ego_is_absent() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
-    add(&mut story, &SAGE);
-    let policy = metadrive_policy(&[story.clone()]).unwrap();
+    let mut run = scripted();
+    add(&mut run, &CAT);
+    add(&mut run, &SAGE);
+    let policy = metadrive_policy(&[run.clone()]).unwrap();
     assert_eq!(policy.rows().count(), 10);
     assert!(policy.rows().all(|row| row.labels[1] == "IDM"));
     let missing: Vec<&str> = policy.rows().filter(|row| row.missing()).map(|row| row.labels[0].as_str()).collect();
@@ -414,19 +414,19 @@ fn what_was_not_run_is_missing_and_the_learned_ego_is_absent() {
     assert!(text.contains("learned ego (RL) is absent") && text.contains("KING with IDM"), "{text}");
     assert!(!text.contains("| KING") && text.matches("| · paper").count() == 2, "{text}");
     assert_eq!(csv(&policy).lines().count(), 1 + 2);
-    let main = metadrive_main(&[story]).unwrap();
+    let main = metadrive_main(&[run]).unwrap();
     assert_eq!(row(&main, "SAGE").lineages, ["sage-05-idm"]);
     assert!(markdown(&main).contains("SAGE (w=0.00) with IDM"));
 }
 
 #[test]
 fn a_sage_row_is_named_by_its_parents_weight_and_a_variant_by_its_id() {
-    let mut story = scripted();
-    add(&mut story, &SAGE);
-    add(&mut story, &End { id: "sage-1-idm", weight: Some(1.0), ..SAGE });
-    add(&mut story, &End { id: "sage-03-idm", weight: Some(0.3), ..SAGE });
-    add(&mut story, &End { id: "cat-short-idm", ..CAT });
-    let table = metadrive_policy(&[story]).unwrap();
+    let mut run = scripted();
+    add(&mut run, &SAGE);
+    add(&mut run, &End { id: "sage-1-idm", weight: Some(1.0), ..SAGE });
+    add(&mut run, &End { id: "sage-03-idm", weight: Some(0.3), ..SAGE });
+    add(&mut run, &End { id: "cat-short-idm", ..CAT });
+    let table = metadrive_policy(&[run]).unwrap();
     assert_eq!(row(&table, "SAGE (w=0.50)").lineages, ["sage-05-idm"]);
     assert_eq!(row(&table, "SAGE (w=1.00)").lineages, ["sage-1-idm"]);
     assert!(!row(&table, "sage-03").in_paper() && !row(&table, "cat-short").in_paper());
@@ -435,11 +435,11 @@ fn a_sage_row_is_named_by_its_parents_weight_and_a_variant_by_its_id() {
 
 #[test]
 fn a_scene_without_a_label_counts_nowhere_and_is_told() {
-    let mut story = scripted();
+    let mut run = scripted();
     let parent = [Some((1.0, 0.9)), Some((0.0, 0.9)), Some((0.0, 0.9)), None];
     let evolved = [None, Some((1.0, 0.9)), Some((0.0, 0.9)), Some((1.0, 0.9))];
-    add(&mut story, &End { parent, evolved: Some(evolved), ..CAT });
-    let table = metadrive_policy(&[story]).unwrap();
+    add(&mut run, &End { parent, evolved: Some(evolved), ..CAT });
+    let table = metadrive_policy(&[run]).unwrap();
     near(ours(&table, "CAT", "parent_attack").value, 1.0 / 3.0);
     near(ours(&table, "CAT", "evolved_attack").value, 2.0 / 3.0);
     // Both are labelled in the second and third scene only.
@@ -482,9 +482,9 @@ pub(in crate::evidence) fn simulated(routed: RouteDecision, accepted: bool, atta
         weight: None,
         pilot: None,
     };
-    let mut story = scripted();
-    add(&mut story, &SAGE);
-    let program = story.parents[0].program.clone();
+    let mut run = scripted();
+    add(&mut run, &SAGE);
+    let program = run.parents[0].program.clone();
     let candidate = Box::new(Candidate { program, program_hash: any, patch_hash: any, mechanism_tags: Vec::new() });
     let gates = GateReport::default();
     if routed == RouteDecision::Reject {
@@ -506,8 +506,8 @@ pub(in crate::evidence) fn simulated(routed: RouteDecision, accepted: bool, atta
 
 #[test]
 fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
-    let mut story = scripted();
-    add(&mut story, &SAGE);
+    let mut run = scripted();
+    add(&mut run, &SAGE);
     let exits = [
         Exit::Declined { reason: "no JSON".into() },
         Exit::Invalid { gates: failed(&[Gate::Schema, Gate::Compile]) },
@@ -519,9 +519,9 @@ fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
         simulated(RouteDecision::Audit, false, 0.0),
         simulated(RouteDecision::Select, false, -0.1),
     ];
-    story.attempts = (0..).zip(exits).map(|(slot, exit)| attempt("sage-05-idm", slot, exit)).collect();
-    story.attempts.push(attempt("other-idm", 0, Exit::Declined { reason: "not of this lineage".into() }));
-    let table = metadrive_policy(&[story]).unwrap();
+    run.attempts = (0..).zip(exits).map(|(slot, exit)| attempt("sage-05-idm", slot, exit)).collect();
+    run.attempts.push(attempt("other-idm", 0, Exit::Declined { reason: "not of this lineage".into() }));
+    let table = metadrive_policy(&[run]).unwrap();
     let zero = ours(&table, "SAGE (w=0.50)", "attack_change");
     assert_eq!((zero.value, zero.interval), (0.0, Some([0.0, 0.0])));
     let note = "SAGE (w=0.50), IDM: no gain, the parent stays active and descendants add no frontier area; 9 attempts: \
@@ -534,24 +534,24 @@ fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
 
 #[test]
 fn a_row_from_two_runs_and_an_unfinished_run_are_refused() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
-    let twice = metadrive_main(&[story.clone(), story.clone()]).unwrap_err().to_string();
+    let mut run = scripted();
+    add(&mut run, &CAT);
+    let twice = metadrive_main(&[run.clone(), run.clone()]).unwrap_err().to_string();
     assert!(twice.starts_with("row CAT with ego idm is in cat-idm of run made"), "{twice}");
-    story.held_out.clear();
-    assert!(matches!(metadrive_main(&[story.clone()]), Err(TableError::NoLabels { .. })));
-    story.result = None;
-    let unfinished = metadrive_policy(&[story]).unwrap_err().to_string();
+    run.held_out.clear();
+    assert!(matches!(metadrive_main(&[run.clone()]), Err(TableError::NoLabels { .. })));
+    run.result = None;
+    let unfinished = metadrive_policy(&[run]).unwrap_err().to_string();
     assert!(unfinished.contains("evodrive resume"), "{unfinished}");
 }
 
 #[test]
 fn proposals_name_the_kinds_of_models_and_no_stand_in_passes_for_a_language_model() {
-    let mut story = run("mixed", &[("actor", "openai_compatible (qwen, q)"), ("repair", "scripted")]);
-    add(&mut story, &CAT);
+    let mut run = run("mixed", &[("actor", "openai_compatible (qwen, q)"), ("repair", "scripted")]);
+    add(&mut run, &CAT);
     let mut second = scripted();
     add(&mut second, &SAGE);
-    let table = metadrive_policy(&[story, second]).unwrap();
+    let table = metadrive_policy(&[run, second]).unwrap();
     assert_eq!(row(&table, "CAT").proposals, "openai_compatible + scripted");
     assert_eq!(row(&table, "SAGE (w=0.50)").proposals, "scripted");
     let note = table.notes.iter().find(|note| note.starts_with("Run mixed")).unwrap();
@@ -561,10 +561,10 @@ fn proposals_name_the_kinds_of_models_and_no_stand_in_passes_for_a_language_mode
 
 #[test]
 fn every_format_is_rectangular_and_holds_our_numbers_and_the_papers() {
-    let mut story = scripted();
-    add(&mut story, &CAT);
-    add(&mut story, &SAGE);
-    for table in [metadrive_main(&[story.clone()]).unwrap(), metadrive_policy(&[story]).unwrap()] {
+    let mut run = scripted();
+    add(&mut run, &CAT);
+    add(&mut run, &SAGE);
+    for table in [metadrive_main(&[run.clone()]).unwrap(), metadrive_policy(&[run]).unwrap()] {
         let text = markdown(&table);
         let lines: Vec<&str> = text.lines().filter(|line| line.starts_with('|')).collect();
         let cells = |line: &&str| line.matches(" | ").count();

@@ -48,20 +48,20 @@ pub(super) fn seen_of(key: &str) -> Option<SeenRead> {
 }
 
 /// What the parent and the chosen program did on all evolution scenes.
-pub(super) fn seen(story: &RecordedRun, result: &LineageResult) -> Option<Both> {
+pub(super) fn seen(run: &RecordedRun, result: &LineageResult) -> Option<Both> {
     let of = |solution: &SolutionId| {
-        let found = story.finalists.iter().find(|f| f.lineage == result.lineage && f.solution == *solution)?;
-        Some(found.score.benchmark.as_ref()?.mean)
+        let finalist = run.finalists.iter().find(|f| f.lineage == result.lineage && f.solution == *solution)?;
+        Some(finalist.score.benchmark.as_ref()?.mean)
     };
     Some([of(&result.parent.solution)?, of(&result.evolved.solution)?])
 }
 
 /// A row a generator and ego: its parent and the program that was chosen, on held-out routes and on seen ones.
-pub fn safebench_held_out(stories: &[RecordedRun]) -> Result<Table, TableError> {
-    let all = archives::held_out(stories)?;
+pub fn safebench_held_out(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = archives::held_out(runs)?;
     let columns = columns();
     let row = |of: &Subject<'_>| {
-        let numbers: Numbers = seen_numbers(stories, of).into_iter().chain(main_numbers(&of.seeds)).collect();
+        let numbers: Numbers = seen_numbers(runs, of).into_iter().chain(main_numbers(&of.seeds)).collect();
         of.row(Reads::ByColumn, &[], Cell::row(&columns, &numbers, None))
     };
     let rows = in_order(&all).iter().filter(|of| !of.seeds.is_empty()).map(row).collect();
@@ -72,8 +72,8 @@ pub fn safebench_held_out(stories: &[RecordedRun]) -> Result<Table, TableError> 
         columns: columns.clone(),
         counts: COUNTS.to_vec(),
         parts: vec![Part { name: NAME.into(), title, source: None, rows }],
-        runs: notes::runs(stories)?,
-        notes: told(stories, &all),
+        runs: notes::runs(runs)?,
+        notes: notes(runs, &all),
     })
 }
 
@@ -90,10 +90,10 @@ fn columns() -> Vec<Column> {
 }
 
 /// Means over the repetitions of a search; none where one repetition has none.
-fn seen_numbers(stories: &[RecordedRun], of: &Subject<'_>) -> Numbers {
+fn seen_numbers(runs: &[RecordedRun], of: &Subject<'_>) -> Numbers {
     let both = |archive: &&archives::LineageArchive| -> Option<Both> {
-        let story = stories.iter().find(|story| labels::run_name(story) == archive.run)?;
-        seen(story, story.result.as_ref()?.lineages.iter().find(|result| result.lineage == archive.lineage)?)
+        let run = runs.iter().find(|run| labels::run_name(run) == archive.run)?;
+        seen(run, run.result.as_ref()?.lineages.iter().find(|result| result.lineage == archive.lineage)?)
     };
     let Some(seeds) = of.seeds.iter().map(both).collect::<Option<Vec<Both>>>() else { return Numbers::new() };
     let number = |(column, read): &(Column, SeenRead)| {
@@ -104,11 +104,11 @@ fn seen_numbers(stories: &[RecordedRun], of: &Subject<'_>) -> Numbers {
 }
 
 /// What a reader must know beside the numbers.
-fn told(stories: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String> {
+fn notes(runs: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String> {
     let held_out = "One program a row here, and no archive: the parent, and the one that was chosen on evolution labels alone. Held-out routes \
                     were opened after that choice. safebench-main shows what the archive keeps of many programs on the routes that \
                     evolution saw, as the paper does; the paper has no such routes, so no figures of it stand here.";
-    let mut told = vec![
+    let mut notes = vec![
         held_out.to_string(),
         "Attack = CR (1 - OS) of the means over traffic families. ARS is of the runs that the program acts in. Groups, Scenes: \
          those held out."
@@ -126,11 +126,11 @@ fn told(stories: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String
         let count = groups.iter().filter(|(of, _)| *of == family).count();
         format!("{} {count}", family.name())
     });
-    told.push(format!(
+    notes.push(format!(
         "Held-out groups by traffic family: {}. A family without one counts nowhere.",
         by_family.join(", ")
     ));
-    told.extend(stories.iter().map(notes::run));
-    told.extend(notes::different_versions(stories));
-    told
+    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::different_versions(runs));
+    notes
 }

@@ -163,9 +163,9 @@ fn leaves(table: &toml::Table, at: &str, found: &mut Vec<(String, toml::Value)>)
 }
 
 fn values(text: &str) -> Vec<(String, toml::Value)> {
-    let mut found = Vec::new();
-    leaves(&text.parse().expect("TOML"), "", &mut found);
-    found
+    let mut keys = Vec::new();
+    leaves(&text.parse().expect("TOML"), "", &mut keys);
+    keys
 }
 
 #[test]

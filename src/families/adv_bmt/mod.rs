@@ -132,8 +132,8 @@ fn lane_heading(situation: &Situation, place: Vec2, along_lane: f64, index: usiz
         let heading_rad = num::wrap_angle(along_lane + turn);
         situation.lanes.nearest_lane(place, heading_rad, LANE_NEAR_M).map(|lane| lane.heading_rad)
     });
-    let found: Vec<f64> = lanes.collect();
-    if found.is_empty() { along_lane } else { found[index % found.len()] }
+    let lanes_near: Vec<f64> = lanes.collect();
+    if lanes_near.is_empty() { along_lane } else { lanes_near[index % lanes_near.len()] }
 }
 
 fn coasting(last: &Sample, steps: usize) -> Sample {

@@ -219,9 +219,9 @@ impl Loss<'_> {
 fn corners_to_box(corners: &[Vec2; 4], body: &OrientedBox) -> (f64, Slope) {
     let mut best = (f64::INFINITY, Slope::default());
     for corner in corners {
-        let found = point_to_box(*corner, body);
-        if found.0 < best.0 {
-            best = found;
+        let distance = point_to_box(*corner, body);
+        if distance.0 < best.0 {
+            best = distance;
         }
     }
     best

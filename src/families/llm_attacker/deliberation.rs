@@ -116,22 +116,22 @@ fn deliberate(situation: &Situation, rules: &Rules, parts: &[Part], order: &[usi
     }
     let mut tried: BTreeSet<Attack> = BTreeSet::new();
     let mut attack = first;
-    let mut found = (f64::INFINITY, attack.clone());
+    let mut best = (f64::INFINITY, attack.clone());
     for round in 0..=rules.rounds {
         tried.insert(sorted(&attack));
         if rules.rounds == 0 {
             break;
         }
         let evaluation = rehearse(situation, parts, &attack);
-        if evaluation.distance_m_min < found.0 {
-            found = (evaluation.distance_m_min, attack.clone());
+        if evaluation.distance_m_min < best.0 {
+            best = (evaluation.distance_m_min, attack.clone());
         }
         let (Some(failure), true) = (evaluation.failure, round < rules.rounds) else { break };
         let modified = modifications(rules, parts, order, &attack, failure);
         let Some(next) = modified.into_iter().find(|attack| !tried.contains(&sorted(attack))) else { break };
         attack = next;
     }
-    found.1
+    best.1
 }
 
 fn sorted(attack: &Attack) -> Attack {

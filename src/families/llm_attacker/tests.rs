@@ -67,7 +67,7 @@ fn the_first_proposal_by_hand() {
 /// A scene in which several vehicles may attack, with the table that a model is shown.
 fn counselled() -> (Situation, Vec<Vehicle>) {
     let (family, program) = parent(0.0);
-    let found = worlds(22).find_map(|scene| {
+    let meeting = worlds(22).find_map(|scene| {
         let situation = Situation::new(Arc::new(scene), &ego::Policy::Idm).unwrap();
         let stage = Stage { situation: &situation, seed: Seed(1), counsel: None };
         let vehicles = counsel::vehicles(&stage, &program, 8).unwrap();
@@ -76,7 +76,7 @@ fn counselled() -> (Situation, Vec<Vehicle>) {
         let attacks = decided(&family, &program, &situation, Some(&last)) == last.attackers;
         (vehicles.len() >= 4 && attacks).then_some((situation, vehicles))
     });
-    found.unwrap()
+    meeting.unwrap()
 }
 
 /// Who attacks.

@@ -70,8 +70,8 @@ fn parameters() -> Vec<OwnParameter> {
 
 /// The parameter of a name.
 fn of(name: &str) -> OwnParameter {
-    let found = parameters().into_iter().find(|p| p.name == name);
-    found.unwrap_or_else(|| unreachable!("{name} is declared above"))
+    let parameter = parameters().into_iter().find(|p| p.name == name);
+    parameter.unwrap_or_else(|| unreachable!("{name} is declared above"))
 }
 
 fn motion_operator() -> OperatorSpec {

@@ -167,20 +167,20 @@ fn steps(samples: &[Sample]) -> f64 {
 
 fn motion(samples: &[Sample]) -> Motion {
     let steps = steps(samples);
-    let mut found = Motion::default();
+    let mut motion = Motion::default();
     let mut heading = 0.0;
     for change in changes(samples) {
         heading += change.turn;
-        found.acceleration_rms += change.acceleration * change.acceleration / steps;
-        found.lateral_rms += change.lateral * change.lateral / steps;
-        found.yaw_rms += change.yaw * change.yaw / steps;
-        found.speed_change += (change.mean_speed - samples[0].speed_mps()) / steps;
+        motion.acceleration_rms += change.acceleration * change.acceleration / steps;
+        motion.lateral_rms += change.lateral * change.lateral / steps;
+        motion.yaw_rms += change.yaw * change.yaw / steps;
+        motion.speed_change += (change.mean_speed - samples[0].speed_mps()) / steps;
     }
-    for square in [&mut found.acceleration_rms, &mut found.lateral_rms, &mut found.yaw_rms] {
+    for square in [&mut motion.acceleration_rms, &mut motion.lateral_rms, &mut motion.yaw_rms] {
         *square = square.sqrt();
     }
-    found.heading_total = heading.abs();
-    found
+    motion.heading_total = heading.abs();
+    motion
 }
 
 /// Kinematic penalty, 5 [mean softplus(|a| - 7) + mean softplus(|a_lat| - 6)] + 5 mean softplus(|ω| - 0.8), and behaviour
@@ -219,10 +219,10 @@ mod tests {
         let straight: Vec<Sample> = (0..80)
             .map(|k| Sample { position: Vec2::new(k as f64, 0.0), heading_rad: 0.0, velocity: Vec2::new(10.0, 0.0) })
             .collect();
-        let found = motion(&straight);
+        let motion = motion(&straight);
         let tails = 5.0 * (softplus(-7.0) + softplus(-6.0) + softplus(-0.8)) + 5.0 * softplus(-num::PI);
         assert!((unrealism(&straight) - tails).abs() < 1e-9);
-        assert_eq!((found.heading_total, found.speed_change), (0.0, 0.0));
+        assert_eq!((motion.heading_total, motion.speed_change), (0.0, 0.0));
     }
 
     #[test]

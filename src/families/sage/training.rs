@@ -59,9 +59,9 @@ pub fn experts() -> Result<Experts, TrainingError> {
         let group = group(scene, index)?;
         for (expert, pairs) in pairs.iter_mut().enumerate() {
             let mut stream = SEED.stream(&["pairs", &expert.to_string(), &index.to_string()]);
-            let found = preferences(&group, REWARDS[expert], &mut stream);
-            pairs.feasibility.extend(found.feasibility);
-            pairs.reward.extend(found.reward);
+            let preferred = preferences(&group, REWARDS[expert], &mut stream);
+            pairs.feasibility.extend(preferred.feasibility);
+            pairs.reward.extend(preferred.reward);
         }
     }
     Ok(Experts::new(&fit(&pairs[0]), &fit(&pairs[1])))

@@ -67,9 +67,10 @@ impl<'a> Solver<'a> {
             return true;
         }
         let space = LatentSpace::new(State::of(start), &undisturbed, &[], &LATENT);
-        let found = STARTS_MPS2.iter().find_map(|acceleration| task.solved_from(&space, *acceleration, &self.solution));
-        let solved = found.is_some();
-        self.known.extend(found);
+        let solution =
+            STARTS_MPS2.iter().find_map(|acceleration| task.solved_from(&space, *acceleration, &self.solution));
+        let solved = solution.is_some();
+        self.known.extend(solution);
         solved
     }
 }

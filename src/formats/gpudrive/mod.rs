@@ -397,19 +397,19 @@ pub(super) mod tests {
 
     #[test]
     fn damaged_and_hostile_json_is_refused_by_place() {
-        let told = |text: &str| import("f.json", text.as_bytes()).unwrap_err().to_string();
-        assert!(told("{\"objects\": [").contains("line 1, column"));
+        let refusal = |text: &str| import("f.json", text.as_bytes()).unwrap_err().to_string();
+        assert!(refusal("{\"objects\": [").contains("line 1, column"));
         let deep = "[".repeat(100_000);
-        assert!(told(&format!("{{\"x\":{deep}")).contains("EOF"), "what nobody asks for is passed over flat");
-        assert!(told(&format!("{{\"roads\":[{{\"geometry\":{deep}")).contains("recursion"));
-        assert!(told("{\"objects\": [], \"roads\": []}").contains("at least one object"));
-        assert!(told("{\"objects\": [], \"roads\": NaN}").contains("column"));
+        assert!(refusal(&format!("{{\"x\":{deep}")).contains("EOF"), "what nobody asks for is passed over flat");
+        assert!(refusal(&format!("{{\"roads\":[{{\"geometry\":{deep}")).contains("recursion"));
+        assert!(refusal("{\"objects\": [], \"roads\": []}").contains("at least one object"));
+        assert!(refusal("{\"objects\": [], \"roads\": NaN}").contains("column"));
         let mut value = new_form();
         value["objects"][2]["heading"] = json!([1.0]);
-        assert!(told(&value.to_string()).contains("objects[2]"));
+        assert!(refusal(&value.to_string()).contains("objects[2]"));
         let mut value = new_form();
         value["metadata"]["sdc_track_index"] = json!(-1);
-        assert!(told(&value.to_string()).contains("sdc_track_index"));
+        assert!(refusal(&value.to_string()).contains("sdc_track_index"));
         let whole = new_form().to_string();
         for end in (0..whole.len()).step_by(977) {
             assert!(import("cut.json", &whole.as_bytes()[..end]).is_err(), "{end}");

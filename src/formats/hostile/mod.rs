@@ -10,7 +10,7 @@ use serde_json::json;
 use wholes::{Whole, described, edited, field, nested, of, pickled, sealed, wholes};
 
 /// An importer's message about a file: its error, or what it left out. Both must be complete.
-fn told(whole: &Whole, bytes: &[u8]) -> String {
+fn refusal(whole: &Whole, bytes: &[u8]) -> String {
     match (whole.read)(whole.file, bytes) {
         Err(error) => {
             let ImportError { file, place, expected, remedy } = &error;
@@ -251,13 +251,13 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
     ];
     let missed: Vec<String> = table
         .iter()
-        .map(|(format, what, bytes, words)| (format, what, words, told(&of(format), bytes)))
+        .map(|(format, what, bytes, words)| (format, what, words, refusal(&of(format), bytes)))
         .filter(|(_, _, words, found)| !found.contains(**words))
         .map(|(format, what, words, found)| format!("{format}, {what}: no {words:?} in {found}"))
         .collect();
     assert!(missed.is_empty(), "{}", missed.join("\n"));
-    let told_of = |format: &str| table.iter().filter(|row| row.0 == format).count();
-    assert!(wholes().iter().all(|whole| told_of(whole.format) >= 3), "every importer has its rows");
+    let last_complaint = |format: &str| table.iter().filter(|row| row.0 == format).count();
+    assert!(wholes().iter().all(|whole| last_complaint(whole.format) >= 3), "every importer has its rows");
 }
 
 #[test]
@@ -286,14 +286,14 @@ fn a_scenario_description_is_known_whichever_key_comes_first() {
 #[test]
 fn one_text_as_the_id_of_everything_is_no_id() {
     // A long text costs its bytes only once, however often it is referenced.
-    let found = told(&of("ScenarioNet pickle"), &pickles::shared_ids(100_000, 2_000));
-    assert!(found.contains("a dictionary of tracks"), "{found}");
+    let refused = refusal(&of("ScenarioNet pickle"), &pickles::shared_ids(100_000, 2_000));
+    assert!(refused.contains("a dictionary of tracks"), "{refused}");
 }
 
 #[test]
 fn a_list_that_is_read_by_everyone_is_read_a_bounded_number_of_times() {
-    let found = told(&of("ScenarioNet pickle"), &pickles::shared_sizes(1_000_000, 200));
-    assert!(found.contains("numbers in an array or a list"), "{found}");
+    let refused = refusal(&of("ScenarioNet pickle"), &pickles::shared_sizes(1_000_000, 200));
+    assert!(refused.contains("numbers in an array or a list"), "{refused}");
 }
 
 #[test]
@@ -302,8 +302,8 @@ fn elements_that_are_searched_behind_a_million_others_end_the_reading() {
     let lanelet = |k: usize| format!("<lanelet id=\"{k}\">{}</lanelet>", "<b/>".repeat(10));
     let lanelets: String = (0..20_000).map(lanelet).collect();
     let head = "<commonRoad commonRoadVersion=\"2020a\" benchmarkID=\"x\" timeStepSize=\"0.1\">";
-    let found = told(&of("CommonRoad"), format!("{head}{noise}{lanelets}</commonRoad>").as_bytes());
-    assert!(found.contains("a <leftBound> inside"), "a few steps are no search: {found}");
+    let refused = refusal(&of("CommonRoad"), format!("{head}{noise}{lanelets}</commonRoad>").as_bytes());
+    assert!(refused.contains("a <leftBound> inside"), "a few steps are no search: {refused}");
     let lanes: String = (1..200)
         .map(|k| format!("<lane id=\"-{k}\" type=\"driving\"><link><successor id=\"-{k}\"/></link></lane>"))
         .collect();
@@ -314,8 +314,8 @@ fn elements_that_are_searched_behind_a_million_others_end_the_reading() {
          <line/></geometry></planView><lanes>{sections}</lanes></road></OpenDRIVE>",
         "<a/>".repeat(100_000)
     );
-    let found = told(&of("OpenDRIVE"), road.as_bytes());
-    assert!(found.contains("hundreds of millions"), "{found}");
+    let refused = refusal(&of("OpenDRIVE"), road.as_bytes());
+    assert!(refused.contains("hundreds of millions"), "{refused}");
 }
 
 #[test]
@@ -324,7 +324,7 @@ fn a_file_of_another_format_is_refused_by_every_importer() {
         for other in wholes().iter().filter(|other| other.format != whole.format) {
             let read = (whole.read)(whole.file, &other.bytes);
             assert!(read.is_err(), "{} took {}", whole.format, other.format);
-            told(&whole, &other.bytes);
+            refusal(&whole, &other.bytes);
         }
     }
 }
@@ -345,7 +345,7 @@ fn every_cut_file_is_refused() {
         for cut in (0..end).step_by((end / 60).max(1)) {
             let read = (whole.read)(whole.file, &whole.bytes[..cut]);
             assert!(read.is_err(), "{} cut at {cut} of {end}", whole.format);
-            told(&whole, &whole.bytes[..cut]);
+            refusal(&whole, &whole.bytes[..cut]);
         }
     }
 }

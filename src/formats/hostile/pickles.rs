@@ -26,9 +26,9 @@ fn every_opcode_that_calls_or_fetches_something_is_refused_by_its_place() {
         b"N\x98",
     ];
     for call in calls {
-        let told = refused(&[b"\x80\x04", call, b"."].concat());
-        assert!(told.contains("f.pkl: byte ") && told.contains("; "), "{told}");
-        assert!(told.contains("an opcode of plain data") || told.contains("os.system"), "{call:?}: {told}");
+        let refusal = refused(&[b"\x80\x04", call, b"."].concat());
+        assert!(refusal.contains("f.pkl: byte ") && refusal.contains("; "), "{refusal}");
+        assert!(refusal.contains("an opcode of plain data") || refusal.contains("os.system"), "{call:?}: {refusal}");
     }
     for protocol in [0u8, 1, 6, 255] {
         assert!(refused(&[0x80, protocol, b'N', b'.']).contains("protocol 2 to 5"));

@@ -181,18 +181,18 @@ impl Place<'_> {
 }
 
 fn waypoints(route: &Element<'_>) -> Result<Vec<Pose>, ImportError> {
-    let mut found = Vec::new();
+    let mut scenes = Vec::new();
     for element in route.named("waypoint") {
-        if found.len() >= WAYPOINTS_MAX {
+        if scenes.len() >= WAYPOINTS_MAX {
             return Err(element.refuse(format!("at most {WAYPOINTS_MAX} waypoints")));
         }
         let number = |name: &str| element.number_attribute(name);
-        found.push(pose(number("x")?, number("y")?, number("yaw")?));
+        scenes.push(pose(number("x")?, number("y")?, number("yaw")?));
     }
-    if found.len() < 2 {
-        return Err(route.refuse(format!("at least 2 waypoints, found {}", found.len())));
+    if scenes.len() < 2 {
+        return Err(route.refuse(format!("at least 2 waypoints, found {}", scenes.len())));
     }
-    Ok(found)
+    Ok(scenes)
 }
 
 #[cfg(test)]

@@ -62,18 +62,18 @@ pub(super) fn lights(
         _ => return vec![],
     };
     let ego = Pose { position: route.at(trigger_s_m), heading_rad: route.heading_at(trigger_s_m) };
-    let mut found: Vec<Light> = Vec::new();
+    let mut lights: Vec<Light> = Vec::new();
     let wanted = std::iter::once((ego, own)).chain(actors.iter().map(|actor| (*actor, other)));
     for (pose, state) in wanted {
         let lane = graph.nearest_lane(pose.position, pose.heading_rad, ACTOR_LANE_M).map(|place| place.lane);
         let lane = lane.map(|lane| before_junction(graph, lane)).and_then(|lane| kept.get(lane).copied().flatten());
-        let Some(lane) = lane.filter(|lane| found.iter().all(|light| light.lane != *lane)) else { continue };
+        let Some(lane) = lane.filter(|lane| lights.iter().all(|light| light.lane != *lane)) else { continue };
         let line = near.lanes.get(lane).and_then(|lane| Polyline::new(lane.centre.clone()).ok());
         let Some(line) = line else { continue };
         let stop_point = line.at((line.length_m() - SETBACK_M).max(0.0));
-        found.push(Light { lane, stop_point, states: vec![state; STEPS] });
+        lights.push(Light { lane, stop_point, states: vec![state; STEPS] });
     }
-    found
+    lights
 }
 
 /// The last lane before several ways lead on.

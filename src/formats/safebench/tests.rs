@@ -118,19 +118,19 @@ fn towns_of_one_name_from_several_folders_are_told_apart() {
 
 #[test]
 fn a_scenario_file_of_more_than_16_mib_is_not_parsed() {
-    let told = Library::default().add_scenarios("s.json", &vec![b' '; (16 << 20) + 1]).unwrap_err();
-    assert!(told.to_string().contains("at most 16 MiB"), "{told}");
+    let refusal = Library::default().add_scenarios("s.json", &vec![b' '; (16 << 20) + 1]).unwrap_err();
+    assert!(refusal.to_string().contains("at most 16 MiB"), "{refusal}");
 }
 
 #[test]
 fn damaged_and_hostile_files_are_refused() {
-    let told = |file: &str, text: &str| import(file, text.as_bytes(), &library()).unwrap_err().to_string();
-    assert!(told("my_route.xml", ROUTE).contains("scenario_<01 to 08>"));
-    assert!(told("scenario_09_route_01.xml", ROUTE).contains("scenario_<01 to 08>"));
-    assert!(told("scenario_05_route_99999999999999999999.xml", ROUTE).contains("scenario_<01 to 08>"));
-    assert!(told("scenario_05_route_06.xml", "<routes/>").contains("<route>"));
-    assert!(told("scenario_05_route_06.xml", &ROUTE.replace("x=\"60\"", "x=\"NaN\"")).contains("finite number"));
-    assert!(told("scenario_05_route_06.xml", &ROUTE.replace("town", "city")).contains("town"));
+    let refusal = |file: &str, text: &str| import(file, text.as_bytes(), &library()).unwrap_err().to_string();
+    assert!(refusal("my_route.xml", ROUTE).contains("scenario_<01 to 08>"));
+    assert!(refusal("scenario_09_route_01.xml", ROUTE).contains("scenario_<01 to 08>"));
+    assert!(refusal("scenario_05_route_99999999999999999999.xml", ROUTE).contains("scenario_<01 to 08>"));
+    assert!(refusal("scenario_05_route_06.xml", "<routes/>").contains("<route>"));
+    assert!(refusal("scenario_05_route_06.xml", &ROUTE.replace("x=\"60\"", "x=\"NaN\"")).contains("finite number"));
+    assert!(refusal("scenario_05_route_06.xml", &ROUTE.replace("town", "city")).contains("town"));
     for end in (0..ROUTE.len() - 1).step_by(41) {
         assert!(import("scenario_05_route_06.xml", &ROUTE.as_bytes()[..end], &library()).is_err(), "{end}");
     }

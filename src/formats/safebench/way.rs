@@ -63,10 +63,10 @@ fn first(place: LanePlace) -> Candidate {
 
 /// The candidates at a waypoint that can be reached from those before.
 fn next(graph: &LaneGraph, before: &[Candidate], places: &[LanePlace], budget_m: f64) -> Vec<Candidate> {
-    let mut found: Vec<Option<Candidate>> = places.iter().map(|_| None).collect();
+    let mut candidates: Vec<Option<Candidate>> = places.iter().map(|_| None).collect();
     for (from, start) in before.iter().enumerate() {
         let reached = graph.reachable(start.place.lane, start.place.s_m, budget_m);
-        for (place, best) in places.iter().zip(&mut found) {
+        for (place, best) in places.iter().zip(&mut candidates) {
             let Some(there) = reached.iter().find(|r| r.lane == place.lane) else { continue };
             let way_m = there.start_m + place.s_m;
             if way_m <= 0.0 || way_m > budget_m {
@@ -78,7 +78,7 @@ fn next(graph: &LaneGraph, before: &[Candidate], places: &[LanePlace], budget_m:
             }
         }
     }
-    found.into_iter().flatten().collect()
+    candidates.into_iter().flatten().collect()
 }
 
 /// The lanes from the start of a search to a reached one.

@@ -229,8 +229,8 @@ fn read(file_name: &str, bytes: &[u8], parts_max: usize) -> Result<Imported, Imp
             break;
         }
         parts = parts.saturating_add(PART_MIN);
-        let found = record.and_then(|data| scenario(file_name, index, data));
-        match found {
+        let read_scene = record.and_then(|data| scenario(file_name, index, data));
+        match read_scene {
             Ok(log) => {
                 let (steps, things) = (log.times_s.len(), log.tracks.len() + log.lights.len());
                 let one = finished(file_name, log);
@@ -587,11 +587,11 @@ pub(super) mod tests {
             written(&[message().encode_to_vec(), short.encode_to_vec(), lost.encode_to_vec(), b"\xff\xff".to_vec()]);
         let imported = import("f.tfrecord", &bytes).unwrap();
         assert_eq!(imported.scenes.len(), 1);
-        let told: Vec<&str> = imported.left_out.iter().map(|l| l.reason.as_str()).collect();
+        let left_out: Vec<&str> = imported.left_out.iter().map(|l| l.reason.as_str()).collect();
         assert!(
-            told[0].contains("tracks[0] 1")
-                && told[1].contains("sdc_track_index")
-                && told[2].contains("Scenario message")
+            left_out[0].contains("tracks[0] 1")
+                && left_out[1].contains("sdc_track_index")
+                && left_out[2].contains("Scenario message")
         );
     }
 
@@ -601,9 +601,9 @@ pub(super) mod tests {
         wild.tracks[0].states[40].center_x = f64::NAN;
         wild.tracks[0].states[41].velocity_x = 103.0;
         let imported = import("f.tfrecord", &written(&[wild.encode_to_vec()])).unwrap();
-        let (track, told) = (&imported.scenes[0].tracks[0], &imported.left_out[0]);
+        let (track, left_out) = (&imported.scenes[0].tracks[0], &imported.left_out[0]);
         assert_eq!((39..43).map(|k| track.at(k).is_some()).collect::<Vec<_>>(), [true, false, false, true]);
-        assert_eq!((told.what.as_str(), told.reason.contains("100 m/s")), ("2 samples of track 1", true));
+        assert_eq!((left_out.what.as_str(), left_out.reason.contains("100 m/s")), ("2 samples of track 1", true));
     }
 
     #[test]
@@ -627,9 +627,9 @@ pub(super) mod tests {
             state.valid = k == 50;
         }
         let imported = import("f.tfrecord", &written(&[late.encode_to_vec()])).unwrap();
-        let told = &imported.left_out[0];
-        assert!(told.is_kept(), "{told:?}");
-        assert!(told.reason.contains("0.040 s") && imported.left_out.len() == 1, "{:?}", imported.left_out);
+        let left_out = &imported.left_out[0];
+        assert!(left_out.is_kept(), "{left_out:?}");
+        assert!(left_out.reason.contains("0.040 s") && imported.left_out.len() == 1, "{:?}", imported.left_out);
         let seen = &imported.scenes[0].tracks[1];
         assert_eq!((seen.id.as_str(), seen.span()), ("3", Some((50, 50))));
         assert!((seen.at(50).unwrap().velocity.y - 1.0).abs() < 1e-6);

@@ -56,12 +56,12 @@ pub fn heard(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> Strin
         200..=299 => body(protocol, answer, quote),
         300..=399 => redirect(answer),
         _ => {
-            let told = told_error(&parsed(&answer.body).unwrap_or(Value::Null));
-            let words = match &told {
-                Some(told) if !told.message.is_empty() => told.words(),
+            let error = server_error(&parsed(&answer.body).unwrap_or(Value::Null));
+            let words = match &error {
+                Some(error) if !error.message.is_empty() => error.words(),
                 _ => named(answer, quote).unwrap_or_else(|| quote(&answer.body)),
             };
-            let code = told.as_ref().map_or("", |told| told.code.as_str());
+            let code = error.as_ref().map_or("", |error| error.code.as_str());
             judged(Some(status), code, format!("HTTP {status}: {words}"), &words)
         }
     }
@@ -112,12 +112,12 @@ fn body(protocol: Protocol, answer: &Answer, quote: &dyn Fn(&[u8]) -> String) ->
             None => return strange(format!("no JSON: {error}"), true),
         },
     };
-    if let Some(told) = told_error(&value).filter(|_| says_error(&value)) {
-        let reason = match told.status {
-            Some(status) => format!("error {status} told with HTTP {}: {}", answer.status, told.words()),
-            None => format!("an error told with HTTP {}: {}", answer.status, told.words()),
+    if let Some(error) = server_error(&value).filter(|_| says_error(&value)) {
+        let reason = match error.status {
+            Some(status) => format!("error {status} inside HTTP {}: {}", answer.status, error.words()),
+            None => format!("an error inside HTTP {}: {}", answer.status, error.words()),
         };
-        return judged(told.status, &told.code, reason, &told.words());
+        return judged(error.status, &error.code, reason, &error.words());
     }
     match protocol.read(&value) {
         Ok(said) if said.metadata.finish_reason.as_deref().is_some_and(|end| SERVERS_ENDS.contains(&end)) => {
@@ -165,7 +165,7 @@ fn named(answer: &Answer, quote: &dyn Fn(&[u8]) -> String) -> Option<String> {
 }
 
 /// An error as a server tells it.
-struct Told {
+struct ServerError {
     message: String,
     /// Its code and type, in one text.
     code: String,
@@ -173,7 +173,7 @@ struct Told {
     status: Option<u16>,
 }
 
-impl Told {
+impl ServerError {
     fn words(&self) -> String {
         if self.message.is_empty() { self.code.clone() } else { self.message.clone() }
     }
@@ -196,7 +196,7 @@ fn holds_something(value: &Value) -> bool {
 }
 
 /// OpenAI, Anthropic, llama.cpp and gateways say `{"error": {..}}`, Ollama `{"error": ".."}`, older vLLM has the fields at the top.
-fn told_error(value: &Value) -> Option<Told> {
+fn server_error(value: &Value) -> Option<ServerError> {
     let at = |place: &str| value.pointer(place).filter(|error| holds_something(error));
     let error = at("/error").or_else(|| at("/choices/0/error")).or(Some(value)).filter(|error| !error.is_null())?;
     let text = |place: &str| error.pointer(place).and_then(Value::as_str).unwrap_or_default().to_string();
@@ -217,7 +217,7 @@ fn told_error(value: &Value) -> Option<Told> {
     let number = |code: &Value| code.as_u64().or_else(|| code.as_str()?.trim().parse().ok());
     let status = code.filter_map(number).find(|code| (400..600).contains(code));
     let inner = text_at(error, "/innererror/code").unwrap_or_default();
-    Some(Told {
+    Some(ServerError {
         message,
         code: [text("/code"), text("/type"), inner].join(" ").trim().to_string(),
         status: status.and_then(|status| u16::try_from(status).ok()),

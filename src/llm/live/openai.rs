@@ -153,17 +153,17 @@ mod tests {
 
     #[test]
     fn a_model_named_by_its_file_keeps_the_name_of_the_file_alone() {
-        let told = |model: &str| {
+        let named = |model: &str| {
             let message = json!({"message": {"content": "{}"}});
             read(&json!({"model": model, "choices": [message]})).unwrap().metadata.model
         };
         for path in
             ["/home/somebody/models/qwen.gguf", r"C:\Users\somebody\qwen.gguf", "./models/qwen.gguf", "~/qwen.gguf"]
         {
-            assert_eq!(told(path), "qwen.gguf", "{path}");
+            assert_eq!(named(path), "qwen.gguf", "{path}");
         }
         for name in ["gpt-5.2", "Qwen/Qwen2.5-Coder-1.5B-Instruct-GGUF", "qwen2.5:1.5b", ""] {
-            assert_eq!(told(name), name);
+            assert_eq!(named(name), name);
         }
     }
 

@@ -121,8 +121,8 @@ mod tests {
     #[test]
     fn a_refusal_about_the_grammar_names_the_setting_and_another_one_does_not() {
         let llama = "Failed to initialize samplers: failed to parse grammar";
-        let told = remedy("local", true, llama).unwrap();
-        assert!(told.contains("response_format") && told.contains("[models.local]"), "{told}");
+        let hint = remedy("local", true, llama).unwrap();
+        assert!(hint.contains("response_format") && hint.contains("[models.local]"), "{hint}");
         assert_eq!(remedy("local", false, llama), None);
         assert_eq!(remedy("local", true, "Incorrect API key provided"), None);
     }

@@ -161,8 +161,8 @@ fn call_op(function: Function) -> Op {
 }
 
 fn operand(node: &Node, wanted: ValueType, scope: &Scope, code: &mut Vec<Op>) -> Result<(), ExprError> {
-    let found = emit(node, scope, code)?;
-    matches_type(node, found, wanted)
+    let emitted = emit(node, scope, code)?;
+    matches_type(node, emitted, wanted)
 }
 
 fn matches_type(node: &Node, found: ValueType, wanted: ValueType) -> Result<(), ExprError> {

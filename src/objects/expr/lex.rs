@@ -51,7 +51,7 @@ pub fn tokens(text: &str) -> Result<Vec<(Token, usize)>, ExprError> {
     if text.len() > TEXT_MAX_BYTES {
         return Err(ExprError::new(1, format!("{} bytes", text.len()), format!("at most {TEXT_MAX_BYTES} bytes")));
     }
-    let mut found = Vec::new();
+    let mut tokens = Vec::new();
     let mut rest = text;
     let mut column = 1;
     loop {
@@ -60,16 +60,16 @@ pub fn tokens(text: &str) -> Result<Vec<(Token, usize)>, ExprError> {
         rest = trimmed;
         let Some(first) = rest.chars().next() else { break };
         let (token, length) = one(rest, first, column)?;
-        found.push((token, column));
-        if found.len() > TOKENS_MAX {
+        tokens.push((token, column));
+        if tokens.len() > TOKENS_MAX {
             return Err(ExprError::new(column, "more of it", format!("at most {TOKENS_MAX} words and signs")));
         }
         // Tokens are ASCII: bytes are characters.
         column += length;
         rest = rest.get(length..).unwrap_or_default();
     }
-    found.push((Token::End, column));
-    Ok(found)
+    tokens.push((Token::End, column));
+    Ok(tokens)
 }
 
 fn one(rest: &str, first: char, column: usize) -> Result<(Token, usize), ExprError> {

@@ -66,9 +66,9 @@ fn asked(active: &WorldConfiguration, measures: WorldMeasures, earlier: &[WorldE
 fn proposed(active: &WorldConfiguration, measures: WorldMeasures, turns: usize) -> Vec<WorldPatch> {
     let (exact, mut earlier) = (model(0.0, 0.0, 0.0), Vec::new());
     for epoch in 0..turns as u32 {
-        let (exchanges, found) = asked(active, measures, &earlier, &exact);
+        let (exchanges, edits) = asked(active, measures, &earlier, &exact);
         assert!(exchanges.iter().all(|exchange| exchange.refusal.is_none()), "{exchanges:?}");
-        let (patch, changed) = found.unwrap();
+        let (patch, changed) = edits.unwrap();
         let against = Objection { rule: crate::objects::JudgeRule::Gain, says: "no gain".into() };
         let (incumbent, challenger) = (measures, measures);
         let judgement = Judgement { incumbent, challenger, gains: vec![], objections: vec![against] };
@@ -102,8 +102,8 @@ fn what_is_proposed_follows_from_the_audit() {
     let unranked = WorldMeasures { rank_correlation: Some(0.02), ..well() };
     assert!(names(unranked, &founding()).contains(&"explore".to_string()));
     let line = WorldConfiguration { model: WorldModel::Ridge, explore: 0.0, ..founding() };
-    let found = names(unranked, &line);
-    assert!(found.iter().any(|name| name == "ridge_lambda" || name == "model"), "{found:?}");
+    let edits = names(unranked, &line);
+    assert!(edits.iter().any(|name| name == "ridge_lambda" || name == "model"), "{edits:?}");
     let quiet = names(well(), &founding());
     assert!(!quiet.contains(&"interval_level".into()) && !quiet.contains(&"explore".into()), "{quiet:?}");
 }
@@ -121,8 +121,8 @@ fn nothing_is_proposed_twice() {
 #[test]
 fn errors_at_the_declared_rates_are_refused_with_their_reason_and_asked_for_again() {
     let (always, never) = (model(0.0, 1.0, 0.0), model(0.0, 0.0, 0.0));
-    let (exchanges, found) = asked(&founding(), well(), &[], &always);
-    assert!(found.is_none() && exchanges.len() == 2);
+    let (exchanges, edits) = asked(&founding(), well(), &[], &always);
+    assert!(edits.is_none() && exchanges.len() == 2);
     let refusal = exchanges[0].refusal.clone().unwrap();
     assert!(refusal.contains("audit_share: found 1.0, expected a number from 0.2 to 0.5"), "{refusal}");
     let mut foreign = never.clone();

@@ -70,7 +70,7 @@ const NEARER_M: f64 = 0.01;
 
 /// The account under way.
 pub(in crate::sim) struct DrivingMeter {
-    found: Driving,
+    so_far: Driving,
     last: Option<(EgoState, [Vec2; 4])>,
     was_off_road: bool,
     hint: u32,
@@ -151,7 +151,7 @@ impl DrivingMeter {
             judged: None,
         };
         DrivingMeter {
-            found: Driving::default(),
+            so_far: Driving::default(),
             last: None,
             was_off_road: false,
             hint: 0,
@@ -182,21 +182,21 @@ impl DrivingMeter {
         };
         let way_m = last.sample.position.distance(ego.sample.position);
         let offset_m = ego.along.offset_m.abs();
-        self.found.duration_s += seconds;
+        self.so_far.duration_s += seconds;
         self.route_distance += offset_m * seconds;
         self.speed_change_mps += (ego.sample.velocity - last.sample.velocity).norm();
-        self.found.yaw_change_rad += (ego.sample.heading_rad - last.sample.heading_rad).abs();
+        self.so_far.yaw_change_rad += (ego.sample.heading_rad - last.sample.heading_rad).abs();
         if off_road || self.was_off_road {
-            self.found.off_road_m += way_m;
+            self.so_far.off_road_m += way_m;
         }
         self.was_off_road = off_road;
         if offset_m > ASTRAY_M {
             self.astray_m += way_m;
         }
         let invades = corners.iter().zip(&last_corners).any(|(now, before)| course.crosses_mark(*before, *now));
-        self.found.lane_invasions += u32::from(invades);
-        self.found.red_lights += u32::from(runs_red(plant, &last, ego, k));
-        self.found.stop_signs += self.runs_signs(course, &last, ego);
+        self.so_far.lane_invasions += u32::from(invades);
+        self.so_far.red_lights += u32::from(runs_red(plant, &last, ego, k));
+        self.so_far.stop_signs += self.runs_signs(course, &last, ego);
     }
 
     /// Signs whose line is passed without having stood before it.
@@ -248,18 +248,18 @@ impl DrivingMeter {
 
     /// SafeBench's RouteCompletionTest: whether the route is completed.
     pub fn has_arrived(&mut self, ego: &EgoState, completion: f64, end: Vec2) -> bool {
-        self.found.completed = completion > COMPLETED_SHARE && ego.sample.position.distance(end) < COMPLETED_M;
-        self.found.completed
+        self.so_far.completed = completion > COMPLETED_SHARE && ego.sample.position.distance(end) < COMPLETED_M;
+        self.so_far.completed
     }
 
     pub fn finish(&self) -> Driving {
-        let mut found = self.found.clone();
-        if found.duration_s > 0.0 {
-            found.route_distance_m_mean = self.route_distance / found.duration_s;
-            found.acceleration_mps2_mean = self.speed_change_mps / found.duration_s;
+        let mut driving = self.so_far.clone();
+        if driving.duration_s > 0.0 {
+            driving.route_distance_m_mean = self.route_distance / driving.duration_s;
+            driving.acceleration_mps2_mean = self.speed_change_mps / driving.duration_s;
         }
-        found.actors = self.actors.iter().map(ActorMeter::finish).collect();
-        found
+        driving.actors = self.actors.iter().map(ActorMeter::finish).collect();
+        driving
     }
 }
 

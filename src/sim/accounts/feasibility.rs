@@ -47,7 +47,7 @@ pub struct Feasibility {
 pub(in crate::sim) struct StepMeter {
     before: Option<Vec2>,
     last: Option<Sample>,
-    found: Feasibility,
+    so_far: Feasibility,
     /// Lane pieces that last held the corners and the centre.
     hints: [u32; 5],
 }
@@ -68,30 +68,30 @@ impl StepMeter {
     }
 
     fn judge(&mut self, road: &Drivable, now: &Sample, axis: Vec2, size: &Size, seconds: f64) {
-        let found = &mut self.found;
+        let so_far = &mut self.so_far;
         if let Some(last) = self.last {
             let explained = (last.velocity + now.velocity) * (0.5 * seconds);
-            found.jump_m = found.jump_m.max((now.position - last.position - explained).norm());
+            so_far.jump_m = so_far.jump_m.max((now.position - last.position - explained).norm());
             if road.is_wrong_way(now.position, axis, &mut self.hints[4]) {
-                found.wrong_way_m += last.position.distance(now.position);
+                so_far.wrong_way_m += last.position.distance(now.position);
             }
             if let Some(before) = self.before {
                 let as_before = (last.position - before) * (seconds / DT_S);
-                found.kink_m = found.kink_m.max((now.position - last.position - as_before).norm());
+                so_far.kink_m = so_far.kink_m.max((now.position - last.position - as_before).norm());
             }
         }
         for (corner, hint) in size.at(Place { position: now.position, axis }).corners().into_iter().zip(&mut self.hints)
         {
-            let floor_m = found.off_road_m + DRIVABLE_TOLERANCE_M;
+            let floor_m = so_far.off_road_m + DRIVABLE_TOLERANCE_M;
             let distance_m = road.distance_m(corner, floor_m, hint);
-            found.off_road_m = found.off_road_m.max(distance_m - DRIVABLE_TOLERANCE_M);
+            so_far.off_road_m = so_far.off_road_m.max(distance_m - DRIVABLE_TOLERANCE_M);
         }
     }
 
     /// The account with the levels of the windows that reach sample `from` or later.
     pub fn finish(&self, samples: &[Sample], from: usize, size: &Size) -> Feasibility {
         let [acceleration_mps2, jerk_mps3, slip_mps, roughness_m] = levels(samples, from, size);
-        Feasibility { acceleration_mps2, jerk_mps3, slip_mps, roughness_m, ..self.found }
+        Feasibility { acceleration_mps2, jerk_mps3, slip_mps, roughness_m, ..self.so_far }
     }
 }
 
@@ -150,7 +150,7 @@ fn slip_mps(window: &[Sample], velocity: Vec2, size: &Size) -> f64 {
 /// The account of a whole recorded motion; a gap begins it anew.
 pub(in crate::sim) fn of_recording(road: &Drivable, samples: &[Option<Sample>], size: &Size) -> Feasibility {
     let mut meter = StepMeter::default();
-    let mut found = Feasibility::default();
+    let mut so_far = Feasibility::default();
     let mut run: Vec<Sample> = Vec::with_capacity(samples.len());
     for part in samples.split(Option::is_none) {
         run.clear();
@@ -160,15 +160,15 @@ pub(in crate::sim) fn of_recording(road: &Drivable, samples: &[Option<Sample>], 
             meter.push(road, sample, Vec2::from_heading(sample.heading_rad), size, DT_S, true);
         }
         let own = meter.finish(&run, 0, size);
-        found = Feasibility {
-            acceleration_mps2: found.acceleration_mps2.max(own.acceleration_mps2),
-            jerk_mps3: found.jerk_mps3.max(own.jerk_mps3),
-            slip_mps: found.slip_mps.max(own.slip_mps),
-            roughness_m: found.roughness_m.max(own.roughness_m),
+        so_far = Feasibility {
+            acceleration_mps2: so_far.acceleration_mps2.max(own.acceleration_mps2),
+            jerk_mps3: so_far.jerk_mps3.max(own.jerk_mps3),
+            slip_mps: so_far.slip_mps.max(own.slip_mps),
+            roughness_m: so_far.roughness_m.max(own.roughness_m),
             ..own
         };
     }
-    found
+    so_far
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ pub struct MotionMeter {
     acceleration_mps2: Option<f64>,
     speed_sum: f64,
     count: usize,
-    found: Motion,
+    so_far: Motion,
 }
 
 impl MotionMeter {
@@ -31,7 +31,7 @@ impl MotionMeter {
         let speed = sample.speed_mps();
         self.speed_sum += speed;
         self.count += 1;
-        self.found.speed_mps_max = self.found.speed_mps_max.max(speed);
+        self.so_far.speed_mps_max = self.so_far.speed_mps_max.max(speed);
         if let Some((last, last_speed)) = self.last {
             self.difference(&last, last_speed, sample, speed, seconds);
         }
@@ -39,23 +39,23 @@ impl MotionMeter {
     }
 
     fn difference(&mut self, last: &Sample, last_speed: f64, sample: &Sample, speed: f64, seconds: f64) {
-        let found = &mut self.found;
+        let so_far = &mut self.so_far;
         let acceleration = (speed - last_speed) / seconds;
-        found.acceleration_mps2_max = found.acceleration_mps2_max.max(acceleration);
-        found.deceleration_mps2_max = found.deceleration_mps2_max.max(-acceleration);
+        so_far.acceleration_mps2_max = so_far.acceleration_mps2_max.max(acceleration);
+        so_far.deceleration_mps2_max = so_far.deceleration_mps2_max.max(-acceleration);
         if let Some(before) = self.acceleration_mps2 {
-            found.jerk_mps3_max = found.jerk_mps3_max.max(((acceleration - before) / seconds).abs());
+            so_far.jerk_mps3_max = so_far.jerk_mps3_max.max(((acceleration - before) / seconds).abs());
         }
         self.acceleration_mps2 = Some(acceleration);
         let yaw_rate = (num::wrap_angle(sample.heading_rad - last.heading_rad) / seconds).abs();
-        found.yaw_rate_radps_max = found.yaw_rate_radps_max.max(yaw_rate);
+        so_far.yaw_rate_radps_max = so_far.yaw_rate_radps_max.max(yaw_rate);
         let lateral = 0.5 * (speed + last_speed) * yaw_rate;
-        found.lateral_acceleration_mps2_max = found.lateral_acceleration_mps2_max.max(lateral);
-        found.distance_m += last.position.distance(sample.position);
+        so_far.lateral_acceleration_mps2_max = so_far.lateral_acceleration_mps2_max.max(lateral);
+        so_far.distance_m += last.position.distance(sample.position);
     }
 
     pub fn finish(&self) -> Motion {
         let mean = if self.count > 0 { self.speed_sum / self.count as f64 } else { 0.0 };
-        Motion { speed_mps_mean: mean, ..self.found }
+        Motion { speed_mps_mean: mean, ..self.so_far }
     }
 }

@@ -3,7 +3,7 @@
 use super::end::End;
 use super::outcome::{Motion, Outcome};
 use crate::scene::DT_S;
-use crate::sim::rollouts::told::Told;
+use crate::sim::rollouts::reported::ReportedRollout;
 
 /// Decision steps of an hour; no scene is as long.
 const STEPS_MAX: usize = 36_000;
@@ -71,7 +71,7 @@ impl Motion {
     }
 }
 
-impl Told {
+impl ReportedRollout {
     /// The first step in which the ego is further away than it can have driven.
     pub fn jump(&self) -> Option<OutOfRange> {
         let steps = self.ego.windows(2).enumerate();
@@ -137,9 +137,9 @@ mod tests {
     #[test]
     fn an_ego_that_jumps_is_named_with_its_step() {
         let (plant, act) = played(3);
-        let mut told = tell(&plant, &act, Policy::Idm.driver().as_mut()).unwrap();
-        told.ego[4].sample.position = told.ego[4].sample.position + Vec2::new(500.0, 0.0);
-        let (expected, found) = told.jump().unwrap();
+        let mut reported = tell(&plant, &act, Policy::Idm.driver().as_mut()).unwrap();
+        reported.ego[4].sample.position = reported.ego[4].sample.position + Vec2::new(500.0, 0.0);
+        let (expected, found) = reported.jump().unwrap();
         assert!(expected.contains("in step 3") && found.ends_with(" m"), "{expected}, {found}");
     }
 }

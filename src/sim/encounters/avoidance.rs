@@ -91,10 +91,10 @@ impl<'a> Relived<'a> for Driven<'a, '_> {
 pub(in crate::sim) fn assess_relived<'a>(rollout: &mut dyn Relived<'a>, outcome: &mut Outcome) -> Result<(), SimError> {
     let Some(contact) = outcome.contact.as_mut().filter(|contact| contact.adversary) else { return Ok(()) };
     let options = &rollout.state().plant.options().avoidance;
-    let found = look_back(rollout, contact.with, options)?;
-    contact.visible_s = found.visible.map(|k| contact.time_s - k as f64 * DT_S);
-    let until = found.contact + in_steps(options.horizon_s);
-    contact.avoidable = Some(found.fork.is_some_and(|(k, state)| {
+    let look_back = look_back(rollout, contact.with, options)?;
+    contact.visible_s = look_back.visible.map(|k| contact.time_s - k as f64 * DT_S);
+    let until = look_back.contact + in_steps(options.horizon_s);
+    contact.avoidable = Some(look_back.fork.is_some_and(|(k, state)| {
         Manoeuvre::ALL.into_iter().any(|manoeuvre| stays_clear(&state, k, until, manoeuvre, options))
     }));
     Ok(())
@@ -126,27 +126,27 @@ fn look_back<'a>(
     let actor = rollout.state().world.actors.iter().position(|a| a.who == adversary).unwrap_or(0);
     let mut watch = ThreatWatch::new(options, actor);
     let reaction = in_steps(options.reaction_s);
-    let mut found = LookBack { contact: 0, visible: None, fork: None };
+    let mut look_back = LookBack { contact: 0, visible: None, fork: None };
     let mut seen = 0;
     for k in 0..rollout.state().plant.steps() {
-        found.contact = k;
+        look_back.contact = k;
         rollout.wake(k);
         let sees = watch.sees(rollout.state(), k);
         if k - seen > reaction {
-            (found.visible, found.fork) = (None, None);
+            (look_back.visible, look_back.fork) = (None, None);
         }
         if sees {
-            found.visible = found.visible.or(Some(k));
+            look_back.visible = look_back.visible.or(Some(k));
             seen = k;
         }
-        if found.visible.is_some_and(|visible| visible + reaction == k) {
-            found.fork = Some((k, rollout.fork(k)));
+        if look_back.visible.is_some_and(|visible| visible + reaction == k) {
+            look_back.fork = Some((k, rollout.fork(k)));
         }
         if !rollout.advance(k)? {
             break;
         }
     }
-    Ok(found)
+    Ok(look_back)
 }
 
 /// Whether a manoeuvre begun in a state at step `from` touches nobody and keeps to the road up to step `until`. Someone

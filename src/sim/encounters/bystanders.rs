@@ -33,23 +33,23 @@ impl Touched {
 pub(in crate::sim) fn touched(plant: &Plant, world: &Others, k: usize, own: usize, until: usize) -> Touched {
     let actor = &world.actors[own];
     let mover = actor.mover();
-    let mut found = Touched::default();
+    let mut touched = Touched::default();
     near_rows(plant, world, k, &mover, |row| {
         let track = plant.rows.track[row] as usize;
         if touches_row(&mover, plant, k, row, until).is_some() && !overlapped(plant, actor.who, track) {
-            found.add(is_parked(plant, track));
+            touched.add(is_parked(plant, track));
         }
     });
     for (_, other) in world.actors.iter().enumerate().filter(|(i, other)| *i != own && other.now.is_some()) {
         if touches(&mover, &other.mover(), until).is_some() {
             match other.who {
                 ActorRef::Track(track) if overlapped(plant, actor.who, track) => {}
-                ActorRef::Track(track) => found.add(other.action.is_none() && is_parked(plant, track)),
-                ActorRef::Inserted(_) => found.add(false),
+                ActorRef::Track(track) => touched.add(other.action.is_none() && is_parked(plant, track)),
+                ActorRef::Inserted(_) => touched.add(false),
             }
         }
     }
-    found
+    touched
 }
 
 /// Whether a track stands all through its recording.

@@ -82,9 +82,9 @@ impl Drivable {
         if !self.is_known() || self.piece(*hint).is_some_and(on) {
             return true;
         }
-        let found = self.pieces.at(point).find(|(_, piece)| counts(piece) && on(piece)).map(|(ix, _)| ix);
-        *hint = found.unwrap_or(*hint);
-        found.is_some()
+        let piece_ix = self.pieces.at(point).find(|(_, piece)| counts(piece) && on(piece)).map(|(ix, _)| ix);
+        *hint = piece_ix.unwrap_or(*hint);
+        piece_ix.is_some()
     }
 
     /// How far a ray from a point in a unit direction surely stays on the piece `hint`, metres: [`Drivable::holds`] is true

@@ -318,13 +318,13 @@ pub(in crate::sim) fn size_is_sound(length_m: f64, width_m: f64) -> bool {
 
 /// Vehicles that move (MetaDrive's rules for reactive traffic that do not depend on the ego), by step of appearance.
 fn candidates_of(scene: &Scene, rows: &Rows, steps: usize) -> Vec<Vec<Candidate>> {
-    let mut found: Vec<Vec<Candidate>> = vec![Vec::new(); steps + 1];
+    let mut candidates: Vec<Vec<Candidate>> = vec![Vec::new(); steps + 1];
     for (i, track) in scene.tracks.iter().enumerate() {
         if track.kind != AgentKind::Vehicle || !moves(track) {
             continue;
         }
         let mut present = false;
-        for (k, appearing) in found.iter_mut().enumerate() {
+        for (k, appearing) in candidates.iter_mut().enumerate() {
             let row = rows.find(k, i);
             if let (Some(row), false) = (row, present) {
                 appearing.extend(candidate(rows, k, row));
@@ -332,7 +332,7 @@ fn candidates_of(scene: &Scene, rows: &Rows, steps: usize) -> Vec<Vec<Candidate>
             present = row.is_some();
         }
     }
-    found
+    candidates
 }
 
 fn moves(track: &Track) -> bool {

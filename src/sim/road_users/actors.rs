@@ -341,7 +341,7 @@ impl Actor {
     }
 
     /// Takes the pose after `substeps` physics steps from whoever moves it; it coasts to where it is not told.
-    pub fn plan_as_told(&mut self, next: Option<(Sample, Vec2)>, substeps: usize) {
+    pub fn plan_as_reported(&mut self, next: Option<(Sample, Vec2)>, substeps: usize) {
         self.next = next.map(|(sample, _)| sample);
         self.next_axis = next.map_or(self.axis, |(_, axis)| axis);
         let Some(now) = &self.now else { return };

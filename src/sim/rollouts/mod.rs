@@ -4,13 +4,13 @@ pub(super) mod closed_loop;
 #[cfg(test)]
 mod plain;
 mod recorder;
-mod retold;
-pub mod rollout;
-pub mod told;
-mod told_check;
+mod reenacted;
+pub mod reported;
+mod reported_check;
 #[cfg(test)]
-mod told_tests;
+mod reported_tests;
+pub mod rollout;
 
-pub use retold::{judge, tell};
+pub use reenacted::{judge, tell};
+pub use reported::{Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, adversaries_of, commands};
 pub use rollout::{Part, RolloutCost, ending, rollout, rollout_counted, rollout_in_parts, rollout_traced};
-pub use told::{Pose, Told, ToldActor, ToldContact, ToldError, adversaries_of, commands};

@@ -51,7 +51,7 @@ pub fn lateral(seconds: f64, (from_m, to_m): (f64, f64), (begin_s, end_s): (f64,
     from_m + (to_m - from_m) * ((seconds - begin_s) / (end_s - begin_s)).clamp(0.0, 1.0)
 }
 
-fn told(contact: Contact) -> (ContactClass, Striker, Side, Side) {
+fn labelled(contact: Contact) -> (ContactClass, Striker, Side, Side) {
     assert!(contact.adversary);
     (contact.class, contact.striker, contact.ego_side, contact.other_side)
 }
@@ -59,57 +59,57 @@ fn told(contact: Contact) -> (ContactClass, Striker, Side, Side) {
 #[test]
 fn a_car_that_rams_the_ego_from_behind_is_a_rear_end_in_which_the_ego_is_struck() {
     let contact = met(motion(91, |t| Vec2::new(-30.0 + 20.0 * t, 0.0)));
-    assert_eq!(told(contact), (ContactClass::RearEndEgoStruck, Striker::Other, Side::Rear, Side::Front));
+    assert_eq!(labelled(contact), (ContactClass::RearEndEgoStruck, Striker::Other, Side::Rear, Side::Front));
     assert!((contact.relative_speed_mps - 8.0).abs() < 1e-9);
 }
 
 #[test]
 fn a_car_that_comes_over_ahead_of_the_ego_cuts_in() {
     let contact = met(motion(91, |t| Vec2::new(30.0 + 4.0 * t, lateral(t, (3.5, 0.0), (1.5, 3.0)))));
-    assert_eq!(told(contact), (ContactClass::CutIn, Striker::Ego, Side::Front, Side::Rear));
+    assert_eq!(labelled(contact), (ContactClass::CutIn, Striker::Ego, Side::Front, Side::Rear));
 }
 
 #[test]
 fn a_slower_car_that_was_always_ahead_is_struck_by_the_ego() {
     let contact = met(motion(91, |t| Vec2::new(30.0 + 4.0 * t, 0.0)));
-    assert_eq!(told(contact), (ContactClass::EgoStrikes, Striker::Ego, Side::Front, Side::Rear));
+    assert_eq!(labelled(contact), (ContactClass::EgoStrikes, Striker::Ego, Side::Front, Side::Rear));
 }
 
 #[test]
 fn a_car_that_stands_in_the_lane_is_a_stationary_hit() {
     let contact = met(motion(91, |_| Vec2::new(40.0, 0.0)));
-    assert_eq!(told(contact), (ContactClass::StationaryHit, Striker::Ego, Side::Front, Side::Rear));
+    assert_eq!(labelled(contact), (ContactClass::StationaryHit, Striker::Ego, Side::Front, Side::Rear));
 }
 
 #[test]
 fn a_car_that_comes_from_the_right_crosses() {
     let contact = met(motion(91, |t| Vec2::new(33.0, -30.0 + 10.0 * t)));
-    assert_eq!(told(contact), (ContactClass::Crossing, Striker::Other, Side::Right, Side::Front));
+    assert_eq!(labelled(contact), (ContactClass::Crossing, Striker::Other, Side::Right, Side::Front));
     // Farther on it is there first, and the ego's front meets its flank.
     let contact = met(motion(91, |t| Vec2::new(37.0, -30.0 + 10.0 * t)));
-    assert_eq!(told(contact), (ContactClass::Crossing, Striker::Ego, Side::Front, Side::Left));
+    assert_eq!(labelled(contact), (ContactClass::Crossing, Striker::Ego, Side::Front, Side::Left));
 }
 
 #[test]
 fn a_car_that_comes_towards_the_ego_meets_it_head_on() {
     let contact = met(motion(91, |t| Vec2::new(80.0 - 10.0 * t, 0.3)));
-    assert_eq!(told(contact), (ContactClass::HeadOn, Striker::Both, Side::Front, Side::Front));
+    assert_eq!(labelled(contact), (ContactClass::HeadOn, Striker::Both, Side::Front, Side::Front));
     assert!((contact.impact_angle_rad.abs() - num::PI).abs() < 1e-9);
 }
 
 #[test]
 fn a_car_beside_the_ego_that_drifts_over_sideswipes_it() {
     let contact = met(motion(91, |t| Vec2::new(12.0 * t, lateral(t, (3.5, 0.0), (1.0, 4.0)))));
-    assert_eq!(told(contact), (ContactClass::Sideswipe, Striker::Other, Side::Left, Side::Right));
+    assert_eq!(labelled(contact), (ContactClass::Sideswipe, Striker::Other, Side::Left, Side::Right));
     let contact = met(motion(91, |t| Vec2::new(12.0 * t, lateral(t, (-3.5, 0.0), (1.0, 4.0)))));
-    assert_eq!(told(contact), (ContactClass::Sideswipe, Striker::Other, Side::Right, Side::Left));
+    assert_eq!(labelled(contact), (ContactClass::Sideswipe, Striker::Other, Side::Right, Side::Left));
 }
 
 #[test]
 fn an_ego_that_drifts_into_a_car_beside_it_sideswipes_that_car() {
     let (scene, act) = against(motion(91, |t| Vec2::new(12.0 * t, 2.6)));
     let contact = contact_of(&scene, &act, &mut Blind { steering_rad: 0.02 });
-    assert_eq!(told(contact), (ContactClass::EgoSideswipes, Striker::Ego, Side::Left, Side::Right));
+    assert_eq!(labelled(contact), (ContactClass::EgoSideswipes, Striker::Ego, Side::Left, Side::Right));
 }
 
 #[test]

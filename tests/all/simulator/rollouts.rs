@@ -64,11 +64,11 @@ fn a_rollout_told_in_parts_is_the_same_and_passes_through_all_of_them() {
         let scene = crossing(seed, 20, 91);
         let (plant, act) = (Plant::new(&scene).unwrap(), intercept(&scene, 10));
         let mut parts = Vec::new();
-        let told = rollout_in_parts(&plant, &act, &mut *Policy::Idm.driver(), |part| parts.push(part)).unwrap();
-        assert_eq!(told, rollout_counted(&plant, &act, &mut *Policy::Idm.driver()).unwrap());
+        let outcome = rollout_in_parts(&plant, &act, &mut *Policy::Idm.driver(), |part| parts.push(part)).unwrap();
+        assert_eq!(outcome, rollout_counted(&plant, &act, &mut *Policy::Idm.driver()).unwrap());
         assert_eq!((parts[0], parts[parts.len() - 1]), (Part::Setup, Part::Setup));
         let begins = |part| parts.iter().filter(|p| **p == part).count() as u64;
-        assert!([Part::Motion, Part::Contact].iter().all(|&part| begins(part) == told.1.steps), "{parts:?}");
+        assert!([Part::Motion, Part::Contact].iter().all(|&part| begins(part) == outcome.1.steps), "{parts:?}");
         assert!(Part::ALL.iter().all(|&part| begins(part) > 0));
     }
 }
@@ -80,10 +80,10 @@ fn a_rollout_without_its_account_ends_in_the_same_way() {
         let scene = crossing(seed, 20, 91);
         let (plant, act) = (Plant::new(&scene).unwrap(), intercept(&scene, 10));
         for policy in [Policy::Idm, Policy::Replay] {
-            let told = rollout(&plant, &act, &mut *policy.driver()).unwrap();
+            let outcome = rollout(&plant, &act, &mut *policy.driver()).unwrap();
             let ended = ending(&plant, &act, &mut *policy.driver()).unwrap();
-            assert_eq!(ended, (told.end, told.contact));
-            contacts += usize::from(told.contact.is_some());
+            assert_eq!(ended, (outcome.end, outcome.contact));
+            contacts += usize::from(outcome.contact.is_some());
         }
     }
     assert!(contacts > 5, "{contacts}");

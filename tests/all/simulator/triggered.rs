@@ -193,27 +193,27 @@ fn scripts_that_make_no_sense_are_refused_by_rule() {
     let good = script(AgentKind::Vehicle, 0.0, 40.0, 0.0, vec![Phase::straight(5.0, Until::Forever)]);
     let scene = straight_road(31, 10.0, vec![]);
     let plant = Plant::new(&scene).unwrap();
-    let told = |change: &dyn Fn(&mut Script)| {
+    let refusal = |change: &dyn Fn(&mut Script)| {
         let mut script = good.clone();
         change(&mut script);
         let act = Intervention { actions: vec![Action::Triggered(script)] };
         rollout(&plant, &act, &mut *Policy::Idm.driver()).map(|_| ()).unwrap_err().to_string()
     };
-    assert!(told(&|s| s.trigger.reference = 1).contains("reference"));
-    assert!(told(&|s| s.trigger.distance_m = f64::NAN).contains("trigger"));
-    assert!(told(&|s| s.spawn.position.x = f64::INFINITY).contains("spawn"));
-    assert!(told(&|s| s.spawn.position.x = 1e9).contains("spawn"));
-    assert!(told(&|s| s.length_m = 0.0).contains("length"));
-    assert!(told(&|s| s.kind = AgentKind::Static).contains("static"));
-    assert!(told(&|s| s.phases = vec![s.phases[0].clone(); 65]).contains("64 phases"));
-    assert!(told(&|s| s.phases[0].speed = Speed::Profile { mps: vec![] }).contains("profiles"));
-    assert!(told(&|s| s.phases[0].speed = Speed::Intercept { mps_min: 3.0, mps_max: 2.0 }).contains("speeds"));
-    assert!(told(&|s| s.phases[0].way = Way::Path { points: vec![Vec2::new(f64::NAN, 0.0)] }).contains("way"));
-    assert!(told(&|s| s.phases[0].way = Way::Shift { left_m: f64::NAN, over_m: 9.0 }).contains("shift"));
-    assert!(told(&|s| s.phases[0].way = Way::Shift { left_m: 3.0, over_m: 0.0 }).contains("shift"));
-    assert!(told(&|s| s.phases[0].way = Way::Turn { left_rad: 4.0, radius_m: 9.0 }).contains("turn"));
-    assert!(told(&|s| s.phases[0].way = Way::Turn { left_rad: 1.0, radius_m: 1.0 }).contains("turn"));
-    assert!(told(&|s| s.phases[0].until = Until::NearRoute { m: -1.0 }).contains("end of a phase"));
-    assert!(told(&|s| s.phases[0].throttle = 1.1).contains("shares"));
-    assert!(told(&|s| s.phases[0].until = Until::Driven { m: -1.0 }).contains("end of a phase"));
+    assert!(refusal(&|s| s.trigger.reference = 1).contains("reference"));
+    assert!(refusal(&|s| s.trigger.distance_m = f64::NAN).contains("trigger"));
+    assert!(refusal(&|s| s.spawn.position.x = f64::INFINITY).contains("spawn"));
+    assert!(refusal(&|s| s.spawn.position.x = 1e9).contains("spawn"));
+    assert!(refusal(&|s| s.length_m = 0.0).contains("length"));
+    assert!(refusal(&|s| s.kind = AgentKind::Static).contains("static"));
+    assert!(refusal(&|s| s.phases = vec![s.phases[0].clone(); 65]).contains("64 phases"));
+    assert!(refusal(&|s| s.phases[0].speed = Speed::Profile { mps: vec![] }).contains("profiles"));
+    assert!(refusal(&|s| s.phases[0].speed = Speed::Intercept { mps_min: 3.0, mps_max: 2.0 }).contains("speeds"));
+    assert!(refusal(&|s| s.phases[0].way = Way::Path { points: vec![Vec2::new(f64::NAN, 0.0)] }).contains("way"));
+    assert!(refusal(&|s| s.phases[0].way = Way::Shift { left_m: f64::NAN, over_m: 9.0 }).contains("shift"));
+    assert!(refusal(&|s| s.phases[0].way = Way::Shift { left_m: 3.0, over_m: 0.0 }).contains("shift"));
+    assert!(refusal(&|s| s.phases[0].way = Way::Turn { left_rad: 4.0, radius_m: 9.0 }).contains("turn"));
+    assert!(refusal(&|s| s.phases[0].way = Way::Turn { left_rad: 1.0, radius_m: 1.0 }).contains("turn"));
+    assert!(refusal(&|s| s.phases[0].until = Until::NearRoute { m: -1.0 }).contains("end of a phase"));
+    assert!(refusal(&|s| s.phases[0].throttle = 1.1).contains("shares"));
+    assert!(refusal(&|s| s.phases[0].until = Until::Driven { m: -1.0 }).contains("end of a phase"));
 }

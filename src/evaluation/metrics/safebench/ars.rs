@@ -146,12 +146,12 @@ impl ArsOptions {
             ("validity.jump_m_max", self.validity.jump_m_max),
             ("validity.off_road_m_max", self.validity.off_road_m_max),
         ];
-        let found = positive.into_iter().find(|(_, x)| !(x.is_finite() && *x > 0.0));
-        if let Some((name, _)) = found {
+        let offending = positive.into_iter().find(|(_, x)| !(x.is_finite() && *x > 0.0));
+        if let Some((name, _)) = offending {
             return Some((name, "a positive number"));
         }
-        let found = least.into_iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0));
-        found.map(|(name, _)| (name, "a number not below 0"))
+        let offending = least.into_iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0));
+        offending.map(|(name, _)| (name, "a number not below 0"))
     }
 }
 

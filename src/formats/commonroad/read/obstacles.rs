@@ -43,7 +43,7 @@ impl Extent {
 }
 
 pub(super) fn read(file: &File<'_>, left_out: &mut Vec<LeftOut>) -> Result<Obstacles, ImportError> {
-    let mut found = Obstacles { obstacles: vec![], edges: vec![] };
+    let mut read = Obstacles { obstacles: vec![], edges: vec![] };
     for element in file.root.children() {
         let is_static = match element.name() {
             "dynamicObstacle" => false,
@@ -59,11 +59,11 @@ pub(super) fn read(file: &File<'_>, left_out: &mut Vec<LeftOut>) -> Result<Obsta
             }
             _ => continue,
         };
-        if let Err(reason) = found.add(&element, is_static, file.dt_s)? {
+        if let Err(reason) = read.add(&element, is_static, file.dt_s)? {
             leave_out(file, &element, left_out, &reason);
         }
     }
-    Ok(found)
+    Ok(read)
 }
 
 fn leave_out(file: &File<'_>, element: &Element<'_>, left_out: &mut Vec<LeftOut>, reason: &str) {

@@ -73,11 +73,11 @@ impl Problem {
         if let Some(middle) = place(&position)? {
             let heading = goal.child("orientation").map(|o| angle(&o)).transpose()?;
             let graph = &network.graph;
-            let found = match heading {
+            let state = match heading {
                 Some(heading) => graph.nearest_lane(middle, heading, START_WITHIN_M),
                 None => graph.nearest_lane_any_heading(middle, START_WITHIN_M),
             };
-            self.goals.extend(found.map(|place| GoalPlace { lane: place.lane, s_m: place.s_m }));
+            self.goals.extend(state.map(|place| GoalPlace { lane: place.lane, s_m: place.s_m }));
         }
         Ok(())
     }

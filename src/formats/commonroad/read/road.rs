@@ -156,13 +156,14 @@ fn kind(element: &Element<'_>) -> LaneKind {
 
 /// The targets of all `<name ref="..."/>` of an element.
 fn refs<'m, T>(element: &Element<'_>, name: &str, known: &'m BTreeMap<&str, T>) -> Result<Vec<&'m T>, ImportError> {
-    let mut found = Vec::new();
+    let mut lanelets = Vec::new();
     for reference in element.children().filter(|child| child.name() == name) {
         let id = reference.needed_attribute("ref")?;
         let there = known.get(id);
-        found.push(there.ok_or_else(|| reference.refuse(format!("a reference to something, found {:?}", shown(id))))?);
+        lanelets
+            .push(there.ok_or_else(|| reference.refuse(format!("a reference to something, found {:?}", shown(id))))?);
     }
-    Ok(found)
+    Ok(lanelets)
 }
 
 fn link(

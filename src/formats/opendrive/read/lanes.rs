@@ -166,13 +166,13 @@ impl Stretch<'_> {
 
     /// Speed limit of the last road type that starts at or before the section.
     fn road_speed(&self) -> Result<Option<f64>, ImportError> {
-        let mut found = None;
+        let mut lane = None;
         for kind in self.road.children().filter(|child| child.name() == "type") {
             if kind.number_attribute("s")? <= self.from_m + 1e-9 {
-                found = speed(&kind)?;
+                lane = speed(&kind)?;
             }
         }
-        Ok(found)
+        Ok(lane)
     }
 }
 

@@ -127,48 +127,48 @@ pub(in crate::formats) mod tests {
 
     #[test]
     fn sections_junctions_and_reversed_roads_are_linked_in_driving_direction() {
-        let found = road("f.xodr", TURN.as_bytes()).unwrap();
-        let lane = |id: &str| &found.lanes[ix(&found, id)];
-        assert_eq!(lane("1/0/-1").exits, [ix(&found, "1/1/-1")]);
-        assert_eq!(lane("1/1/-1").exits, [ix(&found, "2/0/-1")]);
-        assert_eq!(lane("2/0/-1").exits, [ix(&found, "3/0/1")], "a left lane, entered at its road's end");
+        let imported = road("f.xodr", TURN.as_bytes()).unwrap();
+        let lane = |id: &str| &imported.lanes[ix(&imported, id)];
+        assert_eq!(lane("1/0/-1").exits, [ix(&imported, "1/1/-1")]);
+        assert_eq!(lane("1/1/-1").exits, [ix(&imported, "2/0/-1")]);
+        assert_eq!(lane("2/0/-1").exits, [ix(&imported, "3/0/1")], "a left lane, entered at its road's end");
         assert_eq!((lane("1/1/-2").exits.len(), lane("2/0/-1").entries.len()), (0, 1));
         assert_eq!(lane("1/0/-3").kind, LaneKind::Other);
         let neighbour = lane("1/0/-2").left_neighbours[0];
-        assert_eq!((neighbour.lane, neighbour.same_direction), (ix(&found, "1/0/-1"), true));
+        assert_eq!((neighbour.lane, neighbour.same_direction), (ix(&imported, "1/0/-1"), true));
         let oncoming = lane("1/0/-1").left_neighbours[0];
-        assert_eq!((oncoming.lane, oncoming.same_direction), (ix(&found, "1/0/1"), false));
+        assert_eq!((oncoming.lane, oncoming.same_direction), (ix(&imported, "1/0/1"), false));
         assert!((lane("1/0/-1").speed_limit_mps.unwrap() - 13.4112).abs() < 1e-9);
     }
 
     #[test]
     fn lanes_lie_where_widths_and_curves_put_them() {
-        let found = road("f.xodr", TURN.as_bytes()).unwrap();
-        let lane = |id: &str| &found.lanes[ix(&found, id)];
+        let imported = road("f.xodr", TURN.as_bytes()).unwrap();
+        let lane = |id: &str| &imported.lanes[ix(&imported, id)];
         assert_eq!(lane("1/0/-2").centre[0], Vec2::new(0.0, -5.0));
         assert!(lane("1/0/1").centre[0].distance(Vec2::new(30.0, 1.5)) < 1e-6, "against the reference line");
         let arc = Polyline::new(lane("2/0/-1").centre.clone()).unwrap();
         let centre = Vec2::new(50.0, 20.0);
         assert!(arc.points().iter().all(|p| (p.distance(centre) - 21.75).abs() < 1e-9));
         assert!((arc.length_m() - 21.75 * num::FRAC_PI_2).abs() < 0.1);
-        let graph = LaneGraph::of(&found);
-        let way = graph.reachable(ix(&found, "1/0/-1"), 0.0, 200.0);
-        assert!(way.iter().any(|r| r.lane == ix(&found, "3/0/1") && (r.start_m - 84.1).abs() < 0.2));
+        let graph = LaneGraph::of(&imported);
+        let way = graph.reachable(ix(&imported, "1/0/-1"), 0.0, 200.0);
+        assert!(way.iter().any(|r| r.lane == ix(&imported, "3/0/1") && (r.start_m - 84.1).abs() < 0.2));
     }
 
     #[test]
     fn damaged_and_hostile_networks_are_refused_by_place() {
-        let told = |from: &str, to: &str| {
+        let refusal = |from: &str, to: &str| {
             assert!(TURN.contains(from), "{from}");
             road("f.xodr", TURN.replacen(from, to, 1).as_bytes()).unwrap_err().to_string()
         };
-        assert!(told("<line/>", "<poly3 a=\"0\"/>").contains("planView"));
-        assert!(told("length=\"50\" junction", "length=\"1e12\" junction").contains("100000"));
-        assert!(told("hdg=\"0\"", "hdg=\"nan\"").contains("finite number"));
-        assert!(told("road id=\"3\"", "road id=\"2\"").contains("already taken"));
-        assert!(told("connectingRoad=\"2\"", "connectingRoad=\"77\"").contains("77"));
-        assert!(told("elementId=\"3\"", "elementId=\"5\"").contains("5"));
-        assert!(told("OpenDRIVE>", "OpenDrive>").contains("line"));
+        assert!(refusal("<line/>", "<poly3 a=\"0\"/>").contains("planView"));
+        assert!(refusal("length=\"50\" junction", "length=\"1e12\" junction").contains("100000"));
+        assert!(refusal("hdg=\"0\"", "hdg=\"nan\"").contains("finite number"));
+        assert!(refusal("road id=\"3\"", "road id=\"2\"").contains("already taken"));
+        assert!(refusal("connectingRoad=\"2\"", "connectingRoad=\"77\"").contains("77"));
+        assert!(refusal("elementId=\"3\"", "elementId=\"5\"").contains("5"));
+        assert!(refusal("OpenDRIVE>", "OpenDrive>").contains("line"));
         for end in (0..TURN.len() - 1).step_by(83) {
             assert!(road("cut.xodr", &TURN.as_bytes()[..end]).is_err(), "{end}");
         }

@@ -65,9 +65,9 @@ impl Machine<'_> {
 
     fn array<const N: usize>(&mut self) -> Step<[u8; N]> {
         let range = self.take(N)?;
-        let mut found = [0; N];
-        found.copy_from_slice(&self.pickle.bytes[range]);
-        Ok(found)
+        let mut bytes = [0; N];
+        bytes.copy_from_slice(&self.pickle.bytes[range]);
+        Ok(bytes)
     }
 
     fn byte(&mut self) -> Step<usize> {

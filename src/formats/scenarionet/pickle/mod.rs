@@ -211,8 +211,8 @@ impl<'p> Node<'p> {
     /// The value under a text key of a dictionary.
     pub fn get(&self, key: &str) -> Option<Node<'p>> {
         let Some(Object::Dict(entries)) = self.pickle.object(self.value) else { return None };
-        let found = entries.iter().take(RECORD_KEYS_MAX).find(|(k, _)| self.pickle.is_text(*k, key));
-        found.map(|(_, value)| self.of(*value, format_args!("{key:?}")))
+        let records = entries.iter().take(RECORD_KEYS_MAX).find(|(k, _)| self.pickle.is_text(*k, key));
+        records.map(|(_, value)| self.of(*value, format_args!("{key:?}")))
     }
 
     /// The value under a key; an error names the key that is missing.
@@ -226,13 +226,13 @@ impl<'p> Node<'p> {
         if entries.len() > ENTRIES_MAX {
             return None;
         }
-        let mut found = Vec::with_capacity(entries.len());
+        let mut records = Vec::with_capacity(entries.len());
         for (key, value) in entries {
             let key = self.of(*key, "key").id()?;
             let node = self.of(*value, format_args!("{:?}", shown(&key)));
-            found.push((key, node));
+            records.push((key, node));
         }
-        Some(found)
+        Some(records)
     }
 
     /// Items of a list, tuple, set or one-dimensional array of objects.

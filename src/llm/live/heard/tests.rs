@@ -97,7 +97,7 @@ fn chat_table() -> Vec<(&'static str, Answer, Is)> {
             "an end by the server, with its error",
             json(json!({"choices": [{"finish_reason": "error", "message": {"content": "{"},
             "error": {"code": 502, "message": "upstream idle timeout exceeded"}}]})),
-            Passing("error 502 told with HTTP 200: upstream idle"),
+            Passing("error 502 inside HTTP 200: upstream idle"),
         ),
         ("half a character", raw(br#"{\"a\": \"\ud83d\"}"#), Incomplete(End::Broken, b"{\"a\": \"\xed\xa0\xbd\"}")),
         (
@@ -109,14 +109,14 @@ fn chat_table() -> Vec<(&'static str, Answer, Is)> {
         (
             "429 with 200",
             error(json!({"message": "Provider returned error", "code": 429, "metadata": {"raw": "Too Many Requests"}})),
-            Passing("error 429 told with HTTP 200: Provider returned error (Too Many Requests)"),
+            Passing("error 429 inside HTTP 200: Provider returned error (Too Many Requests)"),
         ),
         ("429 as a text", error(json!({"message": "slow", "code": "429"})), Passing("slow")),
         ("408 with 200", error(json!({"message": "late", "code": 408})), Passing("late")),
         (
             "503 at the top",
             json(json!({"object": "error", "message": "The model is overloaded", "code": 503})),
-            Passing("error 503 told with HTTP 200: The model is overloaded"),
+            Passing("error 503 inside HTTP 200: The model is overloaded"),
         ),
         ("an error without a code", error(json!("something broke")), Passing("something broke")),
         ("400 with 200", error(json!({"message": "bad schema", "code": 400})), Refused("bad schema")),
@@ -205,7 +205,7 @@ fn messages_table() -> Vec<(&'static str, Answer, Is)> {
         (
             "overloaded with 200",
             json(json!({"type": "error", "error": {"type": "overloaded_error", "message": "Overloaded"}})),
-            Passing("an error told with HTTP 200: Overloaded"),
+            Passing("an error inside HTTP 200: Overloaded"),
         ),
         (
             "a wrong key with 200",

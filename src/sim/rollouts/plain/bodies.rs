@@ -60,7 +60,7 @@ pub(super) fn begins(action: &Action) -> usize {
 }
 
 /// Where an action puts its road user at a step of the scene, as long as nothing but its samples moves it.
-fn told(plant: &Plant, action: &Action, step: usize) -> Option<Sample> {
+fn sample_at(plant: &Plant, action: &Action, step: usize) -> Option<Sample> {
     match action {
         Action::Triggered(script) => Some(Sample {
             position: script.spawn.position,
@@ -119,7 +119,7 @@ impl<'a> Body<'a> {
                 }
             };
             inserted += usize::from(matches!(who, ActorRef::Inserted(_)));
-            bodies.push(Body::new(who, size, Some(i), mind, told(plant, action, plant.first_step())));
+            bodies.push(Body::new(who, size, Some(i), mind, sample_at(plant, action, plant.first_step())));
         }
         bodies
     }
@@ -187,7 +187,7 @@ impl<'a> Body<'a> {
             }
         };
         let Some(cars) = cars else {
-            self.next = action.and_then(|action| told(plant, action, step + 1));
+            self.next = action.and_then(|action| sample_at(plant, action, step + 1));
             return self.go_straight();
         };
         self.places[0] = Place { position: self.now.map_or(Vec2::ZERO, |now| now.position), axis: self.axis };

@@ -457,24 +457,24 @@ impl Plain<'_> {
         let all: Vec<(Option<(Sample, Place)>, f64)> = whole.chain(tail).collect();
         let mut last: Option<Sample> = None;
         let mut before: Option<Sample> = None;
-        let found = &mut report.simulated;
+        let simulated = &mut report.simulated;
         for (k, (now, seconds)) in all.iter().enumerate() {
             if let (Some((now, place)), true) = (now, k >= from) {
                 if let Some(last) = &last {
                     meter.seed(last);
                     let off = now.position - last.position - (last.velocity + now.velocity) * (0.5 * seconds);
-                    found.jump_m = found.jump_m.max(off.norm());
+                    simulated.jump_m = simulated.jump_m.max(off.norm());
                     if self.plant.drivable.is_wrong_way_by_walk(now.position, place.axis) {
-                        found.wrong_way_m += last.position.distance(now.position);
+                        simulated.wrong_way_m += last.position.distance(now.position);
                     }
                     if let Some(before) = &before {
                         let as_before = (last.position - before.position) * (seconds / DT_S);
-                        found.kink_m = found.kink_m.max((now.position - last.position - as_before).norm());
+                        simulated.kink_m = simulated.kink_m.max((now.position - last.position - as_before).norm());
                     }
                 }
                 meter.push(now, *seconds);
                 for corner in size.at(*place).corners() {
-                    found.off_road_m = found.off_road_m.max(self.off_road_m(corner) - DRIVABLE_TOLERANCE_M);
+                    simulated.off_road_m = simulated.off_road_m.max(self.off_road_m(corner) - DRIVABLE_TOLERANCE_M);
                 }
                 if *seconds == DT_S {
                     let logged = log.and_then(|track| self.track_at(track, k));
@@ -511,13 +511,13 @@ impl Plain<'_> {
         samples.reverse();
         let history = samples.len();
         samples.extend((start..poses.len()).map_while(|k| poses[k].map(|(sample, _)| sample)));
-        let found = report.simulated;
+        let simulated = report.simulated;
         let levels = StepMeter::default().finish(&samples, history + begins - start, size);
         report.simulated = Feasibility {
-            off_road_m: found.off_road_m,
-            wrong_way_m: found.wrong_way_m,
-            jump_m: found.jump_m,
-            kink_m: found.kink_m,
+            off_road_m: simulated.off_road_m,
+            wrong_way_m: simulated.wrong_way_m,
+            jump_m: simulated.jump_m,
+            kink_m: simulated.kink_m,
             ..levels
         };
         let end = samples[samples.len() - 1].position;

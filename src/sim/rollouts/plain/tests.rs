@@ -212,7 +212,8 @@ fn adversaries_under_laws_are_where_the_plain_rollout_has_them() {
             // Somewhere before the end it is not where its samples are: the law had taken over.
             let ran = from_step - trace.from_step..trace.ego.len() - 1;
             let rows = trace.actors[*track].samples.get(ran).unwrap_or_default();
-            let left = rows.iter().zip(samples).any(|(now, told)| now.is_some_and(|now| now.position != told.position));
+            let left =
+                rows.iter().zip(samples).any(|(now, sample)| now.is_some_and(|now| now.position != sample.position));
             taken_over += usize::from(left);
             let formulas = [law.onset.as_ref(), Some(&law.acceleration), law.offset.as_ref()];
             read.extend(formulas.into_iter().flatten().flat_map(Formula::loads).filter(|_| left));

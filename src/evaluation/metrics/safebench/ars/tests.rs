@@ -131,9 +131,9 @@ fn each_sub_score_is_worked_by_hand() {
     let mut run = outcome(vec![bad.clone()]);
     // Struck nobody: 1; impact of 14 m/s, 4 beyond 10 of 10: 0.6; came within 2 m: 1. Mean 2.6 / 3.
     run.contact = Some(contact(14.0));
-    let found = run_realism(&run, &OPTIONS).unwrap();
-    assert!(found.valid);
-    close(found.sub_scores, [0.5, 0.625, 2.6 / 3.0, 1.6 / 3.0]);
+    let realism = run_realism(&run, &OPTIONS).unwrap();
+    assert!(realism.valid);
+    close(realism.sub_scores, [0.5, 0.625, 2.6 / 3.0, 1.6 / 3.0]);
     // The worst of two counts.
     assert!((scores(vec![(report(), conduct(AgentKind::Vehicle)), bad])[0] - 0.5).abs() < 1e-12);
 }
@@ -179,10 +179,10 @@ fn the_score_is_validity_times_the_weighted_sum() {
         RunRealism { acted: true, valid: true, sub_scores: [1.0, 0.5, 1.0, 0.0] },
         RunRealism { acted: true, valid: false, sub_scores: [0.5, 0.5, 0.0, 1.0] },
     ];
-    let found = ars(&runs, 2).unwrap();
+    let realism = ars(&runs, 2).unwrap();
     // 1 of 4 is valid; 0.4 * 0.75 + 0.3 * 0.5 + 0.2 * 0.5 + 0.1 * 0.5 = 0.6.
-    close(found.sub_scores, [0.75, 0.5, 0.5, 0.5]);
-    assert!((found.valid_rate - 0.25).abs() < 1e-12 && (found.ars - 0.15).abs() < 1e-12);
+    close(realism.sub_scores, [0.75, 0.5, 0.5, 0.5]);
+    assert!((realism.valid_rate - 0.25).abs() < 1e-12 && (realism.ars - 0.15).abs() < 1e-12);
     assert_eq!(ars(&[], 3), None);
 }
 

@@ -1,0 +1,70 @@
+//! `shard merge`: the results of shards, united with the run.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+use crate::cli::cluster::shard_target::{Target, TargetOptions};
+use crate::cli::evolve::behind;
+use crate::cli::records::folder::files;
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::exit::{Exit, Failure};
+use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark};
+use crate::store;
+
+#[derive(Debug, Args)]
+pub struct MergeOptions {
+    #[command(flatten)]
+    pub target: TargetOptions,
+    /// Results, or folders of results, besides those in the run folder.
+    #[arg(long, num_args = 1..)]
+    pub results: Vec<PathBuf>,
+}
+
+pub fn run(options: &MergeOptions, jobs: usize) -> Result<Answer, Failure> {
+    let target = Target::of(&options.target, jobs)?;
+    target.held.or_gone(merge(options, &target), |_| false)
+}
+
+fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
+    let Target { job, folder, rollouts, named, held, .. } = target;
+    let mut results: Vec<PathBuf> = files(&folder.shards(), RESULT_ENDING)?;
+    for path in &options.results {
+        results.extend(store::list_files(path, &[RESULT_ENDING])?);
+    }
+    let mut cassette = match (&job.experiment.simulator.backend, rollouts) {
+        (Some(backend), Some(path)) => Some(behind::recorded(backend, path, false)?),
+        _ => None,
+    };
+    let name = job.experiment.name.clone();
+    let study = StudyMark::of(&job.experiment.study(job.scenes.clone(), &job.threads)?);
+    let shards = folder.shards();
+    let merged =
+        Merge { study: &study, shards: &shards, store: &held.objects, cassette: cassette.as_mut() }.merge(&results)?;
+    if let (Some(cassette), Some(path), true) = (&cassette, rollouts, merged.answers > 0) {
+        cassette.save(path, &name)?;
+        cassette.save(&folder.rollouts(), &name)?;
+        progress(format!("{} rollouts in {}", cassette.len(), path.display()));
+    }
+    Ok(answer(merged, &named.display().to_string()))
+}
+
+fn answer(merged: Merged, named: &str) -> Answer {
+    let Merged { results, records, known, no_label, answers, refused } = merged;
+    let reasons: Vec<String> = refused.iter().map(ToString::to_string).collect();
+    for reason in &reasons {
+        progress(format!("refused: {reason}"));
+    }
+    let text = format!(
+        "{results} results: {records} new records, {known} known ones, {no_label} tasks without a label, {answers} new answers of \
+         the backend; {} results refused\n  next: evodrive shard plan {named}\n",
+        reasons.len()
+    );
+    let object = json!({
+        "results": results, "records": records, "known": known, "no_label": no_label, "answers": answers,
+        "refused": reasons,
+    });
+    // What could be used was merged; the first refusal is the command's exit code.
+    let exit = refused.into_iter().next().map_or(Exit::Success, |error| Failure::from(error).exit);
+    Answer { exit, ..Answer::new(text, object) }
+}

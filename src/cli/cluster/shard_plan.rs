@@ -1,0 +1,167 @@
+//! `shard plan`: what a run has no records of, as shards.
+
+use clap::Args;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use crate::backend::{Answers, Replay as Recorded};
+use crate::cli::cluster::shard_target::{Target, TargetOptions};
+use crate::cli::evolve::{behind, models};
+use crate::cli::records::folder::{RunFolder, files};
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::{exit::Failure, interrupt::Interrupt};
+use crate::epoch::{self, Desk, Meter, Mode, Rollouts, Study, Task, Tools, Wanted};
+use crate::kernel::Digest;
+use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
+use crate::objects::Program;
+use crate::shard::{RESULT_ENDING, SHARD_ENDING, Shard, StudyMark, split};
+use crate::store::{self, Store, Transcript};
+
+#[derive(Debug, Args)]
+pub struct PlanOptions {
+    #[command(flatten)]
+    pub target: TargetOptions,
+    /// Most tasks in a shard.
+    #[arg(long, default_value_t = 64)]
+    pub size: usize,
+    /// Ask the experiment's models for answers that the cassette lacks; `evodrive record` writes them down at the end.
+    #[arg(long)]
+    pub record: bool,
+    /// Also plan tasks that were done before and gave no label.
+    #[arg(long)]
+    pub again: bool,
+}
+
+pub fn run(options: &PlanOptions, jobs: usize) -> Result<Answer, Failure> {
+    let target = Target::of(&options.target, jobs)?;
+    target.held.or_gone(planned(options, &target), RunFolder::holds_answers)
+}
+
+fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
+    let Target { job, folder, named, cassette, rollouts, held } = target;
+    let recorded = recorded(cassette, folder, options.record)?;
+    let backend = job.experiment.simulator.backend.clone();
+    let answers = match (&backend, rollouts) {
+        (Some(options), Some(path)) => Some(behind::recorded(options, path, false)?),
+        _ => None,
+    };
+    if let Some(answers) = answers.as_ref().filter(|answers| !answers.is_empty()) {
+        // Workers need not ask again what is recorded.
+        answers.save(&folder.rollouts(), &job.experiment.name)?;
+    }
+    let study = job.experiment.study(job.scenes.clone(), &job.threads)?;
+    let remembered = options.record.then(|| Store::open(&folder.recording())).transpose()?;
+    let replay = Replay::new(recorded.clone(), format!("evodrive shard plan --record {}", named.display()));
+    let models = if options.record {
+        models::askable(&job.experiment, folder, None, &Interrupt::default())?
+    } else {
+        BTreeMap::new()
+    };
+    let asked = remembered.as_ref().map(|store| Record::new(store, recorded.clone(), RecordMode::Missing, models));
+    let ask: &dyn Ask = asked.as_ref().map_or(&replay, |asked| asked);
+    let answers = answers.map(|answers| Recorded::new(answers, "evodrive shard plan"));
+    let answers = answers.as_ref().map(|answers| answers as &dyn Answers);
+    let wanted = Wanted::new(options.again);
+    let walk = folder.shards().join("walk.jsonl");
+    store::create_dir(&folder.shards())?;
+    store::remove_file(&walk)?;
+    let complete = {
+        let labels = Rollouts::new(&held.objects, Mode::Reuse);
+        let tools = Tools::new(&study, ask, &job.threads, &labels, Meter::default());
+        let tools = tools.behind(behind::backend(&job.experiment, answers)).planning(&wanted);
+        let mut desk = Desk { log: Transcript::create(&walk)?, watch: &mut |_| {}, tools };
+        epoch::plan(&study, &mut desk, &walk, &recorded, &wanted)
+    };
+    store::remove_file(&walk)?;
+    let complete = complete?;
+    let (tasks, programs) = wanted.into_tasks();
+    let planned = Planned::write(folder, &study, (tasks, &programs), options.size)?;
+    Ok(planned.answer(folder, &named.display().to_string(), complete))
+}
+
+/// Recorded answers of models. To record a study there need be none yet.
+fn recorded(path: &std::path::Path, folder: &RunFolder, record: bool) -> Result<Cassette, Failure> {
+    if record && !path.exists() {
+        return Ok(Cassette::new(path.display().to_string()));
+    }
+    let cassette = Cassette::load(path)?;
+    if path != folder.cassette() {
+        store::copy(path, &folder.cassette())?;
+    }
+    Ok(cassette)
+}
+
+/// What is missing, and where it stands.
+struct Planned {
+    labels: usize,
+    trials: usize,
+    undisturbed: usize,
+    /// New shards.
+    written: usize,
+    /// Shards without a result.
+    to_do: Vec<PathBuf>,
+    /// Missing tasks of shards that have a result: it was not merged.
+    unmerged: usize,
+}
+
+impl Planned {
+    /// Writes shards for the tasks that no earlier shard holds.
+    fn write(
+        folder: &RunFolder,
+        study: &Study,
+        (mut tasks, programs): (BTreeMap<Digest, Task>, &BTreeMap<Digest, Program>),
+        size: usize,
+    ) -> Result<Planned, Failure> {
+        let count = |kind: fn(&Task) -> bool| tasks.values().filter(|task| kind(task)).count();
+        let labels = count(|task| matches!(task, Task::Label { .. }));
+        let trials = count(|task| matches!(task, Task::Trial { .. }));
+        let undisturbed = tasks.len() - labels - trials;
+        let mark = StudyMark::of(study);
+        let mut unmerged = 0;
+        let mut to_do = Vec::new();
+        for path in files(&folder.shards(), SHARD_ENDING)? {
+            let (shard, _) = Shard::load(&path)?;
+            mark.check(&shard.study, &path.display().to_string())?;
+            let held = shard.tasks.iter().filter(|(key, _)| tasks.remove(key).is_some()).count();
+            match path.with_extension(&RESULT_ENDING[1..]).exists() {
+                true => unmerged += held,
+                false => to_do.push(path),
+            }
+        }
+        let before = to_do.len();
+        for shard in split(&mark, tasks, programs, size) {
+            to_do.push(shard.save(&folder.shards())?.0);
+        }
+        let written = to_do.len() - before;
+        to_do.sort();
+        Ok(Planned { labels, trials, undisturbed, written, to_do, unmerged })
+    }
+
+    fn answer(&self, folder: &RunFolder, named: &str, complete: bool) -> Answer {
+        let Planned { labels, trials, undisturbed, written, to_do, unmerged } = self;
+        let missing = labels + trials + undisturbed;
+        let shards = folder.shards();
+        let at = shards.display();
+        progress(format!("run folder: {}", folder.dir.display()));
+        let mut text = match complete {
+            true => format!("nothing is missing\n  next: evodrive run (or record) {named}\n"),
+            false => format!(
+                "missing: {missing} records ({trials} trials, {labels} labels, {undisturbed} scenes without a program)\n\
+                 shards to do: {} ({written} new) in {at}\n",
+                to_do.len()
+            ),
+        };
+        if !to_do.is_empty() {
+            text += &format!("  next: evodrive shard work {at}/*{SHARD_ENDING}, then evodrive shard merge {named}\n");
+        }
+        if *unmerged > 0 {
+            text += &format!("{unmerged} of them are in results that are not merged: evodrive shard merge {named}\n");
+        }
+        let object = json!({
+            "folder": folder.dir, "shards": shards, "complete": complete, "missing": missing, "labels": labels,
+            "trials": trials, "undisturbed": undisturbed, "new_shards": written, "to_do": to_do, "unmerged": unmerged,
+        });
+        Answer::new(text, object)
+    }
+}

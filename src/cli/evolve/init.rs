@@ -1,0 +1,74 @@
+//! `init`: a short experiment file to begin with.
+
+use clap::Args;
+use serde_json::json;
+use std::convert::Infallible;
+use std::path::PathBuf;
+
+use crate::cli::scenes::files;
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::experiment::{PlannerFile, Starter, family_named, starter};
+use crate::store;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Name of the experiment; its file is NAME.toml in the working directory.
+    #[arg(default_value = "experiment")]
+    pub name: String,
+    /// Your scenes: a pool, a scenario file or a folder of them. Without it scenes are generated.
+    #[arg(long)]
+    pub scenes: Option<PathBuf>,
+    /// Generator family to evolve; several with commas, or repeated. Each becomes a lineage.
+    #[arg(long, default_value = "cat", value_delimiter = ',', value_parser = family)]
+    pub family: Vec<String>,
+    /// Every family of the same protocol: with `--family human` those of SafeBench.
+    #[arg(long)]
+    pub all: bool,
+    /// Epochs; 4 without it.
+    #[arg(long)]
+    pub epochs: Option<i64>,
+    /// Proposals of an epoch; 6 without it.
+    #[arg(long)]
+    pub slots: Option<i64>,
+    /// Scenes that stay closed until evolution is over; without it a fifth, and 20 at least where half of the scenes are so many.
+    #[arg(long)]
+    pub held_out: Option<usize>,
+    /// Your planner as the ego under test: a program, or a .py file with the helper evodrive_driver.py beside it.
+    /// Without it the ego is IDM.
+    #[arg(long)]
+    pub driver: Option<PathBuf>,
+}
+
+/// A family as it is typed; whether there is one of that name is asked when the file is written.
+fn family(word: &str) -> Result<String, Infallible> {
+    Ok(family_named(word))
+}
+
+/// Reads the scenes, so that what cannot be used is told now and the split fits them.
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let path = PathBuf::from(format!("{}.toml", options.name));
+    if path.exists() {
+        return Err(Failure::bad_input(format!("{} exists already; name another experiment", path.display())));
+    }
+    let read = |path: &PathBuf| Ok::<_, Failure>((path.clone(), files::read(std::slice::from_ref(path), jobs)?));
+    let scenes = options.scenes.as_ref().map(read).transpose()?;
+    let driver = options.driver.as_deref().map(PlannerFile::named).transpose()?;
+    let begun = Starter {
+        name: options.name.clone(),
+        families: options.family.clone(),
+        all: options.all,
+        scenes,
+        driver,
+        epochs: options.epochs,
+        slots: options.slots,
+        held_out: options.held_out,
+    };
+    let text = starter(&begun)?;
+    store::write_atomic(&path, text.as_bytes())?;
+    let shown = path.display();
+    let next = format!(
+        "evodrive record {shown}   # asks the models that it names and writes {}.jsonl\nevodrive run {shown}      # replays it: same root",
+        options.name
+    );
+    Ok(Answer::new(format!("{text}\nwritten to {shown}; next:\n{next}\n"), json!({"experiment": path, "text": text})))
+}

@@ -1,0 +1,46 @@
+//! What `run`, `plan` and `record` are told: the experiment, and from which answers it is carried out.
+
+use clap::Args;
+use std::path::PathBuf;
+
+use crate::cli::records::folder::RUNS;
+
+/// What is carried out, and from which answers.
+#[derive(Debug, Args)]
+pub struct JobArgs {
+    /// Experiment file, e.g. experiments/quickstart.toml.
+    pub experiment: PathBuf,
+    /// Folder for run folders.
+    #[arg(long, default_value = RUNS)]
+    pub out: PathBuf,
+    /// Cassette to replay from, instead of the experiment's.
+    #[arg(long)]
+    pub cassette: Option<PathBuf>,
+    /// Scenario files, folders or a pool, instead of the experiment's scenes.
+    #[arg(long, num_args = 1..)]
+    pub scenes: Vec<PathBuf>,
+    /// A value above the file's, e.g. budget.slots=8; it is kept in the run's experiment. May be given again.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub job: JobArgs,
+    /// Do not write report.html.
+    #[arg(long)]
+    pub no_report: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct RecordArgs {
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Ask everything anew, also what the cassette holds already.
+    #[arg(long)]
+    pub fresh: bool,
+    /// Write over cassettes though they hold answers or rollouts that this recording does not ask for.
+    #[arg(long)]
+    pub overwrite: bool,
+}

@@ -1,0 +1,16 @@
+//! Commands that make a run: from the first experiment file to the recording.
+
+pub mod behind;
+pub mod cost;
+pub mod exchange;
+pub mod held;
+pub mod init;
+pub mod job_args;
+pub mod models;
+pub mod other_pool;
+pub mod overwriting;
+pub mod plan;
+pub mod plan_cost;
+pub mod plan_looked;
+pub mod run;
+pub mod watch;

@@ -1,0 +1,133 @@
+//! `figure`: one of the paper's figures from recorded runs, as SVG or PDF.
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+use crate::cli::look::{playables, rollout};
+use crate::cli::records::folder::RunFolder;
+use crate::cli::records::run_name::{OneRun, Runs};
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::draw::{Figure, pdf};
+use crate::evidence::RecordedRun;
+use crate::evidence::figures::{self, Case, FigureError, Side};
+use crate::objects::{LineageId, SolutionId};
+use crate::store;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Which of the paper's figures.
+    pub figure: Which,
+    #[command(flatten)]
+    pub runs: Runs,
+    /// The lineage that `case-evolution` shows; without it the run's first.
+    #[arg(long)]
+    pub lineage: Option<String>,
+    /// File to write: .svg, or .pdf (its text is in Helvetica, which is not embedded).
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Which {
+    /// What patches edit, by part and by kind (fig:patch-surface-distribution).
+    PatchSurface,
+    /// Candidates in random order and in the world evaluator's order (fig:world-sidecar).
+    WorldSidecar,
+    /// A lineage's proposals step by step, and the chain to its reported generator (fig:case-evolution-main and companions).
+    CaseEvolution,
+    /// Pareto area by group over rounds (fig:carla-pareto-evolution).
+    CarlaPareto,
+    /// Scenes in which an evolved generator attacks and its parent does not, side by side, one row per lineage
+    /// (fig:carla-cases).
+    Cases,
+    /// The rooms of the code, from docs/ARCHITECTURE.md (fig:method-architecture, fig:system-arch).
+    Architecture,
+}
+
+/// A run and where it lies, for figures that play its scenes again.
+pub type FolderAndRun = (RunFolder, RecordedRun);
+
+impl Which {
+    /// The figure of these runs; of a lineage where it is of one.
+    pub fn of(self, runs: &[FolderAndRun], lineage: Option<&str>, jobs: usize) -> Result<Figure, Failure> {
+        let recorded_runs: Vec<RecordedRun> = runs.iter().map(|(_, run)| run.clone()).collect();
+        let played = if self == Which::Cases { cases(runs, jobs)? } else { Vec::new() };
+        self.drawn(&recorded_runs, lineage, &played).map_err(Failure::bad_input)
+    }
+
+    fn drawn(
+        self,
+        recorded_runs: &[RecordedRun],
+        lineage: Option<&str>,
+        played: &[Case],
+    ) -> Result<Figure, FigureError> {
+        match (self, recorded_runs) {
+            (Which::PatchSurface, _) => figures::patch_surface(recorded_runs),
+            (Which::WorldSidecar, _) => figures::world_order(recorded_runs),
+            (Which::CarlaPareto, _) => figures::area_rounds(recorded_runs),
+            (Which::Cases, _) => figures::cases(played, recorded_runs),
+            (Which::Architecture, _) => figures::architecture(),
+            (Which::CaseEvolution, []) => Err(FigureError::NoPatches),
+            (Which::CaseEvolution, [first, ..]) => {
+                let named = lineage.map(LineageId::new);
+                let own = |run: &&RecordedRun| run.parents.iter().any(|parent| Some(&parent.lineage) == named.as_ref());
+                let run = recorded_runs.iter().find(own).unwrap_or(first);
+                let lineage = named.or_else(|| run.parents.first().map(|parent| parent.lineage.clone()));
+                figures::case_evolution(run, &lineage.ok_or(FigureError::NoPatches)?)
+            }
+        }
+    }
+}
+
+/// The scenes that lineages won, played by both programs.
+fn cases(runs: &[FolderAndRun], jobs: usize) -> Result<Vec<Case>, Failure> {
+    let mut cases = Vec::new();
+    for (folder, run) in runs {
+        for won in figures::won_scenes(run) {
+            let side = |solution: &SolutionId| -> Result<Side, Failure> {
+                let scene = std::slice::from_ref(&won.scene);
+                let played =
+                    rollout::of_attempt(&OneRun::of(&folder.dir), solution.as_str(), scene, jobs)?.swap_remove(0);
+                let ending = playables::end_in_words(&played.outcome).to_string();
+                Ok(Side { drawing: played.drawing(), ending })
+            };
+            let (original, evolved) = (side(&won.original)?, side(&won.evolved)?);
+            cases.push(Case { won, original, evolved });
+        }
+    }
+    Ok(cases)
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let ending = ending(&options.out)?;
+    // The picture of the program itself needs no run.
+    let needs_none = options.figure == Which::Architecture && options.runs.named().next().is_none();
+    let folders = if needs_none { Vec::new() } else { options.runs.folders()? };
+    let with_folder = |folder: RunFolder| -> Result<FolderAndRun, Failure> {
+        let run = folder.recorded()?;
+        Ok((folder, run))
+    };
+    let runs = folders.into_iter().map(with_folder).collect::<Result<Vec<_>, _>>()?;
+    let figure = options.figure.of(&runs, options.lineage.as_deref(), jobs)?;
+    let bytes = match ending {
+        Ending::Svg => figure.svg().into_bytes(),
+        Ending::Pdf => pdf(&figure),
+    };
+    store::write_atomic(&options.out, &bytes)?;
+    let text = format!("{}: {}", figure.title, options.out.display());
+    Ok(Answer::new(text, json!({"out": options.out, "title": figure.title, "bytes": bytes.len()})))
+}
+
+enum Ending {
+    Svg,
+    Pdf,
+}
+
+fn ending(out: &Path) -> Result<Ending, Failure> {
+    match out.extension().and_then(|ending| ending.to_str()) {
+        Some("svg") => Ok(Ending::Svg),
+        Some("pdf") => Ok(Ending::Pdf),
+        _ => Err(Failure::bad_input(format!("--out {}: expected a name ending in .svg or .pdf", out.display()))),
+    }
+}

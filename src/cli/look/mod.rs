@@ -1,0 +1,16 @@
+//! Commands that read finished runs: attempts, tables, figures, comparisons, reasons.
+
+pub mod compare;
+pub mod data;
+pub mod diff;
+pub mod figure;
+pub mod impact;
+pub mod lineage;
+pub mod page;
+pub mod playables;
+pub mod report;
+pub mod rollout;
+pub mod show;
+pub mod table;
+pub mod why;
+pub mod world;

@@ -1,0 +1,27 @@
+//! The report's page of a finished run: whoever carries a run out, asks for its report or watches it writes the same one.
+
+use crate::backend::Backend;
+use crate::cli::evolve::cost;
+use crate::cli::look::playables;
+use crate::cli::records::folder::RunFolder;
+use crate::cli::terminal::exit::Failure;
+use crate::epoch::{Player, Study};
+use crate::evidence::report::{self, Beside};
+use crate::evidence::{RecordedRun, agreement};
+use crate::kernel::Threads;
+use crate::store;
+
+/// Writes report.html of a finished run.
+pub fn write(
+    study: &Study,
+    folder: &RunFolder,
+    run: &RecordedRun,
+    backend: Backend<'_>,
+    agreement: Option<&agreement::Report>,
+    threads: &Threads,
+) -> Result<(), Failure> {
+    let playables = playables::choose(&Player::of(study, &run.counsels, backend), run, threads);
+    let cost = cost::kept(folder)?;
+    let beside = Beside { selector: &study.selector, cost: cost.as_ref(), agreement, live: None };
+    Ok(store::write_atomic(&folder.report(), report::html(run, &playables, &beside).as_bytes())?)
+}

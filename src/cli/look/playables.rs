@@ -1,0 +1,258 @@
+//! Which rollouts a report can play, simulated again as drawings.
+
+use crate::draw::{Actor, Contact, Drawing, Role, role_of};
+use crate::epoch::{LineageSpec, Player, Study, Traced};
+use crate::evidence::RecordedRun;
+use crate::evidence::report::{Playable, Stage, Unplayed};
+use crate::kernel::Threads;
+use crate::objects::{Program, SceneScore, SolutionId};
+use crate::scene::{DT_S, Scene};
+use crate::sim::{self, ActorRef, ActorTrace, End, Outcome, Trace};
+
+/// Scenes of a lineage that can be played.
+const SCENES_MAX: usize = 3;
+
+/// Rollouts of a page, shared out among its lineages: each takes about 30 kB of it, and a second or less to make.
+const ROLLOUTS_MAX: usize = 96;
+
+/// The chosen program, the parent, the active program and the finalists, as many as there is room for, in the scenes where they
+/// differ most. Of repetitions the first is played. Any other rollout is drawn by `evodrive scenes show`.
+pub fn choose(player: &Player<'_>, run: &RecordedRun, threads: &Threads) -> Stage {
+    let study = player.study;
+    let specs: Vec<&LineageSpec> = study.lineages.iter().filter(|spec| spec.replica == 0).collect();
+    let room = (ROLLOUTS_MAX / SCENES_MAX / specs.len().max(1)).max(1);
+    let mut stage = Stage { repetitions_left_out: study.lineages.len() - specs.len(), ..Stage::default() };
+    let (mut all, mut replays) = (Vec::new(), Vec::new());
+    for spec in specs {
+        let programs: Vec<(SolutionId, String)> = programs(run, spec).into_iter().take(room).collect();
+        for place in scenes(study, run, spec) {
+            all.extend(programs.iter().map(|(solution, role)| (spec, place, solution.clone(), role.clone())));
+            let scene = study.scenes[place].scene();
+            stage.scenes.entry(scene.id.clone()).or_insert_with(|| Drawing::of_scene(scene));
+            // Lineages of one ego share what happens without a program.
+            if !replays.iter().any(|(of, at): &(&LineageSpec, usize)| of.ego.name() == spec.ego.name() && *at == place)
+            {
+                replays.push((spec, place));
+            }
+        }
+    }
+    let played = threads.map(&all, |_, (spec, place, solution, role)| {
+        run.program(solution).map(|program| play(player, spec, program, role, *place))
+    });
+    for ((_, place, solution, _), played) in all.iter().zip(played) {
+        match played {
+            Some(Ok(playable)) => stage.rollouts.push(playable),
+            // Another simulator's rollouts are those that labels were recorded of; this one was not asked for.
+            Some(Err(_)) if study.backend.is_some() => {}
+            Some(Err(reason)) => stage.unplayed.push(Unplayed {
+                solution: solution.to_string(),
+                scene: study.scenes[*place].scene().id.clone(),
+                reason,
+            }),
+            None => {}
+        }
+    }
+    for replay in threads.map(&replays, |_, (spec, place)| without_program(player, spec, *place)) {
+        match replay {
+            Ok(playable) => stage.rollouts.push(playable),
+            Err(_) if study.backend.is_some() => {}
+            Err(unplayed) => stage.unplayed.push(unplayed),
+        }
+    }
+    // By program, then scene: the order of the page's menus.
+    let order: Vec<String> = stage.rollouts.iter().map(|p| p.solution.clone()).collect();
+    stage.rollouts.sort_by_key(|p| order.iter().position(|solution| *solution == p.solution));
+    stage
+}
+
+fn programs(run: &RecordedRun, spec: &LineageSpec) -> Vec<(SolutionId, String)> {
+    let mut chosen: Vec<(SolutionId, String)> = Vec::new();
+    let mut add = |solution: &SolutionId, role: &str| {
+        if !chosen.iter().any(|(known, _)| known == solution) {
+            chosen.push((solution.clone(), role.to_string()));
+        }
+    };
+    let evolved = run.result.as_ref().and_then(|r| r.lineages.iter().find(|l| l.lineage == spec.id));
+    if let Some(result) = evolved {
+        add(&result.evolved.solution, "chosen");
+        result.endpoint.iter().for_each(|endpoint| add(&endpoint.solution, "endpoint"));
+    }
+    if let Some(parent) = run.parents.iter().find(|p| p.lineage == spec.id) {
+        add(&parent.program.solution_id, "parent");
+    }
+    if let Some(active) = run.active(&spec.id) {
+        add(active, "active");
+    }
+    for finalist in run.finalists.iter().filter(|f| f.lineage == spec.id) {
+        add(&finalist.solution, "finalist");
+    }
+    chosen
+}
+
+/// Evolution scenes in which the finalists' labels differ most from the parent's, then those with an attack.
+fn scenes(study: &Study, run: &RecordedRun, spec: &LineageSpec) -> Vec<usize> {
+    let finalists: Vec<_> = run.finalists.iter().filter(|f| f.lineage == spec.id).collect();
+    let label = |scores: &[SceneScore], id: &str| {
+        scores.iter().find(|s| s.scene == id).map_or((0.0, 1.0), |s| (s.attack, s.realism))
+    };
+    let interest = |place: &usize| {
+        let id = study.scenes[*place].scene().id.as_str();
+        let labels: Vec<(f64, f64)> = finalists.iter().map(|f| label(&f.score.scenes, id)).collect();
+        let attacks = labels.iter().map(|l| l.0);
+        let spread = attacks.clone().fold(0.0, f64::max) - attacks.clone().fold(1.0, f64::min);
+        2.0 * spread + attacks.fold(0.0, f64::max) + labels.iter().map(|l| 1.0 - l.1).fold(0.0, f64::max)
+    };
+    let mut places: Vec<usize> = study.evolution.clone();
+    places.sort_by(|a, b| interest(b).total_cmp(&interest(a)).then(a.cmp(b)));
+    places.truncate(SCENES_MAX);
+    places
+}
+
+fn play(
+    player: &Player<'_>,
+    spec: &LineageSpec,
+    program: &Program,
+    role: &str,
+    place: usize,
+) -> Result<Playable, String> {
+    let scene = player.study.scenes[place].scene();
+    let Traced { record, decision, motion, .. } = player.trace(spec, program, place)?;
+    let outcome = &record.outcome;
+    let applied = if decision.applies { String::new() } else { format!("; not applied: {}", decision.reason) };
+    Ok(Playable {
+        solution: program.solution_id.to_string(),
+        role: role.to_string(),
+        scene: scene.id.clone(),
+        changed: changed(scene, &motion),
+        contact: contact(scene, &motion, outcome),
+        caption: format!("{}{applied}", ending(outcome, motion.from_step)),
+    })
+}
+
+/// A scene as it goes on without a program.
+fn without_program(player: &Player<'_>, spec: &LineageSpec, place: usize) -> Result<Playable, Unplayed> {
+    let scene = player.study.scenes[place].scene();
+    let solution = format!("replay, {}", spec.ego.name());
+    let (outcome, motion) = player.replay(spec, place).map_err(|reason| Unplayed {
+        solution: solution.clone(),
+        scene: scene.id.clone(),
+        reason,
+    })?;
+    Ok(Playable {
+        solution,
+        role: "no program".to_string(),
+        scene: scene.id.clone(),
+        changed: changed(scene, &motion),
+        contact: contact(scene, &motion, &outcome),
+        caption: ending(&outcome, motion.from_step),
+    })
+}
+
+/// When a contact happens, in seconds of the scene: the clock of captions and players.
+pub fn contact_s(contact: &sim::Contact, from_step: usize) -> f64 {
+    from_step as f64 * DT_S + contact.time_s
+}
+
+/// One line on how a rollout that began at this step of the scene ended.
+pub fn ending(outcome: &Outcome, from_step: usize) -> String {
+    let end = match (outcome.end, outcome.contact) {
+        (End::Contact, Some(contact)) => format!(
+            "{} at {:.1} s of the scene, {:.1} m/s relative speed",
+            end_in_words(outcome),
+            contact_s(&contact, from_step),
+            contact.relative_speed_mps
+        ),
+        _ => end_in_words(outcome).to_string(),
+    };
+    let distance = outcome.distance_m_min.map_or(String::new(), |d| format!("; nearest {d:.1} m"));
+    format!("{end}{distance}; ego completed {:.0} % of its route", 100.0 * outcome.route_completion)
+}
+
+/// How a rollout ended, without its numbers.
+pub fn end_in_words(outcome: &Outcome) -> &'static str {
+    match (outcome.end, outcome.contact) {
+        (End::Contact, Some(contact)) if contact.adversary => "contact with the adversary",
+        (End::Contact, Some(_)) => "contact with a bystander",
+        (End::Contact, None) => "contact",
+        (End::OffRoad, _) => "the ego left its route",
+        (End::Arrived, _) => "the ego arrived",
+        (End::Horizon, _) => "no contact up to the horizon",
+    }
+}
+
+/// How people call a road user of a rollout.
+pub fn label(scene: &Scene, actor: ActorRef) -> String {
+    match actor {
+        ActorRef::Track(ix) => scene.tracks.get(ix).map_or(format!("track {ix}"), |track| track.id.clone()),
+        ActorRef::Inserted(k) => format!("inserted {k}"),
+    }
+}
+
+/// The ego, the adversaries, and whoever else did not move as recorded.
+pub fn changed(scene: &Scene, motion: &Trace) -> Vec<Actor> {
+    let mut actors: Vec<Actor> = Vec::new();
+    for actor in &motion.actors {
+        let role = match actor.actor {
+            _ if actor.adversary => Role::Adversary,
+            ActorRef::Track(ix) => {
+                let Some(track) = scene.tracks.get(ix) else { continue };
+                role_of(track, scene.objects_of_interest.contains(&ix))
+            }
+            ActorRef::Inserted(_) => Role::Adversary,
+        };
+        if actor.adversary || !as_recorded(scene, actor, motion.from_step) {
+            actors.push(drawn(scene, actor, role, motion.from_step));
+        }
+    }
+    let ego = ActorTrace {
+        actor: ActorRef::Inserted(0),
+        length_m: scene.ego.track.length_m,
+        width_m: scene.ego.track.width_m,
+        adversary: false,
+        samples: motion.ego.iter().copied().map(Some).collect(),
+    };
+    actors.push(Actor { label: "ego".into(), ..drawn(scene, &ego, Role::Ego, motion.from_step) });
+    actors
+}
+
+fn as_recorded(scene: &Scene, actor: &ActorTrace, from_step: usize) -> bool {
+    let ActorRef::Track(ix) = actor.actor else { return false };
+    let Some(track) = scene.tracks.get(ix) else { return false };
+    actor.samples.iter().enumerate().all(|(k, sample)| match (sample, track.at(from_step + k)) {
+        (Some(now), Some(log)) => now.position == log.position,
+        (None, _) => true,
+        (Some(_), None) => false,
+    })
+}
+
+/// Before the rollout's first step as recorded, after its last one absent.
+fn drawn(scene: &Scene, actor: &ActorTrace, role: Role, from_step: usize) -> Actor {
+    let log = match actor.actor {
+        _ if role == Role::Ego => Some(&scene.ego.track),
+        ActorRef::Track(ix) => scene.tracks.get(ix),
+        ActorRef::Inserted(_) => None,
+    };
+    let sample = |step: usize| match step.checked_sub(from_step) {
+        None => log.and_then(|track| track.at(step)).copied(),
+        Some(k) => actor.samples.get(k).copied().flatten(),
+    };
+    let track = crate::scene::Track {
+        id: String::new(),
+        kind: log.map_or(crate::scene::AgentKind::Vehicle, |track| track.kind),
+        length_m: actor.length_m,
+        width_m: actor.width_m,
+        samples: (0..scene.steps).map(sample).collect(),
+    };
+    Actor::of_track(&track, label(scene, actor.actor), role)
+}
+
+/// Where the ego met somebody, if it did.
+pub fn contact(scene: &Scene, motion: &Trace, outcome: &Outcome) -> Option<Contact> {
+    let contact = outcome.contact?;
+    let last = motion.ego.len().checked_sub(1)?;
+    let ego = motion.ego.get(last)?;
+    let other = motion.actors.iter().find(|a| a.actor == contact.with)?.samples.get(last).copied().flatten();
+    let point = other.map_or(ego.position, |other| ego.position.lerp(other.position, 0.5));
+    let label = format!("{} at {:.1} m/s", label(scene, contact.with), contact.relative_speed_mps);
+    Some(Contact { step: motion.from_step + last, point, label })
+}

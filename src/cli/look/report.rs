@@ -1,0 +1,38 @@
+//! `report`: the HTML file of a run.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+use crate::backend::Answers;
+use crate::cli::evolve::behind;
+use crate::cli::look::page;
+use crate::cli::records::run_name::OneRun;
+use crate::cli::studies::agree;
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::kernel::Threads;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub run: OneRun,
+    /// Run of the same study in another simulator: adds a section on how far the two agree, as `agree` prints it.
+    #[arg(long)]
+    pub against: Option<PathBuf>,
+}
+
+/// Simulates the played rollouts again (they are deterministic), so a report needs no stored motion.
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let folder = options.run.folder()?;
+    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let experiment = folder.read_experiment()?;
+    let study = experiment.study(folder.read_pool()?, &threads)?;
+    let replay = behind::replay_of(&experiment, &folder)?;
+    let answers = replay.as_ref().map(|replay| replay as &dyn Answers);
+    let against = options.against.as_deref();
+    let agreement = against.map(|other| agree::agreement(&folder.dir, other, &threads)).transpose()?;
+    let run = folder.recorded_on(Some(&threads))?;
+    page::write(&study, &folder, &run, behind::backend(&experiment, answers), agreement.as_ref(), &threads)?;
+    let path = folder.report();
+    Ok(Answer::new(format!("report: {}", path.display()), json!({"report": path})))
+}

@@ -1,0 +1,100 @@
+//! `table`: the paper's tables from recorded runs.
+
+use clap::{Args, ValueEnum};
+
+use crate::cli::records::{folder::RunFolder, run_name::Runs};
+use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
+use crate::evidence::tables::{self, Table, TableError};
+use crate::evidence::{RecordedRun, cell};
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Which of the paper's tables.
+    pub table: Which,
+    #[command(flatten)]
+    pub runs: Runs,
+    /// How to write it; without it aligned columns on a terminal, and Markdown in a pipe or a file.
+    #[arg(long)]
+    pub format: Option<Format>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Which {
+    /// MetaDrive: one row per generator family, averaged over the egos.
+    MetadriveMain,
+    /// MetaDrive: one row per generator and ego, with the endpoint of the local trace.
+    MetadrivePolicy,
+    /// MetaDrive: contacts by class, and attack as published work counts it; one row per program and ego.
+    MetadriveContacts,
+    /// SafeBench: one row per generator, the parent's scenes against those after the last round.
+    SafebenchMain,
+    /// SafeBench: every round by traffic family, one part per generator.
+    SafebenchRounds,
+    /// SafeBench: the chosen programs on routes that evolution did not see, one row per generator and ego.
+    SafebenchHeldOut,
+    /// Either protocol: what became of the proposals, one row per source family.
+    Proposals,
+    /// Either protocol: what the critics did with proposals before simulation, one row per source family.
+    ActorCritic,
+    /// MetaDrive: search methods with the same number of rollouts; the others are compared with the first run.
+    AttackOnly,
+    /// MetaDrive: the system without one of its parts at a time; name the run of the whole system first.
+    Without,
+    /// MetaDrive: the effect of the number of proposals per epoch, one row per run and family.
+    Kwidth,
+}
+
+impl Which {
+    /// All of them.
+    pub fn all() -> &'static [Which] {
+        Which::value_variants()
+    }
+
+    /// The table of that name; the error lists the names.
+    pub fn named(name: &str) -> Result<Which, String> {
+        let spelled = |which: &Which| which.to_possible_value().map(|value| value.get_name().to_string());
+        let known: Vec<String> = Which::all().iter().filter_map(spelled).collect();
+        let table = Which::all().iter().zip(&known).find(|(_, known)| *known == name).map(|(which, _)| *which);
+        table.ok_or_else(|| format!("no table `{name}`{}; there are {}", cell::near(name, &known), known.join(", ")))
+    }
+
+    /// The table of these runs.
+    pub fn of(self, runs: &[RecordedRun]) -> Result<Table, TableError> {
+        let (_, make) = tables::NAMED[self as usize];
+        make(runs)
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Format {
+    Markdown,
+    /// Unrounded numbers; the paper's numbers have columns of their own.
+    Csv,
+    /// With booktabs.
+    Latex,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let runs = options.runs.folders()?.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
+    let table = options.table.of(&runs).map_err(Failure::bad_input)?;
+    let object = table.json();
+    Ok(match (options.format, stdout_width()) {
+        (None, Some(width)) => Answer::new(tables::plain(&table, width), object),
+        (None | Some(Format::Markdown), _) => Answer::exact(tables::markdown(&table), object),
+        (Some(Format::Csv), _) => Answer::exact(tables::csv(&table), object),
+        (Some(Format::Latex), _) => Answer::exact(tables::latex(&table), object),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_means_the_table_of_that_name() {
+        for (place, (name, _)) in tables::NAMED.iter().enumerate() {
+            assert_eq!(Which::named(name).unwrap() as usize, place, "{name}");
+        }
+        assert_eq!(Which::all().len(), tables::NAMED.len());
+    }
+}

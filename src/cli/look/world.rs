@@ -1,0 +1,25 @@
+//! `world`: how good the world evaluator of a run was.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+
+use crate::cli::records::{folder::RunFolder, run_name::OneRun};
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::evidence::evaluator::{report, text};
+
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub run: OneRun,
+    /// A run of the same lineages with the full budget, for comparing hypervolume and rollouts.
+    #[arg(long)]
+    pub full: Option<PathBuf>,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let run = options.run.folder()?.recorded()?;
+    let full = options.full.as_deref().map(|dir| RunFolder::find(Some(dir))?.recorded()).transpose()?;
+    let quality = report(&run, full.as_ref());
+    Ok(Answer::new(text(&quality), json!(quality)))
+}

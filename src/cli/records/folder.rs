@@ -1,0 +1,369 @@
+//! A run folder: everything that a run rests on and leaves behind, named by its inputs.
+
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+use crate::adapters::ADAPTER_VERSION;
+use crate::cli::terminal::exit::{Exit, Failure};
+use crate::evaluation::EVAL_VERSION;
+use crate::evidence::{Reading, RecordedRun, RecordedRunError};
+use crate::experiment::{Experiment, ExperimentError, read_pool};
+use crate::kernel::{Digest, Threads};
+use crate::scene::Pool;
+use crate::sim::SIM_VERSION;
+use crate::store::{self, MemoKind, Store, StoreError, Transcript};
+
+/// Where run folders lie, unless `--out` says another place.
+pub const RUNS: &str = "runs";
+pub const LATEST: &str = "LATEST";
+const SPEND: &str = "spend.json";
+pub const CARD_BYTES_MAX: u64 = 1 << 16;
+const CARD_FORMAT: &str = "evodrive-run/1";
+
+/// What stands in `run.json`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunCard {
+    pub name: String,
+    /// Of a folder whose recording has not written its cassette yet.
+    pub recording: Option<Recording>,
+}
+
+/// `run.json` as it is written: the recording's parts stand beside the name.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CardFile {
+    format: String,
+    name: String,
+    recording: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cassette: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    fresh: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    overwrite: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rollouts: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    driver_folder: Option<PathBuf>,
+}
+
+impl TryFrom<CardFile> for RunCard {
+    type Error = String;
+
+    fn try_from(file: CardFile) -> Result<RunCard, String> {
+        let CardFile { format: _, name, recording, cassette, fresh, overwrite, rollouts, driver_folder } = file;
+        let recording = match (recording, cassette) {
+            (true, Some(cassette)) => Some(Recording { cassette, fresh, overwrite, rollouts, driver_folder }),
+            (true, None) => return Err("expected `cassette`, the file that the recording writes, found none".into()),
+            (false, _) => None,
+        };
+        Ok(RunCard { name, recording })
+    }
+}
+
+impl From<RunCard> for CardFile {
+    fn from(card: RunCard) -> CardFile {
+        let recording = card.recording.is_some();
+        let (cassette, fresh, overwrite, rollouts, driver_folder) = match card.recording {
+            Some(Recording { cassette, fresh, overwrite, rollouts, driver_folder }) => {
+                (Some(cassette), fresh, overwrite, rollouts, driver_folder)
+            }
+            None => (None, false, false, None, None),
+        };
+        let (format, name) = (CARD_FORMAT.into(), card.name);
+        CardFile { format, name, recording, cassette, fresh, overwrite, rollouts, driver_folder }
+    }
+}
+
+/// What a recording needs to know to go on after it was interrupted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recording {
+    /// Where the cassette goes.
+    pub cassette: PathBuf,
+    /// Whether everything is asked anew.
+    pub fresh: bool,
+    /// Whether answers may be lost that another experiment's recording left there.
+    pub overwrite: bool,
+    /// Where the rollouts of another simulator go.
+    pub rollouts: Option<PathBuf>,
+    /// Where the planner is started.
+    pub driver_folder: Option<PathBuf>,
+}
+
+/// The files of a run.
+#[derive(Clone, Debug)]
+pub struct RunFolder {
+    pub dir: PathBuf,
+}
+
+impl RunFolder {
+    /// `<out>/<name>-<8 hex digits of the inputs>`.
+    pub fn of(out: &Path, name: &str, experiment: Digest, pool: Digest) -> Result<RunFolder, Failure> {
+        let versions = (ADAPTER_VERSION, SIM_VERSION, EVAL_VERSION);
+        let id = Digest::of("evodrive/run-folder/1", &(experiment, pool, versions)).map_err(Failure::internal)?;
+        Ok(RunFolder { dir: out.join(format!("{name}-{}", id.short(8))) })
+    }
+
+    /// The one folder below `runs` whose run was begun and is not finished, if there is one.
+    ///
+    /// # Errors
+    /// There are several: which one is meant must be said.
+    pub fn unfinished() -> Result<Option<RunFolder>, Failure> {
+        let runs = Path::new(RUNS);
+        let mut folders = Vec::new();
+        for dir in if runs.exists() { store::list_dirs(runs)? } else { Vec::new() } {
+            let folder = RunFolder { dir };
+            // A folder that this program cannot read cannot be continued either.
+            if folder.has_card() && folder.is_unfinished().unwrap_or(false) {
+                folders.push(folder);
+            }
+        }
+        if folders.len() > 1 {
+            let names: Vec<String> = folders.iter().map(|folder| folder.dir.display().to_string()).collect();
+            let (count, names) = (names.len(), names.join(", "));
+            return Err(Failure::bad_input(format!("{count} runs below {} are unfinished; name one: {names}", RUNS)));
+        }
+        Ok(folders.pop())
+    }
+
+    /// Whether the run was begun and has not come to its end.
+    pub fn is_unfinished(&self) -> Result<bool, Failure> {
+        Ok(self.card()?.recording.is_some() || (self.transcript().exists() && !self.result().exists()))
+    }
+
+    /// Whether it holds what cannot be made again: answers of models or of another simulator, or questions to them.
+    pub fn holds_answers(&self) -> bool {
+        let recorded = self.recording().exists()
+            && Store::open(&self.recording()).map_or(true, |store| {
+                [MemoKind::Llm, MemoKind::Rollout].into_iter().any(|kind| store.memo_len(kind) > 0)
+            });
+        recorded || self.exchanges().exists() || self.dir.join(SPEND).exists()
+    }
+
+    pub fn experiment(&self) -> PathBuf {
+        self.dir.join("experiment.toml")
+    }
+
+    pub fn pool(&self) -> PathBuf {
+        self.dir.join("scenes.pool")
+    }
+
+    /// The experiment that the folder keeps.
+    pub fn read_experiment(&self) -> Result<Experiment, Failure> {
+        Experiment::read(&self.experiment()).map_err(kept)
+    }
+
+    /// The scenes that the folder keeps.
+    pub fn read_pool(&self) -> Result<Pool, Failure> {
+        read_pool(&self.pool()).map_err(kept)
+    }
+
+    pub fn cassette(&self) -> PathBuf {
+        self.dir.join("cassette.jsonl")
+    }
+
+    /// Recorded rollouts of another simulator, where the experiment names one.
+    pub fn rollouts(&self) -> PathBuf {
+        self.dir.join("rollouts.jsonl")
+    }
+
+    /// Shards of missing work, and their results.
+    pub fn shards(&self) -> PathBuf {
+        self.dir.join("shards")
+    }
+
+    /// What planners and workers printed while it was recorded; no record holds it.
+    pub fn processes(&self) -> PathBuf {
+        self.dir.join("processes.log")
+    }
+
+    pub fn transcript(&self) -> PathBuf {
+        self.dir.join("transcript.jsonl")
+    }
+
+    /// The transcript of a finished run that is being recorded anew, until that is finished too.
+    fn aside(&self) -> PathBuf {
+        self.dir.join("transcript.before.jsonl")
+    }
+
+    /// Makes room for a transcript from the beginning: a finished one is kept beside it, the remains of one that was
+    /// interrupted are not.
+    pub fn set_aside(&self) -> Result<(), Failure> {
+        let path = self.transcript();
+        if path.exists() && Transcript::continue_from_start(&path)?.is_recorded_whole() {
+            store::rename(&path, &self.aside())?;
+        }
+        Ok(store::remove_file(&path)?)
+    }
+
+    /// Removes the transcript that was set aside.
+    pub fn forget_what_was_set_aside(&self) -> Result<(), Failure> {
+        Ok(store::remove_file(&self.aside())?)
+    }
+
+    /// The store of a recording's answers.
+    pub fn recording(&self) -> PathBuf {
+        self.dir.join("recording")
+    }
+
+    pub fn store(&self) -> PathBuf {
+        self.dir.join("store")
+    }
+
+    /// Folders of questions to models of the kind `exchange`.
+    pub fn exchanges(&self) -> PathBuf {
+        self.dir.join("exchange")
+    }
+
+    /// The folder of one such model; a fresh recording, which has a name, asks in another one.
+    pub fn exchange(&self, model: &str, fresh: Option<&str>) -> PathBuf {
+        let folder = match fresh {
+            None => model.to_string(),
+            Some(recording) => format!("{model}-fresh-{}", recording.chars().take(8).collect::<String>()),
+        };
+        self.exchanges().join(folder)
+    }
+
+    /// What live models have used.
+    #[cfg(feature = "live")]
+    pub fn spend(&self) -> PathBuf {
+        self.dir.join(SPEND)
+    }
+
+    pub fn report(&self) -> PathBuf {
+        self.dir.join("report.html")
+    }
+
+    /// What it cost to make the run.
+    pub fn cost(&self) -> PathBuf {
+        self.dir.join("cost.json")
+    }
+
+    pub fn result(&self) -> PathBuf {
+        self.dir.join("result.json")
+    }
+
+    fn card_file(&self) -> PathBuf {
+        self.dir.join("run.json")
+    }
+
+    pub fn has_card(&self) -> bool {
+        self.card_file().exists()
+    }
+
+    pub fn card(&self) -> Result<RunCard, Failure> {
+        let path = self.card_file();
+        let bytes = store::read_bounded(&path, CARD_BYTES_MAX)
+            .map_err(|error| Failure::bad_input(format!("{} is not a run folder: {error}", self.dir.display())))?;
+        let foreign = |error: String| {
+            Failure::corruption(format!("{}: {error}; the file was not written by this program", path.display()))
+        };
+        let card: CardFile = serde_json::from_slice(&bytes).map_err(|error| foreign(error.to_string()))?;
+        if card.format != CARD_FORMAT {
+            return Err(Failure::bad_input(format!(
+                "{}: format: expected {CARD_FORMAT}, found {}; use the version of evodrive that made the run",
+                path.display(),
+                card.format
+            )));
+        }
+        card.try_into().map_err(foreign)
+    }
+
+    /// Writes `run.json`; `recording` is the recording that begins, if one does.
+    pub fn write_card(&self, name: &str, recording: Option<&Recording>) -> Result<(), Failure> {
+        let card = CardFile::from(RunCard { name: name.into(), recording: recording.cloned() });
+        let text = serde_json::to_vec_pretty(&card).map_err(Failure::internal)?;
+        Ok(store::write_atomic(&self.card_file(), &text)?)
+    }
+
+    /// Makes this the folder that commands take when none is named. Only a run that ended well is.
+    pub fn mark_latest(&self) -> Result<(), Failure> {
+        if let (Some(runs), Some(name)) = (self.dir.parent(), self.dir.file_name()) {
+            store::write_atomic(&runs.join(LATEST), name.to_string_lossy().as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// The recorded run.
+    pub fn recorded(&self) -> Result<RecordedRun, Failure> {
+        self.recorded_on(None)
+    }
+
+    /// The same with threads that check its events.
+    pub fn recorded_on(&self, threads: Option<&Threads>) -> Result<RecordedRun, Failure> {
+        let path = self.transcript();
+        if !path.exists() && self.result().exists() {
+            let what = "expected the transcript of a finished run, whose result is there, found none";
+            return Err(Failure::corruption(format!("{}: {what}; `evodrive resume` derives it again", path.display())));
+        }
+        let mut reading = Reading::default();
+        store::each_event_on(&path, threads, &mut |event| reading.add(event))?;
+        reading.finish().map_err(|error| match error {
+            RecordedRunError::NotARun => Failure::corruption(format!(
+                "{}: line 1: expected an `opened` event, found none: {error}; restore the file, or derive it again with `evodrive resume`",
+                path.display()
+            )),
+            other => Failure::bad_input(format!("{}: {other}", path.display())),
+        })
+    }
+}
+
+/// What a run folder keeps was whole when it was written, so whatever is wrong with it now is damage. What is not there may be
+/// another folder than the one that was meant.
+fn kept(error: ExperimentError) -> Failure {
+    let absent = matches!(&error, ExperimentError::Store(StoreError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound);
+    let failure = Failure::from(error);
+    if absent || failure.exit != Exit::BadInput {
+        return failure;
+    }
+    let remedy =
+        "it is the copy that the run folder keeps: restore it, or delete the folder and run the experiment again";
+    Failure::corruption(format!("{}; {remedy}", failure.message))
+}
+
+/// Files of a folder with an ending, in order; none where there is no folder.
+pub fn files(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, Failure> {
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
+    Ok(store::list_files(folder, &[ending])?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn card(text: &str) -> Result<RunCard, String> {
+        serde_json::from_str::<CardFile>(text).map_err(|error| error.to_string())?.try_into()
+    }
+
+    #[test]
+    fn a_card_comes_back_as_it_was_written() {
+        let recording = Recording {
+            cassette: "a.jsonl".into(),
+            fresh: true,
+            overwrite: false,
+            rollouts: Some("b.jsonl".into()),
+            driver_folder: None,
+        };
+        for recording in [Some(recording), None] {
+            let written = RunCard { name: "mine".into(), recording };
+            let text = serde_json::to_string(&CardFile::from(written.clone())).unwrap();
+            assert_eq!(card(&text), Ok(written));
+        }
+    }
+
+    #[test]
+    fn cards_of_earlier_versions_are_read() {
+        let of = |text: &str| card(text).unwrap().recording;
+        assert_eq!(of(r#"{"format":"evodrive-run/1","name":"mine","recording":false}"#), None);
+        let begun = of(r#"{"format":"evodrive-run/1","name":"mine","recording":true,"cassette":"a.jsonl"}"#).unwrap();
+        assert_eq!((begun.cassette, begun.fresh), ("a.jsonl".into(), false));
+    }
+
+    #[test]
+    fn a_recording_that_does_not_say_where_it_goes_is_refused() {
+        let error = card(r#"{"format":"evodrive-run/1","name":"mine","recording":true}"#).unwrap_err();
+        assert!(error.contains("`cassette`"), "{error}");
+    }
+}

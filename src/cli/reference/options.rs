@@ -1,0 +1,24 @@
+//! `options`: the reference of experiment files, as `docs/EXPERIMENT.md` and `docs/experiment.schema.json` hold it.
+
+use clap::Args;
+use serde_json::json;
+
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::experiment;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Print a JSON Schema of experiment files instead, for editors that complete and check TOML (docs/EXPERIMENT.md).
+    #[arg(long)]
+    pub schema: bool,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    if options.schema {
+        let schema = experiment::schema();
+        let text = serde_json::to_string_pretty(&schema).map_err(Failure::internal)? + "\n";
+        return Ok(Answer::new(text, schema));
+    }
+    let page = experiment::page();
+    Ok(Answer::new(page.clone(), json!({"page": page})))
+}

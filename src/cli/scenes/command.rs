@@ -1,0 +1,154 @@
+//! `scenes`: import, list and compare scenes; showing and exporting have files of their own.
+
+use clap::{Args, Subcommand};
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use crate::cli::scenes::files::{Row, keeps, known_tags, listing, read, rows, threads, written};
+use crate::cli::scenes::{best, draw, export, pools, readable, show};
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::experiment::{self, Experiment};
+use crate::scene::stats::PoolStats;
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Read scenario files, folders or pools into a pool.
+    #[command(after_help = readable::in_help())]
+    Import(ImportOptions),
+    /// Write the scenes that an experiment generates into a pool.
+    Generate(GenerateOptions),
+    /// List the scenes of a pool or of scenario files.
+    List(ListOptions),
+    /// Check whether evolution can use each scene, and say why not; exit code 2 if one cannot be used.
+    Check(pools::CheckOptions),
+    /// Write the scenes that have tags, or for which an expression holds, into a pool.
+    Filter(pools::FilterOptions),
+    /// Write the scenes of several pools into one; a scene that occurs twice is kept once, different scenes with one
+    /// id are refused.
+    Merge(pools::MergeOptions),
+    /// Split the usable scenes of a pool into two pools that share none, by a seed or by a tag.
+    Split(pools::SplitOptions),
+    /// Show one scene, as it is or as an attempt played it; draw it as SVG or as a page that plays it.
+    Show(show::Options),
+    /// Rank a run's rollouts by severity or realism, with the command that shows each.
+    Best(best::Options),
+    /// Draw one scene or rollout as a strip of moments side by side, for a paper (SVG).
+    Draw(draw::Options),
+    /// Write scenes, as they are or as an attempt played them, in a format that other programs read.
+    Export(export::Options),
+    /// Compare pools: speeds, gaps, accelerations, yaw rates, conflicts, side by side.
+    Stats(StatsOptions),
+}
+
+#[derive(Debug, Args)]
+pub struct ImportOptions {
+    /// Scenario files, folders or pools.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+    /// OpenDRIVE files of towns, or a folder of them, for SafeBench's route files; a file's name is its town's name.
+    #[arg(long)]
+    pub towns: Vec<PathBuf>,
+    /// Pool file to write.
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct GenerateOptions {
+    /// Experiment file whose scenes are generated, imported or read from a pool.
+    pub experiment: PathBuf,
+    /// Pool file to write.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Scenario files, folders or a pool, instead of the experiment's scenes.
+    #[arg(long, num_args = 1..)]
+    pub scenes: Vec<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct ListOptions {
+    /// A pool, scenario files or folders.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+    /// Only scenes with this tag, e.g. junction; may be repeated.
+    #[arg(long)]
+    pub tag: Vec<String>,
+    /// Only scenes that evolution can use.
+    #[arg(long)]
+    pub usable: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct StatsOptions {
+    /// Pools, scenario files or folders; one column each.
+    #[arg(required = true)]
+    pub paths: Vec<PathBuf>,
+}
+
+pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
+    match command {
+        Command::Import(options) => import(&options, jobs),
+        Command::Generate(options) => generate(&options, jobs),
+        Command::List(options) => list(&options, jobs),
+        Command::Check(options) => pools::check(&options, jobs),
+        Command::Filter(options) => pools::filter(&options, jobs),
+        Command::Merge(options) => pools::merge(&options, jobs),
+        Command::Split(options) => pools::split(&options, jobs),
+        Command::Show(options) => show::run(&options, jobs),
+        Command::Best(options) => best::run(&options, jobs),
+        Command::Draw(options) => draw::run(&options, jobs),
+        Command::Export(options) => export::run(&options, jobs),
+        Command::Stats(options) => stats(&options, jobs),
+    }
+}
+
+fn import(options: &ImportOptions, jobs: usize) -> Result<Answer, Failure> {
+    let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
+    let threads = threads(jobs)?;
+    written(&experiment::read_scenes(&paths, &threads)?, &options.out, &threads)
+}
+
+fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {
+    let experiment = Experiment::read(&options.experiment)?;
+    let threads = threads(jobs)?;
+    written(&experiment.scenes(&options.scenes, &threads)?, &options.out, &threads)
+}
+
+fn list(options: &ListOptions, jobs: usize) -> Result<Answer, Failure> {
+    known_tags(&options.tag)?;
+    let pool = read(&options.paths, jobs)?;
+    let rows = rows(&pool, &threads(jobs)?);
+    let kept: Vec<Row> = rows.into_iter().filter(|row| keeps(row, &options.tag, options.usable)).collect();
+    Ok(Answer::new(listing(&kept), json!({"digest": pool.digest(), "scenes": kept, "left_out": pool.left_out})))
+}
+
+fn stats(options: &StatsOptions, jobs: usize) -> Result<Answer, Failure> {
+    let mut columns = Vec::new();
+    for path in &options.paths {
+        let pool = read(std::slice::from_ref(path), jobs)?;
+        columns.push((path.display().to_string(), PoolStats::of(&pool.scenes)));
+    }
+    let mut text = String::new();
+    for (k, (name, stats)) in columns.iter().enumerate() {
+        let _ = writeln!(text, "[{}] {name}: {} scenes", k + 1, stats.scenes);
+    }
+    let _ = write!(text, "{:<30}", "p5 / p50 / p95 (mean)");
+    for k in 0..columns.len() {
+        let _ = write!(text, " {:>38}", format!("[{}]", k + 1));
+    }
+    text.push('\n');
+    let rows: Vec<_> = columns.iter().map(|(_, stats)| stats.rows()).collect();
+    for line in 0..rows.first().map_or(0, |r| r.len()) {
+        let _ = write!(text, "{:<30}", rows[0][line].0);
+        for column in &rows {
+            let cell = column[line]
+                .1
+                .map_or("-".to_string(), |s| format!("{:.2} / {:.2} / {:.2} ({:.2})", s.p5, s.p50, s.p95, s.mean));
+            let _ = write!(text, " {cell:>38}");
+        }
+        text.push('\n');
+    }
+    let object: Vec<_> = columns.iter().map(|(name, stats)| json!({"pool": name, "stats": stats})).collect();
+    Ok(Answer::new(text, json!({"pools": object})))
+}

@@ -1,0 +1,224 @@
+//! `scenes draw`: a scene or a rollout as a strip of moments side by side, for a paper, or as a film.
+
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use crate::cli::cluster::worker_process::Processes;
+use crate::cli::look::rollout::OfAttempt;
+use crate::cli::scenes::show;
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::draw::{Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, strip};
+use crate::kernel::Threads;
+use crate::llm::command::{Ended, Run};
+use crate::store;
+
+/// Panels of a strip, and the most of them.
+const FRAMES: usize = 4;
+const FRAMES_MAX: usize = 24;
+/// Widths of a panel and of a film, pixels.
+const PANEL_PX: f64 = 360.0;
+const FILM_PX: f64 = 720.0;
+/// A film goes on for so long behind the contact, and its last picture stands for so many hundredths of a second.
+const AFTER_CONTACT_S: f64 = 1.0;
+const LAST_CS: u16 = 150;
+/// ffmpeg may take so long.
+const ENCODING_LIMIT: Duration = Duration::from_secs(300);
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// A pool or scenario file; with --attempt its run, which has its own scenes.
+    #[arg(id = "run", value_name = "POOL|RUN", required_unless_present = "attempt")]
+    pub path: Option<PathBuf>,
+    /// Scene id; not needed where there is only one.
+    #[arg(long)]
+    pub scene: Option<String>,
+    #[command(flatten)]
+    pub of: OfAttempt,
+    /// File to write: a strip of moments (.svg), or a film (.gif; .mp4 where ffmpeg is installed).
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Number of panels of a strip, evenly spaced from the scene's current step to the contact or the end; without it
+    /// 4.
+    #[arg(long)]
+    pub frames: Option<usize>,
+    /// Times of the panels in seconds of the scene, instead of evenly spaced ones, e.g. --at 2.0,3.5,4.1.
+    #[arg(long, value_delimiter = ',', conflicts_with = "frames", allow_negative_numbers = true)]
+    pub at: Vec<f64>,
+    /// Margin around the paths of ego and adversaries in the panels, metres.
+    #[arg(long, default_value_t = 12.0, allow_negative_numbers = true)]
+    pub around: f64,
+    /// Width of a panel, pixels; without it 360, and 720 for a film.
+    #[arg(long, allow_negative_numbers = true)]
+    pub panel: Option<f64>,
+    /// Dark colours.
+    #[arg(long)]
+    pub dark: bool,
+}
+
+/// What a file holds, as its name's ending says.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Strip,
+    Gif,
+    Mp4,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let kind = check(options)?;
+    let (drawing, title) = show::drawn(options.path.as_ref(), options.scene.as_ref(), &options.of, jobs)?;
+    match kind {
+        Kind::Strip => drawn_strip(options, &drawing, title),
+        kind => drawn_film(options, kind, &drawing, title, jobs),
+    }
+}
+
+fn theme(options: &Options) -> Theme {
+    if options.dark { Theme::Dark } else { Theme::Light }
+}
+
+fn drawn_strip(options: &Options, drawing: &Drawing, title: String) -> Result<Answer, Failure> {
+    let strip_of = StripOptions {
+        panel_px: options.panel.unwrap_or(PANEL_PX),
+        theme: theme(options),
+        frame: Frame::Around(options.around),
+        steps: steps(options, drawing)?,
+        title: title.clone(),
+    };
+    store::write_atomic(&options.out, strip(drawing, &strip_of).as_bytes())?;
+    let seconds: Vec<f64> = strip_of.steps.iter().map(|step| *step as f64 * drawing.dt_s).collect();
+    let said: Vec<String> = seconds.iter().map(|s| format!("{s:.1}")).collect();
+    let text =
+        format!("{title}\n{} panels at {} s of the scene: {}", said.len(), said.join(", "), options.out.display());
+    Ok(Answer::new(text, json!({"out": options.out, "title": title, "seconds": seconds})))
+}
+
+/// Every step from the scene's current one to a second behind the contact, or to the end.
+fn drawn_film(options: &Options, kind: Kind, drawing: &Drawing, title: String, jobs: usize) -> Result<Answer, Failure> {
+    let last = drawing.steps.saturating_sub(1);
+    let end = drawing.contact.as_ref().map_or(last, |contact| {
+        let behind = (AFTER_CONTACT_S / drawing.dt_s.max(f64::MIN_POSITIVE)) as usize;
+        contact.step.saturating_add(behind).min(last)
+    });
+    let from = drawing.current_step.min(end);
+    let film_of = FilmOptions {
+        width_px: options.panel.unwrap_or(FILM_PX),
+        theme: theme(options),
+        frame: Frame::Around(options.around),
+        steps: (from..=end).collect(),
+        title: title.clone(),
+    };
+    let threads = Threads::new(jobs).map_err(Failure::internal)?;
+    let film = film(drawing, &film_of, &threads).map_err(Failure::bad_input)?;
+    if kind == Kind::Gif {
+        let delay_cs = (100.0 * drawing.dt_s).round() as u16;
+        store::write_atomic(&options.out, &gif(&film, delay_cs, LAST_CS).map_err(Failure::bad_input)?)?;
+    } else {
+        write_mp4(&film, drawing.dt_s, &options.out)?;
+    }
+    let (pictures, seconds) = (film.pictures.len(), [from, end].map(|step| step as f64 * drawing.dt_s));
+    let text = format!(
+        "{title}\n{pictures} pictures of {} by {} pixels, {:.1} to {:.1} s of the scene: {}",
+        film.width,
+        film.height,
+        seconds[0],
+        seconds[1],
+        options.out.display()
+    );
+    Ok(Answer::new(text, json!({"out": options.out, "title": title, "pictures": pictures, "seconds": seconds})))
+}
+
+/// Has ffmpeg encode the pictures. It writes beside the file, which is moved to its place when it is whole.
+fn write_mp4(film: &Film, dt_s: f64, out: &Path) -> Result<(), Failure> {
+    let mut part = out.as_os_str().to_owned();
+    part.push(".part");
+    let part = PathBuf::from(part);
+    let size = format!("{}x{}", film.width, film.height);
+    let rate = format!("{}", 1.0 / dt_s);
+    let to = part.to_string_lossy().into_owned();
+    let words = [
+        "ffmpeg",
+        "-loglevel",
+        "error",
+        "-y",
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-s",
+        &size,
+        "-r",
+        &rate,
+        "-i",
+        "-",
+        "-an",
+        "-c:v",
+        "libx264",
+        "-pix_fmt",
+        "yuv420p",
+        "-movflags",
+        "+faststart",
+        "-f",
+        "mp4",
+        &to,
+    ];
+    let ended = Processes::default().run(&words.map(String::from), film.pictures.concat(), ENCODING_LIMIT);
+    let failed = match ended {
+        Ended::Well(_) => return Ok(store::rename(&part, out)?),
+        Ended::Unstarted(reason) => {
+            format!("{}: MP4 needs ffmpeg: {reason}; install it (Debian: ffmpeg), or write a .gif", out.display())
+        }
+        Ended::Badly { stderr, .. } => format!("{}: ffmpeg failed: {}", out.display(), stderr.trim()),
+        Ended::Stopped => format!("{}: stopped", out.display()),
+        Ended::Late { .. } => format!("{}: ffmpeg did not end within {} s", out.display(), ENCODING_LIMIT.as_secs()),
+    };
+    // The failure is what is to be told, not that a part of a film is left.
+    let _ = store::remove_file(&part);
+    Err(Failure::bad_input(failed))
+}
+
+/// What can be refused is refused before anything is simulated.
+fn check(options: &Options) -> Result<Kind, Failure> {
+    let refuse = |what: String| Err(Failure::bad_input(what));
+    let kind = match options.out.extension().and_then(|ending| ending.to_str()) {
+        Some("svg") => Kind::Strip,
+        Some("gif") => Kind::Gif,
+        Some("mp4") => Kind::Mp4,
+        _ => {
+            return refuse(format!(
+                "--out {}: expected a name that ends in .svg (a strip), .gif or .mp4 (a film)",
+                options.out.display()
+            ));
+        }
+    };
+    if kind != Kind::Strip && (options.frames.is_some() || !options.at.is_empty()) {
+        return refuse("--frames and --at choose the panels of a strip (.svg); a film shows every step".into());
+    }
+    if !(1..=FRAMES_MAX).contains(&options.frames.unwrap_or(FRAMES)) || options.at.len() > FRAMES_MAX {
+        return refuse(format!("--frames or --at: expected 1 to {FRAMES_MAX} panels"));
+    }
+    if !(0.0..=1000.0).contains(&options.around) {
+        return refuse(format!("--around {}: expected 0 to 1000 metres", options.around));
+    }
+    match options.panel {
+        Some(panel) if !(200.0..=2000.0).contains(&panel) => {
+            refuse(format!("--panel {panel}: expected 200 to 2000 pixels"))
+        }
+        _ => Ok(kind),
+    }
+}
+
+fn steps(options: &Options, drawing: &Drawing) -> Result<Vec<usize>, Failure> {
+    let last = drawing.steps.saturating_sub(1);
+    if options.at.is_empty() {
+        let end = drawing.contact.as_ref().map_or(last, |contact| contact.step.min(last));
+        return Ok(even_steps(drawing.current_step.min(end), end, options.frames.unwrap_or(FRAMES)));
+    }
+    let end_s = last as f64 * drawing.dt_s;
+    let step = |seconds: &f64| match (0.0..=end_s + 1e-9).contains(seconds) {
+        true => Ok(((seconds / drawing.dt_s).round() as usize).min(last)),
+        false => Err(Failure::bad_input(format!("--at {seconds}: expected seconds of the scene, 0 to {end_s:.1}"))),
+    };
+    options.at.iter().map(step).collect()
+}

@@ -1,0 +1,138 @@
+//! Scenes as files hold them, for every command that takes some: read, named, listed, written.
+
+use serde_json::json;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::cli::scenes::left_out;
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::experiment;
+use crate::kernel::Threads;
+use crate::objects::spelling::nearest;
+use crate::scene::features::TAGS;
+use crate::scene::safebench::TrafficFamily;
+use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
+use crate::store;
+
+/// A pool, or what can be imported from files and folders.
+pub fn read(paths: &[PathBuf], jobs: usize) -> Result<Pool, Failure> {
+    Ok(experiment::read_scenes(paths, &threads(jobs)?)?)
+}
+
+pub fn threads(jobs: usize) -> Result<Threads, Failure> {
+    Threads::new(jobs).map_err(Failure::internal)
+}
+
+/// Scenes of a pool just written that are listed one by one.
+const SHOWN_MAX: usize = 20;
+
+/// Writes a pool and says what is in it.
+pub fn written(pool: &Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure> {
+    store::write_atomic(out, &pool::encode(pool))?;
+    let rows = rows(pool, threads);
+    let mut text = listing(&rows[..rows.len().min(SHOWN_MAX)]);
+    if let Some(more) = rows.len().checked_sub(SHOWN_MAX).filter(|more| *more > 0) {
+        let _ = writeln!(text, "and {more} more: evodrive scenes list {}", out.display());
+    }
+    for line in left_out::lines(pool) {
+        let _ = writeln!(text, "{line}");
+    }
+    let _ = writeln!(text, "{} scenes in {}", pool.scenes.len(), out.display());
+    let object = json!({
+        "pool": out, "digest": pool.digest(), "scenes": rows, "left_out": pool.left_out,
+    });
+    Ok(Answer::new(text, object))
+}
+
+/// Refuses a tag that no scene can have.
+pub fn known_tags(tags: &[String]) -> Result<(), Failure> {
+    let known: Vec<&str> = TAGS.into_iter().chain(TrafficFamily::ALL.map(TrafficFamily::name)).collect();
+    let Some(tag) = tags.iter().find(|tag| !known.contains(&tag.as_str())) else { return Ok(()) };
+    let near = nearest(tag, known.iter().copied()).map_or(String::new(), |near| format!("; did you mean {near}?"));
+    let known = known.join(", ");
+    Err(Failure::bad_input(format!("--tag {tag}: no scene can have this tag, expected one of {known}{near}")))
+}
+
+/// A scene in figures.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Row {
+    pub id: String,
+    pub format: String,
+    /// Where it was read from; of a generated scene, its kind.
+    pub file: String,
+    pub duration_s: f64,
+    pub tracks: usize,
+    pub lanes: usize,
+    pub tags: Vec<&'static str>,
+    /// Why evolution cannot use it.
+    pub unusable: Option<String>,
+}
+
+pub fn rows(pool: &Pool, threads: &Threads) -> Vec<Row> {
+    threads.map(&pool.scenes, |_, scene| row(scene))
+}
+
+pub fn row(scene: &Scene) -> Row {
+    Row {
+        id: scene.id.clone(),
+        format: scene.origin.format.clone(),
+        file: scene.origin.name.clone(),
+        duration_s: crate::scene::DT_S * scene.steps.saturating_sub(1) as f64,
+        tracks: scene.tracks.len(),
+        lanes: scene.road.lanes.len(),
+        tags: SceneFeatures::of(scene, &LaneGraph::of(&scene.road)).tags,
+        unusable: usable(scene).err().map(|reason| reason.to_string()),
+    }
+}
+
+pub fn keeps(row: &Row, tags: &[String], only_usable: bool) -> bool {
+    tags.iter().all(|tag| row.tags.contains(&tag.as_str())) && !(only_usable && row.unusable.is_some())
+}
+
+/// The scene of that id.
+pub fn named<'p>(pool: &'p Pool, path: &Path, id: &str) -> Result<&'p Scene, Failure> {
+    pool.scene(id).ok_or_else(|| {
+        let near = nearest(id, pool.scenes.iter().map(|scene| scene.id.as_str()));
+        let near = near.map_or(String::new(), |near| format!("; did you mean {near}?"));
+        let all = unnamed(pool, path);
+        Failure { message: format!("there is no scene {id:?}{near}\n  {}", all.message), ..all }
+    })
+}
+
+/// Says which scenes there are to name.
+pub fn unnamed(pool: &Pool, path: &Path) -> Failure {
+    let known: Vec<&str> = pool.scenes.iter().map(|s| s.id.as_str()).take(20).collect();
+    Failure::bad_input(format!(
+        "name one of the {} scenes of {}: {}{}",
+        pool.scenes.len(),
+        path.display(),
+        known.join(", "),
+        if pool.scenes.len() > 20 { ", ..." } else { "" }
+    ))
+}
+
+pub fn listing(rows: &[Row]) -> String {
+    let wide = |text: fn(&Row) -> &String, least: usize| {
+        rows.iter().map(|row| text(row).chars().count()).max().unwrap_or(0).clamp(least, 48)
+    };
+    let (id, format, file) = (wide(|row| &row.id, 5), wide(|row| &row.format, 6), wide(|row| &row.file, 4));
+    let mut out = format!(
+        "{:<id$} {:<format$} {:<file$} {:>7} {:>7} {:>6}  tags\n",
+        "scene", "format", "file", "seconds", "tracks", "lanes"
+    );
+    for row in rows {
+        let note = row.unusable.as_ref().map_or(String::new(), |reason| format!("  [not used: {reason}]"));
+        let _ = writeln!(
+            out,
+            "{:<id$} {:<format$} {:<file$} {:>7.1} {:>7} {:>6}  {}{note}",
+            row.id,
+            row.format,
+            row.file,
+            row.duration_s,
+            row.tracks,
+            row.lanes,
+            row.tags.join(" ")
+        );
+    }
+    out
+}

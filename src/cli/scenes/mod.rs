@@ -1,0 +1,13 @@
+//! `scenes` and `calibrate`: pools in, out and beside each other.
+
+pub mod best;
+pub mod calibrate;
+pub mod command;
+pub mod draw;
+pub mod export;
+pub mod files;
+pub mod formula;
+pub mod left_out;
+pub mod pools;
+pub mod readable;
+pub mod show;

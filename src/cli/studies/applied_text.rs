@@ -1,0 +1,186 @@
+//! What `apply` says: where the program came from, the tables, which scenes have no label and why.
+
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+
+use crate::adapters::ADAPTER_VERSION;
+use crate::cli::terminal::answer::Answer;
+use crate::ego::Policy;
+use crate::epoch::Labelled;
+use crate::evaluation::EVAL_VERSION;
+use crate::evidence::realism::Realisms;
+use crate::evidence::tables::{self, Table};
+use crate::experiment::ProgramFile;
+use crate::kernel::{Digest, Seed};
+use crate::objects::event::Versions;
+use crate::objects::replay::Replayed;
+use crate::objects::{Origin, SceneFailure};
+use crate::sim::SIM_VERSION;
+
+/// Scenes whose reasons are listed; of more the text says how many, and `--json` lists all.
+const LISTED_MAX: usize = 20;
+
+/// What was played, and what was left out before.
+pub struct Comparison {
+    pub file: ProgramFile,
+    pub ego: Policy,
+    pub seed: Seed,
+    pub pool: Digest,
+    /// Scenes that were played, or could not be.
+    pub scenes: Vec<String>,
+    /// Scenes that nothing was tried on, and why.
+    pub left_out: Vec<(String, String)>,
+    /// Scenes for which the file holds counsel.
+    pub counselled: usize,
+    /// Scenes on which the program was evolved.
+    pub familiar: usize,
+    pub replay: Replayed,
+    pub parent: Labelled,
+    pub program: Labelled,
+}
+
+/// What was written into the folder.
+#[derive(Default)]
+pub struct Written {
+    pub text: String,
+    pub json: Value,
+}
+
+pub fn answer(of: &Comparison, written: &Written) -> Answer {
+    let (parent, program) = (of.file.parent.solution_id.to_string(), of.file.program.solution_id.to_string());
+    let [before, own] = proposals(of);
+    let tables = tables::applied(&tables::Applied {
+        pool: of.pool,
+        scenes: &of.scenes,
+        replay: &of.replay,
+        parent: side(&parent, &before, &of.parent),
+        program: side(&program, &own, &of.program),
+    });
+    let notes = notes(of);
+    let text = format!("{}{}", text(of, &tables, &notes), written.text);
+    let left_out: Vec<Value> =
+        of.left_out.iter().map(|(scene, reason)| json!({"scene": scene, "reason": reason})).collect();
+    let [before_realisms, own_realisms] = [&of.parent, &of.program].map(|played| Realisms::of(&played.score));
+    let json = json!({
+        "program": {
+            "name": program, "hash": of.file.program_hash, "score": of.program.score,
+            "realism_acted": own_realisms.realism_acted, "strict_realism": own_realisms.strict_realism,
+        },
+        "parent": {
+            "name": parent, "score": of.parent.score,
+            "realism_acted": before_realisms.realism_acted, "strict_realism": before_realisms.strict_realism,
+        },
+        "replay": {"scenes": of.replay.scenes, "failures": of.replay.failures},
+        "file": of.file.digest,
+        "family": of.file.family,
+        "origins": of.file.origins,
+        "ego": of.ego.name(),
+        "seed": of.seed.0,
+        "pool": of.pool,
+        "counselled": of.counselled,
+        "evolved_on": of.familiar,
+        "left_out": left_out,
+        "tables": tables.iter().map(Table::json).collect::<Vec<_>>(),
+        "notes": notes,
+        "written": written.json,
+    });
+    Answer::new(text, json)
+}
+
+fn side<'a>(name: &'a str, proposals: &'a str, of: &'a Labelled) -> tables::Played<'a> {
+    tables::Played { name, proposals, score: &of.score, runs: &of.runs, failures: &of.failures }
+}
+
+/// Kinds of the models that the parent and the program came from. A published parent came from none.
+fn proposals(of: &Comparison) -> [String; 2] {
+    let kinds = |origin: Option<&Origin>| origin.map_or("none".to_string(), Origin::kinds);
+    let mut latest_first = of.file.origins.iter().rev();
+    let (own, before) = (kinds(latest_first.next()), kinds(latest_first.next()));
+    // A lineage's parent on its own came from nothing later than its file.
+    let own = if of.file.is_parent() { before.clone() } else { own };
+    [before, own]
+}
+
+fn text(of: &Comparison, tables: &[Table], notes: &[String]) -> String {
+    let file = &of.file;
+    let mut text = format!("{}, family {}, {}\n", file.program.solution_id, file.family, file.program_hash);
+    for origin in &file.origins {
+        let _ = writeln!(text, "from {origin}");
+    }
+    let _ = writeln!(
+        text,
+        "{} scenes of pool {}, ego {}, seed {}\n",
+        of.scenes.len(),
+        of.pool.short(16),
+        of.ego.name(),
+        of.seed.0
+    );
+    tables.iter().for_each(|table| text.push_str(&format!("{}\n", tables::markdown(table))));
+    notes.iter().for_each(|note| text.push_str(&format!("note: {note}\n")));
+    let left_out = of.left_out.iter().map(|(scene, reason)| format!("{scene}: {reason}"));
+    listed(&mut text, "left out", left_out.collect());
+    let failures = |failures: &[SceneFailure]| -> Vec<String> {
+        failures.iter().map(|failure| format!("{}: {}", failure.scene, failure.reason)).collect()
+    };
+    listed(&mut text, "no replay", failures(&of.replay.failures));
+    listed(&mut text, "no label of the parent", failures(&of.parent.score.failures));
+    listed(&mut text, "no label of the program", failures(&of.program.score.failures));
+    text
+}
+
+fn listed(text: &mut String, what: &str, lines: Vec<String>) {
+    lines.iter().take(LISTED_MAX).for_each(|line| text.push_str(&format!("{what}: {line}\n")));
+    if lines.len() > LISTED_MAX {
+        let _ = writeln!(text, "{what}: {} more, which --json lists", lines.len() - LISTED_MAX);
+    }
+}
+
+/// What is other than in the run that the program came out of.
+fn notes(of: &Comparison) -> Vec<String> {
+    let conditions = &of.file.conditions;
+    let mut notes = Vec::new();
+    if of.file.is_parent() {
+        notes.push("the program is its lineage's own parent, so both rows are the same".into());
+    } else if of.familiar > 0 {
+        notes.push(format!(
+            "the program was evolved on {} of these {} scenes: it was chosen by its labels there, so only the other scenes \
+             show what it does in new traffic",
+            of.familiar,
+            of.scenes.len()
+        ));
+    }
+    if let Some(backend) = &conditions.backend {
+        notes.push(format!(
+            "the program was evolved on labels of {} {}; `apply` plays it in our own simulator, whose labels may differ. To \
+             have it labelled there, start a lineage from this file (`parent_program`) in an experiment with that \
+             [simulator.backend]",
+            backend.name, backend.version
+        ));
+    }
+    if of.ego.name() != conditions.ego {
+        notes.push(format!("the program was evolved against ego {}, not {}", conditions.ego, of.ego.name()));
+    }
+    if of.seed.0 != conditions.seed {
+        notes.push(format!("the program was labelled with seed {}, not {}", conditions.seed, of.seed.0));
+    }
+    let here = Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };
+    if conditions.versions != here {
+        notes.push(format!(
+            "exported under simulator version {} and evaluation version {}, here {} and {}: labels may differ from the run's",
+            conditions.versions.sim, conditions.versions.eval, here.sim, here.eval
+        ));
+    }
+    if of.file.takes_counsel() {
+        notes.push(format!(
+            "in this family a model advises who should attack (counsel): the file holds it for {} of these {} scenes; in the \
+             others the program chooses by its own rules",
+            of.counselled,
+            of.scenes.len()
+        ));
+    }
+    if !of.file.parent_settings.is_empty() {
+        let set: Vec<String> = of.file.parent_settings.keys().cloned().collect();
+        notes.push(format!("the parent's experiment set its {}", set.join(", ")));
+    }
+    notes
+}

@@ -1,0 +1,72 @@
+//! `claims`: the paper's claims against recorded runs.
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::cli::records::{folder::RunFolder, run_name::Runs};
+use crate::cli::studies::downstream;
+use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::evidence::RecordedRun;
+use crate::evidence::claims::{self, Judgement};
+use crate::store;
+
+/// The paper's claims, in a clone of this repository.
+const CLAIMS: &str = "paper/claims.toml";
+/// Bytes that a file of claims may have.
+const BYTES_MAX: u64 = 1 << 20;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// File of claims (.toml); a name that ends otherwise is a run.
+    #[arg(default_value = CLAIMS)]
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub runs: Runs,
+    /// How to write it.
+    #[arg(long, default_value = "markdown")]
+    pub format: Format,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Format {
+    Markdown,
+    /// One line for each claim and row, numbers unrounded.
+    Csv,
+}
+
+pub fn run(options: &Options) -> Result<Answer, Failure> {
+    let (file, runs) = match options.file.extension() {
+        Some(ending) if ending == "toml" => (options.file.as_path(), options.runs.clone()),
+        _ => (Path::new(CLAIMS), options.runs.clone().behind(&options.file)),
+    };
+    let recorded_runs = runs.folders()?.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
+    let verdicts = judged(file, &recorded_runs)?;
+    let text = match options.format {
+        Format::Markdown => claims::markdown(&verdicts),
+        Format::Csv => return Ok(Answer::exact(claims::csv(&verdicts), json!(verdicts))),
+    };
+    Ok(Answer::new(text, json!(verdicts)))
+}
+
+/// The claims of a file, judged by these runs.
+pub fn judged(file: &Path, recorded_runs: &[RecordedRun]) -> Result<Judgement, Failure> {
+    if !file.exists() {
+        let expected = "a file of claims; the paper's is paper/claims.toml of a clone of this repository";
+        return Err(Failure::bad_input(format!("{}: no such file, expected {expected}", file.display())));
+    }
+    let bytes = store::read_bounded(file, BYTES_MAX)?;
+    let name = file.display().to_string();
+    let text = String::from_utf8(bytes)
+        .map_err(|_| Failure::bad_input(format!("{name} is not UTF-8 text; expected a TOML file of claims")))?;
+    let read = claims::read(&name, &text).map_err(Failure::bad_input)?;
+    let mut studies = BTreeMap::new();
+    for (name, path) in &read.studies {
+        // A study that is not there leaves its claims untested.
+        if Path::new(path).exists() {
+            studies.insert(name.clone(), downstream::as_recorded(Path::new(path))?);
+        }
+    }
+    claims::judge(&read, recorded_runs, &studies).map_err(Failure::bad_input)
+}

@@ -1,0 +1,117 @@
+//! `egos`: how replay, IDM and learned egos drive the held-out scenes of an experiment, without a program.
+
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+use crate::backend::NoOutcome;
+use crate::cli::evolve::behind::{self, Asked};
+use crate::cli::scenes::files;
+use crate::cli::studies::train::lessons;
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::exit::Failure;
+use crate::ego::Policy;
+use crate::experiment::Experiment;
+use crate::kernel::{Seed, Threads};
+use crate::learn::{Lesson, Trial, figures, trial};
+use crate::scene::Pool;
+use crate::sim::SimError;
+use crate::store;
+
+/// Bytes that a file of weights may have.
+const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Experiment file whose held-out scenes are driven, e.g. experiments/metadrive/cat-sac.toml; its learned egos drive too.
+    pub experiment: PathBuf,
+    /// Weights of a learned ego; may be repeated.
+    #[arg(long)]
+    pub policy: Vec<PathBuf>,
+    /// Your planner, which drives too: a program, a .py file, or a .toml file with a table [driver]; may be repeated.
+    #[arg(long)]
+    pub driver: Vec<PathBuf>,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let experiment = Experiment::read(&options.experiment)?;
+    let threads = files::threads(jobs)?;
+    let pool = experiment.scenes(&[], &threads)?;
+    let split = experiment.split_of(&pool)?;
+    let held_out = split.held_out.iter().filter_map(|entry| pool.scene(&entry.id).cloned()).collect();
+    let held_out = Pool::new(held_out, vec![]).map_err(Failure::internal)?;
+    let lessons = lessons(&held_out, &experiment.simulator.rules(), &threads)?;
+    let mut egos = vec![("replay".to_string(), Policy::Replay), ("idm".to_string(), Policy::Idm)];
+    let rules = experiment.simulator.rules();
+    for lineage in experiment.lineages.iter().filter(|lineage| lineage.policy.is_some()) {
+        let (name, policy) = (lineage.ego.clone(), lineage.driver().map_err(Failure::bad_input)?);
+        if egos.iter().all(|(_, known)| *known != policy) {
+            egos.push((name, policy));
+        }
+    }
+    for path in &options.policy {
+        egos.push((path.display().to_string(), learned(path)?));
+    }
+    let mut rows: Vec<(String, Trial)> = Vec::new();
+    for (name, policy) in egos {
+        match trial(&lessons, &policy, &threads) {
+            Ok(found) => rows.push((name, found)),
+            // SafeBench's scenes have no recorded ego; the others drive all the same.
+            Err(SimError::NoLog { scene, .. }) if policy == Policy::Replay => {
+                progress(format!("replay is left out: scene {scene} has no recorded drive of its ego"));
+            }
+            Err(error) => return Err(Failure::bad_input(error)),
+        }
+    }
+    // The experiment's own program is asked, too: recorded are rollouts of runs.
+    let own = experiment.driver.as_ref().map(|_| options.experiment.clone());
+    for path in own.iter().chain(&options.driver) {
+        let asked = Asked::named(path, &rules)?;
+        rows.push((path.display().to_string(), planned(&asked, &lessons, experiment.seed, &threads)?));
+    }
+    let object = rows.iter().map(|(name, found)| json!({"ego": name, "figures": found})).collect::<Vec<_>>();
+    Ok(Answer::new(table(lessons.len(), &rows), json!({"held_out": held_out.digest(), "egos": object})))
+}
+
+/// How a program of one's own drives; what it could not drive is named and counts nowhere.
+fn planned(asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> Result<Trial, Failure> {
+    let (ego, planners) = (asked.ego()?, asked.planners());
+    let backend = behind::asked(Some(asked), Some(&planners));
+    let drive = |_: usize, of: &Lesson| backend.rollout(&of.plant, &of.intervention, &ego, Seed(seed));
+    let mut outcomes = Vec::new();
+    for (lesson, driven) in lessons.iter().zip(threads.map(lessons, drive)) {
+        match driven {
+            Ok(outcome) => outcomes.push(outcome),
+            Err(NoOutcome::Scene(reason)) => progress(format!("not driven: {}: {reason}", lesson.plant.scene_id())),
+            Err(NoOutcome::Stop(error)) => return Err(error.into()),
+        }
+    }
+    match outcomes.is_empty() {
+        true => Err(Failure::bad_input("the ego drove no scene to its end; the reasons are given above")),
+        false => Ok(figures(&outcomes)),
+    }
+}
+
+/// The ego whose weights a file holds.
+pub fn learned(path: &Path) -> Result<Policy, Failure> {
+    let bytes = store::read_bounded(path, WEIGHTS_BYTES_MAX)?;
+    Policy::learned(&bytes).map_err(|error| Failure::bad_input(format!("{}: {error}", path.display())))
+}
+
+fn table(count: usize, rows: &[(String, Trial)]) -> String {
+    let mut text = format!(
+        "{count} held-out scenes, no program; a crash is any contact, whoever caused it\n{:>16} {:>12} {:>10} {:>9} {:>11}  ego\n",
+        "route completion", "crash rate", "off road", "arrived", "mean speed"
+    );
+    for (name, found) in rows {
+        text += &format!(
+            "{:>14.1} % {:>10.1} % {:>8.1} % {:>7.1} % {:>7.1} m/s  {name}\n",
+            100.0 * found.route_completion,
+            100.0 * found.crash_rate,
+            100.0 * found.off_road_rate,
+            100.0 * found.arrival_rate,
+            found.speed_mps
+        );
+    }
+    text
+}

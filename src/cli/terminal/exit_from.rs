@@ -1,0 +1,131 @@
+//! Which exit code each room's errors mean.
+
+use crate::agents::AgentError;
+use crate::backend::{BackendError, RolloutCassetteError};
+use crate::cli::terminal::exit::Failure;
+use crate::epoch::RunError;
+use crate::evaluation::{CacheError, EvaluationError};
+use crate::experiment::{ExperimentError, ProgramFileError};
+use crate::llm::{AskError, CassetteError};
+use crate::shard::ShardError;
+use crate::store::StoreError;
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Failure {
+        of_store(&error)
+    }
+}
+
+fn of_store(error: &StoreError) -> Failure {
+    match error {
+        StoreError::Corrupt(_) => Failure::corruption(error),
+        StoreError::Divergence(_) | StoreError::Conflict { .. } => Failure::divergence(error),
+        of_the_place if of_the_place.is_of_the_place() => Failure::bad_input(error),
+        StoreError::TooLarge { .. } | StoreError::Locked { .. } | StoreError::Sealed { .. } => {
+            Failure::bad_input(error)
+        }
+        StoreError::Absent { .. } => Failure::corruption(error),
+        StoreError::Io { .. } | StoreError::Unstorable { .. } => Failure::internal(error),
+    }
+}
+
+impl From<CassetteError> for Failure {
+    fn from(error: CassetteError) -> Failure {
+        match &error {
+            CassetteError::Damaged { .. } => Failure::corruption(error),
+            _ => Failure::bad_input(error),
+        }
+    }
+}
+
+impl From<ExperimentError> for Failure {
+    fn from(error: ExperimentError) -> Failure {
+        match &error {
+            ExperimentError::Store(store) => of_store(store),
+            _ => Failure::bad_input(error),
+        }
+    }
+}
+
+impl From<ProgramFileError> for Failure {
+    fn from(error: ProgramFileError) -> Failure {
+        match &error {
+            ProgramFileError::Store(store) => of_store(store),
+            ProgramFileError::Digest { .. } | ProgramFileError::Truncated { .. } => Failure::corruption(error),
+            _ => Failure::bad_input(error),
+        }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Failure {
+        match &error {
+            RunError::Agent(AgentError::Ask(AskError::Miss(_))) => Failure::miss(error),
+            RunError::Agent(AgentError::Ask(AskError::Disk(store))) => of_store(store),
+            RunError::Agent(AgentError::Ask(AskError::Store(_))) => Failure::internal(error),
+            RunError::Interrupted | RunError::Agent(AgentError::Ask(AskError::Stopped)) => Failure::interrupted(error),
+            RunError::Agent(_) | RunError::Study(_) | RunError::World(_) => Failure::bad_input(error),
+            RunError::Evaluation(EvaluationError::NoLabel(_)) => Failure::bad_input(error),
+            RunError::Evaluation(EvaluationError::Cache(cache)) => of_cache(cache),
+            RunError::Evaluation(EvaluationError::Backend(backend)) => of_backend(backend),
+            RunError::Store(store) => of_store(store),
+            _ => Failure::internal(error),
+        }
+    }
+}
+
+impl From<BackendError> for Failure {
+    fn from(error: BackendError) -> Failure {
+        of_backend(&error)
+    }
+}
+
+impl From<RolloutCassetteError> for Failure {
+    fn from(error: RolloutCassetteError) -> Failure {
+        of_rollouts(&error)
+    }
+}
+
+impl From<ShardError> for Failure {
+    fn from(error: ShardError) -> Failure {
+        match &error {
+            ShardError::Damaged { .. } => Failure::corruption(error),
+            ShardError::Foreign { .. } => Failure::bad_input(error),
+            ShardError::Diverged(_) => Failure::divergence(error),
+            ShardError::Store(store) => of_store(store),
+            ShardError::Cassette(cassette) => of_rollouts(cassette),
+            ShardError::Canon(_) => Failure::internal(error),
+        }
+    }
+}
+
+fn of_backend(error: &BackendError) -> Failure {
+    match error {
+        BackendError::Miss(_) => Failure::miss(error),
+        BackendError::Worker(_) | BackendError::Unplayable(_) => Failure::bad_input(error),
+        BackendError::Cassette(cassette) => of_rollouts(cassette),
+        BackendError::Store(store) => of_store(store),
+        BackendError::Key(_) => Failure::internal(error),
+    }
+}
+
+fn of_rollouts(error: &RolloutCassetteError) -> Failure {
+    match error {
+        RolloutCassetteError::Damaged { .. } => Failure::corruption(error),
+        RolloutCassetteError::Store(store) => of_store(store),
+        RolloutCassetteError::Version { .. }
+        | RolloutCassetteError::Backend { .. }
+        | RolloutCassetteError::Planner { .. } => Failure::bad_input(error),
+    }
+}
+
+fn of_cache(error: &CacheError) -> Failure {
+    match error {
+        CacheError::Diverged { .. } => Failure::divergence(error),
+        CacheError::Damaged { .. } => Failure::corruption(error),
+        CacheError::Store(inner) => match inner.downcast_ref::<StoreError>() {
+            Some(store) => of_store(store),
+            None => Failure::internal(error),
+        },
+    }
+}

@@ -1,0 +1,14 @@
+//! What a person sees: answers, failures, progress, widths, and words to copy.
+
+pub mod answer;
+pub mod examples;
+pub mod exit;
+pub mod exit_from;
+pub mod groups;
+pub mod interrupt;
+pub mod moving_line;
+pub mod result_text;
+pub mod shell;
+pub mod timed;
+pub mod typed;
+pub mod width;

@@ -1,0 +1,305 @@
+//! Progress of a run on stderr, from its start: which epoch of how many, the share done, the rate, the time left. On a terminal
+//! one moving line, which names the run folder too where there is room, and a line that stays for each epoch; in a file or pipe
+//! a line for each piece of news. A model that takes its time is told of answer by answer: an epoch of a small local model
+//! is an hour.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::cli::terminal::width::{USUAL, stderr_width};
+use crate::cli::terminal::{answer::progress, result_text, timed::timed};
+use crate::epoch::{Progress, Study};
+use crate::llm::{Ask, AskError, DrawSlot, Reply, Request};
+
+/// The bar, whose words are cut to the room beside it before they are shown.
+const LOOK: &str = "{bar:10} {wide_msg}";
+/// Characters of a line that the bar takes.
+const BAR: usize = 11;
+/// The least that is worth showing of a folder's name.
+const NAME_MIN: usize = 7;
+
+/// An answer that took so long is told of; those that were recorded or come from rules are not.
+const SLOW: Duration = Duration::from_secs(2);
+
+/// Tells what happens in a run.
+pub struct MovingLine {
+    /// `None` where stderr is no terminal.
+    bar: Option<ProgressBar>,
+    /// Name of the run folder.
+    place: String,
+    way: Way,
+    begun: Instant,
+    /// Proposals that were judged.
+    done: AtomicU64,
+    /// Of these, those of an earlier try: while nothing had to be simulated. And the milliseconds that they took.
+    again: (AtomicU64, AtomicU64),
+    /// Answers that took their time.
+    answered: AtomicU64,
+}
+
+impl MovingLine {
+    /// Begins to tell of a run in this folder.
+    #[allow(clippy::disallowed_methods)]
+    pub fn new(study: &Study, folder: &Path) -> MovingLine {
+        let way = Way::of(study);
+        let bar = std::io::stderr().is_terminal().then(|| bar(way.proposals(), ProgressDrawTarget::stderr()));
+        let place = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
+        let line = MovingLine {
+            bar,
+            place,
+            way,
+            begun: Instant::now(),
+            done: 0.into(),
+            again: Default::default(),
+            answered: 0.into(),
+        };
+        match &line.bar {
+            Some(bar) => {
+                bar.set_message(line.words(&[]));
+                bar.tick();
+            }
+            None => progress(line.standing().whole),
+        }
+        line
+    }
+
+    /// One piece of news; `rollouts` were read from the store and simulated so far.
+    pub fn tell(&self, news: &Progress, (reused, simulated): (usize, usize)) {
+        if matches!(news, Progress::Attempt { .. }) {
+            self.done.fetch_add(1, Ordering::Relaxed);
+        }
+        if simulated == 0 {
+            self.again.0.store(self.done.load(Ordering::Relaxed), Ordering::Relaxed);
+            self.again.1.store(self.begun.elapsed().as_millis() as u64, Ordering::Relaxed);
+        }
+        let text = result_text::progress(news);
+        match (&self.bar, news) {
+            (Some(bar), Progress::Attempt { .. }) => {
+                bar.set_position(self.done.load(Ordering::Relaxed));
+                let rollouts = format!("{} rollouts", reused + simulated);
+                bar.set_message(self.words(&[&rollouts, text.trim()]));
+            }
+            (Some(bar), _) => bar.suspend(|| progress(text)),
+            (None, Progress::Settled { .. }) => progress(format!("{text}; {}", self.standing().whole)),
+            (None, _) => progress(text),
+        }
+    }
+
+    /// What the moving line says, cut to the terminal.
+    fn words(&self, news: &[&str]) -> String {
+        let room = stderr_width().unwrap_or(USUAL).saturating_sub(BAR);
+        words(&self.standing(), &self.place, news, room)
+    }
+
+    fn standing(&self) -> Standing {
+        let (done, seconds) = (self.done.load(Ordering::Relaxed), self.begun.elapsed().as_secs_f64());
+        let again = (self.again.0.load(Ordering::Relaxed), self.again.1.load(Ordering::Relaxed) as f64 / 1e3);
+        self.way.standing((done, seconds), again)
+    }
+
+    /// A model that told its answer, or failed to, after so long.
+    fn heard(&self, request: &Request, took: Duration) {
+        let count = self.answered.fetch_add(1, Ordering::Relaxed) + 1;
+        let text = answer_text(count, &request.slot, took);
+        match &self.bar {
+            Some(bar) => bar.set_message(self.words(&[&text])),
+            None => progress(text),
+        }
+    }
+
+    /// Takes the line away, so that what follows stands alone.
+    pub fn finish(&self) {
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
+    }
+}
+
+/// Whoever answers, with the line that tells of slow answers.
+pub struct Heard<'a> {
+    /// Who answers.
+    pub ask: &'a dyn Ask,
+    /// Where it is told.
+    pub line: &'a MovingLine,
+}
+
+impl Ask for Heard<'_> {
+    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        let (reply, took) = timed(|| self.ask.ask(request));
+        if took >= SLOW {
+            self.line.heard(request, took);
+        }
+        reply
+    }
+}
+
+/// A failed run takes its line away too.
+impl Drop for MovingLine {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+/// What lies before a run. Proposals are the unit: how many there will be is known from the start.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    epochs: u64,
+    /// Proposals of all lineages in an epoch.
+    each: u64,
+}
+
+impl Way {
+    fn of(study: &Study) -> Way {
+        let lineages = study.lineages.len() as u64;
+        Way { epochs: u64::from(study.budget.epochs), each: u64::from(study.budget.slots) * lineages }
+    }
+
+    fn proposals(self) -> u64 {
+        self.epochs * self.each
+    }
+
+    /// Where a run stands that has judged so many proposals in so many seconds. The rate is the mean since it began; where
+    /// it goes on from an earlier try, `again` of them were only read, and the rate is that of the others.
+    fn standing(self, (done, seconds): (u64, f64), again: (u64, f64)) -> Standing {
+        let all = self.proposals();
+        if done >= all {
+            return Standing::of(format!("all {all} proposals of {} epochs are finished", self.epochs), "100 %".into());
+        }
+        let epoch = done / self.each.max(1) + 1;
+        let share = 100.0 * done as f64 / all as f64;
+        let begun = format!("epoch {epoch} of {}, {share:.0} % of {all} proposals", self.epochs);
+        let short = format!("{share:.0} %");
+        let (known, known_s) = if again.0 < done { again } else { (0, 0.0) };
+        if done == 0 || seconds <= known_s {
+            return Standing::of(begun, short);
+        }
+        let rate = (done - known) as f64 / (seconds - known_s);
+        let pace = format!("{}, {} left", rated(rate), lasting((all - done) as f64 / rate));
+        Standing::of(format!("{begun}, {pace}"), format!("{short}, {pace}"))
+    }
+}
+
+/// Where a run stands: share, rate and time left, with epoch and number of proposals and without.
+struct Standing {
+    whole: String,
+    short: String,
+}
+
+impl Standing {
+    fn of(whole: String, short: String) -> Standing {
+        Standing { whole, short }
+    }
+}
+
+/// The words of the moving line: the standing always, then as much of the folder's name and of the news as there is room for.
+fn words(standing: &Standing, place: &str, news: &[&str], room: usize) -> String {
+    let length = |text: &str| text.chars().count();
+    let mut out = if length(&standing.whole) <= room { standing.whole.clone() } else { standing.short.clone() };
+    for part in news.iter().filter(|part| !part.is_empty()) {
+        if length(&out) + 2 + length(part) + 2 + NAME_MIN <= room {
+            out.push_str(&format!(", {part}"));
+        }
+    }
+    let left = room.saturating_sub(length(&out) + 2);
+    match length(place) {
+        short if short <= left => out.push_str(&format!("  {place}")),
+        _ if left >= NAME_MIN => out.push_str(&format!("  {}…", place.chars().take(left - 1).collect::<String>())),
+        _ => {}
+    }
+    out
+}
+
+/// What is said of an answer; they are counted since the command began.
+fn answer_text(count: u64, of: &DrawSlot, took: Duration) -> String {
+    let seconds = lasting(took.as_secs_f64());
+    format!("answer {count}: {}/e{}s{} {} round {}, after {seconds}", of.lineage, of.epoch, of.slot, of.role, of.round)
+}
+
+/// A rate in the unit in which it is at least one.
+fn rated(per_s: f64) -> String {
+    match per_s {
+        fast if fast >= 1.0 => format!("{fast:.1} a second"),
+        slow if slow * 60.0 >= 1.0 => format!("{:.1} a minute", slow * 60.0),
+        rare => format!("{:.1} an hour", rare * 3600.0),
+    }
+}
+
+/// A time in the unit in which two digits say enough.
+fn lasting(seconds: f64) -> String {
+    match seconds {
+        short if short < 120.0 => format!("{short:.0} s"),
+        longer if longer < 7200.0 => format!("{:.0} min", longer / 60.0),
+        long => format!("{:.1} h", long / 3600.0),
+    }
+}
+
+fn bar(proposals: u64, target: ProgressDrawTarget) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(proposals), target);
+    let style = ProgressStyle::with_template(LOOK).unwrap_or_else(|_| ProgressStyle::default_bar());
+    bar.set_style(style);
+    bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_standing_names_epoch_share_rate_and_time_left() {
+        let way = Way { epochs: 4, each: 10 };
+        let standing = |done, seconds| way.standing((done, seconds), (0, 0.0)).whole;
+        assert_eq!(standing(0, 3.0), "epoch 1 of 4, 0 % of 40 proposals");
+        assert_eq!(standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
+        assert_eq!(standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
+        assert_eq!(standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
+        assert_eq!(standing(40, 1.0), "all 40 proposals of 4 epochs are finished");
+        assert_eq!(
+            Way { epochs: 1, each: 0 }.standing((0, 0.0), (0, 0.0)).whole,
+            "all 0 proposals of 1 epochs are finished"
+        );
+    }
+
+    #[test]
+    fn a_moving_line_always_says_share_rate_and_time_left() {
+        let standing = Way { epochs: 6, each: 18 }.standing((24, 12.0), (0, 0.0));
+        let news = ["3344 rollouts", "adv_bmt-idm/e5s4   evaluated attack 0.375  realism 0.8984  accepted"];
+        let place = "a_study_with_a_long_name_of_its_own-58c89c47";
+        for room in 40..120 {
+            let text = words(&standing, place, &news, room);
+            assert!(text.chars().count() <= room, "{room}: {text}");
+            assert!(text.contains("22 %") && text.contains("2.0 a second, 42 s left"), "{room}: {text}");
+        }
+        let at_80 = words(&standing, place, &news, 80 - BAR);
+        assert_eq!(at_80, "epoch 2 of 6, 22 % of 108 proposals, 2.0 a second, 42 s left  a_stud…");
+        let wide = words(&standing, "mine-12", &news, 160);
+        assert!(
+            wide.ends_with(
+                "42 s left, 3344 rollouts, adv_bmt-idm/e5s4   evaluated attack 0.375  realism 0.8984  accepted  mine-12"
+            ),
+            "{wide}"
+        );
+    }
+
+    #[test]
+    fn what_was_only_read_again_is_no_part_of_the_rate() {
+        let way = Way { epochs: 4, each: 10 };
+        // 20 read in a second, then 4 in 40 seconds: 16 more take 160.
+        assert_eq!(
+            way.standing((24, 41.0), (20, 1.0)).whole,
+            "epoch 3 of 4, 60 % of 40 proposals, 6.0 a minute, 3 min left"
+        );
+        // Nothing but reading so far: at that rate.
+        assert_eq!(
+            way.standing((20, 1.0), (20, 1.0)).whole,
+            "epoch 3 of 4, 50 % of 40 proposals, 20.0 a second, 1 s left"
+        );
+    }
+
+    #[test]
+    fn an_answer_is_told_with_whose_it_is_and_how_long_it_took() {
+        let of = DrawSlot { lineage: "cat-idm".into(), epoch: 2, slot: 3, role: "repair".into(), round: 1 };
+        let answer = answer_text(7, &of, Duration::from_millis(95_400));
+        assert_eq!(answer, "answer 7: cat-idm/e2s3 repair round 1, after 95 s");
+    }
+}

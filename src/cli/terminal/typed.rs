@@ -1,0 +1,54 @@
+//! Commands that messages propose, written as the user would type them: each must work when it is copied to a shell.
+
+use std::ffi::OsString;
+use std::path::Path;
+
+use crate::cli::terminal::shell::quoted;
+
+/// The command that records what this `run` lacks: as it was typed, with every option, and with `record` in place of `run`.
+pub fn record_command() -> String {
+    recording(std::env::args_os())
+}
+
+/// The command that goes on with an interrupted run.
+pub fn resume_command(folder: &Path) -> String {
+    let program = std::env::args_os().next().unwrap_or_else(|| "evodrive".into());
+    format!("{} resume {}", quoted(&program.to_string_lossy()), quoted(&folder.to_string_lossy()))
+}
+
+/// The command that was typed, with one more word at its end, once.
+pub fn again_with(word: &str) -> String {
+    let mut words: Vec<String> = std::env::args_os().map(|typed| quoted(&typed.to_string_lossy())).collect();
+    if !words.iter().any(|typed| typed == word) {
+        words.push(word.into());
+    }
+    words.join(" ")
+}
+
+fn recording(typed: impl Iterator<Item = OsString>) -> String {
+    let mut words: Vec<String> = typed.map(|word| word.to_string_lossy().into_owned()).collect();
+    // No option before the command takes a word for its value that could be called so.
+    if let Some(word) = words.iter_mut().skip(1).find(|word| *word == "run") {
+        *word = "record".into();
+    }
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_proposed_command_has_every_word_that_was_typed_and_survives_a_shell() {
+        let proposed = |typed: &[&str]| recording(typed.iter().map(OsString::from));
+        assert_eq!(proposed(&["evodrive", "run", "mine.toml"]), "evodrive record mine.toml");
+        let typed =
+            ["target/release/evodrive", "--jobs", "2", "run", "my file.toml", "--set", "name=run", "--no-report"];
+        let expected = "target/release/evodrive --jobs 2 record 'my file.toml' --set name=run --no-report";
+        assert_eq!(proposed(&typed), expected);
+        assert_eq!(
+            proposed(&["evodrive", "run", "run", "--scenes", "it's"]),
+            "evodrive record run --scenes 'it'\\''s'"
+        );
+    }
+}

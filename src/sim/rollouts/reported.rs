@@ -1,0 +1,115 @@
+//! The motion of a rollout as a simulator tells it, ours or another one: where everyone was at each step, which road user the ego touched
+//! first, and how it ended. `reenacted` judges it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::Vec2;
+use crate::scene::Sample;
+use crate::sim::SimError;
+use crate::sim::accounts::end::End;
+use crate::sim::prepared::body::Place;
+use crate::sim::prepared::plant::Plant;
+use crate::sim::road_users::actors::scripted;
+use crate::sim::road_users::intervention::{Action, ActorRef, Intervention};
+
+/// Where somebody is, with the heading as an angle and as a unit vector: boxes are turned by the vector, and computing one
+/// from the other rounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Position, heading and velocity.
+    pub sample: Sample,
+    /// Where it points, of length 1.
+    pub axis: Vec2,
+}
+
+impl Pose {
+    /// A pose whose heading is told as an angle alone.
+    pub fn of(sample: Sample) -> Pose {
+        Pose { axis: Vec2::from_heading(sample.heading_rad), sample }
+    }
+
+    pub(in crate::sim) fn place(&self) -> Place {
+        Place { position: self.sample.position, axis: self.axis }
+    }
+}
+
+/// The motion of one rollout. A row is a decision step; where the ego touched somebody within a step, the last row is that
+/// moment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReportedRollout {
+    /// How the rollout ended.
+    pub end: End,
+    /// The ego's first contact; something exactly where `end` says so.
+    pub contact: Option<ReportedContact>,
+    /// One a row.
+    pub ego: Vec<Pose>,
+    /// The adversaries, and everyone else who did not do what was recorded, in the order in which they turned away from it.
+    pub actors: Vec<ReportedActor>,
+}
+
+/// The road user that the ego touched first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReportedContact {
+    /// Whom the ego touched.
+    pub with: ActorRef,
+    /// The decision step in which they touched, from 0.
+    pub step: usize,
+    /// After how many of its five physics steps, 0..=5. Who knows no physics steps says 5.
+    pub substep: usize,
+}
+
+/// A road user that does not follow its recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReportedActor {
+    /// Which road user it is.
+    pub who: ActorRef,
+    /// Its first row; before that it follows its recording. 0 for adversaries.
+    pub from_step: usize,
+    /// From then on, one a row; `None` while it is not there.
+    pub poses: Vec<Option<Pose>>,
+}
+
+impl ReportedActor {
+    /// Its pose in a row.
+    pub fn at(&self, row: usize) -> Option<&Pose> {
+        self.poses.get(row.checked_sub(self.from_step)?).and_then(Option::as_ref)
+    }
+}
+
+/// Who the adversaries of an intervention are, in the order of its actions.
+pub fn adversaries_of(intervention: &Intervention) -> Vec<ActorRef> {
+    let mut inserted = 0..;
+    let who = |action: &Action| match action {
+        Action::Follow { track, .. } | Action::FollowThenReact { track, .. } | Action::FollowThenObey { track, .. } => {
+            ActorRef::Track(*track)
+        }
+        Action::Insert { .. } | Action::Triggered(_) => ActorRef::Inserted(inserted.next().unwrap_or(0)),
+    };
+    intervention.actions.iter().map(who).collect()
+}
+
+/// What an intervention commands each of its adversaries to do at every simulated step; `None` while one is not there.
+/// Adversaries that react are commanded nothing: their actions must be lowered to samples first.
+pub fn commands(plant: &Plant, intervention: &Intervention) -> Vec<Vec<Option<Sample>>> {
+    let of = |action: &Action| (0..=plant.steps()).map(|k| scripted(plant, action, k)).collect();
+    intervention.actions.iter().map(of).collect()
+}
+
+/// A told motion that cannot be that of a rollout of the scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ReportedError {
+    /// Our own simulator refuses the scene or the intervention.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// Something in the told motion, at the named place of it, is not what it must be.
+    #[error("{place}: expected {expected}, found {found}")]
+    Motion {
+        /// Which part of the told motion.
+        place: String,
+        /// What can be there.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+}

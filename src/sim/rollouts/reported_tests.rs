@@ -1,0 +1,167 @@
+//! The account of a told motion, held against the account of the rollout that it was told of.
+
+use std::sync::Arc;
+
+use super::reported_check::OFF_COMMAND_M;
+use crate::ego::Policy;
+use crate::kernel::{Seed, Vec2};
+use crate::scene::{AgentKind, PreparedScene, Sample, Scene};
+use crate::sim::scenes::{car, crossing, intercept, sample, straight, straight_road};
+use crate::sim::*;
+
+/// An interception by a recorded vehicle, and at times someone inserted on a straight way.
+fn drawn(scene: &Scene, seed: u64) -> Intervention {
+    let mut stream = Seed(seed).stream(&["told"]);
+    let mut act = if stream.chance(0.2) { Intervention::default() } else { intercept(scene, stream.below(30)) };
+    if stream.chance(0.4) {
+        let start = sample(stream.uniform(-20.0, 20.0), stream.uniform(-8.0, 8.0), stream.uniform(-3.0, 3.0), 6.0);
+        let along = |k: usize| Sample { position: start.position + start.velocity * (0.1 * k as f64), ..start };
+        let samples = (0..1 + stream.below(50)).map(along).collect();
+        let (kind, length_m, from_step) = (AgentKind::Cyclist, stream.uniform(0.5, 5.0), stream.below(40));
+        act.actions.push(Action::Insert { kind, length_m, width_m: 0.8, from_step, samples });
+    }
+    act
+}
+
+fn plant(scene: &Scene, seed: u64) -> Plant {
+    let law = if seed.is_multiple_of(2) { PlantOptions::PHYSICAL } else { PlantOptions::METADRIVE_0_4_3 };
+    let options = SimulatorOptions { plant: law, ..SimulatorOptions::SHIPPED };
+    Plant::with_options(PreparedScene::new(Arc::new(scene.clone())), &options).unwrap()
+}
+
+fn policy(seed: u64) -> Policy {
+    if seed.is_multiple_of(4) { Policy::Replay } else { Policy::Idm }
+}
+
+fn scene(seed: u64) -> Scene {
+    let mut scene = crossing(seed, 3 + (seed % 40) as usize, 91);
+    scene.ego.start_step = (seed % 3) as usize * 5;
+    match seed % 7 {
+        2 => scene.ego.route.truncate(20),
+        5 => scene.ego.route.iter_mut().enumerate().for_each(|(i, p)| p.y += 0.3 * i as f64),
+        _ => {}
+    }
+    scene
+}
+
+#[test]
+fn our_own_motion_told_back_gives_our_own_outcome_bit_for_bit() {
+    let (mut contacts, mut ends) = (0, std::collections::BTreeSet::new());
+    let (mut avoidable, mut followers) = ([0, 0], 0);
+    for seed in 0..250 {
+        let scene = scene(seed);
+        let (plant, act, policy) = (plant(&scene, seed), drawn(&scene, seed), policy(seed));
+        let (mut own, motion) = rollout_traced(&plant, &act, policy.driver().as_mut()).unwrap();
+        assess(&plant, &act, policy.driver().as_mut(), &mut own).unwrap();
+        let reported = tell(&plant, &act, policy.driver().as_mut()).unwrap();
+        let (judged, shown) = judge(&plant, &act, &reported, policy.driver().follows_log())
+            .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        assert_eq!(judged, own, "seed {seed}");
+        assert_eq!(shown, motion, "seed {seed}");
+        contacts += usize::from(own.contact.is_some());
+        ends.insert(format!("{:?}", own.end));
+        if let Some(could) = own.contact.and_then(|contact| contact.avoidable) {
+            avoidable[usize::from(could)] += 1;
+        }
+        followers += reported.actors.len() - act.actions.len();
+    }
+    assert!(contacts > 50 && followers > 20, "{contacts} contacts, {followers} followers");
+    assert!(avoidable.iter().all(|count| *count > 3), "{avoidable:?}");
+    assert_eq!(ends.len(), 4, "{ends:?}");
+}
+
+/// Sees nothing and keeps its speed.
+struct Blind;
+
+impl Driver for Blind {
+    fn begin(&mut self, _: &Plant) {}
+
+    fn decide(&mut self, _: &View<'_>) -> Control {
+        Control::Drive { acceleration_mps2: 0.0, steering_rad: 0.0 }
+    }
+}
+
+/// Something stands in the ego's lane, and a car follows the ego. Braking is a way out only if that car brakes too.
+#[test]
+fn traffic_that_our_plant_takes_over_reacts_to_the_evading_ego() {
+    let follower = car("follower", straight(sample(-30.0, 0.0, 0.0, 12.0), 91));
+    let standing = car("standing", straight(sample(60.0, 0.0, 0.0, 0.0), 91));
+    let scene = straight_road(91, 12.0, vec![standing, follower]);
+    let samples = vec![sample(60.0, 0.0, 0.0, 0.0); 90];
+    let act = Intervention { actions: vec![Action::Follow { track: 0, from_step: 1, samples }] };
+    let plant = Plant::new(&scene).unwrap();
+    let own = rollout_assessed(&plant, &act, &mut Blind).unwrap();
+    assert_eq!(own.contact.and_then(|contact| contact.avoidable), Some(true), "{own:?}");
+    let reported = tell(&plant, &act, &mut Blind).unwrap();
+    assert!(reported.actors.iter().any(|actor| actor.who == ActorRef::Track(1)), "the follower reacts");
+    assert_eq!(judge(&plant, &act, &reported, false).unwrap().0, own);
+}
+
+#[test]
+fn another_motion_gives_another_outcome() {
+    let scene = scene(1);
+    let (plant, act) = (plant(&scene, 1), drawn(&scene, 1));
+    let reported = tell(&plant, &act, Policy::Idm.driver().as_mut()).unwrap();
+    let (own, _) = judge(&plant, &act, &reported, false).unwrap();
+    let mut slower = reported.clone();
+    slower.ego.iter_mut().skip(1).for_each(|pose| pose.sample.velocity = pose.sample.velocity * 0.9);
+    let (other, _) = judge(&plant, &act, &slower, false).unwrap();
+    assert!(other.ego.speed_mps_mean < own.ego.speed_mps_mean);
+    assert_ne!(other.trace, own.trace);
+    let mut aside = reported.clone();
+    aside.ego.iter_mut().skip(1).for_each(|pose| pose.sample.position.y += 1.0);
+    let (other, _) = judge(&plant, &act, &aside, false).unwrap();
+    assert!((other.ego_lateral_m_max - own.ego_lateral_m_max).abs() > 0.5);
+}
+
+/// What `judge` says of a motion after something was done to it.
+fn refused(spoil: impl FnOnce(&mut ReportedRollout)) -> String {
+    let scene = scene(3);
+    let (plant, act) = (plant(&scene, 3), intercept(&scene, 5));
+    let mut reported = tell(&plant, &act, Policy::Idm.driver().as_mut()).unwrap();
+    judge(&plant, &act, &reported, false).unwrap();
+    spoil(&mut reported);
+    match judge(&plant, &act, &reported, false) {
+        Ok(_) => "judged".into(),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn a_motion_that_is_none_of_the_scene_is_refused_with_its_place() {
+    let reported = [
+        refused(|reported| reported.ego[2].sample.position.x = f64::NAN),
+        refused(|reported| reported.ego[2].axis = Vec2::new(2.0, 0.0)),
+        refused(|reported| reported.ego[0].sample.position.x += 2.0 * OFF_COMMAND_M),
+        refused(|reported| reported.ego.truncate(reported.ego.len() - 1)),
+        refused(|reported| reported.end = if reported.contact.is_some() { End::Arrived } else { End::Contact }),
+        refused(|reported| reported.actors.truncate(0)),
+        refused(|reported| reported.actors[0].poses[1].as_mut().unwrap().sample.position.y += 2.0 * OFF_COMMAND_M),
+        refused(|reported| reported.actors.push(reported.actors[0].clone())),
+        refused(|reported| reported.actors[0].who = ActorRef::Track(999)),
+        refused(|reported| reported.actors[0].who = ActorRef::Inserted(0)),
+        refused(|reported| {
+            (reported.end, reported.contact) =
+                (End::Contact, Some(ReportedContact { with: ActorRef::Track(998), step: 3, substep: 5 }));
+            reported.ego.truncate(5);
+            reported.actors.retain(|actor| actor.from_step < 5);
+            reported.actors.iter_mut().for_each(|actor| actor.poses.truncate(5 - actor.from_step));
+        }),
+    ];
+    let expected = [
+        "ego, row 2: expected finite",
+        "ego, row 2: expected a unit vector",
+        "ego, row 0: expected the scene's start",
+        "expected",
+        "contact: expected",
+        "expected every adversary's motion",
+        "row 1: expected where it was commanded to be",
+        "expected each road user once",
+        "road_users[0]: expected a track below",
+        "expected",
+        "contact: expected somebody who is there",
+    ];
+    for (said, expected) in reported.iter().zip(expected) {
+        assert!(said.contains(expected), "{said:?} instead of {expected:?}");
+    }
+}

@@ -61,6 +61,7 @@ pub fn compose<E: From<AgentError>>(
             request: reply.request,
             response: reply.response,
             model: asked.model.name.clone(),
+            metadata: reply.sealed_metadata,
             unwrapped,
             refusal: refused.clone(),
         });

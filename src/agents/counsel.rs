@@ -109,6 +109,7 @@ impl Talk<'_> {
             request: reply.request,
             response: reply.response,
             model: request.model.name.clone(),
+            metadata: reply.sealed_metadata,
             unwrapped,
             refusal: answer.as_ref().err().map(ToString::to_string),
         });
@@ -199,7 +200,13 @@ mod tests {
             let text = desk.0.get(desk.1.len()).cloned().unwrap_or_default();
             desk.1.push(request.clone());
             let response = Digest::of_bytes(text.as_bytes());
-            Ok(Reply { request: request.key().unwrap(), response, bytes: text.into_bytes(), metadata: None })
+            Ok(Reply {
+                request: request.key().unwrap(),
+                response,
+                bytes: text.into_bytes(),
+                metadata: None,
+                sealed_metadata: None,
+            })
         }
     }
 

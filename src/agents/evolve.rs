@@ -72,6 +72,7 @@ pub fn evolve(
             request: reply.request,
             response: reply.response,
             model: asked.model.name.clone(),
+            metadata: reply.sealed_metadata,
             unwrapped,
             refusal: refused.clone(),
         });

@@ -193,6 +193,7 @@ impl Talk<'_> {
             request: reply.request,
             response: reply.response,
             model: asked.model.name.clone(),
+            metadata: reply.sealed_metadata,
             unwrapped,
             refusal: answer.as_ref().err().map(ToString::to_string),
         });

@@ -31,7 +31,13 @@ impl Ask for Table {
             None => patch_reply(request.slot.role == "repair").to_string(),
         };
         let response = Digest::of_bytes(text.as_bytes());
-        Ok(Reply { request: request.key().unwrap(), response, bytes: text.into_bytes(), metadata: None })
+        Ok(Reply {
+            request: request.key().unwrap(),
+            response,
+            bytes: text.into_bytes(),
+            metadata: None,
+            sealed_metadata: None,
+        })
     }
 }
 

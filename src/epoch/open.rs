@@ -35,6 +35,7 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
         name: study.name.clone(),
         experiment: study.experiment,
         pool: study.pool_digest,
+        provenance: study.provenance,
         evolution_scenes: study.evolution.iter().map(id).collect(),
         held_out_scenes: study.held_out.iter().map(id).collect(),
         versions: Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION },

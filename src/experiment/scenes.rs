@@ -155,7 +155,8 @@ pub fn import(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentEr
         let reasons: Vec<String> = summary.left_out.iter().map(|l| format!("  {}: {}", l.file, l.reason)).collect();
         return Err(unusable(format!("no scene could be imported:\n{}", reasons.join("\n"))));
     }
-    Pool::new(summary.scenes, summary.left_out).map_err(unusable)
+    let pool = Pool::new(summary.scenes, summary.left_out).map_err(unusable)?;
+    Ok(Pool { seals_provenance: true, ..pool })
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ impl Experiment {
     /// Those of [`Experiment::split_of`], and a parent that its family's contract does not allow.
     pub fn study(&self, pool: Pool, threads: &Threads) -> Result<Study, ExperimentError> {
         let split = self.split_of(&pool)?;
-        let pool_digest = pool.digest();
+        let (pool_digest, provenance) = (pool.digest(), pool.sealed_provenance());
         let mut lineages = Vec::new();
         for lineage in &self.lineages {
             let ego = lineage.driver().map_err(|error| self.problem(format!("lineage {}: {error}", lineage.id)))?;
@@ -95,6 +95,7 @@ impl Experiment {
             held_out: (split.evolution.len()..entries.len()).collect(),
             scenes: entries,
             pool_digest,
+            provenance,
             lineages,
             contract_texts,
             registry: sources.registry(),

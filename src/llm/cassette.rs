@@ -7,15 +7,16 @@
 //! `{"exchange":"<key>","adapter_version":N,"slot":{..},"model":"<name>",
 //! "messages":[{"role":..,"text":"<digest>"}..],"schema":"<digest>","response":"<BLAKE3 of the bytes>","reply":"..."}`,
 //! with `reply_hex` in place of `reply` where the bytes are not UTF-8. Version 1.1 adds, to exchanges with a live
-//! model, `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. A reader
-//! accepts every minor version of its major version.
+//! model, `"metadata":{..}` and its digest `"metadata_digest"`; a cassette without any is written as 1.0. Version 1.2 has
+//! nothing more in it: runs seal the digests of its metadata, which those of 1.1 did not. A reader accepts every minor version
+//! of its major version.
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{DrawSlot, Message, Metadata, ModelSpec, Request, Schema, Text};
+use super::{DrawSlot, Message, Metadata, ModelSpec, Request, Schema, Text, client::SCRIPTED};
 use crate::{
     kernel::{Digest, Threads},
     store::{self, StoreError, TextFault},
@@ -23,8 +24,10 @@ use crate::{
 
 const FORMAT: &str = "evodrive-cassette";
 const VERSION: &str = "1.0";
-/// The minor version with metadata and the newer model settings.
+/// The minor version with metadata that no run seals, and with the newer model settings.
 const VERSION_LIVE: &str = "1.1";
+/// The minor version whose metadata runs seal.
+const VERSION_SEALED: &str = "1.2";
 const MAJOR: &str = "1";
 /// Limits of a cassette that is read, in bytes after decompression.
 const MAX_BYTES: u64 = 1 << 30;
@@ -130,6 +133,10 @@ pub struct Cassette {
     texts: BTreeMap<Digest, Text>,
     schemas: BTreeMap<Digest, Schema>,
     models: BTreeMap<String, Arc<ModelSpec>>,
+    /// It was written before runs sealed metadata.
+    is_early: bool,
+    /// It has metadata that runs do not seal: the roots of its runs stay what they were.
+    has_unsealed_metadata: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -318,6 +325,7 @@ impl Cassette {
             Line::Exchange(line) => {
                 let recorded = self.read_exchange(*line)?;
                 let key = recorded.key;
+                self.has_unsealed_metadata |= self.is_early && recorded.metadata.is_some();
                 self.insert(recorded)
                     .map_err(|_| ("one answer for a request".to_string(), format!("a second one for {key}")))
             }
@@ -331,6 +339,7 @@ impl Cassette {
         if header.version.split('.').next() != Some(MAJOR) {
             return Err((VERSION.to_string(), store::shortened(&header.version)));
         }
+        self.is_early = [VERSION, VERSION_LIVE].contains(&header.version.as_str());
         for model in header.models {
             let name = model.name.clone();
             if self.models.insert(name.clone(), Arc::new(model)).is_some() {
@@ -364,6 +373,10 @@ impl Cassette {
                 same("digest of the metadata", written, computed)?;
             }
             _ => return Err(("metadata and metadata_digest".to_string(), "one of them".to_string())),
+        }
+        if line.metadata.is_some() && model.kind == SCRIPTED {
+            let expected = "no metadata: the scripted model has no provider that could say something";
+            return Err((expected.to_string(), "some".to_string()));
         }
         let recorded = Recorded {
             key: line.exchange,
@@ -437,6 +450,21 @@ impl Cassette {
         self.by_key.get(key).and_then(|i| self.exchanges.get(*i))
     }
 
+    /// The digest of what a provider said about an answer, where runs seal it.
+    pub fn sealed_metadata(&self, of: &Recorded) -> Option<Digest> {
+        of.metadata.as_ref().filter(|_| !self.has_unsealed_metadata)?.digest().ok()
+    }
+
+    /// Whether runs seal what providers said about its answers.
+    pub fn seals_metadata(&self) -> bool {
+        !self.has_unsealed_metadata
+    }
+
+    /// The same, of which runs seal what providers said or do not.
+    pub(super) fn sealing_metadata(self, seals: bool) -> Cassette {
+        Cassette { has_unsealed_metadata: !seals, ..self }
+    }
+
     /// All exchanges in the order of the file.
     pub fn exchanges(&self) -> &[Recorded] {
         &self.exchanges
@@ -470,8 +498,12 @@ impl Cassette {
     /// The lowest version that can hold what is in it.
     fn version(&self) -> &'static str {
         let new_settings = |model: &Arc<ModelSpec>| model.response_format.is_some() || !model.body.is_empty();
-        let live = self.exchanges.iter().any(|e| e.metadata.is_some()) || self.models.values().any(new_settings);
-        if live { VERSION_LIVE } else { VERSION }
+        let said = self.exchanges.iter().any(|e| e.metadata.is_some());
+        match said || self.models.values().any(new_settings) {
+            true if said && !self.has_unsealed_metadata => VERSION_SEALED,
+            true => VERSION_LIVE,
+            false => VERSION,
+        }
     }
 
     /// Writes the file, whole or not at all; compressed when its name ends in `.zst`.

@@ -39,6 +39,8 @@ pub struct Reply {
     pub bytes: Vec<u8>,
     /// What the provider said about the answer; no result depends on it.
     pub metadata: Option<Metadata>,
+    /// Digest of that, where the recording seals it.
+    pub sealed_metadata: Option<Digest>,
 }
 
 /// Something that answers requests: a cassette, a recorder in front of a model, a test. Many threads call it.

@@ -83,6 +83,7 @@ impl<'a> Record<'a> {
     /// What was asked and answered, in the given order of draw slots and then, for slots not named there, in slot
     /// order: the cassette is the same for any order of threads.
     pub fn into_cassette(self, name: &str, order: &[DrawSlot]) -> Result<Cassette, CassetteError> {
+        let seals = self.seals_metadata();
         let mut collected = self.collected.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         let mut ordered = Vec::new();
         for slot in order {
@@ -92,7 +93,7 @@ impl<'a> Record<'a> {
             ordered.extend(keys.into_iter().filter_map(|key| collected.remove(&key)));
         }
         ordered.extend(collected.into_values());
-        let mut cassette = Cassette::new(name);
+        let mut cassette = Cassette::new(name).sealing_metadata(seals);
         for Collected { request, response, metadata } in ordered {
             cassette.push_with(&request, self.store.get(&response)?, metadata)?;
         }
@@ -126,6 +127,11 @@ impl<'a> Record<'a> {
             Err(StoreError::Conflict { recorded, .. }) => Ok((recorded, self.kept_metadata(&memo_key, &recorded)?)),
             Err(error) => Err(on_disk(error)),
         }
+    }
+
+    /// A recording that goes on with a cassette whose metadata no run seals does not begin to: its run keeps its root.
+    fn seals_metadata(&self) -> bool {
+        self.mode != RecordMode::Missing || self.cassette.seals_metadata()
     }
 
     fn keep_metadata(&self, memo_key: &Digest, response: &Digest, metadata: &Metadata) -> Result<(), AskError> {
@@ -187,6 +193,8 @@ impl Ask for Record<'_> {
             (request.slot.clone(), key),
             Collected { request: request.clone(), response, metadata: metadata.clone() },
         );
-        Ok(Reply { request: key, response, bytes, metadata })
+        let digest = metadata.as_ref().filter(|_| self.seals_metadata()).map(Metadata::digest).transpose();
+        let sealed_metadata = digest.map_err(|error| AskError::Store(format!("metadata of an answer: {error}")))?;
+        Ok(Reply { request: key, response, bytes, metadata, sealed_metadata })
     }
 }

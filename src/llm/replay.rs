@@ -35,6 +35,7 @@ impl Ask for Replay {
                 response: found.response,
                 bytes: found.bytes.clone(),
                 metadata: found.metadata.clone(),
+                sealed_metadata: self.cassette.sealed_metadata(found),
             }),
             None => Err(AskError::Miss(Box::new(miss(&self.cassette, request, key, &self.remedy)))),
         }

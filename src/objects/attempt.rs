@@ -58,6 +58,9 @@ pub struct Exchange {
     pub response: Digest,
     /// Name of the model as the experiment file has it.
     pub model: String,
+    /// Digest of what the provider said about the answer, where it said something and the recording seals it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metadata: Option<Digest>,
     /// What was taken off around the reply before it was read, where the model's options say so.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwrapped: Vec<String>,

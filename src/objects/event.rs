@@ -55,6 +55,9 @@ pub struct Opened {
     pub experiment: Digest,
     /// Digest of the scene pool.
     pub pool: Digest,
+    /// Digest of where the scenes came from and of what was left out when they were imported; none of generated scenes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Digest>,
     /// Scene ids that evolution may see, in pool order, and those that stay closed until it is over.
     pub evolution_scenes: Vec<String>,
     /// Ids of the scenes that stay closed until selection is over.

@@ -51,6 +51,9 @@ pub struct Pool {
     pub scenes: Vec<Scene>,
     /// What was left out at import, with its reason.
     pub left_out: Vec<LeftOut>,
+    /// Whether runs seal where the scenes came from and what was left out. Pools that are generated, and those that were imported by
+    /// earlier releases, do not: the roots of their runs stay what they were.
+    pub seals_provenance: bool,
 }
 
 /// One scene in a pool's manifest.
@@ -83,6 +86,9 @@ pub struct Manifest {
     pub scenes: Vec<ManifestEntry>,
     /// What was left out at import, with its reason.
     pub left_out: Vec<LeftOut>,
+    /// Digest of both, where runs on the pool seal it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Digest>,
 }
 
 /// Why a pool file cannot be read, or a pool cannot be split as asked.
@@ -186,7 +192,7 @@ pub fn encode(pool: &Pool) -> Vec<u8> {
         entries.push(entry(scene, body.len()));
         out.extend_from_slice(&body);
     }
-    let manifest = Manifest { scenes: entries, left_out: pool.left_out.clone() };
+    let manifest = Manifest { scenes: entries, left_out: pool.left_out.clone(), provenance: pool.sealed_provenance() };
     let Ok(json) = serde_json::to_vec(&manifest) else {
         unreachable!("a manifest holds texts and counts only, which JSON can always hold")
     };
@@ -220,7 +226,8 @@ pub fn decode(file_name: &str, bytes: &[u8]) -> Result<Pool, PoolError> {
     let (manifest, mut at) = checked_manifest(file_name, bytes)?;
     let damaged = |at: usize, expected: String| PoolError::Damaged { file: file_name.to_string(), at, expected };
     let end = bytes.len() - CHECKSUM_BYTES;
-    let mut pool = Pool { scenes: Vec::new(), left_out: manifest.left_out };
+    let mut pool =
+        Pool { scenes: Vec::new(), left_out: manifest.left_out, seals_provenance: manifest.provenance.is_some() };
     for entry in manifest.scenes {
         let body = at.checked_add(entry.bytes).filter(|&to| to <= end).and_then(|to| bytes.get(at..to));
         let body = body.ok_or_else(|| damaged(at, format!("{} bytes of scene {:?}", entry.bytes, entry.id)))?;
@@ -239,6 +246,9 @@ pub fn decode(file_name: &str, bytes: &[u8]) -> Result<Pool, PoolError> {
         return Err(damaged(at, "the checksum".into()));
     }
     pool.check_ids()?;
+    if pool.sealed_provenance() != manifest.provenance {
+        return Err(damaged(HEAD_BYTES, "origins and parts left out with the digest `provenance`".into()));
+    }
     Ok(pool)
 }
 
@@ -318,7 +328,7 @@ impl Split {
 impl Pool {
     /// A pool of scenes. Their ids must be unique.
     pub fn new(scenes: Vec<Scene>, left_out: Vec<LeftOut>) -> Result<Pool, PoolError> {
-        let pool = Pool { scenes, left_out };
+        let pool = Pool { scenes, left_out, seals_provenance: false };
         pool.check_ids()?;
         Ok(pool)
     }
@@ -341,6 +351,7 @@ impl Pool {
         let names: Vec<String> = pools.iter().map(|(name, _)| name.clone()).collect();
         let (mut merged, mut repeated) = (Pool::default(), 0);
         for (place, (_, pool)) in pools.into_iter().enumerate() {
+            merged.seals_provenance |= pool.seals_provenance;
             for scene in pool.scenes {
                 let digest = scene.digest();
                 match met.get(&scene.id) {
@@ -376,7 +387,7 @@ impl Pool {
     /// The scenes of a part of a split, in its order.
     pub fn part(&self, part: &[SplitScene]) -> Pool {
         let scenes = part.iter().filter_map(|entry| self.scene(&entry.id).cloned()).collect();
-        Pool { scenes, left_out: Vec::new() }
+        Pool { scenes, left_out: Vec::new(), seals_provenance: self.seals_provenance }
     }
 
     /// The scene with this id.
@@ -391,6 +402,19 @@ impl Pool {
         match Digest::of("evodrive/pool/1", &scenes) {
             Ok(digest) => digest,
             Err(error) => unreachable!("a list of texts: {error}"),
+        }
+    }
+
+    /// Digest of where each scene came from and of what was left out, where runs seal it.
+    pub fn sealed_provenance(&self) -> Option<Digest> {
+        if !self.seals_provenance {
+            return None;
+        }
+        let mut origins: Vec<(&str, &Origin)> = self.scenes.iter().map(|s| (s.id.as_str(), &s.origin)).collect();
+        origins.sort_by_key(|(id, _)| *id);
+        match Digest::of("evodrive/pool-provenance/1", &(origins, &self.left_out)) {
+            Ok(digest) => Some(digest),
+            Err(error) => unreachable!("lists of texts: {error}"),
         }
     }
 
@@ -494,6 +518,26 @@ mod tests {
         let manifest = manifest("p.pool", &bytes).unwrap();
         assert_eq!(manifest.scenes[1].digest, pool.scenes[1].digest());
         assert_eq!((manifest.scenes[1].tracks, manifest.scenes[1].unusable.clone()), (2, None));
+    }
+
+    #[test]
+    fn where_scenes_came_from_has_a_digest_only_where_runs_seal_it() {
+        let old = pool(3);
+        assert_eq!(manifest("p.pool", &encode(&old)).unwrap().provenance, None);
+        let new = Pool { seals_provenance: true, ..pool(3) };
+        let digest = new.sealed_provenance();
+        assert_eq!((decode("p.pool", &encode(&new)), new.digest()), (Ok(new.clone()), old.digest()));
+        let mut other = new.clone();
+        other.scenes[1].origin.name = "another file".into();
+        assert_ne!(other.sealed_provenance(), digest);
+        let mut fewer = new.clone();
+        fewer.left_out.clear();
+        assert_ne!(fewer.sealed_provenance(), digest);
+        let mut turned = new.clone();
+        turned.scenes.reverse();
+        assert_eq!(turned.sealed_provenance(), digest);
+        let (merged, _) = Pool::merged(vec![("old".into(), old), ("new".into(), new)]).unwrap();
+        assert!(merged.seals_provenance && merged.part(&[]).seals_provenance);
     }
 
     #[test]

@@ -179,7 +179,13 @@ pub(super) mod tests {
         fn ask(&self, request: &Request) -> Result<Reply, AskError> {
             let bytes = Scripted.complete(request).unwrap().bytes;
             assert_eq!(bytes, Scripted.complete(request).unwrap().bytes, "equal requests get equal bytes");
-            Ok(Reply { request: request.key().unwrap(), response: Digest::of_bytes(&bytes), bytes, metadata: None })
+            Ok(Reply {
+                request: request.key().unwrap(),
+                response: Digest::of_bytes(&bytes),
+                bytes,
+                metadata: None,
+                sealed_metadata: None,
+            })
         }
     }
 

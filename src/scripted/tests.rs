@@ -111,7 +111,13 @@ struct Live;
 impl Ask for Live {
     fn ask(&self, request: &Request) -> Result<Reply, AskError> {
         let bytes = Scripted.complete(request).unwrap().bytes;
-        Ok(Reply { request: request.key().unwrap(), response: Digest::of_bytes(&bytes), bytes, metadata: None })
+        Ok(Reply {
+            request: request.key().unwrap(),
+            response: Digest::of_bytes(&bytes),
+            bytes,
+            metadata: None,
+            sealed_metadata: None,
+        })
     }
 }
 

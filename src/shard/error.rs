@@ -12,6 +12,18 @@ pub enum ShardError {
     /// Of another run, or of another version of the program.
     #[error("{file} belongs to another study: {field} is {found}, expected {expected}; {remedy}")]
     Foreign { file: String, field: &'static str, expected: String, found: String, remedy: &'static str },
+    /// A record that this machine computes otherwise.
+    #[error(
+        "{file}: task {task} of scene {scene}: {field}: found {found}, computed here {expected}; nothing of this result was merged. The \
+         machine that did the shard is faulty, has another program or made it up: remove the result, and do its shard on another one"
+    )]
+    Untrue { file: String, task: Digest, scene: String, field: String, expected: String, found: String },
+    /// A record that somebody took out of the run.
+    #[error(
+        "{file}: task {task} of scene {scene}: its record {record} was withdrawn from this run ({reason}); nothing of this result was \
+         merged: remove it and do its shard again"
+    )]
+    Withdrawn { file: String, task: Digest, scene: String, record: Digest, reason: String },
     #[error(transparent)]
     Diverged(#[from] Box<Conflict>),
     #[error(transparent)]

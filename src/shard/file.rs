@@ -224,6 +224,11 @@ impl<'a> Lines<'a> {
         }
     }
 
+    /// Whether nothing more can be read.
+    pub fn is_at_end(&mut self) -> bool {
+        self.from.fill_buf().is_ok_and(<[u8]>::is_empty)
+    }
+
     pub fn at(&self) -> usize {
         self.at
     }

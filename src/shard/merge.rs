@@ -8,8 +8,9 @@ use super::error::{Conflict, ShardError};
 use super::file::{SHARD_ENDING, Shard};
 use super::mark::StudyMark;
 use super::result::{Came, ResultFile};
+use super::withdrawn::Withdrawn;
 use crate::backend::{Answer, Recorded, RolloutCassette};
-use crate::epoch::no_label_key;
+use crate::epoch::{Task, no_label_key};
 use crate::kernel::Digest;
 use crate::store::{MemoKind, Store, StoreError};
 
@@ -22,6 +23,8 @@ pub struct Merge<'a> {
     /// The folder with the shards.
     pub shards: &'a Path,
     pub store: &'a Store,
+    /// What was taken out of the run and may not come back.
+    pub withdrawn: &'a [Withdrawn],
     /// Answers of another simulator, where one is asked.
     pub cassette: Option<&'a mut RolloutCassette>,
 }
@@ -73,6 +76,10 @@ impl Merge<'_> {
         for (number, path) in results.iter().enumerate() {
             match self.load(path) {
                 Ok((shard, result)) => {
+                    if let Some(refused) = self.was_withdrawn(&shard, &result) {
+                        merged.refused.push(refused);
+                        continue;
+                    }
                     self.compare(&shard, &result, (number, results), &mut met)?;
                     usable.push(path);
                 }
@@ -96,7 +103,24 @@ impl Merge<'_> {
         Ok(merged)
     }
 
-    fn load(&self, path: &Path) -> Result<(Shard, ResultFile), ShardError> {
+    /// A record of the result that somebody took out of the run.
+    fn was_withdrawn(&self, shard: &Shard, result: &ResultFile) -> Option<ShardError> {
+        let of = |((key, task), came): ((&Digest, &Task), &Came)| {
+            let (Came::Record(record), Some(memo)) = (came, task.memo()) else { return None };
+            let digest = Digest::of_bytes(record.get().as_bytes());
+            let same = |of: &&Withdrawn| (of.kind, of.request, of.record) == (memo, *key, digest);
+            let of = self.withdrawn.iter().find(same).filter(|_| self.store.memo_get(memo, key).is_none())?;
+            let (file, scene, reason) = (result.file.clone(), task.scene().to_string(), of.reason.clone());
+            Some(ShardError::Withdrawn { file, task: *key, scene, record: digest, reason })
+        };
+        shard.tasks.iter().map(|(key, task)| (key, task)).zip(result.results.iter().map(|of| &of.came)).find_map(of)
+    }
+
+    /// A result with the shard that it is of.
+    ///
+    /// # Errors
+    /// One that cannot be used.
+    pub fn load(&self, path: &Path) -> Result<(Shard, ResultFile), ShardError> {
         let failure = std::cell::RefCell::new(None);
         let shards = |digest: Digest| {
             let (shard, _) = Shard::load(&self.shards.join(format!("{digest}{SHARD_ENDING}")))?;

@@ -6,9 +6,11 @@ mod file;
 mod mark;
 mod merge;
 mod result;
+mod withdrawn;
 
 pub use error::{Conflict, ShardError};
 pub use file::{SHARD_ENDING, Shard, split};
 pub use mark::StudyMark;
 pub use merge::{Merge, Merged};
 pub use result::{Came, RESULT_ENDING, ResultFile, TaskResult};
+pub use withdrawn::Withdrawn;

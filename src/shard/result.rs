@@ -38,6 +38,21 @@ pub struct TaskResult {
     pub came: Came,
 }
 
+impl TaskResult {
+    /// Whether an audit of this share does the task again. What came of it takes part in the draw: whoever makes a record up does
+    /// not know before whether it will be looked at.
+    pub fn is_drawn(&self, share: f64) -> Result<bool, ShardError> {
+        let came = match &self.came {
+            Came::Record(record) => record.get(),
+            Came::NoLabel(reason) => reason,
+            Came::Asked => return Ok(false),
+        };
+        let drawn = Digest::of("evodrive/shard-audit/1", &(self.key, came))?;
+        let first = drawn.as_bytes().iter().take(8).fold(0u64, |all, byte| all << 8 | u64::from(*byte));
+        Ok(share >= 1.0 || (first as f64) < share * (u64::MAX as f64))
+    }
+}
+
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct HeadLine {

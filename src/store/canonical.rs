@@ -6,20 +6,37 @@ use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::Path;
 
+use super::index::INDEX;
 use super::objects::Store;
-use super::pack::{self, MemoEntry};
-use super::{StoreError, file};
+use super::pack::{self, MemoEntry, PACK};
+use super::{MemoKind, StoreError, file};
 use crate::kernel::Digest;
 
 impl Store {
     /// Writes all records that a request refers to as a pack: entries by kind and key, each object before the first entry
     /// that names it. Two stores that record the same give the same bytes. One object is in memory at a time.
     pub fn write_records(&self, to: &mut dyn Write) -> Result<(), StoreError> {
+        self.write_but(None, to)
+    }
+
+    /// Takes out what is recorded for a request, and the object with it where no other request has it: the pack is written anew,
+    /// whole or not at all, and its index made again when the store is opened next. A store without such a record stays as it is.
+    pub fn withdraw(self, kind: MemoKind, key: &Digest) -> Result<(), StoreError> {
+        if self.memo_get(kind, key).is_none() {
+            return Ok(());
+        }
+        self.flush()?;
+        // The index goes first: it speaks of the old pack alone, and a pack without one is read whole.
+        file::remove_file(&self.dir().join(INDEX))?;
+        write_filled(&self.dir().join(PACK), |to| self.write_but(Some((kind, *key)), to))?
+    }
+
+    fn write_but(&self, without: Option<(MemoKind, Digest)>, to: &mut dyn Write) -> Result<(), StoreError> {
         let write = |to: &mut dyn Write, bytes: &[u8]| {
             to.write_all(bytes).map_err(|source| StoreError::io("write", Path::new("the records"), source))
         };
         let mut written = BTreeSet::new();
-        for (kind, key, object) in self.recorded() {
+        for (kind, key, object) in self.recorded().into_iter().filter(|of| Some((of.0, of.1)) != without) {
             if written.insert(object) {
                 write(to, &pack::record(false, &object, &self.get(&object)?))?;
             }
@@ -67,7 +84,7 @@ pub fn write_filled<E>(
     if let Some(name) = path.file_name() {
         file::remove_abandoned(file::parent_of(path), &format!(".{}.", name.to_string_lossy()), ".tmp");
     }
-    let mut made = Remembering { file: File::create(&temporary).map_err(io)?, refused: None };
+    let mut made = Remembering { file: file::create_new(&temporary).map_err(io)?, refused: None };
     // Held while it is written: what nobody holds was left by a command that was killed.
     let _claimed = file::claim(&temporary)?;
     let filled = fill(&mut made);
@@ -82,4 +99,33 @@ pub fn write_filled<E>(
     }
     file::sync_dir(file::parent_of(path))?;
     Ok(filled)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_that_is_withdrawn_is_gone_with_its_object_and_may_be_made_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let [one, two, three] = [b"1", b"2", b"3"].map(|name| Digest::of_bytes(name));
+        let kind = MemoKind::Rollout;
+        for (key, bytes) in [(one, &b"wrong"[..]), (two, b"shared"), (three, b"shared")] {
+            let object = store.put(bytes).unwrap();
+            store.memo_put(kind, &key, &object).unwrap();
+        }
+        let (wrong, shared) = (Digest::of_bytes(b"wrong"), Digest::of_bytes(b"shared"));
+        store.withdraw(kind, &one).unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        assert_eq!((store.memo_get(kind, &one), store.contains(&wrong)), (None, false));
+        let other = store.put(b"right").unwrap();
+        store.memo_put(kind, &one, &other).unwrap();
+        store.withdraw(kind, &two).unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        assert_eq!((store.memo_get(kind, &two), store.memo_get(kind, &three)), (None, Some(shared)));
+        assert_eq!((store.memo_get(kind, &one), store.get(&shared).unwrap()), (Some(other), b"shared".to_vec()));
+        drop(store);
+        assert_eq!(super::super::fsck(dir.path(), true).unwrap().damage, []);
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::MemoKind;
+use super::{MemoKind, file::NoFile};
 use crate::kernel::{Digest, canon::CanonError};
 
 /// Why the disk did not give or take what was asked.
@@ -175,7 +175,8 @@ impl StoreError {
         };
         let places =
             [IsADirectory, NotADirectory, NotFound, PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull];
-        matches!(self, StoreError::Io { source, .. } if places.contains(&source.kind()))
+        let no_file = |source: &std::io::Error| source.get_ref().is_some_and(|inner| inner.is::<NoFile>());
+        matches!(self, StoreError::Io { source, .. } if places.contains(&source.kind()) || no_file(source))
     }
 
     pub(super) fn corrupt(damage: Damage) -> StoreError {

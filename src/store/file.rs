@@ -34,8 +34,18 @@ pub(super) fn neighbour(path: &Path) -> Result<PathBuf, StoreError> {
     Ok(parent.join(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id())))
 }
 
+/// A file that was not there before. What has its name goes, and is not followed: whoever can write to the folder must not have us
+/// write elsewhere.
+pub(super) fn create_new(path: &Path) -> std::io::Result<File> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    fs::OpenOptions::new().write(true).create_new(true).open(path)
+}
+
 fn write_synced(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut file = File::create(path)?;
+    let mut file = create_new(path)?;
     file.write_all(bytes)?;
     file.sync_all()
 }
@@ -43,9 +53,13 @@ fn write_synced(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
 /// Makes a rename or a new file survive a power cut. A folder that cannot be opened to be read, or a file system that knows no such
 /// request, is no error; a request that failed is one.
 pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
-    use std::io::ErrorKind::{InvalidInput, Unsupported};
     let Ok(opened) = File::open(dir) else { return Ok(()) };
-    match opened.sync_all() {
+    synced(dir, opened.sync_all())
+}
+
+fn synced(dir: &Path, came: std::io::Result<()>) -> Result<(), StoreError> {
+    use std::io::ErrorKind::{InvalidInput, Unsupported};
+    match came {
         Err(source) if !matches!(source.kind(), InvalidInput | Unsupported) => Err(StoreError::io("sync", dir, source)),
         _ => Ok(()),
     }
@@ -119,9 +133,33 @@ pub fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, StoreError> 
     Ok(bytes)
 }
 
+/// Refuses a pipe and a device before anybody waits for it: what is stored is a file, by whatever way it is reached.
+pub(super) fn no_device(path: &Path) -> Result<(), StoreError> {
+    let is = fs::metadata(path).ok().map(|of| of.file_type());
+    match is.filter(|is| !is.is_file() && !is.is_dir()) {
+        Some(is) => Err(StoreError::io("read", path, NoFile::error("a file", kind_of(is)))),
+        None => Ok(()),
+    }
+}
+
+/// Something of another kind lies where a file or a folder is expected.
+#[derive(Debug, thiserror::Error)]
+#[error("expected {expected}, found {found}")]
+pub(super) struct NoFile {
+    expected: &'static str,
+    found: &'static str,
+}
+
+impl NoFile {
+    fn error(expected: &'static str, found: &'static str) -> std::io::Error {
+        std::io::Error::other(NoFile { expected, found })
+    }
+}
+
 /// Opens a file to be read that is not longer than this now.
 pub fn open_bounded(path: &Path, max_bytes: u64) -> Result<File, StoreError> {
     let io = |source| StoreError::io("read", path, source);
+    no_device(path)?;
     let file = File::open(path).map_err(io)?;
     let is = file.metadata().map_err(io)?;
     if is.is_dir() {
@@ -148,6 +186,7 @@ pub fn digest_of_file(path: &Path, max_bytes: u64) -> Result<Digest, StoreError>
 /// The first `count` bytes of a file, fewer where it is shorter.
 pub fn read_head(path: &Path, count: usize) -> Result<Vec<u8>, StoreError> {
     let io = |source| StoreError::io("read", path, source);
+    no_device(path)?;
     let mut bytes = Vec::with_capacity(count);
     File::open(path).map_err(io)?.take(count as u64).read_to_end(&mut bytes).map_err(io)?;
     Ok(bytes)
@@ -217,7 +256,7 @@ pub fn is_plain_file(path: &Path) -> Result<bool, StoreError> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
         Err(source) => Err(io(source)),
         Ok(of) if of.is_file() => Ok(true),
-        Ok(of) => Err(io(std::io::Error::other(format!("expected a plain file, found {}", kind_of(of.file_type()))))),
+        Ok(of) => Err(io(NoFile::error("a plain file", kind_of(of.file_type())))),
     }
 }
 
@@ -239,7 +278,7 @@ pub fn create_plain_dir(path: &Path) -> Result<(), StoreError> {
     if is.is_dir() {
         return Ok(());
     }
-    Err(io(std::io::Error::other(format!("expected a folder, found {}", kind_of(is)))))
+    Err(io(NoFile::error("a folder", kind_of(is))))
 }
 
 /// What lies in a folder under names that end so, sorted, whatever it is: nothing is followed.
@@ -324,6 +363,21 @@ mod tests {
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn a_link_laid_under_the_name_of_the_neighbour_or_of_the_file_is_not_followed() {
+        let dir = tempfile::tempdir().unwrap();
+        let (outside, path) = (dir.path().join("outside"), dir.path().join("file"));
+        write_atomic(&outside, b"of somebody").unwrap();
+        for laid in [neighbour(&path).unwrap(), path.clone()] {
+            std::os::unix::fs::symlink(&outside, laid).unwrap();
+            write_atomic(&path, b"ours").unwrap();
+            assert_eq!(read_bounded(&outside, 99).unwrap(), b"of somebody");
+            assert!(!path.is_symlink() && read_bounded(&path, 99).unwrap() == b"ours");
+            remove_file(&path).unwrap();
+        }
+    }
+
     #[test]
     fn a_file_above_the_limit_is_an_error() {
         let dir = tempfile::tempdir().unwrap();
@@ -332,6 +386,36 @@ mod tests {
         assert!(matches!(read_bounded(&path, 9), Err(StoreError::TooLarge { max_bytes: 9, .. })));
         assert!(matches!(read_bounded(&dir.path().join("none"), 9), Err(StoreError::Io { .. })));
         assert!(matches!(read_bounded(dir.path(), 9), Err(StoreError::Io { .. })));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_refused_at_once_by_whatever_way_it_is_reached() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("linked");
+        std::os::unix::fs::symlink("/dev/zero", &path).unwrap();
+        for refused in
+            [read_bounded(&path, 9).map(drop), read_head(&path, 9).map(drop), open_bounded(&path, 9).map(drop)]
+        {
+            let error = refused.unwrap_err();
+            assert!(error.is_of_the_place(), "{error}");
+            assert!(error.to_string().contains("expected a file, found a pipe or a device"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_synced_is_an_error_and_one_that_knows_no_such_request_is_none() {
+        use std::io::ErrorKind::{InvalidInput, Other, StorageFull, Unsupported};
+        let dir = Path::new("folder");
+        for kind in [Other, StorageFull] {
+            let error = synced(dir, Err(kind.into())).unwrap_err().to_string();
+            assert!(error.contains("cannot sync folder"), "{error}");
+        }
+        for kind in [InvalidInput, Unsupported] {
+            assert!(synced(dir, Err(kind.into())).is_ok());
+        }
+        // What is asked of a folder that is there is done, and one that is not there is another command's matter.
+        assert!(sync_dir(tempfile::tempdir().unwrap().path()).is_ok() && sync_dir(dir).is_ok());
     }
 
     #[test]

@@ -9,7 +9,8 @@ use std::{
 use serde::Serialize;
 
 use super::{
-    Damage, StoreError,
+    Damage, MemoKind, StoreError,
+    file::no_device,
     index::{INDEX, Index, Places},
     objects::take_lock_to_look,
     pack::{self, HEADER, PACK, Piece},
@@ -36,6 +37,9 @@ pub struct FsckReport {
     /// Names of the whole objects.
     #[serde(skip)]
     pub whole: BTreeSet<Digest>,
+    /// Requests and the objects that answer them.
+    #[serde(skip)]
+    pub pairs: BTreeMap<(MemoKind, Digest), Digest>,
 }
 
 /// Checks the store in a folder: records of the pack, index against pack, targets of memo entries, SQLite's own structure; with
@@ -43,6 +47,7 @@ pub struct FsckReport {
 pub fn fsck(dir: &Path, read_all: bool) -> Result<FsckReport, StoreError> {
     let pack_path = dir.join(PACK);
     let io = |source| StoreError::io("read", &pack_path, source);
+    no_device(&pack_path)?;
     let pack = File::open(&pack_path).map_err(io)?;
     let lock = take_lock_to_look(dir)?;
     let pieces = pack::scan(&pack, 0, read_all).map_err(io)?;
@@ -54,6 +59,7 @@ pub fn fsck(dir: &Path, read_all: bool) -> Result<FsckReport, StoreError> {
         count(piece, &pack_path, indexed.as_ref(), &mut report);
     }
     report.whole = places.objects.keys().copied().collect();
+    report.pairs = places.memo.iter().map(|(request, (object, _))| (*request, *object)).collect();
     check_memo(&pack_path, &places, &mut report);
     if let Some(indexed) = &indexed {
         compare(dir, indexed, &places, &mut report);

@@ -12,7 +12,7 @@ use std::{
 
 use super::{
     Damage, MemoKind, StoreError,
-    file::create_dir,
+    file::{create_dir, no_device},
     index::{INDEX, Index, Places},
     pack::{self, HEADER, MemoEntry, PACK, Piece},
 };
@@ -70,6 +70,7 @@ impl Store {
         create_dir(dir)?;
         let lock = take_lock(dir)?;
         let pack_path = dir.join(PACK);
+        no_device(&pack_path)?;
         let io = |source| StoreError::io("open", &pack_path, source);
         let pack =
             OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&pack_path).map_err(io)?;
@@ -100,6 +101,11 @@ impl Store {
             store.flush()?;
         }
         Ok(store)
+    }
+
+    /// Its folder.
+    pub(super) fn dir(&self) -> &Path {
+        &self.dir
     }
 
     /// What was repaired when it was opened.
@@ -177,7 +183,7 @@ impl Store {
     }
 
     /// All recorded requests, by kind and key, with their objects.
-    pub(super) fn recorded(&self) -> Vec<(MemoKind, Digest, Digest)> {
+    pub fn recorded(&self) -> Vec<(MemoKind, Digest, Digest)> {
         self.state().places.memo.iter().map(|((kind, key), (object, _))| (*kind, *key, *object)).collect()
     }
 

@@ -136,6 +136,7 @@ impl Transcript {
     /// The same with threads that check the recorded events.
     pub fn continue_on(path: &Path, threads: Option<&Threads>) -> Result<Transcript, StoreError> {
         let io = |source| StoreError::io("open", path, source);
+        file::no_device(path)?;
         let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(io)?;
         lock(&file, path)?;
         let mut hashes = Vec::new();

@@ -250,3 +250,113 @@ fn a_signature_holds_for_its_key_and_its_bundle_alone() {
     let ran = check(path(&signed), &key);
     assert!(ran.code == 2 && ran.stderr.contains("public key"), "{} {}", ran.code, ran.stderr);
 }
+
+/// The frozen bundle with another manifest.
+fn with_manifest(dir: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let inside = zstd::decode_all(std::fs::read(home().join(FROZEN)).unwrap().as_slice()).unwrap();
+    let mut entries: Vec<(String, Vec<u8>)> = tar::Archive::new(inside.as_slice())
+        .entries()
+        .unwrap()
+        .map(|entry| {
+            let mut entry = entry.unwrap();
+            let mut bytes = Vec::new();
+            std::io::Read::read_to_end(&mut entry, &mut bytes).unwrap();
+            (entry.path().unwrap().display().to_string(), bytes)
+        })
+        .collect();
+    let mut said: Value = serde_json::from_slice(&entries[0].1).unwrap();
+    change(&mut said);
+    entries[0].1 = serde_json::to_vec(&said).unwrap();
+    let borrowed: Vec<(&str, &[u8])> = entries.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
+    archive(dir, &borrowed)
+}
+
+#[test]
+fn what_a_manifest_says_of_its_run_is_what_the_events_inside_say() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let same = with_manifest(dir.path(), |_| ());
+    assert_eq!(bundle(&["verify", "--stored", path(&same)]).code, 0);
+    let zero: Value = "0".repeat(64).into();
+    let changes = [
+        ("/name", "somebody".into()),
+        ("/root", zero.clone()),
+        ("/experiment", zero.clone()),
+        ("/pool", zero),
+        ("/versions/adapter", 99.into()),
+        ("/versions/sim", 99.into()),
+        ("/versions/eval", 99.into()),
+    ];
+    for (place, other) in changes {
+        let made = with_manifest(dir.path(), |said| *said.pointer_mut(place).unwrap() = other);
+        let what = place.split('/').nth(1).unwrap();
+        for command in [vec!["import", path(&made), "--out", path(&out)], vec!["verify", "--stored", path(&made)]] {
+            let ran = bundle(&command);
+            let told = ran.stderr.contains(&format!("{what}: the manifest says"));
+            assert!(ran.code == 5 && told, "{place}: {} {}", ran.code, ran.stderr);
+        }
+        assert!(!out.exists(), "{place}");
+    }
+}
+
+#[test]
+fn a_bundle_takes_the_place_of_no_file_that_was_not_meant() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = imported(dir.path());
+    let create = |out: &Path, more: &[&str]| bundle(&[&["create", path(&folder), "--out", path(out)], more].concat());
+    let own = folder.join("result.json");
+    let before = std::fs::read(&own).unwrap();
+    for more in [&[][..], &["--overwrite"]] {
+        let ran = create(&own, more);
+        assert!(ran.code == 2 && ran.stderr.contains("a run's own files"), "{} {}", ran.code, ran.stderr);
+    }
+    assert!(std::fs::read(&own).unwrap() == before);
+    let taken = dir.path().join("taken");
+    std::fs::write(&taken, "of somebody").unwrap();
+    let ran = create(&taken, &[]);
+    assert!(ran.code == 2 && ran.stderr.contains("--overwrite"), "{} {}", ran.code, ran.stderr);
+    assert_eq!(std::fs::read(&taken).unwrap(), b"of somebody");
+    assert_eq!(create(&taken, &["--overwrite"]).code, 0);
+    assert_eq!(bundle(&["inspect", path(&taken)]).code, 0);
+    let ran = bundle(&["import", FROZEN, "--out", path(&taken), "--bytes-max", "1000000000"]);
+    assert!(ran.code == 2 && ran.stderr.contains("expected no file or folder yet"), "{}", ran.stderr);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_output_that_is_a_link_to_nowhere_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = imported(dir.path());
+    let link = dir.path().join("link");
+    std::os::unix::fs::symlink(dir.path().join("nobody"), &link).unwrap();
+    for command in [
+        vec!["create", path(&folder), "--out", path(&link)],
+        vec!["create", path(&folder), "--out", path(&link), "--overwrite"],
+        vec!["import", FROZEN, "--out", path(&link)],
+    ] {
+        let ran = bundle(&command);
+        assert_eq!(ran.code, 2, "{command:?}: {}", ran.stderr);
+    }
+    assert!(link.is_symlink() && !dir.path().join("nobody").exists());
+}
+
+#[test]
+fn what_killed_bundle_commands_left_goes_with_the_next_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = imported(dir.path());
+    let at = |name: &str| dir.path().join(name);
+    // A process of such a number cannot be.
+    std::fs::write(at(".run.evodrive.99999999.tmp"), "half").unwrap();
+    std::fs::create_dir_all(at(".copy.99999999.tmp/store")).unwrap();
+    std::fs::create_dir_all(at("evodrive-bundle-99999999/run")).unwrap();
+    let made = at("run.evodrive");
+    assert_eq!(bundle(&["create", path(&folder), "--out", path(&made)]).code, 0);
+    assert_eq!(bundle(&["import", path(&made), "--out", path(&at("copy"))]).code, 0);
+    assert_eq!(bundle(&["verify", "--stored", path(&made), "--scratch", path(dir.path())]).code, 0);
+    let mut left: Vec<String> = std::fs::read_dir(dir.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    left.sort();
+    assert_eq!(left, ["copy", "run", "run.evodrive"]);
+}

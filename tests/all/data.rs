@@ -87,7 +87,7 @@ fn tables_say_what_the_record_says_and_join() {
 
     let again = run(&command);
     assert_eq!(again.code, 2, "{}", again.stderr);
-    assert!(again.stderr.contains("name another folder with --out"), "{}", again.stderr);
+    assert!(again.stderr.contains("add --overwrite"), "{}", again.stderr);
 }
 
 #[test]

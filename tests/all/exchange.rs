@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::backends::experiment as small;
-use crate::harness::{Ran, evodrive, folder_below, run, text};
+use crate::harness::{Ran, evodrive, folder_below, home, run, text};
 
 /// The live example with another model as actor and repair.
 fn experiment(dir: &Path, model: &str) -> PathBuf {
@@ -150,5 +150,131 @@ fn settings_of_these_kinds_that_cannot_work_are_named() {
         let ran = Ran::of(&mut record(dir.path(), &experiment(dir.path(), model), "1"));
         assert_eq!(ran.code, 2, "{}", ran.stderr);
         assert!(ran.stderr.contains(word), "{word}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_models_name_is_held_to_the_letters_of_run_names() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["../../outside", "a/b", "..", "Local", "a b", "\\u0000"] {
+        let text = format!("[roles]\nactor = \"{name}\"\n[models.\"{name}\"]\n{EXCHANGE}");
+        let path = small(dir.path(), "named", &text);
+        let ran = Ran::of(&mut record(dir.path(), &path, "1"));
+        assert_eq!(ran.code, 2, "{name}: {}", ran.stderr);
+        assert!(ran.stderr.contains("lower-case letters, digits, `-` or `_`"), "{name}: {}", ran.stderr);
+    }
+    let left: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["named.toml"], "nothing is written");
+}
+
+/// What a recording did that has one question open: the folder of its questions.
+#[cfg(unix)]
+fn asking(dir: &Path) -> (PathBuf, PathBuf) {
+    let roles = "[roles]\nactor = \"me\"\n[models.me]\n";
+    let path = small(dir, "asks", &format!("{roles}{EXCHANGE}"));
+    let mut waiting = record(dir, &path, "1").stderr(std::process::Stdio::null()).spawn().unwrap();
+    let runs = dir.join("runs");
+    let asked = (0..600).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        Some(open(&runs)).filter(|open| open.len() == 1)
+    });
+    waiting.kill().unwrap();
+    waiting.wait().unwrap();
+    let reply = asked.expect("a slot asks")[0].1.clone();
+    (path, home().join(reply).parent().unwrap().to_path_buf())
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_links_in_the_folder_of_questions_are_named_and_not_waited_for_or_followed() {
+    use std::os::unix::fs::symlink;
+    let dir = tempfile::tempdir().unwrap();
+    let (path, questions) = asking(dir.path());
+    let outside = dir.path().join("outside");
+    std::fs::create_dir(&outside).unwrap();
+    std::fs::write(outside.join("secret"), "of somebody").unwrap();
+    let reply = questions.join("1.reply.txt");
+    let fifo = || assert!(std::process::Command::new("mkfifo").arg(&reply).status().unwrap().success());
+    let link = || symlink(outside.join("secret"), &reply).unwrap();
+    let folder = || std::fs::create_dir(&reply).unwrap();
+    let gone = || {
+        if reply.is_dir() && !reply.is_symlink() {
+            std::fs::remove_dir(&reply).unwrap();
+        } else {
+            std::fs::remove_file(&reply).unwrap();
+        }
+    };
+    let laid: [(&str, &dyn Fn()); 3] = [("a pipe or a device", &fifo), ("a link", &link), ("a folder", &folder)];
+    let run_folder = questions.parent().unwrap().parent().unwrap();
+    for (what, lay) in laid {
+        lay();
+        let status = run(&["exchange", "status", run_folder.to_str().unwrap()]);
+        let again = Ran::of(&mut record(dir.path(), &path, "1"));
+        for ran in [status, again] {
+            assert_eq!(ran.code, 2, "{what}: {}", ran.stderr);
+            let named = ran.stderr.contains("1.reply.txt") && ran.stderr.contains(&format!("found {what}"));
+            assert!(named, "{what}: {}", ran.stderr);
+        }
+        gone();
+    }
+    // A folder of questions that leads out of the run folder, and one of them all that does.
+    for linked in [questions.as_path(), questions.parent().unwrap()] {
+        let aside = linked.with_extension("aside");
+        std::fs::rename(linked, &aside).unwrap();
+        symlink(&outside, linked).unwrap();
+        let ran = Ran::of(&mut record(dir.path(), &path, "1"));
+        assert_eq!(ran.code, 2, "{}: {}", linked.display(), ran.stderr);
+        assert!(ran.stderr.contains("expected a folder, found a link"), "{}", ran.stderr);
+        std::fs::remove_file(linked).unwrap();
+        std::fs::rename(&aside, linked).unwrap();
+    }
+    let there: Vec<_> = std::fs::read_dir(&outside).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(there, ["secret"], "nothing was written outside");
+    assert_eq!(std::fs::read(outside.join("secret")).unwrap(), b"of somebody");
+}
+
+#[test]
+fn what_a_provider_said_is_sealed_and_cannot_be_rewritten() {
+    let dir = tempfile::tempdir().unwrap();
+    let script = "printf '{\"x\": 1}'";
+    let command = format!(
+        "[roles]\nactor = \"me\"\n[models.me]\nkind = \"command\"\nmodel = \"a-script\"\nprovenance = \"sh\"\n\
+         [models.me.command]\nprogram = [\"sh\", \"-c\", {script:?}]\ntimeout_s = 60\n"
+    );
+    let path = small(dir.path(), "said", &command);
+    let root = Ran::of(&mut record(dir.path(), &path, "1")).root();
+    let folder = folder_below(&dir.path().join("runs"));
+    let attempts: Vec<_> =
+        crate::harness::events(&folder).into_iter().filter(|event| event["kind"] == "attempt").collect();
+    assert!(attempts[0]["body"]["proposal"]["exchanges"][0]["metadata"].is_string(), "{}", attempts[0]);
+    assert_eq!(run(&["check", folder.to_str().unwrap()]).root(), root);
+    let cassette = folder.join("cassette.jsonl");
+    let before = std::fs::read_to_string(&cassette).unwrap();
+    assert!(before.contains("\"version\":\"1.2\""), "{}", &before[..200]);
+    let rewritten = |keep: bool| {
+        let mut other = Cassette::new("other");
+        for of in Cassette::load(&cassette).unwrap().exchanges() {
+            let mut metadata = of.metadata.clone();
+            if let Some(metadata) = &mut metadata {
+                metadata.model = "a better one".into();
+            }
+            other.push_with(&of.request(), of.bytes.clone(), metadata.filter(|_| keep)).unwrap();
+        }
+        String::from_utf8(other.to_bytes("said").unwrap()).unwrap()
+    };
+    let forged = [rewritten(true), rewritten(false), before.replacen("\"version\":\"1.2\"", "\"version\":\"1.1\"", 1)];
+    for text in forged {
+        assert_ne!(text, before);
+        std::fs::write(&cassette, &text).unwrap();
+        let dir = folder.to_str().unwrap();
+        let bundle = folder.with_extension("evodrive");
+        let fsck = run(&["fsck", "--read", dir]);
+        assert!(fsck.code == 5 && fsck.stdout.contains("the provider said"), "{} {}", fsck.code, fsck.stdout);
+        for command in
+            [vec!["check", dir], vec!["verify", dir], vec!["bundle", "create", dir, "--out", bundle.to_str().unwrap()]]
+        {
+            let ran = run(&command);
+            assert!(matches!(ran.code, 4 | 5), "{command:?}: {} {}", ran.code, ran.stderr);
+        }
     }
 }

@@ -150,3 +150,116 @@ fn what_a_file_says_does_not_reach_the_terminal_as_commands() {
     let acts = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
     assert!(!ran.stderr.contains(acts) && !ran.stdout.contains(acts), "{:?}", ran.stderr);
 }
+
+#[test]
+fn one_more_line_feed_in_the_result_means_nothing_to_any_command() {
+    let (dir, folder) = changed("result.json", |text| format!("{text}\n"));
+    let bundle = dir.path().join("run.evodrive");
+    let out = ["--out", bundle.to_str().unwrap(), "--run"];
+    let commands: [&[&str]; 6] = [
+        &["fsck", "--read"],
+        &["check"],
+        &["verify"],
+        &["report"],
+        &["bundle", "create", out[0], out[1], out[2]],
+        &["resume"],
+    ];
+    for command in commands {
+        let (code, words) = code_and_words(command, &folder);
+        assert_eq!(code, 0, "{command:?}: {words}");
+    }
+}
+
+/// Writes a run's pool anew with other words about its scenes, as somebody would who wants nobody to notice.
+fn retold(folder: &Path, change: impl Fn(&mut evodrive::scene::Pool)) {
+    let path = folder.join("scenes.pool");
+    let mut pool = evodrive::scene::pool::decode("scenes.pool", &std::fs::read(&path).unwrap()).unwrap();
+    change(&mut pool);
+    std::fs::write(&path, evodrive::scene::pool::encode(&pool)).unwrap();
+}
+
+/// What `fsck --read`, `check`, `verify` and `bundle create` say of a folder that was changed: all of them refuse it.
+fn refused_by_all(folder: &Path, word: &str) {
+    let bundle = folder.with_extension("evodrive");
+    let out = ["--out", bundle.to_str().unwrap(), "--run"];
+    let commands: [&[&str]; 4] =
+        [&["fsck", "--read"], &["check"], &["verify"], &["bundle", "create", out[0], out[1], out[2]]];
+    for (place, command) in commands.into_iter().enumerate() {
+        let (code, words) = code_and_words(command, folder);
+        assert!(matches!(code, 4 | 5), "{command:?}: {code} {words}");
+        assert!([1, 2].contains(&place) || words.contains(word), "{command:?}: {words}");
+    }
+    assert!(!bundle.exists());
+}
+
+#[test]
+fn where_generated_scenes_came_from_is_what_their_generator_says() {
+    type Change = fn(&mut evodrive::scene::Pool);
+    let renamed: Change = |pool| pool.scenes[3].origin.name = "somebody else".into();
+    let left_out: Change = |pool| {
+        let left = evodrive::scene::LeftOut { file: "x".into(), what: String::new(), reason: "it is bad".into() };
+        pool.left_out.push(left);
+    };
+    let changes = [renamed, left_out];
+    for change in changes {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = copied(dir.path());
+        retold(&folder, change);
+        refused_by_all(&folder, "as the generator has it");
+    }
+}
+
+#[test]
+fn where_imported_scenes_came_from_is_sealed_and_files_of_other_names_are_the_same_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = crate::backends::experiment(dir.path(), "imported", "");
+    let here = |args: &[&str]| {
+        let ran = crate::harness::Ran::of(evodrive().current_dir(dir.path()).args(args));
+        assert_eq!(ran.code, 0, "{args:?}: {}", ran.stderr);
+        ran
+    };
+    let name = file.file_name().unwrap().to_str().unwrap();
+    here(&["scenes", "generate", name, "--out", "made.pool"]);
+    here(&["scenes", "export", "made.pool", "--format", "commonroad", "--out", "files"]);
+    here(&["scenes", "import", "files", "--out", "my.pool"]);
+    let record = ["record", name, "--no-report", "--scenes", "my.pool"];
+    let root = here(&record).root();
+    let folder = crate::harness::folder_below(&dir.path().join("runs"));
+    let opened = &crate::harness::events(&folder)[0]["body"];
+    assert!(opened["provenance"].is_string(), "{opened}");
+    // Files that were given other names hold the same scenes.
+    let files: Vec<_> = std::fs::read_dir(dir.path().join("files")).unwrap().map(|file| file.unwrap().path()).collect();
+    for path in files {
+        let name = format!("renamed-{}", path.file_name().unwrap().to_str().unwrap());
+        std::fs::rename(&path, path.with_file_name(name)).unwrap();
+    }
+    assert_eq!(here(&["run", name, "--no-report", "--scenes", "files"]).root(), root);
+    here(&["fsck", "--read", folder.to_str().unwrap()]);
+    retold(&folder, |pool| pool.scenes[0].origin.name = "somebody else".into());
+    refused_by_all(&folder, "as the run's first event has it");
+    retold(&folder, |pool| pool.seals_provenance = false);
+    refused_by_all(&folder, "as the run's first event has it, found none");
+}
+
+#[test]
+fn the_stores_pairs_of_request_and_record_are_those_that_the_events_seal() {
+    use evodrive::store::{MemoKind, Store};
+    let dir = tempfile::tempdir().unwrap();
+    let folder = copied(dir.path());
+    let (path, other) = (folder.join("store"), dir.path().join("other"));
+    {
+        let (store, swapped) = (Store::open(&path).unwrap(), Store::open(&other).unwrap());
+        let mut pairs = store.recorded();
+        let rollouts: Vec<usize> = (0..pairs.len()).filter(|i| pairs[*i].0 == MemoKind::Rollout).collect();
+        let [one, two] = [rollouts[0], *rollouts.iter().find(|i| pairs[**i].2 != pairs[rollouts[0]].2).unwrap()];
+        (pairs[one].2, pairs[two].2) = (pairs[two].2, pairs[one].2);
+        for (kind, key, object) in pairs {
+            swapped.put(&store.get(&object).unwrap()).unwrap();
+            swapped.memo_put(kind, &key, &object).unwrap();
+        }
+    }
+    std::fs::remove_dir_all(&path).unwrap();
+    std::fs::rename(&other, &path).unwrap();
+    let (code, words) = code_and_words(&["fsck"], &folder);
+    assert!(code == 5 && words.contains("as the sealed events pair them"), "{code}: {words}");
+}

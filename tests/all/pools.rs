@@ -43,7 +43,7 @@ fn pools_are_merged_split_filtered_and_checked() {
     let cut = |seed: &str, open: &str, closed: &str| {
         let args =
             ["scenes", "split", "both.pool", "--held-out", "6", "--seed", seed, "--out", open, "--held-out-to", closed];
-        well(folder, &args);
+        well(folder, &[args.as_slice(), &["--overwrite"]].concat());
         [ids(folder, open), ids(folder, closed)]
     };
     let [open, closed] = cut("1", "open.pool", "closed.pool");
@@ -57,7 +57,7 @@ fn pools_are_merged_split_filtered_and_checked() {
     assert_ne!(cut("2", "a.pool", "b.pool")[1], closed);
     // By a tag: who has it is held out, and nobody else.
     let args = ["scenes", "split", "both.pool", "--tag", "light", "--out", "a.pool", "--held-out-to", "b.pool"];
-    well(folder, &args);
+    well(folder, &[args.as_slice(), &["--overwrite"]].concat());
     let lit = well(folder, &["scenes", "list", "both.pool", "--tag", "light", "--usable"]);
     assert_eq!(lit["scenes"].as_array().unwrap().len(), ids(folder, "b.pool").len());
     assert_eq!(ids(folder, "a.pool").len() + ids(folder, "b.pool").len(), usable.len());

@@ -48,7 +48,7 @@ fn attacker(recorded_run: &RecordedRun, lineage: &str) -> (String, Score) {
 }
 
 fn export(run_folder: &Path, attempt: &str, to: &Path) -> Vec<u8> {
-    let ran = run(&["program", "export", path(run_folder), attempt, "--out", path(to)]);
+    let ran = run(&["program", "export", path(run_folder), attempt, "--overwrite", "--out", path(to)]);
     assert_eq!(ran.code, 0, "{}", ran.stderr);
     std::fs::read(to).unwrap()
 }

@@ -329,7 +329,7 @@ fn help_texts_are_goldens() {
     for command in ["show", "export"] {
         text += &format!("\n---- evodrive program {command} --help\n{}", run(&["program", command, "--help"]).stdout);
     }
-    for command in ["plan", "work", "merge"] {
+    for command in ["plan", "work", "merge", "withdraw"] {
         text += &format!("\n---- evodrive shard {command} --help\n{}", run(&["shard", command, "--help"]).stdout);
     }
     for command in ["create", "inspect", "verify", "import"] {

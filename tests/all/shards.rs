@@ -276,3 +276,110 @@ fn a_killed_worker_loses_nothing() {
     study.rounds();
     assert_eq!(study.run().0, study.root);
 }
+
+/// Makes up a record of a result: another ego's motion, with its own digest, as whoever lies would. The task that it is of.
+fn made_up(result: &Path) -> String {
+    let text = std::fs::read_to_string(result).unwrap();
+    let line = text.lines().find(|line| line.contains("\"outcome\"")).expect("a rollout's record");
+    let mut other: serde_json::Value = serde_json::from_str(line).unwrap();
+    let covered = &mut other["record"]["decision"];
+    *covered = serde_json::json!("the worker's own words");
+    let record = other["record"].to_string();
+    let digest = evodrive::kernel::Digest::of_bytes(record.as_bytes());
+    let task = other["task"].as_str().unwrap().to_string();
+    let lie = format!("{{\"task\":\"{task}\",\"digest\":\"{digest}\",\"record\":{record}}}");
+    std::fs::write(result, text.replacen(line, &lie, 1)).unwrap();
+    task
+}
+
+#[test]
+fn an_audit_of_the_merge_names_the_worker_that_made_a_record_up_and_merges_the_others() {
+    let study = Recorded::new("");
+    let (_, to_do) = study.plan();
+    assert_eq!(work(&to_do).code, 0);
+    let honest = std::fs::read(result_of(&to_do[0])).unwrap();
+    let task = made_up(&result_of(&to_do[0]));
+    let (ran, said) = study.shard("merge", &["--audit", "1"]);
+    assert_eq!(ran.code, 4, "{}", ran.stderr);
+    let refused = said["refused"].to_string();
+    let name = result_of(&to_do[0]).file_name().unwrap().to_str().unwrap().to_string();
+    for part in [name.as_str(), &task, "decision", "the worker's own words", "computed here"] {
+        assert!(refused.contains(part), "{part}: {refused}");
+    }
+    assert_eq!((&said["results"], said["refused"].as_array().unwrap().len()), (&(to_do.len() - 1).into(), 1));
+    assert!(said["audited"].as_u64().unwrap() >= to_do.len() as u64, "{said}");
+    // A draw that misses the lie lets it in: an audit is a sample, and says how many it looked at.
+    let (ran, said) = study.shard("merge", &["--audit", "1e-9"]);
+    assert_eq!((ran.code, &said["audited"]), (0, &0.into()), "{}", ran.stderr);
+    // What was found out later is taken out by name; its result does not bring it back, the honest one does.
+    let run = folder_below(&study.path("apart"));
+    let run = run.to_str().unwrap();
+    let ran =
+        Ran::of(evodrive().args(["shard", "withdraw", &task[..16], "--run", run, "--reason", "node 7 was faulty"]));
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let (ran, said) = study.shard("merge", &[]);
+    assert_eq!(ran.code, 2, "{}", ran.stderr);
+    let refused = said["refused"].to_string();
+    assert!(refused.contains("node 7 was faulty") && refused.contains(&task), "{refused}");
+    let (said, _) = study.plan();
+    assert!(said["missing"].as_u64().unwrap() > 0, "the run asks for it again: {said}");
+    std::fs::write(result_of(&to_do[0]), honest).unwrap();
+    assert_eq!(study.shard("merge", &["--audit", "0.3"]).0.code, 0);
+    study.rounds();
+    assert_eq!(study.run().0, study.root);
+    let noted = std::fs::read_to_string(Path::new(run).join("withdrawn.jsonl")).unwrap();
+    assert!(noted.lines().count() == 1 && noted.contains(&task) && noted.contains("node 7 was faulty"), "{noted}");
+}
+
+#[test]
+fn an_audit_holds_records_to_the_motion_that_another_simulator_told() {
+    let study = Recorded::new(&worker(&[env!("CARGO_BIN_EXE_evodrive"), "worker"]));
+    std::fs::remove_file(study.path("rollouts.jsonl.zst")).unwrap();
+    let to_do = (0..20)
+        .find_map(|_| {
+            let (_, to_do) = study.plan();
+            assert_eq!(work(&to_do).code, 0);
+            let has_label =
+                |shard: &PathBuf| std::fs::read_to_string(result_of(shard)).unwrap().contains("\"outcome\"");
+            if let Some(shard) = to_do.iter().find(|shard| has_label(shard)) {
+                return Some(shard.clone());
+            }
+            assert_eq!(study.shard("merge", &["--audit", "1"]).0.code, 0);
+            None
+        })
+        .expect("a shard with a label");
+    made_up(&result_of(&to_do));
+    let (ran, said) = study.shard("merge", &["--audit", "1"]);
+    assert_eq!(ran.code, 4, "{}", ran.stderr);
+    assert!(said["refused"].to_string().contains("decision"), "{said}");
+}
+
+#[test]
+fn a_withdrawn_record_of_a_finished_run_is_no_damage_and_is_simulated_again() {
+    let study = Recorded::new("");
+    study.rounds();
+    study.run();
+    let folder = folder_below(&study.path("apart"));
+    let run = folder.to_str().unwrap();
+    let label = crate::harness::events(&folder)
+        .into_iter()
+        .find_map(|event| {
+            event["body"].pointer("/parent_score/scenes/0/record").map(|record| record.as_str().unwrap().to_string())
+        })
+        .expect("a label");
+    let withdraw = |record: &str| {
+        Ran::of(evodrive().args(["shard", "withdraw", record, "--run", run, "--reason", "to see it again"]))
+    };
+    let ran = withdraw("0123");
+    assert!(ran.code == 2 && ran.stderr.contains("hex digits"), "{}", ran.stderr);
+    let ran = withdraw(&"0".repeat(64));
+    assert!(ran.code == 2 && ran.stderr.contains("no record of"), "{}", ran.stderr);
+    let ran = withdraw(&label);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    let fsck = || Ran::of(evodrive().args(["fsck", "--read", run]));
+    let ran = fsck();
+    assert!(ran.code == 0 && ran.stdout.contains("1 records were withdrawn"), "{} {}", ran.code, ran.stdout);
+    assert_eq!(study.run(), (study.root.clone(), serde_json::json!(1)), "it alone is simulated again");
+    let ran = fsck();
+    assert!(ran.code == 0 && !ran.stdout.contains("were withdrawn"), "{}", ran.stdout);
+}

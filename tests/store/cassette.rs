@@ -341,6 +341,13 @@ fn with_tokens(input_tokens: u64) -> Metadata {
     Metadata { model: "echo-1-exact".into(), input_tokens: Some(input_tokens), ..Metadata::default() }
 }
 
+/// The same of a model that has a provider.
+fn provided(at: DrawSlot) -> Request {
+    let mut request = request(at);
+    request.model.kind = "command".into();
+    request
+}
+
 #[test]
 fn metadata_are_recorded_survive_a_kill_and_change_no_digest() {
     let dir = tempfile::tempdir().unwrap();
@@ -348,33 +355,77 @@ fn metadata_are_recorded_survive_a_kill_and_change_no_digest() {
     let providers = || BTreeMap::from([("echo".to_string(), Box::new(Provider) as Box<dyn Model>)]);
     let nobody = BTreeMap::new;
     let first =
-        Record::new(&store, Cassette::new(""), RecordMode::Missing, providers()).ask(&request(slot(0, 0))).unwrap();
+        Record::new(&store, Cassette::new(""), RecordMode::Missing, providers()).ask(&provided(slot(0, 0))).unwrap();
     // Killed and started again, then from its own cassette: the metadata stay with the answer.
     let again = Record::new(&store, Cassette::new(""), RecordMode::Missing, nobody());
-    assert_eq!(again.ask(&request(slot(0, 0))).unwrap(), first);
+    assert_eq!(again.ask(&provided(slot(0, 0))).unwrap(), first);
     let text = again.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap();
     let read = Cassette::parse(&text, "t").unwrap();
     assert_eq!(read.exchanges()[0].metadata, Some(with_tokens(17)));
     let third = Record::new(&store, read, RecordMode::Missing, nobody());
-    third.ask(&request(slot(0, 0))).unwrap();
+    third.ask(&provided(slot(0, 0))).unwrap();
     assert_eq!(third.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap(), text);
     let mut without = Cassette::new("t");
-    without.push(&request(slot(0, 0)), b"{}".to_vec()).unwrap();
-    let bare = Replay::new(without, "").ask(&request(slot(0, 0))).unwrap();
-    assert_eq!(bare, Reply { metadata: None, ..first });
+    without.push(&provided(slot(0, 0)), b"{}".to_vec()).unwrap();
+    let bare = Replay::new(without, "").ask(&provided(slot(0, 0))).unwrap();
+    assert_eq!(bare, Reply { metadata: None, sealed_metadata: None, ..first });
 }
 
 #[test]
 fn a_cassette_says_the_lowest_version_that_holds_it_and_changed_metadata_are_refused() {
     assert!(recorded().to_bytes("t").unwrap().starts_with(b"{\"format\":\"evodrive-cassette\",\"version\":\"1.0\""));
     let mut cassette = Cassette::new("t");
-    cassette.push_with(&request(slot(0, 0)), b"{}".to_vec(), Some(with_tokens(17))).unwrap();
+    cassette.push_with(&provided(slot(0, 0)), b"{}".to_vec(), Some(with_tokens(17))).unwrap();
     let text = String::from_utf8(cassette.to_bytes("t").unwrap()).unwrap();
-    assert!(text.starts_with("{\"format\":\"evodrive-cassette\",\"version\":\"1.1\""), "{text}");
+    assert!(text.starts_with("{\"format\":\"evodrive-cassette\",\"version\":\"1.2\""), "{text}");
     for (from, to) in [(":17", ":18"), ("-exact", "-wrong"), (",\"metadata_digest\"", ",\"reply_hexx\"")] {
         let error = Cassette::parse(text.replacen(from, to, 1).as_bytes(), "x").unwrap_err();
         assert!(matches!(error, CassetteError::Damaged { .. }), "{error}");
     }
+}
+
+#[test]
+fn what_a_provider_said_is_sealed_by_runs_on_new_cassettes_and_not_on_those_that_came_before() {
+    let mut cassette = Cassette::new("t");
+    cassette.push_with(&provided(slot(0, 0)), b"{}".to_vec(), Some(with_tokens(17))).unwrap();
+    let new = String::from_utf8(cassette.to_bytes("t").unwrap()).unwrap();
+    let old = new.replacen("\"1.2\"", "\"1.1\"", 1);
+    let sealed = |text: &str| {
+        let read = Cassette::parse(text.as_bytes(), "t").unwrap();
+        assert_eq!(read.to_bytes("t").unwrap(), text.as_bytes(), "it is written as it was");
+        Replay::new(read, "").ask(&provided(slot(0, 0))).unwrap().sealed_metadata
+    };
+    assert_eq!((sealed(&new), sealed(&old)), (with_tokens(17).digest().ok(), None));
+    // A recording that goes on with an old cassette leaves its run's root as it is; one that begins anew does not.
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(dir.path()).unwrap();
+    let providers = || BTreeMap::from([("echo".to_string(), Box::new(Provider) as Box<dyn Model>)]);
+    let before = || Cassette::parse(old.as_bytes(), "t").unwrap();
+    let goes_on = Record::new(&store, before(), RecordMode::Missing, providers());
+    for place in [0, 1] {
+        assert_eq!(goes_on.ask(&provided(slot(0, place))).unwrap().sealed_metadata, None);
+    }
+    let text = goes_on.into_cassette("t", &[]).unwrap().to_bytes("t").unwrap();
+    assert!(text.starts_with(b"{\"format\":\"evodrive-cassette\",\"version\":\"1.1\""));
+    let mode = RecordMode::Fresh { recording: "first".into() };
+    let anew = Record::new(&store, before(), mode, providers());
+    assert!(anew.ask(&provided(slot(0, 0))).unwrap().sealed_metadata.is_some());
+}
+
+#[test]
+fn the_scripted_model_has_no_provider_that_could_have_said_something() {
+    let scripted = || {
+        let mut request = request(slot(0, 0));
+        request.model.kind = "scripted".into();
+        request
+    };
+    let mut cassette = Cassette::new("t");
+    cassette.push_with(&scripted(), b"{}".to_vec(), Some(with_tokens(17))).unwrap();
+    let error = Cassette::parse(&cassette.to_bytes("t").unwrap(), "x").unwrap_err().to_string();
+    assert!(error.contains("no metadata: the scripted model has no provider"), "{error}");
+    let mut bare = Cassette::new("t");
+    bare.push(&scripted(), b"{}".to_vec()).unwrap();
+    assert!(Cassette::parse(&bare.to_bytes("t").unwrap(), "x").is_ok());
 }
 
 #[test]

@@ -55,7 +55,8 @@ pub fn run(options: &ShardsOptions, jobs: usize) -> Result<Answer, Failure> {
     worked?;
     let store = Store::open(&options.folder.join("store"))?;
     let results = files(&shards, RESULT_ENDING)?;
-    let merge = || Merge { study: &study, shards: &shards, store: &store, cassette: None }.merge(&results);
+    let merge =
+        || Merge { study: &study, shards: &shards, store: &store, withdrawn: &[], cassette: None }.merge(&results);
     let (merged, merging) = timed(merge);
     let merged = merged?;
     if merged.records != options.rollouts {

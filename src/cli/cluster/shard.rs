@@ -2,7 +2,7 @@
 
 use clap::Subcommand;
 
-use crate::cli::cluster::{shard_merge, shard_plan, shard_work};
+use crate::cli::cluster::{shard_merge, shard_plan, shard_withdraw, shard_work};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 
 #[derive(Debug, Subcommand)]
@@ -13,6 +13,8 @@ pub enum Command {
     Work(shard_work::WorkOptions),
     /// Add the results of shards to the run.
     Merge(shard_merge::MergeOptions),
+    /// Take one record out of a run by name, so that it is asked for again.
+    Withdraw(shard_withdraw::WithdrawOptions),
 }
 
 pub fn run(command: &Command, jobs: usize) -> Result<Answer, Failure> {
@@ -20,5 +22,6 @@ pub fn run(command: &Command, jobs: usize) -> Result<Answer, Failure> {
         Command::Plan(options) => shard_plan::run(options, jobs),
         Command::Work(options) => shard_work::run(options, jobs),
         Command::Merge(options) => shard_merge::run(options, jobs),
+        Command::Withdraw(options) => shard_withdraw::run(options),
     }
 }

@@ -4,12 +4,13 @@ use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
 
+use crate::cli::cluster::shard_audit::{self, Auditor};
 use crate::cli::cluster::shard_target::{Target, TargetOptions};
 use crate::cli::evolve::behind;
 use crate::cli::records::folder::files;
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
-use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark};
+use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark, Withdrawn};
 use crate::store;
 
 #[derive(Debug, Args)]
@@ -19,6 +20,9 @@ pub struct MergeOptions {
     /// Results, or folders of results, besides those in the run folder.
     #[arg(long, num_args = 1..)]
     pub results: Vec<PathBuf>,
+    /// Compute a drawn share of the results' records again, 1 for all of them, before anything is merged.
+    #[arg(long, value_name = "SHARE", value_parser = shard_audit::share)]
+    pub audit: Option<f64>,
 }
 
 pub fn run(options: &MergeOptions, jobs: usize) -> Result<Answer, Failure> {
@@ -37,32 +41,49 @@ fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
         _ => None,
     };
     let name = job.experiment.name.clone();
-    let study = StudyMark::of(&job.experiment.study(job.scenes.clone(), &job.threads)?);
-    let shards = folder.shards();
-    let merged =
-        Merge { study: &study, shards: &shards, store: &held.objects, cassette: cassette.as_mut() }.merge(&results)?;
+    let own = job.experiment.study(job.scenes.clone(), &job.threads)?;
+    let (study, shards, withdrawn) = (StudyMark::of(&own), folder.shards(), Withdrawn::read(&folder.withdrawn())?);
+    let mut merge = Merge {
+        study: &study,
+        shards: &shards,
+        store: &held.objects,
+        withdrawn: &withdrawn,
+        cassette: cassette.as_mut(),
+    };
+    let (mut untrue, mut checked) = (Vec::new(), None);
+    if let Some(share) = options.audit {
+        let (experiment, threads) = (&job.experiment, &job.threads);
+        let auditor = Auditor { experiment, study: &own, threads, folder: &folder.dir };
+        let audited = auditor.audit(share, &merge, results)?;
+        (results, untrue, checked) = (audited.usable, audited.untrue, Some(audited.checked));
+    }
+    let mut merged = merge.merge(&results)?;
+    // Who made something up is named first.
+    untrue.append(&mut merged.refused);
+    merged.refused = untrue;
     if let (Some(cassette), Some(path), true) = (&cassette, rollouts, merged.answers > 0) {
         cassette.save(path, &name)?;
         cassette.save(&folder.rollouts(), &name)?;
         progress(format!("{} rollouts in {}", cassette.len(), path.display()));
     }
-    Ok(answer(merged, &named.display().to_string()))
+    Ok(answer(merged, checked, &named.display().to_string()))
 }
 
-fn answer(merged: Merged, named: &str) -> Answer {
+fn answer(merged: Merged, checked: Option<usize>, named: &str) -> Answer {
     let Merged { results, records, known, no_label, answers, refused } = merged;
     let reasons: Vec<String> = refused.iter().map(ToString::to_string).collect();
     for reason in &reasons {
         progress(format!("refused: {reason}"));
     }
+    let audited = checked.map_or(String::new(), |count| format!("{count} tasks were done again here\n"));
     let text = format!(
-        "{results} results: {records} new records, {known} known ones, {no_label} tasks without a label, {answers} new answers of \
+        "{audited}{results} results: {records} new records, {known} known ones, {no_label} tasks without a label, {answers} new answers of \
          the backend; {} results refused\n  next: evodrive shard plan {named}\n",
         reasons.len()
     );
     let object = json!({
         "results": results, "records": records, "known": known, "no_label": no_label, "answers": answers,
-        "refused": reasons,
+        "refused": reasons, "audited": checked,
     });
     // What could be used was merged; the first refusal is the command's exit code.
     let exit = refused.into_iter().next().map_or(Exit::Success, |error| Failure::from(error).exit);

@@ -139,7 +139,7 @@ impl Site {
 }
 
 /// Refuses tasks that this program would keep under other keys, before anything is done.
-fn hold_keys(bench: &Workbench<'_>, shard: &Shard, result: &Path) -> Result<(), Failure> {
+pub fn hold_keys(bench: &Workbench<'_>, shard: &Shard, result: &Path) -> Result<(), Failure> {
     for (key, task) in &shard.tasks {
         let own = bench.key(task)?;
         if own != *key {
@@ -155,7 +155,13 @@ fn hold_keys(bench: &Workbench<'_>, shard: &Shard, result: &Path) -> Result<(), 
 }
 
 /// Does one task and reads its record back.
-fn done(bench: &Workbench<'_>, shard: &Shard, key: Digest, task: &Task, store: &Store) -> Result<TaskResult, Failure> {
+pub fn done(
+    bench: &Workbench<'_>,
+    shard: &Shard,
+    key: Digest,
+    task: &Task,
+    store: &Store,
+) -> Result<TaskResult, Failure> {
     let program = task.program().and_then(|hash| shard.programs.get(&hash));
     let came = match (bench.carry_out(task, program)?, task.memo()) {
         (Done::NoLabel(reason), _) => Came::NoLabel(reason),
@@ -171,7 +177,7 @@ fn done(bench: &Workbench<'_>, shard: &Shard, key: Digest, task: &Task, store: &
 }
 
 /// No task asks a model.
-struct Nobody;
+pub struct Nobody;
 
 impl crate::llm::Ask for Nobody {
     fn ask(&self, _: &crate::llm::Request) -> Result<crate::llm::Reply, crate::llm::AskError> {

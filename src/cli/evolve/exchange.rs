@@ -2,7 +2,6 @@
 
 use clap::{Args, Subcommand};
 use serde_json::json;
-use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use crate::cli::records::{folder::RunFolder, run_name::OneRun};
@@ -53,10 +52,9 @@ pub fn run(command: &Command) -> Result<Answer, Failure> {
 /// Folders that hold questions, by name.
 fn folders(folder: &RunFolder) -> Result<Vec<PathBuf>, Failure> {
     let home = folder.exchanges();
-    if !home.exists() {
+    if !store::is_taken(&home) {
         return Ok(Vec::new());
     }
-    let files = store::list_files(&home, &[".request.json"])?;
-    let dirs: BTreeSet<PathBuf> = files.iter().filter_map(|file| Some(file.parent()?.to_path_buf())).collect();
-    Ok(dirs.into_iter().collect())
+    store::create_plain_dir(&home).map_err(Failure::bad_input)?;
+    Ok(store::list_dirs(&home)?)
 }

@@ -13,6 +13,7 @@ use crate::llm::{ClientOptions, Command, Exchange, Model, client};
 #[cfg(feature = "live")]
 use crate::llm::{Completion, ModelError, Request};
 use crate::scripted::Scripted;
+use crate::store;
 
 /// How often the folder of an exchange is looked at.
 const LOOK: Duration = Duration::from_millis(500);
@@ -34,7 +35,11 @@ pub fn askable(
                 live.push((name.as_str(), kind, client));
                 continue;
             }
-            (client::EXCHANGE, ..) => Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?),
+            (client::EXCHANGE, ..) => {
+                // A link in its place would have questions written, and replies read, elsewhere.
+                store::create_plain_dir(&folder.exchanges()).map_err(Failure::bad_input)?;
+                Box::new(exchange(&folder.exchange(name, fresh), provenance, interrupt)?)
+            }
             (client::COMMAND, _, Some(command)) => {
                 Box::new(Command::new(command.clone(), provenance, Processes::until(interrupt)))
             }

@@ -60,7 +60,7 @@ impl Ask for Looked<'_> {
         let mut seen = self.seen.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some((response, bytes)) = recorded {
             seen.answered.insert((slot, key));
-            return Ok(Reply { request: key, response, bytes, metadata: None });
+            return Ok(Reply { request: key, response, bytes, metadata: None, sealed_metadata: None });
         }
         let bytes = request.messages.iter().map(|message| message.text.len() as u64).sum();
         seen.missing.insert((slot.clone(), key), Question { slot: slot.clone(), key, bytes });

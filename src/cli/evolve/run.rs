@@ -8,7 +8,7 @@ use crate::cli::cluster::worker_process::Processes;
 use crate::cli::evolve::job_args::{JobArgs, RecordArgs, RunArgs};
 use crate::cli::evolve::{behind, cost, held::Held, models, other_pool, overwriting};
 use crate::cli::look::page;
-use crate::cli::records::covered::RESULT_BYTES_MAX;
+use crate::cli::records::covered::{RESULT_BYTES_MAX, generated, of_result};
 use crate::cli::records::folder::{Recording, RunFolder};
 use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::left_out;
@@ -300,6 +300,9 @@ fn again(folder: RunFolder, jobs: usize, way: Way) -> Result<Answer, Failure> {
     }
     let job = Job::of_folder(&folder, jobs)?;
     let Held { folder, objects, .. } = Held::of(folder)?;
+    if way.compares() {
+        generated(&folder, &job.scenes).map_err(Failure::corruption)?;
+    }
     let remedy = format!("evodrive record with the experiment of {}", folder.dir.display());
     let replay = Replay::new(Cassette::load_on(&folder.cassette(), Some(&job.threads))?, remedy);
     let rollouts = behind::replay_of(&job.experiment, &folder)?;
@@ -322,8 +325,14 @@ impl Job {
     pub fn new(args: &JobArgs, jobs: usize) -> Result<Job, Failure> {
         let threads = Threads::new(jobs).map_err(Failure::internal)?;
         let experiment = Experiment::read_under(&args.experiment, &args.set)?;
-        let scenes = experiment.scenes(&args.scenes, &threads)?;
+        let mut scenes = experiment.scenes(&args.scenes, &threads)?;
         tell_left_out(&scenes);
+        if scenes.seals_provenance {
+            // The same scenes from files of other names are the same run: its folder says where they came from.
+            let folder = RunFolder::of(&args.out, &experiment.name, experiment.digest()?, scenes.digest())?;
+            let kept = folder.pool().exists().then(|| folder.read_pool().ok()).flatten();
+            scenes = kept.filter(|kept| kept.digest() == scenes.digest()).unwrap_or(scenes);
+        }
         experiment.split_of(&scenes)?;
         Ok(Job { experiment, scenes, threads, out: args.out.clone() })
     }
@@ -458,7 +467,7 @@ fn transcript(folder: &RunFolder, way: Way, threads: &Threads) -> Result<Transcr
 fn compare_result(folder: &RunFolder, text: &[u8]) -> Result<(), Failure> {
     let path = folder.result();
     // As `fsck` reads it: spaces and line feeds mean nothing.
-    let read = |bytes: &[u8]| serde_json::from_slice::<serde_json::Value>(bytes).ok();
+    let read = |bytes: &[u8]| of_result(bytes).ok();
     if path.exists()
         && read(text).is_some_and(|due| {
             store::read_bounded(&path, RESULT_BYTES_MAX).is_ok_and(|there| read(&there).as_ref() == Some(&due))

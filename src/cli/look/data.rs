@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::cli::evolve::cost;
 use crate::cli::records::{folder::RunFolder, run_name::OneRun};
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evidence::data::{Rollout, Sheet, records, sheets};
 use crate::kernel::{Digest, Threads};
@@ -15,9 +16,11 @@ use crate::store::{self, Store};
 pub struct Options {
     #[command(flatten)]
     pub run: OneRun,
-    /// Folder for the tables; it must not hold any yet.
+    /// Folder for the tables.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -28,14 +31,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let rollouts = rollouts(&folder, &wanted, &threads)?;
     let lacking = wanted.len() - rollouts.len();
     let tables = sheets(&run, &rollouts, cost::kept(&folder)?.as_ref());
-    // Checks come before creation.
-    let taken = tables.iter().flat_map(|table| files(options, table)).find(|path| path.exists());
-    if let Some(path) = taken {
-        let path = path.display();
-        return Err(Failure::bad_input(format!(
-            "{path}: expected no table yet, found one; name another folder with --out"
-        )));
-    }
+    // Checks come before creation: two runs' tables do not mix.
+    tables.iter().flat_map(|table| files(options, table)).try_for_each(|path| options.output.may_be_made(&path))?;
     store::create_dir(&options.out)?;
     let mut text = String::new();
     for table in &tables {

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use crate::cli::look::{playables, rollout};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::{OneRun, Runs};
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
 use crate::evidence::figures::{self, Case, FigureError, Side};
 use crate::objects::{LineageId, SolutionId};
-use crate::store;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -26,6 +26,8 @@ pub struct Options {
     /// File to write: .svg, or .pdf (its text is in Helvetica, which is not embedded).
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -114,7 +116,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         Ending::Svg => figure.svg().into_bytes(),
         Ending::Pdf => pdf(&figure),
     };
-    store::write_atomic(&options.out, &bytes)?;
+    options.output.write(&options.out, &bytes)?;
     let text = format!("{}: {}", figure.title, options.out.display());
     Ok(Answer::new(text, json!({"out": options.out, "title": figure.title, "bytes": bytes.len()})))
 }

@@ -10,6 +10,7 @@ use crate::bundle::{self, About, BundleError, Manifest, Part, Signer, Source, Ve
 use crate::cli::records::{bundle_replay, covered::coverage, folder::RunFolder, run_name::OneRun};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
+use crate::cli::terminal::output::Output;
 use crate::evaluation::EVAL_VERSION;
 use crate::experiment::Experiment;
 use crate::sim::SIM_VERSION;
@@ -37,6 +38,8 @@ pub struct CreateOptions {
     /// The bundle, e.g. run.evodrive.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
     /// Leave the recorded rollouts of the built-in simulator out: they can be simulated again.
     #[arg(long)]
     pub without_rollouts: bool,
@@ -128,7 +131,7 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
     if let Some(damage) = coverage(&folder, &run, None, true).damage.into_iter().next() {
         return Err(Failure::corruption(damage));
     }
-    may_be_made(&options.out)?;
+    options.output.may_be_made(&options.out)?;
     let objects = Store::open(&folder.store())?;
     let known = crate::objects::event::Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };
     if run.opened.versions != known {
@@ -147,22 +150,6 @@ fn create(options: &CreateOptions) -> Result<Answer, Failure> {
     let parts = parts(&folder, (!options.without_rollouts).then_some(&objects));
     let manifest = bundle::create(&options.out, about, parts, published, signer.as_ref())?;
     Ok(made(&options.out, &manifest, signer.is_some()))
-}
-
-/// Refuses an output that leads nowhere, or that would take the place of a file of a run.
-fn may_be_made(out: &Path) -> Result<(), Failure> {
-    let refused = |found: &str| {
-        Err(Failure::bad_input(format!("{}: expected a place for the bundle, found {found}", out.display())))
-    };
-    if out.is_symlink() && !out.exists() {
-        return refused("a link that leads nowhere; remove it, or name another file");
-    }
-    let home = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let of_a_run = RunFolder { dir: home.to_path_buf() }.transcript().exists() || home.join("objects.pack").exists();
-    if of_a_run && store::is_taken(out) {
-        return refused("a file of a run; name another file");
-    }
-    Ok(())
 }
 
 /// The files of a run that go into its bundle.
@@ -273,29 +260,6 @@ fn agrees(manifest: &Manifest, folder: &RunFolder, bundle: &Path) -> Result<(), 
     }
     store::create_dir(&folder.store())?;
     folder.write_card(&name, None)
-}
-
-/// A folder that is gone when this is, or when the next command finds it abandoned.
-pub struct Scratch {
-    pub dir: PathBuf,
-    _claimed: store::Claimed,
-}
-
-impl Scratch {
-    /// Makes it under a folder, and removes there what killed commands left.
-    pub fn under(place: &Path) -> Result<Scratch, Failure> {
-        const BEGINS: &str = "evodrive-bundle-";
-        store::remove_abandoned(place, BEGINS, "");
-        let dir = place.join(format!("{BEGINS}{}", std::process::id()));
-        store::create_dir(&dir)?;
-        Ok(Scratch { _claimed: store::claim(&dir)?, dir })
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _ = store::remove_dir(&self.dir);
-    }
 }
 
 /// Whether this build can execute what a bundle holds.

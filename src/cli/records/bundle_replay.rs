@@ -5,8 +5,8 @@ use std::path::Path;
 
 use crate::bundle::{Opened, key_name, verified};
 use crate::cli::evolve::run;
-use crate::cli::records::bundle::{Scratch, VerifyOptions, check_versions, exit_of, key_text, unpack};
-use crate::cli::records::{covered::coverage, folder::RunFolder, run_name::OneRun};
+use crate::cli::records::bundle::{VerifyOptions, check_versions, exit_of, key_text, unpack};
+use crate::cli::records::{covered::coverage, folder::RunFolder, run_name::OneRun, scratch::Scratch};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evidence::{Gravity, RecordedRun, audit};
 use crate::families;
@@ -17,7 +17,7 @@ use crate::store;
 
 pub fn run(options: &VerifyOptions, jobs: usize) -> Result<Answer, Failure> {
     let place = options.scratch.clone().unwrap_or_else(temporary);
-    let scratch = Scratch::under(&place)?;
+    let scratch = Scratch::under(&place, "evodrive-bundle-")?;
     let (opened, folder) = unpack(&options.read, &scratch.dir.join("run"))?;
     let signed = signature(options, &opened)?;
     let bundle = &options.read.bundle;

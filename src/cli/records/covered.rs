@@ -6,14 +6,16 @@ use std::collections::BTreeSet;
 use crate::backend::RolloutCassette;
 use crate::cli::records::folder::RunFolder;
 use crate::evidence::RecordedRun;
-use crate::experiment::{Experiment, read_pool};
-use crate::kernel::Digest;
+use crate::experiment::{Experiment, SceneSource, read_pool};
+use crate::kernel::{Digest, Threads};
 use crate::llm::Cassette;
-use crate::objects::{Exchange, LineageId};
-use crate::store::{self, FsckReport};
+use crate::objects::{Exchange, LineageId, SceneScore};
+use crate::scene::{Pool, Scene};
+use crate::shard::Withdrawn;
+use crate::store::{self, FsckReport, MemoKind};
 
 /// Bytes that a result file may have.
-pub const RESULT_BYTES_MAX: u64 = 1 << 28;
+pub const RESULT_BYTES_MAX: u64 = 32 << 20;
 
 /// How parents name an ego that is a program of the experimenter's own.
 const OWN_EGO: &str = "command";
@@ -32,13 +34,14 @@ pub struct Coverage {
 }
 
 /// Files and folders that a run may have and that no event speaks for.
-const UNCOVERED: [&str; 12] = [
+const UNCOVERED: [&str; 13] = [
     "run.json",
     "cost.json",
     "report.html",
     "spend.json",
     "processes.log",
     "rollouts.jsonl",
+    "withdrawn.jsonl",
     "exchange",
     "recording",
     "shards",
@@ -90,9 +93,35 @@ impl Coverage {
     /// Every rollout that a label of a sealed run names is in the store, or the store is empty. A pack that was cut between two records
     /// has no other trace where its index is gone, too.
     fn kept(&mut self, folder: &RunFolder, run: &RecordedRun, store: &FsckReport) {
-        let labels = run.scores().flat_map(|(.., score)| &score.scenes);
-        let named: BTreeSet<Digest> = labels.map(|label| label.record).collect();
-        let lacking: Vec<&Digest> = named.difference(&store.whole).collect();
+        let labels = || run.scores().flat_map(|(.., score)| &score.scenes);
+        let named: BTreeSet<Digest> = labels().map(|label| label.record).collect();
+        let withdrawn = Withdrawn::read(&folder.withdrawn()).unwrap_or_else(|error| {
+            self.damage.push(error.to_string());
+            Vec::new()
+        });
+        let is_kept = |label: &&SceneScore| {
+            store.whole.contains(&label.record) && store.pairs.contains_key(&(MemoKind::Rollout, label.request))
+        };
+        let was_withdrawn = |record: &Digest| withdrawn.iter().any(|of| of.record == *record);
+        let lacking = labels().filter(|label| !is_kept(label)).map(|label| label.record);
+        let (taken_out, lacking): (BTreeSet<Digest>, BTreeSet<Digest>) = lacking.partition(was_withdrawn);
+        if !taken_out.is_empty() {
+            self.notes.push(format!(
+                "{} records were withdrawn and are not made again yet; `evodrive resume` simulates them",
+                taken_out.len()
+            ));
+        }
+        let pair = |label: &&SceneScore| {
+            let kept = store.pairs.get(&(MemoKind::Rollout, label.request))?;
+            (*kept != label.record).then_some((label.request, label.record, *kept))
+        };
+        if let Some((request, due, found)) = labels().find_map(|label| pair(&label)) {
+            self.damage.push(format!(
+                "{}: rollout request {request}: expected the record {due}, as the sealed events pair them, found {found}; delete \
+                 the store, and `evodrive resume` fills it again",
+                folder.store().join("objects.pack").display()
+            ));
+        }
         match lacking.first() {
             None => {}
             Some(_) if store.pack_bytes == 0 => self.notes.push(
@@ -118,8 +147,44 @@ fn experiment(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
 
 fn pool(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
     let path = folder.pool();
-    let digest = read_pool(&path).map_err(|error| error.to_string())?.digest();
-    same(&path, "a pool", run.opened.pool, digest)
+    let found = read_pool(&path).map_err(|error| error.to_string())?;
+    same(&path, "a pool", run.opened.pool, found.digest())?;
+    let said = |digest: Option<Digest>| digest.map_or("none".into(), |digest| digest.to_hex());
+    match (run.opened.provenance, found.sealed_provenance()) {
+        (None, None) => generated(folder, &found),
+        (due, there) if due == there => Ok(()),
+        (due, there) => Err(format!(
+            "{}: expected origins of scenes and parts left out of digest {}, as the run's first event has it, found {}; {RESTORE}",
+            path.display(),
+            said(due),
+            said(there)
+        )),
+    }
+}
+
+/// Scenes that the experiment generates say where they come from as their generator does, and nothing of them was left out.
+pub fn generated(folder: &RunFolder, found: &Pool) -> Result<(), String> {
+    // An experiment that cannot be read is damage of its own.
+    let Ok(experiment) = folder.read_experiment() else { return Ok(()) };
+    if !matches!(experiment.scenes, SceneSource::Synth { .. } | SceneSource::Safebench { .. }) {
+        return Ok(());
+    }
+    let threads = Threads::new(1).map_err(|error| error.to_string())?;
+    let made = experiment.scenes(&[], &threads).map_err(|error| error.to_string())?;
+    // Scenes that were named in place of the experiment's are not its own; where an imported pool has them, the events vouch.
+    if found.seals_provenance || made.digest() != found.digest() {
+        return Ok(());
+    }
+    let origin = |scene: &Scene| json!([scene.id, scene.origin]);
+    let due = made.scenes.iter().map(origin).chain(made.left_out.iter().map(|left| json!(left)));
+    let there = found.scenes.iter().map(origin).chain(found.left_out.iter().map(|left| json!(left)));
+    let (due, there) = (Value::from_iter(due), Value::from_iter(there));
+    if due == there {
+        return Ok(());
+    }
+    let (place, due, there) = store::first_difference("origins", &due, &there);
+    let path = folder.pool();
+    Err(format!("{}: {place}: expected {due}, as the generator has it, found {there}; {RESTORE}", path.display()))
 }
 
 fn same(path: &std::path::Path, what: &str, expected: Digest, found: Digest) -> Result<(), String> {
@@ -141,8 +206,19 @@ fn cassette(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
     let wrong = |exchange: &&Exchange| {
         cassette.get(&exchange.request).is_none_or(|recorded| recorded.response != exchange.response)
     };
+    let said = |exchange: &Exchange| cassette.get(&exchange.request).and_then(|found| cassette.sealed_metadata(found));
     let all: Vec<&Exchange> = exchanges(run).collect();
-    let Some(first) = all.iter().copied().find(wrong) else { return Ok(()) };
+    let Some(first) = all.iter().copied().find(wrong) else {
+        let Some(other) = all.iter().find(|exchange| said(exchange) != exchange.metadata) else { return Ok(()) };
+        let shown = |digest: Option<Digest>| digest.map_or("nothing that is sealed".into(), |digest| digest.to_hex());
+        return Err(format!(
+            "{}: request {}: expected that the provider said {} beside its answer, as the event has it, found {}; {RESTORE}",
+            path.display(),
+            other.request,
+            shown(other.metadata),
+            shown(said(other))
+        ));
+    };
     let (lacking, role, key) = (all.iter().copied().filter(wrong).count(), first.role.name(), first.request);
     let digest = if cassette.get(&key).is_some() { "another one" } else { "none" };
     Err(format!(
@@ -182,7 +258,8 @@ fn rollouts(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
 fn exchanges(run: &RecordedRun) -> impl Iterator<Item = &Exchange> {
     let attempts = run.attempts.iter().flat_map(|attempt| &attempt.proposal.exchanges);
     let composed = run.composed.iter().flat_map(|composed| &composed.exchanges);
-    attempts.chain(composed).chain(run.counsels.iter().flat_map(|counsel| &counsel.exchanges))
+    let evolved = run.evolved.iter().flat_map(|turn| &turn.exchanges);
+    attempts.chain(composed).chain(run.counsels.iter().flat_map(|counsel| &counsel.exchanges)).chain(evolved)
 }
 
 fn result(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
@@ -190,7 +267,7 @@ fn result(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
     let anew = "`evodrive resume` writes it again from the events";
     let bytes = store::read_bounded(&path, RESULT_BYTES_MAX).map_err(|error| format!("{error}; {anew}"))?;
     let expected = json!({"root": run.root, "result": run.result});
-    match serde_json::from_slice::<Value>(&bytes) {
+    match of_result(&bytes) {
         Ok(found) if found == expected => Ok(()),
         Ok(found) => {
             let (field, sealed, found) = store::first_difference("", &expected, &found);
@@ -200,9 +277,17 @@ fn result(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
     }
 }
 
+/// The value of a result's file, unless it takes more memory than any that is written.
+pub fn of_result(bytes: &[u8]) -> Result<Value, String> {
+    match store::too_large(bytes) {
+        Some((expected, found)) => Err(format!("expected {expected}, found {found}")),
+        None => serde_json::from_slice(bytes).map_err(|error| error.to_string()),
+    }
+}
+
 fn lost_end(folder: &RunFolder, run: &RecordedRun) -> String {
     let root = store::read_bounded(&folder.result(), RESULT_BYTES_MAX).ok();
-    let root = root.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()?["root"].as_str().map(String::from));
+    let root = root.and_then(|bytes| of_result(&bytes).ok()?["root"].as_str().map(String::from));
     format!(
         "{}: expected the events of a finished run to end with a seal of root {} (from its result), found that they end at {}; `evodrive resume` repeats what is lost",
         folder.transcript().display(),

@@ -172,6 +172,11 @@ impl RunFolder {
         self.dir.join("shards")
     }
 
+    /// Records that were taken out of the run by name.
+    pub fn withdrawn(&self) -> PathBuf {
+        self.dir.join("withdrawn.jsonl")
+    }
+
     /// What planners and workers printed while it was recorded; no record holds it.
     pub fn processes(&self) -> PathBuf {
         self.dir.join("processes.log")

@@ -6,6 +6,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 use crate::cli::reference::page;
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::store;
 
@@ -25,6 +26,8 @@ pub struct ManOptions {
     /// Print one Markdown page with every command: docs/CLI.md
     #[arg(long, conflicts_with = "out")]
     pub markdown: bool,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 /// The completions of a shell, on stdout.
@@ -45,19 +48,24 @@ pub fn man(options: &ManOptions, mut root: Command) -> Result<Answer, Failure> {
     root.build();
     store::create_dir(out)?;
     let mut pages = Vec::new();
-    write(&root, NAME, out, &mut pages)?;
+    write(&root, NAME, (out, options.output), &mut pages)?;
     let text = format!("{} pages in {1}; read one by `man {1}/{NAME}.1`\n", pages.len(), out.display());
     Ok(Answer::new(text, json!({"pages": pages})))
 }
 
-fn write(command: &Command, name: &str, out: &Path, pages: &mut Vec<PathBuf>) -> Result<(), Failure> {
+fn write(
+    command: &Command,
+    name: &str,
+    (out, output): (&Path, Output),
+    pages: &mut Vec<PathBuf>,
+) -> Result<(), Failure> {
     let mut page = Vec::new();
     clap_mangen::Man::new(command.clone()).render(&mut page).map_err(Failure::internal)?;
     let path = out.join(format!("{name}.1"));
-    store::write_atomic(&path, &page)?;
+    output.write(&path, &page)?;
     pages.push(path);
     for sub in command.get_subcommands().filter(|sub| sub.get_name() != "help" && !sub.is_hide_set()) {
-        write(sub, &format!("{name}-{}", sub.get_name()), out, pages)?;
+        write(sub, &format!("{name}-{}", sub.get_name()), (out, output), pages)?;
     }
     Ok(())
 }

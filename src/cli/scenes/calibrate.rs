@@ -5,12 +5,12 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evaluation::calibrate::{Observed, observed};
 use crate::evaluation::{Calibration, calibrate};
 use crate::experiment;
 use crate::kernel::Threads;
-use crate::store;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -23,6 +23,8 @@ pub struct Options {
     /// File to write, for `[evaluation.realism] calibration = "FILE"`.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -46,7 +48,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         let head =
             "# What recorded traffic shows: bounds and tolerances of the realism diagnostics (docs/OBJECTIVES.md).";
         let file = format!("{head}\n# Made by: {command}\n# Digest: {digest}\n{values}");
-        store::write_atomic(out, file.as_bytes())?;
+        options.output.write(out, file.as_bytes())?;
         let _ = writeln!(text, "written: {}", out.display());
     }
     Ok(Answer::new(text, json!({"digest": digest, "calibration": calibrated})))

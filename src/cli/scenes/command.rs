@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use crate::cli::scenes::files::{Row, keeps, known_tags, listing, read, rows, threads, written};
 use crate::cli::scenes::{best, draw, export, pools, readable, show};
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
 use crate::scene::stats::PoolStats;
@@ -52,6 +53,8 @@ pub struct ImportOptions {
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 #[derive(Debug, Args)]
@@ -61,6 +64,8 @@ pub struct GenerateOptions {
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
     /// Scenario files, folders or a pool, instead of the experiment's scenes.
     #[arg(long, num_args = 1..)]
     pub scenes: Vec<PathBuf>,
@@ -106,13 +111,13 @@ pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
 fn import(options: &ImportOptions, jobs: usize) -> Result<Answer, Failure> {
     let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
     let threads = threads(jobs)?;
-    written(&experiment::read_scenes(&paths, &threads)?, &options.out, &threads)
+    written(&experiment::read_scenes(&paths, &threads)?, &options.out, options.output, &threads)
 }
 
 fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {
     let experiment = Experiment::read(&options.experiment)?;
     let threads = threads(jobs)?;
-    written(&experiment.scenes(&options.scenes, &threads)?, &options.out, &threads)
+    written(&experiment.scenes(&options.scenes, &threads)?, &options.out, options.output, &threads)
 }
 
 fn list(options: &ListOptions, jobs: usize) -> Result<Answer, Failure> {

@@ -8,6 +8,7 @@ use std::time::Duration;
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::look::rollout::OfAttempt;
 use crate::cli::scenes::show;
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, strip};
 use crate::kernel::Threads;
@@ -39,6 +40,8 @@ pub struct Options {
     /// File to write: a strip of moments (.svg), or a film (.gif; .mp4 where ffmpeg is installed).
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
     /// Number of panels of a strip, evenly spaced from the scene's current step to the contact or the end; without it
     /// 4.
     #[arg(long)]
@@ -86,7 +89,7 @@ fn drawn_strip(options: &Options, drawing: &Drawing, title: String) -> Result<An
         steps: steps(options, drawing)?,
         title: title.clone(),
     };
-    store::write_atomic(&options.out, strip(drawing, &strip_of).as_bytes())?;
+    options.output.write(&options.out, strip(drawing, &strip_of).as_bytes())?;
     let seconds: Vec<f64> = strip_of.steps.iter().map(|step| *step as f64 * drawing.dt_s).collect();
     let said: Vec<String> = seconds.iter().map(|s| format!("{s:.1}")).collect();
     let text =
@@ -113,8 +116,9 @@ fn drawn_film(options: &Options, kind: Kind, drawing: &Drawing, title: String, j
     let film = film(drawing, &film_of, &threads).map_err(Failure::bad_input)?;
     if kind == Kind::Gif {
         let delay_cs = (100.0 * drawing.dt_s).round() as u16;
-        store::write_atomic(&options.out, &gif(&film, delay_cs, LAST_CS).map_err(Failure::bad_input)?)?;
+        options.output.write(&options.out, &gif(&film, delay_cs, LAST_CS).map_err(Failure::bad_input)?)?;
     } else {
+        options.output.may_be_made(&options.out)?;
         write_mp4(&film, drawing.dt_s, &options.out)?;
     }
     let (pictures, seconds) = (film.pictures.len(), [from, end].map(|step| step as f64 * drawing.dt_s));

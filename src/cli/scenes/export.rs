@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::look::rollout::{self, OfAttempt, Played};
 use crate::cli::scenes::files;
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::formats::scenarionet::{self, DataSet};
 use crate::formats::{ExportError, Exported, ImportError, Note, Staging, commonroad, openscenario};
 use crate::kernel::Threads;
 use crate::scene::Scene;
-use crate::store;
 
 /// Scenes that are held in memory as files before they are written.
 pub const AT_ONCE: usize = 16;
@@ -37,6 +37,8 @@ pub struct Options {
     /// Folder for the files, named by their scenes.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -80,7 +82,7 @@ struct Row {
 /// at all.
 pub fn run(options: &Options, threads: usize) -> Result<Answer, Failure> {
     let chosen = chosen(options, threads)?;
-    let mut exports = Exports::new(options.format, &options.out);
+    let mut exports = Exports::new(options.format, &options.out, options.output);
     exports.write(chosen, &Threads::new(threads).map_err(Failure::internal)?)?;
     exports.some()?;
     let text = format!("{}{} scenes in {}\n", exports.left_out_text(), exports.written(), options.out.display());
@@ -108,6 +110,7 @@ fn chosen(options: &Options, threads: usize) -> Result<Vec<(Scene, Option<Stagin
 pub struct Exports<'a> {
     format: Format,
     out: &'a Path,
+    output: Output,
     taken: BTreeSet<String>,
     rows: Vec<Row>,
     left_out: Vec<(String, ExportError)>,
@@ -116,10 +119,11 @@ pub struct Exports<'a> {
 }
 
 impl<'a> Exports<'a> {
-    pub fn new(format: Format, out: &'a Path) -> Exports<'a> {
+    pub fn new(format: Format, out: &'a Path, output: Output) -> Exports<'a> {
         Exports {
             format,
             out,
+            output,
             taken: BTreeSet::new(),
             rows: Vec::new(),
             left_out: Vec::new(),
@@ -145,7 +149,7 @@ impl<'a> Exports<'a> {
                     Err(error) => self.left_out.push((scene, error)),
                     Ok(Files { files, notes, listed }) => {
                         for (name, bytes) in &files {
-                            store::write_atomic(&self.out.join(name), bytes)?;
+                            self.output.write(&self.out.join(name), bytes)?;
                         }
                         self.rows.push(Row { scene, files: files.into_iter().map(|(name, _)| name).collect(), notes });
                         if let Some((name, summary)) = listed {
@@ -156,7 +160,7 @@ impl<'a> Exports<'a> {
             }
         }
         for (name, bytes) in self.data_set.files() {
-            store::write_atomic(&self.out.join(name), &bytes)?;
+            self.output.write(&self.out.join(name), &bytes)?;
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::cli::scenes::left_out;
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment;
 use crate::kernel::Threads;
@@ -12,7 +13,6 @@ use crate::objects::spelling::nearest;
 use crate::scene::features::TAGS;
 use crate::scene::safebench::TrafficFamily;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
-use crate::store;
 
 /// A pool, or what can be imported from files and folders.
 pub fn read(paths: &[PathBuf], jobs: usize) -> Result<Pool, Failure> {
@@ -27,8 +27,8 @@ pub fn threads(jobs: usize) -> Result<Threads, Failure> {
 const SHOWN_MAX: usize = 20;
 
 /// Writes a pool and says what is in it.
-pub fn written(pool: &Pool, out: &Path, threads: &Threads) -> Result<Answer, Failure> {
-    store::write_atomic(out, &pool::encode(pool))?;
+pub fn written(pool: &Pool, out: &Path, output: Output, threads: &Threads) -> Result<Answer, Failure> {
+    output.write(out, &pool::encode(pool))?;
     let rows = rows(pool, threads);
     let mut text = listing(&rows[..rows.len().min(SHOWN_MAX)]);
     if let Some(more) = rows.len().checked_sub(SHOWN_MAX).filter(|more| *more > 0) {

@@ -7,12 +7,12 @@ use std::path::PathBuf;
 use crate::cli::scenes::{files, formula::SceneFormula, left_out};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
+use crate::cli::terminal::output::Output;
 use crate::experiment;
 use crate::kernel::Seed;
 use crate::scene::pool::{self, EvolutionSize};
 use crate::scene::{LaneGraph, LeftOut, Pool, Scene, SceneFeatures, usable};
 use crate::sim::Plant;
-use crate::store;
 
 #[derive(Debug, Args)]
 pub struct CheckOptions {
@@ -41,6 +41,8 @@ pub struct FilterOptions {
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 #[derive(Debug, Args)]
@@ -51,6 +53,8 @@ pub struct MergeOptions {
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 #[derive(Debug, Args)]
@@ -74,6 +78,8 @@ pub struct SplitOptions {
     /// Pool file for those that are.
     #[arg(long, value_name = "FILE")]
     pub held_out_to: PathBuf,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 /// What keeps a scene from being used, if anything does: a rule of evolution, or a world that cannot be simulated.
@@ -126,7 +132,7 @@ pub fn filter(options: &FilterOptions, jobs: usize) -> Result<Answer, Failure> {
             "none of the {all} scenes fits, so no pool is written; `evodrive scenes list` shows their tags, `evodrive scenes stats` their quantities"
         )));
     }
-    let mut answer = files::written(&pool, &options.out, &threads)?;
+    let mut answer = files::written(&pool, &options.out, options.output, &threads)?;
     answer.text += &format!("{} of {all} scenes are kept\n", pool.scenes.len());
     answer.json["of"] = json!(all);
     Ok(answer)
@@ -140,7 +146,7 @@ pub fn merge(options: &MergeOptions, jobs: usize) -> Result<Answer, Failure> {
     };
     let pools = options.paths.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let (pool, repeated) = Pool::merged(pools).map_err(Failure::bad_input)?;
-    let mut answer = files::written(&pool, &options.out, &threads)?;
+    let mut answer = files::written(&pool, &options.out, options.output, &threads)?;
     if repeated > 0 {
         answer.text += &format!("{repeated} scenes were in several pools and are kept once\n");
     }
@@ -182,8 +188,12 @@ pub fn split(options: &SplitOptions, jobs: usize) -> Result<Answer, Failure> {
     };
     open.left_out = pool.scenes.iter().filter_map(unused).collect();
     let mut lines = left_out::lines(&open);
+    // Both or none.
+    for out in [&options.out, &options.held_out_to] {
+        options.output.may_be_made(out)?;
+    }
     for (part, out) in [(&open, &options.out), (&closed, &options.held_out_to)] {
-        store::write_atomic(out, &pool::encode(part))?;
+        options.output.write(out, &pool::encode(part))?;
         lines.push(format!("{} scenes in {}, digest {}", part.scenes.len(), out.display(), part.digest()));
     }
     let described = |part: &Pool, out: &PathBuf| {

@@ -8,11 +8,11 @@ use std::path::PathBuf;
 use crate::cli::look::playables;
 use crate::cli::look::rollout::{self, OfAttempt, Played};
 use crate::cli::scenes::files::{self, row};
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::evidence::nearest::{Nearest, nearest};
 use crate::scene::Scene;
-use crate::store;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -32,6 +32,8 @@ pub struct Options {
     /// Write a page that plays it.
     #[arg(long)]
     pub html: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -142,10 +144,10 @@ fn near_in_words(scene: &Scene, near: &Nearest) -> String {
 
 fn draw(options: &Options, drawing: &Drawing, title: &str) -> Result<(), Failure> {
     if let Some(path) = &options.svg {
-        store::write_atomic(path, svg(drawing, &picture(title)).as_bytes())?;
+        options.output.write(path, svg(drawing, &picture(title)).as_bytes())?;
     }
     if let Some(path) = &options.html {
-        store::write_atomic(path, player_html(drawing, title).as_bytes())?;
+        options.output.write(path, player_html(drawing, title).as_bytes())?;
     }
     Ok(())
 }

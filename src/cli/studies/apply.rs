@@ -12,6 +12,7 @@ use crate::cli::scenes::export::{AT_ONCE, Exports, Format};
 use crate::cli::scenes::files;
 use crate::cli::studies::applied_text::{self, Comparison, Written};
 use crate::cli::studies::egos;
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, players_html};
 use crate::ego::{Policy, PolicyError};
@@ -24,7 +25,6 @@ use crate::objects::replay::{Replayed, Suite};
 use crate::objects::spelling::nearest;
 use crate::objects::{Counsel, SceneScore};
 use crate::scene::{LeftOut, Pool, Scene, usable};
-use crate::store;
 
 /// Rollouts that the player page holds.
 const SHOWN_MAX: usize = 24;
@@ -52,6 +52,8 @@ pub struct Options {
     /// Folder for a page that plays the rollouts, and for the scenes as the program played them.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
     /// Format of the scenes in that folder; without it the page alone is written.
     #[arg(long, requires = "out")]
     pub format: Option<Format>,
@@ -95,7 +97,14 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let replay = without_program(&applied, &entries, &threads)?;
     let written = match &options.out {
         None => Written::default(),
-        Some(out) => write(&applied, &file, &program, &entries, (out, options.format, options.ego_log), &threads)?,
+        Some(out) => write(
+            &applied,
+            &file,
+            &program,
+            &entries,
+            (out, options.output, options.format, options.ego_log),
+            &threads,
+        )?,
     };
     let compared = Comparison {
         ego: ego.clone(),
@@ -210,7 +219,7 @@ fn write(
     file: &ProgramFile,
     labelled: &Labelled,
     entries: &[SceneEntry],
-    (out, format, ego_log): (&Path, Option<Format>, bool),
+    (out, output, format, ego_log): (&Path, Output, Option<Format>, bool),
     threads: &Threads,
 ) -> Result<Written, Failure> {
     let labels: BTreeMap<&str, &SceneScore> =
@@ -218,7 +227,7 @@ fn write(
     let of_label = |entry: &&SceneEntry| labels.contains_key(entry.scene().id.as_str());
     let played: Vec<&SceneEntry> = entries.iter().filter(of_label).collect();
     let shown = shown(&labelled.score.scenes);
-    let (mut drawings, mut exports) = (Vec::new(), format.map(|format| Exports::new(format, out)));
+    let (mut drawings, mut exports) = (Vec::new(), format.map(|format| Exports::new(format, out, output)));
     for some in played.chunks(AT_ONCE) {
         let traced = threads.map(some, |_, entry| one(applied, file, entry, &labels));
         let traced = traced.into_iter().collect::<Result<Vec<Played>, Failure>>()?;
@@ -230,7 +239,7 @@ fn write(
     }
     let page = out.join("player.html");
     let title = format!("{} against {}", file.program.solution_id, applied.ego.name());
-    store::write_atomic(&page, players_html(&drawings, &title).as_bytes())?;
+    output.write(&page, players_html(&drawings, &title).as_bytes())?;
     let cut = match played.len() - drawings.len() {
         0 => String::new(),
         cut => format!(" (attacks first; {cut} more are not on the page)"),

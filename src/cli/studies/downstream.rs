@@ -8,6 +8,7 @@ use crate::cli::scenes::files;
 use crate::cli::studies::downstream_sets::{self, Sets};
 use crate::cli::studies::downstream_train::{Study, references, trained};
 use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{exit::Failure, interrupt::Interrupt, shell::quoted};
 use crate::draw::pdf;
 use crate::evidence::downstream::{figure, page, table};
@@ -46,6 +47,8 @@ pub struct Options {
     /// Use the scene sets that the record names without planning them again: tables and figures within a second.
     #[arg(long, conflicts_with_all = ["record", "retrain"])]
     pub as_recorded: bool,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -69,11 +72,11 @@ fn answer(options: &Options, file: &DownstreamFile, found: &Downstream) -> Resul
         store::create_dir(out)?;
         let figure = figure(found);
         let named = |ending: &str| out.join(format!("{}.{ending}", file.name));
-        store::write_atomic(&named("md"), text.as_bytes())?;
-        store::write_atomic(&named("csv"), csv(&table).as_bytes())?;
-        store::write_atomic(&named("svg"), figure.svg().as_bytes())?;
-        store::write_atomic(&named("pdf"), &pdf(&figure))?;
-        store::write_atomic(&named("html"), page(found).as_bytes())?;
+        options.output.write(&named("md"), text.as_bytes())?;
+        options.output.write(&named("csv"), csv(&table).as_bytes())?;
+        options.output.write(&named("svg"), figure.svg().as_bytes())?;
+        options.output.write(&named("pdf"), &pdf(&figure))?;
+        options.output.write(&named("html"), page(found).as_bytes())?;
     }
     Ok(Answer::new(text, json!({"study": found.opening, "table": table.json()})))
 }

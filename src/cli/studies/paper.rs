@@ -14,6 +14,7 @@ use crate::cli::records::folder::{RUNS, RunFolder};
 use crate::cli::studies::{claims, downstream};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::timed;
 use crate::draw::{Figure, pdf};
 use crate::evidence::RecordedRun;
@@ -66,6 +67,8 @@ pub struct Options {
     /// Folder for the files of --figure.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 /// Files by their name in the goldens' folder.
@@ -294,7 +297,7 @@ fn one(plan: &Plan, label: &str, out: &Path, options: &Options, jobs: usize) -> 
     store::create_dir(out)?;
     let mut written = Vec::new();
     for (name, bytes) in files(piece, &sheet(piece, &ran, jobs)?) {
-        store::write_atomic(&out.join(&name), &bytes)?;
+        options.output.write(&out.join(&name), &bytes)?;
         written.push(out.join(name));
     }
     let names: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::look::show;
 use crate::cli::records::run_name::OneRun;
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::RecordedRun;
@@ -21,7 +22,6 @@ use crate::objects::event::Versions;
 use crate::objects::{LineageId, Origin, Program, SolutionId, program_diff};
 use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
-use crate::store;
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -49,6 +49,8 @@ pub struct ExportOptions {
     /// File to write; without it the file goes to stdout.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 pub fn run(command: &Command) -> Result<Answer, Failure> {
@@ -57,13 +59,13 @@ pub fn run(command: &Command) -> Result<Answer, Failure> {
             let file = packed(which)?;
             Ok(Answer::new(described(&file)?, json!({"program": file})))
         }
-        Command::Export(ExportOptions { which, out }) => {
+        Command::Export(ExportOptions { which, out, output }) => {
             let file = packed(which)?;
             let bytes = file.to_bytes().map_err(Failure::internal)?;
             let Some(path) = out else {
                 return Ok(Answer::exact(String::from_utf8_lossy(&bytes), json!(file)));
             };
-            store::write_atomic(path, &bytes)?;
+            output.write(path, &bytes)?;
             let text = format!(
                 "{}, family {}, as {}\ndigest {}\n",
                 file.program.solution_id,

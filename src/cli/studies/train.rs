@@ -8,6 +8,7 @@ use std::sync::Arc;
 use crate::cli::scenes::files;
 use crate::cli::studies::train_text::{self, Pace, Trained};
 use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{exit::Failure, interrupt::Interrupt, typed::again_with};
 use crate::ego::Policy;
 use crate::experiment::TrainingFile;
@@ -39,6 +40,8 @@ pub struct Options {
     /// Stop with a checkpoint after this many evaluations; --resume goes on from there.
     #[arg(long)]
     pub evaluations: Option<usize>,
+    #[command(flatten)]
+    pub output: Output,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -87,8 +90,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let trained = Trained { file: &file, recipe, pools: pools.each_ref().map(Pool::digest), state: &state, kept, idm };
     let (card, digest) = (trained.card(&weights), Digest::of_bytes(&weights));
     let [weights_path, card_path] = ["safetensors", "json"].map(|end| options.out.join(format!("{}.{end}", file.name)));
-    store::write_atomic(&weights_path, &weights)?;
-    store::write_atomic(&card_path, format!("{card:#}\n").as_bytes())?;
+    options.output.write(&weights_path, &weights)?;
+    options.output.write(&card_path, format!("{card:#}\n").as_bytes())?;
     Ok(Answer::new(trained.text(&weights_path, digest), card))
 }
 

@@ -7,6 +7,7 @@ pub mod exit_from;
 pub mod groups;
 pub mod interrupt;
 pub mod moving_line;
+pub mod output;
 pub mod result_text;
 pub mod shell;
 pub mod timed;

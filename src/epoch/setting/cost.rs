@@ -147,7 +147,13 @@ mod tests {
             let metadata =
                 Metadata { input_tokens: Some(self.0), cached_input_tokens: Some(self.0 / 2), ..Metadata::default() };
             let request = request.key().unwrap();
-            Ok(Reply { request, response: request, bytes: b"{}".to_vec(), metadata: Some(metadata) })
+            Ok(Reply {
+                request,
+                response: request,
+                bytes: b"{}".to_vec(),
+                metadata: Some(metadata),
+                sealed_metadata: None,
+            })
         }
     }
 

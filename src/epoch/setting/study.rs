@@ -30,6 +30,8 @@ pub struct Study {
     pub seed: Seed,
     pub scenes: Vec<SceneEntry>,
     pub pool_digest: Digest,
+    /// Digest of where the scenes came from and of what was left out, where the pool has runs seal it.
+    pub provenance: Option<Digest>,
     /// Places in `scenes` that evolution may see.
     pub evolution: Vec<usize>,
     /// Places that stay closed until evolution is over.

@@ -554,6 +554,7 @@ mod tests {
                 request: any,
                 response: any,
                 model: "m".into(),
+                metadata: None,
                 unwrapped: vec![],
                 refusal: None,
             };

@@ -125,6 +125,7 @@ mod tests {
             request: any,
             response: any,
             model: "m".into(),
+            metadata: None,
             unwrapped: vec![],
             refusal,
         };

@@ -55,10 +55,14 @@ impl Place {
             Place::Shipped(_, text) => return Ok(text.to_string()),
             Place::Disk(path) => path,
         };
-        String::from_utf8(store::read_bounded(path, FILE_BYTES_MAX)?).map_err(|error| {
+        let text = String::from_utf8(store::read_bounded(path, FILE_BYTES_MAX)?).map_err(|error| {
             let byte = error.utf8_error().valid_up_to();
             problem(path, format!("byte {byte} is not UTF-8; an experiment is a text file"))
-        })
+        })?;
+        match store::toml_too_large(&text) {
+            Some((expected, found)) => Err(problem(path, format!("expected {expected}, found {found}"))),
+            None => Ok(text),
+        }
     }
 
     /// The text of the calibration that a file here names: `evodrive:recorded`, or a file beside it.

@@ -22,6 +22,9 @@ pub fn read<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<T, Experimen
     let bytes = store::read_bounded(path, BYTES_MAX)?;
     let text =
         String::from_utf8(bytes).map_err(|_| problem(path, format!("is not UTF-8; a {kind} file is a text file")))?;
+    if let Some((expected, found)) = store::toml_too_large(&text) {
+        return Err(problem(path, format!("expected {expected}, found {found}")));
+    }
     toml::from_str(&text).map_err(|error: toml::de::Error| problem(path, error.to_string().trim_end()))
 }
 

@@ -22,7 +22,7 @@ pub use file::{
     remove_empty_dir, remove_file, rename, write_atomic,
 };
 pub use fsck::{FsckReport, fsck};
-pub use lines::{LINE_BYTES_MAX, Line, batch, next_line, too_large};
+pub use lines::{LINE_BYTES_MAX, Line, batch, next_line, toml_too_large, too_large};
 pub use memo_kind::MemoKind;
 pub use objects::{Opening, Store};
 pub use text::{

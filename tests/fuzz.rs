@@ -9,10 +9,12 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::path::Path;
 use std::sync::OnceLock;
 
 use evodrive::agents::reply;
 use evodrive::backend::RolloutCassette;
+use evodrive::bundle;
 use evodrive::ego::Policy;
 use evodrive::experiment::ProgramFile;
 use evodrive::formats::import_files;
@@ -23,6 +25,7 @@ use evodrive::objects::expr::Expr;
 use evodrive::scene::pool;
 use evodrive::shard::Shard;
 use evodrive::sim::Law;
+use evodrive::store;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
@@ -71,7 +74,7 @@ fn peak(read: impl FnOnce()) -> isize {
 }
 
 fn file(path: &str) -> Vec<u8> {
-    let home = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let home = Path::new(env!("CARGO_MANIFEST_DIR"));
     std::fs::read(home.join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
@@ -142,8 +145,43 @@ fn make_targets() -> Vec<Target> {
             seeds: vec![br#"{"format":"evodrive-shard","version":"1.0","study":{},"programs":0,"tasks":0}"#.to_vec()],
             read: |bytes| drop(Shard::parse(bytes, "seed.shard")),
         },
+        Target { name: "transcript", seeds: vec![of_bundle("transcript.jsonl")], read: read_transcript },
+        Target { name: "bundle", seeds: vec![file(BUNDLE)], read: read_bundle },
+        Target { name: "pack", seeds: vec![of_bundle("store/objects.pack")], read: read_pack },
         Target { name: "weights", seeds: vec![weights()], read: |bytes| drop(Policy::learned(bytes)) },
     ]
+}
+
+const BUNDLE: &str = "golden/bundles/frozen-2.evodrive";
+
+/// One file of a bundle.
+fn of_bundle(name: &str) -> Vec<u8> {
+    let inside = zstd::decode_all(file(BUNDLE).as_slice()).unwrap();
+    let mut archive = tar::Archive::new(inside.as_slice());
+    let mut entry = archive.entries().unwrap().map(Result::unwrap).find(|of| of.path().unwrap() == Path::new(name));
+    let mut bytes = Vec::new();
+    std::io::Read::read_to_end(entry.as_mut().expect("a file of the bundle"), &mut bytes).unwrap();
+    bytes
+}
+
+/// Gives a reader a file with these bytes, in a folder of its own.
+fn as_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    read(&path);
+}
+
+fn read_transcript(bytes: &[u8]) {
+    as_file("transcript.jsonl", bytes, |path| drop(store::read_events(path)));
+}
+
+fn read_bundle(bytes: &[u8]) {
+    as_file("seed.evodrive", bytes, |path| drop(bundle::open(path, 1 << 30, None)));
+}
+
+fn read_pack(bytes: &[u8]) {
+    as_file("objects.pack", bytes, |path| drop(store::fsck(path.parent().unwrap(), true)));
 }
 
 /// A reply of an actor.
@@ -375,6 +413,9 @@ fuzzed! {
     a_changed_program_file_is_read_or_refused: "program file",
     a_changed_rollout_cassette_is_read_or_refused: "rollout cassette",
     a_changed_shard_is_read_or_refused: "shard",
+    a_changed_transcript_is_read_or_refused: "transcript",
+    a_changed_bundle_is_read_or_refused: "bundle",
+    a_changed_pack_is_read_or_refused: "pack",
     changed_weights_are_read_or_refused: "weights",
 }
 

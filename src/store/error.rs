@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{MemoKind, file::NoFile};
+use super::{MemoKind, no_file::NoFile};
 use crate::kernel::{Digest, canon::CanonError};
 
 /// Why the disk did not give or take what was asked.

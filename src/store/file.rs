@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::StoreError;
+use super::{StoreError, no_file::NoFile};
 use crate::kernel::{Digest, Hashing};
 
 /// Folders nested deeper than this are not searched.
@@ -139,20 +139,6 @@ pub(super) fn no_device(path: &Path) -> Result<(), StoreError> {
     match is.filter(|is| !is.is_file() && !is.is_dir()) {
         Some(is) => Err(StoreError::io("read", path, NoFile::error("a file", kind_of(is)))),
         None => Ok(()),
-    }
-}
-
-/// Something of another kind lies where a file or a folder is expected.
-#[derive(Debug, thiserror::Error)]
-#[error("expected {expected}, found {found}")]
-pub(super) struct NoFile {
-    expected: &'static str,
-    found: &'static str,
-}
-
-impl NoFile {
-    fn error(expected: &'static str, found: &'static str) -> std::io::Error {
-        std::io::Error::other(NoFile { expected, found })
     }
 }
 

@@ -8,6 +8,7 @@ mod fsck;
 mod index;
 mod lines;
 mod memo_kind;
+mod no_file;
 mod objects;
 mod pack;
 mod text;

@@ -128,7 +128,7 @@ fn make_targets() -> Vec<Target> {
             read: |bytes| drop(std::str::from_utf8(bytes).map(Expr::parse)),
         },
         Target { name: "law", seeds: laws, read: read_law },
-        Target { name: "scene", seeds: fixtures.map(file).to_vec(), read: |bytes| drop(import_files(&[("seed", bytes)])) },
+        Target { name: "scene", seeds: [fixtures.map(file).to_vec(), descriptions()].concat(), read: |bytes| drop(import_files(&[("seed", bytes)])) },
         Target { name: "pool", seeds: vec![pooled()], read: |bytes| drop(pool::decode("seed.pool", bytes)) },
         Target {
             name: "program file",
@@ -182,6 +182,37 @@ fn read_bundle(bytes: &[u8]) {
 
 fn read_pack(bytes: &[u8]) {
     as_file("objects.pack", bytes, |path| drop(store::fsck(path.parent().unwrap(), true)));
+}
+
+/// Small scenes in the JSON of ScenarioNet and of GPUDrive, a line each.
+fn descriptions() -> Vec<Vec<u8>> {
+    let track = |x: f64| {
+        json!({"type": "VEHICLE", "state": {
+            "position": (0..30).map(|k| json!([x + f64::from(k), 0.5, 0.0])).collect::<Vec<_>>(), "heading": vec![0.0; 30],
+            "velocity": vec![json!([10.0, 0.0]); 30], "valid": vec![1; 30], "length": 4.5, "width": 1.9,
+        }})
+    };
+    let lane = |exits: &[&str]| json!({"type": "LANE_SURFACE_STREET", "polyline": [[-20.0, 0.0], [40.0, 0.0], [90.0, 0.0]], "exit_lanes": exits, "speed_limit_kmh": "50kmh"});
+    let scenarionet = json!({
+        "id": "s", "version": "x", "length": 30, "tracks": {"1": track(0.0), "2": track(20.0)},
+        "map_features": {"10": lane(&["11"]), "11": lane(&[])},
+        "dynamic_map_states": {"10": {"lane": "10", "state": {"object_state": ["LANE_STATE_GO"]}}},
+        "metadata": {"ts": (0..30).map(|k| 0.1 * f64::from(k)).collect::<Vec<_>>(), "sdc_id": "1", "objects_of_interest": ["2"]},
+    });
+    let object = |id: i64, x: f64| {
+        json!({
+            "id": id, "type": "vehicle", "length": 4.6, "width": 1.9, "heading": vec![0.0; 30], "valid": vec![true; 30],
+            "position": (0..30).map(|k| json!({"x": x + f64::from(k), "y": 0.0, "z": 0.0})).collect::<Vec<_>>(),
+            "velocity": vec![json!({"x": 10.0, "y": 0.0}); 30],
+        })
+    };
+    let gpudrive = json!({
+        "name": "g.json", "scenario_id": "g", "objects": [object(7, 0.0), object(9, 20.0)],
+        "roads": [{"id": 50, "map_element_id": 2, "type": "lane", "geometry": [{"x": -20.0, "y": 0.0}, {"x": 90.0, "y": 0.0}]}],
+        "tl_states": {"50": {"state": ["stop"], "x": [40.0], "y": [0.0], "time_index": [3]}},
+        "metadata": {"sdc_track_index": 0, "objects_of_interest": [9]},
+    });
+    [scenarionet, gpudrive].map(|scene| scene.to_string().into_bytes()).to_vec()
 }
 
 /// A reply of an actor.
@@ -396,7 +427,7 @@ macro_rules! fuzzed {
         proptest! {
             #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
             #[test]
-            fn $test(changes in prop::collection::vec(change(), 1..6), seed in 0..3usize) {
+            fn $test(changes in prop::collection::vec(change(), 1..6), seed in 0..8usize) {
                 held_to_the_bound($target, &changes, seed);
             }
         }

@@ -43,7 +43,7 @@ pub use place::PROTOCOLS;
 pub use program_file::{
     BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, ProgramFile, ProgramFileError,
 };
-pub use scenes::{import, read_pool, read_scenes};
+pub use scenes::{read_pool, read_scenes, read_scenes_as};
 pub use schema::schema;
 pub use starter::{Starter, starter};
 pub use training_file::TrainingFile;

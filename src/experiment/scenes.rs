@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Experiment, ExperimentError, SceneSource};
-use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part};
+use crate::formats::summary::{self, BesideRoutes, FileScenes, HEAD_BYTES, Part, SameId};
 use crate::kernel::{Seed, Threads};
 use crate::scene::{Pool, Scene, pool};
 use crate::store;
@@ -50,8 +50,16 @@ fn unusable(error: impl std::fmt::Display) -> ExperimentError {
 /// The scenes of pools, and what can be imported from files and folders. A path that ends in `.pool` is a pool.
 ///
 /// # Errors
-/// Files that cannot be read, nothing that can be imported, two different scenes of one id.
+/// Files that cannot be read, nothing that can be imported, two pools with different scenes of one id.
 pub fn read_scenes(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentError> {
+    read_scenes_as(paths, SameId::LeftOut, threads)
+}
+
+/// [`read_scenes`], with what becomes of a scene of a file whose id a scene of another file has.
+///
+/// # Errors
+/// As [`read_scenes`].
+pub fn read_scenes_as(paths: &[PathBuf], same_id: SameId, threads: &Threads) -> Result<Pool, ExperimentError> {
     let is_pool = |path: &&PathBuf| path.extension().is_some_and(|end| end == "pool");
     let (pools, files): (Vec<&PathBuf>, Vec<&PathBuf>) = paths.iter().partition(is_pool);
     let mut read = Vec::new();
@@ -61,7 +69,7 @@ pub fn read_scenes(paths: &[PathBuf], threads: &Threads) -> Result<Pool, Experim
     if !files.is_empty() {
         let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
         let files: Vec<PathBuf> = files.into_iter().cloned().collect();
-        read.push((names.join(", "), import(&files, threads)?));
+        read.push((names.join(", "), import(&files, same_id, threads)?));
     }
     Ok(Pool::merged(read).map_err(unusable)?.0)
 }
@@ -118,7 +126,7 @@ fn nothing_in(folders: &[PathBuf], others: &[PathBuf]) -> ExperimentError {
 
 /// Imports files and folders. What cannot be used is left out with its reason; nothing usable at all is an error. A
 /// thread has one file in memory at a time.
-pub fn import(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentError> {
+fn import(paths: &[PathBuf], same_id: SameId, threads: &Threads) -> Result<Pool, ExperimentError> {
     let mut files: Vec<(String, PathBuf)> = Vec::new();
     let mut others: Vec<PathBuf> = Vec::new();
     for path in paths {
@@ -150,7 +158,7 @@ pub fn import(paths: &[PathBuf], threads: &Threads) -> Result<Pool, ExperimentEr
         Ok(bytes) => summary::read_file(name, &bytes, beside.as_ref()),
         Err(error) => FileScenes::left_out(name, error.to_string()),
     });
-    let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read));
+    let summary = summary::summed(files.into_iter().map(|(name, _)| name).zip(read), same_id);
     if summary.scenes.is_empty() {
         let reasons: Vec<String> = summary.left_out.iter().map(|l| format!("  {}: {}", l.file, l.reason)).collect();
         return Err(unusable(format!("no scene could be imported:\n{}", reasons.join("\n"))));

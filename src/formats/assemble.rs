@@ -1,17 +1,17 @@
 //! Builds a scene from what all logged formats have in common: tracks with validity, centre lines with widths, ids. The
 //! scene is in the ego's local frame at the current step.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use super::centreline::{Across, lines, thinned, thinned_line};
+use super::derived::{self, Derived};
+use super::import_error::shown;
+use super::levels;
+use super::log::{Log, LogLight, LogTrack, Parts};
+use super::log_map::{Index, on_the_map, outlines, road, stop_signs};
 use super::resample::{State, resample};
-use super::topology::{link_by_ends, link_side_by_side};
 use crate::kernel::{Vec2, num};
-use crate::scene::validate::{LINKS_MAX, SIDE_MAX_M, SIDE_MIN_M, SPEED_MAX_MPS};
-use crate::scene::{
-    AgentKind, DT_S, Ego, Lane, LaneIx, LaneKind, LeftOut, Light, LightState, Neighbour, Origin, Road, Sample, Scene,
-    StopSign, Track,
-};
+use crate::scene::validate::{SIDE_MAX_M, SIDE_MIN_M, SPEED_MAX_MPS, WAY_MAX_M};
+use crate::scene::{AgentKind, DT_S, Ego, LeftOut, Light, LightState, Road, Sample, Scene, Track};
 
 /// A sample time at most this far from the 0.1 s grid counts as lying on it, seconds.
 const ON_GRID_WITHIN_S: f64 = 0.02;
@@ -23,90 +23,20 @@ const MARKED_MAX: usize = 1000;
 /// Points of a logged route lie at least this far apart, metres: a standing car's jitter is no path.
 const ROUTE_SPACING_M: f64 = 0.5;
 
-/// A scene as the log holds it, in the log's coordinates.
-#[derive(Default)]
-pub struct Log {
-    /// Id of the scene.
-    pub id: String,
-    /// Where it came from.
-    pub origin: Origin,
-    /// Time of each sample, seconds, increasing.
-    pub times_s: Vec<f64>,
-    /// Index of the current step in `times_s`.
-    pub current: usize,
-    /// Where the local frame has its origin; `None` takes the ego's place at the current step.
-    pub frame: Option<Vec2>,
-    /// Everyone, the ego included.
-    pub tracks: Vec<LogTrack>,
-    /// Index of the ego in `tracks`.
-    pub ego: usize,
-    /// Ids of tracks.
-    pub objects_of_interest: Vec<String>,
-    /// The lanes of its map.
-    pub lanes: Vec<LogLane>,
-    /// Curbs and other edges, each a line.
-    pub edges: Vec<Vec<Vec2>>,
-    /// Crosswalks, each an outline.
-    pub crosswalks: Vec<Vec<Vec2>>,
-    /// Place of each stop sign, and ids of the lanes that it holds for.
-    pub stop_signs: Vec<(Vec2, Vec<String>)>,
-    /// The traffic lights of its map.
-    pub lights: Vec<LogLight>,
-}
-
-/// Samples at the log's times.
-pub struct LogTrack {
-    /// Id in the log.
-    pub id: String,
-    /// What kind of road user it is.
-    pub kind: AgentKind,
-    /// 0 where the log gives none.
-    pub length_m: f64,
-    /// 0 where the log gives none.
-    pub width_m: f64,
-    /// One a time of the log; `None` where it was not observed. `[times]`
-    pub samples: Vec<Option<Sample>>,
-}
-
-/// A lane with links by id. A link to a lane that the log does not hold leads out of the map.
-pub struct LogLane {
-    /// Id in the log.
-    pub id: String,
-    /// What kind of lane it is.
-    pub kind: LaneKind,
-    /// Points of the centre line, in driving direction.
-    pub points: Vec<Across>,
-    /// Lanes that lead into it.
-    pub entries: Vec<String>,
-    /// Lanes that it leads into.
-    pub exits: Vec<String>,
-    /// Lanes to its left, the one that is beside it for the longest way first.
-    pub left: Vec<String>,
-    /// Lanes to its right, likewise.
-    pub right: Vec<String>,
-    /// Speed limit where the log gives one, m/s.
-    pub speed_limit_mps: Option<f64>,
-}
-
-/// States at the log's times.
-pub struct LogLight {
-    /// Id of its lane.
-    pub lane: String,
-    /// Where traffic stops; `None` where the log does not say.
-    pub stop_point: Option<Vec2>,
-    /// One state a time of the log. `[times]`
-    pub states: Vec<LightState>,
-}
-
 /// The scene, and a sentence for each part of the log that is not in it as the log has it.
-pub fn assembled(mut log: Log) -> Result<(Scene, Vec<(String, String)>), String> {
+pub fn assembled(mut log: Log) -> Result<(Scene, Parts), String> {
     let mut left_out = Vec::new();
+    let filled = derived::times_filled(&mut log.times_s).ok_or("its first or last sample has no time")?;
     let start_s = *log.times_s.first().ok_or("it has no samples")?;
     let times: Vec<f64> = log.times_s.iter().map(|t| t - start_s).collect();
     if times.windows(2).any(|w| w[1] <= w[0]) {
         return Err("its sample times do not increase".into());
     }
     let on_grid = times.iter().enumerate().all(|(k, t)| (t - k as f64 * DT_S).abs() <= ON_GRID_WITHIN_S);
+    if filled > 0 {
+        let reason = format!("{filled} are no numbers; each was put between its neighbours");
+        left_out.push((LeftOut::SAMPLE_TIMES.into(), reason));
+    }
     if !on_grid {
         left_out.push((LeftOut::SAMPLE_TIMES.into(), off_grid(&times)));
     }
@@ -125,55 +55,139 @@ pub fn assembled(mut log: Log) -> Result<(Scene, Vec<(String, String)>), String>
     }
     let now_s = times.get(log.current).copied().ok_or("its current step lies beyond its end")?;
     let current_step = if on_grid { log.current } else { (now_s / DT_S).round() as usize };
-    let clock = Clock { times, on_grid, steps };
-    let dropped: Vec<usize> = log.tracks.iter_mut().map(|track| drop_unsound(&mut track.samples)).collect();
+    let derived: Vec<Derived> = log.tracks.iter_mut().map(|t| derived::fill(&mut t.samples, &times)).collect();
+    note_derived(&derived, &mut left_out);
     let ego = log.tracks.get(log.ego).ok_or("its ego is not among its tracks")?;
-    let here = ego.samples.get(log.current).copied().flatten().map(|sample| sample.position);
-    let origin = log.frame.or(here).ok_or("the ego is not observed at the current step")?;
-    let mut tracks: Vec<Track> = log.tracks.iter().map(|track| clock.track(track, origin)).collect();
+    let here = ego.samples.get(log.current).copied().flatten().filter(sound);
+    let origin =
+        log.frame.or(here.map(|sample| sample.position)).ok_or("the ego is not observed at the current step")?;
+    let dropped: Vec<usize> = log.tracks.iter_mut().map(|track| drop_unsound(&mut track.samples, origin)).collect();
+    let kinds = kinds(&log.tracks, &mut left_out);
+    if log.tracks.iter().all(|track| track.heights_m.iter().all(|height| !height.is_finite())) {
+        left_out.push((LeftOut::HEIGHTS.into(), "there are none; everybody is taken to be on one level".into()));
+    }
+    let elsewhere = levels::leave_out_others(&mut log.tracks, log.ego, &mut left_out);
+    let clock = Clock { times, on_grid, steps };
+    let tracks = log.tracks.iter().zip(kinds).map(|(track, kind)| clock.track(track, kind, origin));
+    let mut tracks: Vec<Track> = tracks.collect();
     for (track, dropped) in tracks.iter_mut().zip(dropped) {
-        let dropped = dropped + drop_unsound(&mut track.samples);
+        let dropped = dropped + drop_unsound(&mut track.samples, Vec2::ZERO);
         if dropped > 0 {
-            let reason = format!("not finite, or faster than {SPEED_MAX_MPS} m/s; the rest of the track is kept");
+            let reason = format!(
+                "not finite, farther than 100 km or faster than {SPEED_MAX_MPS} m/s; the rest of the track is kept"
+            );
             left_out.push((format!("{dropped} samples of track {}", track.id), reason));
         }
     }
     let ego = ego_of(tracks.remove(log.ego), current_step)?;
-    tracks.retain(|track| {
-        let seen = track.span().is_some();
-        if !seen {
-            left_out.push((format!("track {}", track.id), "it is never observed".into()));
-        }
-        seen
-    });
+    tracks.retain(|track| !(track.span().is_none() && elsewhere.contains(&track.id)));
+    keep_sound(&mut tracks, &ego.track.id, &mut left_out);
     let (road, index) = road(&log, origin, &mut left_out);
-    let wanted = |id: &String| tracks.iter().position(|track| track.id == *id);
     let scene = Scene {
         id: log.id,
         origin: log.origin,
         steps,
         current_step,
-        objects_of_interest: log.objects_of_interest.iter().filter_map(wanted).collect(),
+        objects_of_interest: interesting(&log.objects_of_interest, &tracks, &ego.track.id, &mut left_out),
         tracks,
         ego,
         lights: lights(&log.lights, &road, &index, &clock, origin, &mut left_out),
-        stop_signs: stop_signs(&log.stop_signs, &index, origin),
-        crosswalks: log.crosswalks.iter().filter(|c| c.len() >= 3).map(|c| shifted(c, origin)).collect(),
+        stop_signs: stop_signs(&log.stop_signs, &index, origin, &mut left_out),
+        crosswalks: outlines("crosswalk", &log.crosswalks, origin, &mut left_out)
+            .into_iter()
+            .filter(|c| c.len() >= 3)
+            .collect(),
         staging: None,
         road,
     };
     Ok((scene, left_out))
 }
 
-/// Removes samples that no scene may hold, and counts them.
-fn drop_unsound(samples: &mut [Option<Sample>]) -> usize {
-    let sound = |sample: &Sample| {
-        let finite = sample.position.is_finite() && sample.heading_rad.is_finite() && sample.velocity.is_finite();
-        finite && sample.speed_mps() <= SPEED_MAX_MPS
+/// Says what was derived from places.
+fn note_derived(derived: &[Derived], left_out: &mut Parts) {
+    let samples: usize = derived.iter().map(|of| of.velocities).sum();
+    if samples > 0 {
+        let tracks = derived.iter().filter(|of| of.velocities > 0).count();
+        let reason = format!("{samples} samples of {tracks} road users have none; derived from their places");
+        left_out.push((LeftOut::VELOCITIES.into(), reason));
+    }
+    let turned = derived.iter().filter(|of| of.headings).count();
+    if turned > 0 {
+        let reason = format!("{turned} road users have none; each looks where it goes");
+        left_out.push((LeftOut::HEADINGS.into(), reason));
+    }
+}
+
+/// The kind of each road user; those that nobody knows are told once a name.
+fn kinds(tracks: &[LogTrack], left_out: &mut Parts) -> Vec<AgentKind> {
+    let mut unknown: BTreeMap<&str, Vec<AgentKind>> = BTreeMap::new();
+    let kind = |track: &LogTrack| {
+        let places: Vec<Vec2> = track.samples.iter().flatten().map(|sample| sample.position).collect();
+        derived::kind_moving(&places, derived::fastest_mps(&track.samples), track.length_m)
     };
+    let mut kinds = Vec::with_capacity(tracks.len());
+    for track in tracks {
+        kinds.push(match &track.kind {
+            Ok(kind) => *kind,
+            Err(name) => {
+                let kind = kind(track);
+                unknown.entry(name).or_default().push(kind);
+                kind
+            }
+        });
+    }
+    left_out.extend(
+        unknown.into_iter().map(|(name, taken)| (LeftOut::KINDS.into(), derived::kinds_taken(&shown(name), &taken))),
+    );
+    kinds
+}
+
+/// Leaves out road users that are never observed, that have another's id, or that no way can lead so far.
+fn keep_sound(tracks: &mut Vec<Track>, ego: &str, left_out: &mut Parts) {
+    let mut ids: BTreeSet<String> = BTreeSet::from([ego.to_string()]);
+    tracks.retain(|track| {
+        let mut places = track.samples.iter().flatten().map(|sample| sample.position);
+        let first = places.next();
+        let (_, way_m) = places.fold((first.unwrap_or_default(), 0.0), |(last, m), p| (p, m + last.distance(p)));
+        let fault = if first.is_none() {
+            "it is never observed"
+        } else if way_m > WAY_MAX_M {
+            "its way is longer than 20 km"
+        } else if !ids.insert(track.id.clone()) {
+            "its id is already taken; the first of that id is kept"
+        } else {
+            return true;
+        };
+        left_out.push((format!("track {}", shown(&track.id)), fault.into()));
+        false
+    });
+}
+
+/// Where the marked road users stand among the tracks. The ego may be marked, too.
+fn interesting(marked: &[String], tracks: &[Track], ego: &str, left_out: &mut Parts) -> Vec<usize> {
+    let places: BTreeMap<&str, usize> = tracks.iter().enumerate().map(|(ix, track)| (track.id.as_str(), ix)).collect();
+    let mut places_of_marked = Vec::new();
+    for id in marked {
+        match places.get(id.as_str()) {
+            Some(&ix) => places_of_marked.push(ix),
+            None if id == ego => {}
+            None => left_out.push((format!("mark of interest {}", shown(id)), "no track of that id is read".into())),
+        }
+    }
+    places_of_marked
+}
+
+/// Whether a scene may hold a sample, wherever it lies.
+fn sound(sample: &Sample) -> bool {
+    let finite = sample.position.is_finite() && sample.heading_rad.is_finite() && sample.velocity.is_finite();
+    finite && sample.speed_mps() <= SPEED_MAX_MPS
+}
+
+/// Removes samples that no scene may hold, and counts them.
+fn drop_unsound(samples: &mut [Option<Sample>], origin: Vec2) -> usize {
     let mut dropped = 0;
     for sample in samples {
-        if sample.is_some_and(|sample| !sound(&sample)) {
+        if sample.is_some_and(|sample| !(sound(&sample) && on_the_map(sample.position - origin))) {
             *sample = None;
             dropped += 1;
         }
@@ -199,7 +213,7 @@ struct Clock {
 }
 
 impl Clock {
-    fn track(&self, log: &LogTrack, origin: Vec2) -> Track {
+    fn track(&self, log: &LogTrack, kind: AgentKind, origin: Vec2) -> Track {
         let here = |s: &Sample| Sample {
             position: s.position - origin,
             heading_rad: num::wrap_angle(s.heading_rad),
@@ -222,8 +236,8 @@ impl Clock {
                 .collect();
             resample(&states, self.steps)
         };
-        let (length_m, width_m) = sides(log);
-        Track { id: log.id.clone(), kind: log.kind, length_m, width_m, samples }
+        let (length_m, width_m) = sides(log, kind);
+        Track { id: log.id.clone(), kind, length_m, width_m, samples }
     }
 
     /// Index of the last log sample at or before a step.
@@ -236,8 +250,8 @@ impl Clock {
 }
 
 /// A plausible box: as in the log, or else the usual size of its kind.
-fn sides(log: &LogTrack) -> (f64, f64) {
-    let usual = match log.kind {
+fn sides(log: &LogTrack, kind: AgentKind) -> (f64, f64) {
+    let usual = match kind {
         AgentKind::Vehicle => (4.5, 1.9),
         AgentKind::Pedestrian => (0.6, 0.6),
         AgentKind::Cyclist => (1.8, 0.7),
@@ -273,96 +287,24 @@ fn ego_of(track: Track, current_step: usize) -> Result<Ego, String> {
     Ok(Ego { track, start_step, route, target_speed_mps: None })
 }
 
-fn shifted(line: &[Vec2], origin: Vec2) -> Vec<Vec2> {
-    line.iter().map(|p| *p - origin).collect()
-}
-
-type Index = BTreeMap<String, LaneIx>;
-
-fn road(log: &Log, origin: Vec2, left_out: &mut Vec<(String, String)>) -> (Road, Index) {
-    let mut road = Road::default();
-    let mut index = Index::new();
-    let mut links = Vec::new();
-    for lane in &log.lanes {
-        let thin = thinned(&lane.points);
-        if thin.len() < 2 {
-            let reason = format!("its centre line needs 2 points that differ, found {}", lane.points.len());
-            left_out.push((format!("lane {}", lane.id), reason));
-            continue;
-        }
-        let (centre, left, right) = lines(&thin);
-        index.insert(lane.id.clone(), road.lanes.len());
-        links.push(lane);
-        road.lanes.push(Lane {
-            id: lane.id.clone(),
-            kind: lane.kind,
-            centre: shifted(&centre, origin),
-            left: shifted(&left, origin),
-            right: shifted(&right, origin),
-            entries: vec![],
-            exits: vec![],
-            left_neighbours: vec![],
-            right_neighbours: vec![],
-            speed_limit_mps: lane.speed_limit_mps.filter(|v| *v > 0.0),
-        });
-    }
-    let known = |id: &String| index.get(id).copied();
-    for (ix, lane) in links.iter().enumerate() {
-        let out = lane.exits.iter().filter_map(known).map(|to| (ix, to));
-        let into = lane.entries.iter().filter_map(known).map(|from| (from, ix));
-        for (from, to) in out.chain(into) {
-            let room = road.lanes[from].exits.len() < LINKS_MAX && road.lanes[to].entries.len() < LINKS_MAX;
-            if room && !road.lanes[from].exits.contains(&to) {
-                road.lanes[from].exits.push(to);
-                road.lanes[to].entries.push(from);
-            }
-        }
-        road.lanes[ix].left_neighbours = beside(&lane.left, &index);
-        road.lanes[ix].right_neighbours = beside(&lane.right, &index);
-    }
-    if road.lanes.iter().all(|lane| lane.exits.is_empty()) {
-        link_by_ends(&mut road);
-    }
-    if road.lanes.iter().all(|lane| lane.left_neighbours.is_empty() && lane.right_neighbours.is_empty()) {
-        link_side_by_side(&mut road);
-    }
-    road.edges = log.edges.iter().map(|edge| thinned_line(&shifted(edge, origin))).filter(|e| e.len() >= 2).collect();
-    (road, index)
-}
-
-/// The lanes of a side that the map holds, each once.
-fn beside(ids: &[String], index: &Index) -> Vec<Neighbour> {
-    let mut side: Vec<Neighbour> = Vec::new();
-    for &lane in ids.iter().filter_map(|id| index.get(id)) {
-        if side.iter().all(|n| n.lane != lane) {
-            side.push(Neighbour { lane, same_direction: true });
-        }
-    }
-    side
-}
-
 fn lights(
     given: &[LogLight],
     road: &Road,
     index: &Index,
     clock: &Clock,
     origin: Vec2,
-    left_out: &mut Vec<(String, String)>,
+    left_out: &mut Parts,
 ) -> Vec<Light> {
     let mut lights = Vec::new();
     for light in given {
         let Some(&lane) = index.get(&light.lane) else {
-            left_out.push((format!("light of lane {}", light.lane), "the map holds no such lane".into()));
+            left_out.push((format!("light of lane {}", shown(&light.lane)), "the map holds no such lane".into()));
             continue;
         };
         let state = |step| light.states.get(clock.sample_at(step)).copied().unwrap_or(LightState::Unknown);
-        let stop_point = light.stop_point.map(|p| p - origin).unwrap_or(road.lanes[lane].centre[0]);
+        let stop_point = light.stop_point.map(|p| p - origin).filter(|p| on_the_map(*p));
+        let stop_point = stop_point.unwrap_or(road.lanes[lane].centre[0]);
         lights.push(Light { lane, stop_point, states: (0..clock.steps).map(state).collect() });
     }
     lights
-}
-
-fn stop_signs(given: &[(Vec2, Vec<String>)], index: &Index, origin: Vec2) -> Vec<StopSign> {
-    let lanes = |ids: &Vec<String>| ids.iter().filter_map(|id| index.get(id).copied()).collect();
-    given.iter().map(|(position, ids)| StopSign { position: *position - origin, lanes: lanes(ids) }).collect()
 }

@@ -436,7 +436,7 @@ fn opendrive_links_lead_to_roads_and_junctions_that_exist_and_back() {
 fn an_exported_road_is_read_back_where_it_was() {
     for scene in worlds() {
         let files = openscenario::export(scene, None, "r.xodr").unwrap();
-        let road = super::opendrive::read::road("f.xodr", &files.xodr).unwrap();
+        let road = super::opendrive::read::road("f.xodr", &files.xodr, &mut super::Imported::default()).unwrap();
         let read = crate::scene::LaneGraph::of(&road);
         for lane in &scene.road.lanes {
             let line = crate::kernel::Polyline::new(lane.centre.clone()).unwrap();

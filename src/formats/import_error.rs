@@ -24,6 +24,11 @@ impl ImportError {
     ) -> ImportError {
         ImportError { file: file.into(), place: place.into(), expected: expected.into(), remedy: remedy.into() }
     }
+
+    /// Why one part of a file is left out while the rest is kept.
+    pub(super) fn as_part(&self, kept: &str) -> String {
+        format!("{}: expected {}; {kept}", self.place, self.expected)
+    }
 }
 
 /// A text from a hostile file, cut and stripped of control characters, for an error message.

@@ -5,6 +5,7 @@
 pub mod assemble;
 pub mod centreline;
 pub mod commonroad;
+pub mod derived;
 pub mod export_error;
 #[cfg(test)]
 mod export_tests;
@@ -13,11 +14,16 @@ pub mod gpudrive;
 mod hostile;
 pub mod import_error;
 pub mod imported;
+mod json_numbers;
+mod levels;
+pub mod log;
+mod log_map;
 pub mod opendrive;
 pub mod openscenario;
 pub mod resample;
 pub mod safebench;
 pub mod scenarionet;
+pub mod speed_limit;
 pub mod staging;
 pub mod summary;
 pub mod topology;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::import_error::ImportError;
 use super::imported::Imported;
+use super::scenarionet::pickle::is_headless;
 use super::scenarionet::{DATA_SET_FILES, pickle_name};
 use super::waymo::tfrecord::Records;
 use super::{
@@ -27,9 +28,6 @@ pub struct ImportSummary {
     /// What was left out, with its reason.
     pub left_out: Vec<LeftOut>,
 }
-
-/// Most parts of one file that are named when they are left out.
-const NAMED_MAX: usize = 1000;
 
 /// Bytes at the start of a file that suffice to recognise its format.
 pub const HEAD_BYTES: usize = 4096;
@@ -61,21 +59,25 @@ pub fn part(head: &[u8]) -> Part {
 #[derive(Debug, Default)]
 pub struct BesideRoutes {
     found: safebench::Library,
-    /// By name and content: files of several folders may share a name.
-    refused: BTreeMap<(String, Digest), ImportError>,
+    /// By name and content, because files of several folders may share a name: why a file was refused, or what of it was
+    /// left out.
+    read: BTreeMap<(String, Digest), Result<Imported, ImportError>>,
 }
 
 impl BesideRoutes {
     /// Reads a file that is [`Part::Beside`]. If it cannot be read, the reason is reported when the file itself is
     /// imported.
     pub fn add(&mut self, name: &str, bytes: &[u8]) {
+        let mut imported = Imported::default();
         let read = if has_root(bytes, b"<OpenDRIVE") {
-            opendrive::road(name, bytes).and_then(|road| self.found.add_town(name, road))
+            opendrive::road(name, bytes, &mut imported).and_then(|road| self.found.add_town(name, road))
         } else {
-            self.found.add_scenarios(name, bytes)
+            self.found.add_scenarios(name, bytes, &mut imported)
         };
-        if let Err(error) = read {
-            self.refused.insert((name.to_string(), Digest::of_bytes(bytes)), error);
+        let key = (name.to_string(), Digest::of_bytes(bytes));
+        if read.is_err() || !imported.left_out.is_empty() {
+            // Of two alike the first says what was left out.
+            self.read.entry(key).or_insert(read.map(|()| imported));
         }
     }
 }
@@ -93,36 +95,31 @@ pub fn read_file(name: &str, bytes: &[u8], beside: Option<&BesideRoutes>) -> Fil
     let imported = match (part(bytes), beside) {
         // Such a file gives no scene, only the reason if it could not be read.
         (Part::Beside, Some(beside)) => {
-            let refused = beside.refused.get(&(name.to_string(), Digest::of_bytes(bytes)));
-            refused.map_or(Ok(Imported::default()), |error| Err(error.clone()))
+            let read = beside.read.get(&(name.to_string(), Digest::of_bytes(bytes)));
+            read.cloned().unwrap_or_else(|| Ok(Imported::default()))
         }
         (Part::Routes, Some(beside)) => safebench::import(name, bytes, &beside.found),
         _ => import_file(name, bytes),
     };
-    let Imported { scenes, mut left_out } = match imported {
+    let mut imported = match imported {
         Ok(imported) => imported,
         Err(error) => return FileScenes::left_out(name, reason(&error)),
     };
-    let mut sound = Vec::with_capacity(scenes.len());
-    for scene in scenes {
+    let mut sound = Vec::with_capacity(imported.scenes.len());
+    for scene in std::mem::take(&mut imported.scenes) {
         let violations = scene.validate();
         match violations.first() {
             None => {
                 let digest = scene.digest();
                 sound.push((scene, digest));
             }
-            Some(first) => {
+            Some(first) => imported.leave_out(name, || {
                 let reason = format!("it breaks {} validation rules, the first is: {first}", how_many(&violations));
-                left_out.push(LeftOut { file: name.into(), what: scene.id, reason });
-            }
+                (scene.id.clone(), reason)
+            }),
         }
     }
-    if left_out.len() > NAMED_MAX {
-        let reason = format!("and {} more parts of this file", left_out.len() - NAMED_MAX);
-        left_out.truncate(NAMED_MAX);
-        left_out.push(LeftOut { file: name.into(), what: String::new(), reason });
-    }
-    FileScenes { scenes: sound, left_out }
+    FileScenes { scenes: sound, left_out: imported.listed(name) }
 }
 
 impl FileScenes {
@@ -133,14 +130,25 @@ impl FileScenes {
     }
 }
 
-/// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken. What one export
-/// of ours writes in two forms, and the lists of a data set beside its scenes, are not reported.
-pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSummary {
+/// What becomes of a scene whose id a different scene has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SameId {
+    /// It is left out.
+    #[default]
+    LeftOut,
+    /// It gets a name of its own: with its file's behind it.
+    Renamed,
+}
+
+/// Puts the results of files together, in the files' order. Of two scenes with one id the first is taken, and the other
+/// as `same_id` says. What one export of ours writes in two forms, and the lists of a data set beside its scenes, are not
+/// reported.
+pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>, same_id: SameId) -> ImportSummary {
     let mut summary = ImportSummary::default();
     let mut taken: BTreeMap<String, (String, Digest)> = BTreeMap::new();
     for (name, read) in files {
         summary.left_out.extend(read.left_out);
-        for (scene, digest) in read.scenes {
+        for (mut scene, digest) in read.scenes {
             let Some((file, earlier)) = taken.get(&scene.id) else {
                 taken.insert(scene.id.clone(), (name.clone(), digest));
                 summary.scenes.push(scene);
@@ -149,18 +157,40 @@ pub fn summed(files: impl IntoIterator<Item = (String, FileScenes)>) -> ImportSu
             if *earlier == digest && are_forms_of_one(file, &name) {
                 continue;
             }
-            let reason = if *earlier == digest {
-                format!("the same scene was already read from {file}")
-            } else {
-                format!("its id is already taken by a different scene of {file}; give it an id of its own")
-            };
-            summary.left_out.push(LeftOut { file: name.clone(), what: scene.id, reason });
+            let id = scene.id.clone();
+            if *earlier == digest {
+                let reason = format!("the same scene was already read from {file}");
+                summary.left_out.push(LeftOut { file: name.clone(), what: id, reason });
+                continue;
+            }
+            if same_id == SameId::LeftOut {
+                let reason = format!(
+                    "its id is already taken by a different scene of {file}; give it an id of its own, or import with \
+                     --keep-both"
+                );
+                summary.left_out.push(LeftOut { file: name.clone(), what: id, reason });
+                continue;
+            }
+            let reason = format!("{id} is a different scene of {file}; it was given a name of its own: ");
+            scene.id = free_id(&id, &name, &taken);
+            let reason = reason + &scene.id;
+            summary.left_out.push(LeftOut { file: name.clone(), what: LeftOut::SCENE_ID.into(), reason });
+            taken.insert(scene.id.clone(), (name.clone(), scene.digest()));
+            summary.scenes.push(scene);
         }
     }
     if !summary.scenes.is_empty() {
         summary.left_out.retain(|left| !DATA_SET_FILES.contains(&left.file.as_str()));
     }
     summary
+}
+
+/// An id that no scene has: the given one with the file's name behind it, and a number where that is taken too.
+fn free_id(id: &str, file: &str, taken: &BTreeMap<String, (String, Digest)>) -> String {
+    let stem = file.split('.').next().unwrap_or(file);
+    let plain = format!("{id}@{stem}");
+    let numbered = (2u64..).map(|number| format!("{plain}-{number}"));
+    std::iter::once(plain.clone()).chain(numbered).find(|id| !taken.contains_key(id)).unwrap_or(plain)
 }
 
 /// Whether these are the JSON and the pickle that an export writes of a scene.
@@ -182,7 +212,7 @@ pub fn import_files<N: AsRef<str>, B: AsRef<[u8]>>(files: &[(N, B)]) -> ImportSu
         let name = name.as_ref();
         (name.to_string(), read_file(name, bytes.as_ref(), beside.as_ref()))
     };
-    summed(files.iter().map(read))
+    summed(files.iter().map(read), SameId::LeftOut)
 }
 
 fn reason(error: &ImportError) -> String {
@@ -206,10 +236,11 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
             return commonroad::import(file, bytes);
         }
         if holds(b"<OpenDRIVE") {
-            let road = opendrive::road(file, bytes)?;
+            let mut imported = Imported::default();
+            let road = opendrive::road(file, bytes, &mut imported)?;
             let reason = format!("a road network of {} lanes alone: nothing says who drives on it", road.lanes.len());
-            let left_out = vec![LeftOut { file: file.into(), what: String::new(), reason }];
-            return Ok(Imported { scenes: vec![], left_out });
+            imported.left_out.insert(0, LeftOut { file: file.into(), what: String::new(), reason });
+            return Ok(imported);
         }
         if holds(b"<routes") {
             return safebench::import(file, bytes, &safebench::Library::default());
@@ -217,9 +248,21 @@ pub fn import_file(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
         let remedy = "EvoDrive reads CommonRoad XML; convert the file or leave it out";
         return Err(ImportError::new(file, "line 1", "a root element <commonRoad>", remedy));
     }
-    if bytes.first() == Some(&0x80) {
+    let marked = bytes.strip_prefix(b"\xef\xbb\xbf");
+    if [bytes, marked.unwrap_or(bytes)].iter().any(|from| from.first() == Some(&0x80)) || is_headless(bytes) {
         return scenarionet::import(file, bytes);
     }
+    if matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
+        let remedy = "save it as UTF-8; a pickle or a record file is no text: fetch it again as binary";
+        return Err(ImportError::new(
+            file,
+            "byte 0",
+            "UTF-8 or binary data, found a byte order mark of UTF-16",
+            remedy,
+        ));
+    }
+    // JSON behind a byte order mark is JSON.
+    let bytes = marked.unwrap_or(bytes);
     // Its keys may come in any order. GPUDrive's road users have lengths too, but they are in a list called "objects".
     let described = [b"\"map_features\"".as_slice(), b"\"dynamic_map_states\"", b"\"sdc_id\""].into_iter().any(holds)
         || (holds(b"\"tracks\"") || holds(b"\"version\"") && holds(b"\"length\"")) && !holds(b"\"objects\"");

@@ -1,7 +1,7 @@
 //! An XML document as a flat tree with bounds on size, depth and count. No document type, no entities but the five
 //! predefined ones and character references: nothing can expand.
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
@@ -18,6 +18,8 @@ const TEXT_MAX: usize = 4096;
 /// Most steps from element to element that a reader may take. Readers search by name, and a hostile file could make
 /// each search pass a million other elements.
 const STEPS_MAX: usize = 500_000_000;
+/// Bytes of a block in which line ends are counted.
+const LINES_BLOCK: usize = 4096;
 /// Processing instructions that are kept.
 const INSTRUCTIONS_MAX: usize = 16;
 
@@ -44,6 +46,8 @@ pub struct Document<'a> {
     instructions: Vec<(String, String)>,
     attributes: usize,
     steps: Cell<usize>,
+    /// Line ends before each block of the file: a file may have a million faulty elements, each named by its line.
+    lines: OnceCell<Vec<usize>>,
 }
 
 /// An element of a document.
@@ -64,8 +68,15 @@ impl<'a> Document<'a> {
             Ok(source) => source.strip_prefix('\u{feff}').unwrap_or(source),
             Err(error) => return refuse(format!("byte {}", error.valid_up_to()), "UTF-8 text", "save it as UTF-8"),
         };
-        let mut document =
-            Document { file, source, nodes: Vec::new(), instructions: Vec::new(), attributes: 0, steps: Cell::new(0) };
+        let mut document = Document {
+            file,
+            source,
+            nodes: Vec::new(),
+            instructions: Vec::new(),
+            attributes: 0,
+            steps: Cell::new(0),
+            lines: OnceCell::new(),
+        };
         document.read()?;
         Ok(document)
     }
@@ -188,7 +199,15 @@ impl<'a> Document<'a> {
     }
 
     fn line(&self, at: usize) -> usize {
-        1 + self.source.as_bytes().iter().take(at).filter(|&&b| b == b'\n').count()
+        let bytes = self.source.as_bytes();
+        let ends = |part: &[u8]| part.iter().filter(|&&b| b == b'\n').count();
+        let lines = self.lines.get_or_init(|| {
+            let before = |sum: &mut usize, block: &[u8]| Some(std::mem::replace(sum, *sum + ends(block)));
+            bytes.chunks(LINES_BLOCK).scan(0, before).collect()
+        });
+        let (at, block) = (at.min(bytes.len()), at / LINES_BLOCK);
+        let (from, before) = lines.get(block).map_or((0, 0), |before| (block * LINES_BLOCK, *before));
+        1 + before + ends(&bytes[from..at])
     }
 
     /// The text of the first processing instruction of a target.

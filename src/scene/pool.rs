@@ -37,10 +37,22 @@ pub struct LeftOut {
 impl LeftOut {
     /// `what` of a file whose sample times do not fit the grid of 0.1 s.
     pub const SAMPLE_TIMES: &str = "its sample times";
+    /// `what` of a file without velocities: they come from its places.
+    pub const VELOCITIES: &str = "its velocities";
+    /// `what` of a file without headings: they come from its motion.
+    pub const HEADINGS: &str = "its headings";
+    /// `what` of a file with kinds of road users that nobody knows: their motion says what they are.
+    pub const KINDS: &str = "its kinds";
+    /// `what` of a file whose id is missing, or is that of another scene.
+    pub const SCENE_ID: &str = "its id";
+    /// `what` of a file without heights: everybody is on one level.
+    pub const HEIGHTS: &str = "its heights";
+    const KEPT: [&str; 6] =
+        [Self::SAMPLE_TIMES, Self::VELOCITIES, Self::HEADINGS, Self::KINDS, Self::HEIGHTS, Self::SCENE_ID];
 
     /// Whether the part is in the pool and only differs from the file's: resampled motion is changed, not missing.
     pub fn is_kept(&self) -> bool {
-        self.what == Self::SAMPLE_TIMES
+        Self::KEPT.contains(&self.what.as_str())
     }
 }
 

@@ -1,6 +1,7 @@
 //! OpenDRIVE import on the town and example networks where they are at hand.
 
 use crate::harness::shared;
+use evodrive::formats::Imported;
 use evodrive::formats::opendrive::read as opendrive;
 use evodrive::kernel::num;
 use evodrive::scene::{LaneGraph, Road};
@@ -31,7 +32,7 @@ fn joints(road: &Road) -> (f64, f64, f64) {
 fn the_towns_lanes_lead_into_each_other_without_gaps() {
     for town in ["Town01", "Town02", "Town_Safebench_Light"] {
         let Some(bytes) = network(&format!("opendrive_carla/{town}.xodr")) else { return };
-        let road = opendrive::road(town, &bytes).unwrap();
+        let road = opendrive::road(town, &bytes, &mut Imported::default()).unwrap();
         let (leading, gap, turn) = joints(&road);
         println!("{town}: {} lanes, {leading:.3} lead on, gap {gap:.3} m, turn {turn:.3} rad", road.lanes.len());
         assert!(leading > 0.95, "{town}: {leading}");
@@ -43,7 +44,7 @@ fn the_towns_lanes_lead_into_each_other_without_gaps() {
 fn spirals_and_cubics_of_the_examples_join_up() {
     for name in ["e6mini", "fabriksgatan", "jolengatan"] {
         let Some(bytes) = network(&format!("openscenario/esmini/xodr/{name}.xodr")) else { return };
-        let road = opendrive::road(name, &bytes).unwrap();
+        let road = opendrive::road(name, &bytes, &mut Imported::default()).unwrap();
         let (leading, gap, turn) = joints(&road);
         println!("{name}: {} lanes, {leading:.3} lead on, gap {gap:.3} m, turn {turn:.3} rad", road.lanes.len());
         assert!(!road.lanes.is_empty());

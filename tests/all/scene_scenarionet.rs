@@ -3,7 +3,7 @@
 
 use crate::harness::{files, home, shared};
 use evodrive::kernel::{Polyline, Vec2};
-use evodrive::scene::{AgentKind, LaneGraph, LaneKind, LightState, SceneFeatures, usable};
+use evodrive::scene::{AgentKind, LaneGraph, LaneKind, LeftOut, LightState, SceneFeatures, usable};
 use evodrive::{
     formats::scenarionet::read_pickle as scenarionet,
     formats::{Imported, import_files},
@@ -47,7 +47,7 @@ fn lanes_keep_links_kinds_and_believable_widths() {
     assert!(across.iter().all(|w| (2.6..=5.0).contains(w)), "{across:?}");
     assert_eq!((road.edges.len(), road.edges[0].len()), (1, 2), "a straight edge needs two points");
     let left_out: Vec<&str> = imported.left_out.iter().map(|l| l.what.as_str()).collect();
-    assert_eq!(left_out, ["track 4", "lane 104", "light of lane 999"]);
+    assert_eq!(left_out, ["its kinds", "track 4", "lane 104", "light of lane 999"]);
 }
 
 #[test]
@@ -104,13 +104,14 @@ fn changed(from: &[u8], to: &[u8]) -> Vec<u8> {
 
 #[test]
 fn what_a_scene_needs_and_does_not_find_is_named() {
-    let left_out = |bytes: &[u8]| scenarionet::import("f.pkl", bytes).unwrap_err().to_string();
-    assert!(left_out(&changed(b"tracks\x94", b"trucks\x94")).contains("\"tracks\""));
-    assert!(left_out(&changed(b"sdc_id", b"sdc_iq")).contains("sdc_id"));
-    assert!(left_out(&changed(b"heading", b"headinq")).contains("[\"tracks\"][\"1\"][\"state\"]"));
-    let nan = left_out(&changed(&8000.0f64.to_le_bytes(), &f64::NAN.to_le_bytes()));
-    assert!(nan.contains("finite numbers at valid step 0"), "{nan}");
-    let forbidden = left_out(&changed(b"_reconstruct", b"_reconstrucT"));
+    let refusal = |bytes: &[u8]| scenarionet::import("f.pkl", bytes).unwrap_err().to_string();
+    assert!(refusal(&changed(b"tracks\x94", b"trucks\x94")).contains("\"tracks\""));
+    assert!(refusal(&changed(b"sdc_id", b"sdc_iq")).contains("sdc_id"));
+    assert!(refusal(&changed(b"position", b"positiom")).contains("[\"tracks\"][\"1\"][\"state\"]"), "the ego's");
+    let nan = scenarionet::import("f.pkl", &changed(&8000.0f64.to_le_bytes(), &f64::NAN.to_le_bytes())).unwrap();
+    let dropped = |left: &LeftOut| left.what == "1 samples of track 1";
+    assert!(nan.scenes.len() == 1 && nan.left_out.iter().any(dropped), "{:?}", nan.left_out);
+    let forbidden = refusal(&changed(b"_reconstruct", b"_reconstrucT"));
     assert!(forbidden.contains("numpy.core.multiarray._reconstrucT"), "{forbidden}");
 }
 

@@ -10,6 +10,7 @@ use crate::cli::scenes::{best, draw, export, pools, readable, show};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
+use crate::formats::summary::SameId;
 use crate::scene::stats::PoolStats;
 
 #[derive(Debug, Subcommand)]
@@ -50,6 +51,9 @@ pub struct ImportOptions {
     /// OpenDRIVE files of towns, or a folder of them, for SafeBench's route files; a file's name is its town's name.
     #[arg(long)]
     pub towns: Vec<PathBuf>,
+    /// Take a scene of a file also where a different scene has its id: under its id and its file's name.
+    #[arg(long)]
+    pub keep_both: bool,
     /// Pool file to write.
     #[arg(long)]
     pub out: PathBuf,
@@ -111,7 +115,8 @@ pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
 fn import(options: &ImportOptions, jobs: usize) -> Result<Answer, Failure> {
     let paths: Vec<PathBuf> = options.paths.iter().chain(&options.towns).cloned().collect();
     let threads = threads(jobs)?;
-    written(&experiment::read_scenes(&paths, &threads)?, &options.out, options.output, &threads)
+    let same_id = if options.keep_both { SameId::Renamed } else { SameId::LeftOut };
+    written(&experiment::read_scenes_as(&paths, same_id, &threads)?, &options.out, options.output, &threads)
 }
 
 fn generate(options: &GenerateOptions, jobs: usize) -> Result<Answer, Failure> {

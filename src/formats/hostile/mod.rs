@@ -1,10 +1,11 @@
 //! Hostile files against every importer: a table of importers, attacks and messages, and randomly drawn changes. A
 //! refusal names file, place, rule and remedy. Nothing panics, and no imported scene breaks a rule.
 
+mod parts;
 mod pickles;
 mod wholes;
 
-use super::{ImportError, Imported, import_files};
+use super::{ImportError, Imported, gpudrive, import_files, opendrive, safebench};
 use prost::Message;
 use serde_json::json;
 use wholes::{Whole, described, edited, field, nested, of, pickled, sealed, wholes};
@@ -78,7 +79,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         // Nesting.
         (net, "nested lists", nested(100_000), "a dictionary"),
         (json, "nested lists", format!("{{\"version\": {deep}").into_bytes(), "recursion"),
-        (gpu, "nested lists", format!("{{\"roads\":[{{\"geometry\":{deep}").into_bytes(), "recursion"),
+        (gpu, "nested lists", format!("{{\"roads\":[{{\"geometry\":{deep}").into_bytes(), "EOF"),
         (events, "nested lists", format!("{{\"available_scenarios\":{deep}").into_bytes(), "line 1"),
         (cr, "nested elements", elements("commonRoad").into_bytes(), "64 nested"),
         (odr, "nested elements", elements("OpenDRIVE").into_bytes(), "64 nested"),
@@ -142,23 +143,28 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         (cr, "road edges of all problems", wholes::edges_of_problems(3_000, 600), "at most 8000000 samples"),
         (cr, "a ring to follow", wholes::ring_to_follow(1_000_000), "route_is_plausible"),
         // Malformed numbers.
-        (net, "NaN", pickled(&states(&|s| s["position"][5][0] = json!("<nan>"))), "finite numbers at valid step 5"),
-        (net, "infinity", pickled(&states(&|s| s["heading"][5] = json!("<inf>"))), "finite numbers at valid step 5"),
+        (net, "NaN", pickled(&states(&|s| s["position"][5][0] = json!("<nan>"))), "1 samples of track 2: not finite"),
+        (net, "infinity", pickled(&states(&|s| s["heading"][5] = json!("<inf>"))), "1 samples of track 2: not finite"),
         (
             net,
             "NaN on the map",
             pickled(&lane(&|l| l["polyline"][1][0] = json!("<nan>"))),
-            "finite coordinates at point 1",
+            "1 points of lane 10: not finite",
         ),
-        (net, "NaN in time", pickled(&described(|s| s["metadata"]["ts"][3] = json!("<nan>"))), "finite sample times"),
+        (
+            net,
+            "NaN in time",
+            pickled(&described(|s| s["metadata"]["ts"][0] = json!("<nan>"))),
+            "first or last sample has no time",
+        ),
         (json, "infinity", edited(json, "\"length\":91", "\"length\":1e999"), "out of range"),
-        (json, "NaN", edited(json, "\"length\":91", "\"length\":NaN"), "line 1, column"),
+        (json, "NaN", edited(json, "\"sdc_id\":\"1\"", "\"sdc_id\":NaN"), "the id of a track"),
         (gpu, "infinity", edited(gpu, "\"sdc_track_index\":1", "\"sdc_track_index\":1e999"), "out of range"),
         (
             gpu,
             "out of all measure",
             gpudrive(&|v| v["objects"][0]["position"][4]["x"] = json!(1e300)),
-            "samples_are_finite",
+            "1 samples of track 7: not finite, farther than 100 km",
         ),
         (cr, "NaN", crossing("<x>-50</x>", "<x>NaN</x>"), "a finite number"),
         (cr, "infinity", crossing("<x>-50</x>", "<x>-inf</x>"), "a finite number"),
@@ -166,8 +172,13 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
         (odr, "infinity", edited(odr, "curvature=\"0.05\"", "curvature=\"1e999\""), "a finite number"),
         (route, "NaN", edited(route, "x=\"60\"", "x=\"NaN\""), "a finite number"),
         (events, "infinity", edited(events, "250.0", "inf"), "finite x, y and yaw"),
-        (wm, "NaN", waymo(|m| m.tracks[0].states[40].center_x = f64::NAN), "not finite, or faster than 100 m/s"),
-        (wm, "infinity on the map", waymo(|m| wholes::lane_of(m).polyline[7].x = f64::INFINITY), "points_are_finite"),
+        (wm, "NaN", waymo(|m| m.tracks[0].states[40].center_x = f64::NAN), "1 samples of track 1: not finite"),
+        (
+            wm,
+            "infinity on the map",
+            waymo(|m| wholes::lane_of(m).polyline[7].x = f64::INFINITY),
+            "1 points of lane 10: not finite",
+        ),
         // Tracks of no length.
         (net, "no samples", pickled(&states(&|s| s["position"] = json!([]))), "91 rows of 2"),
         (
@@ -177,7 +188,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             "track 2: it is never observed",
         ),
         (json, "no samples", text(states(&|s| s["heading"] = json!([]))), "91 rows of 1"),
-        (gpu, "no samples", gpudrive(&|v| v["objects"][0]["valid"] = json!([])), "2 to 1200 samples, found 0"),
+        (gpu, "no samples", gpudrive(&|v| v["objects"][1]["valid"] = json!([])), "2 to 1200 samples, found 0"),
         (gpu, "fewer places than times", gpudrive(&|v| v["objects"][2]["position"] = json!([])), "objects[2]"),
         (cr, "a box of no length", crossing("<length>4.5</length>", "<length>0</length>"), "a length above 0"),
         (
@@ -216,7 +227,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             gpudrive(&|v| v["roads"][0]["geometry"] = json!([{"x": 0.0, "y": 0.0}])),
             "lane 50: its centre line needs 2 points that differ, found 1",
         ),
-        (cr, "one point", wholes::one_point_lanelet(), "at least 2 points, found 1"),
+        (cr, "one point", wholes::one_point_lanelet(), "as many left as right points, found 1"),
         (
             odr,
             "no geometry",
@@ -230,11 +241,31 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             "its centre line needs 2 points that differ, found 1",
         ),
         // Topology that leads back to itself.
-        (net, "its own exit", pickled(&lane(&|l| l["exit_lanes"] = json!(["10"]))), "no_lane_leads_into_itself"),
-        (net, "its own neighbour", pickled(&lane(&|l| l["left_neighbor"] = json!(["10"]))), "neighbours_exist"),
+        (
+            net,
+            "its own exit",
+            pickled(&lane(&|l| l["exit_lanes"] = json!(["10"]))),
+            "link of lane 10: it leads to its own lane",
+        ),
+        (
+            net,
+            "its own neighbour",
+            pickled(&lane(&|l| l["left_neighbor"] = json!(["10"]))),
+            "link of lane 10: it leads to its own lane",
+        ),
         (net, "a list in itself", b"\x80\x04]\x94h\x00a.".to_vec(), "a dictionary with \"metadata\""),
-        (json, "its own exit", text(lane(&|l| l["exit_lanes"] = json!(["10"]))), "no_lane_leads_into_itself"),
-        (gpu, "two lanes of one id", gpudrive(&|v| v["roads"][1]["id"] = json!(50)), "lane_ids_are_unique"),
+        (
+            json,
+            "its own exit",
+            text(lane(&|l| l["exit_lanes"] = json!(["10"]))),
+            "link of lane 10: it leads to its own lane",
+        ),
+        (
+            gpu,
+            "two lanes of one id",
+            gpudrive(&|v| v["roads"][1]["id"] = json!(50)),
+            "lane 50: its id is already taken",
+        ),
         (
             cr,
             "its own successor",
@@ -247,13 +278,18 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
             edited(odr, "connectingRoad=\"2\"", "connectingRoad=\"1\""),
             "other than the incoming one",
         ),
-        (wm, "its own exit", waymo(|m| wholes::lane_of(m).exit_lanes.push(10)), "no_lane_leads_into_itself"),
+        (
+            wm,
+            "its own exit",
+            waymo(|m| wholes::lane_of(m).exit_lanes.push(10)),
+            "link of lane 10: it leads to its own lane",
+        ),
     ];
     let missed: Vec<String> = table
         .iter()
         .map(|(format, what, bytes, words)| (format, what, words, refusal(&of(format), bytes)))
-        .filter(|(_, _, words, found)| !found.contains(**words))
-        .map(|(format, what, words, found)| format!("{format}, {what}: no {words:?} in {found}"))
+        .filter(|(_, _, words, refused)| !refused.contains(**words))
+        .map(|(format, what, words, refused)| format!("{format}, {what}: no {words:?} in {refused}"))
         .collect();
     assert!(missed.is_empty(), "{}", missed.join("\n"));
     let last_complaint = |format: &str| table.iter().filter(|row| row.0 == format).count();
@@ -263,7 +299,7 @@ fn every_hostility_is_told_with_file_place_rule_and_remedy() {
 #[test]
 fn a_road_that_is_a_ring_is_read_without_a_link_to_itself() {
     let ring = edited("OpenDRIVE", "elementType=\"road\" elementId=\"3\"", "elementType=\"road\" elementId=\"2\"");
-    let road = super::opendrive::read::road("ring.xodr", &ring).unwrap();
+    let road = super::opendrive::read::road("ring.xodr", &ring, &mut Imported::default()).unwrap();
     let lane = road.lanes.iter().find(|lane| lane.id == "2/0/-1").unwrap();
     assert_eq!((lane.exits.len(), lane.entries.len()), (0, 1));
 }

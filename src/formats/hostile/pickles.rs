@@ -1,6 +1,7 @@
 //! Hostile pickles: names and opcodes that run code, and one object that is used a million times.
 
 use crate::formats::scenarionet::pickle;
+use crate::formats::summary::import_file;
 use crate::kernel::Seed;
 
 fn refused(bytes: &[u8]) -> String {
@@ -31,8 +32,64 @@ fn every_opcode_that_calls_or_fetches_something_is_refused_by_its_place() {
         assert!(refusal.contains("an opcode of plain data") || refusal.contains("os.system"), "{call:?}: {refusal}");
     }
     for protocol in [0u8, 1, 6, 255] {
-        assert!(refused(&[0x80, protocol, b'N', b'.']).contains("protocol 2 to 5"));
+        let refusal = refused(&[0x80, protocol, b'N', b'.']);
+        assert!(refusal.contains(&format!("protocol 2 to 5, found protocol {protocol}")), "{refusal}");
     }
+}
+
+#[test]
+fn old_protocols_and_byte_order_marks_are_said_by_name_and_not_called_damage() {
+    // What Python 3 writes of a description, of a class of it, of a defaultdict and of a Counter.
+    let heads: [(&[u8], &str); 7] = [
+        (b"(dp0\nVa\np1\nI1\ns.", "protocol 0"),
+        (
+            b"ccopy_reg\n_reconstructor\np0\n(cmetadrive.scenario.scenario_description\nScenarioDescription\n.",
+            "protocol 0",
+        ),
+        (b"ccollections\ndefaultdict\np0\n(c__builtin__\nlong\np1\ntp2\nRp3\n.", "protocol 0"),
+        (b"}q\x00X\x01\x00\x00\x00aq\x01K\x01s.", "protocol 1"),
+        (b"ccollections\nCounter\nq\x00(}q\x01tq\x02Rq\x03.", "protocol 1"),
+        (b"\xef\xbb\xbf\x80\x04}.", "byte order mark"),
+        (b"\xff\xfe{\x00}\x00", "byte order mark"),
+    ];
+    for (bytes, name) in heads {
+        let refusal = import_file("f.pkl", bytes).unwrap_err().to_string();
+        assert!(refusal.contains(name) && !refusal.contains("damaged"), "{name}: {refusal}");
+    }
+}
+
+/// A dictionary with one entry whose value these opcodes make.
+fn holding(value: &[u8]) -> Vec<u8> {
+    [b"\x80\x02}X\x01\0\0\0v", value, b"s."].concat()
+}
+
+#[test]
+fn containers_and_numbers_of_metadata_are_read() {
+    let of = |value: &[u8]| -> (Option<f64>, Option<usize>) {
+        let bytes = holding(value);
+        let pickle = pickle::read("f.pkl", &bytes).unwrap_or_else(|error| panic!("{error}"));
+        let node = pickle.root().get("v").unwrap();
+        (node.get("a").and_then(|a| a.number()).or(node.number()), node.numbers().map(|table| table.rows))
+    };
+    for factory in ["int", "float", "str", "bool", "list", "dict", "set", "tuple", "frozenset", "bytes"] {
+        let made = format!("ccollections\ndefaultdict\ncbuiltins\n{factory}\n");
+        let made = [made.as_bytes(), b"\x85RX\x01\0\0\0aK\x07s"].concat();
+        assert_eq!(of(&made).0, Some(7.0), "{factory}");
+    }
+    assert_eq!(of(b"ccollections\ndefaultdict\nc__builtin__\nlong\n\x85RX\x01\0\0\0aK\x07s").0, Some(7.0));
+    assert_eq!(of(b"ccollections\nCounter\n}(X\x01\0\0\0aK\x03u\x85R").0, Some(3.0));
+    // Python 3 writes the bytes of a scalar so: protocol 3 and later.
+    let scalar = |dtype: &str, state: &[u8], bytes: &[u8]| {
+        let dtype =
+            [b"cnumpy\ndtype\nX", &(dtype.len() as u32).to_le_bytes()[..], dtype.as_bytes(), b"\x89\x88\x87R"].concat();
+        let data = [b"C", &[bytes.len() as u8][..], bytes].concat();
+        [b"cnumpy.core.multiarray\nscalar\n", &dtype[..], state, &data, b"\x86R"].concat()
+    };
+    let plain = b"(K\x03X\x01\0\0\0<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb";
+    // The unit of a time stands behind the rest of its type's state.
+    let timed = b"(K\x04X\x01\0\0\0<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00}(C\x02nsK\x01K\x01K\x01t\x86tb";
+    assert_eq!(of(&scalar("f2", plain, &[0x00, 0x3e])).0, Some(1.5));
+    assert_eq!(of(&scalar("M8", timed, &1_600_000_000_i64.to_le_bytes())).0, Some(1.6e9));
 }
 
 #[test]

@@ -43,7 +43,8 @@ pub fn of(format: &str) -> Whole {
 }
 
 fn road_alone(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    opendrive::road(file, bytes).map(|_| Imported::default())
+    let mut imported = Imported::default();
+    opendrive::road(file, bytes, &mut imported).map(|_| imported)
 }
 
 fn route(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
@@ -51,7 +52,8 @@ fn route(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
 }
 
 fn scenarios(file: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    safebench::Library::default().add_scenarios(file, bytes).map(|()| Imported::default())
+    let mut imported = Imported::default();
+    safebench::Library::default().add_scenarios(file, bytes, &mut imported).map(|()| imported)
 }
 
 /// The whole file with one text in place of another.

@@ -3,8 +3,11 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use serde_json::value::RawValue;
 
 use crate::formats::import_error::{ImportError, shown};
+use crate::formats::imported::Imported;
+use crate::formats::json_numbers::without_nan;
 use crate::kernel::{Polyline, Pose};
 use crate::scene::safebench::{SPAWNS_MAX, TrafficFamily};
 
@@ -27,14 +30,17 @@ pub(super) struct Event {
 #[derive(Clone, Debug, Default)]
 pub struct Events(BTreeMap<(TrafficFamily, String), Vec<Event>>);
 
+/// Its events as they stand in the file: each is read by itself, so that a bad one is left out alone.
 #[derive(Deserialize)]
-struct File {
-    available_scenarios: Vec<BTreeMap<String, Vec<Scenario>>>,
+struct File<'f> {
+    #[serde(borrow)]
+    available_scenarios: Vec<BTreeMap<String, Vec<Scenario<'f>>>>,
 }
 
 #[derive(Deserialize)]
-struct Scenario {
-    available_event_configurations: Vec<Configuration>,
+struct Scenario<'f> {
+    #[serde(borrow)]
+    available_event_configurations: Vec<&'f RawValue>,
     #[serde(alias = "scenario_type")]
     scenario_name: String,
 }
@@ -88,13 +94,14 @@ impl Transform {
 }
 
 impl Events {
-    pub(super) fn add(&mut self, file: &str, bytes: &[u8]) -> Result<(), ImportError> {
+    pub(super) fn add(&mut self, file: &str, bytes: &[u8], imported: &mut Imported) -> Result<(), ImportError> {
         let remedy = "fetch the benchmark's file again";
         let refuse = |place: String, expected: &str| ImportError::new(file, place, expected, remedy);
         if bytes.len() > BYTES_MAX {
             return Err(refuse("byte 0".into(), "at most 16 MiB"));
         }
-        let read: File = serde_json::from_slice(bytes).map_err(|error| {
+        let bytes = without_nan(bytes);
+        let read: File<'_> = serde_json::from_slice(&bytes).map_err(|error| {
             refuse(format!("line {}", error.line()), &format!("a scenario file of SafeBench ({error})"))
         })?;
         let mut count = 0;
@@ -104,15 +111,22 @@ impl Events {
                 let family = TrafficFamily::ALL.into_iter().find(|family| family.scenario_name() == name);
                 // Ordinary driving (scenario_00) and all unknown scenarios belong to no traffic family.
                 let Some(family) = family else { continue };
-                for (k, configuration) in scenario.available_event_configurations.iter().enumerate() {
+                for (k, raw) in scenario.available_event_configurations.iter().enumerate() {
                     count += 1;
                     let place = || format!("{}, {} event {k}", shown(&town), shown(name));
-                    let event = event(configuration)
-                        .ok_or_else(|| refuse(place(), "finite x, y and yaw, and at most 16 actors"))?;
                     if count > EVENTS_MAX {
                         return Err(refuse(place(), "at most 100000 events"));
                     }
-                    self.0.entry((family, town.clone())).or_default().push(event);
+                    let read = serde_json::from_str::<Configuration>(raw.get()).map_err(|error| {
+                        refuse(place(), &format!("an event of SafeBench ({})", shown(&error.to_string())))
+                    });
+                    let read = read.and_then(|configuration| {
+                        event(&configuration)
+                            .ok_or_else(|| refuse(place(), "finite x, y and yaw, and at most 16 actors"))
+                    });
+                    if let Some(event) = imported.read(&place(), read, "the other events are kept") {
+                        self.0.entry((family, town.clone())).or_default().push(event);
+                    }
                 }
             }
         }

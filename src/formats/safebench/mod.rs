@@ -15,7 +15,7 @@ use super::imported::Imported;
 use super::xml_read::{Document, Element};
 use crate::kernel::{Polyline, Pose, num};
 use crate::scene::safebench::{STEPS, Staging, TrafficFamily};
-use crate::scene::{LaneGraph, LeftOut, Origin, Road, Scene};
+use crate::scene::{LaneGraph, Origin, Road, Scene};
 pub use events::Events;
 
 use self::pose::pose;
@@ -51,9 +51,9 @@ impl Library {
         Ok(())
     }
 
-    /// Adds a scenario file.
-    pub fn add_scenarios(&mut self, file: &str, bytes: &[u8]) -> Result<(), ImportError> {
-        self.events.add(file, bytes)
+    /// Adds a scenario file. Events that cannot be read are left out in `imported`.
+    pub fn add_scenarios(&mut self, file: &str, bytes: &[u8], imported: &mut Imported) -> Result<(), ImportError> {
+        self.events.add(file, bytes, imported)
     }
 }
 
@@ -88,9 +88,10 @@ pub fn import(file: &str, bytes: &[u8], library: &Library) -> Result<Imported, I
             format!("safebench/{}/{number:02}.{k}", family.name())
         };
         let place = Place { file, id: &id, family, number };
-        match place.scene(&element, library)? {
-            Ok(scene) => imported.scenes.push(scene),
-            Err(reason) => imported.left_out.push(LeftOut { file: file.into(), what: id, reason }),
+        match place.scene(&element, library) {
+            Ok(Ok(scene)) => imported.scenes.push(scene),
+            Ok(Err(reason)) => imported.leave_out(file, || (id.clone(), reason)),
+            Err(error) => imported.leave_out_for(id.clone(), &error, "the other routes of the file are kept"),
         }
     }
     if imported.scenes.is_empty() && imported.left_out.is_empty() {

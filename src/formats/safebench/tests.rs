@@ -29,9 +29,9 @@ pub const EVENTS: &str = r#"{"available_scenarios":[{"Plain":[{"available_event_
 
 pub fn library() -> Library {
     let mut library = Library::default();
-    let road = crate::formats::opendrive::read::road("Plain.xodr", TOWN.as_bytes()).unwrap();
+    let road = crate::formats::opendrive::read::road("Plain.xodr", TOWN.as_bytes(), &mut Imported::default()).unwrap();
     library.add_town("Plain.xodr", road).unwrap();
-    library.add_scenarios("scenario_05.json", EVENTS.as_bytes()).unwrap();
+    library.add_scenarios("scenario_05.json", EVENTS.as_bytes(), &mut Imported::default()).unwrap();
     library
 }
 
@@ -118,13 +118,17 @@ fn towns_of_one_name_from_several_folders_are_told_apart() {
 
 #[test]
 fn a_scenario_file_of_more_than_16_mib_is_not_parsed() {
-    let refusal = Library::default().add_scenarios("s.json", &vec![b' '; (16 << 20) + 1]).unwrap_err();
+    let refusal =
+        Library::default().add_scenarios("s.json", &vec![b' '; (16 << 20) + 1], &mut Imported::default()).unwrap_err();
     assert!(refusal.to_string().contains("at most 16 MiB"), "{refusal}");
 }
 
 #[test]
 fn damaged_and_hostile_files_are_refused() {
-    let refusal = |file: &str, text: &str| import(file, text.as_bytes(), &library()).unwrap_err().to_string();
+    let refusal = |file: &str, text: &str| {
+        let read = import(file, text.as_bytes(), &library());
+        read.map_or_else(|error| error.to_string(), |imported| imported.left_out[0].reason.clone())
+    };
     assert!(refusal("my_route.xml", ROUTE).contains("scenario_<01 to 08>"));
     assert!(refusal("scenario_09_route_01.xml", ROUTE).contains("scenario_<01 to 08>"));
     assert!(refusal("scenario_05_route_99999999999999999999.xml", ROUTE).contains("scenario_<01 to 08>"));
@@ -134,10 +138,14 @@ fn damaged_and_hostile_files_are_refused() {
     for end in (0..ROUTE.len() - 1).step_by(41) {
         assert!(import("scenario_05_route_06.xml", &ROUTE.as_bytes()[..end], &library()).is_err(), "{end}");
     }
-    let events = |text: &str| Library::default().add_scenarios("s.json", text.as_bytes());
+    let events = |text: &str| {
+        let mut imported = Imported::default();
+        let read = Library::default().add_scenarios("s.json", text.as_bytes(), &mut imported);
+        read.map(|()| imported.left_out.first().map(|left| left.reason.clone()).unwrap_or_default())
+    };
     for end in (0..EVENTS.len() - 1).step_by(37) {
         assert!(events(&EVENTS[..end]).is_err(), "{end}");
     }
-    assert!(events(&EVENTS.replace("250.0", "1e99")).unwrap_err().to_string().contains("finite"));
+    assert!(events(&EVENTS.replace("250.0", "1e99")).unwrap().contains("finite"));
     assert!(events(&"[".repeat(100_000)).is_err());
 }

@@ -2,13 +2,13 @@
 //! dictionaries (arrays as lists). An export of this project gives back exactly the exported scene.
 
 use super::pickle::{self, Node};
-use super::read::{finished, log_of};
+use super::read::{finish, log_of};
 use crate::formats::assemble::assembled;
 use crate::formats::import_error::ImportError;
 use crate::formats::imported::Imported;
 use crate::kernel::Vec2;
 use crate::scene::remainder::Remainder;
-use crate::scene::{LeftOut, Origin, Scene};
+use crate::scene::{Origin, Scene};
 
 const FORMAT: &str = "scenarionet-json";
 
@@ -23,21 +23,23 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
 /// The scene of a description, which may be an export of this project.
 pub(super) fn described(file_name: &str, root: &Node<'_>, format: &str) -> Result<Imported, ImportError> {
     let beside = root.get("metadata").and_then(|metadata| metadata.get("evodrive")).filter(|node| !node.is_none());
-    let Some(beside) = beside else {
-        return Ok(finished(file_name, log_of(file_name, root, format)?));
+    let plain = |mut imported: Imported| {
+        let log = log_of(file_name, root, format, &mut imported)?;
+        finish(file_name, log, &mut imported);
+        Ok(imported)
     };
+    let Some(beside) = beside else { return plain(Imported::default()) };
     let origin = Origin { format: format.into(), name: file_name.into() };
-    let read = in_its_own_frame(file_name, root)?;
     let remainder = beside.text().and_then(Remainder::from_text);
-    if let Some(scene) = remainder.and_then(|remainder| remainder.laid_over(&read, &origin)) {
-        return Ok(Imported { scenes: vec![scene], left_out: vec![] });
+    let exact = remainder.and_then(|remainder| remainder.laid_over(&in_its_own_frame(file_name, root).ok()?, &origin));
+    if let Some(scene) = exact {
+        return Ok(Imported { scenes: vec![scene], ..Imported::default() });
     }
-    let mut imported = finished(file_name, log_of(file_name, root, format)?);
+    let mut imported = Imported::default();
     let reason = "the file was edited after its export, or exported by another version; what its standard keys say \
                   was read, without the exact lane boundaries, start and route";
-    let what = "metadata.evodrive".to_string();
-    imported.left_out.insert(0, LeftOut { file: file_name.into(), what, reason: reason.into() });
-    Ok(imported)
+    imported.leave_out(file_name, || ("metadata.evodrive".into(), reason.into()));
+    plain(imported)
 }
 
 /// The scene that the standard keys of one of our exports give, without our private key.
@@ -47,7 +49,7 @@ pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, Impor
 
 /// Coordinates stay as they are.
 fn in_its_own_frame(file_name: &str, root: &Node<'_>) -> Result<Scene, ImportError> {
-    let mut log = log_of(file_name, root, FORMAT)?;
+    let mut log = log_of(file_name, root, FORMAT, &mut Imported::default())?;
     log.frame = Some(Vec2::ZERO);
     let (scene, _) = assembled(log).map_err(|reason| root.refuse(format!("a whole scene ({reason})")))?;
     Ok(scene)

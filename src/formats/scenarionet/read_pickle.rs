@@ -5,7 +5,6 @@ use super::read_json::described;
 use super::write_pickle::is_of_data_set;
 use crate::formats::import_error::ImportError;
 use crate::formats::imported::Imported;
-use crate::scene::LeftOut;
 
 /// The scene in a pickle.
 ///
@@ -14,8 +13,9 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let pickle = pickle::read(file_name, bytes)?;
     if is_of_data_set(&pickle.root()) {
         let reason = "a data set's list of its pickles: it holds no scene itself";
-        let left_out = vec![LeftOut { file: file_name.into(), what: String::new(), reason: reason.into() }];
-        return Ok(Imported { scenes: vec![], left_out });
+        let mut imported = Imported::default();
+        imported.leave_out(file_name, || (String::new(), reason.into()));
+        return Ok(imported);
     }
     described(file_name, &pickle.root(), "scenarionet")
 }

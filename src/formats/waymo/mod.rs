@@ -8,15 +8,15 @@ use std::collections::BTreeMap;
 use prost::Message;
 
 use self::tfrecord::Records;
-use super::assemble::{Log, LogLane, LogLight, LogTrack};
 use super::centreline::{Across, thinned};
 use super::gpudrive::waymo_light_state;
 use super::import_error::ImportError;
 use super::imported::Imported;
-use super::scenarionet::read::finished;
+use super::log::{Log, LogLane, LogLight, LogTrack};
+use super::scenarionet::read::finish;
 use crate::kernel::{Vec2, num};
 use crate::scene::validate::STEPS_MAX;
-use crate::scene::{AgentKind, LaneKind, LeftOut, LightState, Origin, Sample, Scene};
+use crate::scene::{AgentKind, LaneKind, LightState, Origin, Sample, Scene};
 
 /// Published records have up to 4 MiB without their lidar.
 const RECORD_BYTES_MAX: usize = 16 << 20;
@@ -76,16 +76,18 @@ pub struct ObjectState {
     pub(super) center_x: f64,
     #[prost(double, tag = "3")]
     center_y: f64,
+    #[prost(double, optional, tag = "4")]
+    pub(super) center_z: Option<f64>,
     #[prost(float, tag = "5")]
     length: f32,
     #[prost(float, tag = "6")]
     width: f32,
     #[prost(float, tag = "8")]
     heading: f32,
-    #[prost(float, tag = "9")]
-    velocity_x: f32,
-    #[prost(float, tag = "10")]
-    velocity_y: f32,
+    #[prost(float, optional, tag = "9")]
+    velocity_x: Option<f32>,
+    #[prost(float, optional, tag = "10")]
+    velocity_y: Option<f32>,
     #[prost(bool, tag = "11")]
     valid: bool,
 }
@@ -219,33 +221,33 @@ fn read(file_name: &str, bytes: &[u8], parts_max: usize) -> Result<Imported, Imp
     let mut imported = Imported::default();
     let mut parts = 0usize;
     for (index, record) in Records::of(file_name, bytes).enumerate() {
-        let what = format!("record {index}");
         if parts > parts_max {
-            let reason = format!(
-                "it and what follows: expected at most {parts_max} samples, light states and map points in the records \
-                 of a file; split the file"
-            );
-            imported.left_out.push(LeftOut { file: file_name.into(), what, reason });
+            imported.leave_out(file_name, || {
+                let reason = format!(
+                    "it and what follows: expected at most {parts_max} samples, light states and map points in the \
+                     records of a file; split the file"
+                );
+                (format!("record {index}"), reason)
+            });
             break;
         }
         parts = parts.saturating_add(PART_MIN);
-        let read_scene = record.and_then(|data| scenario(file_name, index, data));
-        match read_scene {
+        let data = match record {
+            Err(error) if index == 0 => return Err(error),
+            record => record,
+        };
+        let mut one = Imported::default();
+        match data.and_then(|data| scenario(file_name, index, data, &mut one)) {
             Ok(log) => {
                 let (steps, things) = (log.times_s.len(), log.tracks.len() + log.lights.len());
-                let one = finished(file_name, log);
+                finish(file_name, log, &mut one);
                 parts = parts.saturating_add(one.scenes.iter().map(map_points).sum());
                 let steps = one.scenes.iter().map(|scene| scene.steps).fold(steps.max(PART_MIN), usize::max);
                 parts = parts.saturating_add(steps.saturating_mul(things));
-                imported.scenes.extend(one.scenes);
-                imported.left_out.extend(one.left_out);
             }
-            Err(error) if index == 0 => return Err(error),
-            Err(error) => {
-                let reason = format!("{}: expected {}; {}", error.place, error.expected, error.remedy);
-                imported.left_out.push(LeftOut { file: file_name.into(), what, reason });
-            }
+            Err(error) => one.leave_out_for(format!("record {index}"), &error, "the other records are kept"),
         }
+        imported.absorb(one);
     }
     Ok(imported)
 }
@@ -256,7 +258,7 @@ fn map_points(scene: &Scene) -> usize {
     lines.map(Vec::len).sum::<usize>() + road.lanes.iter().map(|lane| 3 * lane.centre.len()).sum::<usize>()
 }
 
-fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
+fn scenario(file: &str, index: usize, data: &[u8], imported: &mut Imported) -> Result<Log, ImportError> {
     let refuse = |place: String, expected: String| {
         ImportError::new(file, format!("record {index}{place}"), expected, "fetch the file again or leave it out")
     };
@@ -275,14 +277,22 @@ fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
     if !(2..=STEPS_MAX).contains(&steps) {
         return Err(refuse(", timestamps_seconds".into(), format!("2 to 1200 samples, found {steps}")));
     }
-    for (k, track) in message.tracks.iter().enumerate() {
-        if track.states.len() != steps {
-            let expected = format!("{steps} states, found {}", track.states.len());
-            return Err(refuse(format!(", tracks[{k}] {}", track.id), expected));
-        }
-    }
-    let ego = usize::try_from(message.sdc_track_index).ok().filter(|&ix| ix < message.tracks.len());
+    let ego = usize::try_from(message.sdc_track_index).ok().and_then(|ix| message.tracks.get(ix));
     let ego = ego.ok_or_else(|| refuse(", sdc_track_index".into(), "the index of a track".into()))?;
+    let (mut tracks, mut ego_at) = (Vec::with_capacity(message.tracks.len()), 0);
+    for (k, given) in message.tracks.iter().enumerate() {
+        if given.states.len() == steps {
+            ego_at = if std::ptr::eq(given, ego) { tracks.len() } else { ego_at };
+            tracks.push(track(given));
+            continue;
+        }
+        let expected = format!("{steps} states, found {}", given.states.len());
+        let error = refuse(format!(", tracks[{k}] {}", given.id), expected);
+        if std::ptr::eq(given, ego) {
+            return Err(error);
+        }
+        imported.leave_out_for(format!("track {}", given.id), &error, "the other tracks are kept");
+    }
     let current = usize::try_from(message.current_time_index).ok().filter(|&ix| ix < steps);
     let current = current.ok_or_else(|| refuse(", current_time_index".into(), "the index of a sample".into()))?;
     let mut log = Log {
@@ -290,8 +300,8 @@ fn scenario(file: &str, index: usize, data: &[u8]) -> Result<Log, ImportError> {
         origin: Origin { format: "waymo-motion".into(), name: file.into() },
         times_s: message.timestamps_seconds.clone(),
         current,
-        tracks: message.tracks.iter().map(track).collect(),
-        ego,
+        tracks,
+        ego: ego_at,
         objects_of_interest: message.objects_of_interest.iter().take(LINKS_MAX).map(i32::to_string).collect(),
         lights: lights(&message.dynamic_map_states, steps)
             .map_err(|expected| refuse(", dynamic_map_states".into(), expected))?,
@@ -322,11 +332,12 @@ fn count_of(message: &[u8], wanted: u64) -> Option<usize> {
 }
 
 fn track(track: &Track) -> LogTrack {
+    let number = |given: Option<f32>| given.map_or(f64::NAN, f64::from);
     let sample = |state: &ObjectState| {
         state.valid.then(|| Sample {
             position: Vec2::new(state.center_x, state.center_y),
             heading_rad: f64::from(state.heading),
-            velocity: Vec2::new(f64::from(state.velocity_x), f64::from(state.velocity_y)),
+            velocity: Vec2::new(number(state.velocity_x), number(state.velocity_y)),
         })
     };
     let median = |side: fn(&ObjectState) -> f32| {
@@ -337,14 +348,16 @@ fn track(track: &Track) -> LogTrack {
     LogTrack {
         id: track.id.to_string(),
         kind: match track.object_type {
-            1 => AgentKind::Vehicle,
-            2 => AgentKind::Pedestrian,
-            3 => AgentKind::Cyclist,
-            _ => AgentKind::Static,
+            1 => Ok(AgentKind::Vehicle),
+            2 => Ok(AgentKind::Pedestrian),
+            3 => Ok(AgentKind::Cyclist),
+            4 => Err("TYPE_OTHER".into()),
+            other => Err(format!("object_type {other}")),
         },
         length_m: median(|state| state.length),
         width_m: median(|state| state.width),
         samples: track.states.iter().map(sample).collect(),
+        heights_m: track.states.iter().map(|state| state.center_z.unwrap_or(f64::NAN)).collect(),
     }
 }
 
@@ -421,16 +434,18 @@ fn beside(neighbours: &[LaneNeighbor]) -> Vec<String> {
     side.into_iter().map(|n| n.feature_id.to_string()).collect()
 }
 
-/// The thinned centre line with the distance to the border features that the lane names for each stretch.
+/// The thinned centre line with the distance to the border features that the lane names for each stretch. Where a point is
+/// no place nothing is thinned: it is left out later.
 fn across(lane: &LaneCenter, borders: &BTreeMap<i64, &[MapPoint]>, effort: &mut usize) -> Vec<Across> {
     let plain: Vec<Across> = lane.polyline.iter().map(|p| Across::new(place(p), 0.0, 0.0)).collect();
-    let thin = thinned(&plain);
+    let whole = plain.iter().all(|p| p.centre.is_finite());
+    let thin = if whole { thinned(&plain) } else { plain.clone() };
     let mut from = 0;
     thin.iter()
         .map(|point| {
             // Thinned points stand in the same order in the original, whose indices the borders refer to.
             let index = from + plain[from..].iter().position(|p| p.centre == point.centre).unwrap_or(0);
-            from = index;
+            from = if whole { index } else { index + 1 };
             let mut to_border = |segments: &[BoundarySegment]| {
                 let index = i64::try_from(index).unwrap_or(i64::MAX);
                 let here = |s: &&BoundarySegment| {
@@ -473,11 +488,12 @@ pub(super) mod tests {
         let state = |k: usize| ObjectState {
             center_x: from.0 + velocity.0 * 0.1 * k as f64,
             center_y: from.1 + velocity.1 * 0.1 * k as f64,
+            center_z: Some(12.0),
             length: 4.7,
             width: 2.0,
             heading: num::atan2(velocity.1, velocity.0) as f32,
-            velocity_x: velocity.0 as f32,
-            velocity_y: velocity.1 as f32,
+            velocity_x: Some(velocity.0 as f32),
+            velocity_y: Some(velocity.1 as f32),
             valid: id != 3 || k > 20,
         };
         Track { id, object_type, states: (0..91).map(state).collect() }
@@ -586,12 +602,13 @@ pub(super) mod tests {
         let bytes =
             written(&[message().encode_to_vec(), short.encode_to_vec(), lost.encode_to_vec(), b"\xff\xff".to_vec()]);
         let imported = import("f.tfrecord", &bytes).unwrap();
-        assert_eq!(imported.scenes.len(), 1);
+        assert_eq!(imported.scenes.iter().map(|scene| scene.tracks.len()).collect::<Vec<_>>(), [2, 1]);
         let left_out: Vec<&str> = imported.left_out.iter().map(|l| l.reason.as_str()).collect();
         assert!(
             left_out[0].contains("tracks[0] 1")
-                && left_out[1].contains("sdc_track_index")
-                && left_out[2].contains("Scenario message")
+                && left_out[1].contains("no track of that id")
+                && left_out[2].contains("sdc_track_index")
+                && left_out[3].contains("Scenario message")
         );
     }
 
@@ -599,7 +616,7 @@ pub(super) mod tests {
     fn a_sample_that_cannot_be_is_dropped_alone_and_told() {
         let mut wild = message();
         wild.tracks[0].states[40].center_x = f64::NAN;
-        wild.tracks[0].states[41].velocity_x = 103.0;
+        wild.tracks[0].states[41].velocity_x = Some(103.0);
         let imported = import("f.tfrecord", &written(&[wild.encode_to_vec()])).unwrap();
         let (track, left_out) = (&imported.scenes[0].tracks[0], &imported.left_out[0]);
         assert_eq!((39..43).map(|k| track.at(k).is_some()).collect::<Vec<_>>(), [true, false, false, true]);

@@ -4,12 +4,14 @@
 mod obstacles;
 mod problem;
 mod road;
+mod signs;
 
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::imported::Imported;
 use crate::formats::xml_read::{Document, Element};
 use crate::kernel::{Vec2, num};
 use crate::scene::remainder::Remainder;
+use crate::scene::validate::COORDINATE_MAX_M;
 use crate::scene::{DT_S, Ego, LeftOut, Origin, Scene};
 
 /// Steps of the longest scene made of a planning problem: 20 s.
@@ -30,64 +32,87 @@ struct File<'d> {
     is_2020a: bool,
     /// Seconds between two steps of the file.
     dt_s: f64,
+    /// Where the first planning problem that says so begins: nothing that belongs to the file lies far from there.
+    here: Option<Vec2>,
 }
 
-/// The scenes of a CommonRoad file, one per planning problem.
+impl File<'_> {
+    /// A place on the file's map.
+    fn near_point(&self, element: &Element<'_>) -> Result<Vec2, ImportError> {
+        let place = point(element)?;
+        let beside = self.here.map_or(Vec2::ZERO, |here| place - here);
+        if beside.x.abs().max(beside.y.abs()) > COORDINATE_MAX_M {
+            return Err(element.refuse("a place within 100 km of the first planning problem"));
+        }
+        Ok(place)
+    }
+}
+
+/// The scenes of a CommonRoad file, one per planning problem. Elements that cannot be read are left out.
 ///
-/// # Errors The file is not CommonRoad XML of a known version, or is inconsistent: truncated text, malformed numbers,
-/// duplicate ids, or references to missing elements.
+/// # Errors The file is not CommonRoad XML of a known version, is cut off, or holds no lanelet that can be read.
 pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let document = Document::parse(file_name, bytes)?;
     let file = opened(file_name, document.root())?;
-    let network = road::read(&file)?;
-    let mut left_out = Vec::new();
-    let obstacles = obstacles::read(&file, &mut left_out)?;
+    let mut imported = Imported::default();
+    let network = road::read(&file, &mut imported)?;
+    let obstacles = obstacles::read(&file, &mut imported);
     if let Some(text) = document.instruction("evodrive") {
         match exported(&file, text, &network, &obstacles) {
-            Some(scene) => return Ok(Imported { scenes: vec![scene], left_out }),
-            None => left_out.push(LeftOut {
-                file: file_name.into(),
-                what: "<?evodrive?>".into(),
-                reason: "the file was edited after its export, or exported by another version; what its CommonRoad \
-                         elements say was read, without the ego's log and route"
-                    .into(),
+            Some(scene) => {
+                imported.scenes.push(scene);
+                // What was derived from the elements is not what the scene has.
+                imported.left_out.retain(|left| !left.is_kept());
+                return Ok(imported);
+            }
+            None => imported.leave_out(file_name, || {
+                let reason = "the file was edited after its export, or exported by another version; what its CommonRoad \
+                              elements say was read, without the ego's log and route";
+                ("<?evodrive?>".into(), reason.into())
             }),
         }
     }
-    let problems: Vec<Element<'_>> = file.root.named("planningProblem").collect();
-    if problems.is_empty() {
-        let reason = "it holds no planning problem, so nothing says where the ego starts".to_string();
-        left_out.push(LeftOut { file: file_name.into(), what: String::new(), reason });
+    let elements: Vec<Element<'_>> = file.root.named("planningProblem").collect();
+    if elements.is_empty() {
+        let reason = "it holds no planning problem, so nothing says where the ego starts";
+        imported.leave_out(file_name, || (String::new(), reason.into()));
     }
     let parts = network.size() + obstacles.edge_points() + STEPS_MAX * (obstacles.count() + network.light_count());
-    if problems.len().saturating_mul(parts) > PARTS_MAX {
+    if elements.len().saturating_mul(parts) > PARTS_MAX {
         let expected =
             format!("at most {PARTS_MAX} samples, points of the map and light states in the scenes of all problems");
         let remedy = "split the file by planning problems";
         return Err(ImportError::new(file_name, file.root.place(), expected, remedy));
     }
-    let benchmark = file.root.needed_attribute("benchmarkID")?;
-    let mut scenes = Vec::new();
-    for element in &problems {
-        let problem = problem::read(&file, element, &network)?;
-        let id = match problems.len() {
-            1 => benchmark.to_string(),
+    let benchmark = file.root.attribute("benchmarkID").map_or_else(
+        || {
+            let stem = file_name.split('.').next().unwrap_or(file_name).to_string();
+            let reason = format!("there is no benchmarkID; {:?} was taken", shown(&stem));
+            imported.leave_out(file_name, || (LeftOut::SCENE_ID.into(), reason));
+            stem
+        },
+        str::to_string,
+    );
+    for element in &elements {
+        let read = problem::read(&file, element, &network, &mut imported);
+        let kept = "the ego's start is lost, and with it the scene";
+        let Some(problem) = imported.read(&named(element), read, kept) else { continue };
+        let id = match elements.len() {
+            1 => benchmark.clone(),
             _ => format!("{benchmark}#{}", problem.id),
         };
         match scene(&file, id.clone(), &problem, &network, &obstacles) {
             Ok(scene) => match scene.validate().first() {
-                None => scenes.push(scene),
-                Some(broken) => left_out.push(LeftOut {
-                    file: file_name.into(),
-                    what: id,
-                    reason: format!("it breaks a rule of a sound scene: {broken}"),
-                }),
+                None => imported.scenes.push(scene),
+                Some(broken) => {
+                    imported.leave_out(file_name, || (id, format!("it breaks a rule of a sound scene: {broken}")));
+                }
             },
-            Err(reason) => left_out.push(LeftOut { file: file_name.into(), what: id, reason }),
+            Err(reason) => imported.leave_out(file_name, || (id, reason)),
         }
     }
     document.was_read_whole()?;
-    Ok(Imported { scenes, left_out })
+    Ok(imported)
 }
 
 /// The scene that the CommonRoad elements of one of our exports give, without the private data in its processing
@@ -95,8 +120,8 @@ pub fn import(file_name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
 pub(crate) fn read_plainly(file_name: &str, bytes: &[u8]) -> Result<Scene, ImportError> {
     let document = Document::parse(file_name, bytes)?;
     let file = opened(file_name, document.root())?;
-    let network = road::read(&file)?;
-    let obstacles = obstacles::read(&file, &mut Vec::new())?;
+    let network = road::read(&file, &mut Imported::default())?;
+    let obstacles = obstacles::read(&file, &mut Imported::default());
     unplanned(&file, &network, &obstacles)
 }
 
@@ -110,7 +135,7 @@ fn exported(file: &File<'_>, text: &str, network: &road::Network, obstacles: &ob
 /// The scene in the file's own coordinates and time, for its first planning problem; without a route.
 fn unplanned(file: &File<'_>, network: &road::Network, obstacles: &obstacles::Obstacles) -> Result<Scene, ImportError> {
     let element = file.root.needed_child("planningProblem")?;
-    let problem = problem::read(file, &element, network)?;
+    let problem = problem::read(file, &element, network, &mut Imported::default())?;
     let id = file.root.needed_attribute("benchmarkID")?.to_string();
     let last_s = obstacles.last_s().max(problem.goal_step.map_or(0.0, |step| step * file.dt_s));
     let ego = problem::unplanned_ego(&problem);
@@ -135,7 +160,12 @@ fn opened<'d>(name: &'d str, root: Element<'d>) -> Result<File<'d>, ImportError>
     if !(0.01..=1.0).contains(&dt_s) {
         return Err(root.refuse(format!("timeStepSize from 0.01 to 1 s, found {dt_s}")));
     }
-    Ok(File { name, root, is_2020a, dt_s })
+    let starts = root.named("planningProblem").filter_map(|problem| {
+        let position = problem.child("initialState")?.child("position")?.child("point")?;
+        point(&position).ok()
+    });
+    let here = starts.into_iter().next();
+    Ok(File { name, root, is_2020a, dt_s, here })
 }
 
 fn scene(
@@ -190,6 +220,11 @@ fn origin(file: &File<'_>) -> Origin {
 
 fn shifted(line: &[Vec2], origin: Vec2) -> Vec<Vec2> {
     line.iter().map(|p| *p - origin).collect()
+}
+
+/// An element by its name and id.
+fn named(element: &Element<'_>) -> String {
+    format!("{} {}", element.name(), shown(element.attribute("id").unwrap_or("without id")))
 }
 
 /// `<point><x/><y/></point>`; a height is not read.

@@ -1,11 +1,15 @@
 //! Reads obstacles: a shape becomes a bounding box, states become samples. Obstacles without states (occupancies,
 //! buildings) are left out and named.
 
-use super::{File, angle, exact_or_middle, point, step};
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{File, angle, exact_or_middle, named, point, step};
+use crate::formats::derived;
 use crate::formats::import_error::{ImportError, shown};
+use crate::formats::imported::Imported;
 use crate::formats::resample::{State, resample};
 use crate::formats::xml_read::Element;
-use crate::kernel::{OrientedBox, Vec2};
+use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::validate::{SIDE_MAX_M, SIDE_MIN_M};
 use crate::scene::{AgentKind, LeftOut, Sample, Track};
 
@@ -42,75 +46,116 @@ impl Extent {
     }
 }
 
-pub(super) fn read(file: &File<'_>, left_out: &mut Vec<LeftOut>) -> Result<Obstacles, ImportError> {
-    let mut read = Obstacles { obstacles: vec![], edges: vec![] };
+/// Why an obstacle is not in the scenes.
+enum Lost {
+    /// It cannot be read.
+    Unread(ImportError),
+    /// It is no road user with a box that moves.
+    Reason(String),
+}
+
+impl From<ImportError> for Lost {
+    fn from(error: ImportError) -> Lost {
+        Lost::Unread(error)
+    }
+}
+
+/// The obstacles that can be read; the others are left out in `imported`.
+pub(super) fn read(file: &File<'_>, imported: &mut Imported) -> Obstacles {
+    let mut obstacles = Obstacles { obstacles: vec![], edges: vec![] };
+    let mut reading = Reading { ids: BTreeSet::new(), headings: 0, velocities: 0, unknown: BTreeMap::new(), imported };
     for element in file.root.children() {
+        if let Err(lost) = obstacles.add(file, &element, &mut reading) {
+            let what = named(&element);
+            match lost {
+                Lost::Unread(error) => reading.imported.leave_out_for(what, &error, "the other obstacles are kept"),
+                Lost::Reason(reason) => reading.imported.leave_out(file.name, || (what, reason)),
+            }
+        }
+    }
+    reading.finish(file);
+    obstacles
+}
+
+/// What is kept in mind over all obstacles of a file.
+struct Reading<'r, 'd> {
+    ids: BTreeSet<&'d str>,
+    /// Obstacles whose headings, and those whose velocities come from their places.
+    headings: usize,
+    velocities: usize,
+    /// What obstacles of kinds that nobody knows were taken for.
+    unknown: BTreeMap<&'d str, Vec<AgentKind>>,
+    imported: &'r mut Imported,
+}
+
+impl Reading<'_, '_> {
+    fn finish(self, file: &File<'_>) {
+        let derived_parts = [
+            (self.velocities, LeftOut::VELOCITIES, "derived from their places"),
+            (self.headings, LeftOut::HEADINGS, "each looks where it goes"),
+        ];
+        for (count, what, how) in derived_parts.into_iter().filter(|(count, ..)| *count > 0) {
+            self.imported.leave_out(file.name, || (what.into(), format!("{count} obstacles have none; {how}")));
+        }
+        for (name, taken) in self.unknown {
+            self.imported.leave_out(file.name, || (LeftOut::KINDS.into(), derived::kinds_taken(&shown(name), &taken)));
+        }
+    }
+}
+
+impl Obstacles {
+    /// Adds an element if it is an obstacle.
+    fn add<'d>(&mut self, file: &File<'d>, element: &Element<'d>, reading: &mut Reading<'_, 'd>) -> Result<(), Lost> {
         let is_static = match element.name() {
             "dynamicObstacle" => false,
             "staticObstacle" => true,
             "obstacle" => match element.needed_child("role")?.text() {
                 "dynamic" => false,
                 "static" => true,
-                other => return Err(element.refuse(format!("role dynamic or static, found {:?}", shown(other)))),
+                other => {
+                    return Err(element.refuse(format!("role dynamic or static, found {:?}", shown(other))).into());
+                }
             },
             "phantomObstacle" | "environmentObstacle" => {
-                leave_out(file, &element, left_out, "it is not a road user: it has occupancies or walls but no states");
-                continue;
+                let reason = "it is not a road user: it has occupancies or walls but no states";
+                return Err(Lost::Reason(reason.into()));
             }
-            _ => continue,
+            _ => return Ok(()),
         };
-        if let Err(reason) = read.add(&element, is_static, file.dt_s)? {
-            leave_out(file, &element, left_out, &reason);
+        let id = element.needed_attribute("id")?;
+        if reading.ids.contains(id) {
+            return Err(element.refuse(format!("an id of its own; {:?} is already taken", shown(id))).into());
         }
-    }
-    Ok(read)
-}
-
-fn leave_out(file: &File<'_>, element: &Element<'_>, left_out: &mut Vec<LeftOut>, reason: &str) {
-    let what = format!("{} {}", element.name(), shown(element.attribute("id").unwrap_or("without id")));
-    left_out.push(LeftOut { file: file.name.into(), what, reason: reason.into() });
-}
-
-impl Obstacles {
-    /// Adds one obstacle; the inner error is a reason to leave it out.
-    fn add(&mut self, element: &Element<'_>, is_static: bool, dt_s: f64) -> Result<Result<(), String>, ImportError> {
-        let id = element.needed_attribute("id")?.to_string();
         let kind_name = element.needed_child("type")?.text();
         if element.child("occupancySet").is_some() {
-            return Ok(Err("its future is a set of occupancies, which gives no states".into()));
+            return Err(Lost::Reason("its future is a set of occupancies, which gives no states".into()));
         }
         let shape = element.needed_child("shape")?;
-        let Some(extent) = extent(&shape)? else {
-            return Err(shape.refuse("a rectangle, circle or polygon"));
-        };
+        let extent = extent(&shape)?.ok_or_else(|| shape.refuse("a rectangle, circle or polygon"))?;
         let size = extent.size();
-        let initial = element.needed_child("initialState")?;
-        let mut elements = vec![initial];
-        elements.extend(element.child("trajectory").iter().flat_map(|t| t.named("state")));
-        let mut states: Vec<State> = Vec::with_capacity(elements.len());
-        for given in &elements {
-            let Some(mut state) = state(given, dt_s)? else {
-                return Ok(Err("a state gives lanelets or an interval of time in place of a position".into()));
-            };
-            state.position = state.position + extent.centre().rotated(state.heading_rad);
-            if states.last().is_some_and(|last| last.time_s >= state.time_s) {
-                return Err(given.refuse("a time after the state before it"));
-            }
-            states.push(state);
-        }
+        let states = states(file, element, &extent, is_static, reading)?;
         if kind_name == "roadBoundary" {
             let box_ = OrientedBox::new(states[0].position, states[0].heading_rad, size.x, size.y);
             let corners = box_.corners();
             self.edges.push(vec![corners[0], corners[1], corners[2], corners[3], corners[0]]);
-            return Ok(Ok(()));
+            return Ok(());
         }
         let sides = SIDE_MIN_M..=SIDE_MAX_M;
         if !sides.contains(&size.x) || !sides.contains(&size.y) {
-            return Ok(Err(format!("its box is {:.2} m by {:.2} m; sides of 0.05 to 60 m are read", size.x, size.y)));
+            let reason = format!("its box is {:.2} m by {:.2} m; sides of 0.05 to 60 m are read", size.x, size.y);
+            return Err(Lost::Reason(reason));
         }
-        let kind = kind(kind_name, is_static);
-        self.obstacles.push(Obstacle { id, kind, length_m: size.x, width_m: size.y, states, is_static });
-        Ok(Ok(()))
+        let kind = kind(kind_name, is_static).unwrap_or_else(|| {
+            let places: Vec<Vec2> = states.iter().map(|state| state.position).collect();
+            let times: Vec<f64> = states.iter().map(|state| state.time_s).collect();
+            let fastest = derived::velocities(&times, &places).iter().map(|v| v.norm()).fold(0.0, f64::max);
+            let kind = derived::kind_moving(&places, fastest, size.x);
+            reading.unknown.entry(kind_name).or_default().push(kind);
+            kind
+        });
+        reading.ids.insert(id);
+        self.obstacles.push(Obstacle { id: id.into(), kind, length_m: size.x, width_m: size.y, states, is_static });
+        Ok(())
     }
 
     pub fn count(&self) -> usize {
@@ -151,13 +196,74 @@ impl Obstacles {
     }
 }
 
-fn kind(name: &str, is_static: bool) -> AgentKind {
+/// The states that can be read, of box centres, each later than the one before it. A state that cannot be read, or that
+/// stands for no later time, is left out alone.
+fn states<'d>(
+    file: &File<'d>,
+    element: &Element<'d>,
+    extent: &Extent,
+    is_static: bool,
+    reading: &mut Reading<'_, 'd>,
+) -> Result<Vec<State>, Lost> {
+    let initial = element.needed_child("initialState")?;
+    let trajectory = element.child("trajectory");
+    let given = std::iter::once(initial).chain(trajectory.iter().flat_map(|t| t.named("state")));
+    let mut states: Vec<State> = Vec::new();
+    let (mut lost, mut first) = (0, None);
+    for given in given {
+        let read = state(file, &given).and_then(|state| match states.last() {
+            Some(last) if last.time_s >= state.time_s => Err(given.refuse("a time after the state before it")),
+            _ => Ok(state),
+        });
+        match read {
+            Ok(state) => states.push(state),
+            Err(error) => {
+                lost += 1;
+                first = first.or(Some(error));
+            }
+        }
+    }
+    let Some(at) = states.first() else { return Err(Lost::Unread(first.unwrap_or_else(|| initial.refuse("a state")))) };
+    // A circle or a square looks the same from everywhere.
+    let square = (extent.size().x - extent.size().y).abs() <= 1e-9 && extent.centre().norm() <= 1e-9;
+    let mut turned = false;
+    if states.iter().any(|state| !state.heading_rad.is_finite()) {
+        turned = true;
+        if (is_static || states.iter().all(|state| state.position.distance(at.position) <= 1e-6)) && square {
+            states.iter_mut().for_each(|state| state.heading_rad = 0.0);
+        } else {
+            let times: Vec<f64> = states.iter().map(|state| state.time_s).collect();
+            let places: Vec<Vec2> = states.iter().map(|state| state.position).collect();
+            let headings = derived::headings(&times, &places);
+            let headings = headings
+                .ok_or_else(|| Lost::Unread(initial.refuse("an <orientation>, or motion that says where it looks")))?;
+            for (state, heading) in states.iter_mut().zip(headings).filter(|(state, _)| !state.heading_rad.is_finite())
+            {
+                state.heading_rad = heading;
+            }
+        }
+    }
+    if !is_static && states.iter().any(|state| state.speed_mps.is_none()) {
+        reading.velocities += 1;
+    }
+    reading.headings += usize::from(turned);
+    for state in &mut states {
+        state.position = state.position + extent.centre().rotated(state.heading_rad);
+    }
+    if let Some(error) = first {
+        let what = format!("{lost} states of {}", named(element));
+        reading.imported.leave_out_for(what, &error, &format!("its other {} states are kept", states.len()));
+    }
+    Ok(states)
+}
+
+/// `None` of a name that says nothing of how it moves.
+fn kind(name: &str, is_static: bool) -> Option<AgentKind> {
     match name {
-        _ if is_static => AgentKind::Static,
-        "pedestrian" => AgentKind::Pedestrian,
-        "bicycle" => AgentKind::Cyclist,
-        "constructionZone" | "pillar" | "median_strip" | "building" => AgentKind::Static,
-        _ => AgentKind::Vehicle,
+        _ if is_static => Some(AgentKind::Static),
+        // To the data sets' makers a motorcycle is a motor vehicle: the format has no riders.
+        "motorcycle" => Some(AgentKind::Vehicle),
+        name => derived::kind_named(name),
     }
 }
 
@@ -196,17 +302,28 @@ fn positive(part: &Element<'_>, name: &str) -> Result<f64, ImportError> {
     if value <= 0.0 { Err(given.refuse(format!("a length above 0, found {value}"))) } else { Ok(value) }
 }
 
-/// Place, heading, time and speed of a state; of an uncertain place (a region) the middle. `None` if the state has no
-/// place at an exact time.
-fn state(element: &Element<'_>, dt_s: f64) -> Result<Option<State>, ImportError> {
-    let Some(position) = place(&element.needed_child("position")?)? else { return Ok(None) };
-    let Some(time) = element.needed_child("time")?.child("exact") else { return Ok(None) };
-    Ok(Some(State {
-        time_s: step(&time)? * dt_s,
+/// Place, heading, time and speed of a state; of an uncertain place (a region) the middle. The heading is NaN where the state
+/// has none.
+fn state(file: &File<'_>, element: &Element<'_>) -> Result<State, ImportError> {
+    let given = element.needed_child("position")?;
+    let position = match given.child("point") {
+        Some(point) => file.near_point(&point)?,
+        None => place(&given)?.ok_or_else(|| given.refuse("a position, found lanelets"))?,
+    };
+    let time = element.needed_child("time")?;
+    let time = time.child("exact").ok_or_else(|| time.refuse("an exact time, found an interval"))?;
+    let orientation = element.child("orientation").map(|o| angle(&o)).transpose()?;
+    let along = element.child("velocity").map(|v| exact_or_middle(&v)).transpose()?;
+    // A point mass has its velocity in the axes of the map.
+    let across = element.child("velocityY").map(|v| exact_or_middle(&v)).transpose()?;
+    let mass = along.zip(across).map(|(x, y)| Vec2::new(x, y)).filter(|_| orientation.is_none());
+    let heading = orientation.or(mass.filter(|v| v.norm() > 0.0).map(|v| num::wrap_angle(v.heading())));
+    Ok(State {
+        time_s: step(&time)? * file.dt_s,
         position,
-        heading_rad: angle(&element.needed_child("orientation")?)?,
-        speed_mps: element.child("velocity").map(|v| exact_or_middle(&v)).transpose()?,
-    }))
+        heading_rad: heading.unwrap_or(f64::NAN),
+        speed_mps: mass.map(|v| v.norm()).or(along),
+    })
 }
 
 /// A point, or the middle of a region's bounding box; `None` for lanelets.

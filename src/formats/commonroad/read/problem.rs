@@ -4,6 +4,7 @@ use super::obstacles::place;
 use super::road::Network;
 use super::{EGO_LENGTH_M, EGO_WIDTH_M, File, angle, exact_or_middle, point, step};
 use crate::formats::import_error::{ImportError, shown};
+use crate::formats::imported::Imported;
 use crate::formats::xml_read::Element;
 use crate::kernel::{Polyline, Vec2};
 use crate::scene::route::{GoalPlace, plan};
@@ -32,7 +33,13 @@ pub(super) struct Problem {
     dt_s: f64,
 }
 
-pub(super) fn read(file: &File<'_>, element: &Element<'_>, network: &Network) -> Result<Problem, ImportError> {
+/// The problem; goals that cannot be read are left out in `imported`.
+pub(super) fn read(
+    file: &File<'_>,
+    element: &Element<'_>,
+    network: &Network,
+    imported: &mut Imported,
+) -> Result<Problem, ImportError> {
     let initial = element.needed_child("initialState")?;
     let place = initial.needed_child("position")?.needed_child("point")?;
     let speed_mps = exact_or_middle(&initial.needed_child("velocity")?)?;
@@ -49,26 +56,37 @@ pub(super) fn read(file: &File<'_>, element: &Element<'_>, network: &Network) ->
     };
     // Several goal states are alternatives. The route leads to the nearest that can be reached.
     for goal in element.named("goalState") {
-        problem.read_goal(&goal, network)?;
+        if let Err(error) = problem.read_goal(&goal, network, imported) {
+            imported.leave_out_for(
+                format!("goal of problem {}", shown(&problem.id)),
+                &error,
+                "the ego's start is kept",
+            );
+        }
     }
     Ok(problem)
 }
 
 impl Problem {
-    fn read_goal(&mut self, goal: &Element<'_>, network: &Network) -> Result<(), ImportError> {
+    fn read_goal(&mut self, goal: &Element<'_>, network: &Network, imported: &mut Imported) -> Result<(), ImportError> {
+        let position = goal.child("position");
+        self.has_goal_place |= position.is_some();
         if let Some(time) = goal.child("time") {
             let last = time.child("exact").or(time.child("intervalEnd"));
-            let last = last.ok_or_else(|| time.refuse("<exact> or <intervalEnd>"))?;
-            let last = step(&last)?;
-            self.goal_step = Some(self.goal_step.map_or(last, |known| known.max(last)));
+            let last = last.ok_or_else(|| time.refuse("<exact> or <intervalEnd>")).and_then(|last| step(&last));
+            let what = format!("goal time of problem {}", shown(&self.id));
+            let last = imported.read(&what, last, "the goal's place is kept");
+            self.goal_step = self.goal_step.into_iter().chain(last).reduce(f64::max);
         }
-        let Some(position) = goal.child("position") else { return Ok(()) };
-        self.has_goal_place = true;
+        let Some(position) = position else { return Ok(()) };
         for lanelet in position.named("lanelet") {
-            let id = lanelet.needed_attribute("ref")?;
-            let lane = network.index.get(id).copied();
-            let lane = lane.ok_or_else(|| lanelet.refuse(format!("a lanelet's id, found {:?}", shown(id))))?;
-            self.goals.push(GoalPlace { lane, s_m: 0.0 });
+            let lane = lanelet.needed_attribute("ref").and_then(|id| {
+                let expected = || format!("the id of a lanelet that can be read, found {:?}", shown(id));
+                network.index.get(id).copied().ok_or_else(|| lanelet.refuse(expected()))
+            });
+            let what = format!("goal of problem {}", shown(&self.id));
+            let lane = imported.read(&what, lane, "other goals are kept");
+            self.goals.extend(lane.map(|lane| GoalPlace { lane, s_m: 0.0 }));
         }
         if let Some(middle) = place(&position)? {
             let heading = goal.child("orientation").map(|o| angle(&o)).transpose()?;

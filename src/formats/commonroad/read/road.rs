@@ -1,22 +1,18 @@
 //! Lanelets with their topology, what signs and lights say about them, stop lines and crosswalks.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use super::{File, point, shifted};
+use super::signs::{Cycle, Sign, cycles, signs, speed};
+use super::{File, named, point, shifted};
 use crate::formats::import_error::{ImportError, shown};
+use crate::formats::imported::Imported;
 use crate::formats::xml_read::Element;
-use crate::kernel::{Vec2, num};
+use crate::kernel::Vec2;
 use crate::scene::validate::LINKS_MAX;
 use crate::scene::{DT_S, Lane, LaneGraph, LaneIx, LaneKind, Light, LightState, Neighbour, Road, StopSign};
 
-/// Maximum-speed signs in the schema's catalogues (Germany and Zamunda, USA, Spain); the value is in m/s. Other
-/// countries' files use the German numbers.
-const SPEED_SIGNS: [&str; 4] = ["274", "274.1", "R2-1", "r301"];
-/// Stop signs of the same catalogues, and the American one.
-const STOP_SIGNS: [&str; 3] = ["206", "r2", "R1-1"];
-
-/// Phases of a light's cycle.
-const PHASES_MAX: usize = 100;
+/// What is kept where a part of a lanelet is left out.
+const LANELET_KEPT: &str = "the lanelet is kept without it";
 /// References from lanelets to lights in a file.
 const LIGHT_REFS_MAX: usize = 20_000;
 
@@ -38,50 +34,40 @@ struct LaneLights {
     cycles: Vec<Cycle>,
 }
 
-#[derive(Clone)]
-struct Cycle {
-    active: bool,
-    offset_steps: f64,
-    /// Duration in steps of the file, state.
-    phases: Vec<(f64, LightState)>,
-}
-
-impl Cycle {
-    /// State at a step of the file: the first phase begins at the offset and the cycle repeats both ways.
-    fn state_at(&self, step: f64) -> LightState {
-        let total = num::sum(self.phases.iter().map(|p| p.0));
-        if !self.active || total <= 0.0 {
-            return LightState::Unknown;
-        }
-        let mut left = step - self.offset_steps;
-        left -= (left / total).floor() * total;
-        for (duration, state) in &self.phases {
-            // Resampling may put a step just before a change by a rounding error; it then belongs after the change.
-            if left < duration - 1e-6 {
-                return *state;
-            }
-            left -= duration;
-        }
-        self.phases[0].1
-    }
-}
-
-pub(super) fn read(file: &File<'_>) -> Result<Network, ImportError> {
-    unique_ids(file)?;
-    let elements: Vec<Element<'_>> = file.root.named("lanelet").collect();
-    if elements.is_empty() {
+/// The lanelets that can be read, with what stands at them. What cannot be read is left out in `imported`.
+///
+/// # Errors No lanelet can be read.
+pub(super) fn read(file: &File<'_>, imported: &mut Imported) -> Result<Network, ImportError> {
+    if file.root.child("lanelet").is_none() {
         return Err(file.root.refuse("at least one <lanelet>"));
     }
-    let mut index = BTreeMap::new();
-    for (ix, element) in elements.iter().enumerate() {
-        index.insert(element.needed_attribute("id")?.to_string(), ix);
+    let signs = signs(file, imported);
+    let cycles = cycles(file, imported);
+    let mut road = Road::default();
+    let (mut index, mut elements) = (BTreeMap::new(), Vec::new());
+    for element in file.root.named("lanelet") {
+        let what = named(&element);
+        let taken = |id: &String| index.contains_key(id).then(|| element.refuse("an id that no lanelet before it has"));
+        let lane = lane(file, &element, &what, &signs, imported).and_then(|lane| taken(&lane.id).map_or(Ok(lane), Err));
+        if let Some(lane) = imported.read(&what, lane, "the other lanelets are kept") {
+            index.insert(lane.id.clone(), road.lanes.len());
+            road.lanes.push(lane);
+            elements.push(element);
+        }
     }
-    let signs = signs(file)?;
-    let mut road = Road { lanes: elements.iter().map(|e| lane(e, &signs)).collect::<Result<_, _>>()?, edges: vec![] };
-    for (ix, element) in elements.iter().enumerate() {
-        link(&mut road, ix, element, &index)?;
+    if elements.is_empty() {
+        let first = imported.left_out.iter().find(|left| left.what.starts_with("lanelet"));
+        let why = first.map_or(String::new(), |left| format!(" (the first: {})", left.reason));
+        return Err(file.root.refuse(format!("at least one <lanelet> that can be read{why}")));
     }
-    let cycles = cycles(file)?;
+    for (ix, element) in elements.iter().enumerate() {
+        for child in element.children() {
+            if let Err(error) = link(&mut road, ix, &child, &index) {
+                let what = format!("{} of {}", child.name(), named(element));
+                imported.leave_out_for(what, &error, "the lanelet is kept without this link");
+            }
+        }
+    }
     let mut network = Network {
         graph: LaneGraph::of(&road),
         crosswalks: vec![],
@@ -92,51 +78,66 @@ pub(super) fn read(file: &File<'_>) -> Result<Network, ImportError> {
         index,
     };
     for (ix, element) in elements.iter().enumerate() {
-        network.furnish(ix, element, &signs, &cycles)?;
+        network.furnish(ix, element, &signs, &cycles, imported)?;
     }
     Ok(network)
 }
 
-/// Ids are unique among all elements of a file.
-fn unique_ids(file: &File<'_>) -> Result<(), ImportError> {
-    let mut seen = BTreeSet::new();
-    for element in file.root.children() {
-        if let Some(id) = element.attribute("id").filter(|id| !seen.insert(*id)) {
-            return Err(element.refuse(format!("an id of its own; {:?} is already taken", shown(id))));
-        }
-    }
-    Ok(())
-}
-
-fn lane(element: &Element<'_>, signs: &BTreeMap<&str, Sign>) -> Result<Lane, ImportError> {
-    let bound = |name: &str| -> Result<Vec<Vec2>, ImportError> {
+fn lane(
+    file: &File<'_>,
+    element: &Element<'_>,
+    what: &str,
+    signs: &BTreeMap<&str, Sign>,
+    imported: &mut Imported,
+) -> Result<Lane, ImportError> {
+    let id = element.needed_attribute("id")?.to_string();
+    let bound = |name: &str| -> Result<(Element<'_>, Vec<Result<Vec2, ImportError>>), ImportError> {
         let bound = element.needed_child(name)?;
-        let points = bound.named("point").map(|p| point(&p)).collect::<Result<Vec<_>, _>>()?;
-        if points.len() < 2 {
-            return Err(bound.refuse(format!("at least 2 points, found {}", points.len())));
-        }
-        Ok(points)
+        Ok((bound, bound.named("point").map(|p| file.near_point(&p)).collect()))
     };
-    let (left, right) = (bound("leftBound")?, bound("rightBound")?);
+    let ((left_bound, left), (_, right)) = (bound("leftBound")?, bound("rightBound")?);
     if left.len() != right.len() {
         let counts = format!("as many left as right points, found {} and {}", left.len(), right.len());
         return Err(element.refuse(counts));
     }
-    let mut speed_limit_mps = element.child("speedLimit").map(|e| e.number()).transpose()?;
-    for sign in refs(element, "trafficSignRef", signs)? {
+    // A point that cannot be read takes the one across from it along, so that the bounds stay beside each other.
+    let (mut pairs, mut lost, mut first) = (Vec::with_capacity(left.len()), 0, None);
+    for pair in left.into_iter().zip(right) {
+        match pair {
+            (Ok(left), Ok(right)) => pairs.push((left, right)),
+            (Err(error), _) | (_, Err(error)) => {
+                lost += 1;
+                first = first.or(Some(error));
+            }
+        }
+    }
+    if pairs.len() < 2 {
+        return Err(first.unwrap_or_else(|| left_bound.refuse(format!("at least 2 points, found {}", pairs.len()))));
+    }
+    if let Some(error) = first {
+        imported.leave_out_for(format!("{lost} points of {what}"), &error, "its other points are kept");
+    }
+    let (left, right): (Vec<Vec2>, Vec<Vec2>) = pairs.into_iter().unzip();
+    let own = element.child("speedLimit").map(|limit| speed(&limit)).transpose();
+    let mut speed_limit_mps = imported.read(&format!("speedLimit of {what}"), own, LANELET_KEPT).flatten();
+    for sign in refs(element, "trafficSignRef", signs, what, imported) {
         speed_limit_mps = sign.speed_limit_mps.or(speed_limit_mps);
     }
+    let centre: Vec<Vec2> = left.iter().zip(&right).map(|(l, r)| l.lerp(*r, 0.5)).collect();
+    if centre.iter().all(|point| point.distance(centre[0]) <= 1e-6) {
+        return Err(element.refuse("a centre line of some length"));
+    }
     Ok(Lane {
-        id: element.needed_attribute("id")?.to_string(),
+        id,
         kind: kind(element),
-        centre: left.iter().zip(&right).map(|(l, r)| l.lerp(*r, 0.5)).collect(),
+        centre,
         left,
         right,
         entries: vec![],
         exits: vec![],
         left_neighbours: vec![],
         right_neighbours: vec![],
-        speed_limit_mps: speed_limit_mps.filter(|limit| *limit > 0.0),
+        speed_limit_mps,
     })
 }
 
@@ -154,120 +155,64 @@ fn kind(element: &Element<'_>) -> LaneKind {
     }
 }
 
-/// The targets of all `<name ref="..."/>` of an element.
-fn refs<'m, T>(element: &Element<'_>, name: &str, known: &'m BTreeMap<&str, T>) -> Result<Vec<&'m T>, ImportError> {
-    let mut lanelets = Vec::new();
+/// The targets of all `<name ref="..."/>` of an element. References to nothing are left out by name.
+fn refs<'m, T>(
+    element: &Element<'_>,
+    name: &str,
+    known: &'m BTreeMap<&str, T>,
+    what: &str,
+    imported: &mut Imported,
+) -> Vec<&'m T> {
+    let mut targets = Vec::new();
     for reference in element.children().filter(|child| child.name() == name) {
-        let id = reference.needed_attribute("ref")?;
-        let there = known.get(id);
-        lanelets
-            .push(there.ok_or_else(|| reference.refuse(format!("a reference to something, found {:?}", shown(id))))?);
+        let target = reference.needed_attribute("ref").and_then(|id| {
+            let expected = || format!("a reference to something that can be read, found {:?}", shown(id));
+            known.get(id).ok_or_else(|| reference.refuse(expected()))
+        });
+        targets.extend(imported.read(&format!("{name} of {what}"), target, LANELET_KEPT));
     }
-    Ok(lanelets)
+    targets
 }
 
-fn link(
-    road: &mut Road,
-    ix: LaneIx,
-    element: &Element<'_>,
-    index: &BTreeMap<String, LaneIx>,
-) -> Result<(), ImportError> {
-    for child in element.children() {
-        let name = child.name();
-        if !matches!(name, "predecessor" | "successor" | "adjacentLeft" | "adjacentRight") {
-            continue;
-        }
-        let id = child.needed_attribute("ref")?;
-        let there = index.get(id).copied();
-        let other = there.ok_or_else(|| child.refuse(format!("a lanelet's id, found {:?}", shown(id))))?;
-        if other == ix {
-            return Err(child.refuse("another lanelet than itself"));
-        }
-        // It is enough that one of the two names the other; the missing half of a link is added.
-        let (from, to) = if name == "predecessor" { (other, ix) } else { (ix, other) };
-        match name {
-            "predecessor" | "successor" => {
-                if road.lanes[from].exits.len() >= LINKS_MAX || road.lanes[to].entries.len() >= LINKS_MAX {
-                    return Err(child.refuse(format!("at most {LINKS_MAX} links of one kind at a lanelet")));
-                }
-                if !road.lanes[from].exits.contains(&to) {
-                    road.lanes[from].exits.push(to);
-                    road.lanes[to].entries.push(from);
-                }
+/// Adds the link that a child of a lanelet gives, if it is one.
+fn link(road: &mut Road, ix: LaneIx, child: &Element<'_>, index: &BTreeMap<String, LaneIx>) -> Result<(), ImportError> {
+    let name = child.name();
+    if !matches!(name, "predecessor" | "successor" | "adjacentLeft" | "adjacentRight") {
+        return Ok(());
+    }
+    let id = child.needed_attribute("ref")?;
+    let there = index.get(id).copied();
+    let other =
+        there.ok_or_else(|| child.refuse(format!("the id of a lanelet that can be read, found {:?}", shown(id))))?;
+    if other == ix {
+        return Err(child.refuse("another lanelet than itself"));
+    }
+    // It is enough that one of the two names the other; the missing half of a link is added.
+    let (from, to) = if name == "predecessor" { (other, ix) } else { (ix, other) };
+    match name {
+        "predecessor" | "successor" => {
+            if road.lanes[from].exits.contains(&to) {
+                return Ok(());
             }
-            _ => {
-                let same_direction = match child.needed_attribute("drivingDir")? {
-                    "same" => true,
-                    "opposite" => false,
-                    other => return Err(child.refuse(format!("drivingDir same or opposite, found {:?}", shown(other)))),
-                };
-                let lane = &mut road.lanes[ix];
-                let left = name == "adjacentLeft";
-                let side = if left { &mut lane.left_neighbours } else { &mut lane.right_neighbours };
-                *side = vec![Neighbour { lane: other, same_direction }];
+            if road.lanes[from].exits.len() >= LINKS_MAX || road.lanes[to].entries.len() >= LINKS_MAX {
+                return Err(child.refuse(format!("at most {LINKS_MAX} links of one kind at a lanelet")));
             }
+            road.lanes[from].exits.push(to);
+            road.lanes[to].entries.push(from);
+        }
+        _ => {
+            let same_direction = match child.needed_attribute("drivingDir")? {
+                "same" => true,
+                "opposite" => false,
+                other => return Err(child.refuse(format!("drivingDir same or opposite, found {:?}", shown(other)))),
+            };
+            let lane = &mut road.lanes[ix];
+            let left = name == "adjacentLeft";
+            let side = if left { &mut lane.left_neighbours } else { &mut lane.right_neighbours };
+            *side = vec![Neighbour { lane: other, same_direction }];
         }
     }
     Ok(())
-}
-
-#[derive(Default)]
-struct Sign {
-    speed_limit_mps: Option<f64>,
-    is_stop: bool,
-    position: Option<Vec2>,
-}
-
-fn signs<'d>(file: &File<'d>) -> Result<BTreeMap<&'d str, Sign>, ImportError> {
-    let mut signs = BTreeMap::new();
-    for element in file.root.named("trafficSign") {
-        let mut sign = Sign::default();
-        for part in element.named("trafficSignElement") {
-            let id = part.needed_child("trafficSignID")?.text();
-            if SPEED_SIGNS.contains(&id) {
-                let value = part.named("additionalValue").next();
-                sign.speed_limit_mps = value.map(|v| v.number()).transpose()?.or(sign.speed_limit_mps);
-            }
-            sign.is_stop |= STOP_SIGNS.contains(&id);
-        }
-        sign.position = position(&element)?;
-        signs.insert(element.needed_attribute("id")?, sign);
-    }
-    Ok(signs)
-}
-
-fn position(element: &Element<'_>) -> Result<Option<Vec2>, ImportError> {
-    element.child("position").and_then(|p| p.child("point")).map(|p| point(&p)).transpose()
-}
-
-fn cycles<'d>(file: &File<'d>) -> Result<BTreeMap<&'d str, Cycle>, ImportError> {
-    let mut cycles = BTreeMap::new();
-    for element in file.root.named("trafficLight") {
-        let active = element.child("active").is_none_or(|active| active.text() != "false");
-        let mut cycle = Cycle { active, offset_steps: 0.0, phases: vec![] };
-        if let Some(given) = element.child("cycle") {
-            cycle.offset_steps = given.child("timeOffset").map(|e| super::step(&e)).transpose()?.unwrap_or(0.0);
-            for phase in given.named("cycleElement") {
-                if cycle.phases.len() >= PHASES_MAX {
-                    return Err(phase.refuse(format!("at most {PHASES_MAX} phases in a cycle")));
-                }
-                let duration = super::step(&phase.needed_child("duration")?)?;
-                cycle.phases.push((duration, colour(&phase.needed_child("color")?)?));
-            }
-        }
-        cycles.insert(element.needed_attribute("id")?, cycle);
-    }
-    Ok(cycles)
-}
-
-fn colour(element: &Element<'_>) -> Result<LightState, ImportError> {
-    Ok(match element.text() {
-        "red" | "redYellow" => LightState::Stop,
-        "yellow" => LightState::Caution,
-        "green" => LightState::Go,
-        "inactive" => LightState::Unknown,
-        other => return Err(element.refuse(format!("a light's colour, found {:?}", shown(other)))),
-    })
 }
 
 impl Network {
@@ -277,26 +222,31 @@ impl Network {
         element: &Element<'_>,
         signs: &BTreeMap<&str, Sign>,
         cycles: &BTreeMap<&str, Cycle>,
+        imported: &mut Imported,
     ) -> Result<(), ImportError> {
+        let what = named(element);
         let line = element.child("stopLine");
         let lane = &self.road.lanes[ix];
         let end = lane.centre[lane.centre.len() - 1];
-        let mut ends = Vec::new();
-        for p in line.iter().flat_map(|line| line.named("point")) {
-            ends.push(point(&p)?);
-        }
+        let ends: Result<Vec<Vec2>, ImportError> =
+            line.iter().flat_map(|line| line.named("point")).map(|p| point(&p)).collect();
+        let ends = imported.read(&format!("stopLine of {what}"), ends, "it is taken to lie at the lanelet's end");
+        let ends = ends.unwrap_or_default();
         // A stop line without points lies at the end of its lanelet.
         let stop_point = if ends.len() == 2 { ends[0].lerp(ends[1], 0.5) } else { end };
         let both = || std::iter::once(*element).chain(line);
         let mut lights: BTreeMap<&str, Cycle> = BTreeMap::new();
         for place in both() {
-            refs(&place, "trafficLightRef", cycles)?;
-            for reference in place.named("trafficLightRef") {
-                let id = reference.needed_attribute("ref")?;
+            refs(&place, "trafficLightRef", cycles, &what, imported);
+            for id in place.named("trafficLightRef").filter_map(|reference| reference.attribute("ref")) {
                 lights.extend(cycles.get(id).map(|cycle| (id, cycle.clone())));
             }
-            if refs(&place, "trafficSignRef", signs)?.iter().any(|sign| sign.is_stop) {
-                let position = refs(&place, "trafficSignRef", signs)?.iter().find_map(|sign| sign.position);
+            // What a lanelet's own references lead to is told where its limit is read.
+            let mut named_before = Imported::default();
+            let is_own = place.name() == "lanelet";
+            let signs = refs(&place, "trafficSignRef", signs, &what, if is_own { &mut named_before } else { imported });
+            if signs.iter().any(|sign| sign.is_stop) {
+                let position = signs.iter().find_map(|sign| sign.position);
                 let position = if line.is_some() { stop_point } else { position.unwrap_or(end) };
                 self.stop_signs.push(StopSign { position, lanes: vec![ix] });
             }
@@ -364,19 +314,5 @@ impl Network {
     pub fn stop_signs_from(&self, origin: Vec2) -> Vec<StopSign> {
         let signs = self.stop_signs.iter();
         signs.map(|sign| StopSign { position: sign.position - origin, lanes: sign.lanes.clone() }).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_cycle_repeats_from_its_offset_both_ways() {
-        use LightState::{Caution, Go, Stop};
-        let cycle = Cycle { active: true, offset_steps: 5.0, phases: vec![(10.0, Stop), (4.0, Go), (2.0, Caution)] };
-        let states: Vec<LightState> = [4.0, 5.0, 14.0, 15.0, 18.0, 19.0, 21.0].map(|s| cycle.state_at(s)).into();
-        assert_eq!(states, [Caution, Stop, Stop, Go, Go, Caution, Stop]);
-        assert_eq!(Cycle { active: false, ..cycle }.state_at(6.0), LightState::Unknown);
     }
 }

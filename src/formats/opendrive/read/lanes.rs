@@ -3,7 +3,9 @@
 use super::plan_view::{self, Geometry};
 use super::{Network, ROAD_LENGTH_MAX_M, cubic, cubics};
 use crate::formats::centreline::{Across, lines, thinned};
-use crate::formats::import_error::ImportError;
+use crate::formats::import_error::{ImportError, shown};
+use crate::formats::imported::Imported;
+use crate::formats::speed_limit::limit_mps;
 use crate::formats::xml_read::Element;
 use crate::kernel::Vec2;
 use crate::scene::{Lane, LaneIx, LaneKind, Neighbour};
@@ -13,16 +15,23 @@ const SPACING_M: f64 = 1.0;
 const SECTIONS_MAX: usize = 10_000;
 const LANES_MAX: usize = 200;
 /// Most stations of all lanes of a file, also of lanes that are not kept.
-const POINTS_MAX: usize = 8_000_000;
+pub(super) const POINTS_MAX: usize = 8_000_000;
 /// Lanes of a file.
-const LANES_IN_ALL_MAX: usize = 200_000;
+pub(super) const LANES_IN_ALL_MAX: usize = 200_000;
 /// Type records of a road.
 const TYPES_MAX: usize = 1000;
 /// A lane that is nowhere wider than this is left out, metres.
 const WIDTH_MIN_M: f64 = 0.1;
 
 /// Adds all lanes of a road.
-pub(super) fn add(network: &mut Network, id: &str, road: &Element<'_>) -> Result<(), ImportError> {
+///
+/// # Errors The road cannot be read, or the file is too large.
+pub(super) fn add(
+    network: &mut Network,
+    id: &str,
+    road: &Element<'_>,
+    imported: &mut Imported,
+) -> Result<(), ImportError> {
     let length_m = road.number_attribute("length")?;
     if !(length_m > 0.0 && length_m <= ROAD_LENGTH_MAX_M) {
         return Err(road.refuse(format!("a length above 0, at most {ROAD_LENGTH_MAX_M} m, found {length_m}")));
@@ -33,6 +42,7 @@ pub(super) fn add(network: &mut Network, id: &str, road: &Element<'_>) -> Result
     }
     let lanes = road.needed_child("lanes")?;
     let offsets = cubics(&lanes, "laneOffset", "s")?;
+    let types = types(id, road, imported);
     let mut sections: Vec<(f64, Element<'_>)> = Vec::new();
     for section in lanes.named("laneSection") {
         sections.push((section.number_attribute("s")?, section));
@@ -43,8 +53,8 @@ pub(super) fn add(network: &mut Network, id: &str, road: &Element<'_>) -> Result
     network.sections.insert(id.to_string(), sections.len());
     for (index, (from_m, section)) in sections.iter().enumerate() {
         let to_m = sections.get(index + 1).map_or(length_m, |next| next.0);
-        let stretch = Stretch { id, index, from_m: *from_m, to_m, line: &line, offsets: &offsets, road };
-        stretch.add(network, section)?;
+        let stretch = Stretch { id, index, from_m: *from_m, to_m, line: &line, offsets: &offsets, types: &types, road };
+        stretch.add(network, section, imported)?;
     }
     Ok(())
 }
@@ -57,29 +67,33 @@ struct Stretch<'r> {
     to_m: f64,
     line: &'r [Geometry],
     offsets: &'r [(f64, [f64; 4])],
+    types: &'r [(f64, Option<f64>)],
     road: &'r Element<'r>,
 }
 
 impl Stretch<'_> {
-    fn add(&self, network: &mut Network, section: &Element<'_>) -> Result<(), ImportError> {
+    fn add(&self, network: &mut Network, section: &Element<'_>, imported: &mut Imported) -> Result<(), ImportError> {
         self.count(network, section)?;
         let stations = self.stations();
         let poses = plan_view::poses(self.line, &stations);
         let mut across: Vec<(i64, LaneIx)> = Vec::new();
         for (side, name) in [(1.0, "left"), (-1.0, "right")] {
             let Some(group) = section.child(name) else { continue };
-            let mut lanes: Vec<(i64, Element<'_>)> = Vec::new();
-            for lane in group.children().filter(|child| child.name() == "lane") {
-                lanes.push((lane_id(&lane, side)?, lane));
-            }
-            if lanes.len() > LANES_MAX {
-                return Err(group.refuse(format!("at most {LANES_MAX} lanes")));
-            }
-            // Widths add up from the middle outwards.
-            lanes.sort_by_key(|(id, _)| id.abs());
+            let what =
+                |lane: &str| format!("{lane} of the {name} side of section {} of road {}", self.index, shown(self.id));
+            // Without its number nobody knows beside which others a lane lies.
+            let Some(lanes) = imported.read(&what("the lanes"), numbered(&group, side), "the other lanes are kept")
+            else {
+                continue;
+            };
             let mut inner: Vec<f64> = stations.iter().map(|&s| cubic(self.offsets, s)).collect();
             for (lane_id, lane) in &lanes {
-                let widths = cubics(lane, "width", "sOffset")?;
+                // Widths add up from the middle outwards: beyond a lane of unknown width nobody knows where a lane lies.
+                let outer = what(&format!("lane {lane_id} and those beyond it"));
+                let Some(widths) = imported.read(&outer, cubics(lane, "width", "sOffset"), "the inner lanes are kept")
+                else {
+                    break;
+                };
                 let kind = kind(lane, self.road);
                 let mut points = Vec::with_capacity(stations.len());
                 for (k, pose) in poses.iter().enumerate() {
@@ -90,7 +104,7 @@ impl Stretch<'_> {
                     inner[k] += side * width;
                 }
                 let Some(kind) = kind else { continue };
-                if let Some(ix) = self.push(network, *lane_id, lane, kind, points)? {
+                if let Some(ix) = self.push(network, *lane_id, lane, kind, points, imported)? {
                     across.push((*lane_id, ix));
                 }
             }
@@ -130,6 +144,7 @@ impl Stretch<'_> {
         lane: &Element<'_>,
         kind: LaneKind,
         mut points: Vec<Across>,
+        imported: &mut Imported,
     ) -> Result<Option<LaneIx>, ImportError> {
         let forward = (lane_id < 0) != (self.road.attribute("rule") == Some("LHT"));
         if !forward {
@@ -159,21 +174,41 @@ impl Stretch<'_> {
             exits: vec![],
             left_neighbours: vec![],
             right_neighbours: vec![],
-            speed_limit_mps: speed(lane)?.or(self.road_speed()?),
+            speed_limit_mps: speed(lane, || format!("lane {lane_id} of road {}", shown(self.id)), imported)
+                .or(self.road_speed()),
         });
         Ok(Some(ix))
     }
 
     /// Speed limit of the last road type that starts at or before the section.
-    fn road_speed(&self) -> Result<Option<f64>, ImportError> {
-        let mut lane = None;
-        for kind in self.road.children().filter(|child| child.name() == "type") {
-            if kind.number_attribute("s")? <= self.from_m + 1e-9 {
-                lane = speed(&kind)?;
-            }
-        }
-        Ok(lane)
+    fn road_speed(&self) -> Option<f64> {
+        self.types.iter().rfind(|(from_m, _)| *from_m <= self.from_m + 1e-9).and_then(|(_, limit)| *limit)
     }
+}
+
+/// Where each type of a road begins, with its speed limit, in the order of the file.
+fn types(id: &str, road: &Element<'_>, imported: &mut Imported) -> Vec<(f64, Option<f64>)> {
+    let mut types = Vec::new();
+    for kind in road.named("type") {
+        let what = || format!("a type of road {}", shown(id));
+        let limit = speed(&kind, what, imported);
+        let from_m = imported.read(&what(), kind.number_attribute("s"), "the road is kept without it");
+        types.extend(from_m.map(|from_m| (from_m, limit)));
+    }
+    types
+}
+
+/// The lanes of a side from the middle outwards.
+fn numbered<'d>(group: &Element<'d>, side: f64) -> Result<Vec<(i64, Element<'d>)>, ImportError> {
+    let mut lanes: Vec<(i64, Element<'_>)> = Vec::new();
+    for lane in group.named("lane") {
+        lanes.push((lane_id(&lane, side)?, lane));
+    }
+    if lanes.len() > LANES_MAX {
+        return Err(group.refuse(format!("at most {LANES_MAX} lanes")));
+    }
+    lanes.sort_by_key(|(id, _)| id.abs());
+    Ok(lanes)
 }
 
 fn lane_id(lane: &Element<'_>, side: f64) -> Result<i64, ImportError> {
@@ -199,17 +234,13 @@ fn kind(lane: &Element<'_>, road: &Element<'_>) -> Option<LaneKind> {
     }
 }
 
-/// `<speed max= unit=>`; m/s where no unit is given.
-fn speed(parent: &Element<'_>) -> Result<Option<f64>, ImportError> {
-    let Some(given) = parent.child("speed") else { return Ok(None) };
-    let Some(max) = given.attribute("max").and_then(|text| text.parse::<f64>().ok()) else { return Ok(None) };
-    let factor = match given.attribute("unit") {
-        None | Some("m/s" | "") => 1.0,
-        Some("km/h") => 1.0 / 3.6,
-        Some("mph") => 0.44704,
-        Some(_) => return Err(given.refuse("a unit m/s, km/h or mph")),
-    };
-    Ok(Some(max * factor).filter(|speed| *speed > 0.0 && *speed <= 100.0))
+/// `<speed max= unit=>`; m/s where no unit is given. What says that there is no limit is none.
+fn speed(parent: &Element<'_>, what: impl Fn() -> String, imported: &mut Imported) -> Option<f64> {
+    let given = parent.child("speed")?;
+    let max = given.attribute("max").filter(|max| !matches!(*max, "no limit" | "undefined" | "0" | "0.0"))?;
+    let unit = given.attribute("unit").filter(|unit| !unit.is_empty()).unwrap_or("m/s");
+    let limit = limit_mps(max, unit).map_err(|expected| given.refuse(expected));
+    imported.read(&format!("speed limit of {}", what()), limit, "it is kept without the limit")
 }
 
 /// Neighbours among the lanes with through traffic of one section.

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{LaneName, Network};
+use super::{LaneName, Network, named};
 use crate::formats::import_error::{ImportError, shown};
+use crate::formats::imported::Imported;
 use crate::formats::xml_read::Element;
 use crate::scene::validate::LINKS_MAX;
 
@@ -16,20 +17,26 @@ enum End {
 
 type Roads<'d> = BTreeMap<&'d str, Element<'d>>;
 
-/// Links of a road's lanes to the next section, or to the road before and after it.
+/// Links of a road's lanes to the next section, or to the road before and after it. A link that leads nowhere is left out.
 pub(super) fn within_and_between(
     network: &mut Network,
     id: &str,
     road: &Element<'_>,
     roads: &Roads<'_>,
-) -> Result<(), ImportError> {
+    imported: &mut Imported,
+) {
     let sections = network.sections.get(id).copied().unwrap_or(0);
-    for (index, section) in road.needed_child("lanes")?.named("laneSection").enumerate() {
+    let beyond = ["predecessor", "successor"].map(|name| {
+        let link = linked_road(network, road, name, roads);
+        imported.read(&format!("{name} of {}", named(road)), link, "the road is kept without this link").flatten()
+    });
+    for (index, section) in road.child("lanes").iter().flat_map(|lanes| lanes.named("laneSection")).enumerate() {
         let groups = ["left", "right"].into_iter().filter_map(|side| section.child(side));
         for lane in groups.flat_map(|group| group.children()).filter(|child| child.name() == "lane") {
             let Some(own) = lane.attribute("id").and_then(|id| id.parse::<i64>().ok()) else { continue };
             let Some(link) = lane.child("link") else { continue };
-            for (name, end) in [("predecessor", End::Start), ("successor", End::End)] {
+            let ends = [("predecessor", End::Start), ("successor", End::End)];
+            for ((name, end), beyond) in ends.into_iter().zip(&beyond) {
                 let Some(other) = link.child(name).and_then(|e| e.attribute("id")).and_then(|id| id.parse().ok())
                 else {
                     continue;
@@ -39,18 +46,16 @@ pub(super) fn within_and_between(
                     End::End => Some((index + 1, End::Start)).filter(|(after, _)| *after < sections),
                 };
                 let here = (id.to_string(), index, own);
-                match next {
-                    Some((section, there)) => network.join(&here, end, &(id.to_string(), section, other), there),
-                    None => {
-                        if let Some((road, section, there)) = linked_road(network, road, name, roads)? {
-                            network.join(&here, end, &(road, section, other), there);
-                        }
+                match (next, beyond) {
+                    (Some((section, there)), _) => network.join(&here, end, &(id.to_string(), section, other), there),
+                    (None, Some((road, section, there))) => {
+                        network.join(&here, end, &(road.clone(), *section, other), *there);
                     }
+                    (None, None) => {}
                 }
             }
         }
     }
-    Ok(())
 }
 
 /// The road that a road's own link names, with the section and the end that touch; `None` for junctions and for
@@ -67,7 +72,7 @@ fn linked_road(
     }
     let id = link.needed_attribute("elementId")?;
     if !roads.contains_key(id) {
-        return Err(link.refuse(format!("the id of a road, found {:?}", shown(id))));
+        return Err(link.refuse(format!("the id of a road that can be read, found {:?}", shown(id))));
     }
     let end = contact(&link)?;
     // A road that is a ring: its lanes are read, but no lane leads into itself.
@@ -85,47 +90,68 @@ fn contact(element: &Element<'_>) -> Result<End, ImportError> {
     }
 }
 
-/// Links from the roads that enter a junction to those that lead through it.
+/// Links from the roads that enter a junction to those that lead through it. A connection that leads nowhere is left out.
 pub(super) fn through_junction(
     network: &mut Network,
     junction: &Element<'_>,
     roads: &Roads<'_>,
-) -> Result<(), ImportError> {
-    let junction_id = junction.needed_attribute("id")?;
+    imported: &mut Imported,
+) {
+    let kept = "the roads are kept without its links";
+    let Some(id) = imported.read(&named(junction), junction.needed_attribute("id"), kept) else { return };
     for connection in junction.children().filter(|child| child.name() == "connection") {
-        let (Some(incoming), Some(connecting)) =
-            (connection.attribute("incomingRoad"), connection.attribute("connectingRoad"))
-        else {
-            // Direct and virtual junctions link roads without a connecting road.
+        let what = || format!("{} of {}", named(&connection), named(junction));
+        if let Err(error) = connect(network, id, &connection, roads, imported) {
+            imported.leave_out_for(what(), &error, "the roads are kept without this link");
+        }
+    }
+}
+
+fn connect(
+    network: &mut Network,
+    junction_id: &str,
+    connection: &Element<'_>,
+    roads: &Roads<'_>,
+    imported: &mut Imported,
+) -> Result<(), ImportError> {
+    let (Some(incoming), Some(connecting)) =
+        (connection.attribute("incomingRoad"), connection.attribute("connectingRoad"))
+    else {
+        // Direct and virtual junctions link roads without a connecting road.
+        return Ok(());
+    };
+    for id in [incoming, connecting] {
+        if !roads.contains_key(id) {
+            return Err(connection.refuse(format!("the id of a road that can be read, found {:?}", shown(id))));
+        }
+    }
+    if incoming == connecting {
+        return Err(connection.refuse("a connecting road other than the incoming one"));
+    }
+    let end = contact(connection)?;
+    let touches = |name: &str| {
+        let link = roads.get(incoming).and_then(|road| road.child("link")).and_then(|link| link.child(name));
+        let junction = link.filter(|link| link.attribute("elementType") == Some("junction"));
+        junction.is_some_and(|link| link.attribute("elementId") == Some(junction_id))
+    };
+    for (name, own_end) in [("predecessor", End::Start), ("successor", End::End)] {
+        if !touches(name) {
             continue;
-        };
-        for id in [incoming, connecting] {
-            if !roads.contains_key(id) {
-                return Err(connection.refuse(format!("the id of a road, found {:?}", shown(id))));
-            }
         }
-        if incoming == connecting {
-            return Err(connection.refuse("a connecting road other than the incoming one"));
-        }
-        let end = contact(&connection)?;
-        let touches = |name: &str| {
-            let link = roads.get(incoming).and_then(|road| road.child("link")).and_then(|link| link.child(name));
-            let junction = link.filter(|link| link.attribute("elementType") == Some("junction"));
-            junction.is_some_and(|link| link.attribute("elementId") == Some(junction_id))
-        };
-        for (name, own_end) in [("predecessor", End::Start), ("successor", End::End)] {
-            if !touches(name) {
+        for link in connection.children().filter(|child| child.name() == "laneLink") {
+            let lane = |name: &str| link.attribute(name).and_then(|id| id.parse::<i64>().ok());
+            let (Some(from), Some(to)) = (lane("from"), lane("to")) else {
+                let error = link.refuse("lane ids under from and to");
+                imported.leave_out_for(
+                    format!("laneLink of {}", named(connection)),
+                    &error,
+                    "the other links are kept",
+                );
                 continue;
-            }
-            for link in connection.children().filter(|child| child.name() == "laneLink") {
-                let lane = |name: &str| link.attribute(name).and_then(|id| id.parse::<i64>().ok());
-                let (Some(from), Some(to)) = (lane("from"), lane("to")) else {
-                    return Err(link.refuse("lane ids under from and to"));
-                };
-                let here = (incoming.to_string(), network.section_at(incoming, own_end), from);
-                let there = (connecting.to_string(), network.section_at(connecting, end), to);
-                network.join(&here, own_end, &there, end);
-            }
+            };
+            let here = (incoming.to_string(), network.section_at(incoming, own_end), from);
+            let there = (connecting.to_string(), network.section_at(connecting, end), to);
+            network.join(&here, own_end, &there, end);
         }
     }
     Ok(())

@@ -6,13 +6,16 @@ mod lanes;
 mod links;
 mod plan_view;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::formats::import_error::{ImportError, shown};
+use crate::formats::imported::Imported;
 use crate::formats::xml_read::{Document, Element};
 use crate::scene::{LaneIx, Road};
 
 const ROADS_MAX: usize = 50_000;
+/// What is kept where a road, a lane or a link is left out.
+const OTHERS_KEPT: &str = "the other roads are kept";
 /// Longest single road, metres.
 const ROAD_LENGTH_MAX_M: f64 = 100_000.0;
 
@@ -31,11 +34,11 @@ struct Network {
     stations: usize,
 }
 
-/// The road of an OpenDRIVE file, in its own coordinates (right-handed, x east). Lane ids are `road/section/lane`.
+/// The road of an OpenDRIVE file, in its own coordinates (right-handed, x east). Lane ids are `road/section/lane`. Roads,
+/// lanes and links that cannot be read (the deprecated `poly3` is not) are left out in `imported`.
 ///
-/// # Errors The file is not OpenDRIVE, is inconsistent, or uses a geometry that is not supported (the deprecated
-/// `poly3`).
-pub fn road(file_name: &str, bytes: &[u8]) -> Result<Road, ImportError> {
+/// # Errors The file is not OpenDRIVE, is cut off, or no road of it can be read.
+pub fn road(file_name: &str, bytes: &[u8], imported: &mut Imported) -> Result<Road, ImportError> {
     let document = Document::parse(file_name, bytes)?;
     let root = document.root();
     if root.name() != "OpenDRIVE" {
@@ -50,28 +53,47 @@ pub fn road(file_name: &str, bytes: &[u8]) -> Result<Road, ImportError> {
     };
     let mut roads: BTreeMap<&str, Element<'_>> = BTreeMap::new();
     for element in root.named("road") {
-        let id = element.needed_attribute("id")?;
         if roads.len() >= ROADS_MAX {
             return Err(element.refuse(format!("at most {ROADS_MAX} roads")));
         }
-        if roads.insert(id, element).is_some() {
-            return Err(element.refuse(format!("an id of its own; {:?} is already taken", shown(id))));
+        let taken = |id: &&str| roads.contains_key(id).then(|| element.refuse("an id that no road before it has"));
+        let id = element.needed_attribute("id").and_then(|id| taken(&id).map_or(Ok(id), Err));
+        if let Some(id) = imported.read(&named(&element), id, OTHERS_KEPT) {
+            roads.insert(id, element);
         }
     }
-    if roads.is_empty() {
+    if root.child("road").is_none() {
         return Err(root.refuse("at least one <road>"));
     }
+    let mut first = None;
+    let mut lost = BTreeSet::new();
     for (id, element) in &roads {
-        lanes::add(&mut network, id, element)?;
+        if let Err(error) = lanes::add(&mut network, id, element, imported) {
+            if network.stations > lanes::POINTS_MAX || network.road.lanes.len() >= lanes::LANES_IN_ALL_MAX {
+                return Err(error);
+            }
+            imported.leave_out_for(named(element), &error, OTHERS_KEPT);
+            first = first.or(Some(error));
+            lost.insert(*id);
+        }
+    }
+    roads.retain(|id, _| !lost.contains(id));
+    if let Some(error) = first.filter(|_| roads.is_empty()) {
+        return Err(error);
     }
     for (id, element) in &roads {
-        links::within_and_between(&mut network, id, element, &roads)?;
+        links::within_and_between(&mut network, id, element, &roads, imported);
     }
     for junction in root.named("junction") {
-        links::through_junction(&mut network, &junction, &roads)?;
+        links::through_junction(&mut network, &junction, &roads, imported);
     }
     document.was_read_whole()?;
     Ok(network.road)
+}
+
+/// An element by its name and id.
+fn named(element: &Element<'_>) -> String {
+    format!("{} {}", element.name(), shown(element.attribute("id").unwrap_or("without id")))
 }
 
 /// Value at `s_m` of the last cubic record that starts at or before it; 0 before the first record.
@@ -127,7 +149,7 @@ pub(in crate::formats) mod tests {
 
     #[test]
     fn sections_junctions_and_reversed_roads_are_linked_in_driving_direction() {
-        let imported = road("f.xodr", TURN.as_bytes()).unwrap();
+        let imported = road("f.xodr", TURN.as_bytes(), &mut Imported::default()).unwrap();
         let lane = |id: &str| &imported.lanes[ix(&imported, id)];
         assert_eq!(lane("1/0/-1").exits, [ix(&imported, "1/1/-1")]);
         assert_eq!(lane("1/1/-1").exits, [ix(&imported, "2/0/-1")]);
@@ -143,7 +165,7 @@ pub(in crate::formats) mod tests {
 
     #[test]
     fn lanes_lie_where_widths_and_curves_put_them() {
-        let imported = road("f.xodr", TURN.as_bytes()).unwrap();
+        let imported = road("f.xodr", TURN.as_bytes(), &mut Imported::default()).unwrap();
         let lane = |id: &str| &imported.lanes[ix(&imported, id)];
         assert_eq!(lane("1/0/-2").centre[0], Vec2::new(0.0, -5.0));
         assert!(lane("1/0/1").centre[0].distance(Vec2::new(30.0, 1.5)) < 1e-6, "against the reference line");
@@ -160,17 +182,19 @@ pub(in crate::formats) mod tests {
     fn damaged_and_hostile_networks_are_refused_by_place() {
         let refusal = |from: &str, to: &str| {
             assert!(TURN.contains(from), "{from}");
-            road("f.xodr", TURN.replacen(from, to, 1).as_bytes()).unwrap_err().to_string()
+            let mut imported = Imported::default();
+            let read = road("f.xodr", TURN.replacen(from, to, 1).as_bytes(), &mut imported);
+            read.map_or_else(|error| error.to_string(), |_| imported.left_out[0].reason.clone())
         };
         assert!(refusal("<line/>", "<poly3 a=\"0\"/>").contains("planView"));
         assert!(refusal("length=\"50\" junction", "length=\"1e12\" junction").contains("100000"));
         assert!(refusal("hdg=\"0\"", "hdg=\"nan\"").contains("finite number"));
-        assert!(refusal("road id=\"3\"", "road id=\"2\"").contains("already taken"));
+        assert!(refusal("road id=\"3\"", "road id=\"2\"").contains("no road before it has"));
         assert!(refusal("connectingRoad=\"2\"", "connectingRoad=\"77\"").contains("77"));
         assert!(refusal("elementId=\"3\"", "elementId=\"5\"").contains("5"));
         assert!(refusal("OpenDRIVE>", "OpenDrive>").contains("line"));
         for end in (0..TURN.len() - 1).step_by(83) {
-            assert!(road("cut.xodr", &TURN.as_bytes()[..end]).is_err(), "{end}");
+            assert!(road("cut.xodr", &TURN.as_bytes()[..end], &mut Imported::default()).is_err(), "{end}");
         }
     }
 }

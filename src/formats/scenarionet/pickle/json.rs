@@ -6,20 +6,23 @@ use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visi
 
 use super::{OBJECTS_MAX, Object, Pickle, VALUES_MAX, Value};
 use crate::formats::import_error::{ImportError, shown};
+use crate::formats::json_numbers::without_nan;
 
 const BYTES_MAX: usize = 256 << 20;
 
 /// A whole JSON document.
 ///
-/// # Errors The text is not JSON (which has no NaN), is nested deeper than 128, or has more than 256 MiB or 16 million
-/// values.
+/// Python's `NaN` and `Infinity` are read as `null`.
+///
+/// # Errors The text is not JSON, is nested deeper than 128, or has more than 256 MiB or 16 million values.
 pub fn read_json<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportError> {
-    let remedy = "write the file again; JSON has no NaN and no infinity";
+    let remedy = "mend the file or write it again";
     if bytes.len() > BYTES_MAX {
         return Err(ImportError::new(file, "byte 0", "at most 256 MiB of JSON", "split the file"));
     }
     let mut made = Made::default();
-    let mut parser = serde_json::Deserializer::from_slice(bytes);
+    let mended = without_nan(bytes);
+    let mut parser = serde_json::Deserializer::from_slice(&mended);
     let read = Tree(&mut made).deserialize(&mut parser).and_then(|root| parser.end().map(|()| root));
     let root = read.map_err(|error| {
         let place = format!("line {}, column {}", error.line(), error.column());
@@ -128,7 +131,7 @@ mod tests {
             Ok(_) => panic!("accepted {text:.40}"),
             Err(error) => error.to_string(),
         };
-        assert!(refused("{\"a\": NaN}").contains("line 1, column 7"));
+        assert!(refused("{\"a\": Nan}").contains("line 1, column"));
         assert!(refused(&"[".repeat(100_000)).contains("recursion"));
         assert!(refused("{\"a\": 1e999}").contains("out of range"));
         assert!(refused("{} {}").contains("trailing"));

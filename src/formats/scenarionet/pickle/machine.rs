@@ -30,11 +30,54 @@ pub fn read<'a>(file: &'a str, bytes: &'a [u8]) -> Result<Pickle<'a>, ImportErro
     if bytes.len() > BYTES_MAX {
         return Err(machine.refuse("at most 256 MiB"));
     }
-    if bytes.first() != Some(&0x80) {
-        return Err(machine.refuse("a pickle of protocol 2 to 5"));
+    if let Some(fault) = unread(bytes) {
+        return Err(ImportError::new(file, "byte 0", fault.0, fault.1));
     }
     while machine.step()? {}
     Ok(machine.pickle)
+}
+
+const WRITE_AGAIN: &str = "load it in Python and write it again with pickle.dump(scene, file, protocol=4)";
+
+/// What a file is that does not begin as a pickle that is read: what was expected, and what to do.
+fn unread(bytes: &[u8]) -> Option<(String, &'static str)> {
+    let expected = |found: &str| format!("a pickle of protocol 2 to 5, found {found}");
+    Some(match bytes {
+        [0x80, 2..=5, ..] => return None,
+        [0x80, protocol @ 0..=1, ..] => (expected(&format!("protocol {protocol}")), WRITE_AGAIN),
+        [0x80, protocol, ..] => (expected(&format!("protocol {protocol}, which is not known")), WRITE_AGAIN),
+        [0xef, 0xbb, 0xbf, ..] => {
+            let remedy =
+                "a program saved it as text; take the three bytes off its beginning, or fetch it again as binary";
+            (expected("a byte order mark of UTF-8 before it"), remedy)
+        }
+        _ if is_of_protocol_1(bytes) => (expected("protocol 1"), WRITE_AGAIN),
+        _ if is_of_protocol_0(bytes) => (expected("protocol 0"), WRITE_AGAIN),
+        _ => (expected("none"), "the file is damaged or no data; write it again with ScenarioNet"),
+    })
+}
+
+/// Protocols 0 and 1 have no head: a description begins with a dictionary, or with the name of its class.
+pub fn is_headless(bytes: &[u8]) -> bool {
+    is_of_protocol_1(bytes) || is_of_protocol_0(bytes)
+}
+
+fn is_of_protocol_1(bytes: &[u8]) -> bool {
+    let class = named_class(bytes).is_some_and(|rest| matches!(rest, [b'q' | b'r', ..]));
+    matches!(bytes, [b'}' | b']', b'q' | b'r', ..]) || class
+}
+
+fn is_of_protocol_0(bytes: &[u8]) -> bool {
+    let class = named_class(bytes).is_some_and(|rest| matches!(rest, [b'p', b'0'..=b'9', ..] | [b'(', ..]));
+    matches!(bytes, [b'(', b'd' | b'l', b'p', b'0'..=b'9', ..]) || class
+}
+
+/// What follows the name of a class that stands at the beginning: `c`, its module and its name in a line each.
+fn named_class(bytes: &[u8]) -> Option<&[u8]> {
+    let named =
+        |line: &[u8]| !line.is_empty() && line.iter().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'.'));
+    let mut parts = bytes.strip_prefix(b"c")?.get(..512.min(bytes.len() - 1))?.splitn(3, |b| *b == b'\n');
+    (named(parts.next()?) && named(parts.next()?)).then(|| parts.next()).flatten()
 }
 
 pub(super) struct Machine<'a> {
@@ -277,7 +320,7 @@ impl Machine<'_> {
             0x80 => {
                 let protocol = self.byte()?;
                 if !(2..=5).contains(&protocol) {
-                    return Err(self.refuse(format!("protocol 2 to 5, found {protocol}")));
+                    return Err(self.refuse(format!("a pickle of protocol 2 to 5, found protocol {protocol}")));
                 }
             }
             0x95 => {

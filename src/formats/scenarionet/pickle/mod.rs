@@ -12,7 +12,7 @@ use std::cell::Cell;
 use std::ops::Range;
 
 pub use json::read_json;
-pub use machine::read;
+pub use machine::{is_headless, read};
 pub use numpy::{Array, Numbers};
 pub use write::{Lists, write};
 

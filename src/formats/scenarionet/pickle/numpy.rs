@@ -26,6 +26,8 @@ pub enum Global {
     SetType,
     ListType,
     ByteArray,
+    /// A built-in type that a `defaultdict` makes its new values of: a name in a file, never applied.
+    Factory,
 }
 
 impl Global {
@@ -37,12 +39,14 @@ impl Global {
             ("numpy", "ndarray") => Global::NdArray,
             ("numpy", "dtype") => Global::DtypeType,
             ("_codecs", "encode") => Global::Encode,
-            ("collections", "OrderedDict" | "defaultdict") => Global::DictType,
+            ("collections", "OrderedDict" | "defaultdict" | "Counter") => Global::DictType,
             ("builtins" | "__builtin__", "dict") => Global::DictType,
             ("metadrive.scenario.scenario_description", "ScenarioDescription") => Global::DictType,
             ("builtins" | "__builtin__", "set" | "frozenset") => Global::SetType,
             ("builtins" | "__builtin__", "list") => Global::ListType,
             ("builtins" | "__builtin__", "bytearray") => Global::ByteArray,
+            ("builtins", "int" | "float" | "str" | "bool" | "tuple" | "bytes" | "complex") => Global::Factory,
+            ("__builtin__", "int" | "long" | "float" | "str" | "unicode" | "bool" | "tuple") => Global::Factory,
             _ => return None,
         })
     }
@@ -67,28 +71,36 @@ enum Kind {
     Object,
     /// Fixed-size texts; no reader uses them.
     Text,
+    /// Elements that no scene is read from: complex numbers, long doubles, records.
+    Opaque,
 }
 
 impl Dtype {
     fn named(name: &str) -> Option<Dtype> {
         let big_endian = name.starts_with('>');
         let name = name.trim_start_matches(['<', '>', '=', '|']);
+        // The unit of a time, as in `M8[ns]`, says nothing of its bytes.
+        let name = name.split('[').next().unwrap_or(name);
         let kind = match name.chars().next()? {
             'f' => Kind::Float,
             'i' => Kind::Signed,
             'u' => Kind::Unsigned,
             'b' => Kind::Bool,
             'O' => Kind::Object,
+            // A time is a count of its unit.
+            'M' | 'm' => Kind::Signed,
             'U' | 'S' => Kind::Text,
+            'c' | 'V' => Kind::Opaque,
             _ => return None,
         };
         let size = name.get(1..)?.parse().ok()?;
+        let kind = if kind == Kind::Float && matches!(size, 12 | 16) { Kind::Opaque } else { kind };
         let sound = match kind {
-            Kind::Float => matches!(size, 4 | 8),
+            Kind::Float => matches!(size, 2 | 4 | 8),
             Kind::Signed | Kind::Unsigned => matches!(size, 1 | 2 | 4 | 8),
             Kind::Bool => size == 1,
             Kind::Object => size == 8,
-            Kind::Text => size <= 4096,
+            Kind::Text | Kind::Opaque => size <= 4096,
         };
         sound.then_some(Dtype { kind, size, big_endian })
     }
@@ -105,13 +117,28 @@ impl Dtype {
         let bits = u64::from_le_bytes(wide);
         let unused = 64 - 8 * self.size as u32;
         match self.kind {
+            Kind::Float if self.size == 2 => half(bits as u16),
             Kind::Float if self.size == 4 => f64::from(f32::from_bits(bits as u32)),
             Kind::Float => f64::from_bits(bits),
             Kind::Signed => (((bits << unused) as i64) >> unused) as f64,
             Kind::Unsigned => bits as f64,
             Kind::Bool => f64::from(u8::from(bits != 0)),
-            Kind::Object | Kind::Text => f64::NAN,
+            Kind::Object | Kind::Text | Kind::Opaque => f64::NAN,
         }
+    }
+}
+
+/// A number of IEEE 754's half precision: 1 bit of sign, 5 of exponent, 10 of fraction.
+fn half(bits: u16) -> f64 {
+    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
+    let (exponent, fraction) = (u64::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
+    // Powers of two are exact: their exponent stands in the bits.
+    let power = |exponent: u64| f64::from_bits((exponent + 1023 - 15) << 52);
+    match exponent {
+        0 => sign * fraction * power(1),
+        31 if fraction > 0.0 => f64::NAN,
+        31 => sign * f64::INFINITY,
+        exponent => sign * (1.0 + fraction) * power(exponent),
     }
 }
 
@@ -185,6 +212,8 @@ impl Pickle<'_> {
             Value::Int(i) => Some(i as f64),
             Value::Float(f) => Some(f),
             Value::Bool(b) => Some(f64::from(u8::from(b))),
+            // What JSON has in place of NaN.
+            Value::None => Some(f64::NAN),
             _ => None,
         };
         self.listed.set(self.listed.get().saturating_add(items.len()));
@@ -270,7 +299,18 @@ pub(super) fn applied(machine: &mut Machine<'_>, callee: Value, arguments: Value
             let bytes = bytes.ok_or_else(|| machine.refuse("Latin-1 text"))?;
             machine.object(Object::OwnedBytes(bytes))
         }
+        Global::Factory => Err(machine.refuse("a built-in type as the factory of a defaultdict, found it applied")),
         Global::DictType => {
+            // A Counter comes with a dictionary.
+            if let Some(Object::Dict(entries)) = machine.pickle.object(first) {
+                let count = entries.len();
+                machine.copies(2 * count)?;
+                let entries = match machine.pickle.object(first) {
+                    Some(Object::Dict(entries)) => entries.clone(),
+                    _ => vec![],
+                };
+                return machine.object(Object::Dict(entries));
+            }
             let pairs = all_items(machine, first)?;
             let pairs = pairs.iter().filter_map(|&pair| match few_items(machine, pair)?[..] {
                 [key, value] => Some((key, value)),
@@ -321,6 +361,7 @@ fn scalar(machine: &mut Machine<'_>, arguments: &[Value]) -> Result<Value, Impor
     let Some(Object::Dtype(dtype)) = machine.pickle.object(dtype) else { return Err(machine.refuse("a type")) };
     let number = match dtype.kind {
         Kind::Object => return Ok(data),
+        Kind::Opaque => return Ok(Value::None),
         Kind::Text => {
             let text: String = machine.pickle.raw(data).unwrap_or_default().chunks(4).filter_map(utf32).collect();
             return machine.object(Object::OwnedText(text));
@@ -398,8 +439,22 @@ fn array(machine: &Machine<'_>, shape: Value, dtype: Value, fortran: bool, data:
         (Kind::Object, _) => None,
         _ => machine.pickle.raw(data).map(|bytes| bytes.len() / dtype.size.max(1)),
     };
-    if held != Some(count) && !(dtype.kind == Kind::Text && dtype.size == 0) {
+    let sized = !(matches!(dtype.kind, Kind::Text | Kind::Opaque) && dtype.size == 0);
+    if held != Some(count) && sized {
         return Err(machine.refuse(format!("data of {count} elements")));
     }
     Ok(Array { shape: sizes, dtype: *dtype, fortran, data })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_what_ieee_754_says() {
+        let of = [0x3c00, 0xc000, 0x3555, 0x0001, 0x0400, 0x7bff, 0x8000].map(half);
+        let smallest = f64::from_bits((1023 - 24) << 52);
+        assert_eq!(of, [1.0, -2.0, 0.333_251_953_125, smallest, smallest * 1024.0, 65504.0, -0.0]);
+        assert!(half(0x7c01).is_nan() && half(0xfc00) == f64::NEG_INFINITY);
+    }
 }

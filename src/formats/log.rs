@@ -1,0 +1,85 @@
+//! A scene as a log holds it, in the log's own coordinates and times: what all logged formats are read into.
+
+use super::centreline::Across;
+use crate::kernel::Vec2;
+use crate::scene::{AgentKind, LaneKind, LightState, Origin, Sample};
+
+/// A scene as the log holds it, in the log's coordinates.
+#[derive(Default)]
+pub struct Log {
+    /// Id of the scene.
+    pub id: String,
+    /// Where it came from.
+    pub origin: Origin,
+    /// Time of each sample, seconds, increasing.
+    pub times_s: Vec<f64>,
+    /// Index of the current step in `times_s`.
+    pub current: usize,
+    /// Where the local frame has its origin; `None` takes the ego's place at the current step.
+    pub frame: Option<Vec2>,
+    /// Everyone, the ego included.
+    pub tracks: Vec<LogTrack>,
+    /// Index of the ego in `tracks`.
+    pub ego: usize,
+    /// Ids of tracks.
+    pub objects_of_interest: Vec<String>,
+    /// The lanes of its map.
+    pub lanes: Vec<LogLane>,
+    /// Curbs and other edges, each a line.
+    pub edges: Vec<Vec<Vec2>>,
+    /// Crosswalks, each an outline.
+    pub crosswalks: Vec<Vec<Vec2>>,
+    /// Place of each stop sign, and ids of the lanes that it holds for.
+    pub stop_signs: Vec<(Vec2, Vec<String>)>,
+    /// The traffic lights of its map.
+    pub lights: Vec<LogLight>,
+}
+
+/// Samples at the log's times.
+pub struct LogTrack {
+    /// Id in the log.
+    pub id: String,
+    /// What kind of road user it is; `Err` with the log's name for it where nobody knows that kind.
+    pub kind: Result<AgentKind, String>,
+    /// 0 where the log gives none.
+    pub length_m: f64,
+    /// 0 where the log gives none.
+    pub width_m: f64,
+    /// One a time of the log; `None` where it was not observed. NaN stands for what the log does not say. `[times]`
+    pub samples: Vec<Option<Sample>>,
+    /// Height of its middle at each time, metres; NaN where the log does not say, empty where it never does. `[times]`
+    pub heights_m: Vec<f64>,
+}
+
+/// A lane with links by id. A link to a lane that the log does not hold leads out of the map.
+pub struct LogLane {
+    /// Id in the log.
+    pub id: String,
+    /// What kind of lane it is.
+    pub kind: LaneKind,
+    /// Points of the centre line, in driving direction.
+    pub points: Vec<Across>,
+    /// Lanes that lead into it.
+    pub entries: Vec<String>,
+    /// Lanes that it leads into.
+    pub exits: Vec<String>,
+    /// Lanes to its left, the one that is beside it for the longest way first.
+    pub left: Vec<String>,
+    /// Lanes to its right, likewise.
+    pub right: Vec<String>,
+    /// Speed limit where the log gives one, m/s.
+    pub speed_limit_mps: Option<f64>,
+}
+
+/// States at the log's times.
+pub struct LogLight {
+    /// Id of its lane.
+    pub lane: String,
+    /// Where traffic stops; `None` where the log does not say.
+    pub stop_point: Option<Vec2>,
+    /// One state a time of the log. `[times]`
+    pub states: Vec<LightState>,
+}
+
+/// A part of a log and what became of it.
+pub type Parts = Vec<(String, String)>;

@@ -5,7 +5,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::cli::cluster::{bench, shard, worker};
 use crate::cli::evolve::job_args::{RecordArgs, RunArgs};
 use crate::cli::evolve::{exchange, init, plan, run, watch};
-use crate::cli::look::{compare, data, diff, figure, impact, lineage, report, show, table, why, world};
+use crate::cli::look::{compare, credit, data, diff, figure, impact, lineage, report, show, table, why, world};
 use crate::cli::records::{bundle, fsck, run_name::OneRun};
 use crate::cli::reference::{known, manual, options};
 use crate::cli::scenes::{calibrate, command};
@@ -85,6 +85,8 @@ pub enum Command {
     Impact(impact::Options),
     /// Say how good the world evaluator of a run was: rank, error, intervals, false rejects, by epoch and family (docs/WORLD.md).
     World(world::Options),
+    /// Say how much of a program's gain each of its edits carries: it is taken out, and put on the parent alone.
+    Credit(credit::Options),
     /// Compare two runs, lineages or programs: paired by scene, with intervals, and what changed in the experiment.
     Compare(compare::Options),
     /// Say where two runs part: their inputs, the first event that differs, the field, and what that points to.
@@ -154,6 +156,7 @@ impl Command {
             Command::Why(options) => why::run(&options),
             Command::Impact(options) => impact::run(&options),
             Command::World(options) => world::run(&options),
+            Command::Credit(options) => credit::run(&options, jobs),
             Command::Compare(options) => compare::run(&options),
             Command::Diff(options) => diff::run(&options),
             Command::Data(options) => data::run(&options, jobs),

@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 use super::recorded_run::RecordedRun;
 use crate::objects::{Attempt, LineageId, Objectives, Program, SolutionId, program_diff};
 
-/// The chain from the parent to a program, each step with its hypothesis, labels and diff.
-pub fn chain(run: &RecordedRun, lineage: &LineageId, last: &SolutionId) -> String {
+/// The chain from the parent to a program, each step with its hypothesis, labels and diff. `width` are the characters of a
+/// terminal's line, where it is one: an attempt's hypothesis then stands below it.
+pub fn chain(run: &RecordedRun, lineage: &LineageId, last: &SolutionId, width: Option<usize>) -> String {
     let programs = run.chain(last);
     let mut out = format!("lineage {lineage}: {} programs from the parent to {last}\n", programs.len());
     for (i, program) in programs.iter().enumerate() {
@@ -21,13 +22,20 @@ pub fn chain(run: &RecordedRun, lineage: &LineageId, last: &SolutionId) -> Strin
     }
     let _ = writeln!(out, "\nattempts of {lineage}:");
     for attempt in run.attempts.iter().filter(|a| a.lineage == *lineage) {
-        let _ = writeln!(out, "  {}", one_line(attempt));
+        let _ = write!(out, "  {}", one_line(attempt));
+        if let Some(patch) = attempt.proposal.patch() {
+            let _ = match width {
+                None => write!(out, "  {}", shortened(&patch.hypothesis, 90)),
+                Some(width) => write!(out, "\n      {}", shortened(&patch.hypothesis, width.saturating_sub(6))),
+            };
+        }
+        out.push('\n');
     }
     out
 }
 
-/// One attempt in one line.
-pub fn one_line(attempt: &Attempt) -> String {
+/// What became of an attempt, in one line.
+fn one_line(attempt: &Attempt) -> String {
     let mut line = format!("{:<16} {:<9}", attempt.id.as_str(), attempt.exit.name());
     if let Some(score) = attempt.exit.score() {
         let _ = write!(line, " {}", objectives(&score.objectives, score.realism_name()));
@@ -36,9 +44,6 @@ pub fn one_line(attempt: &Attempt) -> String {
         Some(decision) if decision.promoted => line.push_str(" promoted"),
         Some(decision) if decision.gates.any() => line.push_str(" accepted"),
         _ => {}
-    }
-    if let Some(patch) = attempt.proposal.patch() {
-        let _ = write!(line, "  {}", shortened(&patch.hypothesis, 90));
     }
     line
 }

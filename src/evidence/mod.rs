@@ -10,6 +10,7 @@ pub mod choice;
 pub mod claims;
 pub mod composition_text;
 pub mod counsel_text;
+pub mod credit;
 pub mod data;
 pub mod differing;
 pub mod downstream;

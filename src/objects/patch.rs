@@ -47,6 +47,19 @@ pub struct Operation {
     pub value: Option<serde_json::Value>,
 }
 
+impl Operation {
+    /// The edit as a reader needs it: what is done, where, and the new value.
+    pub fn in_words(&self) -> String {
+        let value = self.value.as_ref().map_or(String::new(), |value| format!(" = {value}"));
+        let kind = match self.op {
+            OperationKind::Add => "add",
+            OperationKind::Replace => "replace",
+            OperationKind::Remove => "remove",
+        };
+        format!("{kind} {}{value}", self.path)
+    }
+}
+
 /// What an operation does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

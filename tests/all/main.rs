@@ -11,6 +11,7 @@ mod best;
 mod bundle;
 mod commands;
 mod counsel;
+mod credit;
 mod damage;
 mod data;
 mod downstream;

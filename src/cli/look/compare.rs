@@ -9,9 +9,10 @@ use toml::{Table, Value};
 
 use crate::cli::records::{folder::RunFolder, run_name::TwoRuns};
 use crate::cli::studies::program;
-use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::cli::terminal::{answer::Answer, exit::Failure, width::table_width};
 use crate::evidence::RecordedRun;
-use crate::evidence::tables::{Comparison, Estimate, Paired, STRICT_REALISM, compared};
+use crate::evidence::aligned::Aligned;
+use crate::evidence::tables::{Compared, Comparison, Estimate, Paired, STRICT_REALISM, compared};
 use crate::experiment::composed;
 use crate::objects::SolutionId;
 use crate::objects::spelling::nearest;
@@ -195,12 +196,7 @@ fn text(first: &Side, second: &Side, rows: &[(String, Comparison)], changes: &[C
             [a, b] => format!("; {a} more scenes of A and {b} of B have no counterpart and are left out"),
         };
         text += &format!("\n{name}: A {}, B {}; {} {suite} scenes, paired{left_out}\n", of.first, of.second, of.scenes);
-        text += &format!("  {:<20} {:>24} {:>24} {:>26}\n", "", "A", "B", "B - A");
-        for row in &of.quantities {
-            let [a, b] = [row.first, row.second].map(|estimate| estimated(estimate, false));
-            let fewer = if row.scenes < of.scenes { format!("  ({} scenes)", row.scenes) } else { String::new() };
-            text += &format!("  {:<20} {a:>24} {b:>24} {:>26}{fewer}\n", row.quantity, estimated(row.difference, true));
-        }
+        text += &quantities(of).text(table_width());
     }
     text += "\nin brackets: 95 % bootstrap intervals over scenes\n\
              realism: mean over the scenes that a program acts in; its difference is over the scenes in which both act\n\
@@ -215,6 +211,16 @@ fn text(first: &Side, second: &Side, rows: &[(String, Comparison)], changes: &[C
     }
     notes.iter().for_each(|note| text += &format!("note: {note}\n"));
     text
+}
+
+fn quantities(of: &Comparison) -> Aligned {
+    let row = |row: &Compared| {
+        let [a, b] = [row.first, row.second].map(|estimate| estimated(estimate, false));
+        let fewer = if row.scenes < of.scenes { format!("({} scenes)", row.scenes) } else { String::new() };
+        vec![row.quantity.to_string(), a, b, estimated(row.difference, true), fewer]
+    };
+    let heads = ["", "A", "B", "B - A", ""].map(String::from).to_vec();
+    Aligned { indent: 2, labels: 1, words: 1, heads, rows: of.quantities.iter().map(row).collect() }
 }
 
 fn estimated(of: Estimate, signed: bool) -> String {

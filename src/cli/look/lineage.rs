@@ -7,7 +7,11 @@ use std::path::Path;
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::{self, OneRun};
 use crate::cli::studies::program;
-use crate::cli::terminal::{answer::Answer, exit::Failure, width::table_width};
+use crate::cli::terminal::{
+    answer::Answer,
+    exit::Failure,
+    width::{stdout_width, table_width},
+};
 use crate::evidence::choice::Choice;
 use crate::evidence::{RecordedRun, lineage_text};
 use crate::experiment::did_you_mean;
@@ -36,7 +40,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     };
     let shown = |shown: &Shown| {
         let chosen = choice(shown).map_or(String::new(), |choice| format!("\n{}", choice.text(table_width())));
-        format!("{}{chosen}", lineage_text::chain(&run, &shown.0, &shown.1))
+        format!("{}{chosen}", lineage_text::chain(&run, &shown.0, &shown.1, stdout_width()))
     };
     let text: Vec<String> = wanted.iter().map(shown).collect();
     let lineages: Vec<_> = wanted

@@ -5,7 +5,7 @@ use serde_json::json;
 use std::path::PathBuf;
 
 use crate::cli::records::{folder::RunFolder, run_name::OneRun};
-use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
 use crate::evidence::evaluator::{report, text};
 
 #[derive(Debug, Args)]
@@ -21,5 +21,5 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let run = options.run.folder()?.recorded()?;
     let full = options.full.as_deref().map(|dir| RunFolder::find(Some(dir))?.recorded()).transpose()?;
     let quality = report(&run, full.as_ref());
-    Ok(Answer::new(text(&quality), json!(quality)))
+    Ok(Answer::new(text(&quality, stdout_width().unwrap_or(usize::MAX)), json!(quality)))
 }

@@ -10,7 +10,7 @@ const HEAD: &str = "# Commands
 Look up here what a command takes. This page is made from the program's arguments by `evodrive man --markdown`; \
 `evodrive COMMAND --help` says the same.
 
-Every command takes `--json` (the answer as JSON) and `-j N`, `--jobs N` (threads; results do not depend on it).
+Every command takes `--json` (the answer as JSON) and `--jobs N` (threads; results do not depend on it).
 ";
 
 /// What every command takes, and clap's own.

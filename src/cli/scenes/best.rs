@@ -7,8 +7,9 @@ use std::fmt::Write as _;
 use crate::cli::look::data;
 use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::files;
-use crate::cli::terminal::{answer::Answer, exit::Failure, shell::rollout_command};
-use crate::evidence::best::{By, Ranked, best};
+use crate::cli::terminal::{answer::Answer, exit::Failure, shell::rollout_command, width::table_width};
+use crate::evidence::aligned::Aligned;
+use crate::evidence::best::{By, Met, Ranked, best};
 use crate::evidence::data::records;
 use crate::experiment::did_you_mean;
 use crate::objects::LineageId;
@@ -63,30 +64,31 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let command = |of: &Ranked, action: &str, out: &str| {
         rollout_command(action, &folder.dir, of.program.as_str(), &of.scene, out)
     };
-    let mut text = format!(
-        "{:>3} {:<20} {:<34} {:>6} {:>7} {:>9} {:>7} {:>7}\n",
-        "", "program", "scene", "attack", "realism", "contact s", "m/s", "ttc s"
-    );
+    let number = |value: Option<f64>| value.map_or("-".to_string(), |x| format!("{x:.1}"));
+    let row = |(k, of): (usize, &Ranked)| {
+        let contact = |part: fn(&Met) -> f64| number(of.contact.as_ref().map(part));
+        vec![
+            (k + 1).to_string(),
+            of.program.to_string(),
+            of.scene.clone(),
+            format!("{:.2}", of.attack),
+            format!("{:.4}", of.realism),
+            contact(|contact| contact.at_s),
+            contact(|contact| contact.speed_mps),
+            number(of.ttc_s_min),
+        ]
+    };
+    let heads = ["", "program", "scene", "attack", "realism", "contact s", "m/s", "ttc s"].map(String::from).to_vec();
+    let rows = shown.iter().enumerate().map(row).collect();
+    let mut text = Aligned { labels: 3, heads, rows, ..Aligned::default() }.text(table_width());
+    text.push('\n');
     for (k, of) in shown.iter().enumerate() {
-        let number = |value: Option<f64>| value.map_or("-".to_string(), |x| format!("{x:.1}"));
-        let _ = writeln!(
-            text,
-            "{:>3} {:<20} {:<34} {:>6.2} {:>7.4} {:>9} {:>7} {:>7}",
-            k + 1,
-            of.program.as_str(),
-            of.scene,
-            of.attack,
-            of.realism,
-            number(of.contact.map(|contact| contact.at_s)),
-            number(of.contact.map(|contact| contact.speed_mps)),
-            number(of.ttc_s_min)
-        );
+        let _ = writeln!(text, "{}  {}", k + 1, command(of, "show", "--html rollout.html"));
         if let Some(first) = of.also.first() {
             let more = of.also.len() - 1;
             let others = if more > 0 { format!(" and {more} more") } else { String::new() };
-            let _ = writeln!(text, "    the same in {first}{others}");
+            let _ = writeln!(text, "   the same in {first}{others}");
         }
-        let _ = writeln!(text, "    {}", command(of, "show", "--html rollout.html"));
     }
     let _ = write!(
         text,

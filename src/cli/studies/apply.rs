@@ -205,7 +205,7 @@ fn sorted_out(paths: &[PathBuf], file: &ProgramFile, pool: Pool) -> Result<Sorte
 }
 
 /// Counsel of the file for the scenes that are still those for which it was taken.
-fn counsels(file: &ProgramFile, entries: &[SceneEntry]) -> BTreeMap<Digest, Counsel> {
+pub fn counsels(file: &ProgramFile, entries: &[SceneEntry]) -> BTreeMap<Digest, Counsel> {
     let of = |entry: &SceneEntry| {
         let carried = file.counsel.get(&entry.scene().id).filter(|carried| carried.scene == entry.digest)?;
         Some((entry.digest, carried.counsel.clone()))

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::look::show;
-use crate::cli::records::run_name::OneRun;
+use crate::cli::records::{folder::RunFolder, run_name::OneRun};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evaluation::EVAL_VERSION;
@@ -82,8 +82,12 @@ pub fn run(command: &Command) -> Result<Answer, Failure> {
 /// The program's file, put together from its run folder.
 fn packed(which: &Which) -> Result<ProgramFile, Failure> {
     let folder = which.run.folder()?;
-    let run = folder.recorded()?;
-    let program = find(&run, &which.attempt)?;
+    packed_of(&folder, &folder.recorded()?, &which.attempt)
+}
+
+/// The file of an attempt's program or a parent.
+pub fn packed_of(folder: &RunFolder, run: &RecordedRun, name: &str) -> Result<ProgramFile, Failure> {
+    let program = find(run, name)?;
     let lineage = &program.lineage_id;
     let damaged = |what: &str| Failure::corruption(format!("{}: {what}; run `evodrive fsck`", folder.dir.display()));
     let adopted = run.parents.iter().find(|parent| parent.lineage == *lineage);
@@ -132,8 +136,8 @@ fn packed(which: &Which) -> Result<ProgramFile, Failure> {
             backend: experiment.simulator.backend.as_ref().map(BackendMark::of),
             evaluation: experiment.evaluation.clone(),
         },
-        counsel: counsel(&run, &pool, lineage),
-        evolution_scenes: evolution_scenes(&run, &pool, start),
+        counsel: counsel(run, &pool, lineage),
+        evolution_scenes: evolution_scenes(run, &pool, start),
         origins: adopted.origins.iter().cloned().chain([origin]).collect(),
         family,
     };

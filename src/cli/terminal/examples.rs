@@ -40,6 +40,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("why", "evodrive why proposals:cat-idm:accepted"),
     ("impact", "evodrive impact cat-idm/e1s0"),
     ("world", "evodrive world"),
+    ("credit", "evodrive credit cat-idm/e1s0"),
     ("compare", "evodrive compare runs/ONE:cat-idm/parent runs/ONE:cat-idm"),
     ("diff", "evodrive diff runs/ONE runs/OTHER"),
     ("data", "evodrive data --out tables"),

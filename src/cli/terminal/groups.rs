@@ -7,7 +7,10 @@ use crate::evidence::aligned::broken;
 /// Each group's title and its commands, in the order in which one comes to need them.
 pub const GROUPS: &[(&str, &[&str])] = &[
     ("Evolve", &["init", "plan", "record", "exchange", "run", "resume", "watch", "check", "verify"]),
-    ("Look at a run", &["report", "show", "lineage", "table", "figure", "why", "impact", "compare", "diff", "world"]),
+    (
+        "Look at a run",
+        &["report", "show", "lineage", "table", "figure", "why", "credit", "impact", "compare", "diff", "world"],
+    ),
     ("Scenes", &["scenes", "calibrate", "program", "apply"]),
     ("Records", &["data", "bundle", "fsck"]),
     ("Studies", &["paper", "claims", "agree", "train", "downstream", "egos"]),

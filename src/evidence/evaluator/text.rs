@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::super::aligned::Aligned;
 use super::{quality::Quality, report::EvaluatorReport};
 
 const HEAD: [&str; 13] = [
@@ -20,23 +21,19 @@ const HEAD: [&str; 13] = [
     "accepted, aud. %",
 ];
 
-/// A row an epoch and family, then what the numbers say.
-pub fn text(report: &EvaluatorReport) -> String {
-    let mut rows: Vec<[String; 13]> = vec![HEAD.map(String::from)];
+/// A row an epoch and family, in lines of at most `width` characters, then what the numbers say.
+pub fn text(report: &EvaluatorReport, width: usize) -> String {
+    let mut rows: Vec<[String; 13]> = Vec::new();
     rows.extend(report.epochs.iter().map(|(epoch, quality)| row(&format!("epoch {epoch}"), quality)));
     rows.extend(report.families.iter().map(|(family, quality)| row(family, quality)));
     rows.push(row("all", &report.pooled));
-    let width = |k: usize| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..HEAD.len()).map(width).collect();
-    let mut out = String::new();
-    for row in &rows {
-        let cells = row.iter().zip(&widths).enumerate();
-        let padded = cells.map(|(k, (cell, &width))| match k {
-            0 => format!("{cell:<width$}"),
-            _ => format!("{cell:>width$}"),
-        });
-        let _ = writeln!(out, "{}", padded.collect::<Vec<_>>().join("  ").trim_end());
-    }
+    let table = Aligned {
+        labels: 1,
+        heads: HEAD.map(String::from).to_vec(),
+        rows: rows.into_iter().map(Vec::from).collect(),
+        ..Aligned::default()
+    };
+    let mut out = table.text(width);
     let pooled = &report.pooled;
     let _ = writeln!(
         out,

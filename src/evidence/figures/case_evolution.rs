@@ -169,7 +169,7 @@ fn caption(sheet: &mut Figure, run: &RecordedRun, chain: &[&Program]) {
         });
         sheet.heading((10.0, y), LETTERS, format!("p{nth}  {}  ({}{labels})", attempt.id, parts.join(", ")));
         y += 9.5;
-        let operations: Vec<String> = patch.operations.iter().map(in_words).collect();
+        let operations: Vec<String> = patch.operations.iter().map(Operation::in_words).collect();
         for line in wrapped(&operations.join("; "), LETTERS - 0.5, sheet.width - 30.0, LINES_MAX) {
             sheet.text((20.0, y), LETTERS - 0.5, Anchor::Start, line);
             y += 8.5;
@@ -192,15 +192,4 @@ fn made<'s>(run: &'s RecordedRun, solution: &SolutionId) -> Option<&'s Attempt> 
     run.attempts
         .iter()
         .find(|attempt| attempt.exit.candidate().is_some_and(|candidate| candidate.program.solution_id == *solution))
-}
-
-/// One operation as a reader needs it.
-fn in_words(operation: &Operation) -> String {
-    let value = operation.value.as_ref().map_or(String::new(), |value| format!(" = {value}"));
-    let kind = match operation.op {
-        crate::objects::OperationKind::Add => "add",
-        crate::objects::OperationKind::Replace => "replace",
-        crate::objects::OperationKind::Remove => "remove",
-    };
-    format!("{kind} {}{value}", operation.path)
 }

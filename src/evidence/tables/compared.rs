@@ -64,20 +64,33 @@ pub fn compared(first: (&RecordedRun, &SolutionId), second: (&RecordedRun, &Solu
         if pairs.is_empty() {
             return None;
         }
-        let shared = pairs.iter().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
-        let own =
-            shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), &pairs));
-        let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, &pairs));
         // SafeBench's objective is ARS, over groups: the strict realism of its scenes would be a number that nobody searched by.
-        let strict = first.0.rounds.is_empty().then(|| strict_realism(&pairs)).flatten();
-        let mut quantities: Vec<Compared> = shipped.collect();
-        let behind = quantities.iter().position(|row| row.quantity == "realism").map_or(quantities.len(), |at| at + 1);
-        quantities.splice(behind..behind, strict);
-        quantities.extend(own);
+        let quantities = quantities(&pairs, first.0.rounds.is_empty());
         let left_out = [of_first.len(), of_second.len()].map(|all| all - pairs.len());
         let (first, second) = (first.1.clone(), second.1.clone());
         Some(Comparison { first, second, on, scenes: pairs.len(), left_out, quantities })
     })
+}
+
+/// The quantities of two programs by their labels, paired by scene; empty where no scene has labels of both.
+pub fn compared_labels(first: &[SceneScore], second: &[SceneScore]) -> Vec<Compared> {
+    // By name, as everywhere: the order decides which scenes a resample draws.
+    let (of_first, of_second) = (by_scene(first.iter()), by_scene(second.iter()));
+    let pairs: Vec<[&SceneScore; 2]> =
+        of_first.iter().filter_map(|(scene, label)| Some([*label, *of_second.get(scene)?])).collect();
+    if pairs.is_empty() { Vec::new() } else { quantities(&pairs, true) }
+}
+
+fn quantities(pairs: &[[&SceneScore; 2]], with_strict: bool) -> Vec<Compared> {
+    let shared = pairs.iter().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
+    let own = shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), pairs));
+    let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, pairs));
+    let strict = with_strict.then(|| strict_realism(pairs)).flatten();
+    let mut quantities: Vec<Compared> = shipped.collect();
+    let behind = quantities.iter().position(|row| row.quantity == "realism").map_or(quantities.len(), |at| at + 1);
+    quantities.splice(behind..behind, strict);
+    quantities.extend(own);
+    quantities
 }
 
 fn held_out<'a>(run: &'a RecordedRun, solution: &SolutionId) -> ByScene<'a> {

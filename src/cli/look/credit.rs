@@ -1,0 +1,219 @@
+//! `credit`: how much of a program's gain each of its edits carries. The edits are taken out one by one, and each is put on the
+//! parent alone; everything else stays as in the run, the scenes and the random streams too.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::archive::SelectorOptions;
+use crate::candidates::apply;
+use crate::cli::evolve::behind::{self, Asked};
+use crate::cli::records::folder::RunFolder;
+use crate::cli::records::run_name::OneRun;
+use crate::cli::scenes::files;
+use crate::cli::studies::{apply as applying, program};
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::{exit::Failure, width::stdout_width};
+use crate::epoch::{Applied, SceneEntry};
+use crate::evidence::RecordedRun;
+use crate::evidence::choice::Choice;
+use crate::evidence::credit::{Credit, EditCredit, Gain};
+use crate::experiment::ProgramFile;
+use crate::families;
+use crate::kernel::{Seed, Threads};
+use crate::objects::event::ParentAdopted;
+use crate::objects::{Operation, Program, ProgramPatch, SceneScore, SolutionId};
+use crate::stage::Source;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Program, e.g. cat-idm/e2s5; without it those that the run reports.
+    pub program: Option<String>,
+    #[command(flatten)]
+    pub run: OneRun,
+    /// Take operations out one by one, not whole patches.
+    #[arg(long)]
+    pub operations: bool,
+    /// Driver under test, where the run's is not built in: the weights of a learned one (a file that ends in .safetensors).
+    #[arg(long)]
+    pub ego: Option<String>,
+    /// Your planner as the driver, where the run was made with one: a program, a .py file, or a .toml file with a table
+    /// [driver].
+    #[arg(long, conflicts_with = "ego")]
+    pub driver: Option<PathBuf>,
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let folder = options.run.folder()?;
+    let run = folder.recorded()?;
+    let threads = files::threads(jobs)?;
+    let programs = match &options.program {
+        Some(name) => vec![program::find(&run, name)?.solution_id.clone()],
+        None => reported(&run, &folder.read_experiment()?.selector),
+    };
+    let mut credits = Vec::new();
+    for solution in &programs {
+        progress(format!("{solution}: playing it without each of its edits"));
+        credits.push(credit(options, (&folder, &run), solution, &threads)?);
+    }
+    if credits.is_empty() {
+        let text = "the run reports every lineage's parent: there is no edit to give credit to\n";
+        return Ok(Answer::new(text, json!({"credits": credits})));
+    }
+    let texts: Vec<String> = credits.iter().map(|credit| credit.text(stdout_width().unwrap_or(usize::MAX))).collect();
+    Ok(Answer::new(texts.join("\n"), json!({"credits": credits})))
+}
+
+/// The programs that a finished run reports, without parents; of an unfinished one those that lineages stand at.
+fn reported(run: &RecordedRun, selector: &SelectorOptions) -> Vec<SolutionId> {
+    let of = |parent: &ParentAdopted| {
+        let choice = Choice::of(run, &parent.lineage, selector).map(|choice| choice.chosen);
+        choice.or_else(|| run.active(&parent.lineage).cloned()).filter(|id| *id != parent.program.solution_id)
+    };
+    run.parents.iter().filter_map(of).collect()
+}
+
+/// Operations that are taken out together.
+struct Edit {
+    name: String,
+    /// Places in the chain's list of operations.
+    places: Vec<usize>,
+}
+
+/// The way from a parent to a program.
+struct Way<'r> {
+    parent: &'r Program,
+    program: &'r Program,
+    operations: Vec<Operation>,
+    patch: ProgramPatch,
+    edits: Vec<Edit>,
+}
+
+impl<'r> Way<'r> {
+    fn of(run: &'r RecordedRun, solution: &SolutionId, one_by_one: bool) -> Result<Way<'r>, Failure> {
+        let chain = run.chain(solution);
+        let [parent, .., program] = chain[..] else {
+            return Err(Failure::bad_input(format!("{solution} is a parent: there is no edit to give credit to")));
+        };
+        let (mut operations, mut edits, mut last) = (Vec::new(), Vec::new(), None);
+        for of in &chain[1..] {
+            let name = of.solution_id.as_str();
+            let patch = run.attempt(name).and_then(|attempt| attempt.proposal.patch());
+            let patch =
+                patch.ok_or_else(|| Failure::corruption(format!("{name}: the run has no patch of this program")))?;
+            let from = operations.len();
+            operations.extend(patch.operations.iter().cloned());
+            let places = (from..operations.len()).collect::<Vec<usize>>();
+            if one_by_one && places.len() > 1 {
+                let of_place =
+                    |(k, place): (usize, usize)| Edit { name: format!("{name} #{}", k + 1), places: vec![place] };
+                edits.extend(places.into_iter().enumerate().map(of_place));
+            } else {
+                edits.push(Edit { name: name.to_string(), places });
+            }
+            last = Some(patch.clone());
+        }
+        let patch = last.ok_or_else(|| Failure::internal("a chain without a patch"))?;
+        Ok(Way { parent, program, operations, patch, edits })
+    }
+
+    /// The parent with the operations at some places done in order; or why that is no program of its family.
+    fn with(&self, source: &Source, kept: impl Fn(usize) -> bool) -> Result<Program, String> {
+        let operations = self.operations.iter().enumerate().filter(|(place, _)| kept(*place));
+        let patch = ProgramPatch {
+            operations: operations.map(|(_, operation)| operation.clone()).collect(),
+            ..self.patch.clone()
+        };
+        let hash = self.parent.hash().map_err(|error| error.to_string())?;
+        let built = apply(self.parent, hash, &patch, self.program.solution_id.clone());
+        let built = built.map_err(|error| format!("another edit needs it ({error})"))?;
+        match source.contract.check_program(&built).first() {
+            None => Ok(built),
+            Some(problem) => Err(format!("what is left is no program of the family ({problem})")),
+        }
+    }
+}
+
+fn credit(
+    options: &Options,
+    (folder, run): (&RunFolder, &RecordedRun),
+    solution: &SolutionId,
+    threads: &Threads,
+) -> Result<Credit, Failure> {
+    let file = program::packed_of(folder, run, solution.as_str())?;
+    let way = Way::of(run, solution, options.operations)?;
+    let sources = families::sources();
+    let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
+    let asked = options.driver.as_deref().map(|path| Asked::named(path, &file.conditions.simulator)).transpose()?;
+    let ego = match &asked {
+        Some(asked) => asked.ego()?,
+        None => applying::driver(options.ego.as_ref().unwrap_or(&file.conditions.ego))?,
+    };
+    let planners = asked.as_ref().map(Asked::planners);
+    let pool = folder.read_pool()?;
+    let held_out = run.opened.held_out_scenes.iter().filter_map(|id| pool.scene(id).cloned().map(Arc::new));
+    let scenes: Vec<_> = held_out.collect();
+    let entries = threads.map(&scenes, |_, scene| SceneEntry::new(scene.clone()));
+    let counsels = applying::counsels(&file, &entries);
+    let applied = Applied {
+        source,
+        ego: &ego,
+        seed: Seed(file.conditions.seed),
+        simulator: &file.conditions.simulator,
+        backend: behind::asked(asked.as_ref(), planners.as_ref()),
+        evaluation: &file.conditions.evaluation,
+        counsels: &counsels,
+    };
+    let labels = |program: &Program| -> Result<Vec<SceneScore>, String> {
+        let mut labelled = applied.label(&[program], &entries, threads).map_err(|error| error.to_string())?;
+        labelled.pop().map(|labelled| labelled.score.scenes).ok_or_else(|| "it has no label".to_string())
+    };
+    let whole = way.with(source, |_| true).map_err(Failure::internal)?;
+    if whole.hash().map_err(Failure::internal)? != way.program.hash().map_err(Failure::internal)? {
+        return Err(Failure::divergence(format!("{solution}: its patches on its parent give another program")));
+    }
+    let (before, after) =
+        (labels(way.parent).map_err(Failure::bad_input)?, labels(&whole).map_err(Failure::bad_input)?);
+    as_recorded(&file, run, &[(way.parent, &before), (way.program, &after)])?;
+    let none = || "no scene has labels of both".to_string();
+    let gain = Gain::of(&before, &after).ok_or_else(|| Failure::bad_input(format!("{solution}: {}", none())))?;
+    let of_edit = |edit: &Edit| {
+        let without = way.with(source, |place| !edit.places.contains(&place));
+        let alone = way.with(source, |place| edit.places.contains(&place));
+        EditCredit {
+            name: edit.name.clone(),
+            what: edit.places.iter().map(|place| way.operations[*place].in_words()).collect(),
+            taken_out: without.and_then(|of| Gain::of(&labels(&of)?, &after).ok_or_else(none)),
+            alone: alone.and_then(|of| Gain::of(&before, &labels(&of)?).ok_or_else(none)),
+        }
+    };
+    Ok(Credit {
+        program: solution.clone(),
+        parent: way.parent.solution_id.clone(),
+        scenes: before.iter().filter(|label| after.iter().any(|other| other.scene == label.scene)).count(),
+        whole: gain,
+        edits: way.edits.iter().map(of_edit).collect(),
+    })
+}
+
+/// Labels that the run recorded must come out again. Those of another simulator cannot be asked for here.
+fn as_recorded(file: &ProgramFile, run: &RecordedRun, all: &[(&Program, &Vec<SceneScore>)]) -> Result<(), Failure> {
+    if let Some(backend) = &file.conditions.backend {
+        progress(format!("note: the run's labels are {}'s; these are of the built-in simulator", backend.name));
+        return Ok(());
+    }
+    for (program, labels) in all {
+        let recorded = run.held_out.iter().filter(|of| of.solution == program.solution_id);
+        for known in recorded.flat_map(|of| &of.score.scenes) {
+            let other = labels.iter().find(|label| label.scene == known.scene && label.record != known.record);
+            if let Some(label) = other {
+                return Err(Failure::divergence(format!(
+                    "{} in {}: the run recorded another rollout; `evodrive verify` finds where they part",
+                    program.solution_id, label.scene
+                )));
+            }
+        }
+    }
+    Ok(())
+}

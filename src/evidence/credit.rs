@@ -1,0 +1,183 @@
+//! How much of a program's gain each of its edits carries: the same scenes without the edit, and with the edit alone.
+
+use serde::Serialize;
+
+use super::aligned::Aligned;
+use super::tables::{Compared, Estimate, compared_labels};
+use crate::objects::{SceneScore, SolutionId};
+
+/// A program against its parent, and its edits one by one.
+#[derive(Clone, Debug, Serialize)]
+pub struct Credit {
+    pub program: SolutionId,
+    pub parent: SolutionId,
+    /// Scenes in which both have a label.
+    pub scenes: usize,
+    pub whole: Gain,
+    /// In the order of the chain.
+    pub edits: Vec<EditCredit>,
+}
+
+/// What one program has more than another, paired by scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Gain {
+    pub attack: Estimate,
+    /// Of the realism over the scenes in which both act; `None` where there is no such scene.
+    pub realism: Option<Estimate>,
+    /// Scenes in which the two rollouts differ at all.
+    pub differing: usize,
+}
+
+/// An edit, and what it is worth.
+#[derive(Clone, Debug, Serialize)]
+pub struct EditCredit {
+    /// The attempt that proposed it; with the number of the operation where operations are taken one by one.
+    pub name: String,
+    /// What it does, one text an operation.
+    pub what: Vec<String>,
+    /// The program against the program without this edit, or why there is no such program.
+    pub taken_out: Result<Gain, String>,
+    /// The parent with this edit alone against the parent, or why there is no such program.
+    pub alone: Result<Gain, String>,
+}
+
+impl Gain {
+    /// Of the second labels over the first; `None` where no scene has labels of both.
+    pub fn of(first: &[SceneScore], second: &[SceneScore]) -> Option<Gain> {
+        let rows = compared_labels(first, second);
+        let of = |name: &str| rows.iter().find(|row| row.quantity == name);
+        let attack = of("attack")?.difference;
+        let differing = first
+            .iter()
+            .filter(|label| second.iter().any(|other| other.scene == label.scene && other.record != label.record));
+        Some(Gain { attack, realism: of("realism").map(|row: &Compared| row.difference), differing: differing.count() })
+    }
+
+    /// What can be said of it at 95 %.
+    pub fn verdict(&self) -> &'static str {
+        match self.attack.interval {
+            _ if self.differing == 0 => "changes no rollout",
+            Some([low, _]) if low > 0.0 => "raises attack",
+            Some([_, high]) if high < 0.0 => "lowers attack",
+            _ => "not told apart from no effect",
+        }
+    }
+}
+
+impl Credit {
+    /// The table in lines of at most `width` characters, then what it says in words.
+    pub fn text(&self, width: usize) -> String {
+        let heads = ["edit", "needed: attack", "realism", "alone: attack", "realism", "taken out of the program"];
+        let cells = |gain: &Result<Gain, String>| match gain {
+            Ok(gain) => [signed(gain.attack), gain.realism.map_or("-".into(), signed)],
+            Err(_) => ["-".to_string(), "-".to_string()],
+        };
+        let row = |edit: &EditCredit| {
+            let ([needed, realism], [alone, realism_alone]) = (cells(&edit.taken_out), cells(&edit.alone));
+            let verdict = match &edit.taken_out {
+                Ok(gain) => gain.verdict().to_string(),
+                Err(reason) => reason.clone(),
+            };
+            vec![edit.name.clone(), needed, realism, alone, realism_alone, verdict]
+        };
+        let table = Aligned {
+            indent: 0,
+            labels: 1,
+            words: 1,
+            heads: heads.map(String::from).to_vec(),
+            rows: self.edits.iter().map(row).collect(),
+        };
+        let realism = self.whole.realism.map_or(String::new(), |realism| format!(", realism {}", signed(realism)));
+        let mut text = format!(
+            "{} against {} on {} held-out scenes: attack {}{realism}; {}\n\n{}\n",
+            self.program,
+            self.parent,
+            self.scenes,
+            signed(self.whole.attack),
+            self.whole.verdict(),
+            table.text(width)
+        );
+        for edit in &self.edits {
+            text.push_str(&format!("{}: {}\n", edit.name, edit.what.join("; ")));
+        }
+        text.push('\n');
+        for edit in &self.edits {
+            text.push_str(&format!("{}\n", self.sentence(edit)));
+        }
+        text.push_str(
+            "needed: the program minus the program without this edit; alone: the parent with this edit minus the parent; \
+             both paired by scene, in brackets 95 % bootstrap intervals over scenes\n",
+        );
+        text
+    }
+
+    /// What an edit accounts for.
+    pub fn sentence(&self, edit: &EditCredit) -> String {
+        match &edit.taken_out {
+            Ok(gain) if gain.differing == 0 => {
+                format!("{} accounts for nothing: without it every rollout is the same", edit.name)
+            }
+            Ok(gain) => format!(
+                "{} accounts for {:+.3} of {:+.3} attack{}",
+                edit.name,
+                gain.attack.value,
+                self.whole.attack.value,
+                match gain.verdict() {
+                    "raises attack" => "",
+                    _ => ", which these scenes do not tell apart from nothing or less",
+                }
+            ),
+            Err(reason) => format!("{} cannot be taken out alone: {reason}", edit.name),
+        }
+    }
+}
+
+fn signed(of: Estimate) -> String {
+    match of.interval {
+        Some([low, high]) => format!("{:+.3} [{low:+.3}, {high:+.3}]", of.value),
+        None => format!("{:+.3}", of.value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::Digest;
+    use std::collections::BTreeMap;
+
+    fn labels(attacks: &[f64], record: &[u8]) -> Vec<SceneScore> {
+        let label = |(k, attack): (usize, &f64)| SceneScore {
+            scene: format!("scene/{k}"),
+            attack: *attack,
+            realism: 0.9,
+            acted: true,
+            diagnostics: BTreeMap::new(),
+            metrics: BTreeMap::new(),
+            contact: None,
+            intervened: true,
+            request: Digest::of_bytes(b"request"),
+            record: Digest::of_bytes(if *attack > 0.0 { b"hit" } else { record }),
+        };
+        attacks.iter().enumerate().map(label).collect()
+    }
+
+    #[test]
+    fn an_edit_is_worth_what_is_lost_without_it() {
+        let attacks: Vec<f64> = (0..20).map(|k| f64::from(u8::from(k < 12))).collect();
+        let none = labels(&[0.0; 20], b"miss");
+        let gain = Gain::of(&none, &labels(&attacks, b"miss")).unwrap();
+        assert!((gain.attack.value - 0.6).abs() < 1e-12 && gain.differing == 12, "{gain:?}");
+        assert_eq!(gain.verdict(), "raises attack");
+        let back = Gain::of(&labels(&attacks, b"miss"), &none).unwrap();
+        assert_eq!(back.verdict(), "lowers attack");
+    }
+
+    #[test]
+    fn an_edit_that_changes_no_rollout_is_said_to_do_nothing() {
+        let some = labels(&[1.0, 0.0, 0.0], b"miss");
+        let gain = Gain::of(&some, &some).unwrap();
+        assert_eq!((gain.attack.value, gain.differing, gain.verdict()), (0.0, 0, "changes no rollout"));
+        let other = Gain::of(&some, &labels(&[1.0, 0.0, 0.0], b"elsewhere")).unwrap();
+        assert_eq!((other.differing, other.verdict()), (2, "not told apart from no effect"));
+    }
+}

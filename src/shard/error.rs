@@ -12,18 +12,10 @@ pub enum ShardError {
     /// Of another run, or of another version of the program.
     #[error("{file} belongs to another study: {field} is {found}, expected {expected}; {remedy}")]
     Foreign { file: String, field: &'static str, expected: String, found: String, remedy: &'static str },
-    /// A record that this machine computes otherwise.
-    #[error(
-        "{file}: task {task} of scene {scene}: {field}: found {found}, computed here {expected}; nothing of this result was merged. The \
-         machine that did the shard is faulty, has another program or made it up: remove the result, and do its shard on another one"
-    )]
-    Untrue { file: String, task: Digest, scene: String, field: String, expected: String, found: String },
-    /// A record that somebody took out of the run.
-    #[error(
-        "{file}: task {task} of scene {scene}: its record {record} was withdrawn from this run ({reason}); nothing of this result was \
-         merged: remove it and do its shard again"
-    )]
-    Withdrawn { file: String, task: Digest, scene: String, record: Digest, reason: String },
+    #[error(transparent)]
+    Untrue(#[from] Box<Untrue>),
+    #[error(transparent)]
+    Withdrawn(#[from] Box<WithdrawnRecord>),
     #[error(transparent)]
     Diverged(#[from] Box<Conflict>),
     #[error(transparent)]
@@ -51,6 +43,39 @@ pub struct Conflict {
     pub first_from: String,
     pub second: Digest,
     pub second_from: String,
+}
+
+/// A record that this machine computes otherwise.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{file}: task {task} of scene {scene}: {field}: found {found}, computed here {expected}; nothing of this result was merged. The \
+     machine that did the shard is faulty, has another program or made it up: remove the result, and do its shard on another one"
+)]
+pub struct Untrue {
+    /// The result that holds it, and for which task.
+    pub file: String,
+    pub task: Digest,
+    pub scene: String,
+    /// Where the two records part, and both values.
+    pub field: String,
+    pub expected: String,
+    pub found: String,
+}
+
+/// A record that somebody took out of the run.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{file}: task {task} of scene {scene}: its record {record} was withdrawn from this run ({reason}); nothing of this result was \
+     merged: remove it and do its shard again"
+)]
+pub struct WithdrawnRecord {
+    /// The result that holds it, and for which task.
+    pub file: String,
+    pub task: Digest,
+    pub scene: String,
+    /// What was withdrawn, and why.
+    pub record: Digest,
+    pub reason: String,
 }
 
 /// What helps against a damaged shard, and against a damaged result.

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::error::{Conflict, ShardError};
+use super::error::{Conflict, ShardError, WithdrawnRecord};
 use super::file::{SHARD_ENDING, Shard};
 use super::mark::StudyMark;
 use super::result::{Came, ResultFile};
@@ -111,7 +111,7 @@ impl Merge<'_> {
             let same = |of: &&Withdrawn| (of.kind, of.request, of.record) == (memo, *key, digest);
             let of = self.withdrawn.iter().find(same).filter(|_| self.store.memo_get(memo, key).is_none())?;
             let (file, scene, reason) = (result.file.clone(), task.scene().to_string(), of.reason.clone());
-            Some(ShardError::Withdrawn { file, task: *key, scene, record: digest, reason })
+            Some(Box::new(WithdrawnRecord { file, task: *key, scene, record: digest, reason }).into())
         };
         shard.tasks.iter().map(|(key, task)| (key, task)).zip(result.results.iter().map(|of| &of.came)).find_map(of)
     }

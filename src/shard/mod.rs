@@ -8,7 +8,7 @@ mod merge;
 mod result;
 mod withdrawn;
 
-pub use error::{Conflict, ShardError};
+pub use error::{Conflict, ShardError, Untrue, WithdrawnRecord};
 pub use file::{SHARD_ENDING, Shard, split};
 pub use mark::StudyMark;
 pub use merge::{Merge, Merged};

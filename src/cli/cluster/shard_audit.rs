@@ -13,7 +13,7 @@ use crate::cli::terminal::exit::Failure;
 use crate::epoch::{Meter, Mode, Rollouts, Study, Tools, Workbench};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
-use crate::shard::{Came, Merge, ResultFile, Shard, ShardError};
+use crate::shard::{Came, Merge, ResultFile, Shard, ShardError, Untrue};
 use crate::store::{self, Store};
 
 /// What an audit found.
@@ -96,8 +96,8 @@ impl Auditor<'_> {
             };
             if let Some((field, expected, found)) = wrong {
                 let (file, scene) = (result.file.clone(), task.scene().to_string());
-                let untrue = ShardError::Untrue { file, task: *key, scene, field, expected, found };
-                return Ok((drawn.len(), Some(untrue)));
+                let untrue = Untrue { file, task: *key, scene, field, expected, found };
+                return Ok((drawn.len(), Some(ShardError::from(Box::new(untrue)))));
             }
         }
         Ok((drawn.len(), None))

@@ -90,8 +90,8 @@ impl From<ShardError> for Failure {
     fn from(error: ShardError) -> Failure {
         match &error {
             ShardError::Damaged { .. } => Failure::corruption(error),
-            ShardError::Foreign { .. } | ShardError::Withdrawn { .. } => Failure::bad_input(error),
-            ShardError::Diverged(_) | ShardError::Untrue { .. } => Failure::divergence(error),
+            ShardError::Foreign { .. } | ShardError::Withdrawn(_) => Failure::bad_input(error),
+            ShardError::Diverged(_) | ShardError::Untrue(_) => Failure::divergence(error),
             ShardError::Store(store) => of_store(store),
             ShardError::Cassette(cassette) => of_rollouts(cassette),
             ShardError::Canon(_) => Failure::internal(error),

@@ -305,6 +305,7 @@ fn help_texts_are_goldens() {
         "figure",
         "table",
         "why",
+        "credit",
         "impact",
         "world",
         "compare",

@@ -15,6 +15,8 @@ const KEY_WEIGHT: usize = 40;
 const ITEM_WEIGHT: usize = 48;
 /// Bytes that a table of a TOML text takes in memory while the file is checked: measured, 1.7 KB.
 const TOML_TABLE_WEIGHT: usize = 1500;
+/// Bytes that whatever ends a word takes, a line feed too.
+const TOML_TOKEN_WEIGHT: usize = 64;
 /// A line counts as so many bytes where lines are read together, so that many empty ones are no small piece.
 const LINE_COUNTS_AS: usize = 256;
 
@@ -62,12 +64,17 @@ pub fn too_large(line: &[u8]) -> Option<(String, String)> {
 
 /// The same of a TOML text, whose reader keeps a table for each name and each part of a dotted name, and copies of them.
 pub fn toml_too_large(text: &str) -> Option<(String, String)> {
-    let weighs = |byte: u8| match byte {
-        b'=' | b'.' | b'{' | b'[' => TOML_TABLE_WEIGHT,
-        b',' => ITEM_WEIGHT,
-        _ => 0,
-    };
-    let weight = text.len() + text.bytes().map(weighs).sum::<usize>();
+    let mut weight = text.len();
+    let mut before = b' ';
+    for byte in text.bytes() {
+        weight += match byte {
+            b'=' | b'.' | b'{' | b'[' => TOML_TABLE_WEIGHT,
+            b' ' if before == b' ' => 0,
+            byte if byte.is_ascii_alphanumeric() => 0,
+            _ => TOML_TOKEN_WEIGHT,
+        };
+        before = byte;
+    }
     let expected = || format!("a file whose values take at most {LINE_WEIGHT_MAX} bytes of memory");
     (weight > LINE_WEIGHT_MAX).then(|| (expected(), format!("one that may take {weight}")))
 }
@@ -126,6 +133,7 @@ mod tests {
         let tables = |count: usize| (0..count).map(|k| format!("k{k}={{a.b.c=1}}\n")).collect::<String>();
         assert_eq!(toml_too_large(&tables(10_000)), None);
         assert!(toml_too_large(&tables(60_000)).unwrap().0.contains("of memory"));
+        assert!(toml_too_large(&"\n".repeat(4_000_000)).is_some() && toml_too_large(&"a ".repeat(4_000_000)).is_some());
         assert_eq!(toml_too_large(&format!("weights = \"{}\"\n", "aGVs".repeat(10_000_000))), None);
     }
 

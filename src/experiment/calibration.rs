@@ -4,6 +4,7 @@
 use toml::{Table, Value};
 
 use super::place::Place;
+use super::toml_file::said;
 use super::{ExperimentError, OptionError};
 use crate::evaluation::Calibration;
 
@@ -23,7 +24,7 @@ pub fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError>
         error: OptionError::new(KEY, format!("\"{name}\" ({})", problem.trim_end()), EXPECTED),
     };
     let text = place.text_beside(name).map_err(|error| refuse(error.to_string()))?;
-    let read: Calibration = toml::from_str(&text).map_err(|error| refuse(error.to_string()))?;
+    let read: Calibration = toml::from_str(&text).map_err(|error| refuse(said(&error, &text)))?;
     *value = Value::try_from(&read).map_err(|error| refuse(error.to_string()))?;
     Ok(true)
 }

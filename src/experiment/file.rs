@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 use super::place::{Place, problem};
+use super::toml_file;
 use super::{
     ExperimentError, OptionError, calibration, check, ego_weights, family_name, own_driver, parent_program, set,
 };
@@ -66,7 +67,7 @@ pub fn composed_under(path: &Path, assignments: &[String]) -> Result<Composed, E
         let text = place.read()?;
         let mut table: Table = text.parse().map_err(|error: toml::de::Error| ExperimentError::File {
             file: name.clone(),
-            problem: error.to_string().trim_end().to_string(),
+            problem: toml_file::said(&error, &text),
         })?;
         let base = table.remove("base");
         rebase(&mut table, &folder);

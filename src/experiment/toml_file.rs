@@ -25,7 +25,25 @@ pub fn read<T: DeserializeOwned>(path: &Path, kind: &str) -> Result<T, Experimen
     if let Some((expected, found)) = store::toml_too_large(&text) {
         return Err(problem(path, format!("expected {expected}, found {found}")));
     }
-    toml::from_str(&text).map_err(|error: toml::de::Error| problem(path, error.to_string().trim_end()))
+    toml::from_str(&text).map_err(|error: toml::de::Error| problem(path, said(&error, &text)))
+}
+
+/// Characters of a line that an error shows whole.
+const SHOWN_CHARS: usize = 400;
+
+/// What is wrong with a TOML text, with its place: as the reader says it, unless it would print a line that nobody can look at.
+pub fn said(error: &toml::de::Error, text: &str) -> String {
+    let at = error.span().map_or(0, |span| span.start.min(text.len()));
+    let before = &text.as_bytes()[..at];
+    let (begins, number) = before.iter().enumerate().fold((0, 1), |(begins, number), (place, byte)| match byte {
+        b'\n' => (place + 1, number + 1),
+        _ => (begins, number),
+    });
+    let length = text.as_bytes()[begins..].iter().take(SHOWN_CHARS + 1).take_while(|byte| **byte != b'\n').count();
+    match length > SHOWN_CHARS {
+        true => format!("line {number}, column {}: {}", at - begins + 1, store::shortened(error.message())),
+        false => error.to_string().trim_end().to_string(),
+    }
 }
 
 /// Checks a name that becomes the name of files.
@@ -37,5 +55,18 @@ pub fn check_name(file: &Path, name: &str) -> Result<(), ExperimentError> {
     match !name.is_empty() && name.chars().all(fits) {
         true => Ok(()),
         false => Err(problem(file, format!("name is {name:?}, expected lower-case letters, digits, - and _"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_shows_its_line_unless_that_is_a_long_one() {
+        let of = |text: &str| said(&text.parse::<toml::Table>().unwrap_err(), text);
+        assert!(of("a = 1\nb = = 2\n").contains("2 | b = = 2"), "{}", of("a = 1\nb = = 2\n"));
+        let long = of(&format!("a = 1\n{}\n", "x".repeat(10_000_000)));
+        assert!(long.starts_with("line 2, column ") && long.len() < 1000, "{} bytes", long.len());
     }
 }

@@ -217,6 +217,9 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
                 ),
             });
         }
+        None if rows.iter().all(|row| row.measured.coverage <= 0.0) => {
+            said.push(format!("No program acts in any scene, so there is nothing to choose by: {chosen} is reported."));
+        }
         None => said.push(format!(
             "None of the {} programs that act is realistic enough, so the most realistic one is taken. {}",
             selection.contenders,

@@ -28,6 +28,7 @@ const COMMANDS: &[(&str, &str, &str)] = &[
     ("claims", "PAPER/claims.toml", ""),
     ("figure", "case-evolution", "--out @.svg"),
     ("why", "proposals:cat-idm:accepted", ""),
+    ("credit", "cat-idm/parent", ""),
     ("impact", "cat-idm/parent", ""),
     ("world", "", ""),
     ("compare", "", ""),

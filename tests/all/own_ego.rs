@@ -46,6 +46,18 @@ fn a_planner_is_recorded_and_its_run_replays_without_it() {
     let said = |what: &str| recorded.stderr.lines().find(|line| line.contains(what)).unwrap_or_default().to_string();
     assert!(said("rollouts in").ends_with("; 0 of them failed"), "{}", recorded.stderr);
     let digest = said("digest = ").rsplit("digest = ").next().unwrap().to_string();
+    // A program that was evolved against a planner leaves its run too: who plays it names the ego.
+    let here = |args: &[&str]| Ran::of(evodrive().current_dir(folder.path()).args(args));
+    let run = crate::harness::folder_below(&folder.path().join("a")).display().to_string();
+    assert_eq!(here(&["program", "export", &run, "cat-mine/parent", "--out", "planned.json"]).code, 0);
+    here(&["scenes", "generate", "mine.toml", "--out", "mine.pool"]);
+    let apply = |more: &[&str]| here(&[&["apply", "planned.json", "--scenes", "mine.pool"], more].concat());
+    for more in [["--driver", "idm.py"], ["--ego", "idm"]] {
+        let applied = apply(&more);
+        assert_eq!(applied.code, 0, "{}", applied.stderr);
+    }
+    let unnamed = apply(&[]);
+    assert!(unnamed.code == 2 && unnamed.stderr.contains("--driver planner.py"), "{}", unnamed.stderr);
     // A changed file is another ego, whose rollouts nobody recorded.
     let idm = std::fs::read_to_string(folder.path().join("idm.py")).unwrap();
     std::fs::write(folder.path().join("idm.py"), idm.replace("1.5, 2.0", "1.4, 2.0")).unwrap();

@@ -49,7 +49,13 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let run = folder.recorded()?;
     let threads = files::threads(jobs)?;
     let programs = match &options.program {
-        Some(name) => vec![program::find(&run, name)?.solution_id.clone()],
+        Some(name) => match program::find(&run, name)? {
+            parent if parent.ancestor_chain.is_empty() => {
+                let text = format!("{name} is a parent: there is no edit to give credit to\n");
+                return Ok(Answer::new(text, json!({"credits": []})));
+            }
+            program => vec![program.solution_id.clone()],
+        },
         None => reported(&run, &folder.read_experiment()?.selector),
     };
     let mut credits = Vec::new();

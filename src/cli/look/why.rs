@@ -91,6 +91,12 @@ fn split(cell: &str) -> Result<(Which, &str, &str), Failure> {
 fn no_scene(runs: &[RecordedRun], scene: &str) -> Failure {
     let all = runs.iter().flat_map(|run| run.opened.held_out_scenes.iter().chain(&run.opened.evolution_scenes));
     let all: Vec<String> = all.cloned().collect();
+    if all.iter().any(|known| known == scene) {
+        return Failure::bad_input(format!(
+            "the run has the scene `{scene}`, and the cell rests on others: most cells rest on held-out scenes or on evolution \
+             scenes alone (--full lists those of this cell)"
+        ));
+    }
     let hint = cell::near(scene, &all);
     Failure::bad_input(format!(
         "the cell does not rest on a scene `{scene}`{hint} (--full lists those that it rests on)"

@@ -140,6 +140,11 @@ pub fn resolve(name: &Path, runs: &Path) -> Result<RunFolder, Failure> {
             }
         }
     }
+    // `own` is the run of the experiment `own`, although another one is called `own2`.
+    let whole: Vec<usize> = (0..begun.len()).filter(|k| is_experiment(&begun[*k], name)).collect();
+    if let [only] = whole[..] {
+        return Ok(begun.swap_remove(only));
+    }
     if begun.len() > 1 {
         let (count, names) = (begun.len(), listed(&begun));
         let name = name.display();
@@ -148,6 +153,13 @@ pub fn resolve(name: &Path, runs: &Path) -> Result<RunFolder, Failure> {
         )));
     }
     begun.pop().ok_or_else(|| unknown(name, runs))
+}
+
+/// Whether a run folder is one of the experiment of this name: the name, a dash and eight digits.
+fn is_experiment(folder: &RunFolder, name: &Path) -> bool {
+    let text = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let (folder, name) = (text(&folder.dir), text(name));
+    folder.rsplit_once('-').is_some_and(|(experiment, id)| experiment == name && id.len() == 8)
 }
 
 /// The run folder that this is, or that has this name below runs/.
@@ -246,6 +258,10 @@ mod tests {
         // The whole name of one is meant, though another begins so.
         assert_eq!(found(dir.path(), "cat").unwrap(), "cat");
         assert_eq!(found(dir.path(), "cat-").unwrap(), "cat-12ab");
+        // The name of one experiment is meant, though that of another begins so; two runs of it are not told apart.
+        let dir = folders(&["own-12ab34cd", "own2-12ab34cd"]);
+        assert_eq!(found(dir.path(), "own").unwrap(), "own-12ab34cd");
+        assert!(found(folders(&["own-12ab34cd", "own-56ef78ab"]).path(), "own").is_err());
     }
 
     #[test]

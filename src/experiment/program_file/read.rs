@@ -110,9 +110,9 @@ impl ProgramFile {
             }),
         };
         let simulator = conditions.simulator.check().map_err(|error| error.to_string());
-        // Whose weights are not in the file they are named by who plays it.
+        // Weights and planners are not in the file: who plays it names them.
         let ego = match conditions.ego.parse::<Policy>() {
-            Ok(_) | Err(PolicyError::NoWeights) => Ok(()),
+            Ok(_) | Err(PolicyError::NoWeights | PolicyError::NoProgram) => Ok(()),
             Err(error) => Err(format!("conditions.ego: {error}")),
         };
         let all = ego.and(simulator).and(evaluation);

@@ -53,11 +53,16 @@ impl Gain {
         Some(Gain { attack, realism: of("realism").map(|row: &Compared| row.difference), differing: differing.count() })
     }
 
+    /// Whether the interval of attack lies above zero.
+    fn raises(&self) -> bool {
+        self.attack.interval.is_some_and(|[low, _]| low > 0.0)
+    }
+
     /// What can be said of it at 95 %.
     pub fn verdict(&self) -> &'static str {
         match self.attack.interval {
             _ if self.differing == 0 => "changes no rollout",
-            Some([low, _]) if low > 0.0 => "raises attack",
+            _ if self.raises() => "raises attack",
             Some([_, high]) if high < 0.0 => "lowers attack",
             _ => "not told apart from no effect",
         }
@@ -122,9 +127,9 @@ impl Credit {
                 edit.name,
                 gain.attack.value,
                 self.whole.attack.value,
-                match gain.verdict() {
-                    "raises attack" => "",
-                    _ => ", which these scenes do not tell apart from nothing or less",
+                match gain.raises() {
+                    true => "",
+                    false => ", which these scenes do not tell apart from nothing or less",
                 }
             ),
             Err(reason) => format!("{} cannot be taken out alone: {reason}", edit.name),

@@ -54,3 +54,9 @@ fn a_parent_has_no_edit() {
     let ran = run(&["credit", "cat-idm/parent", "--run", &folder()]);
     assert!(ran.code == 0 && ran.stdout.contains("cat-idm/parent is a parent"), "{}", ran.stderr);
 }
+
+#[test]
+fn labels_that_are_not_the_recorded_ones_get_no_credit() {
+    let ran = run(&["credit", "adv_bmt-idm/e4s1", "--ego", "replay", "--run", &folder()]);
+    assert!(ran.code == 4 && ran.stderr.contains("the run recorded another rollout"), "{}", ran.stderr);
+}

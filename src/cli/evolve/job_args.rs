@@ -1,4 +1,4 @@
-//! What `run`, `plan` and `record` are told: the experiment, and from which answers it is carried out.
+//! Arguments that `run`, `plan` and `record` share: the experiment, and from which answers it is carried out.
 
 use clap::Args;
 use std::path::PathBuf;

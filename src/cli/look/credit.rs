@@ -3,6 +3,7 @@
 
 use clap::Args;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ use crate::evidence::choice::Choice;
 use crate::evidence::credit::{Credit, EditCredit, Gain};
 use crate::experiment::ProgramFile;
 use crate::families;
-use crate::kernel::{Seed, Threads};
+use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::event::ParentAdopted;
 use crate::objects::{Operation, Program, ProgramPatch, SceneScore, SolutionId};
 use crate::stage::Source;
@@ -92,7 +93,8 @@ struct Way<'r> {
     parent: &'r Program,
     program: &'r Program,
     operations: Vec<Operation>,
-    patch: ProgramPatch,
+    /// The last patch: what a patch says besides its operations.
+    patch: &'r ProgramPatch,
     edits: Vec<Edit>,
 }
 
@@ -100,7 +102,7 @@ impl<'r> Way<'r> {
     fn of(run: &'r RecordedRun, solution: &SolutionId, one_by_one: bool) -> Result<Way<'r>, Failure> {
         let chain = run.chain(solution);
         let [parent, .., program] = chain[..] else {
-            return Err(Failure::bad_input(format!("{solution} is a parent: there is no edit to give credit to")));
+            return Err(Failure::internal(format!("{solution} has no edit to give credit to")));
         };
         let (mut operations, mut edits, mut last) = (Vec::new(), Vec::new(), None);
         for of in &chain[1..] {
@@ -118,7 +120,7 @@ impl<'r> Way<'r> {
             } else {
                 edits.push(Edit { name: name.to_string(), places });
             }
-            last = Some(patch.clone());
+            last = Some(patch);
         }
         let patch = last.ok_or_else(|| Failure::internal("a chain without a patch"))?;
         Ok(Way { parent, program, operations, patch, edits })
@@ -151,11 +153,7 @@ fn credit(
     let way = Way::of(run, solution, options.operations)?;
     let sources = families::sources();
     let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let asked = options.driver.as_deref().map(|path| Asked::named(path, &file.conditions.simulator)).transpose()?;
-    let ego = match &asked {
-        Some(asked) => asked.ego()?,
-        None => applying::driver(options.ego.as_ref().unwrap_or(&file.conditions.ego))?,
-    };
+    let (asked, ego) = applying::under_test(&file, options.ego.as_ref(), options.driver.as_deref())?;
     let planners = asked.as_ref().map(Asked::planners);
     let pool = folder.read_pool()?;
     let held_out = run.opened.held_out_scenes.iter().filter_map(|id| pool.scene(id).cloned().map(Arc::new));
@@ -171,36 +169,51 @@ fn credit(
         evaluation: &file.conditions.evaluation,
         counsels: &counsels,
     };
-    let labels = |program: &Program| -> Result<Vec<SceneScore>, String> {
-        let mut labelled = applied.label(&[program], &entries, threads).map_err(|error| error.to_string())?;
-        labelled.pop().map(|labelled| labelled.score.scenes).ok_or_else(|| "it has no label".to_string())
-    };
     let whole = way.with(source, |_| true).map_err(Failure::internal)?;
-    if whole.hash().map_err(Failure::internal)? != way.program.hash().map_err(Failure::internal)? {
+    let (start, end) = (hash(way.parent)?, hash(way.program)?);
+    if hash(&whole)? != end {
         return Err(Failure::divergence(format!("{solution}: its patches on its parent give another program")));
     }
-    let (before, after) =
-        (labels(way.parent).map_err(Failure::bad_input)?, labels(&whole).map_err(Failure::bad_input)?);
-    as_recorded(&file, run, &[(way.parent, &before), (way.program, &after)])?;
+    let without = |edit: &Edit| way.with(source, |place| !edit.places.contains(&place));
+    let alone = |edit: &Edit| way.with(source, |place| edit.places.contains(&place));
+    let variants: Vec<[Result<Program, String>; 2]> =
+        way.edits.iter().map(|edit| [without(edit), alone(edit)]).collect();
+    // The same program comes about in several ways, the parent and the whole first of all: each is played once.
+    let mut programs = BTreeMap::from([(start, way.parent), (end, &whole)]);
+    for program in variants.iter().flatten().filter_map(|variant| variant.as_ref().ok()) {
+        programs.insert(hash(program)?, program);
+    }
+    let labelled = applied.label_each(&programs.values().copied().collect::<Vec<_>>(), &entries, threads)?;
+    let labelled = labelled.into_iter().map(|labelled| labelled.map(|of| of.score.scenes).map_err(|e| e.to_string()));
+    let labels: Labels = programs.into_keys().zip(labelled).collect();
+    let needed = |digest: &Digest| labels[digest].as_ref().map_err(Failure::bad_input);
+    let (before, after) = (needed(&start)?, needed(&end)?);
+    as_recorded(&file, run, &[(way.parent, before), (way.program, after)])?;
     let none = || "no scene has labels of both".to_string();
-    let gain = Gain::of(&before, &after).ok_or_else(|| Failure::bad_input(format!("{solution}: {}", none())))?;
-    let of_edit = |edit: &Edit| {
-        let without = way.with(source, |place| !edit.places.contains(&place));
-        let alone = way.with(source, |place| edit.places.contains(&place));
-        EditCredit {
-            name: edit.name.clone(),
-            what: edit.places.iter().map(|place| way.operations[*place].in_words()).collect(),
-            taken_out: without.and_then(|of| Gain::of(&labels(&of)?, &after).ok_or_else(none)),
-            alone: alone.and_then(|of| Gain::of(&before, &labels(&of)?).ok_or_else(none)),
-        }
+    let of_variant = |variant: &Result<Program, String>| -> Result<&Vec<SceneScore>, String> {
+        let digest = variant.as_ref().map_err(String::clone)?.hash().map_err(|error| error.to_string())?;
+        labels[&digest].as_ref().map_err(String::clone)
+    };
+    let of_edit = |(edit, [without, alone]): (&Edit, &[Result<Program, String>; 2])| EditCredit {
+        name: edit.name.clone(),
+        what: edit.places.iter().map(|place| way.operations[*place].in_words()).collect(),
+        taken_out: of_variant(without).and_then(|of| Gain::of(of, after).ok_or_else(none)),
+        alone: of_variant(alone).and_then(|of| Gain::of(before, of).ok_or_else(none)),
     };
     Ok(Credit {
         program: solution.clone(),
         parent: way.parent.solution_id.clone(),
         scenes: before.iter().filter(|label| after.iter().any(|other| other.scene == label.scene)).count(),
-        whole: gain,
-        edits: way.edits.iter().map(of_edit).collect(),
+        whole: Gain::of(before, after).ok_or_else(|| Failure::bad_input(format!("{solution}: {}", none())))?,
+        edits: way.edits.iter().zip(&variants).map(of_edit).collect(),
     })
+}
+
+/// Program hash -> its labels, or why it has none.
+type Labels = BTreeMap<Digest, Result<Vec<SceneScore>, String>>;
+
+fn hash(program: &Program) -> Result<Digest, Failure> {
+    program.hash().map_err(Failure::internal)
 }
 
 /// Labels that the run recorded must come out again. Those of another simulator cannot be asked for here.

@@ -236,14 +236,14 @@ fn agrees(manifest: &Manifest, folder: &RunFolder, bundle: &Path) -> Result<(), 
     let name = Experiment::read(&folder.experiment())?.name;
     let run = folder.recorded()?;
     let said = [manifest.root, manifest.experiment, manifest.pool];
-    let digests = [run.root, run.opened.experiment, run.opened.pool];
-    if let Some(place) = said.iter().zip(&digests).position(|(said, digests)| said != digests) {
+    let inside = [run.root, run.opened.experiment, run.opened.pool];
+    if let Some(place) = said.iter().zip(&inside).position(|(said, inside)| said != inside) {
         let what = ["root", "experiment", "pool"][place];
         return Err(Failure::corruption(format!(
             "{}: {what}: the manifest says {}, the events inside say {}; `evodrive bundle create` did not make this bundle",
             bundle.display(),
             said[place],
-            digests[place]
+            inside[place]
         )));
     }
     let Version { adapter, sim, eval, .. } = manifest.versions;
@@ -252,9 +252,9 @@ fn agrees(manifest: &Manifest, folder: &RunFolder, bundle: &Path) -> Result<(), 
         ("name", manifest.name.clone(), run.opened.name.clone()),
         ("versions", format!("{versions:?}"), format!("{:?}", run.opened.versions)),
     ];
-    if let Some((what, said, digests)) = others.iter().find(|(_, said, digests)| said != digests) {
+    if let Some((what, said, inside)) = others.iter().find(|(_, said, inside)| said != inside) {
         return Err(Failure::corruption(format!(
-            "{}: {what}: the manifest says {said}, the events inside say {digests}; the bundle was put together by something else",
+            "{}: {what}: the manifest says {said}, the events inside say {inside}; the bundle was put together by something else",
             bundle.display()
         )));
     }

@@ -65,11 +65,7 @@ pub struct Options {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let file = ProgramFile::read(&options.program)?;
-    let asked = options.driver.as_deref().map(|path| Asked::named(path, &file.conditions.simulator)).transpose()?;
-    let ego = match &asked {
-        Some(asked) => asked.ego()?,
-        None => driver(options.ego.as_ref().unwrap_or(&file.conditions.ego))?,
-    };
+    let (asked, ego) = under_test(&file, options.ego.as_ref(), options.driver.as_deref())?;
     let planners = asked.as_ref().map(Asked::planners);
     let seed = Seed(options.seed.unwrap_or(file.conditions.seed));
     let pool = chosen(options, files::read(&options.scenes, jobs)?)?;
@@ -120,6 +116,20 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         file: file.clone(),
     };
     Ok(applied_text::answer(&compared, &written))
+}
+
+/// Who drives: the planner that is named, or else the policy that is, or else the one that the program was evolved against.
+pub fn under_test(
+    file: &ProgramFile,
+    ego: Option<&String>,
+    planner: Option<&Path>,
+) -> Result<(Option<Asked>, Policy), Failure> {
+    let asked = planner.map(|path| Asked::named(path, &file.conditions.simulator)).transpose()?;
+    let ego = match &asked {
+        Some(asked) => asked.ego()?,
+        None => driver(ego.unwrap_or(&file.conditions.ego))?,
+    };
+    Ok((asked, ego))
 }
 
 /// A driver by its name, or by the file of its weights.

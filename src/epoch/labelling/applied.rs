@@ -60,13 +60,26 @@ impl Applied<'_> {
         scenes: &[SceneEntry],
         threads: &Threads,
     ) -> Result<Vec<Labelled>, RunError> {
+        self.label_each(programs, scenes, threads)?.into_iter().collect()
+    }
+
+    /// The same, where a program without a label in any scene takes no other one along.
+    ///
+    /// # Errors
+    /// A program that its family's contract does not allow.
+    pub fn label_each(
+        &self,
+        programs: &[&Program],
+        scenes: &[SceneEntry],
+        threads: &Threads,
+    ) -> Result<Vec<Result<Labelled, RunError>>, RunError> {
         let prepared = self.prepared(programs)?;
         let labels = threads.map(scenes, |_, entry| self.labels_at(&prepared, entry));
         let of = |(k, prepared): (usize, &Prepared<'_>)| {
             let records: Vec<&Found> = labels.iter().map(|of_scene| &of_scene[k]).collect();
             self.scored(prepared.hash(), scenes, &records, threads)
         };
-        prepared.iter().enumerate().map(of).collect()
+        Ok(prepared.iter().enumerate().map(of).collect())
     }
 
     /// What each program makes others do in each scene, in the order of the scenes, and within a scene of the programs; or why it

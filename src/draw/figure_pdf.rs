@@ -1,40 +1,83 @@
-//! A figure as PDF, one page with Helvetica, which every reader of PDF has: no font travels with the file, and equal figures are equal
-//! bytes. The pdf-writer crate writes the objects; dates and names of programs are left out.
+//! A figure as PDF, one page with its font in it, so that it looks the same everywhere; equal figures are equal bytes. The pdf-writer crate writes the objects; dates and names of programs are left out.
 
-use pdf_writer::types::LineCapStyle;
+use pdf_writer::types::{FontFlags, LineCapStyle};
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
 
 use super::figure::{Anchor, Figure, Ink, Rgb, Shape, Words};
-use super::helvetica;
+use super::{
+    arimo::{self, BOLD, Font, REGULAR},
+    helvetica,
+};
 
 /// Control points of the cubic that is nearest to a quarter of a circle.
 const ROUND: f64 = 0.552_285;
 /// Bold letters are wider by about this much.
-const BOLD: f64 = 1.06;
+const WIDER: f64 = 1.06;
 
 /// The figure as a PDF document of one page.
 pub fn pdf(figure: &Figure) -> Vec<u8> {
-    let [catalog, pages, page, plain, bold, drawn, info] = [1, 2, 3, 4, 5, 6, 7].map(Ref::new);
+    let mut drawn = Content::new();
+    drawn.set_line_cap(LineCapStyle::RoundCap);
+    draw(&mut drawn, &figure.shapes, figure.height);
+    let weights = [false, true].map(|bold| has_words(&figure.shapes, bold));
+    document((figure.width, figure.height), &figure.title, &drawn.finish().into_vec(), weights)
+}
+
+/// Names of the plain and the bold font in the page's content.
+const NAMES: [Name<'static>; 2] = [Name(b"F1"), Name(b"F2")];
+
+/// A page of this size with what is drawn on it, and the fonts that it has words in.
+fn document((width, height): (f64, f64), title: &str, drawn: &[u8], weights: [bool; 2]) -> Vec<u8> {
+    let [catalog, pages, page, content, info] = [1, 2, 3, 4, 5].map(Ref::new);
+    // Three objects a font: itself, what readers must know of it, its file.
+    let places = [6, 9].map(|first| [first, first + 1, first + 2].map(Ref::new));
+    let used: Vec<_> = [(&REGULAR, 0), (&BOLD, 1)].into_iter().filter(|(_, at)| weights[*at]).collect();
     let mut out = Pdf::new();
     out.catalog(catalog).pages(pages);
     out.pages(pages).kids([page]).count(1);
     let mut sheet = out.page(page);
-    sheet.media_box(Rect::new(0.0, 0.0, figure.width as f32, figure.height as f32)).parent(pages).contents(drawn);
-    sheet.resources().fonts().pair(Name(b"F1"), plain).pair(Name(b"F2"), bold);
+    sheet.media_box(Rect::new(0.0, 0.0, width as f32, height as f32)).parent(pages).contents(content);
+    let mut resources = sheet.resources();
+    let mut fonts = resources.fonts();
+    used.iter().for_each(|(_, at)| {
+        fonts.pair(NAMES[*at], places[*at][0]);
+    });
+    fonts.finish();
+    resources.finish();
     sheet.finish();
-    for (font, name) in [(plain, b"Helvetica".as_slice()), (bold, b"Helvetica-Bold".as_slice())] {
-        out.type1_font(font).base_font(Name(name)).encoding_predefined(Name(b"WinAnsiEncoding"));
+    out.stream(content, drawn);
+    out.document_info(info).title(TextStr(title));
+    for (font, at) in used {
+        embed(&mut out, font, places[at]);
     }
-    out.stream(drawn, &content(figure));
-    out.document_info(info).title(TextStr(&figure.title));
     out.finish()
 }
 
-fn content(figure: &Figure) -> Vec<u8> {
-    let mut out = Content::new();
-    out.set_line_cap(LineCapStyle::RoundCap);
-    draw(&mut out, &figure.shapes, figure.height);
-    out.finish().into_vec()
+/// The font with its file: publishers take no document that leans on the reader's fonts.
+fn embed(out: &mut Pdf, font: &Font, [own, descriptor, file]: [Ref; 3]) {
+    let mut dict = out.indirect(own).dict();
+    dict.pair(Name(b"Type"), Name(b"Font")).pair(Name(b"Subtype"), Name(b"TrueType"));
+    dict.pair(Name(b"BaseFont"), Name(font.name)).pair(Name(b"Encoding"), Name(b"WinAnsiEncoding"));
+    dict.pair(Name(b"FirstChar"), 32).pair(Name(b"LastChar"), 255).pair(Name(b"FontDescriptor"), descriptor);
+    dict.insert(Name(b"Widths")).array().items(font.widths.map(i32::from));
+    dict.finish();
+    let [left, low, right, high] = font.bounds.map(f32::from);
+    let mut known = out.font_descriptor(descriptor);
+    known.name(Name(font.name)).flags(FontFlags::NON_SYMBOLIC).bbox(Rect::new(left, low, right, high));
+    known.italic_angle(0.0).ascent(f32::from(arimo::ASCENT)).descent(f32::from(arimo::DESCENT));
+    known.cap_height(f32::from(arimo::CAPITALS)).stem_v(f32::from(font.stem)).font_file2(file);
+    known.finish();
+    let mut stream = out.stream(file, font.file);
+    stream.pair(Name(b"Length1"), font.file.len() as i32);
+}
+
+/// Whether words of this weight stand among the shapes.
+fn has_words(shapes: &[Shape], bold: bool) -> bool {
+    shapes.iter().any(|shape| match shape {
+        Shape::Text(words) => words.bold == bold,
+        Shape::Within(_, shapes) => has_words(shapes, bold),
+        _ => false,
+    })
 }
 
 fn draw(out: &mut Content, shapes: &[Shape], height: f64) {
@@ -107,7 +150,7 @@ fn disc(out: &mut Content, (x, y): (f64, f64), r: f64) {
 }
 
 fn text(out: &mut Content, words: &Words, y: f64) {
-    let wide = helvetica::width(&words.text, words.size) * if words.bold { BOLD } else { 1.0 };
+    let wide = helvetica::width(&words.text, words.size) * if words.bold { WIDER } else { 1.0 };
     let back = match words.anchor {
         Anchor::Start => 0.0,
         Anchor::Middle => 0.5 * wide,
@@ -120,7 +163,7 @@ fn text(out: &mut Content, words: &Words, y: f64) {
     };
     let [r, g, b] = unit(words.colour);
     out.begin_text().set_fill_rgb(r, g, b);
-    out.set_font(Name(if words.bold { b"F2" } else { b"F1" }), short(words.size));
+    out.set_font(NAMES[usize::from(words.bold)], short(words.size));
     out.set_text_matrix(matrix).show(Str(&latin(&words.text))).end_text();
 }
 
@@ -162,9 +205,52 @@ mod tests {
         let text: String = bytes.iter().map(|b| char::from(*b)).collect();
         assert!(text.starts_with("%PDF-") && text.contains("10 35 20 10 re") && text.contains("100 0 l"), "{text}");
         // Letters beyond ASCII stand as hex digits, in the font's encoding.
-        assert!(text.to_uppercase().contains("4772F6DF65") && text.contains("/Helvetica"), "{text}");
+        assert!(
+            text.to_uppercase().contains("4772F6DF65") && text.contains("/BaseFont /EVODRI+Arimo-Regular"),
+            "{text}"
+        );
         assert!(!text.contains("CreationDate"));
         let clip = text.find("40 35 20 10 re").unwrap();
         assert!(text[clip..].starts_with("40 35 20 10 re\nW\nn") && text[clip..].contains("90 41 l"), "{text}");
+    }
+    /// What stands between two words of a document.
+    fn between<'t>(text: &'t str, from: &str, to: &str) -> &'t str {
+        text.split_once(from).and_then(|(_, rest)| rest.split_once(to)).map_or("", |(found, _)| found).trim()
+    }
+
+    #[test]
+    fn a_font_travels_with_the_words_that_need_it_and_no_other_is_named() {
+        let mut figure = Figure::new(100.0, 50.0, "words");
+        let text_of = |figure: &Figure| -> String { pdf(figure).iter().map(|b| char::from(*b)).collect() };
+        assert!(!text_of(&figure).contains("/FontFile2"), "no words, no font");
+        figure.text((50.0, 40.0), 8.0, Anchor::Middle, "plain");
+        let plain = text_of(&figure);
+        assert_eq!((plain.matches("/FontFile2").count(), plain.contains("Arimo-Bold")), (1, false));
+        let mut inner = Figure::new(1.0, 1.0, "");
+        inner.heading((50.0, 20.0), 8.0, "bold");
+        figure.shapes.push(Shape::Within([0.0, 0.0, 9.0, 9.0], inner.shapes));
+        let both = text_of(&figure);
+        assert_eq!((both.matches("/FontFile2").count(), both.matches("/Type /Font\n").count()), (2, 2), "{both}");
+        for standard in ["Helvetica", "Times", "Courier", "Type1"] {
+            assert!(!both.contains(standard), "{standard} is not in the file");
+        }
+        // The file is there whole: a TrueType file begins so.
+        let bytes = pdf(&figure);
+        for font in [REGULAR, BOLD] {
+            assert!(font.file.starts_with(&[0, 1, 0, 0]));
+            assert!(bytes.windows(font.file.len()).any(|part| part == font.file));
+        }
+        assert_eq!(between(&both, "/FirstChar", "/LastChar"), "32");
+    }
+
+    #[test]
+    fn the_font_is_as_wide_as_text_is_laid_out() {
+        for code in 32..127u8 {
+            let laid_out = helvetica::width(&char::from(code).to_string(), 1000.0);
+            assert_eq!(f64::from(REGULAR.widths[usize::from(code) - 32]), laid_out, "{}", char::from(code));
+        }
+        // Every letter that the encoding can say is drawn.
+        let codes = (32..127).chain(160..256).chain([0x96]);
+        assert!(codes.into_iter().all(|code: usize| REGULAR.widths[code - 32] > 0 && BOLD.widths[code - 32] > 0));
     }
 }

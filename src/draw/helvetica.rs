@@ -1,5 +1,5 @@
-//! Widths of Helvetica's letters, so that text can be laid out without a font: every PDF reader has it, and SVG readers put Arial or
-//! Liberation Sans, which have the same widths, in its place.
+//! Widths of Helvetica's letters, so that text can be laid out without a font: the font of PDF files (`arimo`) has the same, and
+//! so have Arial and Liberation Sans, which readers of SVG put in its place.
 
 /// Widths of the characters from space to tilde in thousandths of the size (Adobe's metrics of Helvetica).
 const WIDTHS: [u16; 95] = [

@@ -1,5 +1,6 @@
 //! Pictures of scenes and rollouts: an SVG, a film, and a page that plays them without a network; figures of numbers as SVG and PDF.
 
+mod arimo;
 mod axes;
 mod drawing;
 mod figure;
@@ -22,7 +23,7 @@ pub use film::{Film, FilmError, FilmOptions, film, gif};
 pub use helvetica::{width, wrapped};
 pub use panel::{Panel, colour, panel};
 pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, players_html, script_json};
-pub use strip::{StripOptions, even_steps, strip};
+pub use strip::{StripOptions, even_steps, strip, strip_figure};
 pub use svg::{Frame, SvgOptions, Theme, svg};
 
 #[cfg(test)]

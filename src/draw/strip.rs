@@ -4,6 +4,9 @@
 use std::fmt::Write as _;
 
 use super::drawing::Drawing;
+use super::figure::{Anchor, Figure};
+use super::helvetica::wrapped;
+use super::panel::{Panel, panel};
 use super::player::escaped;
 use super::svg::{Frame, SvgOptions, Theme, View, key_of_roles, moment};
 
@@ -37,9 +40,40 @@ pub fn even_steps(first: usize, last: usize, count: usize) -> Vec<usize> {
     steps
 }
 
-/// The strip as a stand-alone SVG document. The same drawing and options give the same bytes.
-pub fn strip(drawing: &Drawing, options: &StripOptions) -> String {
-    let panel = SvgOptions {
+/// Sizes of a strip on paper, points: of letters, between panels, and of the line below them.
+const LETTERS_PT: f64 = 7.5;
+const GAP_PT: f64 = 5.0;
+const CAPTION_PT: f64 = 12.0;
+
+/// The strip as a sheet of shapes, for PDF: `panel_px` are points there, and it has light colours.
+pub fn strip_figure(drawing: &Drawing, options: &StripOptions) -> Figure {
+    // The part of the world and its shape are those of the SVG.
+    let view = View::of(drawing, &SvgOptions { width_px: PANEL_OF_VIEW_PX, ..panel_options(options) });
+    let wide = options.panel_px;
+    let high = wide * view.height_px / view.width_px;
+    let count = options.steps.len().max(1) as f64;
+    let title = if options.title.is_empty() { "driving scene" } else { &options.title };
+    let mut sheet = Figure::new(count * (wide + GAP_PT) - GAP_PT, high + CAPTION_PT, title);
+    for (k, step) in options.steps.iter().enumerate() {
+        let left = k as f64 * (wide + GAP_PT);
+        let of = Panel { place: [left, 0.0, wide, high], middle: view.middle(), width_m: view.width_m(), step: *step };
+        panel(&mut sheet, drawing, &of);
+        let at = (left + 0.5 * wide, high + 9.0);
+        sheet.text(at, LETTERS_PT, Anchor::Middle, format!("t = {:.1} s", *step as f64 * drawing.dt_s));
+    }
+    for line in wrapped(&options.title, LETTERS_PT, sheet.width, 3) {
+        sheet.text((0.0, sheet.height + LETTERS_PT), LETTERS_PT, Anchor::Start, line);
+        sheet.height += LETTERS_PT + 2.0;
+    }
+    sheet.height += 2.0;
+    sheet
+}
+
+/// The view is the same at any width.
+const PANEL_OF_VIEW_PX: f64 = 400.0;
+
+fn panel_options(options: &StripOptions) -> SvgOptions {
+    SvgOptions {
         width_px: options.panel_px,
         theme: options.theme,
         frame: options.frame,
@@ -47,7 +81,12 @@ pub fn strip(drawing: &Drawing, options: &StripOptions) -> String {
         trails: true,
         labels: false,
         title: String::new(),
-    };
+    }
+}
+
+/// The strip as a stand-alone SVG document. The same drawing and options give the same bytes.
+pub fn strip(drawing: &Drawing, options: &StripOptions) -> String {
+    let panel = panel_options(options);
     let view = View::of(drawing, &panel);
     let colours = options.theme.palette();
     let (w, h) = (view.width_px, view.height_px);

@@ -234,6 +234,16 @@ impl View {
         View { low: low - spare, high: high + spare, scale, width_px, height_px: grown.y * scale }
     }
 
+    /// What lies in its middle, metres.
+    pub(super) fn middle(&self) -> Vec2 {
+        self.low.lerp(self.high, 0.5)
+    }
+
+    /// Metres from its left to its right side.
+    pub(super) fn width_m(&self) -> f64 {
+        self.high.x - self.low.x
+    }
+
     fn at(&self, p: Vec2) -> (f64, f64) {
         ((p.x - self.low.x) * self.scale, (self.high.y - p.y) * self.scale)
     }

@@ -20,12 +20,16 @@ pub struct Options {
     pub figure: Which,
     #[command(flatten)]
     pub runs: Runs,
-    /// The lineage that `case-evolution` shows; without it the run's first.
+    /// The lineage that `case-evolution` shows, without it the run's first whose reported program has patches; or the one that
+    /// `pareto-front` shows, without it all.
     #[arg(long)]
     pub lineage: Option<String>,
-    /// File to write: .svg, or .pdf (its text is in Helvetica, which is not embedded).
+    /// File to write: .svg, or .pdf with its font embedded.
     #[arg(long)]
     pub out: PathBuf,
+    /// Write the points of `pareto-front` into this CSV file, too.
+    #[arg(long, value_name = "CSV")]
+    pub data: Option<PathBuf>,
     #[command(flatten)]
     pub output: Output,
 }
@@ -38,6 +42,8 @@ pub enum Which {
     WorldSidecar,
     /// A lineage's proposals step by step, and the chain to its reported generator (fig:case-evolution-main and companions).
     CaseEvolution,
+    /// Attack against realism: parent, evaluated descendants, the front and the reported program, a panel a lineage.
+    ParetoFront,
     /// Pareto area by group over rounds (fig:carla-pareto-evolution).
     CarlaPareto,
     /// Scenes in which an evolved generator attacks and its parent does not, side by side, one row per lineage
@@ -67,6 +73,9 @@ impl Which {
         match (self, recorded_runs) {
             (Which::PatchSurface, _) => figures::patch_surface(recorded_runs),
             (Which::WorldSidecar, _) => figures::world_order(recorded_runs),
+            (Which::ParetoFront, _) => {
+                figures::pareto_front(recorded_runs, lineage.map(LineageId::new).as_ref()).map(|(figure, _)| figure)
+            }
             (Which::CarlaPareto, _) => figures::area_rounds(recorded_runs),
             (Which::Cases, _) => figures::cases(played, recorded_runs),
             (Which::Architecture, _) => figures::architecture(),
@@ -75,7 +84,7 @@ impl Which {
                 let named = lineage.map(LineageId::new);
                 let own = |run: &&RecordedRun| run.parents.iter().any(|parent| Some(&parent.lineage) == named.as_ref());
                 let run = recorded_runs.iter().find(own).unwrap_or(first);
-                let lineage = named.or_else(|| run.parents.first().map(|parent| parent.lineage.clone()));
+                let lineage = named.or_else(|| figures::with_a_chain(run));
                 figures::case_evolution(run, &lineage.ok_or(FigureError::NoPatches)?)
             }
         }
@@ -116,9 +125,34 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         Ending::Svg => figure.svg().into_bytes(),
         Ending::Pdf => pdf(&figure),
     };
+    let points = points(options, &runs)?;
+    for place in [Some(&options.out), options.data.as_ref()].into_iter().flatten() {
+        options.output.may_be_made(place)?;
+    }
     options.output.write(&options.out, &bytes)?;
+    if let (Some(place), Some(points)) = (&options.data, points) {
+        options.output.write(place, points.as_bytes())?;
+    }
     let text = format!("{}: {}", figure.title, options.out.display());
-    Ok(Answer::new(text, json!({"out": options.out, "title": figure.title, "bytes": bytes.len()})))
+    Ok(Answer::new(
+        text,
+        json!({"out": options.out, "data": options.data, "title": figure.title, "bytes": bytes.len()}),
+    ))
+}
+
+/// The points behind the figure, where they are wanted.
+fn points(options: &Options, runs: &[FolderAndRun]) -> Result<Option<String>, Failure> {
+    let Some(place) = &options.data else { return Ok(None) };
+    if options.figure != Which::ParetoFront {
+        return Err(Failure::bad_input(format!(
+            "--data {}: only pareto-front has points to write; `evodrive data` writes the tables behind the other figures",
+            place.display()
+        )));
+    }
+    let recorded: Vec<RecordedRun> = runs.iter().map(|(_, run)| run.clone()).collect();
+    let (_, points) = figures::pareto_front(&recorded, options.lineage.as_deref().map(LineageId::new).as_ref())
+        .map_err(Failure::bad_input)?;
+    Ok(Some(points))
 }
 
 enum Ending {

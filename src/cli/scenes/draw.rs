@@ -10,7 +10,9 @@ use crate::cli::look::rollout::OfAttempt;
 use crate::cli::scenes::show;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
-use crate::draw::{Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, strip};
+use crate::draw::{
+    Drawing, Film, FilmOptions, Frame, StripOptions, Theme, even_steps, film, gif, pdf, strip, strip_figure,
+};
 use crate::kernel::Threads;
 use crate::llm::command::{Ended, Run};
 use crate::store;
@@ -21,6 +23,8 @@ const FRAMES_MAX: usize = 24;
 /// Widths of a panel and of a film, pixels.
 const PANEL_PX: f64 = 360.0;
 const FILM_PX: f64 = 720.0;
+/// Width of a panel of a PDF, points: four of them fill the text of a page.
+const PANEL_PT: f64 = 115.0;
 /// A film goes on for so long behind the contact, and its last picture stands for so many hundredths of a second.
 const AFTER_CONTACT_S: f64 = 1.0;
 const LAST_CS: u16 = 150;
@@ -37,7 +41,7 @@ pub struct Options {
     pub scene: Option<String>,
     #[command(flatten)]
     pub of: OfAttempt,
-    /// File to write: a strip of moments (.svg), or a film (.gif; .mp4 where ffmpeg is installed).
+    /// File to write: a strip of moments (.svg, .pdf), or a film (.gif; .mp4 where ffmpeg is installed).
     #[arg(long)]
     pub out: PathBuf,
     #[command(flatten)]
@@ -52,7 +56,7 @@ pub struct Options {
     /// Margin around the paths of ego and adversaries in the panels, metres.
     #[arg(long, default_value_t = 12.0, allow_negative_numbers = true)]
     pub around: f64,
-    /// Width of a panel, pixels; without it 360, and 720 for a film.
+    /// Width of a panel, pixels; without it 360, and 720 for a film. In a .pdf points; without it 115.
     #[arg(long, allow_negative_numbers = true)]
     pub panel: Option<f64>,
     /// Dark colours.
@@ -64,6 +68,8 @@ pub struct Options {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Strip,
+    /// A strip as PDF.
+    Page,
     Gif,
     Mp4,
 }
@@ -72,7 +78,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let kind = check(options)?;
     let (drawing, title) = show::drawn(options.path.as_ref(), options.scene.as_ref(), &options.of, jobs)?;
     match kind {
-        Kind::Strip => drawn_strip(options, &drawing, title),
+        Kind::Strip | Kind::Page => drawn_strip(options, kind, &drawing, title),
         kind => drawn_film(options, kind, &drawing, title, jobs),
     }
 }
@@ -81,15 +87,20 @@ fn theme(options: &Options) -> Theme {
     if options.dark { Theme::Dark } else { Theme::Light }
 }
 
-fn drawn_strip(options: &Options, drawing: &Drawing, title: String) -> Result<Answer, Failure> {
+fn drawn_strip(options: &Options, kind: Kind, drawing: &Drawing, title: String) -> Result<Answer, Failure> {
+    let usual = if kind == Kind::Page { PANEL_PT } else { PANEL_PX };
     let strip_of = StripOptions {
-        panel_px: options.panel.unwrap_or(PANEL_PX),
+        panel_px: options.panel.unwrap_or(usual),
         theme: theme(options),
         frame: Frame::Around(options.around),
         steps: steps(options, drawing)?,
         title: title.clone(),
     };
-    options.output.write(&options.out, strip(drawing, &strip_of).as_bytes())?;
+    let bytes = match kind {
+        Kind::Page => pdf(&strip_figure(drawing, &strip_of)),
+        _ => strip(drawing, &strip_of).into_bytes(),
+    };
+    options.output.write(&options.out, &bytes)?;
     let seconds: Vec<f64> = strip_of.steps.iter().map(|step| *step as f64 * drawing.dt_s).collect();
     let said: Vec<String> = seconds.iter().map(|s| format!("{s:.1}")).collect();
     let text =
@@ -187,17 +198,22 @@ fn check(options: &Options) -> Result<Kind, Failure> {
     let refuse = |what: String| Err(Failure::bad_input(what));
     let kind = match options.out.extension().and_then(|ending| ending.to_str()) {
         Some("svg") => Kind::Strip,
+        Some("pdf") if options.dark => {
+            return refuse("--dark: a strip as PDF is for paper and has light colours alone".into());
+        }
+        Some("pdf") => Kind::Page,
         Some("gif") => Kind::Gif,
         Some("mp4") => Kind::Mp4,
         _ => {
             return refuse(format!(
-                "--out {}: expected a name that ends in .svg (a strip), .gif or .mp4 (a film)",
+                "--out {}: expected a name that ends in .svg or .pdf (a strip), .gif or .mp4 (a film)",
                 options.out.display()
             ));
         }
     };
-    if kind != Kind::Strip && (options.frames.is_some() || !options.at.is_empty()) {
-        return refuse("--frames and --at choose the panels of a strip (.svg); a film shows every step".into());
+    let is_strip = matches!(kind, Kind::Strip | Kind::Page);
+    if !is_strip && (options.frames.is_some() || !options.at.is_empty()) {
+        return refuse("--frames and --at choose the panels of a strip (.svg, .pdf); a film shows every step".into());
     }
     if !(1..=FRAMES_MAX).contains(&options.frames.unwrap_or(FRAMES)) || options.at.len() > FRAMES_MAX {
         return refuse(format!("--frames or --at: expected 1 to {FRAMES_MAX} panels"));
@@ -206,6 +222,10 @@ fn check(options: &Options) -> Result<Kind, Failure> {
         return refuse(format!("--around {}: expected 0 to 1000 metres", options.around));
     }
     match options.panel {
+        Some(panel) if kind == Kind::Page => match (40.0..=1000.0).contains(&panel) {
+            true => Ok(kind),
+            false => refuse(format!("--panel {panel}: expected 40 to 1000 points")),
+        },
         Some(panel) if !(200.0..=2000.0).contains(&panel) => {
             refuse(format!("--panel {panel}: expected 200 to 2000 pixels"))
         }

@@ -70,6 +70,12 @@ fn chain<'s>(run: &'s RecordedRun, lineage: &LineageId) -> Vec<&'s Program> {
     reported.or_else(|| run.active(lineage)).map(|solution| run.chain(solution)).unwrap_or_default()
 }
 
+/// The first lineage of a run whose reported generator has patches to tell, or else the first.
+pub fn with_a_chain(run: &RecordedRun) -> Option<LineageId> {
+    let lineages = || run.parents.iter().map(|parent| &parent.lineage);
+    lineages().find(|lineage| chain(run, lineage).len() > 1).or_else(|| lineages().next()).cloned()
+}
+
 /// The figure's score of a proposal; `None` without labels.
 fn score(attempt: &Attempt) -> Option<f64> {
     attempt.exit.score().map(of_score)

@@ -22,6 +22,10 @@ pub enum FigureError {
         "these runs have no held-out scene in which a reported program attacks and its parent does not, so there is no pair to show"
     )]
     NothingWon,
+    #[error("no run holds a labelled program that acts; finish a run with `evodrive resume`, or name another")]
+    NoLabels,
+    #[error("these runs have more than {most} lineages, too many for a sheet; name one by --lineage: {}", known.join(", "))]
+    TooManyLineages { most: usize, known: Vec<String> },
     #[error("docs/ARCHITECTURE.md holds no table of rooms: expected lines `| floor | room | holds | may import |`")]
     NoRooms,
 }

@@ -7,6 +7,7 @@ mod cases;
 mod edits;
 mod error;
 pub mod legend;
+mod pareto_front;
 mod rooms;
 mod shown;
 #[cfg(test)]
@@ -14,10 +15,11 @@ mod tests;
 mod world_order;
 
 pub use area_rounds::area_rounds;
-pub use case_evolution::case_evolution;
+pub use case_evolution::{case_evolution, with_a_chain};
 pub use cases::{Case, Side, WonScene, cases, won_scenes};
 pub use edits::patch_surface;
 pub use error::FigureError;
+pub use pareto_front::pareto_front;
 pub use rooms::architecture;
 pub use shown::{Shown, of_run};
 pub use world_order::world_order;

@@ -3,7 +3,7 @@
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::cli::cluster::{bench, shard, worker};
-use crate::cli::evolve::job_args::{RecordArgs, RunArgs};
+use crate::cli::evolve::job_args::{RecordArgs, ResumeArgs, RunArgs};
 use crate::cli::evolve::{exchange, init, plan, run, watch};
 use crate::cli::look::{compare, credit, data, diff, figure, impact, lineage, report, show, table, why, world};
 use crate::cli::records::{bundle, fsck, run_name::OneRun};
@@ -38,7 +38,7 @@ pub enum Command {
     /// Carry an experiment out from its cassette; the same command again gives the same root.
     Run(RunArgs),
     /// Go on with a run that was interrupted; without a name, the one below runs/ that is not finished.
-    Resume(OneRun),
+    Resume(ResumeArgs),
     /// Derive a finished run again from its recorded answers and rollouts, and compare every event.
     #[command(alias = "replay")]
     Check(OneRun),

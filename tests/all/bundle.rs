@@ -57,6 +57,39 @@ fn frozen_bundles_are_read_for_ever_and_carried_out_again_by_every_build_of_thei
 }
 
 #[test]
+fn verification_leads_with_its_verdict_and_counts_the_answers_that_the_run_asked_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let experiment = crate::backends::experiment(dir.path(), "mine", "");
+    let (experiment, both) = (path(&experiment), dir.path().join("both.jsonl"));
+    let (both, runs) = (path(&both), dir.path().join("runs"));
+    // One cassette for two settings: the first run asks for a part of it.
+    let ran = |command: &str, more: &[&str]| {
+        run(&[&[command, experiment, "--no-report", "--out", path(&runs), "--cassette", both], more].concat()).root()
+    };
+    let first = ran("record", &[]);
+    ran("record", &["--set", "budget.slots=3"]);
+    assert_eq!(ran("run", &[]), first);
+    let folder = std::fs::read_to_string(runs.join("LATEST")).unwrap();
+    let file = dir.path().join("a.evodrive");
+    let made = bundle(&["create", path(&runs.join(folder.trim())), "--out", path(&file)]);
+    assert_eq!(made.code, 0, "{}", made.stderr);
+    let verified = bundle(&["verify", path(&file)]);
+    assert!(verified.code == 0 && verified.stdout.starts_with("verified: "), "{} {}", verified.stdout, verified.stderr);
+    // It speaks of the bundle, and not of the steps of the run.
+    assert_eq!(verified.stderr.lines().count(), 2, "{}", verified.stderr);
+    let object: Value = serde_json::from_str(&bundle(&["verify", path(&file), "--json"]).stdout).unwrap();
+    let text = std::fs::read_to_string(both).unwrap();
+    let recorded = text.lines().filter(|line| line.starts_with("{\"exchange\"")).count() as u64;
+    let [asked, others] = ["answers", "answers_not_asked_for"].map(|key| object["replayed"][key].as_u64().unwrap());
+    assert!(asked > 0 && others > 0 && asked + others == recorded, "{asked} {others} {recorded}");
+    for line in [format!("only replayed: {asked} answers"), format!("not used: {others} more answers")] {
+        assert!(verified.stdout.contains(&line), "{line}: {}", verified.stdout);
+    }
+    let shown = bundle(&["inspect", path(&file)]);
+    assert!(shown.stdout.starts_with("whole: "), "{}", shown.stdout);
+}
+
+#[test]
 fn equal_runs_give_equal_bytes_with_and_without_rollouts() {
     let dir = tempfile::tempdir().unwrap();
     let folder = imported(dir.path());

@@ -66,6 +66,64 @@ fn a_run_that_fails_leaves_no_folder_and_the_latest_run_as_it_was() {
     assert_eq!((planned.code, elsewhere.exists()), (5, false), "{}", planned.stderr);
 }
 
+/// The command behind these words, as it would be copied.
+fn proposed<'t>(text: &'t str, words: &str) -> &'t str {
+    let (_, rest) = text.split_once(words).unwrap_or_else(|| panic!("no {words:?} in {text}"));
+    rest.lines().next().unwrap_or_default().trim()
+}
+
+fn typed(command: &str) -> Ran {
+    Ran::of(Command::new("sh").args(["-c", command]).current_dir(home()))
+}
+
+#[test]
+fn what_is_proposed_for_another_setting_works_as_typed_and_leaves_the_experiments_cassette_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (experiment(folder.path(), "mine", ""), folder.path().join("out"));
+    call("record", &path, &out, &[]).root();
+    let cassette = folder.path().join("mine.jsonl");
+    let before = std::fs::read(&cassette).unwrap();
+    for set in ["models.scripted.sampling.seed=3", "seed=5", "budget.slots=2"] {
+        let missed = call("run", &path, &out, &["--set", set]);
+        assert_eq!(missed.code, 3, "{set}: {}", missed.stderr);
+        let plan = ["plan", path.to_str().unwrap(), "--out", out.to_str().unwrap(), "--set", set];
+        let planned = run(&plan);
+        let (record, next) = (proposed(&missed.stderr, "to record it: "), proposed(&planned.stdout, "next: "));
+        for command in [record, next] {
+            assert!(
+                command.contains(" record ") && command.contains(set) && command.contains("--cassette"),
+                "{command}"
+            );
+        }
+        let root = typed(record).root();
+        assert!(std::fs::read(&cassette).unwrap() == before, "{set}: the experiment's cassette has grown");
+        // From that cassette the plan is complete, and what it proposes replays.
+        let own = record.rsplit_once("--cassette ").unwrap().1;
+        let planned = run(&[&plan[..], &["--cassette", own]].concat());
+        assert_eq!(planned.code, 0, "{}", planned.stderr);
+        assert_eq!(typed(proposed(&planned.stdout, "next: ")).root(), root, "{set}");
+    }
+    // Who records another setting into it all the same is shown a way that loses nothing.
+    let (elsewhere, set) = (folder.path().join("elsewhere"), ["--set", "seed=6"]);
+    let refused = call("record", &path, &elsewhere, &set);
+    assert!(refused.code == 2 && refused.stderr.contains("did not ask for"), "{}", refused.stderr);
+    assert_eq!(refused.stderr.matches(" resume ").count(), 1, "one way, the one that works: {}", refused.stderr);
+    let root = typed(proposed(&refused.stderr, "in a cassette of its own: ")).root();
+    assert!(std::fs::read(&cassette).unwrap() == before && !root.is_empty());
+    let kept = folder_below(&elsewhere);
+    let none = run(&["resume", kept.to_str().unwrap(), "--cassette", "other.jsonl"]);
+    assert!(none.code == 2 && none.stderr.contains("expected a recording that is not finished"), "{}", none.stderr);
+}
+
+#[test]
+fn a_folder_that_was_only_planned_is_said_to_hold_no_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (experiment(folder.path(), "mine", ""), folder.path().join("out"));
+    run(&["plan", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    let table = run(&["table", "metadrive-main", folder_below(&out).to_str().unwrap()]);
+    assert!(table.code == 2 && table.stderr.contains("no run was carried out here yet"), "{}", table.stderr);
+}
+
 /// A model that answers so often and then gives up: a program of the kind `command`.
 fn unreliable(folder: &Path) -> PathBuf {
     let counter = folder.join("asked");

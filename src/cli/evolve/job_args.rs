@@ -3,7 +3,7 @@
 use clap::Args;
 use std::path::PathBuf;
 
-use crate::cli::records::folder::RUNS;
+use crate::cli::records::{folder::RUNS, run_name::OneRun};
 
 /// What is carried out, and from which answers.
 #[derive(Debug, Args)]
@@ -43,4 +43,13 @@ pub struct RecordArgs {
     /// Write over cassettes though they hold answers or rollouts that this recording does not ask for.
     #[arg(long)]
     pub overwrite: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct ResumeArgs {
+    #[command(flatten)]
+    pub run: OneRun,
+    /// Of a recording: write it into this cassette, instead of the one that it was begun for.
+    #[arg(long, value_name = "FILE")]
+    pub cassette: Option<PathBuf>,
 }

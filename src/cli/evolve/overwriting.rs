@@ -5,8 +5,8 @@ use std::path::Path;
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::evolve::other_pool;
-use crate::cli::records::folder::Recording;
-use crate::cli::terminal::exit::Failure;
+use crate::cli::records::folder::{Recording, RunFolder};
+use crate::cli::terminal::{exit::Failure, typed::resume_into};
 use crate::experiment::Experiment;
 use crate::kernel::Digest;
 use crate::llm::Cassette;
@@ -66,20 +66,21 @@ impl<'a> Held<'a> {
     /// Refuses to lose answers that this recording did not ask for: they belong to another experiment or to other scenes.
     ///
     /// # Errors
-    /// The number of them, and where this recording's answers are kept.
-    pub fn lost(&self, after: &Cassette, kept: &Path) -> Result<(), Failure> {
+    /// The number of them, where this recording's answers are kept, and the command that writes them elsewhere.
+    pub fn lost(&self, after: &Cassette, folder: &RunFolder) -> Result<(), Failure> {
         let asked: BTreeSet<Digest> = after.exchanges().iter().map(|of| of.key).collect();
         let lost = self.exchanges.difference(&asked).count();
         if lost == 0 {
             return Ok(());
         }
         Err(Failure::bad_input(format!(
-            "{} holds {} answers, {lost} of which this recording did not ask for: they belong to another experiment or pool. It \
-             stays as it was, and this recording's answers are in {}; {REMEDY}, and type the command again: nothing is asked \
-             twice",
+            "{} holds {} answers, {lost} of which this recording did not ask for: they belong to another experiment, another setting of \
+             it or other scenes. It stays as it was, and this recording's answers are in {}\n  to keep both, in a cassette of its own: \
+             {}\n  or add --overwrite to the command that recorded, which replaces the cassette; nothing is asked twice",
             self.path.display(),
             self.exchanges.len(),
-            kept.display()
+            folder.cassette().display(),
+            resume_into(&folder.dir, &folder.cassette_beside())
         )))
     }
 }

@@ -4,6 +4,7 @@
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write as _;
+use std::path::Path;
 
 use crate::agents::AgentError;
 use crate::backend::{Answers, BackendError, Replay as Recorded};
@@ -15,6 +16,7 @@ use crate::cli::evolve::{behind, held::Held, other_pool};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
+use crate::cli::terminal::typed::instead;
 use crate::epoch::{self, Desk, Meter, Mode, Rollouts, RunError, Study, Tools};
 use crate::evaluation::EvaluationError;
 use crate::experiment::Experiment;
@@ -62,6 +64,7 @@ fn planned(options: &Options, job: Job, held: &Held, cassette: &Cassette) -> Res
     let kept = held.folder.recording();
     let kept = kept.exists().then(|| Store::open(&kept)).transpose()?;
     let looked = Looked::new(cassette, kept.as_ref());
+    let own = job.own_cassette(&options.job)?;
     let Job { experiment, scenes, threads, .. } = job;
     let study = experiment.study(scenes, &threads)?;
     let end = walk(&experiment, &study, held, &looked, &threads)?;
@@ -70,7 +73,7 @@ fn planned(options: &Options, job: Job, held: &Held, cassette: &Cassette) -> Res
         End::Complete => Vec::new(),
         _ => rest(&experiment, &epoch::asked_at_most(&study)?, cassette, &seen, end == End::Answers),
     };
-    let planned = Planned { options, experiment: &experiment, cassette, seen, end, costs };
+    let planned = Planned { own: own.as_deref(), experiment: &experiment, cassette, seen, end, costs };
     Ok(planned.answer(&held.folder))
 }
 
@@ -109,7 +112,8 @@ fn walk(
 
 /// What was found.
 struct Planned<'a> {
-    options: &'a Options,
+    /// The cassette that a recording should take, where it is not the one that was looked at.
+    own: Option<&'a Path>,
     experiment: &'a Experiment,
     cassette: &'a Cassette,
     seen: Seen,
@@ -150,7 +154,6 @@ impl Planned<'_> {
     }
 
     fn text(&self, money: &Money) -> String {
-        let named = self.options.job.experiment.display();
         let mut text = format!(
             "{}: {} answers used, {} not asked for\n",
             self.cassette.name,
@@ -159,7 +162,11 @@ impl Planned<'_> {
         );
         match self.end {
             End::Complete => {
-                let _ = write!(text, "complete: every question has a recorded answer; next: evodrive run {named}");
+                let _ = write!(
+                    text,
+                    "complete: every question has a recorded answer; next: {}",
+                    instead("plan", "run", None)
+                );
                 return text;
             }
             End::Answers => {}
@@ -194,7 +201,15 @@ impl Planned<'_> {
         if let Some(cap) = self.experiment.spend {
             let _ = writeln!(text, "the experiment's cap: {} USD, {} tokens", cap.usd_max, cap.tokens_max);
         }
-        let _ = write!(text, "next: evodrive record {named}");
+        if self.own.is_some() && !self.seen.answered.is_empty() {
+            let _ = writeln!(
+                text,
+                "{} belongs to the experiment as its file says it, so a recording takes a cassette of its own and asks everything; a copy \
+                 of that one in its place keeps the answers that are there",
+                self.cassette.name
+            );
+        }
+        let _ = write!(text, "next: {}", instead("plan", "record", self.own));
         text
     }
 

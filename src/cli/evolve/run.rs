@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::backend::{Answers, BackendOptions, DriverOptions, Planners, Recorder, Replay as RecordedRollouts, Workers};
 use crate::cli::cluster::worker_process::Processes;
-use crate::cli::evolve::job_args::{JobArgs, RecordArgs, RunArgs};
+use crate::cli::evolve::job_args::{JobArgs, RecordArgs, ResumeArgs, RunArgs};
 use crate::cli::evolve::{behind, cost, held::Held, models, other_pool, overwriting};
 use crate::cli::look::page;
 use crate::cli::records::covered::{RESULT_BYTES_MAX, generated, of_result};
@@ -17,7 +17,7 @@ use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::interrupt::{Interrupt, Until};
 use crate::cli::terminal::moving_line::{Heard, MovingLine};
 use crate::cli::terminal::result_text::{self, Summary};
-use crate::cli::terminal::typed::{record_command, resume_command};
+use crate::cli::terminal::typed::{instead, resume_command};
 use crate::cli::terminal::width::{USUAL, stderr_width, table_width};
 use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study, Tools};
 use crate::evidence::choice::Choice;
@@ -38,10 +38,11 @@ const CASSETTE_BYTES_MAX: u64 = 1 << 30;
 pub fn run(args: &RunArgs, jobs: usize) -> Result<Answer, Failure> {
     let job = Job::new(&args.job, jobs)?;
     let path = job.cassette(&args.job);
-    let remedy = record_command();
+    let remedy = instead("run", "record", job.own_cassette(&args.job)?.as_deref());
     let cassette = Cassette::load_on(&path, Some(&job.threads))
         .map_err(|error| Failure { message: format!("{error}\n  to record it: {remedy}"), ..Failure::from(error) })?;
-    other_pool::check(&cassette, &job.scenes)?;
+    other_pool::check(&cassette, &job.scenes)
+        .map_err(|error| Failure { message: format!("{}\n  to record it: {remedy}", error.message), ..error })?;
     let rollouts = behind::replay(&job.experiment, &remedy)?;
     let interrupt = Interrupt::listen()?;
     let held = job.open_folder(None)?;
@@ -102,15 +103,15 @@ enum Way {
     Record { report: bool },
     /// A finished run is derived again from its records and compared.
     Check,
-    /// The same, and every rollout is simulated again.
-    Verify,
+    /// The same, and every rollout is simulated again. Quietly, where another command says what came of it.
+    Verify { quiet: bool },
 }
 
 impl Way {
     /// Which rollouts are simulated. What the store has was not asked of another simulator, and would be missing in its cassette.
     fn mode(self, elsewhere: bool) -> Mode {
         match self {
-            Way::Verify => Mode::Verify,
+            Way::Verify { .. } => Mode::Verify,
             Way::Record { .. } if elsewhere => Mode::Verify,
             Way::Replay { .. } | Way::Record { .. } | Way::Check => Mode::Reuse,
         }
@@ -118,12 +119,16 @@ impl Way {
 
     /// Whether a finished run is compared with, and stays as it is.
     fn compares(self) -> bool {
-        matches!(self, Way::Check | Way::Verify)
+        matches!(self, Way::Check | Way::Verify { .. })
     }
 
     /// Whether another simulator's rollouts are recorded motion that is summed up again.
     fn sums_up_again(self) -> bool {
         !matches!(self, Way::Record { .. })
+    }
+
+    fn is_quiet(self) -> bool {
+        matches!(self, Way::Verify { quiet: true })
     }
 
     fn reports(self) -> bool {
@@ -199,7 +204,7 @@ fn carry_out_recording(
     // The report comes behind the cassette: what was answered must not hang on a drawing.
     let cassette = recorder.into_cassette(&name, &[])?;
     cassette.save(&folder.cassette(), &name)?;
-    there.lost(&cassette, &folder.cassette())?;
+    there.lost(&cassette, folder)?;
     cassette.save(path, &name)?;
     store::copy(path, &folder.cassette())?;
     progress(format!("recorded {} exchanges in {}", cassette.exchanges().len(), path.display()));
@@ -263,11 +268,22 @@ fn before_fresh(cassette: &Path) -> Result<String, Failure> {
 
 /// Goes on with an interrupted run or recording, or confirms a finished run. Without a folder it takes the one below `runs` that
 /// is not finished, and the latest one where all are.
-pub fn resume(args: &OneRun, jobs: usize) -> Result<Answer, Failure> {
-    let folder = args.unfinished_or_latest()?;
+pub fn resume(args: &ResumeArgs, jobs: usize) -> Result<Answer, Failure> {
+    let folder = args.run.unfinished_or_latest()?;
     let (card, went_on) = (folder.card()?, folder.is_unfinished()?);
+    if let (None, Some(cassette)) = (&card.recording, &args.cassette) {
+        let (cassette, dir) = (cassette.display(), folder.dir.display());
+        let expected = "expected a recording that is not finished, which is written into a cassette";
+        return Err(Failure::bad_input(format!(
+            "--cassette {cassette}: {expected}; {dir} is none: leave the option out"
+        )));
+    }
     let answer = match card.recording {
-        Some(recording) => {
+        Some(mut recording) => {
+            if let Some(cassette) = &args.cassette {
+                recording.cassette = std::path::absolute(cassette).map_err(Failure::internal)?;
+                folder.write_card(&card.name, Some(&recording))?;
+            }
             let mut job = Job::of_folder(&folder, jobs)?;
             if let (Some(driver), Some(folder)) = (&mut job.experiment.driver, &recording.driver_folder) {
                 driver.folder.clone_from(folder);
@@ -290,7 +306,12 @@ pub fn check(args: &OneRun, jobs: usize) -> Result<Answer, Failure> {
 }
 
 pub fn verify(args: &OneRun, jobs: usize) -> Result<Answer, Failure> {
-    again(args.folder()?, jobs, Way::Verify)
+    again(args.folder()?, jobs, Way::Verify { quiet: false })
+}
+
+/// The same for a folder that another command made and will take away: it speaks of the run itself.
+pub fn verify_quietly(folder: &RunFolder, jobs: usize) -> Result<Answer, Failure> {
+    again(folder.clone(), jobs, Way::Verify { quiet: true })
 }
 
 /// Derives a run folder's run again from its own copies of experiment, scenes and cassette.
@@ -342,6 +363,18 @@ impl Job {
         args.cassette.clone().unwrap_or_else(|| self.experiment.beside(&self.experiment.cassette))
     }
 
+    /// The cassette that a proposed recording names: a new one beside the run folders, where the command line changes the experiment and
+    /// the experiment's own cassette holds answers. Those belong to the experiment as it stands in its file.
+    pub fn own_cassette(&self, args: &JobArgs) -> Result<Option<PathBuf>, Failure> {
+        let changed = !args.set.is_empty() || !args.scenes.is_empty();
+        let shared = changed && args.cassette.is_none() && self.cassette(args).exists();
+        shared.then(|| self.folder().map(|folder| folder.cassette_beside())).transpose()
+    }
+
+    fn folder(&self) -> Result<RunFolder, Failure> {
+        RunFolder::of(&self.out, &self.experiment.name, self.experiment.digest()?, self.scenes.digest())
+    }
+
     /// From a run folder's own copies.
     pub fn of_folder(folder: &RunFolder, jobs: usize) -> Result<Job, Failure> {
         let threads = Threads::new(jobs).map_err(Failure::internal)?;
@@ -352,8 +385,7 @@ impl Job {
 
     /// Locks the run folder and makes it self-contained before anything is computed. What stands there already stays.
     pub fn open_folder(&self, recording: Option<&Recording>) -> Result<Held, Failure> {
-        let folder = RunFolder::of(&self.out, &self.experiment.name, self.experiment.digest()?, self.scenes.digest())?;
-        let held = Held::of(folder)?;
+        let held = Held::of(self.folder()?)?;
         let furnished = self.furnish(&held.folder, recording);
         match furnished {
             Ok(()) => Ok(held),
@@ -388,18 +420,30 @@ fn carry_out(
     sources: &Sources<'_>,
     interrupt: &Interrupt,
 ) -> Result<Done, Failure> {
-    progress(format!("run folder: {}", folder.dir.display()));
+    let quiet = sources.way.is_quiet();
+    let say = |text: String| {
+        if !quiet {
+            progress(text)
+        }
+    };
+    say(format!("run folder: {}", folder.dir.display()));
     let Job { experiment, scenes, threads, .. } = job;
     let study = experiment.study(scenes, &threads)?;
     let clock = cost::clock();
     let log = transcript(folder, sources.way, &threads)?;
     let confirmed = log.remaining();
     if confirmed > 0 {
-        progress(format!("{confirmed} recorded events: each is worked out again and compared"));
+        say(format!("{confirmed} recorded events: each is worked out again and compared"));
     }
     let rollouts = Rollouts::new(objects, sources.way.mode(sources.rollouts.is_some()));
     let line = MovingLine::new(&study, &folder.dir);
-    let mut watch = |news: Progress| line.tell(&news, rollouts.counts());
+    // The moving line of a terminal moves for a quiet command too.
+    let moves = stderr_width().is_some();
+    let mut watch = |news: Progress| {
+        if !quiet || moves && matches!(news, Progress::Attempt { .. }) {
+            line.tell(&news, rollouts.counts());
+        }
+    };
     let backend = behind::backend(&experiment, sources.rollouts);
     let heard = Heard { ask: sources.ask, line: &line };
     let (ask, stop) = (Until { ask: &heard, interrupt }, || interrupt.is_asked());
@@ -422,7 +466,7 @@ fn carry_out(
         cost::keep(folder, &cost)?;
         store::write_atomic(&folder.result(), &text)?;
     }
-    progress(cost::table(&cost, stderr_width().unwrap_or(USUAL)));
+    say(cost::table(&cost, stderr_width().unwrap_or(USUAL)));
     let (reused, simulated) = counts;
     let motion = match sources.rollouts.is_some() && sources.way.sums_up_again() {
         true => {
@@ -430,9 +474,9 @@ fn carry_out(
         }
         false => "",
     };
-    progress(format!("rollouts: {simulated} simulated, {reused} read from the store{motion}"));
+    say(format!("rollouts: {simulated} simulated, {reused} read from the store{motion}"));
     if sources.way.compares() {
-        progress(format!("all {confirmed} recorded events and the result are as recorded"));
+        say(format!("all {confirmed} recorded events and the result are as recorded"));
     }
     Ok(Done { experiment, study, threads, result, root, counts })
 }
@@ -523,7 +567,7 @@ fn answer(
         "name": experiment.name,
         "root": root,
         "folder": folder.dir,
-        "report": folder.report(),
+        "report": folder.report().exists().then(|| folder.report()),
         "cost": folder.cost(),
         "result": result,
         "choices": choices,

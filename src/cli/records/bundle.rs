@@ -175,7 +175,10 @@ pub fn key_text(path: &Path) -> Result<String, Failure> {
 
 fn inspect(options: &ReadOptions) -> Result<Answer, Failure> {
     let opened = bundle::open(&options.bundle, options.bytes_max, None)?;
-    Ok(made(&options.bundle, &opened.manifest, opened.signature.is_some()))
+    let (manifest, signed) = (&opened.manifest, opened.signature.is_some());
+    let whole = format!("whole: {}: every byte is as its manifest says\n", options.bundle.display());
+    let answer = made(&options.bundle, manifest, signed);
+    Ok(Answer { text: whole + &answer.text, ..answer })
 }
 
 fn made(path: &Path, manifest: &Manifest, signed: bool) -> Answer {

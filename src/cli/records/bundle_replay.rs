@@ -1,13 +1,15 @@
 //! `bundle verify`: the run of a bundle carried out again from nothing but the bundle, and what of it was executed.
 
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::bundle::{Opened, key_name, verified};
 use crate::cli::evolve::run;
 use crate::cli::records::bundle::{VerifyOptions, check_versions, exit_of, key_text, unpack};
-use crate::cli::records::{covered::coverage, folder::RunFolder, run_name::OneRun, scratch::Scratch};
-use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::cli::records::covered::{coverage, exchanges};
+use crate::cli::records::{folder::RunFolder, scratch::Scratch};
+use crate::cli::terminal::{answer::Answer, answer::progress, exit::Failure};
 use crate::evidence::{Gravity, RecordedRun, audit};
 use crate::families;
 use crate::kernel::Digest;
@@ -64,10 +66,13 @@ fn stored(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path) -> R
     let findings = audit(&run);
     damage.extend(findings.iter().filter(|of| of.gravity == Gravity::Breach).map(ToString::to_string));
     let clean = damage.is_empty();
-    let mut text = format!("{}: signature: {signed}\n", bundle.display());
+    let mut text = match damage.len() {
+        0 => format!("whole: {}: its stored bytes agree with each other; nothing was executed\n", bundle.display()),
+        count => format!("damaged: {}: {}\n", bundle.display(), format_args!("{count} findings")),
+    };
     text.extend(damage.iter().map(|of| format!("damaged: {of}\n")));
     text.push_str("executed again: nothing; files, hash chain, seal and records were checked against each other\n");
-    text.push_str(&format!("root: {}", opened.manifest.root));
+    text.push_str(&format!("signature: {signed}\nroot: {}", opened.manifest.root));
     let object = json!({"bundle": bundle, "root": opened.manifest.root, "clean": clean, "damage": damage, "signature": signed,
         "executed": {"events": 0, "rollouts": 0}});
     Ok(Answer { exit: exit_of(clean), ..Answer::new(text, object) })
@@ -94,30 +99,40 @@ fn check_contracts(run: &RecordedRun, bundle: &Path) -> Result<(), Failure> {
 fn executed(folder: &RunFolder, opened: &Opened, signed: &str, bundle: &Path, jobs: usize) -> Result<Answer, Failure> {
     check_versions(&opened.manifest, bundle)?;
     check_contracts(&folder.recorded()?, bundle)?;
-    let done = run::verify(&OneRun::of(&folder.dir), jobs)?;
+    progress(format!("{}: the run is carried out again from the bundle alone", bundle.display()));
+    let done = run::verify_quietly(folder, jobs)?;
     let rollouts = done.json["rollouts"]["simulated"].as_u64().unwrap_or_default();
     let mut events = 0u64;
     store::each_event(&folder.transcript(), &mut |_| events += 1)?;
-    let answers = Cassette::load(&folder.cassette())?.exchanges().len();
     let run = folder.recorded()?;
-    let models: std::collections::BTreeSet<&str> = run.opened.models.values().map(String::as_str).collect();
+    let asked: BTreeSet<Digest> = exchanges(&run).map(|exchange| exchange.request).collect();
+    let kept = Cassette::load(&folder.cassette())?;
+    let others = kept.exchanges().iter().filter(|recorded| !asked.contains(&recorded.key)).count();
+    let answers = asked.len();
+    let models: BTreeSet<&str> = run.opened.models.values().map(String::as_str).collect();
     let models: Vec<&str> = models.into_iter().collect();
     let elsewhere = folder.rollouts().exists();
     let (simulated, replayed) = match elsewhere {
         true => ("outcomes summed up again from recorded motion", ", and motion of another simulator (rollouts.jsonl)"),
         false => ("simulated again", ""),
     };
+    let unasked = match others {
+        0 => String::new(),
+        others => format!("\nnot used: {others} more answers in the cassette, for which this run did not ask"),
+    };
     let text = format!(
-        "{}: signature: {signed}\n\
+        "verified: {}: the run of {} comes out of the bundle alone, bit for bit\n\
          executed again: {events} events derived and as recorded (gates, labels, decisions, every number of result.json); {rollouts} rollouts {simulated}\n\
-         only replayed: {answers} answers of models ({}){replayed}\n\
+         only replayed: {answers} answers of models ({}){replayed}{unasked}\n\
+         signature: {signed}\n\
          root: {}",
         bundle.display(),
+        opened.manifest.name,
         models.join("; "),
         opened.manifest.root
     );
     let object = json!({"bundle": bundle, "root": opened.manifest.root, "clean": true, "signature": signed,
         "executed": {"events": events, "rollouts": rollouts, "simulated_here": !elsewhere},
-        "replayed": {"answers": answers, "models": models, "rollouts_of_another_simulator": elsewhere}});
+        "replayed": {"answers": answers, "answers_not_asked_for": others, "models": models, "rollouts_of_another_simulator": elsewhere}});
     Ok(Answer::new(text, object))
 }

@@ -255,7 +255,8 @@ fn rollouts(folder: &RunFolder, run: &RecordedRun) -> Result<(), String> {
     ))
 }
 
-fn exchanges(run: &RecordedRun) -> impl Iterator<Item = &Exchange> {
+/// Every question that the events name, with what was answered.
+pub fn exchanges(run: &RecordedRun) -> impl Iterator<Item = &Exchange> {
     let attempts = run.attempts.iter().flat_map(|attempt| &attempt.proposal.exchanges);
     let composed = run.composed.iter().flat_map(|composed| &composed.exchanges);
     let evolved = run.evolved.iter().flat_map(|turn| &turn.exchanges);

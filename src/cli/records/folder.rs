@@ -7,7 +7,7 @@ use crate::adapters::ADAPTER_VERSION;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::evaluation::EVAL_VERSION;
 use crate::evidence::{Reading, RecordedRun, RecordedRunError};
-use crate::experiment::{Experiment, ExperimentError, read_pool};
+use crate::experiment::{Experiment, ExperimentError, composed, read_pool};
 use crate::kernel::{Digest, Threads};
 use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
@@ -124,6 +124,11 @@ impl RunFolder {
             return Err(Failure::bad_input(format!("{count} runs below {} are unfinished; name one: {names}", RUNS)));
         }
         Ok(folders.pop())
+    }
+
+    /// A cassette of this run's own, beside its folder: where a recording goes that must not grow another cassette.
+    pub fn cassette_beside(&self) -> PathBuf {
+        self.dir.with_extension("jsonl")
     }
 
     /// Whether the run was begun and has not come to its end.
@@ -289,6 +294,11 @@ impl RunFolder {
         Ok(())
     }
 
+    /// How a seed of the run's experiment was chosen. What is wrong with the file is for those to say who need more of it.
+    fn seed_note(&self) -> Option<String> {
+        composed(&self.experiment()).ok()?.seed_note().map(String::from)
+    }
+
     /// The recorded run.
     pub fn recorded(&self) -> Result<RecordedRun, Failure> {
         self.recorded_on(None)
@@ -301,9 +311,16 @@ impl RunFolder {
             let what = "expected the transcript of a finished run, whose result is there, found none";
             return Err(Failure::corruption(format!("{}: {what}; `evodrive resume` derives it again", path.display())));
         }
+        if !path.exists() && self.has_card() {
+            return Err(Failure::bad_input(format!(
+                "{}: no run was carried out here yet, as after `evodrive plan`; `evodrive run` with the experiment's file does it",
+                self.dir.display()
+            )));
+        }
         let mut reading = Reading::default();
         store::each_event_on(&path, threads, &mut |event| reading.add(event))?;
-        reading.finish().map_err(|error| match error {
+        let read = reading.finish().map(|run| RecordedRun { seed_note: self.seed_note(), ..run });
+        read.map_err(|error| match error {
             RecordedRunError::NotARun => Failure::corruption(format!(
                 "{}: line 1: expected an `opened` event, found none: {error}; restore the file, or derive it again with `evodrive resume`",
                 path.display()

@@ -5,15 +5,21 @@ use std::path::Path;
 
 use crate::cli::terminal::shell::quoted;
 
-/// The command that records what this `run` lacks: as it was typed, with every option, and with `record` in place of `run`.
-pub fn record_command() -> String {
-    recording(std::env::args_os())
+/// The command that was typed, with every option, and another command in its place: what records what a `run` lacks, or runs what a
+/// `plan` looked at. `cassette` is the file that it takes where none was typed.
+pub fn instead(of: &str, command: &str, cassette: Option<&Path>) -> String {
+    in_place(std::env::args_os(), of, command, cassette)
 }
 
 /// The command that goes on with an interrupted run.
 pub fn resume_command(folder: &Path) -> String {
     let program = std::env::args_os().next().unwrap_or_else(|| "evodrive".into());
     format!("{} resume {}", quoted(&program.to_string_lossy()), quoted(&folder.to_string_lossy()))
+}
+
+/// The command that goes on with a recording and writes it into another cassette.
+pub fn resume_into(folder: &Path, cassette: &Path) -> String {
+    format!("{} --cassette {}", resume_command(folder), quoted(&cassette.to_string_lossy()))
 }
 
 /// The command that was typed, with one more word at its end, once.
@@ -25,12 +31,13 @@ pub fn again_with(word: &str) -> String {
     words.join(" ")
 }
 
-fn recording(typed: impl Iterator<Item = OsString>) -> String {
+fn in_place(typed: impl Iterator<Item = OsString>, of: &str, command: &str, cassette: Option<&Path>) -> String {
     let mut words: Vec<String> = typed.map(|word| word.to_string_lossy().into_owned()).collect();
     // No option before the command takes a word for its value that could be called so.
-    if let Some(word) = words.iter_mut().skip(1).find(|word| *word == "run") {
-        *word = "record".into();
+    if let Some(word) = words.iter_mut().skip(1).find(|word| *word == of) {
+        *word = command.into();
     }
+    words.extend(cassette.into_iter().flat_map(|file| ["--cassette".into(), file.to_string_lossy().into_owned()]));
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
@@ -40,7 +47,7 @@ mod tests {
 
     #[test]
     fn the_proposed_command_has_every_word_that_was_typed_and_survives_a_shell() {
-        let proposed = |typed: &[&str]| recording(typed.iter().map(OsString::from));
+        let proposed = |typed: &[&str]| in_place(typed.iter().map(OsString::from), "run", "record", None);
         assert_eq!(proposed(&["evodrive", "run", "mine.toml"]), "evodrive record mine.toml");
         let typed =
             ["target/release/evodrive", "--jobs", "2", "run", "my file.toml", "--set", "name=run", "--no-report"];
@@ -50,5 +57,8 @@ mod tests {
             proposed(&["evodrive", "run", "run", "--scenes", "it's"]),
             "evodrive record run --scenes 'it'\\''s'"
         );
+        let planned = ["evodrive", "plan", "mine.toml", "--set", "seed=3"].iter().map(OsString::from);
+        let next = in_place(planned, "plan", "record", Some(Path::new("runs/mine-1.jsonl")));
+        assert_eq!(next, "evodrive record mine.toml --set seed=3 --cassette runs/mine-1.jsonl");
     }
 }

@@ -42,7 +42,7 @@ write_tables() { # run folders' parent, target folder
   for table in $tables; do
     "$bin" table "$table" "${runs[@]}" > "$2/$table.md"
     "$bin" table "$table" "${runs[@]}" --format csv > "$2/$table.csv"
-    "$bin" table "$table" "${runs[@]}" --format latex > "$2/$table.tex"
+    "$bin" table "$table" "${runs[@]}" --format latex --columns all > "$2/$table.tex"
   done
 }
 

@@ -111,7 +111,8 @@ impl Credit {
         }
         text.push_str(
             "needed: the program minus the program without this edit; alone: the parent with this edit minus the parent; \
-             both paired by scene, in brackets 95 % bootstrap intervals over scenes\n",
+             both paired by scene, in brackets 95 % bootstrap intervals over scenes; they hold for this one program, \
+             and another seed of the search may give another\n",
         );
         text
     }

@@ -45,6 +45,8 @@ pub struct RecordedRun {
     pub result: Option<RunResult>,
     /// Hash of the last event.
     pub root: Digest,
+    /// How a seed of its experiment was chosen, as the experiment says it. The events do not hold it: who has the run's folder adds it.
+    pub seed_note: Option<String>,
 }
 
 /// A run being read event by event: all events of a long run as JSON would need several times its memory.
@@ -95,6 +97,7 @@ impl RecordedRun {
             replays: Vec::new(),
             result: None,
             root,
+            seed_note: None,
         })
     }
 

@@ -12,6 +12,8 @@ use super::{
     ExperimentError, OptionError, calibration, check, ego_weights, family_name, own_driver, parent_program, set,
 };
 
+/// The key that says how a seed of the file was chosen.
+const SEED_NOTE: &str = "seed_note";
 /// Files of one chain of bases.
 const CHAIN_MAX: usize = 8;
 
@@ -85,7 +87,11 @@ pub fn composed_under(path: &Path, assignments: &[String]) -> Result<Composed, E
         layers.push((name, table));
     }
     let mut table = Table::new();
-    for (_, layer) in layers.iter().rev() {
+    for (name, layer) in layers.iter().rev() {
+        // A note on a seed speaks of its own file: a file above it is another experiment, and so is one with another seed.
+        if name != set::SET || names_a_seed(layer) {
+            table.remove(SEED_NOTE);
+        }
         merge(&mut table, layer);
     }
     Ok(Composed { table, file: path.to_path_buf(), text: own_text.unwrap_or_default(), inlined, layers })
@@ -102,6 +108,11 @@ fn inline(table: &mut Table, place: &Place) -> Result<bool, ExperimentError> {
 }
 
 impl Composed {
+    /// How a seed of the file was chosen, where it says so.
+    pub fn seed_note(&self) -> Option<&str> {
+        self.table.get(SEED_NOTE)?.as_str()
+    }
+
     /// The error with the file that holds the value.
     pub fn error(&self, error: OptionError) -> ExperimentError {
         let holder = self.layers.iter().find(|(_, table)| check::holds(table, &error.path));
@@ -144,6 +155,14 @@ fn rebase(table: &mut Table, folder: &Path) {
     if let Some(Value::Array(paths)) = scenes.get_mut("paths") {
         paths.iter_mut().for_each(moved);
     }
+}
+
+/// Whether a seed is written anywhere in this table.
+fn names_a_seed(table: &Table) -> bool {
+    table.iter().any(|(key, value)| match value {
+        Value::Table(below) => names_a_seed(below),
+        _ => key == "seed" || key == "seeds",
+    })
 }
 
 /// Puts `over` above `base`: tables key by key, everything else as a whole. A table that names another `source` or `kind`

@@ -64,8 +64,20 @@ fn study() -> Vec<Key> {
     let mut keys = required(vec![
         ("name", "", "", Name, "Names the run folder."),
         ("describes", "", "", Text(500), "One sentence for reports."),
-        ("seed", "", "", Whole(0, i64::MAX), "Root of every random stream."),
-        ("seeds", "", "", Whole(1, 100), "How often each lineage is repeated, with draws of its own."),
+        (
+            "seed",
+            "",
+            "",
+            Whole(0, i64::MAX),
+            "Root of the random streams of split, search and programs; scenes and models have seeds of their own.",
+        ),
+        (
+            "seeds",
+            "",
+            "",
+            Whole(1, 100),
+            "How often each lineage is repeated, with draws of its own: the seeds that tables count.",
+        ),
         ("cassette", "", "", Text(1000), "File of the recorded answers, relative to the file that names it."),
         ("split.held_out", "", "scenes", Whole(1, 100_000), "Scenes that stay closed until evolution is over."),
         ("split.window", "", "scenes", Whole(1, 100_000), "Scenes of the rotating development window of an epoch."),
@@ -93,6 +105,14 @@ fn study() -> Vec<Key> {
     keys.extend(table(
         || Optional,
         vec![
+            (
+                "seed_note",
+                "",
+                "",
+                Text(500),
+                "How a seed of this file was chosen: summary, tables and comparisons repeat it. A file with this one as its base does not \
+                 have it, nor has a run with another seed by `--set`.",
+            ),
             (
                 "split.evolution.count",
                 "",

@@ -37,7 +37,7 @@ pub use model_options::ModelOptions;
 pub use models::{asked, by_role, provenance};
 pub use named_driver::{PlannerFile, named_driver};
 pub use options::{BudgetOptions, Experiment, LineageOptions, SceneSource, SplitOptions};
-pub use page::page;
+pub use page::{listing, page};
 pub use parent_program::ParentProgram;
 pub use place::PROTOCOLS;
 pub use program_file::{

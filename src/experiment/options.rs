@@ -32,6 +32,9 @@ pub struct Experiment {
     pub name: String,
     /// One sentence for reports.
     pub describes: String,
+    /// How a seed of the file was chosen, where it was: tables repeat it. No part of the digest, because no result depends on it.
+    #[serde(default, skip_serializing)]
+    pub seed_note: Option<String>,
     /// Root of every random stream.
     pub seed: u64,
     /// How often each lineage is repeated, every time with draws of its own: the spread between searches. Repetitions

@@ -23,7 +23,8 @@ circles are refused. The digest of an experiment is taken of the merged table. P
 
 Scenes are generated, or they are yours: `source = \"pool\"` with `path = \"my.pool\"` takes a pool (`evodrive scenes import`);
 `source = \"files\"` with `paths = [...]` takes scenario files, folders and pools, read anew each time. `--scenes` on the command
-line stands in for the file's scenes. `[split]` draws the evolution scenes and the held-out ones by the experiment's seed.
+line stands in for the file's scenes. `[split]` draws the evolution scenes and the held-out ones by the experiment's seed. Several
+keys are called seed: [GLOSSARY](GLOSSARY.md#seeds) sets them side by side.
 
 **What to leave alone.** Most keys have one value in every shipped file. The second part of both protocol files, below the line
 `# LEAVE ALONE`, holds those that no study needs to change, each table with the reason. Keys that no shipped file sets are for files
@@ -70,7 +71,7 @@ pub fn page() -> String {
                 page,
                 "|`{}`{}|{}{}|{}|{}|",
                 key.key,
-                if key.symbol.is_empty() { String::new() } else { format!(" ({})", key.symbol) },
+                symbol(key),
                 range(key),
                 needed(&key.need),
                 values.join("|"),
@@ -79,6 +80,33 @@ pub fn page() -> String {
         }
     }
     page
+}
+
+/// The keys as a terminal shows them: each in a line with its range, below it the values in the protocols and the meaning.
+pub fn listing() -> String {
+    let bases: Vec<(&str, Table)> =
+        PROTOCOLS.iter().filter_map(|(name, text)| Some((*name, text.parse().ok()?))).collect();
+    let mut out = String::new();
+    let all = keys();
+    for (at, key) in all.iter().enumerate() {
+        if at == 0 || section(&all[at - 1]) != section(key) {
+            let title = section(key);
+            let _ = writeln!(out, "\n{}", if title.is_empty() { "The file itself" } else { title });
+        }
+        let _ = writeln!(out, "\n  {}{}", key.key, symbol(key));
+        let _ = writeln!(out, "    {}\n    {}{}", key.meaning, range(key), needed(&key.need));
+        for (name, base) in &bases {
+            let value = value(base, key).replace('`', "");
+            if !value.is_empty() {
+                let _ = writeln!(out, "    {name}: {value}");
+            }
+        }
+    }
+    out.trim_start().to_string()
+}
+
+fn symbol(key: &Key) -> String {
+    if key.symbol.is_empty() { String::new() } else { format!(" ({})", key.symbol) }
 }
 
 /// The table that a key stands in; empty for those of the file itself.

@@ -53,6 +53,52 @@ fn a_value_of_the_command_line_is_checked_like_the_files_and_kept_in_the_run() {
     assert!(unknown.code == 2 && unknown.stderr.contains("did you mean cat-idm?"), "{}", unknown.stderr);
 }
 
+#[test]
+fn seeds_that_both_runs_have_are_pooled_and_one_seed_is_compared_with_its_like() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = experiment(folder.path(), "mine", "[[lineage]]\nid = \"cat\"\nfamily = \"cat\"\nego = \"idm\"\n");
+    let recorded = |name: &str, set: &[&str]| {
+        let out = folder.path().join(name);
+        let cassette = folder.path().join(format!("{name}.jsonl")).to_string_lossy().into_owned();
+        call("record", &path, &out, &[&["--cassette", &cassette], set].concat()).root();
+        folder_below(&out).to_string_lossy().into_owned()
+    };
+    let one = recorded("one", &[]);
+    let [two, other] = [("two", "1"), ("other", "2")]
+        .map(|(name, slots)| recorded(name, &["--set", "seeds=2", "--set", &format!("budget.slots={slots}")]));
+    let object: serde_json::Value = serde_json::from_str(&run(&["compare", &two, &other, "--json"]).stdout).unwrap();
+    let rows = object["rows"].as_array().unwrap();
+    let names: Vec<&str> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
+    assert_eq!((names, &rows[0]["seeds"]), (vec!["cat", "cat-s0", "cat-s1"], &2.into()));
+    let realism = |of: &serde_json::Value| {
+        let row = of["quantities"].as_array().unwrap().iter().find(|row| row["quantity"] == "realism").unwrap().clone();
+        ["first", "second", "difference"].map(|side| row[side]["value"].as_f64().unwrap())
+    };
+    let (pooled, seeds) = (realism(&rows[0]["pooled"]), [1, 2].map(|at| realism(&rows[at]["comparison"])));
+    assert_ne!(seeds[0][0], seeds[1][0], "the seeds differ, or their mean shows nothing");
+    let means = [0, 1, 2].map(|at| 0.5 * (seeds[0][at] + seeds[1][at]));
+    assert!(pooled.iter().zip(means).all(|(pooled, mean)| (pooled - mean).abs() < 1e-12), "{object}");
+    const SPREAD: &str = "The spread between searches is not in them";
+    let text = run(&["compare", &two, &other]).stdout;
+    assert!(text.contains("cat, pooled: means over 2 seeds of both") && !text.contains(SPREAD), "{text}");
+    assert!(text.contains("of one seed's over scenes alone"), "{text}");
+    let mixed = run(&["compare", &one, &two]);
+    for part in ["cat and cat-s0: A", "only B has the seeds 1, which are left out", SPREAD] {
+        assert!(mixed.stdout.contains(part), "{part}: {} {}", mixed.stdout, mixed.stderr);
+    }
+    let apart = run(&["compare", &format!("{two}:cat"), &format!("{other}:cat-s1")]);
+    assert!(apart.stdout.contains("only A has the seeds 0") && apart.stdout.contains("cat-s1: A "), "{}", apart.stdout);
+    // A parent is proposed by the name that it has in the run.
+    for (meant, near) in
+        [(format!("{two}:cat/parent"), "cat-s0/parent"), (format!("{one}:cat-s0/parent"), "cat/parent")]
+    {
+        let refused = run(&["compare", &meant, &one]);
+        assert!(refused.code == 2 && refused.stderr.contains(&format!("did you mean `{near}`")), "{}", refused.stderr);
+    }
+    // Three scenes that agree are no proof.
+    assert!(text.contains("with 3 of 3 it may be down to 0.368"), "{text}");
+}
+
 /// Commands with `--set` that a page shows in a block of its own, or the help at its end, each once.
 fn examples_of_set() -> BTreeSet<String> {
     let docs = std::fs::read_dir(home().join("docs")).unwrap().map(|entry| entry.unwrap().path());

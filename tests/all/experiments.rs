@@ -30,6 +30,28 @@ fn read(path: &Path) -> Experiment {
 }
 
 #[test]
+fn a_note_on_a_seed_goes_with_its_own_file_and_seeds_alone_and_moves_no_digest() {
+    let dir = tempfile::tempdir().unwrap();
+    let (own, above) = (dir.path().join("own.toml"), dir.path().join("above.toml"));
+    let quickstart = crate::harness::text("experiments/quickstart.toml");
+    let note = |path: &Path, set: &[&str]| {
+        let set: Vec<String> = set.iter().map(|of| of.to_string()).collect();
+        Experiment::read_under(path, &set).unwrap_or_else(|error| panic!("{error}"))
+    };
+    std::fs::write(&own, &quickstart).unwrap();
+    std::fs::write(&above, "base = \"own.toml\"\nname = \"above\"\n").unwrap();
+    let plain = note(&own, &[]);
+    assert!(plain.seed_note.as_ref().is_some_and(|note| note.contains("chosen of twenty")));
+    assert_eq!(note(&own, &["budget.slots=2"]).seed_note, plain.seed_note);
+    for other in ["seed=2", "seeds=5", "models.scripted.sampling.seed=3", "scenes.seed=8"] {
+        assert_eq!(note(&own, &[other]).seed_note, None, "{other}");
+    }
+    assert_eq!(note(&above, &[]).seed_note, None, "another experiment");
+    let said = note(&own, &["seed_note=another word"]);
+    assert_eq!((said.seed_note.as_deref(), said.digest().unwrap()), (Some("another word"), plain.digest().unwrap()));
+}
+
+#[test]
 fn every_experiment_file_is_read_and_names_families_and_parameters_that_exist() {
     let folders = ["", "/ablations", "/llm", "/metadrive", "/safebench", "/world"].map(|of| format!("experiments{of}"));
     let paths = folders.iter().map(|of| files(of)).collect::<Vec<_>>().concat();

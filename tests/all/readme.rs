@@ -136,6 +136,13 @@ fn a_digit_of_the_readme_that_is_changed_is_refused() {
 }
 
 #[test]
+fn the_readme_names_the_command_behind_its_table_of_seeds() {
+    assert!(text("README.md").contains("`.ci/seeds --full`"));
+    let script = text(".ci/seeds");
+    assert!(script.contains("golden/quickstart_seeds.csv") && script.contains("\"--full\""));
+}
+
+#[test]
 fn of_the_quickstarts_lineages_adv_bmt_alone_gains_attack_as_the_readme_says() {
     let attack = |line: &String| line.split_whitespace().nth(2).unwrap().parse::<f64>().unwrap();
     let gains: Vec<String> = table()[2..]

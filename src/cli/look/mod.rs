@@ -1,6 +1,7 @@
 //! Commands that read finished runs: attempts, tables, figures, comparisons, reasons.
 
 pub mod compare;
+pub mod compared_pairs;
 pub mod credit;
 pub mod data;
 pub mod diff;

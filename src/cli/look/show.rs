@@ -96,12 +96,14 @@ fn unknown(run: &RecordedRun, name: &str) -> Failure {
 /// The attempt of that name.
 pub fn find<'s>(run: &'s RecordedRun, name: &str) -> Result<&'s Attempt, Failure> {
     run.attempt(name).ok_or_else(|| {
-        let known: Vec<&str> = run.attempts.iter().map(|a| a.id.as_str()).collect();
-        let near = spelling::nearest(name, known.iter().copied());
-        let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+        // Parents by the names that they have in this run: with the seed where lineages were repeated, without it elsewhere.
+        let parents: Vec<&str> = run.parents.iter().map(|of| of.program.solution_id.as_str()).collect();
+        let known = parents.iter().copied().chain(run.attempts.iter().map(|a| a.id.as_str()));
+        let hint = spelling::nearest(name, known).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+        let like = parents.first().map_or(String::new(), |parent| format!(", parents e.g. {parent}"));
         Failure::bad_input(format!(
-            "no attempt `{name}` in this run of {} attempts{hint} (names are <lineage>/e<epoch>s<slot>)",
-            known.len()
+            "no attempt `{name}` in this run of {} attempts{hint} (names are <lineage>/e<epoch>s<slot>{like})",
+            run.attempts.len()
         ))
     })
 }

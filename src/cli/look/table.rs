@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 
 use crate::cli::records::{folder::RunFolder, run_name::Runs};
-use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
+use crate::cli::terminal::{answer::Answer, answer::progress, exit::Failure, width::stdout_width};
 use crate::evidence::tables::{self, Table, TableError};
 use crate::evidence::{RecordedRun, cell};
 
@@ -16,6 +16,10 @@ pub struct Options {
     /// How to write it; without it aligned columns on a terminal, and Markdown in a pipe or a file.
     #[arg(long)]
     pub format: Option<Format>,
+    /// Which columns of numbers, by their names in CSV, with commas; or `all`. Without it all, and in LaTeX those that fit
+    /// a page.
+    #[arg(long, value_delimiter = ',', value_name = "COLUMNS")]
+    pub columns: Vec<String>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -77,6 +81,7 @@ pub enum Format {
 pub fn run(options: &Options) -> Result<Answer, Failure> {
     let runs = options.runs.folders()?.iter().map(RunFolder::recorded).collect::<Result<Vec<_>, _>>()?;
     let table = options.table.of(&runs).map_err(Failure::bad_input)?;
+    let table = columns(options, table)?;
     let object = table.json();
     Ok(match (options.format, stdout_width()) {
         (None, Some(width)) => Answer::new(tables::plain(&table, width), object),
@@ -84,6 +89,37 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         (Some(Format::Csv), _) => Answer::exact(tables::csv(&table), object),
         (Some(Format::Latex), _) => Answer::exact(tables::latex(&table), object),
     })
+}
+
+/// The table with the columns that are wanted.
+fn columns(options: &Options, table: Table) -> Result<Table, Failure> {
+    let wanted: Vec<&str> = options.columns.iter().map(String::as_str).collect();
+    match (wanted.as_slice(), options.format) {
+        (["all"], _) => Ok(table),
+        ([], Some(Format::Latex)) => {
+            let page = tables::of_a_page(&table);
+            let (shown, all) = (page.keys().len(), table.keys().len());
+            if shown < all {
+                progress(format!(
+                    "{shown} of {all} columns of numbers, so that the table fits a page; --columns all prints every one"
+                ));
+            }
+            Ok(page)
+        }
+        ([], _) => Ok(table),
+        (keys, _) => {
+            let known: Vec<String> = table.keys().into_iter().map(String::from).collect();
+            match keys.iter().find(|key| !known.iter().any(|known| known == *key)) {
+                None => Ok(table.with(keys)),
+                Some(key) => Err(Failure::bad_input(format!(
+                    "--columns: table {} has no column `{key}`{}; its columns are {}, or all",
+                    table.name,
+                    cell::near(key, &known),
+                    known.join(", ")
+                ))),
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -69,6 +69,9 @@ pub fn summary(
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
     let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", provenance(experiment));
+    if let Some(note) = &experiment.seed_note {
+        let _ = writeln!(out, "note: {note}\n");
+    }
     for lineage in &experiment.lineages {
         for origin in lineage.parent_program.iter().filter_map(|program| program.origins.last()) {
             let _ = writeln!(out, "{} starts from {origin}\n", lineage.id);
@@ -125,7 +128,9 @@ pub fn summary(
         e.declined, e.invalid, e.rejected, e.evaluated, result.rollouts
     );
     let _ = writeln!(out, "run folder: {}", folder.dir.display());
-    let _ = writeln!(out, "report: {}", folder.report().display());
+    if folder.report().exists() {
+        let _ = writeln!(out, "report: {}", folder.report().display());
+    }
     let _ = writeln!(out, "root: {root}");
     out
 }

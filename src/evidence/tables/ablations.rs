@@ -263,6 +263,8 @@ fn notes(recorded_runs: &[RecordedRun], all: &[Ablation<'_>], compared: String) 
             .to_string(),
         "Rollouts: distinct ones on evolution scenes, over all searches; a declared budget bounds them.".to_string(),
     ];
+    let seeds: Vec<usize> = all.iter().flat_map(|one| notes::repeats(one.lineages.iter())).collect();
+    notes.splice(3..3, notes::one_seed(&seeds, "held-out scenes"));
     let most = all.iter().map(|one| one.lineages.iter().map(|l| one.rollouts(&l.lineage)).max().unwrap_or(0)).max();
     for one in all {
         let few = one.lineages.iter().filter(|l| 10 * one.rollouts(&l.lineage) < 9 * most.unwrap_or(0)).count();

@@ -10,6 +10,7 @@ use super::key::RowKey;
 use super::labels::{self, Labels, Reading};
 use super::layout::{Cell, Column, Form, Head, Numbers, Part, REPLAY, Row, Table};
 use super::metadrive::{SCENES, estimated};
+use super::notes;
 use super::resampled::Resampled;
 use crate::evaluation::Group;
 use crate::evidence::realism::Realisms;
@@ -108,7 +109,7 @@ fn table(
     of: &Applied<'_>,
     columns: &[Column],
     numbers: &[Numbers; 4],
-    notes: Vec<String>,
+    mut notes: Vec<String>,
 ) -> Table {
     let labelled = |played: &Played<'_>| played.score.scenes.len();
     let acted = |played: &Played<'_>| played.score.scenes.iter().filter(|scene| scene.acted).count();
@@ -130,7 +131,13 @@ fn table(
         proposals: proposals.to_string(),
         notes: Vec::new(),
     };
-    let rows = heads.iter().zip(numbers).map(row).collect();
+    let rows: Vec<Row> = heads.iter().zip(numbers).map(row).collect();
+    // Of the scores of SafeBench's protocol none is a share of scenes, nor is a realism.
+    let scores = [REALISM, STRICT, CR, OS, ARS];
+    let staged = columns.contains(&CR);
+    let is_share =
+        |column: &Column| column.form == Form::Rate && !scores.contains(column) && !(staged && *column == ATTACK);
+    notes.extend(notes::all_alike(rows.get(1..3).unwrap_or_default(), 0, is_share));
     Table {
         name,
         labels: vec![PROGRAM],
@@ -253,7 +260,8 @@ fn notes(staged: bool) -> Vec<String> {
             .to_string(),
         format!(
             "In brackets: 95 % percentile bootstrap intervals, {} resamples, seed {}; the last row is paired by scene, in \
-             realism and RP over the scenes that both act in.",
+             realism and RP over the scenes that both act in. They cover these scenes and this one program: what another seed of \
+             its search would give is not in them and may differ by more.",
             bootstrap::RESAMPLES,
             bootstrap::SEED.0
         ),

@@ -13,6 +13,8 @@ pub const RESAMPLES: usize = 2000;
 /// Root of the resampling streams. No result of a run depends on it; the tables name it.
 pub const SEED: Seed = Seed(95);
 const LEVELS: [f64; 2] = [0.025, 0.975];
+/// What a one-sided bound of 95 % leaves.
+const CHANCE: f64 = 0.05;
 
 /// A number with its interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -106,6 +108,12 @@ fn resampled(quantities: &[Quantity]) -> Vec<Vec<f64>> {
 /// The 95 % percentile interval of a quantity's resampled values; `None` without any.
 pub fn interval(resampled: &[f64]) -> Option<[f64; 2]> {
     Some([num::quantile(resampled, LEVELS[0])?, num::quantile(resampled, LEVELS[1])?])
+}
+
+/// The largest share with which none of `count` independent scenes would still be a success in one study of twenty: the exact (Clopper
+/// and Pearson) upper 95 % bound, one-sided, where a bootstrap has nothing to draw from.
+pub fn zero_of_at_most(count: usize) -> f64 {
+    1.0 - num::pow(CHANCE, 1.0 / count.max(1) as f64)
 }
 
 /// Draws with replacement from several sets, each with a random stream of its own.
@@ -227,6 +235,14 @@ mod tests {
         // Without any difference nothing speaks against none.
         assert_eq!(of_seeds(&[0.0; 5]).1, 1.0);
         assert_eq!(of_seeds(&[0.1; 12]).0, estimates(&[vec![once(suite("a", &[0.1; 12]))]])[0].unwrap());
+    }
+
+    #[test]
+    fn none_of_a_count_has_the_exact_bound_of_the_binomial() {
+        // (1 - p)^80 = 0.05, by hand: p = 1 - exp(ln 0.05 / 80) = 0.03675; of one scene 0.95; "the rule of three" for many.
+        assert!((zero_of_at_most(80) - 0.036_755).abs() < 1e-5, "{}", zero_of_at_most(80));
+        assert!((zero_of_at_most(1) - 0.95).abs() < 1e-12);
+        assert!((3000.0 * zero_of_at_most(3000) - 3.0).abs() < 0.01);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::labels::{self, Reading};
 use crate::evidence::RecordedRun;
-use crate::kernel::Digest;
+use crate::kernel::{Digest, num};
 use crate::objects::{RealismSums, SceneScore, SolutionId, realism_name};
 
 /// On which scenes two programs are compared.
@@ -42,6 +42,16 @@ pub struct Comparison {
     pub quantities: Vec<Compared>,
 }
 
+/// The programs of several seeds of a search beside those of another, seed by seed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Pooled {
+    pub on: Paired,
+    /// Different scenes of all seeds.
+    pub scenes: usize,
+    /// Means over the seeds; intervals are over seeds and scenes.
+    pub quantities: Vec<Compared>,
+}
+
 const QUANTITIES: [(&str, Reading); 4] = [
     ("attack", |scene| Some(scene.attack)),
     ("realism", |scene| scene.acted.then_some(scene.realism)),
@@ -53,39 +63,64 @@ const QUANTITIES: [(&str, Reading); 4] = [
 pub const STRICT_REALISM: &str = realism_name(false);
 
 type ByScene<'a> = BTreeMap<&'a str, &'a SceneScore>;
+/// A program of a run.
+type Of<'a> = (&'a RecordedRun, &'a SolutionId);
+/// Labels of two programs in one scene.
+type Pair<'a> = [&'a SceneScore; 2];
 
 /// Compares a program of one run with one of another; `None` where no scene has labels of both.
-pub fn compared(first: (&RecordedRun, &SolutionId), second: (&RecordedRun, &SolutionId)) -> Option<Comparison> {
-    let pairs = [(Paired::HeldOut, held_out as fn(_, _) -> _), (Paired::Evolution, evolution)];
-    pairs.into_iter().find_map(|(on, labels)| {
-        let (of_first, of_second) = (labels(first.0, first.1), labels(second.0, second.1));
-        let pairs: Vec<[&SceneScore; 2]> =
-            of_first.iter().filter_map(|(scene, label)| Some([*label, *of_second.get(scene)?])).collect();
-        if pairs.is_empty() {
-            return None;
-        }
-        // SafeBench's objective is ARS, over groups: the strict realism of its scenes would be a number that nobody searched by.
-        let quantities = quantities(&pairs, first.0.rounds.is_empty());
+pub fn compared(first: Of<'_>, second: Of<'_>) -> Option<Comparison> {
+    let (on, pairs, left_out) = paired(first, second)?;
+    let quantities = quantities(std::slice::from_ref(&pairs), with_strict(first.0));
+    let (first, second) = (first.1.clone(), second.1.clone());
+    Some(Comparison { first, second, on, scenes: pairs.len(), left_out, quantities })
+}
+
+/// Compares the programs of several seeds at once; `None` where a seed has no labels of both, or others than the rest are on.
+pub fn pooled(seeds: &[(Of<'_>, Of<'_>)]) -> Option<Pooled> {
+    let paired: Vec<_> = seeds.iter().map(|(first, second)| paired(*first, *second)).collect::<Option<_>>()?;
+    let (((first, _), _), (on, ..)) = (seeds.first()?, paired.first()?);
+    let (on, strict) = (*on, with_strict(first));
+    if paired.iter().any(|(other, ..)| *other != on) {
+        return None;
+    }
+    let pairs: Vec<Vec<Pair<'_>>> = paired.into_iter().map(|(_, pairs, _)| pairs).collect();
+    Some(Pooled { on, scenes: scenes_of(&pairs).len(), quantities: quantities(&pairs, strict) })
+}
+
+/// SafeBench's objective is ARS, over groups: the strict realism of its scenes would be a number that nobody searched by.
+fn with_strict(run: &RecordedRun) -> bool {
+    run.rounds.is_empty()
+}
+
+/// The labels of two programs in the scenes that both have, and how many of each are left out.
+fn paired<'a>(first: Of<'a>, second: Of<'a>) -> Option<(Paired, Vec<Pair<'a>>, [usize; 2])> {
+    let suites = [(Paired::HeldOut, held_out as fn(_, _) -> _), (Paired::Evolution, evolution)];
+    suites.into_iter().find_map(|(on, labels)| {
+        let (of_first, of_second): (ByScene<'a>, ByScene<'a>) = (labels(first.0, first.1), labels(second.0, second.1));
+        let pairs = both(&of_first, &of_second);
         let left_out = [of_first.len(), of_second.len()].map(|all| all - pairs.len());
-        let (first, second) = (first.1.clone(), second.1.clone());
-        Some(Comparison { first, second, on, scenes: pairs.len(), left_out, quantities })
+        (!pairs.is_empty()).then_some((on, pairs, left_out))
     })
+}
+
+fn both<'a>(first: &ByScene<'a>, second: &ByScene<'a>) -> Vec<Pair<'a>> {
+    first.iter().filter_map(|(scene, label)| Some([*label, *second.get(scene)?])).collect()
 }
 
 /// The quantities of two programs by their labels, paired by scene; empty where no scene has labels of both.
 pub fn compared_labels(first: &[SceneScore], second: &[SceneScore]) -> Vec<Compared> {
     // By name, as everywhere: the order decides which scenes a resample draws.
-    let (of_first, of_second) = (by_scene(first.iter()), by_scene(second.iter()));
-    let pairs: Vec<[&SceneScore; 2]> =
-        of_first.iter().filter_map(|(scene, label)| Some([*label, *of_second.get(scene)?])).collect();
-    if pairs.is_empty() { Vec::new() } else { quantities(&pairs, true) }
+    let pairs = both(&by_scene(first.iter()), &by_scene(second.iter()));
+    if pairs.is_empty() { Vec::new() } else { quantities(&[pairs], true) }
 }
 
-fn quantities(pairs: &[[&SceneScore; 2]], with_strict: bool) -> Vec<Compared> {
-    let shared = pairs.iter().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
-    let own = shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), pairs));
-    let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, pairs));
-    let strict = with_strict.then(|| strict_realism(pairs)).flatten();
+/// Of one search or several seeds of it, each with its pairs.
+fn quantities(seeds: &[Vec<Pair<'_>>], with_strict: bool) -> Vec<Compared> {
+    let shared = seeds.iter().flatten().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
+    let own = shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), seeds));
+    let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, seeds));
+    let strict = with_strict.then(|| strict_realism(seeds)).flatten();
     let mut quantities: Vec<Compared> = shipped.collect();
     let behind = quantities.iter().position(|row| row.quantity == "realism").map_or(quantities.len(), |at| at + 1);
     quantities.splice(behind..behind, strict);
@@ -111,39 +146,44 @@ fn by_scene<'a>(labels: impl Iterator<Item = &'a SceneScore>) -> ByScene<'a> {
     labels.map(|label| (label.scene.as_str(), label)).collect()
 }
 
-/// The stricter realism of both over the paired scenes, without intervals; `None` where one acts in none of them.
-fn strict_realism(pairs: &[[&SceneScore; 2]]) -> Option<Compared> {
-    let of = |at: usize| RealismSums::of(pairs.iter().map(|pair| pair[at])).realism();
+/// The scenes of all seeds, by name: the order decides which scenes a resample draws.
+fn scenes_of<'a>(seeds: &[Vec<Pair<'a>>]) -> BTreeSet<&'a str> {
+    seeds.iter().flatten().map(|[first, _]| first.scene.as_str()).collect()
+}
+
+/// The stricter realism of both over the paired scenes, the mean over seeds, without intervals; `None` where one acts in none of
+/// them.
+fn strict_realism(seeds: &[Vec<Pair<'_>>]) -> Option<Compared> {
+    let of = |at: usize| -> Option<f64> {
+        let of_seed = |pairs: &Vec<Pair<'_>>| RealismSums::of(pairs.iter().map(|pair| pair[at])).realism();
+        num::mean(&seeds.iter().map(of_seed).collect::<Option<Vec<f64>>>()?)
+    };
     let (first, second) = (of(0)?, of(1)?);
     let [before, after, difference] = [first, second, second - first].map(Estimate::plain);
-    Some(Compared {
-        quantity: STRICT_REALISM.to_string(),
-        scenes: pairs.len(),
-        first: before,
-        second: after,
-        difference,
-    })
+    let (quantity, scenes) = (STRICT_REALISM.to_string(), scenes_of(seeds).len());
+    Some(Compared { quantity, scenes, first: before, second: after, difference })
 }
 
 /// The three estimates of a quantity from the same draws: each program's over the scenes in which it has it, their difference over
 /// those in which both have it.
-fn quantity(name: &str, reading: &dyn Fn(&SceneScore) -> Option<f64>, pairs: &[[&SceneScore; 2]]) -> Option<Compared> {
-    let both: Vec<[Option<f64>; 2]> = pairs.iter().map(|pair| pair.map(reading)).collect();
+fn quantity(name: &str, reading: &dyn Fn(&SceneScore) -> Option<f64>, seeds: &[Vec<Pair<'_>>]) -> Option<Compared> {
+    let scenes = scenes_of(seeds);
+    let of_seed = |pairs: &Vec<Pair<'_>>| -> Vec<[Option<f64>; 2]> {
+        let by_scene: BTreeMap<&str, &Pair<'_>> = pairs.iter().map(|pair| (pair[0].scene.as_str(), pair)).collect();
+        scenes.iter().map(|scene| by_scene.get(scene).map_or([None, None], |pair| pair.map(reading))).collect()
+    };
+    let both: Vec<Vec<[Option<f64>; 2]>> = seeds.iter().map(of_seed).collect();
     let change = |pair: &[Option<f64>; 2]| Some(pair[1]? - pair[0]?);
     let suite = Digest::of_bytes(b"compared");
     let of = |value: &dyn Fn(&[Option<f64>; 2]) -> Option<f64>| -> Quantity {
-        let values = both.iter().map(value).collect();
-        vec![Search { id: suite, seeds: vec![PerScene { suite, values }] }]
+        let seed = |of: &Vec<[Option<f64>; 2]>| PerScene { suite, values: of.iter().map(value).collect() };
+        vec![Search { id: suite, seeds: both.iter().map(seed).collect() }]
     };
     let estimated = bootstrap::estimates(&[of(&|pair| pair[0]), of(&|pair| pair[1]), of(&change)]);
     let [Some(first), Some(second), Some(difference)] = estimated[..] else { return None };
-    Some(Compared {
-        quantity: name.to_string(),
-        scenes: both.iter().filter_map(change).count(),
-        first,
-        second,
-        difference,
-    })
+    let shared = |at: &usize| both.iter().any(|seed| seed.get(*at).and_then(change).is_some());
+    let scenes = (0..scenes.len()).filter(shared).count();
+    Some(Compared { quantity: name.to_string(), scenes, first, second, difference })
 }
 
 #[cfg(test)]
@@ -173,7 +213,7 @@ mod tests {
             scenes.iter().enumerate().map(|(k, s)| label(s, (k % 2) as f64 * 0.9, k != 3, 0.8)).collect();
         let second: Vec<SceneScore> =
             scenes.iter().enumerate().map(|(k, s)| label(s, (k % 2) as f64 * 0.9 + 0.1, true, 0.7)).collect();
-        let pairs: Vec<[&SceneScore; 2]> = first.iter().zip(&second).map(|(a, b)| [a, b]).collect();
+        let pairs = [first.iter().zip(&second).map(|(a, b)| [a, b]).collect::<Vec<Pair<'_>>>()];
         let attack = quantity("attack", &QUANTITIES[0].1, &pairs).unwrap();
         assert!((attack.first.value - 0.45).abs() < 1e-12 && (attack.difference.value - 0.1).abs() < 1e-12);
         let [low, high] = attack.difference.interval.unwrap();
@@ -182,7 +222,26 @@ mod tests {
         assert!(high - low > 0.2, "the programs by themselves are not so sure: {low} {high}");
         let realism = quantity("realism", &QUANTITIES[1].1, &pairs).unwrap();
         assert!(realism.scenes == 19 && (realism.difference.value + 0.1).abs() < 1e-12);
-        let nobody = [[&first[3], &second[3]]];
+        let nobody = [vec![[&first[3], &second[3]]]];
         assert!(quantity("realism", &QUANTITIES[1].1, &nobody).is_none());
+    }
+
+    #[test]
+    fn several_seeds_are_their_mean_and_their_interval_holds_the_spread_between_them() {
+        let scenes: Vec<String> = (0..20).map(|k| format!("s{k}")).collect();
+        let of = |attack: f64| scenes.iter().map(|s| label(s, attack, true, 0.8)).collect::<Vec<_>>();
+        // Within a seed all scenes agree, so that one seed by itself has no width.
+        let (before, after) = (of(0.1), [of(0.1), of(0.3), of(0.8)]);
+        let seeds: Vec<Vec<Pair<'_>>> =
+            after.iter().map(|after| before.iter().zip(after).map(|(a, b)| [a, b]).collect()).collect();
+        let alone = quantity("attack", &QUANTITIES[0].1, &seeds[1..2]).unwrap().difference;
+        let [low, high] = alone.interval.unwrap();
+        assert!((alone.value - 0.2).abs() < 1e-12 && high - low < 1e-12, "{alone:?}");
+        let pooled = quantity("attack", &QUANTITIES[0].1, &seeds).unwrap();
+        assert!((pooled.difference.value - 0.3).abs() < 1e-12 && pooled.scenes == 20, "{pooled:?}");
+        let [low, high] = pooled.difference.interval.unwrap();
+        assert!(low < 0.1 && high > 0.6, "{low} {high}");
+        let strict = strict_realism(&seeds).unwrap();
+        assert!((strict.first.value - 0.8).abs() < 1e-12 && strict.scenes == 20, "{strict:?}");
     }
 }

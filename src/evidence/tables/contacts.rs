@@ -44,6 +44,7 @@ pub fn metadrive_contacts(runs: &[RecordedRun]) -> Result<Table, TableError> {
         rows.push(row(EVOLVED, &of, Side::Evolved));
     }
     let title = "Contacts behind attack in MetaDrive".to_string();
+    let notes = notes(runs, &all, &rows);
     Ok(Table {
         name: "metadrive-contacts",
         labels: vec![METHOD, POLICY, PROGRAM],
@@ -51,7 +52,7 @@ pub fn metadrive_contacts(runs: &[RecordedRun]) -> Result<Table, TableError> {
         counts: vec![SCENES, SEEDS, ROLLOUTS],
         parts: vec![Part { name: "metadrive-contacts".into(), title, source: None, rows }],
         runs: notes::runs(runs)?,
-        notes: notes(runs),
+        notes,
     })
 }
 
@@ -113,7 +114,7 @@ fn replay_row(replay: &ReplayLabels) -> Row {
     }
 }
 
-fn notes(runs: &[RecordedRun]) -> Vec<String> {
+fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<String> {
     let mut notes = vec![
         "All numbers are shares of held-out scenes. A rollout ends with the ego's first contact, so the classes of a row add \
          up to its column Adversary. Which classes count for Attack, and which of them only where the ego could have avoided \
@@ -130,6 +131,8 @@ fn notes(runs: &[RecordedRun]) -> Vec<String> {
             bootstrap::SEED.0
         ),
     ];
+    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
+    notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
     notes.extend(runs.iter().map(notes::run));
     notes.extend(notes::different_versions(runs));
     notes

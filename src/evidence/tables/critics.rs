@@ -41,7 +41,7 @@ pub(super) const SPEC: Spec = Spec {
     shares: &SHARES,
     counts: &[
         (Head { key: "reviewed", head: "Reviewed" }, REVIEWED),
-        (Head { key: "attempts", head: "Proposals" }, |_| true),
+        (Head { key: "attempts", head: "Proposed" }, |_| true),
     ],
     figures: printed::critic_figures,
     note: "Reviewed: proposals with a patch that a critic read. Intervened: a critic objected to the first of these patches; by critic, \

@@ -200,6 +200,25 @@ impl Table {
         self.parts.iter().filter(|part| part.printed().next().is_some()).collect()
     }
 
+    /// Names of the columns of numbers and counts, as CSV has them.
+    pub fn keys(&self) -> Vec<&'static str> {
+        self.columns.iter().map(|column| column.key).chain(self.counts.iter().map(|count| count.key)).collect()
+    }
+
+    /// The same with these columns and counts alone, in the table's order.
+    pub fn with(&self, keys: &[&str]) -> Table {
+        let mut table = self.clone();
+        let is_kept: Vec<bool> = self.counts.iter().map(|count| keys.contains(&count.key)).collect();
+        table.columns.retain(|column| keys.contains(&column.key));
+        table.counts.retain(|count| keys.contains(&count.key));
+        for row in table.parts.iter_mut().flat_map(|part| &mut part.rows) {
+            row.cells.retain(|cell| keys.contains(&cell.column.key));
+            let mut kept = is_kept.iter();
+            row.counts.retain(|_| kept.next().copied().unwrap_or(false));
+        }
+        table
+    }
+
     /// All rows, part after part.
     pub fn rows(&self) -> impl Iterator<Item = &Row> {
         self.parts.iter().flat_map(|part| &part.rows)

@@ -134,7 +134,8 @@ pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
         printed::POLICY_LABEL
     );
     let title = "Generator evolution in MetaDrive";
-    table("metadrive-main", title, printed::MAIN_LABEL, &main_columns(), rows, notes(runs, &all, Some(average)), runs)
+    let notes = notes(runs, &all, &rows, Some(average));
+    table("metadrive-main", title, printed::MAIN_LABEL, &main_columns(), rows, notes, runs)
 }
 
 /// The paper's table by policy: a row a generator and ego, with the best descendant of the local trace.
@@ -153,7 +154,8 @@ pub fn metadrive_policy(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
     rows.extend(searches(others).iter().map(|of| policy_row(&of[0].name, &of[0].policy(), of, None)));
     let title = "Policy-specific results in MetaDrive";
-    table("metadrive-policy", title, printed::POLICY_LABEL, &policy_columns(), rows, notes(runs, &all, None), runs)
+    let notes = notes(runs, &all, &rows, None);
+    table("metadrive-policy", title, printed::POLICY_LABEL, &policy_columns(), rows, notes, runs)
 }
 
 pub(super) const SCENES: Head = Head { key: "held_out_scenes", head: "Scenes" };
@@ -278,7 +280,7 @@ const PROTOCOLS_ATTACK: &str = "Attack: share of held-out scenes in which the eg
                                 counts: one that the ego caused or could have avoided.";
 
 /// What a reader must know beside the numbers.
-fn notes(runs: &[RecordedRun], all: &[LineageLabels], average: Option<String>) -> Vec<String> {
+fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Option<String>) -> Vec<String> {
     let mut notes = vec![
         format!(
             "{PROTOCOLS_ATTACK} Any crash: share in which the ego meets anyone, as MetaDrive and CAT \
@@ -298,6 +300,8 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], average: Option<String>) -
             bootstrap::SEED.0
         ),
     ];
+    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
+    notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
     notes.extend(notes::own_attack(runs));
     notes.extend(average);
     if !all.iter().any(|l| paper::policy_name(&l.ego) == Some("RL")) {

@@ -2,9 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use super::bootstrap::{self, Estimate};
 use super::error::TableError;
+use super::key::RowKey;
 use super::labels;
-use super::layout::RunSource;
+use super::layout::{Column, Row, RunSource};
+use super::searches::{self, Repeated};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::event::ParentAdopted;
 
@@ -47,11 +50,73 @@ pub fn run(run: &RecordedRun) -> String {
     let starts: String = run.parents.iter().filter_map(start).collect();
     format!(
         "Run {}: {} evolution and {} held-out scenes, {epochs} epochs, {attempts} attempts, {rollouts} rollouts; \
-         proposals from {from}{stand_in}.{starts}",
+         proposals from {from}{stand_in}.{starts}{}",
         labels::run_name(run),
         opened.evolution_scenes.len(),
-        opened.held_out_scenes.len()
+        opened.held_out_scenes.len(),
+        run.seed_note.as_ref().map_or(String::new(), |note| format!(" Note: {note}."))
     )
+}
+
+/// What intervals of searches that were not repeated do not hold; nothing where all were. `seeds` says how often each was made,
+/// `unit` what the intervals are drawn over.
+pub fn one_seed(seeds: &[usize], unit: &str) -> Option<String> {
+    let once = seeds.iter().filter(|count| **count == 1).count();
+    let which = match once {
+        0 => return None,
+        _ if once == seeds.len() => "One seed is one search: these intervals",
+        _ => "Where Seeds is 1, one search was made: such intervals",
+    };
+    Some(format!(
+        "{which} cover {unit} alone. The spread between searches is not in them and may be larger: another seed may give another \
+         result. seeds = 5 in an experiment repeats every search."
+    ))
+}
+
+/// How often each of these searches was made.
+pub fn repeats<'a, T: Repeated + 'a>(all: impl Iterator<Item = &'a T>) -> Vec<usize> {
+    searches::searches(all).iter().map(Vec::len).collect()
+}
+
+/// What the bootstrap cannot say where all scenes agree, under a table: see [`AllAlike`]. `scenes` is the place of the number of scenes
+/// among a row's counts, `is_share` which columns are shares of scenes. A row without a program is 0 by definition, and is passed over.
+pub fn all_alike(rows: &[Row], scenes: usize, is_share: impl Fn(&Column) -> bool) -> Option<String> {
+    let mut alike = AllAlike::default();
+    let programs = rows.iter().filter(|row| !row.missing() && !matches!(row.key, RowKey::Replay { .. }));
+    for (row, cell) in programs.flat_map(|row| row.cells.iter().map(move |cell| (row, cell))) {
+        if let (true, Some(ours), Some(count)) = (is_share(&cell.column), cell.ours, row.counts.get(scenes)) {
+            alike.add(*count, ours);
+        }
+    }
+    alike.sentence()
+}
+
+/// Shares of scenes whose interval has no width because all scenes agree: by the number of scenes, whether one was 0 and whether
+/// one was 1.
+#[derive(Default)]
+pub struct AllAlike(BTreeMap<usize, [bool; 2]>);
+
+impl AllAlike {
+    /// Takes a share over so many scenes in.
+    pub fn add(&mut self, scenes: usize, share: Estimate) {
+        let end = [0.0, 1.0].iter().position(|end| share.interval == Some([*end; 2]));
+        if let Some(end) = end.filter(|_| scenes > 0) {
+            self.0.entry(scenes).or_default()[end] = true;
+        }
+    }
+
+    /// An exact one-sided 95 % bound (Clopper and Pearson) for every number of scenes that was met.
+    pub fn sentence(&self) -> Option<String> {
+        let said = |(count, [none, all]): (&usize, &[bool; 2])| {
+            let upper = bootstrap::zero_of_at_most(*count);
+            let none = none.then(|| format!("with 0 of {count} the true share may be up to {upper:.3}"));
+            let all = all.then(|| format!("with {count} of {count} it may be down to {:.3}", 1.0 - upper));
+            [none, all]
+        };
+        let said: Vec<String> = self.0.iter().flat_map(said).flatten().collect();
+        let what = "An interval without width at 0 or 1 says that all scenes agree, not that the share is exact";
+        (!said.is_empty()).then(|| format!("{what}: {} (exact one-sided 95 % bound).", said.join("; ")))
+    }
 }
 
 /// Whose attack is the experiment's own expression, and what that is.

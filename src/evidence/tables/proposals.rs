@@ -18,10 +18,10 @@ const SHARES: [Share; 12] = [
     percent("readable_at_once_pct", "Of proposals", "Readable at once", PROPOSALS, readable_at_once),
     percent("repaired_pct", "Of proposals", "Repaired", PROPOSALS, |of| of.proposal.rounds.len() > 1),
     percent("declined_pct", "Of proposals", "Declined", PROPOSALS, |of| matches!(of.exit, Exit::Declined { .. })),
-    percent("refused_pct", "Of proposals", "Refused by gates", PROPOSALS, |of| of.exit.name() == "invalid"),
+    percent("refused_pct", "Of proposals", "Invalid", PROPOSALS, |of| of.exit.name() == "invalid"),
     percent("refused_effect_pct", "Of proposals", "By effect gate", PROPOSALS, |of| refused_by(of, Gate::Effect)),
     percent("refused_compile_pct", "Of proposals", "By compile gate", PROPOSALS, |of| refused_by(of, Gate::Compile)),
-    percent("not_simulated_pct", "Of proposals", "Not simulated", PROPOSALS, |of| of.exit.name() == "rejected"),
+    percent("not_simulated_pct", "Of proposals", "Rejected", PROPOSALS, |of| of.exit.name() == "rejected"),
     percent("evaluated_pct", "Of proposals", "Evaluated", PROPOSALS, |of| of.exit.decision().is_some()),
     percent("accepted_pct", "Of proposals", "Accepted", PROPOSALS, accepted),
     percent("numbers_only_pct", "Of patches", "Numbers only", PATCHES, numbers_only),
@@ -36,14 +36,14 @@ pub(super) const SPEC: Spec = Spec {
     source: None,
     shares: &SHARES,
     counts: &[
-        (Head { key: "attempts", head: "Proposals" }, PROPOSALS),
+        (Head { key: "attempts", head: "Proposed" }, PROPOSALS),
         (Head { key: "patches", head: "Patches" }, PATCHES),
         (Head { key: "children", head: "Children" }, CHILDREN),
     ],
     figures: |_, _| None,
     note: "Shares are of what stands above them: of all proposals, of those with a patch that could be read (the last one of each), \
-           of the children that were simulated. Refused by gates: nothing was simulated; the first gate that refused counts. Numbers \
-           only: every operation puts a number in the place of another. Without effect: the child has its parent's labels in every scene.",
+           of the children that were simulated. Declined: no usable patch. Invalid: a gate refused it; \
+           the first that did counts. Rejected: the world evaluator gave it no rollout. Numbers only: every operation puts a number in the place of another. Without effect: the child has its parent's labels in every scene.",
 };
 
 /// The actor's own answer held a patch.

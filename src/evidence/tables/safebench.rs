@@ -324,6 +324,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
             bootstrap::SEED.0
         ),
     ];
+    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "groups"));
     if !all.iter().any(|archive| paper::policy_name(&archive.ego) == Some(EGO)) {
         notes.push(format!(
             "The paper's ego is a learned policy ({EGO}), which no run named here has: its figures are another ego's."

@@ -248,8 +248,8 @@ fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
         let none = ours(&table, &["Human", "IDM"], key);
         assert_eq!((none.value, none.interval), (0.0, Some([0.0, 0.0])), "{key}");
     }
-    let note = "Human, IDM: no gain, balanced selection keeps the parent's scenes alone; 1 attempts: 1 without a usable \
-                patch, 0 stopped by gates, 0 by the router, 0 evaluated, of these 0 accepted, 0 not accepted with more \
+    let note = "Human, IDM: no gain, balanced selection keeps the parent's scenes alone; 1 attempts: 1 declined, \
+                0 invalid, 0 rejected, 0 evaluated, of these 0 accepted, 0 not accepted with more \
                 attack than the parent but too little realism, 0 with no more attack; final choice: 1 of 1 reach the \
                 realism required.";
     assert!(markdown(&table).contains(note), "{}", markdown(&table));
@@ -333,6 +333,10 @@ fn measured(recorded: &mut RecordedRun, solution: &str, seen: &[Selected], held_
 
 /// On the routes that it saw the chosen program makes the ego collide everywhere; on others only where its parent did, and once
 /// more.
+pub(super) fn recorded_unseen() -> RecordedRun {
+    unseen()
+}
+
 fn unseen() -> RecordedRun {
     let mut made = recorded(&[&ADVSIM]);
     made.result.as_mut().unwrap().lineages[0].evolved.solution = SolutionId::new("advsim-idm/e0s0");

@@ -48,10 +48,10 @@ impl Ends {
     fn text(&self) -> String {
         let invalid: usize = self.gates.values().sum();
         let by_gate: Vec<String> = self.gates.iter().map(|(gate, n)| format!("{} {n}", gate_name(*gate))).collect();
-        let by_gate = if by_gate.is_empty() { String::new() } else { format!(" ({})", by_gate.join(", ")) };
+        let by_gate = if by_gate.is_empty() { String::new() } else { format!(" (gates: {})", by_gate.join(", ")) };
         let evaluated = self.accepted + self.lost_realism + self.no_more_attack;
         format!(
-            "{} attempts: {} without a usable patch, {invalid} stopped by gates{by_gate}, {} by the router, {evaluated} evaluated, \
+            "{} attempts: {} declined, {invalid} invalid{by_gate}, {} rejected, {evaluated} evaluated, \
              of these {} accepted, {} not accepted with more attack than the parent but too little realism, {} with no more attack",
             self.declined + invalid + self.routed_away + evaluated,
             self.declined,

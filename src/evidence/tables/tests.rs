@@ -58,6 +58,7 @@ pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedR
             rollouts: 0,
         }),
         root: Digest::of_bytes(name.as_bytes()),
+        seed_note: None,
     }
 }
 
@@ -399,6 +400,69 @@ fn seeds_of_one_search_share_a_row_and_their_spread_is_in_its_intervals() {
     assert!(metadrive_policy(&[run.clone(), run]).is_err());
 }
 
+/// Three seeds of CAT.
+fn three_seeds() -> RecordedRun {
+    let mut run = scripted();
+    for replica in 0..3 {
+        let id = format!("cat-idm-s{replica}");
+        add(&mut run, &End { id: &id, ..CAT });
+        let result = run.result.as_mut().unwrap().lineages.last_mut().unwrap();
+        (result.group, result.replica) = (LineageId::new("cat-idm"), replica);
+    }
+    run
+}
+
+#[test]
+fn under_one_seed_a_note_says_that_intervals_hold_no_spread_between_searches() {
+    let said = |table: &Table| {
+        table.notes.iter().find(|note| note.contains("spread between searches is not in them")).cloned()
+    };
+    let mut once = scripted();
+    add(&mut once, &CAT);
+    for make in [metadrive_main, metadrive_policy, metadrive_contacts] {
+        let note = said(&make(&[once.clone()]).unwrap()).expect("a note");
+        assert!(note.starts_with("One seed is one search: these intervals cover held-out scenes alone."), "{note}");
+        assert_eq!(said(&make(&[three_seeds()]).unwrap()), None);
+    }
+    let mut both = three_seeds();
+    add(&mut both, &SAGE);
+    let note = said(&metadrive_policy(&[both]).unwrap()).expect("a note");
+    assert!(note.starts_with("Where Seeds is 1"), "{note}");
+    assert!(markdown(&metadrive_main(&[once]).unwrap()).contains("spread between searches"));
+}
+
+#[test]
+fn how_a_seed_was_chosen_stands_under_every_table_of_its_run() {
+    let mut run = scripted();
+    add(&mut run, &CAT);
+    run.seed_note = Some("seed 3 was chosen of ten".into());
+    for make in [metadrive_main, metadrive_contacts, proposals] {
+        let table = make(&[run.clone()]).unwrap();
+        assert!(table.notes.iter().any(|note| note.ends_with("Note: seed 3 was chosen of ten.")), "{:?}", table.notes);
+    }
+}
+
+#[test]
+fn a_share_of_nothing_has_its_exact_bound_under_the_table_and_the_row_without_a_program_has_none() {
+    let bound = |run: &RecordedRun| {
+        let table = metadrive_policy(std::slice::from_ref(run)).unwrap();
+        table.notes.iter().find(|note| note.contains("all scenes agree")).cloned()
+    };
+    let mut run = scripted();
+    add(&mut run, &SAGE);
+    // SAGE succeeds in none of four scenes and acts in all: 1 - 0.05^(1/4) = 0.527, by hand.
+    let note = bound(&run).expect("a note");
+    assert!(
+        note.contains("with 0 of 4 the true share may be up to 0.527; with 4 of 4 it may be down to 0.473"),
+        "{note}"
+    );
+    let mut half = scripted();
+    let partly = [Some((1.0, 0.9)), Some((0.0, 0.9)), None, None];
+    add(&mut half, &End { parent: partly, evolved: None, ..CAT });
+    let alone = bound(&half).unwrap_or_default();
+    assert!(!alone.contains("with 0 of 4"), "one of two labelled scenes is a success: {alone}");
+}
+
 #[test]
 fn what_was_not_run_is_missing_and_the_learned_ego_is_absent() {
     let mut run = scripted();
@@ -526,7 +590,7 @@ fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
     let zero = ours(&table, "SAGE (w=0.50)", "attack_change");
     assert_eq!((zero.value, zero.interval), (0.0, Some([0.0, 0.0])));
     let note = "SAGE (w=0.50), IDM: no gain, the parent stays active and descendants add no frontier area; 9 attempts: \
-                1 without a usable patch, 3 stopped by gates (schema 1, isolation 2), 1 by the router, 4 evaluated, \
+                1 declined, 3 invalid (gates: schema 1, isolation 2), 1 rejected, 4 evaluated, \
                 of these 1 accepted, 1 not accepted with more attack than the parent but too little realism, 2 with no \
                 more attack; final choice: 1 of 1 reach the realism required.";
     assert_eq!(row(&table, "SAGE (w=0.50)").notes, [note]);

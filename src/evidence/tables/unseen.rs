@@ -121,6 +121,7 @@ fn notes(runs: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String> 
             bootstrap::SEED.0
         ),
     ];
+    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out groups"));
     let groups: BTreeSet<Group> = all.iter().flat_map(|archive| archive.groups()).collect();
     let by_family = TrafficFamily::ALL.map(|family| {
         let count = groups.iter().filter(|(of, _)| *of == family).count();

@@ -75,7 +75,7 @@ impl Aligned {
 
     /// A row in as many lines as its longest cell needs. Heads stand at the bottom of theirs.
     fn lines(&self, row: &[String], columns: &[usize], spans: &[usize], heads: bool) -> String {
-        let cells: Vec<Vec<String>> = columns.iter().map(|i| broken(&row[*i], spans[*i])).collect();
+        let cells: Vec<Vec<String>> = columns.iter().map(|i| broken(&row[*i], spans[*i], LongWord::Broken)).collect();
         let height = cells.iter().map(Vec::len).max().unwrap_or(0);
         let mut out = String::new();
         for at in 0..height {
@@ -123,10 +123,26 @@ fn length(text: &str) -> usize {
     text.chars().count()
 }
 
-/// A text in lines of at most `width` characters: broken between words, and within those that are longer than a line.
-pub fn broken(text: &str, width: usize) -> Vec<String> {
+/// What becomes of a word that is longer than a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LongWord {
+    /// It is broken, so that no line is too wide: columns stand beside each other.
+    Broken,
+    /// It stays whole: somebody may want to copy it.
+    Whole,
+}
+
+/// A text in lines of at most `width` characters, broken between words; what stands between backticks is one word.
+pub fn broken(text: &str, width: usize, long: LongWord) -> Vec<String> {
+    const SPACE: char = '\u{1}';
+    let mut within = false;
+    let quoted = |c: char| {
+        within ^= c == '`';
+        if c == ' ' && within { SPACE } else { c }
+    };
+    let kept: String = text.chars().map(quoted).collect();
     let mut lines = vec![String::new()];
-    for word in text.split(' ') {
+    for word in kept.split(' ') {
         let last = lines.len() - 1;
         let line = &mut lines[last];
         if !line.is_empty() && length(line) + 1 + length(word) <= width {
@@ -135,13 +151,14 @@ pub fn broken(text: &str, width: usize) -> Vec<String> {
             continue;
         }
         let letters: Vec<char> = word.chars().collect();
-        for part in letters.chunks(width.max(1)) {
+        let room = if long == LongWord::Whole { letters.len() } else { width };
+        for part in letters.chunks(room.max(1)) {
             let last = lines.len() - 1;
             let part = part.iter().collect();
             if lines[last].is_empty() { lines[last] = part } else { lines.push(part) }
         }
     }
-    lines
+    lines.iter().map(|line| line.replace(SPACE, " ")).collect()
 }
 
 #[cfg(test)]
@@ -208,8 +225,11 @@ mod tests {
 
     #[test]
     fn a_text_breaks_between_words_and_within_a_word_that_is_longer_than_a_line() {
-        assert_eq!(broken("one two three", 7), ["one two", "three"]);
-        assert_eq!(broken("abcdefgh ij", 4), ["abcd", "efgh", "ij"]);
-        assert_eq!(broken("", 4), [""]);
+        let cell = |text, width| broken(text, width, LongWord::Broken);
+        assert_eq!(cell("one two three", 7), ["one two", "three"]);
+        assert_eq!(cell("abcdefgh ij", 4), ["abcd", "efgh", "ij"]);
+        assert_eq!(cell("", 4), [""]);
+        assert_eq!(cell("`a b c` d", 3), ["`a ", "b c", "` d"], "a quoted word breaks only where it must");
+        assert_eq!(broken("abcdefgh ij", 4, LongWord::Whole), ["abcdefgh", "ij"]);
     }
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::data::Rollout;
 use super::recorded_run::RecordedRun;
 use crate::kernel::Digest;
-use crate::objects::{LineageId, SceneScore, SolutionId};
+use crate::objects::{Attempt, LineageId, SceneScore, SolutionId};
 use crate::scene::{DT_S, Pool};
 
 /// What comes first.
@@ -66,6 +66,27 @@ pub struct Best {
     pub ranked: Vec<Ranked>,
     /// Labels whose rollout record is gone.
     pub lacking: usize,
+}
+
+/// What became of a program, in a few words: whether it is reported, accepted, or neither.
+pub fn standing(run: &RecordedRun, program: &SolutionId) -> &'static str {
+    let lineages = run.result.iter().flat_map(|result| &result.lineages);
+    let reported = lineages.into_iter().any(|of| of.evolved.solution == *program);
+    let made = |attempt: &&Attempt| attempt.exit.candidate().is_some_and(|of| of.program.solution_id == *program);
+    match (run.attempts.iter().find(made), reported) {
+        (None, true) => "the parent, which the run reports",
+        (None, false) => "the parent",
+        (Some(_), true) => "chosen: the run reports it",
+        (Some(attempt), false) if attempt.exit.decision().is_some_and(|decision| decision.gates.any()) => {
+            "accepted, but not the one that the run reports"
+        }
+        (Some(_), false) => "not accepted",
+    }
+}
+
+/// The suite of a scene, in words.
+pub fn suite_in_words(suite: &str) -> &'static str {
+    if suite == "held_out" { "a held-out scene" } else { "an evolution scene" }
 }
 
 /// Ranks the rollouts behind the labels of a run in which the program acts, of one lineage or of all. `rollouts` are the records

@@ -56,6 +56,55 @@ fn the_most_severe_rollouts_are_of_any_program_and_their_commands_play_them_at_t
 }
 
 #[test]
+fn every_rollout_is_said_to_be_of_a_chosen_an_accepted_or_another_program_and_of_which_suite() {
+    let standing = |row: &Value| {
+        let of = |field: &str| row["rollout"][field].as_str().unwrap().to_string();
+        (of("program"), row["standing"].as_str().unwrap().to_string(), of("suite"))
+    };
+    let rows: Vec<_> = best(&["--top", "4000"]).iter().map(standing).collect();
+    let of = |name: &str| rows.iter().find(|(program, ..)| program == name).map(|(_, standing, _)| standing.as_str());
+    assert_eq!(of("adv_bmt-idm/e4s1"), Some("chosen: the run reports it"));
+    assert_eq!(of("adv_bmt-idm/parent"), Some("the parent"));
+    assert_eq!(of("cat-idm/parent"), Some("the parent, which the run reports"));
+    assert_eq!(of("adv_bmt-idm/e5s4"), Some("accepted, but not the one that the run reports"));
+    assert!(rows.iter().any(|(_, standing, _)| standing == "not accepted"));
+    let held = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let text = run(&["scenes", "best", folder(), "--top", "1", "--lineage", "adv_bmt-idm"]).stdout;
+    drop(held);
+    let own = rows.iter().find(|(program, ..)| program.starts_with("adv_bmt-idm/")).unwrap();
+    let suite = if own.2 == "held_out" { "a held-out scene" } else { "an evolution scene" };
+    assert!(text.contains(&format!("{}: {}; {suite}", own.0, own.1)), "{text}");
+    let film = text.lines().find_map(|line| line.strip_prefix("as a film: ")).expect("a command");
+    let dir = tempfile::tempdir().unwrap();
+    let to = dir.path().join("one.gif");
+    let command: Vec<String> =
+        film.split_whitespace().skip(1).map(|word| word.replace("rollout.gif", to.to_str().unwrap())).collect();
+    let made = run(&command.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(made.code == 0 && std::fs::read(to).unwrap().starts_with(b"GIF89a"), "{}", made.stderr);
+}
+
+#[test]
+fn a_strip_is_a_page_of_pdf_with_its_font() {
+    let dir = tempfile::tempdir().unwrap();
+    let shown = &best(&["--top", "1"])[0]["rollout"];
+    let (name, scene) = (shown["program"].as_str().unwrap(), shown["scene"].as_str().unwrap());
+    let draw = |file: &str, more: &[&str]| {
+        let to = dir.path().join(file);
+        let words =
+            ["scenes", "draw", "--run", folder(), "--attempt", name, "--scene", scene, "--frames", "3", "--out"];
+        let ran = run(&[&words[..], &[to.to_str().unwrap()], more].concat());
+        (ran, std::fs::read(&to).unwrap_or_default())
+    };
+    let (ran, page) = draw("one.pdf", &[]);
+    assert!(ran.code == 0 && page.starts_with(b"%PDF-"), "{}", ran.stderr);
+    assert_eq!(draw("again.pdf", &["--jobs", "3"]).1, page, "the same bytes each time");
+    let text: String = page.iter().map(|b| char::from(*b)).collect();
+    assert!(text.contains("/FontFile2") && text.matches("(t = ").count() == 3 && text.matches("\nW\nn").count() == 3);
+    let (dark, none) = draw("dark.pdf", &["--dark"]);
+    assert!(dark.code == 2 && none.is_empty() && dark.stderr.contains("light colours"), "{}", dark.stderr);
+}
+
+#[test]
 fn by_realism_the_most_realistic_of_one_lineage_come_first() {
     let rows = best(&["--top", "4000", "--by", "realism", "--lineage", "at-idm"]);
     let realism: Vec<f64> = rows.iter().map(|row| row["rollout"]["realism"].as_f64().unwrap()).collect();
@@ -128,7 +177,7 @@ fn a_rollout_is_a_film_as_well_and_what_cannot_be_filmed_is_said() {
     assert!(film.starts_with(b"GIF89a"));
     assert_eq!(draw("again.gif", &["--jobs", "3"], None).1, Some(film), "the same bytes each time");
     for (file, more, path, expected) in [
-        ("one.avi", &[][..], None, "ends in .svg (a strip), .gif or .mp4 (a film)"),
+        ("one.avi", &[][..], None, "ends in .svg or .pdf (a strip), .gif or .mp4 (a film)"),
         ("one", &[], None, "ends in .svg"),
         ("two.gif", &["--frames", "3"], None, "a film shows every step"),
         ("two.gif", &["--at", "2.0"], None, "a film shows every step"),

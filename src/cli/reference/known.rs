@@ -6,6 +6,7 @@ use serde_json::json;
 use crate::adapters::vocabulary::{self, Feature};
 use crate::cli::scenes::{export::Format, readable::READ};
 use crate::cli::terminal::answer::Answer;
+use crate::cli::terminal::width::{stdout_width, with_words};
 use crate::evaluation::outcome_fields;
 use crate::families;
 use crate::objects::ValueType;
@@ -61,6 +62,7 @@ const PLACES: [(&str, &[Feature]); 6] = [
 
 /// The quantities that expressions may read: those of programs, and an experiment's own attack over outcomes. What a family reads beyond them stands in its contract.
 pub fn features() -> Answer {
+    let width = stdout_width();
     let mut text = String::new();
     let mut rows = Vec::new();
     for (place, features) in PLACES {
@@ -69,17 +71,17 @@ pub fn features() -> Answer {
                 (ValueType::Boolean, _) => "boolean",
                 (_, unit) => unit,
             };
-            text += &format!("{place:<12} {:<34} {unit:<8} {}\n", of.name, of.describes);
+            text += &with_words(&format!("{place:<12} {:<34} {unit:<8}", of.name), of.describes, width);
             rows.push(json!({"of": place, "name": of.name, "unit": unit, "describes": of.describes}));
         }
     }
     for (name, unit, describes) in outcome_fields() {
         let unit = if unit == "number" { unit_of(name) } else { unit };
-        text += &format!("{:<12} {name:<34} {unit:<8} {describes}\n", "outcome");
+        text += &with_words(&format!("{:<12} {name:<34} {unit:<8}", "outcome"), describes, width);
         rows.push(json!({"of": "outcome", "name": name, "unit": unit, "describes": describes}));
     }
     for (name, describes) in TAGS.into_iter().zip(TAGS_MEAN) {
-        text += &format!("{:<12} {name:<34} {:<8} {describes}\n", "tag", "tag");
+        text += &with_words(&format!("{:<12} {name:<34} {:<8}", "tag", "tag"), describes, width);
         rows.push(json!({"of": "tag", "name": name, "unit": "tag", "describes": describes}));
     }
     Answer::new(text, json!({"features": rows}))

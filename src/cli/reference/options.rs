@@ -3,7 +3,7 @@
 use clap::Args;
 use serde_json::json;
 
-use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
 use crate::experiment;
 
 #[derive(Debug, Args)]
@@ -20,5 +20,7 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
         return Ok(Answer::new(text, schema));
     }
     let page = experiment::page();
-    Ok(Answer::new(page.clone(), json!({"page": page})))
+    // The page is Markdown, whose tables are wider than any terminal.
+    let text = if stdout_width().is_some() { experiment::listing() } else { page.clone() };
+    Ok(Answer::new(text, json!({"page": page})))
 }

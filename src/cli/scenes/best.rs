@@ -9,7 +9,7 @@ use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::files;
 use crate::cli::terminal::{answer::Answer, exit::Failure, shell::rollout_command, width::table_width};
 use crate::evidence::aligned::Aligned;
-use crate::evidence::best::{By, Met, Ranked, best};
+use crate::evidence::best::{By, Met, Ranked, best, standing, suite_in_words};
 use crate::evidence::data::records;
 use crate::experiment::did_you_mean;
 use crate::objects::LineageId;
@@ -84,6 +84,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     text.push('\n');
     for (k, of) in shown.iter().enumerate() {
         let _ = writeln!(text, "{}  {}", k + 1, command(of, "show", "--html rollout.html"));
+        let (what, suite) = (standing(&run, &of.program), suite_in_words(of.suite));
+        let _ = writeln!(text, "   {}: {what}; {suite}", of.program);
         if let Some(first) = of.also.first() {
             let more = of.also.len() - 1;
             let others = if more > 0 { format!(" and {more} more") } else { String::new() };
@@ -92,9 +94,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let _ = write!(
         text,
-        "{} of {} different rollouts in which a program acts. For a figure: {}\nto export: {}",
+        "{} of {} different rollouts in which a program acts\nas a film: {}\nas a figure: {}\nto export: {}",
         shown.len(),
         scenes.ranked.len(),
+        command(&shown[0], "draw", "--out rollout.gif"),
         command(&shown[0], "draw", "--out strip.svg"),
         command(&shown[0], "export", "--format openscenario --out exported")
     );
@@ -106,6 +109,6 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         );
     }
     let rows: Vec<Value> =
-        shown.iter().map(|of| json!({"rollout": of, "play": command(of, "show", "--html rollout.html")})).collect();
+        shown.iter().map(|of| json!({"rollout": of, "standing": standing(&run, &of.program), "play": command(of, "show", "--html rollout.html")})).collect();
     Ok(Answer::new(text, json!({"best": rows, "ranked": scenes.ranked.len(), "lacking": scenes.lacking})))
 }

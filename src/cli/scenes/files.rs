@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::scenes::left_out;
 use crate::cli::terminal::output::Output;
-use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
+use crate::evidence::aligned::Aligned;
 use crate::experiment;
 use crate::kernel::Threads;
 use crate::objects::spelling::nearest;
@@ -111,7 +112,33 @@ pub fn unnamed(pool: &Pool, path: &Path) -> Failure {
     ))
 }
 
+/// The scenes, one a line; on a terminal within its width.
 pub fn listing(rows: &[Row]) -> String {
+    stdout_width().map_or_else(|| one_line_each(rows), |width| within(rows, width))
+}
+
+fn noted(row: &Row) -> String {
+    let note = row.unusable.as_ref().map_or(String::new(), |reason| format!("  [not used: {reason}]"));
+    format!("{}{note}", row.tags.join(" "))
+}
+
+fn within(rows: &[Row], width: usize) -> String {
+    let line = |row: &Row| {
+        vec![
+            row.id.clone(),
+            format!("{:.1}", row.duration_s),
+            row.tracks.to_string(),
+            row.lanes.to_string(),
+            row.format.clone(),
+            row.file.clone(),
+            noted(row),
+        ]
+    };
+    let heads = ["scene", "seconds", "tracks", "lanes", "format", "file", "tags"].map(String::from).to_vec();
+    Aligned { indent: 0, labels: 1, words: 3, heads, rows: rows.iter().map(line).collect() }.text(width)
+}
+
+fn one_line_each(rows: &[Row]) -> String {
     let wide = |text: fn(&Row) -> &String, least: usize| {
         rows.iter().map(|row| text(row).chars().count()).max().unwrap_or(0).clamp(least, 48)
     };
@@ -121,18 +148,44 @@ pub fn listing(rows: &[Row]) -> String {
         "scene", "format", "file", "seconds", "tracks", "lanes"
     );
     for row in rows {
-        let note = row.unusable.as_ref().map_or(String::new(), |reason| format!("  [not used: {reason}]"));
         let _ = writeln!(
             out,
-            "{:<id$} {:<format$} {:<file$} {:>7.1} {:>7} {:>6}  {}{note}",
+            "{:<id$} {:<format$} {:<file$} {:>7.1} {:>7} {:>6}  {}",
             row.id,
             row.format,
             row.file,
             row.duration_s,
             row.tracks,
             row.lanes,
-            row.tags.join(" ")
+            noted(row)
         );
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_are_listed_within_the_width_of_a_terminal() {
+        let row = |id: &str, unusable: Option<&str>| Row {
+            id: id.into(),
+            format: "scenarionet".into(),
+            file: "sd_nuscenes_v1.0-mini_scene-0061_with_a_long_name.pkl".into(),
+            duration_s: 9.1,
+            tracks: 123,
+            lanes: 40,
+            tags: vec!["junction", "crossing", "pedestrian", "cyclist"],
+            unusable: unusable.map(String::from),
+        };
+        let rows = [row("scene-0061/cut-3", None), row("scene-0103", Some("the ego stands still all the time"))];
+        for width in [80, 100] {
+            let text = within(&rows, width);
+            assert!(text.lines().all(|line| line.chars().count() <= width), "{width}:\n{text}");
+            let letters = |text: &str| text.chars().filter(|c| !c.is_whitespace()).collect::<String>();
+            assert!(rows.iter().all(|row| letters(&text).contains(&letters(&row.id))), "{text}");
+            assert!(letters(&text).matches("pedestrian").count() == 2, "{text}");
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use clap::Command;
 
-use crate::evidence::aligned::broken;
+use crate::evidence::aligned::{LongWord, broken};
 
 /// Each group's title and its commands, in the order in which one comes to need them.
 pub const GROUPS: &[(&str, &[&str])] = &[
@@ -34,7 +34,8 @@ fn list(command: &Command, width: usize) -> String {
     for (title, names) in GROUPS {
         out.push_str(&format!("{title}:\n"));
         for name in *names {
-            let words = broken(&words(command, name), width.saturating_sub(INDENT)).join(&format!("\n{:INDENT$}", ""));
+            let words = broken(&words(command, name), width.saturating_sub(INDENT), LongWord::Whole)
+                .join(&format!("\n{:INDENT$}", ""));
             out.push_str(&format!("{:INDENT$}{words}\n", format!("  {name}")));
         }
         out.push('\n');

@@ -2,6 +2,8 @@
 
 use std::io::IsTerminal;
 
+use crate::evidence::aligned::{LongWord, broken};
+
 /// Prose is not wider than this, however wide the terminal.
 const WIDEST: usize = 100;
 /// A table's width where no terminal says another, and that of a terminal that does not tell its own.
@@ -26,6 +28,15 @@ pub fn table_width() -> usize {
     stdout_width().unwrap_or(USUAL)
 }
 
+/// What stands in columns, and behind it words that say what it is: in one line where that fits, on a terminal else below it.
+pub fn with_words(columns: &str, words: &str, width: Option<usize>) -> String {
+    let line = format!("{columns} {words}\n");
+    match width {
+        Some(width) if line.trim_end().chars().count() > width => format!("{}\n    {words}\n", columns.trim_end()),
+        _ => line,
+    }
+}
+
 /// A pseudo-terminal that was given no size says 0.
 fn usual_or(size: Option<(terminal_size::Width, terminal_size::Height)>) -> usize {
     let columns = size.map_or(0, |(width, _)| usize::from(width.0));
@@ -47,7 +58,8 @@ fn wrapped_line(line: &str, width: usize) -> String {
     }
     let head: String = bare.chars().take(begins).collect();
     let tail: String = bare.chars().skip(begins).collect();
-    format!("{head}{}{end}", lines_of(&tail, room).join(&format!("\n{}", " ".repeat(begins))))
+    let lines = broken(&tail, room, LongWord::Whole);
+    format!("{head}{}{end}", lines.join(&format!("\n{}", " ".repeat(begins))))
 }
 
 /// Where the part of a line begins that may be broken: behind its last wide gap, which parts columns, or behind its indent and
@@ -70,30 +82,6 @@ fn is_prose(line: &str) -> bool {
     !is_markup && !first.ends_with("evodrive")
 }
 
-/// Broken between words; what stands between backticks is one word, and a word that is longer than a line stays whole.
-fn lines_of(text: &str, width: usize) -> Vec<String> {
-    const SPACE: char = '\u{1}';
-    let mut within = false;
-    let kept: String = text
-        .chars()
-        .map(|c| {
-            within ^= c == '`';
-            if c == ' ' && within { SPACE } else { c }
-        })
-        .collect();
-    let mut lines: Vec<String> = Vec::new();
-    for word in kept.split(' ') {
-        match lines.last_mut() {
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_string()),
-        }
-    }
-    lines.iter().map(|line| line.replace(SPACE, " ")).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -109,6 +97,15 @@ mod tests {
     fn words_behind_columns_go_on_in_their_column() {
         let broken = wrapped("a  0.5  not realistic enough for this experiment", 34);
         assert_eq!(broken, "a  0.5  not realistic enough for\n        this experiment");
+    }
+
+    #[test]
+    fn words_that_do_not_fit_behind_their_columns_stand_below_them() {
+        let line =
+            |width| with_words("actor        time_to_conflict_s     s       ", "Seconds until both are there.", width);
+        assert_eq!(line(None), "actor        time_to_conflict_s     s        Seconds until both are there.\n");
+        assert_eq!(line(Some(100)), line(None));
+        assert_eq!(line(Some(60)), "actor        time_to_conflict_s     s\n    Seconds until both are there.\n");
     }
 
     #[test]

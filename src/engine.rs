@@ -6,6 +6,9 @@
 
 #![forbid(unsafe_code)]
 
+#[doc(inline)]
+pub use evodrive_text as text;
+
 #[cfg_attr(not(test), warn(missing_docs))]
 pub mod adapters;
 pub mod archive;

@@ -34,6 +34,7 @@
 //! Ground: what determinism rests on.
 //! - [`kernel`]: float functions with the same bits on every machine, named random streams, geometry, canonical bytes,
 //!   digests, and the ordered parallel map.
+//! - [`text`]: comparisons of texts: the nearest known word, unified diffs.
 //! - [`store`]: all disk access: objects named by their digest, the memo of requests, the transcript of a run, and
 //!   their check.
 //!
@@ -88,26 +89,14 @@
 #[doc(inline)]
 pub use evodrive_engine::{
     adapters, archive, backend, candidates, compiler, ego, evaluation, families, kernel, learn, lineage, memory,
-    motion, objects, scene, search, sim, stage, store, synth, world,
+    motion, objects, scene, search, sim, stage, store, synth, text, world,
 };
 
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod draw;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod formats;
+#[doc(inline)]
+pub use evodrive_io::{agents, bundle, draw, evidence, formats, llm, scripted};
 
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod llm;
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod scripted;
-
-#[cfg_attr(not(test), warn(missing_docs))]
-pub mod agents;
-
-pub mod bundle;
 pub mod cli;
 pub mod epoch;
-pub mod evidence;
 pub mod experiment;
 pub mod shard;
 

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use std::fmt;
 
-use crate::objects::spelling::nearest;
+use crate::text::nearest;
 
 /// Longest `found`, in characters: it may quote hostile text.
 const FOUND_MAX: usize = 160;

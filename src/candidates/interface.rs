@@ -115,7 +115,7 @@ fn known(words: &BTreeSet<&str>, name: &str, what: &str) -> Option<String> {
     if words.contains(name) {
         return None;
     }
-    let near = crate::objects::spelling::nearest(name, words.iter().copied());
+    let near = crate::text::nearest(name, words.iter().copied());
     Some(format!("{what}{}", near.map(|near| format!("; did you mean `{near}`?")).unwrap_or_default()))
 }
 

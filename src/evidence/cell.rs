@@ -1,7 +1,6 @@
 //! A cell of a table by its name, `TABLE:ROW:COLUMN`, spelled as the tables spell rows and columns.
 
 use super::tables::{Cell, Column, Row, Table};
-use crate::objects::spelling;
 
 /// A cell that was named.
 pub struct Named<'t> {
@@ -99,6 +98,6 @@ fn find_column(table: &Table, name: &str) -> Result<(&'static str, Vec<&'static 
 
 /// `; did you mean ...?`, where something is near.
 pub fn near(name: &str, known: &[String]) -> String {
-    let matching = spelling::nearest(name, known.iter().map(String::as_str));
+    let matching = crate::text::nearest(name, known.iter().map(String::as_str));
     matching.map_or(String::new(), |near| format!("; did you mean `{near}`?"))
 }

@@ -1,7 +1,7 @@
 //! What is wrong with an experiment: the option, what was found there, what is expected.
 
-use crate::objects::spelling;
 use crate::store::StoreError;
+use crate::text::nearest;
 
 /// An option that cannot be used. Every table of the file is checked against the same list of keys, once, when it is read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -33,7 +33,7 @@ impl OptionError {
 
 /// `; did you mean ...?`, or nothing where no known word is near.
 pub fn did_you_mean(word: &str, known: &[String]) -> String {
-    let near = |word: &str| spelling::nearest(word, known.iter().map(String::as_str));
+    let near = |word: &str| nearest(word, known.iter().map(String::as_str));
     near(word).or_else(|| near(&word.to_lowercase())).map_or(String::new(), |near| format!("; did you mean `{near}`?"))
 }
 

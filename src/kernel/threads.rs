@@ -1,6 +1,8 @@
 //! The only place with threads: a parallel map whose results come back in input order, and threads that wait for what may
 //! never come.
 
+use std::sync::{Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 use super::Seed;
@@ -60,19 +62,32 @@ impl Threads {
 
     /// `f` of every item, in item order. `f` sees the index too, to name its random stream by.
     pub fn map<T: Sync, R: Send>(&self, items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
-        // An item is a search or a rollout, long enough to be a job of its own: in longer jobs one thread would be left with
-        // several items while the others wait.
         let Some(pool) = &self.pool else { return items.iter().enumerate().map(|(i, item)| f(i, item)).collect() };
-        let Some(seed) = self.order else {
-            return pool.install(|| items.par_iter().enumerate().with_max_len(1).map(|(i, item)| f(i, item)).collect());
-        };
-        let mut order: Vec<usize> = (0..items.len()).collect();
-        seed.stream(&["kernel", "threads", &items.len().to_string()]).shuffle(&mut order);
-        let mut drawn: Vec<(usize, R)> =
-            pool.install(|| order.par_iter().with_max_len(1).map(|&i| (i, f(i, &items[i]))).collect());
-        drawn.sort_by_key(|(i, _)| *i);
-        drawn.into_iter().map(|(_, result)| result).collect()
+        let order = self.order.map(|seed| {
+            let mut order: Vec<usize> = (0..items.len()).collect();
+            seed.stream(&["kernel", "threads", &items.len().to_string()]).shuffle(&mut order);
+            order
+        });
+        let results: Vec<Mutex<Option<R>>> = items.iter().map(|_| Mutex::new(None)).collect();
+        each(pool, items.len(), &|turn| {
+            let i = order.as_ref().map_or(turn, |order| order[turn]);
+            let result = f(i, &items[i]);
+            *results[i].lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
+        });
+        let result = |slot: Mutex<Option<R>>| slot.into_inner().unwrap_or_else(PoisonError::into_inner);
+        results
+            .into_iter()
+            .map(|slot| result(slot).unwrap_or_else(|| unreachable!("`each` takes every item")))
+            .collect()
     }
+}
+
+/// `work` of 0 to `count` - 1 on the pool. Knows no type of items and results: rayon's own code, which is long, is then compiled
+/// once and not for every map of the program.
+fn each(pool: &rayon::ThreadPool, count: usize, work: &(dyn Fn(usize) + Sync)) {
+    // An item is a search or a rollout, long enough to be a job of its own: in longer jobs one thread would be left with several
+    // items while the others wait.
+    pool.install(|| (0..count).into_par_iter().with_max_len(1).for_each(work));
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 //! patch-surface-distribution).
 
 use serde::Serialize;
-use similar::TextDiff;
 use std::collections::BTreeSet;
 
 use super::{
@@ -78,14 +77,7 @@ pub fn program_text(program: &Program) -> String {
 /// Unified diff of two programs' content; empty where they do the same.
 pub fn program_diff(parent: &Program, child: &Program) -> String {
     let (old, new) = (program_text(parent), program_text(child));
-    if old == new {
-        return String::new();
-    }
-    TextDiff::from_lines(&old, &new)
-        .unified_diff()
-        .context_radius(CONTEXT_LINES)
-        .header(parent.solution_id.as_str(), child.solution_id.as_str())
-        .to_string()
+    crate::text::unified_diff(&old, &new, CONTEXT_LINES, [parent.solution_id.as_str(), child.solution_id.as_str()])
 }
 
 #[cfg(test)]

@@ -20,7 +20,6 @@ pub mod program;
 pub mod replay;
 pub mod review;
 pub mod score;
-pub mod spelling;
 pub mod value_type;
 pub mod world;
 pub mod world_audit;

@@ -211,9 +211,8 @@ impl<'a> Check<'a> {
 
     /// A word that the contract does not have; the most similar one mends it.
     fn unknown<'w>(&mut self, place: &str, what: &str, word: &str, known: impl Iterator<Item = &'w str>) {
-        let known: Vec<&str> = known.collect();
-        let near = similar::get_close_matches(word, &known, 1, 0.6).first().map(|near| (*near).to_string());
-        let mend = near.map_or(Mend::Drop, |near| Mend::Rename(word.to_string(), near));
+        let near = crate::text::nearest(word, known);
+        let mend = near.map_or(Mend::Drop, |near| Mend::Rename(word.to_string(), near.to_string()));
         self.flaws.push(Flaw { place: place.into(), problem: format!("unknown {what} `{word}`"), mend });
     }
 

@@ -8,7 +8,7 @@ use crate::cli::studies::program;
 use crate::cli::terminal::exit::Failure;
 use crate::evidence::RecordedRun;
 use crate::objects::SolutionId;
-use crate::objects::spelling::nearest;
+use crate::text::nearest;
 
 /// One side: a run, and what of it is meant.
 pub struct Side {

@@ -2,7 +2,6 @@
 
 use clap::Args;
 use serde_json::json;
-use similar::TextDiff;
 
 use crate::cli::records::{folder::RunFolder, run_name::TwoRuns};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
@@ -33,7 +32,7 @@ fn experiments(first: &RunFolder, second: &RunFolder) -> Result<String, Failure>
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     };
     let (old, new) = (read(first)?, read(second)?);
-    Ok(TextDiff::from_lines(&old, &new).unified_diff().context_radius(0).header("first", "second").to_string())
+    Ok(crate::text::unified_diff(&old, &new, 0, ["first", "second"]))
 }
 
 fn text(found: &Differing, experiments: &str) -> String {

@@ -10,7 +10,7 @@ use crate::evidence::attempt_text::{self, Exchanged};
 use crate::evidence::{RecordedRun, composition_text, counsel_text, lineage_text, world_text};
 use crate::llm::{Cassette, Metadata};
 use crate::objects::event::ParentAdopted;
-use crate::objects::{Attempt, Composed, Counselled, Exchange, WorldEvolved, spelling};
+use crate::objects::{Attempt, Composed, Counselled, Exchange, WorldEvolved};
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -85,7 +85,7 @@ fn unknown(run: &RecordedRun, name: &str) -> Failure {
     let others = run.counsels.iter().map(Counselled::name).chain(run.composed.iter().map(Composed::name));
     let others = others.chain(run.evolved.iter().map(WorldEvolved::name));
     let known: Vec<String> = attempts.chain(others).collect();
-    let near = spelling::nearest(name, known.iter().map(String::as_str));
+    let near = crate::text::nearest(name, known.iter().map(String::as_str));
     let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
     Failure::bad_input(format!(
         "no attempt `{name}` in this run, nor a scene or a template of that name{hint} (attempts are <lineage>/e<epoch>s<slot>, counsel <lineage>/<scene>, \
@@ -99,7 +99,7 @@ pub fn find<'s>(run: &'s RecordedRun, name: &str) -> Result<&'s Attempt, Failure
         // Parents by the names that they have in this run: with the seed where lineages were repeated, without it elsewhere.
         let parents: Vec<&str> = run.parents.iter().map(|of| of.program.solution_id.as_str()).collect();
         let known = parents.iter().copied().chain(run.attempts.iter().map(|a| a.id.as_str()));
-        let hint = spelling::nearest(name, known).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+        let hint = crate::text::nearest(name, known).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
         let like = parents.first().map_or(String::new(), |parent| format!(", parents e.g. {parent}"));
         Failure::bad_input(format!(
             "no attempt `{name}` in this run of {} attempts{hint} (names are <lineage>/e<epoch>s<slot>{like})",

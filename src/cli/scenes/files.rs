@@ -10,10 +10,10 @@ use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
 use crate::evidence::aligned::Aligned;
 use crate::experiment;
 use crate::kernel::Threads;
-use crate::objects::spelling::nearest;
 use crate::scene::features::TAGS;
 use crate::scene::safebench::TrafficFamily;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
+use crate::text::nearest;
 
 /// A pool, or what can be imported from files and folders.
 pub fn read(paths: &[PathBuf], jobs: usize) -> Result<Pool, Failure> {

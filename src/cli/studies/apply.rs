@@ -22,9 +22,9 @@ use crate::experiment::ProgramFile;
 use crate::families;
 use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::replay::{Replayed, Suite};
-use crate::objects::spelling::nearest;
 use crate::objects::{Counsel, SceneScore};
 use crate::scene::{LeftOut, Pool, Scene, usable};
+use crate::text::nearest;
 
 /// Rollouts that the player page holds.
 const SHOWN_MAX: usize = 24;

@@ -10,7 +10,7 @@ use crate::ego::{Policy, PolicyError};
 use crate::evaluation::EvaluationOptions;
 use crate::families;
 use crate::kernel::canon::CanonError;
-use crate::objects::{FamilyName, Program, spelling};
+use crate::objects::{FamilyName, Program};
 use crate::stage::Source;
 use crate::store::{self, StoreError};
 
@@ -136,7 +136,7 @@ fn about(file: &str, value: &Value) -> Result<Source, ProgramFileError> {
     let sources = families::sources();
     let source = sources.get(&family).cloned().ok_or_else(|| {
         let known: Vec<&str> = sources.iter().map(|source| source.contract.family.as_str()).collect();
-        let hint = spelling::nearest(family.as_str(), known.iter().copied());
+        let hint = crate::text::nearest(family.as_str(), known.iter().copied());
         let hint = hint.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
         let expected = format!("one of {}{hint}", known.join(", "));
         ProgramFileError::Family { file: file.into(), place: "family", found: shown(family.as_str()), expected }

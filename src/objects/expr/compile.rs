@@ -7,7 +7,8 @@ use super::{
     tree::{Expr, Function, Infix, Kind, Node, Prefix},
 };
 use crate::kernel::formula::{Formula, Op, STACK_MAX};
-use crate::objects::{spelling::nearest, value_type::ValueType};
+use crate::objects::value_type::ValueType;
+use crate::text::nearest;
 
 /// A level of the tree holds at most two waiting values (`clamp`, `if`).
 const _: () = assert!(STACK_MAX >= 2 * DEPTH_MAX);

@@ -6,7 +6,7 @@ use super::{
     lex::{Token, tokens},
     tree::{Column, FUNCTIONS, Function, Infix, Kind, Node, Prefix, binding},
 };
-use crate::objects::spelling::nearest;
+use crate::text::nearest;
 
 /// Longest text, in bytes.
 pub const TEXT_MAX_BYTES: usize = 8192;

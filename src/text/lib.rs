@@ -1,0 +1,48 @@
+//! Comparisons of texts: the nearest known word for messages, and unified diffs for readers.
+//!
+//! A crate of its own, for a short build: the library behind it chooses its method at run time and is generic in what it compares, so
+//! each crate that called it compiled all methods anew.
+
+#![forbid(unsafe_code)]
+#![cfg_attr(not(test), warn(missing_docs))]
+
+use similar::TextDiff;
+
+/// Least similarity at which a word is proposed (share of common characters, as in Python's difflib).
+const SIMILAR_MIN: f32 = 0.6;
+
+/// The most similar of the allowed words; `None` if none is similar.
+pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let known: Vec<&str> = known.into_iter().collect();
+    similar::get_close_matches(word, &known, 1, SIMILAR_MIN).first().copied()
+}
+
+/// Unified diff of the lines of two texts with their names as its head, and `context` unchanged lines around each change. Empty for
+/// equal texts.
+pub fn unified_diff(old: &str, new: &str, context: usize, names: [&str; 2]) -> String {
+    if old == new {
+        return String::new();
+    }
+    TextDiff::from_lines(old, new).unified_diff().context_radius(context).header(names[0], names[1]).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_word_is_proposed_and_a_strange_one_is_not() {
+        let known = ["gap_m", "speed_mps", "lane_count"];
+        assert_eq!(nearest("gab_m", known), Some("gap_m"));
+        assert_eq!(nearest("speed_ms", known), Some("speed_mps"));
+        assert_eq!(nearest("zzz", known), None);
+    }
+
+    #[test]
+    fn a_diff_has_as_many_lines_around_a_change_as_asked() {
+        let (old, new) = ("a\nb\nc\nd\ne\n", "a\nb\nC\nd\ne\n");
+        assert_eq!(unified_diff(old, new, 0, ["x", "y"]), "--- x\n+++ y\n@@ -3 +3 @@\n-c\n+C\n");
+        assert_eq!(unified_diff(old, new, 1, ["x", "y"]), "--- x\n+++ y\n@@ -2,3 +2,3 @@\n b\n-c\n+C\n d\n");
+        assert_eq!(unified_diff(old, old, 1, ["x", "y"]), "");
+    }
+}

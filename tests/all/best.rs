@@ -105,6 +105,68 @@ fn a_strip_is_a_page_of_pdf_with_its_font() {
 }
 
 #[test]
+fn the_fronts_of_a_run_are_a_figure_with_its_points_and_a_chain_is_drawn_where_there_is_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    let (front, points) = (place("front.svg"), place("front.csv"));
+    let figure = |more: &[&str]| run(&[&["figure"], more, &["--run", folder()]].concat());
+    let drawn = figure(&["pareto-front", "--out", &front, "--data", &points]);
+    assert_eq!(drawn.code, 0, "{}", drawn.stderr);
+    let csv = std::fs::read_to_string(&points).unwrap();
+    let marked = |column: usize| {
+        let of = |line: &str| {
+            (line.split(',').nth(column) == Some("true")).then(|| line.split(',').nth(1).unwrap().to_string())
+        };
+        csv.lines().skip(1).filter_map(of).collect::<Vec<_>>()
+    };
+    assert_eq!(marked(6), ["cat-idm/parent", "at-idm/parent", "adv_bmt-idm/parent"]);
+    assert_eq!(marked(9), ["cat-idm/parent", "at-idm/e0s4", "adv_bmt-idm/e4s1"], "those that the run reports");
+    // The run's summary prints the fronts.
+    let golden = crate::harness::text("golden/quickstart.txt");
+    let of = |line: &str| line.split_once(" / ")?.1.split_whitespace().nth(1).map(String::from);
+    let fronts: Vec<String> = golden.lines().filter(|line| line.starts_with("  0.")).filter_map(of).collect();
+    let (mut own, mut printed) =
+        (marked(8), fronts.iter().filter(|name| name.contains('/')).cloned().collect::<Vec<_>>());
+    own.sort();
+    printed.sort();
+    assert_eq!(own, printed);
+    // Three lineages with a parent each, and every descendant that was evaluated and acts somewhere.
+    assert!(csv.lines().count() > 60 && csv.lines().count() <= 1 + 3 + 99, "{}", csv.lines().count());
+    let svg = std::fs::read_to_string(front).unwrap();
+    assert_eq!(svg.matches("font-weight=\"bold\"").count(), 3, "a panel a lineage");
+    let one = figure(&["pareto-front", "--lineage", "at-idm", "--out", &place("one.svg")]);
+    assert!(one.code == 0 && std::fs::read_to_string(place("one.svg")).unwrap().matches(">at-idm<").count() == 1);
+    let other = figure(&["patch-surface", "--out", &place("other.svg"), "--data", &points, "--overwrite"]);
+    assert!(other.code == 2 && other.stderr.contains("only pareto-front has points"), "{}", other.stderr);
+    assert!(!dir.path().join("other.svg").exists(), "refused before anything is written");
+    // The first lineage reports its parent, so there is no chain to tell.
+    let chain = figure(&["case-evolution", "--out", &place("chain.svg")]);
+    assert!(chain.stdout.starts_with("Evolution of at-idm: "), "{}", chain.stdout);
+}
+
+#[test]
+fn a_tables_columns_are_chosen_and_latex_takes_those_that_fit_a_page() {
+    let table = |more: &[&str]| run(&[&["table", "metadrive-policy", folder()], more].concat());
+    let columns =
+        |text: &str| text.lines().find(|line| line.starts_with("Method")).map_or(0, |line| line.matches('&').count());
+    let (page, all) = (table(&["--format", "latex"]), table(&["--format", "latex", "--columns", "all"]));
+    assert_eq!((columns(&page.stdout), columns(&all.stdout)), (11, 20));
+    assert!(page.stderr.contains("--columns all prints every one") && all.stderr.is_empty(), "{}", page.stderr);
+    let two = table(&["--columns", "evolved_attack,seeds", "--format", "csv"]);
+    let head = two.stdout.lines().next().unwrap().to_string();
+    let expected = "method,policy,status,lineages,evolved_attack,evolved_attack_low,evolved_attack_high,evolved_attack_paper,seeds,proposals,notes";
+    assert_eq!(head, expected);
+    let wrong = table(&["--columns", "evolved_atack"]);
+    assert!(wrong.code == 2 && wrong.stderr.contains("did you mean `evolved_attack`"), "{}", wrong.stderr);
+    let itself = run(&["compare", &format!("{}:at-idm", folder()), &format!("{}:at-idm", folder())]);
+    assert!(
+        itself.stdout.contains("note: A and B: the stand-in's seed, 18, was chosen of twenty"),
+        "{}",
+        itself.stdout
+    );
+}
+
+#[test]
 fn by_realism_the_most_realistic_of_one_lineage_come_first() {
     let rows = best(&["--top", "4000", "--by", "realism", "--lineage", "at-idm"]);
     let realism: Vec<f64> = rows.iter().map(|row| row["rollout"]["realism"].as_f64().unwrap()).collect();

@@ -95,7 +95,9 @@ fn what_is_proposed_for_another_setting_works_as_typed_and_leaves_the_experiment
                 "{command}"
             );
         }
-        let root = typed(record).root();
+        let recorded = typed(record);
+        assert!(!recorded.stdout.contains("report: "), "none was written: {}", recorded.stdout);
+        let root = recorded.root();
         assert!(std::fs::read(&cassette).unwrap() == before, "{set}: the experiment's cassette has grown");
         // From that cassette the plan is complete, and what it proposes replays.
         let own = record.rsplit_once("--cassette ").unwrap().1;

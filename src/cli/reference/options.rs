@@ -24,3 +24,19 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     let text = if stdout_width().is_some() { experiment::listing() } else { page.clone() };
     Ok(Answer::new(text, json!({"page": page})))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::terminal::width::wrapped;
+    use crate::experiment;
+
+    #[test]
+    fn the_keys_fit_a_terminal_of_80_columns_and_none_is_lost() {
+        let shown = wrapped(&experiment::listing(), 80);
+        let wide: Vec<&str> = shown.lines().filter(|line| line.chars().count() > 80).collect();
+        assert!(wide.is_empty(), "{wide:#?}");
+        let keys = experiment::page().lines().filter(|line| line.starts_with("|`")).count();
+        let heads = shown.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+        assert_eq!(heads.count(), keys);
+    }
+}

@@ -7,6 +7,7 @@ use super::key::Range;
 use super::{ExperimentError, OptionError, PlannerFile};
 use crate::families;
 use crate::objects::FamilyName;
+use crate::text::counted;
 use crate::scene::{Pool, usable};
 use crate::stage::Source;
 
@@ -36,11 +37,22 @@ const HELD_OUT_MIN: usize = 20;
 /// Most scenes of a window.
 const WINDOW_MAX: usize = 20;
 
-/// The text of the file.
+/// The file, and what its user is to know of it at once.
+#[derive(Clone, Debug)]
+pub struct Started {
+    /// The text of the file.
+    pub text: String,
+    /// What so many held-out scenes can show of a rate.
+    pub shows: String,
+    /// What they cannot, where they are few.
+    pub few: Option<String>,
+}
+
+/// The text of the file, with what its scenes can show.
 ///
 /// # Errors
 /// An unknown family, families of two protocols, a name that no run folder can have, too few usable scenes, a number out of its range.
-pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
+pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
     let option = |error| ExperimentError::Option { file: "init".into(), error };
     let families = chosen(starter).map_err(option)?;
     let name = toml::Value::String(starter.name.clone());
@@ -78,7 +90,8 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
     if families.iter().any(|of| of.asks.templates.is_some()) {
         text.push_str("# [composition] can describe scenarios in words; without it the published templates stay.\n");
     }
-    text.push_str(&scenes(starter, staged)?);
+    let (scenes, held_out) = scenes(starter, staged)?;
+    text.push_str(&scenes);
     let (epochs, slots) = (starter.epochs.unwrap_or(4), starter.slots.unwrap_or(6));
     let _ = write!(text, "\n[budget]\nepochs = {epochs}\nslots = {slots}   # parallel proposals of an epoch\n");
     for name in &names {
@@ -97,7 +110,7 @@ pub fn starter(starter: &Starter) -> Result<String, ExperimentError> {
             starter.name
         );
     }
-    Ok(text)
+    Ok(Started { text, shows: shows(held_out), few: few(held_out) })
 }
 
 /// How a model of the user's is named; nothing of it holds before the marks are taken off.
@@ -136,7 +149,7 @@ fn chosen(starter: &Starter) -> Result<Vec<Source>, OptionError> {
 
 /// `[scenes]` and `[split]`: a fifth of the scenes is held out, and 20 at least where half of them are so many. A window sees at most 20
 /// of the others.
-fn scenes(starter: &Starter, staged: bool) -> Result<String, ExperimentError> {
+fn scenes(starter: &Starter, staged: bool) -> Result<(String, usize), ExperimentError> {
     let (source, count) = match &starter.scenes {
         None if staged => return generated_groups(starter),
         None => (format!("count = {GENERATED}   # generated; `evodrive init --scenes` takes yours"), GENERATED),
@@ -148,10 +161,11 @@ fn scenes(starter: &Starter, staged: bool) -> Result<String, ExperimentError> {
     };
     let window = (count - held_out).min(WINDOW_MAX);
     let shows = shows(held_out);
-    Ok(format!(
+    let text = format!(
         "\n[scenes]\n{source}\n\n[split]\nevolution = {{ share = 1.0 }}   # of the usable scenes that are not held out\n\
          held_out = {held_out}   # {shows}\nwindow = {window}   # scenes of an epoch\n"
-    ))
+    );
+    Ok((text, held_out))
 }
 
 fn named_source(path: &Path) -> String {
@@ -186,20 +200,37 @@ fn usable_in(path: &Path, pool: &Pool, staged: bool) -> Result<usize, Experiment
 }
 
 fn held_out_of(count: usize, wanted: usize) -> Result<usize, ExperimentError> {
-    let error = OptionError::new("--held-out", wanted, format!("1 to {}: {count} scenes can be used", count - 1));
+    let error =
+        OptionError::new("--held-out", wanted, format!("1 to {}: {} can be used", count - 1, counted(count, "scene")));
     let fits = (1..count).contains(&wanted);
     if fits { Ok(wanted) } else { Err(ExperimentError::Option { file: "init".into(), error }) }
 }
 
 /// What so many held-out scenes can show of a rate: the 95 % interval of one half is the widest.
 fn shows(held_out: usize) -> String {
-    let points = (98.0 / (held_out as f64).sqrt()).ceil();
     let few = if held_out < HELD_OUT_MIN { "few: " } else { "" };
-    format!("{few}a rate over {held_out} scenes is known to within {points} percentage points (95 %)")
+    let scenes = counted(held_out, "scene");
+    match 98.0 / (held_out as f64).sqrt() {
+        // Half a width of all there is: whatever is measured, the rate may be any.
+        points if points >= 50.0 => format!("{few}a rate over {scenes} says nearly nothing"),
+        points => format!("{few}a rate over {scenes} is known to within {} percentage points (95 %)", points.ceil()),
+    }
+}
+
+/// What fewer than [`HELD_OUT_MIN`] held-out scenes are good for, and what not.
+fn few(held_out: usize) -> Option<String> {
+    (held_out < HELD_OUT_MIN).then(|| {
+        format!(
+            "{} can show that everything works, and how a program makes the ego fail. Which of two programs or planners is \
+             better so few cannot show: for that hold out {HELD_OUT_MIN} or more, of more scenes (`evodrive scenes import`, or \
+             `init` without --scenes, which generates {GENERATED})",
+            counted(held_out, "held-out scene")
+        )
+    })
 }
 
 /// Two routes of each traffic family: whole groups on both sides of the split, of 4 scenes each.
-fn generated_groups(starter: &Starter) -> Result<String, ExperimentError> {
+fn generated_groups(starter: &Starter) -> Result<(String, usize), ExperimentError> {
     let count = 64;
     let held_out = starter.held_out.map_or(Ok(24), |wanted| held_out_of(count, wanted))?;
     if held_out % 4 != 0 {
@@ -208,9 +239,10 @@ fn generated_groups(starter: &Starter) -> Result<String, ExperimentError> {
         return Err(ExperimentError::Option { file: "init".into(), error });
     }
     let (evolution, shows) = (count - held_out, shows(held_out));
-    Ok(format!(
+    let text = format!(
         "\n[scenes.options]\nroutes = [4, 5]   # of 4 to 13, in each of eight traffic families\n\n[split]\n\
          evolution = {{ count = {evolution} }}   # whole groups of a family and a route, 4 scenes each\nheld_out = {held_out}   # {shows}\n\
          window = {evolution}\n"
-    ))
+    );
+    Ok((text, held_out))
 }

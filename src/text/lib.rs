@@ -1,4 +1,4 @@
-//! Comparisons of texts: the nearest known word for messages, and unified diffs for readers.
+//! Comparisons of texts: the nearest known word for messages, and unified diffs for readers. Counts with their nouns.
 //!
 //! A crate of its own, for a short build: the library behind it chooses its method at run time and is generic in what it compares, so
 //! each crate that called it compiled all methods anew.
@@ -15,6 +15,17 @@ const SIMILAR_MIN: f32 = 0.6;
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let known: Vec<&str> = known.into_iter().collect();
     similar::get_close_matches(word, &known, 1, SIMILAR_MIN).first().copied()
+}
+
+/// A number with its noun: `1 scene`, `0 scenes`, `2 patches`. `noun` stands in the singular, and may have words before it.
+pub fn counted(count: usize, noun: &str) -> String {
+    let ending = match noun {
+        _ if count == 1 => "",
+        // An epoch has no hiss at its end, a patch has.
+        _ if ["s", "x", "sh", "tch", "nch", "rch"].iter().any(|end| noun.ends_with(end)) => "es",
+        _ => "s",
+    };
+    format!("{count} {noun}{ending}")
 }
 
 /// Unified diff of the lines of two texts with their names as its head, and `context` unchanged lines around each change. Empty for
@@ -36,6 +47,12 @@ mod tests {
         assert_eq!(nearest("gab_m", known), Some("gap_m"));
         assert_eq!(nearest("speed_ms", known), Some("speed_mps"));
         assert_eq!(nearest("zzz", known), None);
+    }
+
+    #[test]
+    fn one_thing_stands_in_the_singular_and_any_other_number_of_them_does_not() {
+        assert_eq!([0, 1, 2].map(|count| counted(count, "scene")), ["0 scenes", "1 scene", "2 scenes"]);
+        assert_eq!(["patch", "epoch", "search"].map(|noun| counted(3, noun)), ["3 patches", "3 epochs", "3 searches"]);
     }
 
     #[test]

@@ -377,6 +377,11 @@ fn init_takes_several_families_or_all_with_what_they_need_and_the_size_of_the_st
     assert_eq!(families(&some), "king llm_attacker cat");
     assert_eq!((some.budget.epochs, some.budget.slots), (2, 3));
     assert!(some.counsel.is_some(), "LLM-Attacker asks who attacks");
+    let (_, enough) = evodrive(dir.path(), &["init", "enough"]);
+    assert!(
+        enough.contains("\na rate over 20 scenes is known to within 22 percentage points") && !enough.contains("few"),
+        "{enough}"
+    );
     assert!(some.split.held_out >= 20 && made("few", &["--held-out", "7"]).split.held_out == 7);
     let text = std::fs::read_to_string(dir.path().join("few.toml")).unwrap();
     assert!(text.contains("# few: a rate over 7 scenes is known to within 38 percentage points"), "{text}");
@@ -434,7 +439,14 @@ fn init_fits_the_split_to_ones_own_scenes_and_the_experiment_runs() {
     std::fs::write(dir.path().join("worlds.toml"), format!("base = \"evodrive:metadrive\"\nscenes.count = 6\n{OWN}"))
         .unwrap();
     done(&["scenes", "generate", "worlds.toml", "--out", "mine.pool"]);
-    done(&["init", "mine", "--scenes", "mine.pool"]);
+    let told = done(&["init", "mine", "--scenes", "mine.pool"]);
+    // On the terminal, behind the file's own text.
+    let (_, behind) = told.rsplit_once("# command = ").unwrap();
+    assert!(behind.contains("few: a rate over 3 scenes says nearly nothing"), "{told}");
+    assert!(
+        behind.contains("3 held-out scenes can show that everything works") && behind.contains("cannot show"),
+        "{told}"
+    );
     let experiment = read(&dir.path().join("mine.toml"));
     assert_eq!((experiment.split.held_out, experiment.split.window), (3, 3));
     let path = dir.path().join("mine.toml");

@@ -3,10 +3,12 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use evodrive::scene::{Pool, Scene, pool};
 use serde_json::Value;
 
 use crate::backends::experiment;
 use crate::harness::{Ran, evodrive, run};
+use crate::scenes::{car, sample, straight, straight_road};
 
 /// The binary in a folder.
 fn at(folder: &Path, args: &[&str]) -> Ran {
@@ -175,4 +177,48 @@ fn two_scenes_of_one_id_and_unusable_scenes_are_told() {
     let unusable = object["unusable"].as_array().unwrap();
     assert_eq!(checked.code, if unusable.is_empty() { 0 } else { 2 }, "{}", checked.stdout);
     assert_eq!(object["scenes"].as_u64().unwrap(), object["usable"].as_u64().unwrap() + unusable.len() as u64);
+}
+
+/// An ego at 10 m/s that drives into a standing car, or would if the car did not stand beside its lane.
+fn with_a_standing_car(id: &str, aside_m: f64) -> Scene {
+    let standing = car("stands", straight(sample(40.0, aside_m, 0.0, 0.0), 60));
+    // Somebody who drives, so that evolution can use the scene.
+    let driving = car("drives", straight(sample(10.0, 12.0, 0.0, 8.0), 60));
+    Scene { id: id.into(), ..straight_road(60, 10.0, vec![standing, driving]) }
+}
+
+#[test]
+fn scenes_whose_recorded_ego_crashes_are_counted_and_named_and_can_be_left_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    let scenes = [("clear", 8.0), ("crash-a", 0.0), ("clear-too", -8.0), ("crash-b", 0.5)];
+    let scenes = scenes.map(|(id, aside_m)| with_a_standing_car(id, aside_m)).to_vec();
+    std::fs::write(folder.join("raw.pool"), pool::encode(&Pool::new(scenes, vec![]).unwrap())).unwrap();
+    let which = |object: &Value| {
+        let crashes = object["recorded_crashes"].as_array().unwrap();
+        crashes.iter().map(|of| format!("{} {}", of["scene"].as_str().unwrap(), of["with"].as_str().unwrap())).collect()
+    };
+    let crashing: Vec<String> = vec!["crash-a stands".into(), "crash-b stands".into()];
+    // They can be used, as ever: the pool is good.
+    let checked = well(folder, &["scenes", "check", "raw.pool"]);
+    assert_eq!((checked["usable"].as_u64(), which(&checked)), (Some(4), crashing.clone()));
+    assert_eq!(which(&well(folder, &["scenes", "import", "raw.pool", "--out", "mine.pool"])), crashing);
+    assert_eq!(which(&well(folder, &["init", "mine", "--scenes", "mine.pool"])), crashing);
+    assert_eq!(ids(folder, "mine.pool").len(), 4);
+    // In words, with commands that work as they are printed.
+    let words = at(folder, &["scenes", "check", "mine.pool"]).stdout;
+    assert!(
+        words.contains("in 2 scenes of 4 the recorded ego itself touches somebody: crash-a (touches stands after 3."),
+        "{words}"
+    );
+    let told = at(folder, &["init", "other", "--scenes", "mine.pool"]).stdout;
+    assert!(told.contains("recorded crash: in 2 scenes of 4"), "{told}");
+    for (_, typed) in words.lines().filter_map(|line| line.split_once("evodrive ")) {
+        let ran = at(folder, &typed.split(' ').collect::<Vec<_>>());
+        assert_eq!(ran.code, 0, "{typed}: {}", ran.stderr);
+    }
+    assert!(folder.join("scene.html").exists());
+    assert_eq!(ids(folder, "no_crashes.pool"), ["clear".to_string(), "clear-too".to_string()].into());
+    let clean = at(folder, &["scenes", "check", "no_crashes.pool"]).stdout;
+    assert!(!clean.contains("crash"), "{clean}");
 }

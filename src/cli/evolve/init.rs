@@ -6,8 +6,9 @@ use std::convert::Infallible;
 use std::path::PathBuf;
 
 use crate::cli::scenes::files;
+use crate::cli::scenes::recorded_crash::{self, RecordedCrash};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
-use crate::experiment::{PlannerFile, Starter, family_named, starter};
+use crate::experiment::{PlannerFile, Started, Starter, family_named, starter};
 use crate::store;
 
 #[derive(Debug, Args)]
@@ -63,12 +64,25 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         slots: options.slots,
         held_out: options.held_out,
     };
-    let text = starter(&begun)?;
+    let Started { text, shows, few } = starter(&begun)?;
+    let crashes = crashes(&begun, jobs)?;
     store::write_atomic(&path, text.as_bytes())?;
     let shown = path.display();
+    // The file says it in a comment; who does not open it is to know it all the same.
+    let said: String =
+        [shows].into_iter().chain(few.clone()).chain(crashes.1).map(|line| format!("{line}\n")).collect();
     let next = format!(
         "evodrive record {shown}   # asks the models that it names and writes {}.jsonl\nevodrive run {shown}      # replays it: same root",
         options.name
     );
-    Ok(Answer::new(format!("{text}\nwritten to {shown}; next:\n{next}\n"), json!({"experiment": path, "text": text})))
+    let object = json!({"experiment": path, "text": text, "few": few, "recorded_crashes": crashes.0});
+    Ok(Answer::new(format!("{text}\n{said}\nwritten to {shown}; next:\n{next}\n"), object))
+}
+
+/// Scenes of the user's whose recorded ego itself crashes, and the lines that say so.
+fn crashes(begun: &Starter, jobs: usize) -> Result<(Vec<RecordedCrash>, Vec<String>), Failure> {
+    let Some((path, pool)) = &begun.scenes else { return Ok(Default::default()) };
+    let crashes = recorded_crash::of_pool(&pool.scenes, &files::threads(jobs)?);
+    let lines = recorded_crash::lines(&crashes, pool.scenes.len(), std::slice::from_ref(path));
+    Ok((crashes, lines))
 }

@@ -11,6 +11,7 @@ use crate::evaluation::calibrate::{Observed, observed};
 use crate::evaluation::{Calibration, calibrate};
 use crate::experiment;
 use crate::kernel::Threads;
+use crate::text::counted;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -55,7 +56,8 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
 }
 
 fn listing(found: &Calibration) -> String {
-    let mut out = format!("{} scenes, quantile {}; bound (tolerance)\n{:<20}", found.scenes, found.quantile, "");
+    let mut out =
+        format!("{}, quantile {}; bound (tolerance)\n{:<20}", counted(found.scenes, "scene"), found.quantile, "");
     for (kind, limits) in found.by_kind() {
         let of = if limits.pooled { "pooled, own" } else { "of" };
         let _ = write!(out, "{:>26}", format!("{kind} ({of} {})", limits.road_users));

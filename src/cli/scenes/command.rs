@@ -11,6 +11,7 @@ use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
 use crate::formats::summary::SameId;
+use crate::text::counted;
 use crate::scene::stats::PoolStats;
 
 #[derive(Debug, Subcommand)]
@@ -22,9 +23,10 @@ pub enum Command {
     Generate(GenerateOptions),
     /// List the scenes of a pool or of scenario files.
     List(ListOptions),
-    /// Check whether evolution can use each scene, and say why not; exit code 2 if one cannot be used.
+    /// Check whether evolution can use each scene, and say why not; exit code 2 if one cannot be used. Scenes whose recorded ego
+    /// itself crashes are named.
     Check(pools::CheckOptions),
-    /// Write the scenes that have tags, or for which an expression holds, into a pool.
+    /// Write the scenes that have tags, for which an expression holds, or whose recorded ego crashes nowhere, into a pool.
     Filter(pools::FilterOptions),
     /// Write the scenes of several pools into one; a scene that occurs twice is kept once, different scenes with one
     /// id are refused.
@@ -141,7 +143,7 @@ fn stats(options: &StatsOptions, jobs: usize) -> Result<Answer, Failure> {
     }
     let mut text = String::new();
     for (k, (name, stats)) in columns.iter().enumerate() {
-        let _ = writeln!(text, "[{}] {name}: {} scenes", k + 1, stats.scenes);
+        let _ = writeln!(text, "[{}] {name}: {}", k + 1, counted(stats.scenes, "scene"));
     }
     let _ = write!(text, "{:<30}", "p5 / p50 / p95 (mean)");
     for k in 0..columns.len() {

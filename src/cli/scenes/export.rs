@@ -14,6 +14,7 @@ use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::formats::scenarionet::{self, DataSet};
 use crate::formats::{ExportError, Exported, ImportError, Note, Staging, commonroad, openscenario};
 use crate::kernel::Threads;
+use crate::text::counted;
 use crate::scene::Scene;
 
 /// Scenes that are held in memory as files before they are written.
@@ -85,7 +86,8 @@ pub fn run(options: &Options, threads: usize) -> Result<Answer, Failure> {
     let mut exports = Exports::new(options.format, &options.out, options.output);
     exports.write(chosen, &Threads::new(threads).map_err(Failure::internal)?)?;
     exports.some()?;
-    let text = format!("{}{} scenes in {}\n", exports.left_out_text(), exports.written(), options.out.display());
+    let text =
+        format!("{}{} in {}\n", exports.left_out_text(), counted(exports.written(), "scene"), options.out.display());
     Ok(Answer::new(text, exports.json()))
 }
 

@@ -4,7 +4,7 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::cli::scenes::left_out;
+use crate::cli::scenes::{left_out, recorded_crash};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
 use crate::evidence::aligned::Aligned;
@@ -38,9 +38,13 @@ pub fn written(pool: &Pool, out: &Path, output: Output, threads: &Threads) -> Re
     for line in left_out::lines(pool) {
         let _ = writeln!(text, "{line}");
     }
-    let _ = writeln!(text, "{} scenes in {}", pool.scenes.len(), out.display());
+    let crashes = recorded_crash::of_pool(&pool.scenes, threads);
+    for line in recorded_crash::lines(&crashes, pool.scenes.len(), &[out.to_path_buf()]) {
+        let _ = writeln!(text, "{line}");
+    }
+    let _ = writeln!(text, "{} in {}", counted(pool.scenes.len(), "scene"), out.display());
     let object = json!({
-        "pool": out, "digest": pool.digest(), "scenes": rows, "left_out": pool.left_out,
+        "pool": out, "digest": pool.digest(), "scenes": rows, "left_out": pool.left_out, "recorded_crashes": crashes,
     });
     Ok(Answer::new(text, object))
 }
@@ -104,8 +108,8 @@ pub fn named<'p>(pool: &'p Pool, path: &Path, id: &str) -> Result<&'p Scene, Fai
 pub fn unnamed(pool: &Pool, path: &Path) -> Failure {
     let known: Vec<&str> = pool.scenes.iter().map(|s| s.id.as_str()).take(20).collect();
     Failure::bad_input(format!(
-        "name one of the {} scenes of {}: {}{}",
-        pool.scenes.len(),
+        "name one of the {} of {}: {}{}",
+        counted(pool.scenes.len(), "scene"),
         path.display(),
         known.join(", "),
         if pool.scenes.len() > 20 { ", ..." } else { "" }

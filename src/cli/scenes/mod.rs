@@ -10,4 +10,5 @@ pub mod formula;
 pub mod left_out;
 pub mod pools;
 pub mod readable;
+pub mod recorded_crash;
 pub mod show;

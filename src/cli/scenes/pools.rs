@@ -4,12 +4,13 @@ use clap::{ArgGroup, Args};
 use serde_json::json;
 use std::path::PathBuf;
 
-use crate::cli::scenes::{files, formula::SceneFormula, left_out};
+use crate::cli::scenes::{files, formula::SceneFormula, left_out, recorded_crash};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::output::Output;
 use crate::experiment;
 use crate::kernel::Seed;
+use crate::text::counted;
 use crate::scene::pool::{self, EvolutionSize};
 use crate::scene::{LaneGraph, LeftOut, Pool, Scene, SceneFeatures, usable};
 use crate::sim::Plant;
@@ -35,6 +36,9 @@ pub struct FilterOptions {
     /// Only scenes that evolution can use.
     #[arg(long)]
     pub usable: bool,
+    /// Leave out scenes whose recorded ego itself touches somebody; `scenes check` names them.
+    #[arg(long)]
+    pub without_crashes: bool,
     /// Leave out the scene with this id; may be repeated.
     #[arg(long, value_name = "ID")]
     pub without: Vec<String>,
@@ -100,10 +104,13 @@ pub fn check(options: &CheckOptions, jobs: usize) -> Result<Answer, Failure> {
     let mut lines = left_out::lines(&pool);
     lines.extend(left_out::listed("not used", unfit.iter().cloned()));
     let (all, good) = (pool.scenes.len(), pool.scenes.len() - unfit.len());
-    lines.push(format!("{good} of {all} scenes can be used; digest of the pool {}", pool.digest()));
+    let crashes = recorded_crash::of_pool(&pool.scenes, &threads);
+    lines.extend(recorded_crash::lines(&crashes, all, &options.paths));
+    lines.push(format!("{good} of {} can be used; digest of the pool {}", counted(all, "scene"), pool.digest()));
     let rows: Vec<_> = unfit.iter().map(|(id, reason)| json!({"scene": id, "reason": reason})).collect();
     let object = json!({
         "digest": pool.digest(), "scenes": all, "usable": good, "unusable": rows, "left_out": pool.left_out,
+        "recorded_crashes": crashes,
     });
     let exit = if unfit.is_empty() { Exit::Success } else { Exit::BadInput };
     Ok(Answer { exit, ..Answer::new(lines.join("\n"), object) })
@@ -123,6 +130,7 @@ pub fn filter(options: &FilterOptions, jobs: usize) -> Result<Answer, Failure> {
         options.tag.iter().all(|tag| features.tags.contains(&tag.as_str()))
             && formula.as_ref().is_none_or(|formula| formula.holds(&features))
             && (!options.usable || fault(scene).is_none())
+            && (!options.without_crashes || recorded_crash::recorded_crash(scene).is_none())
             && !options.without.contains(&scene.id)
     });
     let (all, mut keeps) = (pool.scenes.len(), keeps.into_iter());
@@ -133,7 +141,7 @@ pub fn filter(options: &FilterOptions, jobs: usize) -> Result<Answer, Failure> {
         )));
     }
     let mut answer = files::written(&pool, &options.out, options.output, &threads)?;
-    answer.text += &format!("{} of {all} scenes are kept\n", pool.scenes.len());
+    answer.text += &format!("{} of {} kept\n", pool.scenes.len(), counted(all, "scene"));
     answer.json["of"] = json!(all);
     Ok(answer)
 }
@@ -148,7 +156,7 @@ pub fn merge(options: &MergeOptions, jobs: usize) -> Result<Answer, Failure> {
     let (pool, repeated) = Pool::merged(pools).map_err(Failure::bad_input)?;
     let mut answer = files::written(&pool, &options.out, options.output, &threads)?;
     if repeated > 0 {
-        answer.text += &format!("{repeated} scenes were in several pools and are kept once\n");
+        answer.text += &format!("in several pools, and kept once: {}\n", counted(repeated, "scene"));
     }
     answer.json["repeated"] = json!(repeated);
     Ok(answer)
@@ -194,7 +202,7 @@ pub fn split(options: &SplitOptions, jobs: usize) -> Result<Answer, Failure> {
     }
     for (part, out) in [(&open, &options.out), (&closed, &options.held_out_to)] {
         options.output.write(out, &pool::encode(part))?;
-        lines.push(format!("{} scenes in {}, digest {}", part.scenes.len(), out.display(), part.digest()));
+        lines.push(format!("{} in {}, digest {}", counted(part.scenes.len(), "scene"), out.display(), part.digest()));
     }
     let described = |part: &Pool, out: &PathBuf| {
         let ids: Vec<&str> = part.scenes.iter().map(|scene| scene.id.as_str()).collect();

@@ -12,6 +12,7 @@ use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::evidence::nearest::{Nearest, nearest};
+use crate::text::counted;
 use crate::scene::Scene;
 
 #[derive(Debug, Args)]
@@ -169,8 +170,13 @@ fn in_words(scene: &Scene) -> String {
     let row = row(scene);
     let mut text = format!("{}  ({}, {})\n", scene.id, scene.origin.format, scene.origin.name);
     let _ = writeln!(text, "digest {}", scene.digest());
-    let _ =
-        writeln!(text, "{} steps, current step {}, {} lanes", scene.steps, scene.current_step, scene.road.lanes.len());
+    let _ = writeln!(
+        text,
+        "{}, current step {}, {}",
+        counted(scene.steps, "step"),
+        scene.current_step,
+        counted(scene.road.lanes.len(), "lane")
+    );
     let _ = writeln!(text, "tags: {}", row.tags.join(" "));
     let _ = writeln!(text, "usable for evolution: {}", row.unusable.as_deref().unwrap_or("yes"));
     for violation in scene.validate() {

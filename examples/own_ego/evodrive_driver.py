@@ -5,7 +5,8 @@ forgets it. Both arguments are the dictionaries of the protocol. `decide` return
 of points `[x, y]` where the car is to be 0.1 s, 0.2 s ... from now.
 
 A run is only worth something if it comes out the same again: seed every random number from `scene["seed"]` in `begin`, and
-keep nothing from one rollout to the next. EvoDrive plays a share of the rollouts twice and stops if they differ.
+keep nothing from one rollout to the next. EvoDrive plays a share of the rollouts again, in another process, and stops if they
+differ: so does what hangs on the order of a set of texts, or on `hash()` of one.
 """
 
 import json

@@ -28,10 +28,10 @@ pub struct DriverOptions {
     /// Longest time for one decision, s. It counts into no key.
     #[serde(default = "timeout_s")]
     pub timeout_s: f64,
-    /// Processes at once, at most; no more than `--jobs` are busy. It counts into no key.
+    /// Processes at once, at most, beside those that play again; no more than `--jobs` are busy. It counts into no key.
     #[serde(default = "processes")]
     pub processes: usize,
-    /// Share of the rollouts that are played twice when they are recorded. It counts into no key.
+    /// Share of the rollouts that another process plays again when they are recorded. It counts into no key.
     #[serde(default = "repeat_share")]
     pub repeat_share: f64,
     /// The planner's identity: [`DriverOptions::identity`]. Written by hand only where the files may be missing.
@@ -68,6 +68,13 @@ impl DriverOptions {
     /// The ego.
     pub fn policy(&self) -> Option<Policy> {
         self.digest.map(Policy::Command)
+    }
+
+    /// How people call it: the name of its first file, or the program's where no file is named.
+    pub fn name(&self) -> String {
+        let first =
+            self.files.first().and_then(|file| file.file_name()).map(|name| name.to_string_lossy().into_owned());
+        first.or_else(|| self.command.first().cloned()).unwrap_or_default()
     }
 
     /// Where its files lie.

@@ -25,6 +25,8 @@ struct Drives<F> {
     said: VecDeque<Said>,
     answer: F,
     lines: usize,
+    /// As Python has it: a process's own.
+    salt: u64,
 }
 
 impl<F: Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static> Start for Fake<F> {
@@ -32,11 +34,12 @@ impl<F: Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static> Start for Fak
         Err("a planner is started in its folder".into())
     }
 
-    fn start_in(&self, _: &[String], folder: &Path) -> Result<Box<dyn Line>, String> {
+    fn start_in(&self, _: &[String], folder: &Path, variables: &[(&str, &str)]) -> Result<Box<dyn Line>, String> {
         assert_eq!(folder, Path::new("/there"));
+        let [("PYTHONHASHSEED", salt)] = variables else { panic!("{variables:?}") };
         self.1.fetch_add(1, Ordering::SeqCst);
         let said = VecDeque::from([Ok(b"{\"evodrive_driver\":1}".to_vec())]);
-        Ok(Box::new(Drives { said, answer: self.0.clone(), lines: 0 }))
+        Ok(Box::new(Drives { said, answer: self.0.clone(), lines: 0, salt: salt.parse().unwrap() }))
     }
 
     fn show(&self, about: &str, printed: &str) {
@@ -46,7 +49,8 @@ impl<F: Fn(&Value, usize) -> Said + Clone + Send + Sync + 'static> Start for Fak
 
 impl<F: Fn(&Value, usize) -> Said + Send> Line for Drives<F> {
     fn send(&mut self, line: String) {
-        let question: Value = serde_json::from_str(&line).unwrap();
+        let mut question: Value = serde_json::from_str(&line).unwrap();
+        question["salt"] = self.salt.into();
         self.lines += 1;
         if question["type"] == "step" {
             match (self.answer)(&question, self.lines) {
@@ -264,13 +268,45 @@ fn a_planner_that_keeps_something_from_one_rollout_to_the_next_is_found_where_ro
     assert_eq!(reason(&options(0.0), forgetful), "driven", "nobody looked");
     let refusal = reason(&options(1.0), forgetful);
     assert!(
-        refusal.starts_with("STOP worker `python3 mine.py`, scene") && refusal.contains("played twice"),
+        refusal.starts_with("STOP worker `python3 mine.py`, scene") && refusal.contains("played twice in one process"),
         "{refusal}"
     );
     assert!(
         refusal.contains("after 1 decisions") && refusal.contains("seed its random numbers at `begin`"),
         "{refusal}"
     );
+}
+
+#[test]
+fn a_planner_that_is_the_same_within_a_process_alone_is_refused_in_the_first_rollout_whatever_is_drawn() {
+    let salted = |question: &Value, lines: usize| {
+        let mut said: Value = serde_json::from_slice(&plain(question, lines)?).unwrap();
+        said["acceleration_mps2"] = json!(0.3 + 0.001 * question["salt"].as_f64().unwrap());
+        Ok(said.to_string().into_bytes())
+    };
+    assert_eq!(reason(&options(0.0), salted), "driven", "nobody looked");
+    // A share that draws hardly anything.
+    for share in [1e-9, 1.0] {
+        let refusal = reason(&options(share), salted);
+        assert!(
+            refusal.contains("played again in another process") && refusal.contains("after 1 decisions"),
+            "{refusal}"
+        );
+        assert!(refusal.contains("PYTHONHASHSEED was 1 and 2") && refusal.contains("hashlib"), "{refusal}");
+    }
+}
+
+#[test]
+fn who_drives_again_is_another_process_that_is_kept() {
+    let (start, options) = (Fake(plain, AtomicUsize::new(0), Mutex::default()), options(1.0));
+    let planners = Planners::new(&options, &start);
+    let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
+    let behind = Backend::Other { options: &backend, answers: &planners };
+    for seed in 0..3 {
+        let scene = crossing(seed, 3, 91);
+        behind.rollout(&plant(&scene), &Intervention::default(), &options.policy().unwrap(), Seed(1)).unwrap();
+    }
+    assert_eq!(start.1.load(Ordering::SeqCst), 2);
 }
 
 #[test]

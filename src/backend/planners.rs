@@ -1,7 +1,10 @@
 //! Planner processes as they are used: started when they are needed, greeted, given one rollout at a time, and some rollouts
-//! twice, because a planner that answers differently the second time makes a run that nobody can repeat.
+//! again, because a planner that answers differently the second time makes a run that nobody can repeat. The second time is
+//! another process's, in which Python salts the hashes of texts otherwise: within one process all that hangs on them, such as
+//! the order of a set, comes out the same.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use serde::Deserialize;
@@ -19,6 +22,11 @@ use crate::sim::{ReportedRollout, tell};
 /// A planner may load weights before it greets: it has at least this long, s.
 const GREETING_S: f64 = 120.0;
 
+/// The variable that salts Python's hashes of texts, and its values in the processes that drive and in those that drive again.
+const HASH_SALT: &str = "PYTHONHASHSEED";
+const SALT: &str = "1";
+const OTHER_SALT: &str = "2";
+
 /// What a planner says when it starts.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,33 +39,82 @@ pub struct Planners<'a> {
     options: &'a DriverOptions,
     start: &'a dyn Start,
     crew: Crew<Box<dyn Line>>,
+    /// Processes for the second time.
+    again: Crew<Box<dyn Line>>,
+    /// Whether nothing was played again so far.
+    unchecked: AtomicBool,
 }
 
 impl<'a> Planners<'a> {
     /// Nothing is started yet.
     pub fn new(options: &'a DriverOptions, start: &'a dyn Start) -> Planners<'a> {
-        Planners { options, start, crew: Crew::new(options.processes) }
+        // As many as are busy with it at once on the average, and one at least.
+        let again = (options.processes as f64 * options.repeat_share).ceil().max(1.0) as usize;
+        let unchecked = AtomicBool::new(true);
+        Planners { options, start, crew: Crew::new(options.processes), again: Crew::new(again), unchecked }
     }
 
-    /// One rollout, or two where it is drawn to be compared.
+    /// One rollout, which another process plays too where it is drawn to be compared. The first one always is: a study may be so
+    /// short that none is drawn.
     fn drive(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
         let first = self.play(line, request)?;
-        if !drawn(&request.key, self.options.repeat_share) {
+        let share = self.options.repeat_share;
+        let due = share > 0.0 && (drawn(&request.key, share) || self.unchecked.load(Ordering::Relaxed));
+        if !due {
             return Ok(first);
         }
-        let second = self.play(line, request)?;
-        match difference(&first, &second) {
-            None => Ok(first),
-            Some((expected, found)) => Err(NoOutcome::Stop(BackendError::Worker(Fault {
-                command: self.command(),
-                place: format!("scene {}, played twice", request.scene()),
-                expected,
-                found,
-                remedy: "make the planner a function of what it is told: seed its random numbers at `begin`, and keep \
-                         nothing from one rollout to the next"
-                    .into(),
-            }))),
+        self.unchecked.store(false, Ordering::Relaxed);
+        let mut is_new = false;
+        let start = || {
+            is_new = true;
+            self.greeted(OTHER_SALT)
+        };
+        let mut other = self.again.take(start).map_err(|fault| NoOutcome::Stop(fault.into()))?;
+        let compared = self.play_again(other.as_mut(), request, &first, is_new);
+        self.again.give_back(compared.is_ok().then_some(other));
+        compared.map(|()| first)
+    }
+
+    /// The same rollout in another process. One that is new plays it twice: were every rollout compared, both processes would have
+    /// the same past, and what a planner keeps of it would show nowhere.
+    fn play_again(
+        &self,
+        other: &mut dyn Line,
+        request: &Request<'_>,
+        first: &ReportedRollout,
+        is_new: bool,
+    ) -> Result<(), NoOutcome> {
+        let second = self.play(other, request)?;
+        if let Some(difference) = difference(first, &second) {
+            let place = "played again in another process";
+            return Err(self.differs(request, difference, place, format!(
+                "make the planner a function of what it is told, the same in every process: seed its random numbers at `begin`, \
+                 keep nothing from one rollout to the next, and let nothing hang on the order of a set or on hash() of a text, \
+                 which Python salts anew in every process ({HASH_SALT} was {SALT} and {OTHER_SALT}): sort, or use hashlib"
+            )));
         }
+        if is_new && let Some(difference) = difference(&second, &self.play(other, request)?) {
+            let remedy = "make the planner a function of what it is told: seed its random numbers at `begin`, and keep nothing \
+                          from one rollout to the next";
+            return Err(self.differs(request, difference, "played twice in one process", remedy.into()));
+        }
+        Ok(())
+    }
+
+    fn differs(
+        &self,
+        request: &Request<'_>,
+        (expected, found): (String, String),
+        how: &str,
+        remedy: String,
+    ) -> NoOutcome {
+        NoOutcome::Stop(BackendError::Worker(Fault {
+            command: self.command(),
+            place: format!("scene {}, {how}", request.scene()),
+            expected,
+            found,
+            remedy,
+        }))
     }
 
     fn play(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
@@ -87,7 +144,7 @@ impl<'a> Planners<'a> {
     }
 
     /// A new process that speaks this protocol.
-    fn greeted(&self) -> Result<Box<dyn Line>, Fault> {
+    fn greeted(&self, salt: &str) -> Result<Box<dyn Line>, Fault> {
         let DriverOptions { command, .. } = self.options;
         let folder: &Path = self.options.folder();
         let greeting = format!("{{\"evodrive_driver\":{DRIVER_PROTOCOL}}}");
@@ -98,7 +155,7 @@ impl<'a> Planners<'a> {
             found,
             remedy: remedy.into(),
         };
-        let mut line = self.start.start_in(command, folder).map_err(|found| {
+        let mut line = self.start.start_in(command, folder, &[(HASH_SALT, salt)]).map_err(|found| {
             fault(
                 "its start",
                 "a process",
@@ -130,7 +187,7 @@ impl<'a> Planners<'a> {
 
 impl Answers for Planners<'_> {
     fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
-        let mut line = self.crew.take(|| self.greeted())?;
+        let mut line = self.crew.take(|| self.greeted(SALT))?;
         let driven = self.drive(line.as_mut(), request);
         // Whatever went wrong, nobody knows what the process would say next.
         self.crew.give_back(driven.is_ok().then_some(line));
@@ -152,7 +209,7 @@ fn complaint(line: &mut dyn Line) -> String {
     }
 }
 
-/// Whether this rollout is among those that are played twice: drawn by its key, so that every recording draws the same.
+/// Whether this rollout is among those that are played again: drawn by its key, so that every recording draws the same.
 fn drawn(key: &Digest, share: f64) -> bool {
     let bytes = key.as_bytes();
     let drawn = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

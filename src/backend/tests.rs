@@ -33,7 +33,7 @@ impl<F: Fn(&str, usize) -> Vec<Said> + Clone + Send + Sync + 'static> Start for 
         Ok(Box::new(ReportedRollout { said, answer: move |line: &str| answer(line, times) }))
     }
 
-    fn start_in(&self, command: &[String], _: &std::path::Path) -> Result<Box<dyn Line>, String> {
+    fn start_in(&self, command: &[String], _: &std::path::Path, _: &[(&str, &str)]) -> Result<Box<dyn Line>, String> {
         self.start(command)
     }
 }

@@ -20,8 +20,9 @@ pub trait Start: Sync {
     /// A text is why there is none.
     fn start(&self, command: &[String]) -> Result<Box<dyn Line>, String>;
 
-    /// The same in a folder, and what the process writes on standard error is kept for [`Line::complaint`].
-    fn start_in(&self, command: &[String], folder: &Path) -> Result<Box<dyn Line>, String>;
+    /// The same in a folder and with these variables in its environment, and what the process writes on standard error is kept
+    /// for [`Line::complaint`].
+    fn start_in(&self, command: &[String], folder: &Path, variables: &[(&str, &str)]) -> Result<Box<dyn Line>, String>;
 
     /// Shows what a process printed: no record holds it. `about` says of whom and of what.
     fn show(&self, _about: &str, _printed: &str) {}

@@ -508,7 +508,7 @@ fn driver() -> Vec<Key> {
                 "",
                 "",
                 SHARE,
-                "Share of the rollouts that are played twice and compared when they are recorded; 0.05 without it.",
+                "Share of the rollouts that another process plays again when they are recorded, to compare; 0.05 without it.",
             ),
             ("driver.digest", "", "", Text(64), "Identity of the program; needed where its files are not at hand."),
             (

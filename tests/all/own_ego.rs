@@ -46,6 +46,15 @@ fn a_planner_is_recorded_and_its_run_replays_without_it() {
     let said = |what: &str| recorded.stderr.lines().find(|line| line.contains(what)).unwrap_or_default().to_string();
     assert!(said("rollouts in").ends_with("; 0 of them failed"), "{}", recorded.stderr);
     let digest = said("digest = ").rsplit("digest = ").next().unwrap().to_string();
+    // Texts call the planner by its name and the method by its family's, whatever the lineage's id.
+    assert!(recorded.stdout.contains("\nreplay, idm.py  -"), "{}", recorded.stdout);
+    let of = crate::harness::folder_below(&folder.path().join("a")).display().to_string();
+    for table in ["metadrive-main", "metadrive-policy", "metadrive-contacts"] {
+        let printed = crate::harness::run(&["table", table, "--run", &of]).stdout;
+        assert!(printed.contains("\n| CAT | idm.py | ") && !printed.contains("| command |"), "{printed}");
+    }
+    let proposals = crate::harness::run(&["table", "proposals", "--run", &of]).stdout;
+    assert!(proposals.contains("| idm.py | "), "{proposals}");
     // A program that was evolved against a planner leaves its run too: who plays it names the ego.
     let here = |args: &[&str]| Ran::of(evodrive().current_dir(folder.path()).args(args));
     let run = crate::harness::folder_below(&folder.path().join("a")).display().to_string();
@@ -179,6 +188,44 @@ fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     let ran = Ran::of(evodrive().args(["egos", path.to_str().unwrap()]));
     let said = "decide answered (nan, 0.0) at 0.0 s; expected (acceleration_mps2, steering_rad)";
     assert!(ran.code == 2 && ran.stderr.contains(said), "{}", ran.stderr);
+}
+
+/// The order of a set of texts, and so whatever is chosen by it, is the same within one Python process, and another one in the next.
+#[test]
+fn a_planner_that_hangs_on_pythons_hash_of_texts_is_refused_before_anything_rests_on_it() {
+    if !python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    copied(folder.path(), &["evodrive_driver.py"]);
+    let planner = |gain: &str| {
+        let text = format!(
+            "import hashlib\nfrom evodrive_driver import serve\nclass Mine:\n    def decide(self, scene, step):\n        \
+             return 0.001 * ({gain} % 1000), 0.0\nserve(Mine())\n"
+        );
+        std::fs::write(folder.path().join("mine.py"), text).unwrap();
+    };
+    planner("hash('lane follow')");
+    // So small a share draws none of the few rollouts.
+    let table = driver("mine.py").replace("repeat_share = 0.5", "repeat_share = 0.000001");
+    let path = experiment(folder.path(), "mine", &table);
+    let egos = || Ran::of(evodrive().args(["egos", path.to_str().unwrap()]));
+    let out = folder.path().join("out");
+    for refused in [egos(), call("record", &path, &out)] {
+        let said = &refused.stderr;
+        assert!(refused.code != 0 && said.contains("played again in another process"), "{} {said}", refused.code);
+        assert!(said.contains("PYTHONHASHSEED was 1 and 2") && said.contains("after 1 decisions"), "{said}");
+    }
+    planner("int(hashlib.sha256(b'lane follow').hexdigest()[:8], 16)");
+    let driven = egos();
+    assert_eq!(driven.code, 0, "{}", driven.stderr);
+    // Who fixes the salt says so in the experiment, where it is part of the planner's identity.
+    planner("hash('lane follow')");
+    let fixed = table.replace("[\"python3\", ", "[\"env\", \"PYTHONHASHSEED=0\", \"python3\", ");
+    assert_ne!(fixed, table);
+    std::fs::write(&path, std::fs::read_to_string(&path).unwrap().replace(&table, &fixed)).unwrap();
+    let driven = egos();
+    assert_eq!(driven.code, 0, "{}", driven.stderr);
 }
 
 /// An experiment named without a folder, from its own; another seed's recording keeps the first one's rollouts; a replay that fails leaves a

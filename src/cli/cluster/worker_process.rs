@@ -45,8 +45,10 @@ impl Start for Processes {
         self.spoken_to(command, |prepared| prepared)
     }
 
-    fn start_in(&self, command: &[String], folder: &Path) -> Result<Box<dyn Line>, String> {
-        self.spoken_to(command, |prepared| prepared.current_dir(folder).stderr(Stdio::piped()))
+    fn start_in(&self, command: &[String], folder: &Path, variables: &[(&str, &str)]) -> Result<Box<dyn Line>, String> {
+        self.spoken_to(command, |prepared| {
+            prepared.current_dir(folder).stderr(Stdio::piped()).envs(variables.iter().copied())
+        })
     }
 
     fn show(&self, about: &str, printed: &str) {

@@ -3,11 +3,13 @@
 use std::fmt::Write as _;
 
 use super::lineage_text::{objectives, shortened};
+use crate::kernel::num;
 use crate::objects::{
     AcceptanceGates, Attempt, Exchange,
     attempt::{GateReport, Route},
     score::Score,
 };
+use crate::text::counted;
 
 /// The texts of an exchange, where they are at hand.
 pub struct Exchanged {
@@ -134,16 +136,17 @@ fn routed(out: &mut String, route: &Route, realism: &str) {
     let reason = route.reason.strip_prefix(&format!("{decision}: ")).unwrap_or(&route.reason);
     let _ = writeln!(
         out,
-        "\nroute: {decision}: {reason}\n  predicted {}  uncertainty {:.3}  world snapshot {}",
-        objectives(&route.predicted, realism),
-        route.uncertainty,
+        "\nroute: {decision}: {reason}\n  predicted attack {}  {realism} {}  uncertainty {}  world snapshot {}",
+        num::fixed(route.predicted.attack, 3),
+        num::fixed(route.predicted.realism, 4),
+        num::fixed(route.uncertainty, 3),
         route.snapshot.short(12)
     );
     if let Some(pilot) = &route.pilot {
         let _ = writeln!(
             out,
-            "  pilot in {} scenes, {} of them labelled: attack {:+.3}, {realism} {:+.3} against the parent there ({})",
-            pilot.scenes.len(),
+            "  pilot in {}, {} of them labelled: attack {:+.3}, {realism} {:+.3} against the parent there ({})",
+            counted(pilot.scenes.len(), "scene"),
             pilot.labelled,
             pilot.difference.attack,
             pilot.difference.realism,
@@ -153,12 +156,7 @@ fn routed(out: &mut String, route: &Route, realism: &str) {
 }
 
 fn labels(out: &mut String, score: &Score) {
-    let _ = writeln!(
-        out,
-        "\nlabels: {} on {} scenes",
-        objectives(&score.objectives, score.realism_name()),
-        score.scenes.len()
-    );
+    let _ = writeln!(out, "\nlabels: {} on {}", objectives(score), counted(score.scenes.len(), "scene"));
     for scene in &score.scenes {
         let missed: Vec<String> =
             scene.diagnostics.iter().filter(|(_, d)| **d < 1.0).map(|(name, d)| format!("{name} {d:.3}")).collect();

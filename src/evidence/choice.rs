@@ -5,11 +5,13 @@ use serde::Serialize;
 use std::fmt::Write as _;
 
 use super::aligned::Aligned;
+use super::realism::realism_text;
 use super::recorded_run::RecordedRun;
 use crate::archive::{Contender, Selection, SelectionRule, SelectorOptions, select_active};
 use crate::kernel::num;
 use crate::objects::event::Measured;
 use crate::objects::{LineageId, SolutionId};
+use crate::text::counted;
 
 /// A choice with what it rests on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -57,10 +59,10 @@ impl Row {
         let said: Vec<&str> = standing.iter().map(|standing| standing.words()).chain(front).collect();
         vec![
             measured.solution.to_string(),
-            format!("{:.3}", measured.objectives.attack),
-            format!("{:.4}", measured.objectives.realism),
-            format!("{:.2}", measured.coverage),
-            format!("{:.3}", measured.any_contact),
+            num::fixed(measured.objectives.attack, 3),
+            realism_text(measured.objectives.realism, measured.coverage),
+            num::fixed(measured.coverage, 2),
+            num::fixed(measured.any_contact, 3),
             said.join("; "),
         ]
     }
@@ -138,13 +140,11 @@ impl Choice {
     /// Table and reasons, as a terminal shows them: the table within the width, each sentence in one line.
     pub fn text(&self, width: usize) -> String {
         let scenes = match self.unlabelled {
-            0 => self.scenes.to_string(),
-            without => format!("{} of {}", self.scenes, self.scenes + without),
+            0 => counted(self.scenes, "scene"),
+            without => format!("{} of {}", self.scenes, counted(self.scenes + without, "scene")),
         };
-        let mut out = format!(
-            "why {} (labels on the whole evolution pool, {scenes} scenes)\n  rule: {}\n",
-            self.chosen, self.rule
-        );
+        let mut out =
+            format!("why {} (labels on the whole evolution pool, {scenes})\n  rule: {}\n", self.chosen, self.rule);
         let heads = ["program", "attack", self.realism_name, "coverage", "any crash", ""].map(String::from).to_vec();
         let rows = self.rows.iter().map(Row::cells).collect();
         out.push_str(&Aligned { indent: 2, labels: 1, words: 1, heads, rows }.text(width));
@@ -201,17 +201,18 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
     match selection.attack_best {
         Some(best) => {
             said.push(format!(
-                "Realistic enough: {} of the {} programs that act ({}).",
+                "Realistic enough: {} of the {} ({}).",
                 selection.eligible,
-                selection.contenders,
+                acting(selection.contenders),
                 names(rows, |row| row.measured.coverage > 0.0
                     && row.measured.objectives.realism >= options.realism_min)
             ));
-            let floor = (1.0 - options.tolerance) * best;
+            let floor = num::fixed((1.0 - options.tolerance) * best, 4);
+            let best = num::fixed(best, 3);
             said.push(match selection.tied.len() {
-                1 => format!("Of these {chosen} has the best attack, {best:.3}; no other one has {floor:.4} or more."),
+                1 => format!("Of these {chosen} has the best attack, {best}; no other one has {floor} or more."),
                 tied => format!(
-                    "The best attack among them is {best:.3}; {tied} have {floor:.4} or more and count as tied: {}. {}",
+                    "The best attack among them is {best}; {tied} have {floor} or more and count as tied: {}. {}",
                     names(rows, |row| selection.tied.contains(&row.measured.solution)),
                     tie_break(rows, selection)
                 ),
@@ -221,8 +222,8 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
             said.push(format!("No program acts in any scene, so there is nothing to choose by: {chosen} is reported."));
         }
         None => said.push(format!(
-            "None of the {} programs that act is realistic enough, so the most realistic one is taken. {}",
-            selection.contenders,
+            "None of the {} is realistic enough, so the most realistic one is taken. {}",
+            acting(selection.contenders),
             tie_break(rows, selection)
         )),
     }
@@ -230,6 +231,11 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
         said.push(format!("The parent stays: {}.", staying(rows, selection)));
     }
     said
+}
+
+/// How many programs act, in words.
+fn acting(count: usize) -> String {
+    format!("{} that {}", counted(count, "program"), if count == 1 { "acts" } else { "act" })
 }
 
 /// What decided between those who were left at the end.
@@ -242,11 +248,11 @@ fn tie_break(rows: &[Row], selection: &Selection) -> String {
         }
         () if any(Standing::LessAttack) => {
             format!(
-                "{chosen} and another one are the most realistic, {:.4}; the one with more attack is taken.",
-                best.realism
+                "{chosen} and another one are the most realistic, {}; the one with more attack is taken.",
+                num::fixed(best.realism, 4)
             )
         }
-        () => format!("{chosen} is the most realistic of them, {:.4}.", best.realism),
+        () => format!("{chosen} is the most realistic of them, {}.", num::fixed(best.realism, 4)),
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::attempt_text::{Exchanged, exchanges};
 use crate::objects::{Composed, Exchange};
+use crate::text::counted;
 
 /// The whole story of a composition. `texts` gives prompt and reply of an exchange; `full` prints prompts uncut.
 pub fn composition(composed: &Composed, texts: &dyn Fn(&Exchange) -> Option<Exchanged>, full: bool) -> String {
@@ -13,11 +14,11 @@ pub fn composition(composed: &Composed, texts: &dyn Fn(&Exchange) -> Option<Exch
         let realism = trial.realism.map_or("none".into(), |realism| format!("{realism:.3}"));
         let _ = writeln!(
             out,
-            "\ntried {}: {}: the ego failed in {} of {} scenes, the road user acted in {}, realism {realism}",
+            "\ntried {}: {}: the ego failed in {} of {}, the road user acted in {}, realism {realism}",
             place + 1,
             trial.template.behaviour,
             trial.collided,
-            trial.scenes,
+            counted(trial.scenes, "scene"),
             trial.acted
         );
     }

@@ -4,7 +4,9 @@ use serde::Serialize;
 
 use super::aligned::Aligned;
 use super::tables::{Compared, Estimate, compared_labels};
+use crate::kernel::num;
 use crate::objects::{SceneScore, SolutionId};
+use crate::text::counted;
 
 /// A program against its parent, and its edits one by one.
 #[derive(Clone, Debug, Serialize)]
@@ -94,10 +96,10 @@ impl Credit {
         };
         let realism = self.whole.realism.map_or(String::new(), |realism| format!(", realism {}", signed(realism)));
         let mut text = format!(
-            "{} against {} on {} held-out scenes: attack {}{realism}; {}\n\n{}\n",
+            "{} against {} on {}: attack {}{realism}; {}\n\n{}\n",
             self.program,
             self.parent,
-            self.scenes,
+            counted(self.scenes, "held-out scene"),
             signed(self.whole.attack),
             self.whole.verdict(),
             table.text(width)
@@ -124,10 +126,10 @@ impl Credit {
                 format!("{} accounts for nothing: without it every rollout is the same", edit.name)
             }
             Ok(gain) => format!(
-                "{} accounts for {:+.3} of {:+.3} attack{}",
+                "{} accounts for {} of {} attack{}",
                 edit.name,
-                gain.attack.value,
-                self.whole.attack.value,
+                num::signed(gain.attack.value, 3),
+                num::signed(self.whole.attack.value, 3),
                 match gain.raises() {
                     true => "",
                     false => ", which these scenes do not tell apart from nothing or less",
@@ -139,9 +141,10 @@ impl Credit {
 }
 
 fn signed(of: Estimate) -> String {
+    let number = |value| num::signed(value, 3);
     match of.interval {
-        Some([low, high]) => format!("{:+.3} [{low:+.3}, {high:+.3}]", of.value),
-        None => format!("{:+.3}", of.value),
+        Some([low, high]) => format!("{} [{}, {}]", number(of.value), number(low), number(high)),
+        None => number(of.value),
     }
 }
 

@@ -2,14 +2,17 @@
 
 use std::fmt::Write as _;
 
+use super::realism::realism_text;
 use super::recorded_run::RecordedRun;
-use crate::objects::{Attempt, LineageId, Objectives, Program, SolutionId, program_diff};
+use crate::kernel::num;
+use crate::objects::{Attempt, LineageId, Objectives, Program, Score, SolutionId, program_diff};
+use crate::text::counted;
 
 /// The chain from the parent to a program, each step with its hypothesis, labels and diff. `width` are the characters of a
 /// terminal's line, where it is one: an attempt's hypothesis then stands below it.
 pub fn chain(run: &RecordedRun, lineage: &LineageId, last: &SolutionId, width: Option<usize>) -> String {
     let programs = run.chain(last);
-    let mut out = format!("lineage {lineage}: {} programs from the parent to {last}\n", programs.len());
+    let mut out = format!("lineage {lineage}: {} from the parent to {last}\n", counted(programs.len(), "program"));
     for (i, program) in programs.iter().enumerate() {
         let _ = writeln!(out, "\n[{i}] {}  generation {}", program.solution_id, program.generation);
         if let Some(attempt) = attempt_of(run, program) {
@@ -38,7 +41,7 @@ pub fn chain(run: &RecordedRun, lineage: &LineageId, last: &SolutionId, width: O
 fn one_line(attempt: &Attempt) -> String {
     let mut line = format!("{:<16} {:<9}", attempt.id.as_str(), attempt.exit.name());
     if let Some(score) = attempt.exit.score() {
-        let _ = write!(line, " {}", objectives(&score.objectives, score.realism_name()));
+        let _ = write!(line, " {}", objectives(score));
     }
     match attempt.exit.decision() {
         Some(decision) if decision.promoted => line.push_str(" promoted"),
@@ -49,8 +52,10 @@ fn one_line(attempt: &Attempt) -> String {
 }
 
 /// Attack and realism in a line, the realism under the name that it has in the protocol.
-pub fn objectives(objectives: &Objectives, realism: &str) -> String {
-    format!("attack {:.3}  {realism} {:.4}", objectives.attack, objectives.realism)
+pub fn objectives(score: &Score) -> String {
+    let Objectives { attack, realism } = score.objectives;
+    let realism = realism_text(realism, score.coverage);
+    format!("attack {}  {} {realism}", num::fixed(attack, 3), score.realism_name())
 }
 
 /// At most `most` characters, cut at a character.
@@ -79,11 +84,6 @@ fn describe_step(out: &mut String, attempt: &Attempt) {
         let _ = writeln!(out, "    hypothesis: {}", shortened(&patch.hypothesis, 300));
     }
     if let Some(score) = attempt.exit.score() {
-        let _ = writeln!(
-            out,
-            "    labels: {} on {} scenes",
-            objectives(&score.objectives, score.realism_name()),
-            score.scenes.len()
-        );
+        let _ = writeln!(out, "    labels: {} on {}", objectives(score), counted(score.scenes.len(), "scene"));
     }
 }

@@ -4,6 +4,7 @@
 use serde::Serialize;
 
 use super::recorded_run::RecordedRun;
+use crate::kernel::num;
 use crate::objects::event::LineageResult;
 use crate::objects::{RealismSums, Score, SolutionId};
 
@@ -24,6 +25,12 @@ impl Realisms {
             strict_realism: score.benchmark.is_none().then_some(score.objectives.realism),
         }
     }
+}
+
+/// A realism as texts print it: `-` for a program that acts nowhere, of whose motion there is nothing to say. The search works with 0
+/// there, and JSON and CSV have it beside the coverage.
+pub fn realism_text(realism: f64, coverage: f64) -> String {
+    if coverage > 0.0 { num::fixed(realism, 4) } else { "-".to_string() }
 }
 
 /// One program of a lineage on the held-out scenes.
@@ -54,5 +61,18 @@ impl LineageRealisms {
             parent: program(&result.parent.solution)?,
             evolved: program(&result.evolved.solution)?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_acts_nowhere_has_no_realism_to_print() {
+        assert_eq!(
+            [realism_text(0.0, 0.0), realism_text(0.0, 0.5), realism_text(0.94275, 1.0)],
+            ["-", "0.0000", "0.9428"]
+        );
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::de::DeserializeOwned;
 
+use crate::archive::ArchiveOptions;
 use crate::kernel::Digest;
 use crate::objects::benchmark::ArchiveRound;
 use crate::objects::{
@@ -47,7 +48,21 @@ pub struct RecordedRun {
     pub root: Digest,
     /// How a seed of its experiment was chosen, as the experiment says it. The events do not hold it: who has the run's folder adds it.
     pub seed_note: Option<String>,
+    /// What no event holds.
+    pub declared: Declared,
 }
+
+/// What a run's experiment declares and its events do not say; empty where nobody read the experiment.
+#[derive(Clone, Debug, Default)]
+pub struct Declared {
+    /// What the planner behind the ego [`OWN_PLANNER`] is called.
+    pub planner: Option<String>,
+    /// What the archive compared with.
+    pub archive: Option<ArchiveOptions>,
+}
+
+/// The ego that is a planner of the experimenter's own.
+pub const OWN_PLANNER: &str = "command";
 
 /// A run being read event by event: all events of a long run as JSON would need several times its memory.
 #[derive(Default)]
@@ -98,7 +113,13 @@ impl RecordedRun {
             result: None,
             root,
             seed_note: None,
+            declared: Declared::default(),
         })
+    }
+
+    /// An ego as people call it: a planner by its name.
+    pub fn ego_name<'n>(&'n self, ego: &'n str) -> &'n str {
+        self.declared.planner.as_deref().filter(|_| ego == OWN_PLANNER).unwrap_or(ego)
     }
 
     fn add(&mut self, event: Event) -> Result<(), RecordedRunError> {

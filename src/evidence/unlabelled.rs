@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::RecordedRun;
 use crate::objects::event::LineageResult;
 use crate::objects::{SceneFailure, SolutionId};
+use crate::text::counted;
 
 /// One sentence a lineage in which parent or evolved program has no label in some held-out scene, and one in which somebody who was
 /// compared for the choice has none in some evolution scene; nothing where all are labelled.
@@ -22,11 +23,11 @@ fn note_on_choice(run: &RecordedRun, lineage: &LineageResult) -> Option<String> 
         own.flat_map(|of| &of.score.failures).map(|of| (of.scene.as_str(), of.reason.as_str())).collect();
     let (scene, reason) = failures.first_key_value()?;
     Some(format!(
-        "{}: in {} of {} evolution scenes a program that was compared for the choice has no label, for example in {scene}, because {}. \
+        "{}: in {} of {} a program that was compared for the choice has no label, for example in {scene}, because {}. \
          `evodrive data` lists them (table unlabelled).",
         lineage.lineage,
         failures.len(),
-        run.opened.evolution_scenes.len(),
+        counted(run.opened.evolution_scenes.len(), "evolution scene"),
         on_one_line(reason)
     ))
 }
@@ -41,10 +42,11 @@ fn note(run: &RecordedRun, lineage: &LineageResult) -> Option<String> {
     let all = lineage.held_out_scenes;
     let [parent, evolved] = [parent, evolved].map(|failed| all.saturating_sub(failed.len()));
     Some(format!(
-        "{}: of {all} held-out scenes the parent is labelled in {parent} and the evolved program in {evolved}, and their numbers are \
+        "{}: of {} the parent is labelled in {parent} and the evolved program in {evolved}, and their numbers are \
          over these scenes only; {} has no label, because {}. A driver that fails in difficult scenes looks safer than it is; `evodrive table` \
          pairs the scenes in which both have labels, `evodrive data` lists the others (table unlabelled).",
         lineage.lineage,
+        counted(all, "held-out scene"),
         first.scene,
         on_one_line(&first.reason)
     ))

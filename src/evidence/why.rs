@@ -11,6 +11,7 @@ use super::recorded_run::RecordedRun;
 use super::tables::{Bases, Basis, Leaf, Piece, Table};
 use crate::kernel::Digest;
 use crate::objects::{Attempt, Exchange, Program, SceneScore, SolutionId};
+use crate::text::counted;
 
 /// Scenes of a repetition that are named where only they move its number.
 const NAMED_MAX: usize = 6;
@@ -102,16 +103,20 @@ impl Why<'_> {
 
     fn part(&self, out: &mut String, part: &Piece) {
         let value = part.value.map_or("none".into(), |value| value.to_string());
-        let counted = part.leaves.iter().filter(|leaf| leaf.value.is_some()).count();
+        let with_value = part.leaves.iter().filter(|leaf| leaf.value.is_some()).count();
         let programs: Vec<&str> = part.programs.iter().map(SolutionId::as_str).collect();
         let programs = if programs.len() > 4 { format!("{} programs", programs.len()) } else { programs.join(", ") };
         let of = &self.recorded_runs[part.run];
+        // Of a number that is no sum over scenes none counts by itself.
+        let scenes = match part.steps.is_empty() {
+            true => format!("{with_value} of {} counted", part.leaves.len()),
+            false => format!("over {} together", counted(part.leaves.len(), "scene")),
+        };
         let _ = writeln!(
             out,
-            "  {} seed {}: {value}  of {programs}  {counted} of {} counted  run {} ({})",
+            "  {} seed {}: {value}  of {programs}  {scenes}  run {} ({})",
             part.lineage,
             part.replica,
-            part.leaves.len(),
             of.opened.name,
             of.root.short(8)
         );
@@ -120,14 +125,17 @@ impl Why<'_> {
         if (1..=NAMED_MAX).contains(&moving.len()) && moving.len() < part.leaves.len() {
             let _ = writeln!(out, "    not 0 in {}", moving.join(", "));
         }
+        for step in &part.steps {
+            let _ = writeln!(out, "    {step}");
+        }
     }
 
     /// Names of the attempts and parents that the cell rests on, each once, those that are read first.
     pub fn attempts(&self) -> Vec<String> {
         let mut reasons: Vec<String> = Vec::new();
         for part in self.basis.all().into_iter().flat_map(|basis| &basis.parts) {
-            let counted = part.leaves.iter().filter_map(|leaf| leaf.attempt.as_ref()).map(|id| id.to_string());
-            for id in part.programs.iter().rev().map(|of| of.to_string()).chain(counted) {
+            let proposals = part.leaves.iter().filter_map(|leaf| leaf.attempt.as_ref()).map(|id| id.to_string());
+            for id in part.programs.iter().rev().map(|of| of.to_string()).chain(proposals) {
                 if !reasons.contains(&id) {
                     reasons.push(id);
                 }
@@ -252,7 +260,7 @@ impl Why<'_> {
         let (leaves, run) = (part.leaves.iter().map(leaf).collect::<Vec<Value>>(), &self.recorded_runs[part.run]);
         json!({
             "search": part.search, "lineage": part.lineage, "replica": part.replica, "value": part.value, "programs": part.programs,
-            "run": run.opened.name, "root": run.root, "leaves": leaves,
+            "run": run.opened.name, "root": run.root, "leaves": leaves, "steps": part.steps,
         })
     }
 

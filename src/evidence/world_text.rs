@@ -5,15 +5,16 @@ use std::fmt::Write as _;
 use super::attempt_text::{Exchanged, exchanges};
 use super::evaluator::{measures, said};
 use crate::objects::{Exchange, WorldEvolved, WorldMeasures};
+use crate::text::counted;
 
 /// The whole story of a turn. `texts` gives prompt and reply of an exchange; `full` prints prompts uncut.
 pub fn turn(turn: &WorldEvolved, texts: &dyn Fn(&Exchange) -> Option<Exchanged>, full: bool) -> String {
     let audit = &turn.audit;
     let mut out = format!(
-        "turn of the world evaluator after epoch {}: {}\naudit of {} labels, {} held; intervals should hold {:.0} %\n",
+        "turn of the world evaluator after epoch {}: {}\naudit of {}, {} held; intervals should hold {:.0} %\n",
         turn.epoch,
         turn.verdict(),
-        audit.labels,
+        counted(audit.labels, "label"),
         audit.measures.held,
         audit.level_pct
     );

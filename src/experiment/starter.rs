@@ -7,9 +7,9 @@ use super::key::Range;
 use super::{ExperimentError, OptionError, PlannerFile};
 use crate::families;
 use crate::objects::FamilyName;
-use crate::text::counted;
 use crate::scene::{Pool, usable};
 use crate::stage::Source;
+use crate::text::counted;
 
 /// What a file is written for.
 #[derive(Clone, Debug)]

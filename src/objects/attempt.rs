@@ -200,6 +200,20 @@ pub enum Gate {
 impl Gate {
     /// How many there are: the paper's seven, and the no-effect gate.
     pub const COUNT: usize = 8;
+
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Gate::Schema => "schema",
+            Gate::Parent => "parent",
+            Gate::Interface => "interface",
+            Gate::Isolation => "isolation",
+            Gate::Protected => "protected",
+            Gate::Mechanism => "mechanism",
+            Gate::Compile => "compile",
+            Gate::Effect => "effect",
+        }
+    }
 }
 
 /// All verdicts. A gate that could not run because an earlier one left nothing to check fails too, except for the last,

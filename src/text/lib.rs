@@ -17,6 +17,11 @@ pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     similar::get_close_matches(word, &known, 1, SIMILAR_MIN).first().copied()
 }
 
+/// How alike two words are, in parts of a thousand: the share of common characters, as in difflib.
+pub fn likeness(one: &str, other: &str) -> u32 {
+    (1000.0 * TextDiff::from_chars(one, other).ratio()) as u32
+}
+
 /// A number with its noun: `1 scene`, `0 scenes`, `2 patches`. `noun` stands in the singular, and may have words before it.
 pub fn counted(count: usize, noun: &str) -> String {
     let ending = match noun {

@@ -131,6 +131,10 @@ fn what_apply_prints_and_writes_does_not_depend_on_threads_or_repetition() {
     for word in ["Replay (no program)", "cat-idm/parent", "program - parent", "Any crash", "Coverage", "[0."] {
         assert!(once.0.contains(word), "{word:?} is not in {}", once.0);
     }
+    // In a pipe its tables are columns under each other, and keep to the usual width.
+    let tables: Vec<&str> = once.0.lines().take_while(|line| !line.starts_with("- ")).skip(4).collect();
+    let wide: Vec<&&str> = tables.iter().filter(|line| line.chars().count() > 80 || line.contains('|')).collect();
+    assert!(tables.len() > 6 && wide.is_empty(), "{wide:#?}");
 }
 
 /// The program that leaves every scene alone.
@@ -377,7 +381,7 @@ fn counsel_travels_for_its_scenes_and_is_missed_in_others() {
     let (with, without) = (play([(names[0].clone(), advised(0))].into()), play(BTreeMap::new()));
     assert_eq!((&with["counselled"], &without["counselled"]), (&Value::from(1), &Value::from(0)));
     let noted = |part: &str| with["notes"].as_array().unwrap().iter().any(|note| note.as_str().unwrap().contains(part));
-    assert!(noted("for 1 of these 3 scenes"), "{}", with["notes"]);
+    assert!(noted("for 1 of 3 scenes"), "{}", with["notes"]);
     // Nobody evolved or chose it on these scenes.
     assert!(noted("its lineage's own parent") && !noted("by its labels there"), "{}", with["notes"]);
     let (with, without) = (labels(&with["program"]["score"]), labels(&without["program"]["score"]));

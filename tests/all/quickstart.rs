@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use evodrive::epoch::Progress;
 use evodrive::evidence::RecordedRun;
 use evodrive::evidence::tables::{markdown, metadrive_main, plain, proposals};
 use evodrive::store::read_events;
@@ -190,10 +191,25 @@ fn the_result_matches_its_golden_text() {
     let kept: Vec<&str> = ran
         .stdout
         .lines()
-        .filter(|l| !["root: ", "run folder: ", "report: "].iter().any(|p| l.starts_with(p)))
+        .filter(|l| !["root: ", "run folder: ", "report: ", "why a number: "].iter().any(|p| l.starts_with(p)))
         .collect();
     let golden = text("golden/quickstart.txt");
     assert_eq!(kept.join("\n") + "\n", golden, "if this is meant, run .ci/bless and say why");
+}
+
+#[test]
+fn news_of_a_refused_proposal_names_its_first_gate_with_what_it_says() {
+    let events = read_events(&finished().1.join("transcript.jsonl")).unwrap();
+    let run = RecordedRun::read(&events).unwrap();
+    let mut refusals = 0;
+    for attempt in &run.attempts {
+        let Progress::Attempt { refused, .. } = Progress::attempt(attempt) else { panic!("news of an attempt") };
+        let first = attempt.exit.gates().and_then(|gates| gates.failed().next());
+        let first = first.map(|verdict| (verdict.gate.name(), verdict.problems[0].clone()));
+        assert_eq!(refused, first, "{}", attempt.id);
+        refusals += usize::from(first.is_some());
+    }
+    assert_eq!(refusals, 6, "as the summary counts");
 }
 
 #[test]

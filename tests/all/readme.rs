@@ -163,7 +163,7 @@ fn the_seed_that_the_quickstart_is_made_with_gave_its_golden() {
     for both in table()[2..].chunks(2) {
         let [parent, evolved] = [0, 1].map(|i| both[i].split_whitespace().collect::<Vec<_>>());
         let of = rows.iter().find(|row| row[0] == seed && row[1] == parent[0]).expect("a row of the seed");
-        let rounded = |cell: &str| format!("{:.3}", cell.parse::<f64>().unwrap());
+        let rounded = |cell: &str| evodrive::kernel::num::fixed(cell.parse().unwrap(), 3);
         assert_eq!([parent[2], evolved[2]].map(String::from), [rounded(of[2]), rounded(of[3])], "{}", parent[0]);
     }
 }

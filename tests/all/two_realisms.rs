@@ -116,7 +116,7 @@ fn a_run_names_realism_and_strict_realism_and_gives_each_its_number() {
     let text = printed(&text);
     // A line of the parent and, below it, one of the chosen program: attack, any crash, realism, strict realism.
     let (heads, row) = (cells(text, "lineage"), cells(text, LINEAGE));
-    assert_eq!(heads[1..6], ["program", "attack", "crash", "realism", "realism"]);
+    assert_eq!(heads[1..7], ["program", "attack", "any", "crash", "realism", "strict"]);
     assert_eq!([row[4], row[5]], [digits(parent.acted, 4), digits(parent.strict, 4)], "realism and strict realism");
     let below = text.lines().skip_while(|line| !line.starts_with(LINEAGE)).nth(1).unwrap();
     let row: Vec<&str> = below.split_whitespace().collect();
@@ -161,14 +161,12 @@ fn apply_gives_a_program_the_realisms_of_its_run_in_text_and_json() {
     Both::in_json(&object["parent"]).assert_is(*parent, "apply --json, parent");
     Both::in_json(&object["program"]).assert_is(*evolved, "apply --json, program");
     let text = run(&args);
-    let lines: Vec<Vec<&str>> =
-        printed(&text).lines().map(|line| line.split('|').map(str::trim).collect::<Vec<_>>()).collect();
-    let heads = lines.iter().find(|cells| cells.len() > 2 && cells[1] == "Program").unwrap();
-    let at = |head: &str| heads.iter().position(|cell| cell.trim_end_matches([' ', '↑']) == head).unwrap();
+    // The block of columns that begins with the realism, whose interval stands before the strict one.
+    let (before, block) = printed(&text).split_once("Realism ↑").unwrap();
+    assert!(before.ends_with(' ') && before.rsplit("\n\n").next().unwrap().contains("Strict"), "{before}");
     for (name, both) in [(format!("{LINEAGE}/parent"), parent), (chosen.clone(), evolved)] {
-        let row = lines.iter().find(|cells| cells.len() > 2 && cells[1] == name).unwrap();
-        let shown = ["Realism", "Strict realism"].map(|head| row[at(head)].split_whitespace().next().unwrap());
-        assert_eq!(shown, [digits(both.acted, 3), digits(both.strict, 3)], "{name}");
+        let row = cells(block, &name);
+        assert_eq!([row[1], row[4]], [digits(both.acted, 3), digits(both.strict, 3)], "{name}: {row:?}");
     }
 }
 

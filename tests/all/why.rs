@@ -112,6 +112,71 @@ fn a_cell_is_told_in_layers_each_of_which_names_the_next() {
     }
 }
 
+/// The whole command as a shell takes it.
+fn typed(command: &str) -> (i32, String) {
+    let mut shell = std::process::Command::new("sh");
+    let ran = crate::harness::Ran::of(shell.arg("-c").arg(command).current_dir(crate::harness::home()));
+    (ran.code, format!("{}{}", ran.stdout, ran.stderr))
+}
+
+#[test]
+fn the_summary_leads_to_a_number_by_a_command_that_works_as_it_is_typed() {
+    let summary = run(&["check", finished().1.to_str().unwrap()]).stdout;
+    let (_, command) = summary.split_once("\nwhy a number: ").unwrap();
+    let (code, printed) = typed(command.lines().next().unwrap());
+    assert_eq!(code, 0, "{printed}");
+    // The program that attacks otherwise than its parent most; the numbers are the summary's, rounded alike.
+    assert!(printed.starts_with("metadrive-policy:adv-bmt/idm:evolved_attack = 0.175 "), "{printed}");
+    let replayed = summary.lines().find(|line| line.starts_with("replay, idm")).unwrap();
+    let folder = finished().1.to_str().unwrap();
+    let table = run(&["table", "metadrive-main", "--run", folder]).stdout;
+    let crashes = table.lines().find(|line| line.starts_with("| Replay (no program)")).unwrap();
+    let rounded = replayed.split_whitespace().nth(4).unwrap();
+    assert!(rounded == "0.038" && crashes.contains(&format!(" {rounded} [")), "{replayed}\n{crashes}");
+}
+
+#[test]
+fn the_frontier_area_is_told_with_its_reference_point_and_what_parent_and_descendants_span() {
+    let (code, printed) = asked(&["why", "metadrive-policy:adv_bmt-idm:pf_area_at_3_pct"]);
+    assert_eq!(code, 0, "{printed}");
+    assert!(printed.starts_with("metadrive-policy:adv-bmt/idm:pf_area_at_3_pct = +198.6%\n"), "{printed}");
+    for part in [
+        "PF-Area@3, a number of a lineage",
+        "over 80 scenes together",
+        "reference point: attack 0, strict realism 0\n",
+        "parent adv_bmt-idm/parent: attack 0.0625, strict realism ",
+        "descendant adv_bmt-idm/e4s1: attack 0.175, ",
+        "descendant adv_bmt-idm/e3s3: ",
+        "descendant adv_bmt-idm/e2s2: ",
+        "together they span ",
+    ] {
+        assert!(printed.contains(part), "{part}: {printed}");
+    }
+    assert!(!printed.contains("0 of 80 counted"), "{printed}");
+    let (_, printed) = asked(&["why", "metadrive-policy:cat-idm:pf_area_at_3_pct"]);
+    assert!(printed.contains("it adds nothing"), "{printed}");
+}
+
+#[test]
+fn an_attempt_that_is_not_there_is_refused_with_those_that_are_the_nearest_lineage_first() {
+    let folder = finished().1.to_str().unwrap();
+    for args in [
+        vec!["show", "at-idmm/e0s4", "--full", "--run", folder],
+        vec!["program", "export", folder, "at-idmm/e0s4", "--out", "x"],
+    ] {
+        let ran = run(&args);
+        assert_eq!(ran.code, 2, "{}", ran.stdout);
+        let (message, known) = ran.stderr.split_once("\n  there are\n").unwrap_or_else(|| panic!("{}", ran.stderr));
+        assert!(
+            message.contains("no attempt `at-idmm/e0s4`") && message.contains("did you mean `at-idm/e0s4`?"),
+            "{message}"
+        );
+        let lines: Vec<&str> = known.lines().map(str::trim).collect();
+        assert_eq!(lines[0], "at-idm/parent, at-idm/e0s0 to at-idm/e5s5", "{known}");
+        assert!(lines[1].starts_with("cat-idm/parent, ") && lines[2].starts_with("adv_bmt-idm/parent, "), "{known}");
+    }
+}
+
 #[test]
 fn the_place_in_the_cassette_is_the_line_that_holds_the_exchange() {
     let (code, printed) = asked(&["--json", "why", "proposals:cat:evaluated_pct"]);

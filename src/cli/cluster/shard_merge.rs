@@ -12,6 +12,7 @@ use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark, Withdrawn};
 use crate::store;
+use crate::text::counted;
 
 #[derive(Debug, Args)]
 pub struct MergeOptions {
@@ -64,7 +65,7 @@ fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
     if let (Some(cassette), Some(path), true) = (&cassette, rollouts, merged.answers > 0) {
         cassette.save(path, &name)?;
         cassette.save(&folder.rollouts(), &name)?;
-        progress(format!("{} rollouts in {}", cassette.len(), path.display()));
+        progress(format!("{} in {}", counted(cassette.len(), "rollout"), path.display()));
     }
     Ok(answer(merged, checked, &named.display().to_string()))
 }

@@ -14,6 +14,7 @@ use crate::objects::{
     world_audit::WORLD_LINE,
 };
 use crate::store;
+use crate::text::counted;
 
 /// Bytes that `cost.json` may have.
 const FILE_BYTES_MAX: u64 = 1 << 24;
@@ -84,12 +85,12 @@ pub fn table(cost: &RunCost, width: usize) -> String {
     }
     let table = Aligned { indent: 2, labels: 1, words: 0, heads, rows }.text(width);
     let mut out = format!(
-        "cost: {} rollouts simulated, {} read from the store, {:.1} s on {} threads; times of compiling, rollouts and models are \
+        "cost: {} simulated, {} read from the store, {:.1} s on {}; times of compiling, rollouts and models are \
          summed over threads\n{}",
-        cost.simulated,
+        counted(cost.simulated, "rollout"),
         cost.reused,
         cost.wall_s(),
-        cost.threads,
+        counted(cost.threads, "thread"),
         table.trim_end()
     );
     let all = sum(cost);
@@ -99,8 +100,9 @@ pub fn table(cost: &RunCost, width: usize) -> String {
     if all.cut_prompts > 0 {
         let _ = write!(
             out,
-            "\n  {} of {} questions were cut by their server: give it a larger context and record again with --fresh",
-            all.cut_prompts, all.answers
+            "\n  cut by their server: {} of {}: give it a larger context and record again with --fresh",
+            all.cut_prompts,
+            counted(all.answers as usize, "question")
         );
     }
     out
@@ -186,7 +188,7 @@ mod tests {
     fn questions_that_were_cut_are_told_below_the_table() {
         let lineages = vec![lineage("cat-idm", Work { answers: 9, cut_prompts: 4, ..Work::default() })];
         let mut cost = RunCost { format: FORMAT.into(), threads: 2, simulated: 0, reused: 0, lineages };
-        assert!(table(&cost, 80).contains("4 of 9 questions were cut by their server"), "{}", table(&cost, 80));
+        assert!(table(&cost, 80).contains("cut by their server: 4 of 9 questions"), "{}", table(&cost, 80));
         cost.lineages[0].work.cut_prompts = 0;
         assert!(!table(&cost, 80).contains("cut by"));
     }

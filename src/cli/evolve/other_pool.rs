@@ -7,6 +7,7 @@ use crate::agents::window;
 use crate::cli::terminal::exit::Failure;
 use crate::llm::Cassette;
 use crate::scene::Pool;
+use crate::text::counted;
 
 /// What can be done about it.
 const REMEDY: &str = "take the scenes that it was recorded on (--scenes), or name by --cassette FILE the one that was recorded on \
@@ -29,9 +30,9 @@ pub fn difference(cassette: &Cassette, pool: &Pool) -> Option<String> {
     }
     let id = strange?.split(" | ").next()?;
     Some(format!(
-        "{} was recorded on another scene pool: its questions show scene {id}, which is not among the {} scenes here; {REMEDY}",
+        "{} was recorded on another scene pool: its questions show scene {id}, which is not among the {} here; {REMEDY}",
         cassette.name,
-        pool.scenes.len()
+        counted(pool.scenes.len(), "scene")
     ))
 }
 

@@ -22,6 +22,7 @@ use crate::evaluation::EvaluationError;
 use crate::experiment::Experiment;
 use crate::llm::{AskError, Cassette};
 use crate::store::{self, Store, Transcript};
+use crate::text::counted;
 
 /// Missing questions that the text names; `--json` names all.
 const NAMED_MAX: usize = 12;
@@ -239,7 +240,7 @@ struct Money {
 
 impl Money {
     fn text(&self) -> String {
-        let row = |(count, usd): (u64, f64)| format!("{count} questions, {usd:.4} USD");
+        let row = |(count, usd): (u64, f64)| format!("{}, {usd:.4} USD", counted(count as usize, "question"));
         let likely = self.likely.map_or("not known yet: no proposal has all its answers recorded".to_string(), row);
         format!(
             "known to be missing: {}\nlikely: {likely}\nat most: {} (if every answer is as long as allowed)\n\

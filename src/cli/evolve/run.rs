@@ -29,6 +29,7 @@ use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
 use crate::objects::event::RunResult;
 use crate::scene::{Pool, pool};
 use crate::store::{self, Store, Transcript};
+use crate::text::counted;
 
 /// Bytes that a cassette file may have.
 const CASSETTE_BYTES_MAX: u64 = 1 << 30;
@@ -207,7 +208,7 @@ fn carry_out_recording(
     there.lost(&cassette, folder)?;
     cassette.save(path, &name)?;
     store::copy(path, &folder.cassette())?;
-    progress(format!("recorded {} exchanges in {}", cassette.exchanges().len(), path.display()));
+    progress(format!("recorded {} in {}", counted(cassette.exchanges().len(), "exchange"), path.display()));
     if let Some(digest) = driver.as_ref().and_then(|driver| driver.digest) {
         progress(format!("where the planner's files are not available, write into [driver]: digest = \"{digest}\""));
     }
@@ -254,7 +255,11 @@ fn keep_rollouts(
     let (all, others) = if recording.overwrite { (own.clone(), 0) } else { own.clone().beside(path) };
     all.save(path, &name)?;
     let beside = if others == 0 { String::new() } else { format!(", besides {others} of other recordings") };
-    progress(format!("recorded {} rollouts in {}{beside}; {failed} of them failed", own.len(), path.display()));
+    progress(format!(
+        "recorded {} in {}{beside}; {failed} of them failed",
+        counted(own.len(), "rollout"),
+        path.display()
+    ));
     Ok(())
 }
 
@@ -433,7 +438,7 @@ fn carry_out(
     let log = transcript(folder, sources.way, &threads)?;
     let confirmed = log.remaining();
     if confirmed > 0 {
-        say(format!("{confirmed} recorded events: each is worked out again and compared"));
+        say(format!("{}: each is worked out again and compared", counted(confirmed, "recorded event")));
     }
     let rollouts = Rollouts::new(objects, sources.way.mode(sources.rollouts.is_some()));
     let line = MovingLine::new(&study, &folder.dir);
@@ -501,7 +506,7 @@ fn transcript(folder: &RunFolder, way: Way, threads: &Threads) -> Result<Transcr
         return Err(Failure::corruption(format!(
             "{}: expected the sealed transcript of a finished run, found {}; nothing was compared. If the run was interrupted, `evodrive resume` finishes it; if it was finished before, its transcript has lost its end",
             path.display(),
-            log.map_or("none".to_string(), |log| format!("{} events without a seal", log.remaining()))
+            log.map_or("none".to_string(), |log| format!("{} without a seal", counted(log.remaining(), "event")))
         )));
     }
     Ok(log.map_or_else(|| Transcript::create(&path), Ok)?)

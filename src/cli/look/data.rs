@@ -11,6 +11,7 @@ use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evidence::data::{Rollout, Sheet, records, sheets};
 use crate::kernel::{Digest, Threads};
 use crate::store::{self, Store};
+use crate::text::counted;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -42,7 +43,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         text.push_str(&format!("{:<11} {:>8} rows: {}\n", table.name, table.rows.len(), table.row));
     }
     if lacking > 0 {
-        text.push_str(&format!("{lacking} rollouts are no longer in the run's store, so no table has them; `evodrive run` simulates them again\n"));
+        text.push_str(&format!(
+            "no longer in the run's store, and in no table: {}; `evodrive run` simulates again\n",
+            counted(lacking, "rollout")
+        ));
     }
     text.push_str(&format!(
         "tables as .csv and .parquet in {}; dictionary.csv says what every column means",

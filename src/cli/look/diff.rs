@@ -7,6 +7,7 @@ use crate::cli::records::{folder::RunFolder, run_name::TwoRuns};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::evidence::differing::{Cause, Differing, compare};
 use crate::store;
+use crate::text::counted;
 
 /// Bytes that a kept experiment file may have.
 const EXPERIMENT_BYTES_MAX: u64 = 16 << 20;
@@ -38,7 +39,7 @@ fn experiments(first: &RunFolder, second: &RunFolder) -> Result<String, Failure>
 fn text(found: &Differing, experiments: &str) -> String {
     let [one, other] = found.events;
     if found.is_nothing() {
-        return format!("no difference: {one} events, one root");
+        return format!("no difference: {}, one root", counted(one, "event"));
     }
     let mut lines = Vec::new();
     for input in &found.inputs {

@@ -84,26 +84,59 @@ fn unknown(run: &RecordedRun, name: &str) -> Failure {
     let attempts = run.attempts.iter().map(|attempt| attempt.id.to_string());
     let others = run.counsels.iter().map(Counselled::name).chain(run.composed.iter().map(Composed::name));
     let others = others.chain(run.evolved.iter().map(WorldEvolved::name));
-    let known: Vec<String> = attempts.chain(others).collect();
-    let near = crate::text::nearest(name, known.iter().map(String::as_str));
-    let hint = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+    let known: Vec<String> = parents(run).into_iter().chain(attempts).chain(others).collect();
     Failure::bad_input(format!(
-        "no attempt `{name}` in this run, nor a scene or a template of that name{hint} (attempts are <lineage>/e<epoch>s<slot>, counsel <lineage>/<scene>, \
-         templates <lineage>/<kind>, turns of the world evaluator world/e<epoch>)"
+        "no attempt `{name}` in this run, nor a parent, a scene or a template of that name{} (attempts are <lineage>/e<epoch>s<slot>, counsel <lineage>/<scene>, \
+         templates <lineage>/<kind>, turns of the world evaluator world/e<epoch>){}",
+        hint(name, &known),
+        could_be(run, name)
     ))
+}
+
+/// `; did you mean ...?`, where something is near.
+fn hint(name: &str, known: &[String]) -> String {
+    let near = crate::text::nearest(name, known.iter().map(String::as_str));
+    near.map_or(String::new(), |near| format!("; did you mean `{near}`?"))
+}
+
+fn parents(run: &RecordedRun) -> Vec<String> {
+    run.parents.iter().map(|parent| parent.program.solution_id.to_string()).collect()
+}
+
+/// Lineages that a message names before it counts.
+const LINEAGES_MAX: usize = 12;
+
+/// The lineages of a run with the names that theirs have, the one whose name is nearest first.
+fn could_be(run: &RecordedRun, name: &str) -> String {
+    let lineage = name.split('/').next().unwrap_or(name);
+    let mut ids: Vec<&str> = run.parents.iter().map(|parent| parent.lineage.as_str()).collect();
+    // Of equals the experiment's order stays.
+    ids.sort_by_key(|id| std::cmp::Reverse(crate::text::likeness(lineage, id)));
+    let line = |id: &&str| {
+        let id = *id;
+        let own = |attempt: &&Attempt| attempt.lineage.as_str() == id;
+        let attempts: Vec<&str> = run.attempts.iter().filter(own).map(|attempt| attempt.id.as_str()).collect();
+        match attempts.as_slice() {
+            [] => format!("\n  {id}/parent"),
+            [one] => format!("\n  {id}/parent, {one}"),
+            [first, .., last] => format!("\n  {id}/parent, {first} to {last}"),
+        }
+    };
+    let more = ids.len().saturating_sub(LINEAGES_MAX);
+    let more = if more > 0 { format!("\n  and those of {more} more") } else { String::new() };
+    format!("\n  there are{}{more}", ids.iter().take(LINEAGES_MAX).map(line).collect::<String>())
 }
 
 /// The attempt of that name.
 pub fn find<'s>(run: &'s RecordedRun, name: &str) -> Result<&'s Attempt, Failure> {
     run.attempt(name).ok_or_else(|| {
-        // Parents by the names that they have in this run: with the seed where lineages were repeated, without it elsewhere.
-        let parents: Vec<&str> = run.parents.iter().map(|of| of.program.solution_id.as_str()).collect();
-        let known = parents.iter().copied().chain(run.attempts.iter().map(|a| a.id.as_str()));
-        let hint = crate::text::nearest(name, known).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
-        let like = parents.first().map_or(String::new(), |parent| format!(", parents e.g. {parent}"));
+        let attempts = run.attempts.iter().map(|attempt| attempt.id.to_string());
+        let known: Vec<String> = parents(run).into_iter().chain(attempts).collect();
         Failure::bad_input(format!(
-            "no attempt `{name}` in this run of {} attempts{hint} (names are <lineage>/e<epoch>s<slot>{like})",
-            run.attempts.len()
+            "no attempt `{name}` in this run of {}{}{}",
+            crate::text::counted(run.attempts.len(), "attempt"),
+            hint(name, &known),
+            could_be(run, name)
         ))
     })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::terminal::exit::{Exit, Failure};
 use crate::evaluation::EVAL_VERSION;
-use crate::evidence::{Reading, RecordedRun, RecordedRunError};
+use crate::evidence::{Declared, Reading, RecordedRun, RecordedRunError};
 use crate::experiment::{Experiment, ExperimentError, composed, read_pool};
 use crate::kernel::{Digest, Threads};
 use crate::scene::Pool;
@@ -319,14 +319,22 @@ impl RunFolder {
         }
         let mut reading = Reading::default();
         store::each_event_on(&path, threads, &mut |event| reading.add(event))?;
-        let read = reading.finish().map(|run| RecordedRun { seed_note: self.seed_note(), ..run });
-        read.map_err(|error| match error {
+        let recorded = reading.finish().map_err(|error| match error {
             RecordedRunError::NotARun => Failure::corruption(format!(
                 "{}: line 1: expected an `opened` event, found none: {error}; restore the file, or derive it again with `evodrive resume`",
                 path.display()
             )),
             other => Failure::bad_input(format!("{}: {other}", path.display())),
-        })
+        })?;
+        // Other commands complain of an experiment that cannot be read.
+        let declared = self.read_experiment().map_or_else(
+            |_| Declared::default(),
+            |experiment| Declared {
+                planner: experiment.driver.map(|driver| driver.name()),
+                archive: Some(experiment.archive),
+            },
+        );
+        Ok(RecordedRun { declared, seed_note: self.seed_note(), ..recorded })
     }
 }
 

@@ -11,8 +11,8 @@ use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{self, Experiment};
 use crate::formats::summary::SameId;
-use crate::text::counted;
 use crate::scene::stats::PoolStats;
+use crate::text::counted;
 
 #[derive(Debug, Subcommand)]
 pub enum Command {

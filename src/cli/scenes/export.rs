@@ -14,8 +14,8 @@ use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::formats::scenarionet::{self, DataSet};
 use crate::formats::{ExportError, Exported, ImportError, Note, Staging, commonroad, openscenario};
 use crate::kernel::Threads;
-use crate::text::counted;
 use crate::scene::Scene;
+use crate::text::counted;
 
 /// Scenes that are held in memory as files before they are written.
 pub const AT_ONCE: usize = 16;

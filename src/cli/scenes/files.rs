@@ -13,7 +13,7 @@ use crate::kernel::Threads;
 use crate::scene::features::TAGS;
 use crate::scene::safebench::TrafficFamily;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
-use crate::text::nearest;
+use crate::text::{counted, nearest};
 
 /// A pool, or what can be imported from files and folders.
 pub fn read(paths: &[PathBuf], jobs: usize) -> Result<Pool, Failure> {

@@ -10,10 +10,10 @@ use crate::cli::terminal::exit::{Exit, Failure};
 use crate::cli::terminal::output::Output;
 use crate::experiment;
 use crate::kernel::Seed;
-use crate::text::counted;
 use crate::scene::pool::{self, EvolutionSize};
 use crate::scene::{LaneGraph, LeftOut, Pool, Scene, SceneFeatures, usable};
 use crate::sim::Plant;
+use crate::text::counted;
 
 #[derive(Debug, Args)]
 pub struct CheckOptions {

@@ -8,9 +8,9 @@ use serde::Serialize;
 use crate::cli::terminal::shell::quoted;
 use crate::ego::Policy;
 use crate::kernel::Threads;
-use crate::text::counted;
 use crate::scene::Scene;
 use crate::sim::{ActorRef, Intervention, Plant, ending};
+use crate::text::counted;
 
 /// Scenes that a line names before it counts.
 const NAMED_MAX: usize = 20;

@@ -12,8 +12,8 @@ use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::evidence::nearest::{Nearest, nearest};
-use crate::text::counted;
 use crate::scene::Scene;
+use crate::text::counted;
 
 #[derive(Debug, Args)]
 pub struct Options {

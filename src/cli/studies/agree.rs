@@ -17,6 +17,7 @@ use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::objects::{Program, Score};
 use crate::sim::{ActorRef, Contact, Intervention, Outcome, Plant, Trace};
+use crate::text::counted;
 
 #[derive(Debug, Args)]
 pub struct Options {
@@ -37,7 +38,7 @@ pub fn agreement(first: &Path, second: &Path, threads: &Threads) -> Result<Repor
     let (first, second) = (Run::open(first, threads)?, Run::open(second, threads)?);
     comparable(&first, &second)?;
     let cases = cases(&first, &second);
-    progress(format!("{} rollouts that both runs labelled", cases.len()));
+    progress(format!("{} that both runs labelled", counted(cases.len(), "rollout")));
     let players = [first.player(), second.player()];
     let played = threads.map(&cases, |_, case| play(&first, &second, &players, case));
     let (mut pairs, mut left_out) = (Vec::new(), Vec::new());

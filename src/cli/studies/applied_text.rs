@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use crate::adapters::ADAPTER_VERSION;
 use crate::cli::terminal::answer::Answer;
+use crate::cli::terminal::width::table_width;
 use crate::ego::Policy;
 use crate::epoch::Labelled;
 use crate::evaluation::EVAL_VERSION;
@@ -16,6 +17,7 @@ use crate::objects::event::Versions;
 use crate::objects::replay::Replayed;
 use crate::objects::{Origin, SceneFailure};
 use crate::sim::SIM_VERSION;
+use crate::text::counted;
 
 /// Scenes whose reasons are listed; of more the text says how many, and `--json` lists all.
 const LISTED_MAX: usize = 20;
@@ -109,13 +111,14 @@ fn text(of: &Comparison, tables: &[Table], notes: &[String]) -> String {
     }
     let _ = writeln!(
         text,
-        "{} scenes of pool {}, ego {}, seed {}\n",
-        of.scenes.len(),
+        "{} of pool {}, ego {}, seed {}\n",
+        counted(of.scenes.len(), "scene"),
         of.pool.short(16),
         of.ego.name(),
         of.seed.0
     );
-    tables.iter().for_each(|table| text.push_str(&format!("{}\n", tables::markdown(table))));
+    // Aligned in a pipe too: behind it stand sentences, so no program reads it as a table; those take --json.
+    tables.iter().for_each(|table| text.push_str(&format!("{}\n", tables::plain(table, table_width()))));
     notes.iter().for_each(|note| text.push_str(&format!("note: {note}\n")));
     let left_out = of.left_out.iter().map(|(scene, reason)| format!("{scene}: {reason}"));
     listed(&mut text, "left out", left_out.collect());
@@ -143,10 +146,10 @@ fn notes(of: &Comparison) -> Vec<String> {
         notes.push("the program is its lineage's own parent, so both rows are the same".into());
     } else if of.familiar > 0 {
         notes.push(format!(
-            "the program was evolved on {} of these {} scenes: it was chosen by its labels there, so only the other scenes \
-             show what it does in new traffic",
+            "the program was evolved on {} of {}: it was chosen by its labels there, so only other scenes show what it does in \
+             new traffic",
             of.familiar,
-            of.scenes.len()
+            counted(of.scenes.len(), "scene")
         ));
     }
     if let Some(backend) = &conditions.backend {
@@ -172,10 +175,10 @@ fn notes(of: &Comparison) -> Vec<String> {
     }
     if of.file.takes_counsel() {
         notes.push(format!(
-            "in this family a model advises who should attack (counsel): the file holds it for {} of these {} scenes; in the \
+            "in this family a model advises who should attack (counsel): the file holds it for {} of {}; in the \
              others the program chooses by its own rules",
             of.counselled,
-            of.scenes.len()
+            counted(of.scenes.len(), "scene")
         ));
     }
     if !of.file.parent_settings.is_empty() {

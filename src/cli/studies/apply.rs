@@ -24,7 +24,7 @@ use crate::kernel::{Digest, Seed, Threads};
 use crate::objects::replay::{Replayed, Suite};
 use crate::objects::{Counsel, SceneScore};
 use crate::scene::{LeftOut, Pool, Scene, usable};
-use crate::text::nearest;
+use crate::text::{counted, nearest};
 
 /// Rollouts that the player page holds.
 const SHOWN_MAX: usize = 24;
@@ -254,12 +254,12 @@ fn write(
         0 => String::new(),
         cut => format!(" (attacks first; {cut} more are not on the page)"),
     };
-    let mut text = format!("{} rollouts in {}{cut}\n", drawings.len(), page.display());
+    let mut text = format!("{} in {}{cut}\n", counted(drawings.len(), "rollout"), page.display());
     let mut json = json!({"player": page, "shown": drawings.len()});
     if let Some(exports) = exports {
         // The tables are worth printing also where the format holds no scene: its reasons stand under them.
         text.push_str(&exports.left_out_text());
-        text.push_str(&format!("{} scenes in {}\n", exports.written(), out.display()));
+        text.push_str(&format!("{} in {}\n", counted(exports.written(), "scene"), out.display()));
         json["exported"] = exports.json();
     }
     Ok(Written { text, json })

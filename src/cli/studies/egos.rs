@@ -17,6 +17,7 @@ use crate::learn::{Lesson, Trial, figures, trial};
 use crate::scene::Pool;
 use crate::sim::SimError;
 use crate::store;
+use crate::text::counted;
 
 /// Bytes that a file of weights may have.
 const WEIGHTS_BYTES_MAX: u64 = 64 << 20;
@@ -100,8 +101,13 @@ pub fn learned(path: &Path) -> Result<Policy, Failure> {
 
 fn table(count: usize, rows: &[(String, Trial)]) -> String {
     let mut text = format!(
-        "{count} held-out scenes, no program; a crash is any contact, whoever caused it\n{:>16} {:>12} {:>10} {:>9} {:>11}  ego\n",
-        "route completion", "crash rate", "off road", "arrived", "mean speed"
+        "{}, no program; a crash is any contact, whoever caused it\n{:>16} {:>12} {:>10} {:>9} {:>11}  ego\n",
+        counted(count, "held-out scene"),
+        "route completion",
+        "crash rate",
+        "off road",
+        "arrived",
+        "mean speed"
     );
     for (name, found) in rows {
         text += &format!(

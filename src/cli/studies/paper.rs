@@ -24,6 +24,7 @@ use crate::evidence::paper::{Piece, Plan, What, numbers, of_agreement, plan, typ
 use crate::evidence::tables::{self, Table};
 use crate::kernel::Digest;
 use crate::store;
+use crate::text::counted;
 
 /// Bytes that a golden or a file of the paper may have.
 const BYTES_MAX: u64 = 1 << 26;
@@ -96,7 +97,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         for (name, bytes) in &made {
             store::write_atomic(&folder.join(name), bytes)?;
         }
-        let text = format!("{} files written to {}", made.len(), folder.display());
+        let text = format!("{} written to {}", counted(made.len(), "file"), folder.display());
         return Ok(Answer::new(text, json!({"written": made.keys().collect::<Vec<_>>()})));
     }
     check(&made, &folder, &options.paper.join("evodrive.tex"))

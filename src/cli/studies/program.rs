@@ -22,6 +22,7 @@ use crate::objects::event::Versions;
 use crate::objects::{LineageId, Origin, Program, SolutionId, program_diff};
 use crate::scene::Pool;
 use crate::sim::SIM_VERSION;
+use crate::text::counted;
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -191,7 +192,7 @@ fn described(file: &ProgramFile) -> Result<String, Failure> {
         let _ = writeln!(text, "labels   of {} {}, worker {}", backend.name, backend.version, backend.digest.short(16));
     }
     if !file.counsel.is_empty() {
-        let _ = writeln!(text, "counsel  for {} scenes", file.counsel.len());
+        let _ = writeln!(text, "counsel  for {}", counted(file.counsel.len(), "scene"));
     }
     let diff = program_diff(&file.parent, &file.program);
     let unchanged = diff.is_empty().then(|| "  nothing\n".to_string());

@@ -17,6 +17,7 @@ use crate::learn::{CheckpointError, Grounds, Lesson, Training, TrainingError, tr
 use crate::scene::{Pool, PreparedScene};
 use crate::sim::{Plant, SimulatorOptions};
 use crate::store;
+use crate::text::counted;
 
 /// Bytes that a checkpoint may have.
 const CHECKPOINT_BYTES_MAX: u64 = 8 << 30;
@@ -58,7 +59,12 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let recipe = file.recipe(&pools)?;
     let [training, validation] = pools.each_ref().map(|pool| lessons(pool, &file.simulator, &threads));
     let (training, validation) = (training?, validation?);
-    progress(format!("{}: {} scenes to learn on, {} to compare by", file.name, training.len(), validation.len()));
+    progress(format!(
+        "{}: {} to learn on, {} to compare by",
+        file.name,
+        counted(training.len(), "scene"),
+        validation.len()
+    ));
     let grounds = Grounds { training: &training, validation: &validation, threads: &threads };
     let mut state = begin(stopped.as_deref(), &file, recipe)?;
     let interrupt = Interrupt::listen()?;

@@ -13,6 +13,7 @@ use crate::cli::terminal::width::{USUAL, stderr_width};
 use crate::cli::terminal::{answer::progress, result_text, timed::timed};
 use crate::epoch::{Progress, Study};
 use crate::llm::{Ask, AskError, DrawSlot, Reply, Request};
+use crate::text::counted;
 
 /// The bar, whose words are cut to the room beside it before they are shown.
 const LOOK: &str = "{bar:10} {wide_msg}";
@@ -79,7 +80,7 @@ impl MovingLine {
         match (&self.bar, news) {
             (Some(bar), Progress::Attempt { .. }) => {
                 bar.set_position(self.done.load(Ordering::Relaxed));
-                let rollouts = format!("{} rollouts", reused + simulated);
+                let rollouts = counted(reused + simulated, "rollout");
                 bar.set_message(self.words(&[&rollouts, text.trim()]));
             }
             (Some(bar), _) => bar.suspend(|| progress(text)),
@@ -164,11 +165,12 @@ impl Way {
     fn standing(self, (done, seconds): (u64, f64), again: (u64, f64)) -> Standing {
         let all = self.proposals();
         if done >= all {
-            return Standing::of(format!("all {all} proposals of {} epochs are finished", self.epochs), "100 %".into());
+            let (all, epochs) = (counted(all as usize, "proposal"), counted(self.epochs as usize, "epoch"));
+            return Standing::of(format!("finished: all of {all} in {epochs}"), "100 %".into());
         }
         let epoch = done / self.each.max(1) + 1;
         let share = 100.0 * done as f64 / all as f64;
-        let begun = format!("epoch {epoch} of {}, {share:.0} % of {all} proposals", self.epochs);
+        let begun = format!("epoch {epoch} of {}, {share:.0} % of {}", self.epochs, counted(all as usize, "proposal"));
         let short = format!("{share:.0} %");
         let (known, known_s) = if again.0 < done { again } else { (0, 0.0) };
         if done == 0 || seconds <= known_s {
@@ -253,10 +255,10 @@ mod tests {
         assert_eq!(standing(9, 3.0), "epoch 1 of 4, 22 % of 40 proposals, 3.0 a second, 10 s left");
         assert_eq!(standing(10, 100.0), "epoch 2 of 4, 25 % of 40 proposals, 6.0 a minute, 5 min left");
         assert_eq!(standing(39, 390_000.0), "epoch 4 of 4, 98 % of 40 proposals, 0.4 an hour, 2.8 h left");
-        assert_eq!(standing(40, 1.0), "all 40 proposals of 4 epochs are finished");
+        assert_eq!(standing(40, 1.0), "finished: all of 40 proposals in 4 epochs");
         assert_eq!(
-            Way { epochs: 1, each: 0 }.standing((0, 0.0), (0, 0.0)).whole,
-            "all 0 proposals of 1 epochs are finished"
+            Way { epochs: 1, each: 1 }.standing((1, 1.0), (0, 0.0)).whole,
+            "finished: all of 1 proposal in 1 epoch"
         );
     }
 

@@ -3,27 +3,40 @@
 use std::fmt::Write as _;
 
 use crate::cli::records::folder::RunFolder;
+use crate::cli::terminal::typed::why_command as why;
 use crate::epoch::Progress;
 use crate::evaluation::{AttackOptions, EvaluationOptions, MetadriveOptions};
+use crate::evidence::OWN_PLANNER;
 use crate::evidence::aligned::Aligned;
 use crate::evidence::choice::Choice;
-use crate::evidence::realism::LineageRealisms;
+use crate::evidence::lineage_text::shortened;
+use crate::evidence::realism::{LineageRealisms, realism_text};
 use crate::experiment::{Experiment, provenance};
-use crate::kernel::Digest;
+use crate::kernel::{Digest, num};
 use crate::objects::event::{LineageResult, Measured, RunResult};
 use crate::objects::realism_name;
 use crate::objects::replay::{ReplayRow, Suite};
+use crate::text::counted;
+
+/// Characters of a gate's problem that a line of progress has room for.
+const PROBLEM_MAX: usize = 120;
 
 /// One line of progress.
 pub fn progress(news: &Progress) -> String {
     match news {
-        Progress::Attempt { id, exit, attack, realism, accepted } => match (attack, realism) {
-            (Some(attack), Some((name, realism))) => {
-                let mark = if *accepted { "  accepted" } else { "" };
-                format!("  {id:<18} {exit:<9} attack {attack:.3}  {name} {realism:.4}{mark}")
+        Progress::Attempt { id, exit, attack, realism, coverage, accepted, refused } => {
+            match (attack, realism, refused) {
+                (Some(attack), Some((name, realism)), _) => {
+                    let mark = if *accepted { "  accepted" } else { "" };
+                    let (attack, realism) = (num::fixed(*attack, 3), realism_text(*realism, *coverage));
+                    format!("  {id:<18} {exit:<9} attack {attack}  {name} {realism}{mark}")
+                }
+                (_, _, Some((gate, problem))) => {
+                    format!("  {id:<18} {exit:<9} gate {gate}: {}", shortened(problem, PROBLEM_MAX))
+                }
+                _ => format!("  {id:<18} {exit}"),
             }
-            _ => format!("  {id:<18} {exit}"),
-        },
+        }
         Progress::Settled { epoch, lineage, active, front, hypervolume } => {
             format!("{lineage}/e{epoch} settled: front of {front}, hypervolume {hypervolume:.5}, active {active}")
         }
@@ -33,12 +46,15 @@ pub fn progress(news: &Progress) -> String {
         }
         Progress::Counselled { lineage, scenes, met } => {
             format!(
-                "counsel for {scenes} scenes of {lineage}: {met} advised sets led to contact with the ego when tried"
+                "counsel for {} of {lineage}: {} led to contact with the ego when tried",
+                counted(*scenes, "scene"),
+                counted(*met, "advised set")
             )
         }
         Progress::Evolved { turn, verdict } => format!("{turn} change of the world evaluator {verdict}"),
         Progress::HeldOut { lineage, programs, scenes } => {
-            format!("held-out suite opened for {lineage}: {programs} programs on {scenes} scenes")
+            let (programs, scenes) = (counted(*programs, "program"), counted(*scenes, "scene"));
+            format!("held-out suite opened for {lineage}: {programs} on {scenes}")
         }
     }
 }
@@ -68,7 +84,7 @@ pub fn summary(
 ) -> String {
     let mut out = format!("{}: {}\n", experiment.name, experiment.describes);
     let held_out = result.lineages.first().map_or(0, |l| l.held_out_scenes);
-    let _ = writeln!(out, "proposals from: {}; {held_out} held-out scenes\n", provenance(experiment));
+    let _ = writeln!(out, "proposals from: {}; {}\n", provenance(experiment), counted(held_out, "held-out scene"));
     if let Some(note) = &experiment.seed_note {
         let _ = writeln!(out, "note: {note}\n");
     }
@@ -83,17 +99,24 @@ pub fn summary(
         let _ = writeln!(out, "attack is the experiment's own: {}\n", when.text());
     }
     let strict = realism_name(experiment.evaluation.safebench().is_some());
-    let replayed = result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut).map(replay_row);
+    // An event knows the ego's kind alone.
+    let planner = experiment.driver.as_ref().map(|driver| driver.name());
+    let ego = |ego: &str| planner.clone().filter(|_| ego == OWN_PLANNER).unwrap_or(ego.to_string());
+    let of_suite = result.replay.iter().filter(|replay| replay.suite == Suite::HeldOut);
+    let replayed = of_suite.map(|replay| replay_row(replay, &ego(&replay.ego)));
     let of = |lineage: &LineageResult| realisms.iter().find(|of| of.lineage == lineage.lineage.as_str());
     let evolved = result.lineages.iter().flat_map(|lineage| rows(lineage, of(lineage)));
     let rows = replayed.chain(evolved).map(Vec::from).collect();
-    let heads = ["lineage", "program", "attack", "any crash", "realism", strict, "coverage", "PF-Area@3 %"];
+    let heads = ["lineage", "program", "attack", "any crash", "realism", strict, "coverage"];
     let heads = heads.map(String::from).to_vec();
     out.push_str(&Aligned { indent: 0, labels: 2, words: 0, heads, rows }.text(width));
     if let Some(words) = result.replay.iter().find(|replay| replay.suite == Suite::HeldOut).map(replay_words) {
         let _ = writeln!(out, "\n{words}");
     }
     let _ = writeln!(out, "\n{}", column_words(experiment.evaluation.safebench().is_some()));
+    if !result.lineages.is_empty() {
+        let _ = writeln!(out, "\n{}", area_words(&result.lineages));
+    }
     for sentence in unlabelled {
         let _ = writeln!(out, "\n{sentence}");
     }
@@ -101,21 +124,21 @@ pub fn summary(
     if fronts.is_empty() {
         let _ = writeln!(
             out,
-            "\nfronts of {} lineages, and why each program was chosen: in the report and in `evodrive lineage`",
-            result.lineages.len()
+            "\nfronts of {}, and why each program was chosen: in the report and in `evodrive lineage`",
+            counted(result.lineages.len(), "lineage")
         );
     }
     for lineage in fronts {
         let _ = writeln!(out, "\nfront of {} (attack / {strict} on the scenes of all windows):", lineage.lineage);
         let played = result.replay.iter().find(|r| r.suite == Suite::Evolution && r.ego == lineage.ego);
         if let Some(replay) = played {
-            let crash = 100.0 * replay.contact_rate;
-            let _ =
-                writeln!(out, "  0.000 / none    replay (no program): acts nowhere, the ego crashes in {crash:.1} %");
+            let crash = num::fixed(100.0 * replay.contact_rate, 1);
+            let _ = writeln!(out, "  0.000 / none    replay (no program): acts nowhere, the ego crashes in {crash} %");
         }
         for point in &lineage.front {
             let o = point.objectives;
-            let _ = writeln!(out, "  {:.3} / {:.4}  {}", o.attack, o.realism, point.solution);
+            let (attack, realism) = (num::fixed(o.attack, 3), num::fixed(o.realism, 4));
+            let _ = writeln!(out, "  {attack} / {realism}  {}", point.solution);
         }
         for choice in choices.iter().filter(|choice| choice.lineage == lineage.lineage) {
             let _ = write!(out, "{}", choice.text(width));
@@ -124,31 +147,37 @@ pub fn summary(
     let e = result.exits;
     let _ = writeln!(
         out,
-        "\nattempts: {} declined, {} invalid, {} rejected, {} evaluated; {} rollouts",
-        e.declined, e.invalid, e.rejected, e.evaluated, result.rollouts
+        "\nattempts: {} declined, {} invalid, {} rejected, {} evaluated; {}",
+        e.declined,
+        e.invalid,
+        e.rejected,
+        e.evaluated,
+        counted(result.rollouts, "rollout")
     );
     let _ = writeln!(out, "run folder: {}", folder.dir.display());
     if folder.report().exists() {
         let _ = writeln!(out, "report: {}", folder.report().display());
+    }
+    if let Some(command) = why_command(experiment, folder, &result.lineages) {
+        let _ = writeln!(out, "why a number: {command}");
     }
     let _ = writeln!(out, "root: {root}");
     out
 }
 
 /// A line of the table of lineages: lineage, program, and the numbers.
-type Row = [String; 8];
+type Row = [String; 7];
 
 /// The recorded scenes without a program.
-fn replay_row(replay: &ReplayRow) -> Row {
+fn replay_row(replay: &ReplayRow, ego: &str) -> Row {
     [
-        format!("replay, {}", replay.ego),
+        format!("replay, {ego}"),
         "-".to_string(),
         "0.000".to_string(),
-        format!("{:.3}", replay.contact_rate),
+        num::fixed(replay.contact_rate, 3),
         four_digits(replay.realism),
         "-".to_string(),
         "0.00".to_string(),
-        "-".to_string(),
     ]
 }
 
@@ -156,7 +185,8 @@ fn replay_words(replay: &ReplayRow) -> String {
     let judged = match (replay.realism, &replay.benchmark) {
         (Some(_), _) => "its realism is that of the recorded traffic itself".to_string(),
         (None, Some(row)) => {
-            format!("an empty program has CR {:.3} and OS {:.3}", row.collision_rate, row.overall_score)
+            let (crashes, score) = (num::fixed(row.collision_rate, 3), num::fixed(row.overall_score, 3));
+            format!("an empty program has CR {crashes} and OS {score}")
         }
         (None, None) => "no vehicle moves in them".to_string(),
     };
@@ -177,29 +207,82 @@ fn column_words(safebench: bool) -> String {
     )
 }
 
+/// PF-Area@3 in a sentence of its own: in the row of a program it would be read as that program's.
+fn area_words(lineages: &[LineageResult]) -> String {
+    let of = |lineage: &LineageResult| format!("{} {} %", lineage.lineage, num::signed(lineage.pf_area_at_3_pct, 1));
+    format!(
+        "PF-Area@3 of each lineage, which is no number of the program that was chosen: the area that its up to three best descendants add \
+         to the parent's under the Pareto front: {}.",
+        lineages.iter().map(of).collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// A command that leads from a number above to what it rests on: the attack of the program that moved it most against its parent.
+fn why_command(experiment: &Experiment, folder: &RunFolder, lineages: &[LineageResult]) -> Option<String> {
+    let moved = |of: &LineageResult| (of.evolved.objectives.attack - of.parent.objectives.attack).abs();
+    // Of equals the first.
+    let most = lineages.iter().reduce(|most, of| if moved(of) > moved(most) { of } else { most })?;
+    let lineage = &most.lineage;
+    let table = if experiment.evaluation.safebench().is_some() { "safebench-main" } else { "metadrive-policy" };
+    Some(why(&format!("{table}:{lineage}:evolved_attack"), &folder.dir))
+}
+
 fn four_digits(rate: Option<f64>) -> String {
-    rate.map_or("-".to_string(), |rate| format!("{rate:.4}"))
+    rate.map_or("-".to_string(), |rate| num::fixed(rate, 4))
 }
 
 /// The lineage's parent, and under it the program that was chosen.
 fn rows(lineage: &LineageResult, realisms: Option<&LineageRealisms>) -> [Row; 2] {
     let acted = realisms.map(|of| [&of.parent, &of.evolved].map(|program| program.realisms.realism_acted));
     let [acted_parent, acted_evolved] = acted.map_or([None, None], |acted| acted);
-    let row = |name: &str, program: String, (of, acted): (&Measured, Option<f64>), area: String| {
+    let row = |name: &str, program: String, (of, acted): (&Measured, Option<f64>)| {
         [
             name.to_string(),
             program,
-            format!("{:.3}", of.objectives.attack),
-            format!("{:.3}", of.any_contact),
+            num::fixed(of.objectives.attack, 3),
+            num::fixed(of.any_contact, 3),
             four_digits(acted),
-            format!("{:.4}", of.objectives.realism),
-            format!("{:.2}", of.coverage),
-            area,
+            realism_text(of.objectives.realism, of.coverage),
+            num::fixed(of.coverage, 2),
         ]
     };
     let chosen = lineage.evolved.solution.as_str().rsplit('/').next().unwrap_or_default();
     [
-        row(lineage.lineage.as_str(), "parent".into(), (&lineage.parent, acted_parent), String::new()),
-        row("", format!("-> {chosen}"), (&lineage.evolved, acted_evolved), format!("{:+.1}", lineage.pf_area_at_3_pct)),
+        row(lineage.lineage.as_str(), "parent".into(), (&lineage.parent, acted_parent)),
+        row("", format!("-> {chosen}"), (&lineage.evolved, acted_evolved)),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attempt(refused: Option<(&'static str, String)>, realism: Option<f64>, coverage: f64) -> String {
+        let realism = realism.map(|realism| ("strict realism", realism));
+        let (exit, attack) = if refused.is_some() { ("invalid", None) } else { ("evaluated", Some(0.0375)) };
+        progress(&Progress::Attempt {
+            id: "cat-idm/e0s0".into(),
+            exit,
+            attack,
+            realism,
+            coverage,
+            accepted: false,
+            refused,
+        })
+    }
+
+    #[test]
+    fn a_line_of_progress_names_the_gate_that_refused() {
+        let problem = "/parameters/speed is 9, expected 0 to 1".to_string();
+        let line = attempt(Some(("interface", problem)), None, 0.0);
+        assert_eq!(line.trim(), "cat-idm/e0s0       invalid   gate interface: /parameters/speed is 9, expected 0 to 1");
+        let long = attempt(Some(("schema", "word ".repeat(60))), None, 0.0);
+        assert!(long.ends_with('…') && long.chars().count() < 170, "{long}");
+    }
+
+    #[test]
+    fn a_line_of_progress_has_no_realism_of_who_acts_nowhere() {
+        assert!(attempt(None, Some(0.0), 0.0).ends_with("attack 0.038  strict realism -"));
+        assert!(attempt(None, Some(0.9), 0.5).ends_with("attack 0.038  strict realism 0.9000"));
+    }
 }

@@ -22,6 +22,12 @@ pub fn resume_into(folder: &Path, cassette: &Path) -> String {
     format!("{} --cassette {}", resume_command(folder), quoted(&cassette.to_string_lossy()))
 }
 
+/// The command that says what a cell of a table of this run rests on.
+pub fn why_command(cell: &str, folder: &Path) -> String {
+    let program = std::env::args_os().next().unwrap_or_else(|| "evodrive".into());
+    [&program.to_string_lossy(), "why", cell, &folder.to_string_lossy()].map(quoted).join(" ")
+}
+
 /// The command that was typed, with one more word at its end, once.
 pub fn again_with(word: &str) -> String {
     let mut words: Vec<String> = std::env::args_os().map(|typed| quoted(&typed.to_string_lossy())).collect();

@@ -1,6 +1,6 @@
 //! What a run tells while it works; never part of the result.
 
-use crate::objects::{Attempt, event::Settled};
+use crate::objects::{Attempt, Exit, event::Settled};
 
 /// One line's worth of news.
 #[derive(Clone, Debug)]
@@ -11,7 +11,12 @@ pub enum Progress {
         attack: Option<f64>,
         /// With the name of the protocol's realism.
         realism: Option<(&'static str, f64)>,
+        /// Share of the scenes that it acts in, 0..=1; 0 without labels.
+        coverage: f64,
         accepted: bool,
+        /// The gate that refused it, and the first problem that it names. Of several the first: what stands behind it may fail
+        /// because nothing was left to check.
+        refused: Option<(&'static str, String)>,
     },
     Settled {
         epoch: u32,
@@ -48,7 +53,15 @@ impl Progress {
             exit: attempt.exit.name(),
             attack: score.map(|score| score.objectives.attack),
             realism: score.map(|score| (score.realism_name(), score.objectives.realism)),
+            coverage: score.map_or(0.0, |score| score.coverage),
             accepted: attempt.exit.decision().is_some_and(|d| d.gates.any()),
+            refused: match &attempt.exit {
+                Exit::Invalid { gates } => gates
+                    .failed()
+                    .next()
+                    .map(|verdict| (verdict.gate.name(), verdict.problems.first().cloned().unwrap_or_default())),
+                _ => None,
+            },
         }
     }
 

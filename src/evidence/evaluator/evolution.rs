@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::{Judgement, WorldEvolved};
+use crate::text::counted;
 
 /// The turns of a run, counted and listed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -70,12 +71,12 @@ impl Evolution {
     /// The section of `evodrive world`.
     pub fn text(&self) -> String {
         let mut out = format!(
-            "\nself-evolution: {} turns, {} promoted, {} rejected, {} without a usable patch ({} answers refused)\n",
-            self.turns.len(),
+            "\nself-evolution: {}, {} promoted, {} rejected, {} without a usable patch ({} refused)\n",
+            counted(self.turns.len(), "turn"),
             self.promoted,
             self.rejected,
             self.refused,
-            self.refused_answers
+            counted(self.refused_answers, "answer")
         );
         for turn in &self.turns {
             let _ = writeln!(out, "  after epoch {:<3} {:<9} {}", turn.epoch, turn.verdict, said(&turn.changes));

@@ -11,7 +11,7 @@ use super::labels::{self, LineageLabels, Reading};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, Part, REPLAY, Row, Table};
 use super::metadrive::{SCENES, SEEDS, quantity};
 use super::notes;
-use super::paper::{self, Figures};
+use super::paper::Figures;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::event::Frozen;
@@ -471,7 +471,7 @@ fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
         numbers.insert(key, Estimate { interval, ..estimate });
     }
     let slots = width(one.recorded);
-    let name = format!("{} + {}", of[0].name, paper::policy(&of[0].ego));
+    let name = format!("{} + {}", of[0].label, of[0].policy);
     let figures =
         printed_width(&of[0].name, slots).filter(|_| of[0].ego == "idm" && one.recorded.opened.attack.is_none());
     let mut row = searches.row(name, &numbers, None);

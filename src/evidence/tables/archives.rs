@@ -27,9 +27,14 @@ pub struct LineageArchive {
     pub run: String,
     /// The paper's row that it fills, if it is one of the paper's methods as published.
     pub method: Option<&'static Method>,
+    /// The search whose repetition it is: the paper's method, or the lineage's id without its ego.
     pub name: String,
+    /// What tables call it.
+    pub label: String,
     /// Our name of the ego policy.
     pub ego: String,
+    /// The ego as the paper calls it, or as we do.
+    pub policy: String,
     /// From the parent's scenes alone to the last round.
     pub rounds: Vec<Round>,
     /// Frontier gain of every group, percent.
@@ -108,7 +113,9 @@ impl Repeated for LineageArchive {
     fn repetition(&self) -> Repetition<'_> {
         Repetition {
             name: &self.name,
+            label: &self.label,
             ego: &self.ego,
+            policy: &self.policy,
             replica: self.replica,
             lineage: self.lineage.as_str(),
             run: &self.run,
@@ -172,6 +179,7 @@ fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Resu
     let published = recorded_run.parents.iter().all(|p| p.lineage != result.lineage || p.origins.is_empty());
     let own_id = |m: &&Method| m.family == result.family.as_str() && m.family == stem.replace('-', "_");
     let method = METHODS.iter().filter(|_| published).find(own_id);
+    let titled = METHODS.iter().find(|m| m.family == result.family.as_str()).map_or(result.family.as_str(), |m| m.name);
     let group = |name: &String| group(name).ok_or_else(|| damaged(format!("names the group {name:?}")));
     let gains = result.pf_area_at_3_pct_by_group.iter().map(|(name, gain)| Ok((group(name)?, *gain)));
     let round = |recorded: &&ArchiveRound| {
@@ -192,7 +200,9 @@ fn one(place: usize, recorded_run: &RecordedRun, result: &LineageResult) -> Resu
         run: labels::run_name(recorded_run),
         method,
         name: method.map_or(stem, |method| method.name).to_string(),
+        label: method.map_or_else(|| labels::label(titled, result), |method| method.name.to_string()),
         ego: result.ego.clone(),
+        policy: labels::policy(recorded_run, &result.ego),
         gains_pct: gains.collect::<Result<_, TableError>>()?,
         rounds: recorded.iter().map(round).collect::<Result<_, TableError>>()?,
         rollouts: labels::rollouts(recorded_run, &result.lineage),

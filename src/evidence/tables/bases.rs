@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::archives::{self, LineageArchive};
 use super::basis::{Basis, Combine, LabelRead, Leaf, Piece, Selected};
 use super::error::TableError;
+use super::frontier::Spanned;
 use super::key::{Of, Reads, RowKey, Side};
 use super::labels::{self, LineageLabels, ReplayLabels};
 use super::layout::{Row, Table};
@@ -155,7 +156,8 @@ impl<'s> Bases<'s> {
         Basis { read: Some(read), ..Basis::of(formula, Combine::Means, parts) }
     }
 
-    /// PF-Area@3 as the sealed results have it, with the held-out labels of the parent and of the chosen descendants.
+    /// PF-Area@3, worked out again from the held-out objectives of the parent and of the chosen descendants, or as the sealed
+    /// results have it where the archive's options are not at hand.
     pub(super) fn frontier<'l>(&self, lineages: impl Iterator<Item = &'l LineageLabels>) -> Basis {
         let part = |l: &LineageLabels| -> Option<Piece> {
             let (run, recorded_run, result) = self.result(l.place, &l.lineage)?;
@@ -164,10 +166,13 @@ impl<'s> Bases<'s> {
             let programs: Vec<SolutionId> = own.map(|held_out| held_out.solution.clone()).collect();
             let leaf = |scene: &String| Leaf::scene(scene, &programs, None);
             let leaves = recorded_run.opened.held_out_scenes.iter().map(leaf).collect();
-            Some(part_of(l, run, programs.clone(), Some(result.pf_area_at_3_pct), leaves))
+            let spanned = Spanned::of(recorded_run, result);
+            let value = spanned.as_ref().map_or(result.pf_area_at_3_pct, |spanned| spanned.gain_pct);
+            let steps = spanned.map_or(Vec::new(), |spanned| spanned.steps);
+            Some(Piece { steps, ..part_of(l, run, programs.clone(), Some(value), leaves) })
         };
         let formula = format!(
-            "{SEARCHES} PF-Area@3 as sealed in the result: 100 times the frontier area that up to three descendants add to the parent's, over the parent's, on held-out objectives"
+            "{SEARCHES} PF-Area@3, a number of a lineage: 100 times the frontier area that up to three descendants add to the parent's, over the parent's, on held-out objectives"
         );
         Basis::of(formula, Combine::Means, lineages.filter_map(part).collect())
     }
@@ -200,6 +205,7 @@ impl<'s> Bases<'s> {
                 programs: Vec::new(),
                 value,
                 leaves,
+                steps: Vec::new(),
             }
         };
         let parts = self.replays.iter().filter(of).map(part).collect();
@@ -239,6 +245,7 @@ impl<'s> Bases<'s> {
             programs: Vec::new(),
             value: Some(value),
             leaves,
+            steps: Vec::new(),
         };
         Some(Basis::of(
             format!("{metric} of the empty program on the evolution scenes, recorded as a whole"),
@@ -367,6 +374,7 @@ impl<'s> Bases<'s> {
                     programs: Vec::new(),
                     value: num::mean(&counted).map(|share| 100.0 * share),
                     leaves,
+                    steps: Vec::new(),
                 });
             }
         }
@@ -392,7 +400,7 @@ const MEANS: &str = "mean over searches of the mean over their repetitions of th
 
 fn part_of(l: &LineageLabels, run: usize, programs: Vec<SolutionId>, value: Option<f64>, leaves: Vec<Leaf>) -> Piece {
     let (search, lineage) = (format!("{} {}", l.name, l.ego), l.lineage.to_string());
-    Piece { search, run, lineage, replica: l.replica, programs, value, leaves }
+    Piece { search, run, lineage, replica: l.replica, programs, value, leaves, steps: Vec::new() }
 }
 
 fn part_of_archive(
@@ -403,7 +411,7 @@ fn part_of_archive(
     leaves: Vec<Leaf>,
 ) -> Piece {
     let (search, lineage) = (archive.name.clone(), archive.lineage.to_string());
-    Piece { search, run, lineage, replica: archive.replica, programs, value, leaves }
+    Piece { search, run, lineage, replica: archive.replica, programs, value, leaves, steps: Vec::new() }
 }
 
 fn programs(side: Side, result: &LineageResult) -> Vec<SolutionId> {

@@ -72,7 +72,16 @@ impl Bases<'_> {
             let leaves: Vec<Leaf> = attempts.map(leaf).collect();
             let value = leaves.iter().filter_map(|leaf| leaf.value).sum();
             let (search, lineage) = (format!("{} {}", l.name, l.ego), l.lineage.to_string());
-            Some(Piece { search, run, lineage, replica: l.replica, programs: Vec::new(), value: Some(value), leaves })
+            Some(Piece {
+                search,
+                run,
+                lineage,
+                replica: l.replica,
+                programs: Vec::new(),
+                value: Some(value),
+                leaves,
+                steps: Vec::new(),
+            })
         };
         let formula = format!("mean over searches of the mean over their repetitions of the number of {what}");
         Basis::of(formula, Combine::Means, own.iter().filter_map(part).collect())

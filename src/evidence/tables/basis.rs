@@ -51,6 +51,8 @@ pub struct Piece {
     /// The number of this repetition, computed from its leaves; recorded as a whole where they have none.
     pub value: Option<f64>,
     pub leaves: Vec<Leaf>,
+    /// How a number comes about that is no sum over leaves, step by step.
+    pub steps: Vec<String>,
 }
 
 /// What stands at the bottom: a scene with its labels, a selected run, or a proposal.

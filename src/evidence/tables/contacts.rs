@@ -92,7 +92,7 @@ fn row(program: &str, of: &[&LineageLabels], side: Side) -> Row {
     let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
     Row {
         key: RowKey::reading(of.iter().map(|l| l.key()), Reads::Side(side)),
-        labels: vec![of[0].name.clone(), of[0].policy(), program.to_string()],
+        labels: vec![of[0].label.clone(), of[0].policy.clone(), program.to_string()],
         lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
         cells: Cell::row(&columns(), &estimated(&quantities), None),
         counts: vec![suites.iter().map(|(_, n)| n).sum(), of.len(), of.iter().map(|l| l.rollouts).sum()],
@@ -105,7 +105,7 @@ fn replay_row(replay: &ReplayLabels) -> Row {
     let search = Search { id: replay.suite, seeds: vec![replay.per_scene(|scene| Some(labels::share(scene.contact)))] };
     Row {
         key: RowKey::Replay { egos: vec![replay.key()], metric: None },
-        labels: vec![REPLAY.to_string(), replay.policy(), "none".to_string()],
+        labels: vec![REPLAY.to_string(), replay.policy.clone(), "none".to_string()],
         lineages: vec![format!("replay/{}", replay.ego)],
         cells: Cell::row(&columns(), &estimated(&[(ANY, vec![search])]), None),
         counts: vec![replay.scenes.len(), 1, replay.scenes.iter().flatten().count()],

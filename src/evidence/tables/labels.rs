@@ -11,7 +11,7 @@ use super::paper::{
 };
 use super::searches::{self, Repeated, Repetition};
 use super::stopped;
-use crate::evidence::recorded_run::RecordedRun;
+use crate::evidence::recorded_run::{OWN_PLANNER, RecordedRun};
 use crate::kernel::Digest;
 use crate::objects::{
     LineageId, ParameterValue, Role, SceneScore, Score, SolutionId,
@@ -82,6 +82,8 @@ pub struct ReplayLabels {
     pub ego: String,
     /// Digest of the held-out scenes' ids.
     pub suite: Digest,
+    /// The ego as the paper calls it, or as we do; a planner by its name.
+    pub policy: String,
     /// By scene of the suite; `None` where a scene could not be played.
     pub scenes: Vec<Option<ReplayScene>>,
 }
@@ -96,11 +98,6 @@ impl ReplayLabels {
     pub fn key(&self) -> Of<String> {
         Of { run: self.place, of: self.ego.clone() }
     }
-
-    /// The ego as the paper calls it, or as we do.
-    pub fn policy(&self) -> String {
-        paper::policy(&self.ego)
-    }
 }
 
 /// The do-nothing row of every suite and ego of these runs, in their order, each once.
@@ -114,7 +111,8 @@ pub fn replays(runs: &[RecordedRun]) -> Result<Vec<ReplayLabels>, TableError> {
             }
             let measured = |id: &String| replayed.scenes.iter().find(|scene| scene.scene == *id).cloned();
             let scenes = names.iter().map(measured).collect();
-            all.push(ReplayLabels { place, ego: replayed.row.ego.clone(), suite: digest, scenes });
+            let ego = replayed.row.ego.clone();
+            all.push(ReplayLabels { place, policy: policy(recorded, &ego), ego, suite: digest, scenes });
         }
     }
     Ok(all)
@@ -138,10 +136,14 @@ pub struct LineageLabels {
     pub run: String,
     /// The paper's row that it fills, if it is one of the paper's methods as published.
     pub method: Option<&'static Method>,
-    /// Row of the policy table.
+    /// The search whose repetition it is: the paper's method, or the lineage's id without its ego.
     pub name: String,
+    /// What tables call it: the method's name, with the id behind it where it is no method as published.
+    pub label: String,
     /// Our name of the ego policy.
     pub ego: String,
+    /// The ego as the paper calls it, or as we do; a planner by its name.
+    pub policy: String,
     /// Digest of the held-out scenes' ids, and how many they are.
     pub suite: Digest,
     pub suite_scenes: usize,
@@ -192,11 +194,6 @@ impl LineageLabels {
     pub fn group(&self) -> String {
         self.method.map_or(self.name.clone(), |method| method.group.to_string())
     }
-
-    /// The ego as the paper calls it, or as we do.
-    pub fn policy(&self) -> String {
-        paper::policy(&self.ego)
-    }
 }
 
 /// The run's name and the beginning of its root.
@@ -223,7 +220,9 @@ impl Repeated for LineageLabels {
     fn repetition(&self) -> Repetition<'_> {
         Repetition {
             name: &self.name,
+            label: &self.label,
             ego: &self.ego,
+            policy: &self.policy,
             replica: self.replica,
             lineage: self.lineage.as_str(),
             run: &self.run,
@@ -278,7 +277,9 @@ fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<L
         run: run_name(recorded),
         method,
         name: published.map_or_else(|| stem(result).to_string(), |method| method.name.to_string()),
+        label: published.map_or_else(|| label(titled(result), result), |method| method.name.to_string()),
         ego: result.ego.clone(),
+        policy: policy(recorded, &result.ego),
         suite: digest,
         suite_scenes: names.len(),
         parent: labels(&result.parent.solution)?,
@@ -291,10 +292,31 @@ fn one(place: usize, recorded: &RecordedRun, result: &LineageResult) -> Result<L
     })
 }
 
-/// The id of a lineage in the experiment file without its ego: the same for all seeds. A learned ego may stand there as its method.
+/// An ego of a run as the paper calls it, or as we do; a planner by its name.
+pub fn policy(recorded: &RecordedRun, ego: &str) -> String {
+    paper::policy(recorded.ego_name(ego))
+}
+
+/// What tables call a lineage that is no method as published: the method that it comes from, and its own id.
+pub fn label(method: &str, result: &LineageResult) -> String {
+    let id = Some(stem(result)).filter(|stem| *stem != result.family.as_str());
+    format!("{method} ({})", id.unwrap_or(result.group.as_str()))
+}
+
+/// The name of a lineage's method: the paper's, or the family's.
+fn titled(result: &LineageResult) -> &str {
+    METHODS.iter().find(|method| method.family == result.family.as_str()).map_or(result.family.as_str(), |of| of.group)
+}
+
+/// The id of a lineage in the experiment file without its ego: the same for all seeds. A learned ego may stand there as its method, a
+/// planner as `init` calls it.
 pub fn stem(result: &LineageResult) -> &str {
     let (id, ego) = (result.group.as_str(), result.ego.as_str());
-    let methods: &[&str] = if ego == "learned" { &["sac", "rl"] } else { &[] };
+    let methods: &[&str] = match ego {
+        "learned" => &["sac", "rl"],
+        OWN_PLANNER => &["mine"],
+        _ => &[],
+    };
     let without = |ending: &&str| id.strip_suffix(ending).and_then(|rest| rest.strip_suffix('-'));
     std::iter::once(&ego).chain(methods).find_map(without).unwrap_or(id)
 }

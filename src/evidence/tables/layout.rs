@@ -43,9 +43,8 @@ impl Form {
             Form::Points => (true, "pp"),
             Form::Gain => (true, "%"),
         };
-        let value = num::rounded(value, self.digits());
-        let digits = self.digits() as usize;
-        if signed && value != 0.0 { format!("{value:+.digits$}{unit}") } else { format!("{value:.digits$}{unit}") }
+        let write = if signed { num::signed } else { num::fixed };
+        write(value, self.digits()) + unit
     }
 
     /// `[0.150, 0.550]`, without units: they stand at the value.

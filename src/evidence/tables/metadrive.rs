@@ -13,6 +13,7 @@ use super::searches::{searches, stops};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::Digest;
 use crate::objects::replay::ReplayScene;
+use crate::text::counted;
 
 const fn column(
     key: &'static str,
@@ -127,7 +128,7 @@ pub fn metadrive_main(runs: &[RecordedRun]) -> Result<Table, TableError> {
         let of: Vec<&LineageLabels> = all.iter().filter(averaged).filter(|l| l.group() == group).collect();
         rows.push(main_row(group, &of, printed::main_figures(group)));
     }
-    rows.extend(searches(all.iter().filter(|l| !averaged(l))).iter().map(|of| main_row(&of[0].name, of, None)));
+    rows.extend(searches(all.iter().filter(|l| !averaged(l))).iter().map(|of| main_row(&of[0].label, of, None)));
     let average = format!(
         "The paper averages over the egos IDM and RL; ours averages over those that were run, named in the column Policy. \
          SAGE averages over its preference weights too, as in the paper ({}).",
@@ -152,7 +153,7 @@ pub fn metadrive_policy(runs: &[RecordedRun]) -> Result<Table, TableError> {
         }
     }
     let others = all.iter().filter(|l| l.method.is_none() || paper::policy_name(&l.ego).is_none());
-    rows.extend(searches(others).iter().map(|of| policy_row(&of[0].name, &of[0].policy(), of, None)));
+    rows.extend(searches(others).iter().map(|of| policy_row(&of[0].label, &of[0].policy, of, None)));
     let title = "Policy-specific results in MetaDrive";
     let notes = notes(runs, &all, &rows, None);
     table("metadrive-policy", title, printed::POLICY_LABEL, &policy_columns(), rows, notes, runs)
@@ -188,7 +189,7 @@ fn main_row(method: &str, of: &[&LineageLabels], figures: Option<Figures>) -> Ro
         let relative = (before.value > 0.0).then(|| 100.0 * change.value / before.value);
         ours.extend(relative.map(|relative| (ATTACK_CHANGE_PCT.key, Estimate::plain(relative))));
     }
-    let policies: BTreeSet<String> = of.iter().map(|l| l.policy()).collect();
+    let policies: BTreeSet<String> = of.iter().map(|l| l.policy.clone()).collect();
     let cells = Cell::row(&main_columns(), &ours, figures.as_ref());
     row(method, policies.into_iter().collect::<Vec<_>>().join(" + "), of, cells)
 }
@@ -205,7 +206,7 @@ fn replay_row(of: &[ReplayLabels], columns: &[Column]) -> Option<Row> {
         of.iter().map(|replay| Search { id: replay.suite, seeds: vec![replay.per_scene(value)] }).collect()
     };
     let ours = estimated(&READ_OF_REPLAY.map(|(column, value)| (column, quantity(value))));
-    let policies: BTreeSet<String> = of.iter().map(ReplayLabels::policy).collect();
+    let policies: BTreeSet<String> = of.iter().map(|replay| replay.policy.clone()).collect();
     let suites: BTreeMap<_, usize> = of.iter().map(|replay| (replay.suite, replay.scenes.len())).collect();
     (!of.is_empty()).then(|| Row {
         key: RowKey::Replay { egos: of.iter().map(ReplayLabels::key).collect(), metric: None },
@@ -324,10 +325,10 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Opt
     for l in all {
         let count = l.parent.unlabelled().max(l.evolved.unlabelled());
         if count > 0 {
-            let scenes = l.suite_scenes;
             notes.push(format!(
-                "{}: up to {count} of {scenes} held-out scenes have no label and count nowhere.",
-                l.lineage
+                "{}: up to {count} of {} have no label and count nowhere.",
+                l.lineage,
+                counted(l.suite_scenes, "held-out scene")
             ));
         }
     }

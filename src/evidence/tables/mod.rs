@@ -13,6 +13,7 @@ mod contacts;
 mod critics;
 mod csv;
 mod error;
+mod frontier;
 mod html;
 mod key;
 mod labels;

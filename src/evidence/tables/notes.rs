@@ -10,6 +10,7 @@ use super::layout::{Column, Row, RunSource};
 use super::searches::{self, Repeated};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::event::ParentAdopted;
+use crate::text::counted;
 
 /// The runs as the JSON form lists them.
 pub fn runs(runs: &[RecordedRun]) -> Result<Vec<RunSource>, TableError> {
@@ -49,11 +50,13 @@ pub fn run(run: &RecordedRun) -> String {
         |parent: &ParentAdopted| Some(format!(" Lineage {} starts from {}.", parent.lineage, parent.origins.last()?));
     let starts: String = run.parents.iter().filter_map(start).collect();
     format!(
-        "Run {}: {} evolution and {} held-out scenes, {epochs} epochs, {attempts} attempts, {rollouts} rollouts; \
-         proposals from {from}{stand_in}.{starts}{}",
+        "Run {}: {} evolution and {}, {}, {}, {}; proposals from {from}{stand_in}.{starts}{}",
         labels::run_name(run),
         opened.evolution_scenes.len(),
-        opened.held_out_scenes.len(),
+        counted(opened.held_out_scenes.len(), "held-out scene"),
+        counted(epochs as usize, "epoch"),
+        counted(attempts, "attempt"),
+        counted(rollouts, "rollout"),
         run.seed_note.as_ref().map_or(String::new(), |note| format!(" Note: {note}."))
     )
 }

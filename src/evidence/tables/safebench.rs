@@ -192,9 +192,11 @@ fn mean(round: Option<&Option<Benchmark>>, of: fn(&BenchmarkRow) -> f64) -> Opti
 pub fn safebench_rounds(runs: &[RecordedRun]) -> Result<Table, TableError> {
     let all = archives::lineages(runs)?;
     let part = |of: &Subject<'_>| {
-        let (title, stem) = (of.method.map_or(of.name.as_str(), |m| m.title), of.name.to_lowercase().replace('_', "-"));
+        // A label of LaTeX is made of the search's plain name.
+        let plain = of.seeds.first().map_or(of.name.as_str(), |archive| &archive.name);
+        let (title, stem) = (of.method.map_or(of.name.as_str(), |m| m.title), plain.to_lowercase().replace('_', "-"));
         let (ego, ending) = match of.seeds.first() {
-            Some(archive) => (format!(" with {}", paper::policy(&archive.ego)), format!("-{}", archive.ego)),
+            Some(archive) => (format!(" with {}", archive.policy), format!("-{}", archive.ego)),
             None => Default::default(),
         };
         Part {
@@ -279,7 +281,7 @@ pub(super) fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
     order.extend(others.into_iter().map(|seeds| Subject {
         method: None,
         printed: None,
-        name: seeds[0].name.clone(),
+        name: seeds[0].label.clone(),
         seeds,
     }));
     order
@@ -288,7 +290,7 @@ pub(super) fn in_order(all: &[LineageArchive]) -> Vec<Subject<'_>> {
 impl Subject<'_> {
     /// A row of numbers, with labels after the method and the ego.
     pub(super) fn row(&self, reads: Reads, labels: &[&str], cells: Vec<Cell>) -> Row {
-        let policy = self.seeds.first().map_or(String::new(), |archive| paper::policy(&archive.ego));
+        let policy = self.seeds.first().map_or(String::new(), |archive| archive.policy.clone());
         let groups: BTreeSet<_> = self.seeds.iter().flat_map(|archive| archive.groups()).collect();
         let sum = |of: fn(&LineageArchive) -> usize| self.seeds.iter().map(|archive| of(archive)).sum();
         Row {

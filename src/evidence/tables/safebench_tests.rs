@@ -221,7 +221,7 @@ fn what_was_not_run_is_missing_and_a_variant_stands_apart() {
     let made = recorded(&[&ADVSIM, &variant]);
     let main = safebench_main(std::slice::from_ref(&made)).unwrap();
     let labels: Vec<&str> = main.rows().map(|row| row.labels[0].as_str()).collect();
-    assert_eq!(labels, ["AS", "AT", "CS", "Human", "advsim-slow"]);
+    assert_eq!(labels, ["AS", "AT", "CS", "Human", "AS (advsim-slow)"]);
     let missing: Vec<bool> = main.rows().map(Row::missing).collect();
     assert_eq!(missing, [false, true, true, true, false]);
     assert!(!main.rows().last().unwrap().in_paper());
@@ -248,7 +248,7 @@ fn no_gain_is_zero_and_a_note_counts_what_stopped_it() {
         let none = ours(&table, &["Human", "IDM"], key);
         assert_eq!((none.value, none.interval), (0.0, Some([0.0, 0.0])), "{key}");
     }
-    let note = "Human, IDM: no gain, balanced selection keeps the parent's scenes alone; 1 attempts: 1 declined, \
+    let note = "Human, IDM: no gain, balanced selection keeps the parent's scenes alone; 1 attempt: 1 declined, \
                 0 invalid, 0 rejected, 0 evaluated, of these 0 accepted, 0 not accepted with more \
                 attack than the parent but too little realism, 0 with no more attack; final choice: 1 of 1 reach the \
                 realism required.";

@@ -1,12 +1,16 @@
 //! Searches and their repetitions: what either protocol's tables gather lineages by.
 
-use super::{error::TableError, paper};
+use super::error::TableError;
 
 /// One repetition of a search, as a table reads it.
 pub struct Repetition<'a> {
-    /// The search's row: its method or lineage.
+    /// The search's method or lineage.
     pub name: &'a str,
+    /// The same as tables call it.
+    pub label: &'a str,
     pub ego: &'a str,
+    /// The ego as tables call it.
+    pub policy: &'a str,
     pub replica: u32,
     pub lineage: &'a str,
     /// Name of its run.
@@ -21,7 +25,7 @@ pub trait Repeated {
 }
 
 fn same_search(one: &Repetition<'_>, other: &Repetition<'_>) -> bool {
-    (one.name, one.ego) == (other.name, other.ego)
+    (one.name, one.policy) == (other.name, other.policy)
 }
 
 /// The repetitions of every search, in the order of their first.
@@ -61,5 +65,5 @@ pub fn stops<T: Repeated>(of: &[&T]) -> Option<String> {
             format!("no gain with {} of {seeds} seeds ({})", stopped.len(), which.join(", "))
         }
     };
-    Some(format!("{}, {}: {what}.", first.name, paper::policy(first.ego)))
+    Some(format!("{}, {}: {what}.", first.label, first.policy))
 }

@@ -7,7 +7,7 @@ use super::error::TableError;
 use super::key::{Of, RowKey};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, Row, Table};
 use super::metadrive::SEEDS;
-use super::paper::{self, Figures};
+use super::paper::Figures;
 use super::{labels, notes};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::{Attempt, LineageId};
@@ -64,13 +64,14 @@ impl Spec {
 
 /// The table of these runs.
 pub(super) fn table(spec: &Spec, runs: &[RecordedRun]) -> Result<Table, TableError> {
-    let mut rows: BTreeMap<(String, String, Option<String>), Group<'_>> = BTreeMap::new();
+    let mut rows: BTreeMap<(String, String, String, Option<String>), Group<'_>> = BTreeMap::new();
     // What two proposers did is told apart; runs of one proposer are told together.
     let kinds: BTreeSet<String> = runs.iter().map(labels::proposals).collect();
     for (place, recorded) in runs.iter().enumerate() {
         let run = (kinds.len() > 1).then(|| recorded.opened.name.clone());
         for parent in &recorded.parents {
-            let key = (parent.program.source_family.to_string(), parent.ego.clone(), run.clone());
+            let (family, policy) = (parent.program.source_family.to_string(), labels::policy(recorded, &parent.ego));
+            let key = (family, parent.ego.clone(), policy, run.clone());
             let group = rows.entry(key).or_default();
             group.lineages.push(Of { run: place, of: parent.lineage.clone() });
             group.attempts.extend(recorded.attempts.iter().filter(|attempt| attempt.lineage == parent.lineage));
@@ -89,7 +90,10 @@ pub(super) fn table(spec: &Spec, runs: &[RecordedRun]) -> Result<Table, TableErr
             name: spec.name.into(),
             title: spec.title.into(),
             source: spec.source,
-            rows: rows.into_iter().map(|((family, ego, run), group)| group.row(spec, &family, &ego, run)).collect(),
+            rows: rows
+                .into_iter()
+                .map(|((family, ego, policy, run), group)| group.row(spec, (&family, &ego), policy, run))
+                .collect(),
         }],
         runs: notes::runs(runs)?,
         notes,
@@ -105,7 +109,7 @@ struct Group<'a> {
 }
 
 impl Group<'_> {
-    fn row(self, spec: &Spec, family: &str, ego: &str, run: Option<String>) -> Row {
+    fn row(self, spec: &Spec, (family, ego): (&str, &str), policy: String, run: Option<String>) -> Row {
         let count = |holds: &dyn Fn(&Attempt) -> bool| self.attempts.iter().filter(|attempt| holds(attempt)).count();
         let share = |share: &Share| {
             let (all, counted) =
@@ -116,7 +120,7 @@ impl Group<'_> {
         let counts: Vec<usize> = spec.counts.iter().map(|(_, counts)| count(counts)).collect();
         let figures = (spec.figures)(family, ego);
         Row {
-            labels: vec![of_run(family, run.as_deref()), paper::policy(ego)],
+            labels: vec![of_run(family, run.as_deref()), policy],
             cells: Cell::row(&spec.columns(), &numbers, figures.as_ref()),
             counts: counts.into_iter().chain([self.lineages.len()]).collect(),
             lineages: self.lineages.iter().map(|own| own.of.to_string()).collect(),

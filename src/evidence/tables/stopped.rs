@@ -6,6 +6,7 @@ use super::layout::Form;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::{Attempt, Exit, attempt::Gate, event::LineageResult};
+use crate::text::counted;
 
 /// Where every attempt of a lineage ended.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -47,32 +48,19 @@ impl Ends {
 
     fn text(&self) -> String {
         let invalid: usize = self.gates.values().sum();
-        let by_gate: Vec<String> = self.gates.iter().map(|(gate, n)| format!("{} {n}", gate_name(*gate))).collect();
+        let by_gate: Vec<String> = self.gates.iter().map(|(gate, n)| format!("{} {n}", gate.name())).collect();
         let by_gate = if by_gate.is_empty() { String::new() } else { format!(" (gates: {})", by_gate.join(", ")) };
         let evaluated = self.accepted + self.lost_realism + self.no_more_attack;
         format!(
-            "{} attempts: {} declined, {invalid} invalid{by_gate}, {} rejected, {evaluated} evaluated, \
+            "{}: {} declined, {invalid} invalid{by_gate}, {} rejected, {evaluated} evaluated, \
              of these {} accepted, {} not accepted with more attack than the parent but too little realism, {} with no more attack",
-            self.declined + invalid + self.routed_away + evaluated,
+            counted(self.declined + invalid + self.routed_away + evaluated, "attempt"),
             self.declined,
             self.routed_away,
             self.accepted,
             self.lost_realism,
             self.no_more_attack
         )
-    }
-}
-
-fn gate_name(gate: Gate) -> &'static str {
-    match gate {
-        Gate::Schema => "schema",
-        Gate::Parent => "parent",
-        Gate::Interface => "interface",
-        Gate::Isolation => "isolation",
-        Gate::Protected => "protected",
-        Gate::Mechanism => "mechanism",
-        Gate::Compile => "compile",
-        Gate::Effect => "effect",
     }
 }
 

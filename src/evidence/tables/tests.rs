@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::evidence::recorded_run::RecordedRun;
+use crate::archive::{ArchiveOptions, PromotionRule};
+use crate::evidence::recorded_run::{Declared, RecordedRun};
 use crate::kernel::Digest;
 use crate::objects::{
-    Attempt, FamilyName, LineageId, Met, Objectives, ParameterValue, Program, SceneFailure, SceneScore, Score,
+    Attempt, FamilyName, LineageId, Met, Objectives, Origin, ParameterValue, Program, SceneFailure, SceneScore, Score,
     SolutionId,
     attempt::*,
     event::*,
@@ -59,6 +60,7 @@ pub(in crate::evidence) fn run(name: &str, models: &[(&str, &str)]) -> RecordedR
         }),
         root: Digest::of_bytes(name.as_bytes()),
         seed_note: None,
+        declared: Declared::default(),
     }
 }
 
@@ -494,8 +496,71 @@ fn a_sage_row_is_named_by_its_parents_weight_and_a_variant_by_its_id() {
     let table = metadrive_policy(&[run]).unwrap();
     assert_eq!(row(&table, "SAGE (w=0.50)").lineages, ["sage-05-idm"]);
     assert_eq!(row(&table, "SAGE (w=1.00)").lineages, ["sage-1-idm"]);
-    assert!(!row(&table, "sage-03").in_paper() && !row(&table, "cat-short").in_paper());
+    // A variant says its method and its id.
+    assert!(!row(&table, "SAGE (sage-03)").in_paper() && !row(&table, "CAT (cat-short)").in_paper());
     assert!(row(&table, "CAT").missing());
+}
+
+/// `init --driver` calls a lineage `cat-mine`.
+#[test]
+fn a_planner_stands_by_its_name_beside_the_methods_and_two_planners_are_two_rows() {
+    let against = |planner: &str, id: &str| {
+        let mut run = scripted();
+        add(&mut run, &End { id, ego: "command", ..CAT });
+        run.declared.planner = Some(planner.into());
+        run
+    };
+    let runs = [against("careful.py", "cat-mine"), against("bold.py", "cat-mine")];
+    for table in [metadrive_policy(&runs).unwrap(), metadrive_main(&runs).unwrap()] {
+        let ours: Vec<[&str; 2]> = table
+            .rows()
+            .filter(|row| !row.missing())
+            .map(|row| [row.labels[0].as_str(), row.labels[1].as_str()])
+            .collect();
+        assert_eq!(ours, [["CAT", "careful.py"], ["CAT", "bold.py"]], "{}", table.name);
+        from_their_parts(&table, &runs);
+    }
+    // Nobody knows its name where the experiment cannot be read; a program from elsewhere is no method as published.
+    let mut run = against("", "cat-mine");
+    run.declared.planner = None;
+    let (root, solution) = (Digest::of_bytes(b"other"), SolutionId::new("cat-idm/e0s0"));
+    run.parents[0].origins = vec![Origin { run: "other".into(), root, solution, models: BTreeMap::new() }];
+    let table = metadrive_policy(&[run]).unwrap();
+    assert_eq!(row(&table, "CAT (cat-mine)").labels[1], "command");
+}
+
+#[test]
+fn the_frontier_area_is_worked_out_again_and_names_who_spans_it() {
+    let mut run = scripted();
+    // Attack 0.25 at 0.9 of the parent; 0.5 at 0.97 of the descendant: (0.485 - 0.225) / 0.225.
+    add(&mut run, &End { pf_area_at_3_pct: 100.0 * (0.485 - 0.225) / 0.225, ..CAT });
+    run.declared.archive = Some(ArchiveOptions {
+        reference: [0.0; 2],
+        r0: 0.95,
+        a0: 0.5,
+        epsilon_r: 0.0,
+        epsilon_a: 0.0,
+        epsilon_pf: 1e-3,
+        level: 0.8,
+        coverage_floor: 0.8,
+        promotion: PromotionRule::LargestHypervolumeGain,
+    });
+    for (held_out, role) in run.held_out.iter_mut().zip(["parent", "descendant"]) {
+        held_out.roles = vec![role.to_string()];
+    }
+    let runs = [run];
+    let table = metadrive_policy(&runs).unwrap();
+    let bases = Bases::of(&table, &runs).unwrap();
+    let basis = bases.basis(&table, row(&table, "CAT"), "pf_area_at_3_pct").unwrap();
+    near(basis.value().unwrap(), 100.0 * (0.485 - 0.225) / 0.225);
+    let said = basis.parts[0].steps.join("\n");
+    for part in [
+        "reference point: attack 0, strict realism 0",
+        "parent cat-idm/parent: attack 0.25, strict realism 0.9; it spans 0.225",
+        "descendant cat-idm/e0s0: attack 0.5, strict realism 0.97; it spans",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
 }
 
 #[test]

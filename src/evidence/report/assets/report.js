@@ -28,8 +28,10 @@
     node.append(...children.flat());
     return node;
   }
-  const fixed = (value, digits) => value === null || value === undefined ? "–" : value.toFixed(digits);
-  const signed = (value, digits) => (value >= 0 ? "+" : "−") + Math.abs(value).toFixed(digits);
+  // Half away from zero, as in every other text of the program: toFixed alone makes 0.037 of 0.0375.
+  const rounded = (value, digits) => Math.sign(value) * Math.round(Math.abs(value) * 10 ** digits) / 10 ** digits;
+  const fixed = (value, digits) => value === null || value === undefined ? "–" : rounded(value, digits).toFixed(digits);
+  const signed = (value, digits) => (value >= 0 ? "+" : "−") + fixed(Math.abs(value), digits);
   const STRICT = data.safebench ? "ARS" : "strict realism"; // the realism among the objectives
   const capital = (text) => text[0].toUpperCase() + text.slice(1);
   // As the acceptor: one of three gates, enough coverage, and labels that are not the parent's.
@@ -54,7 +56,7 @@
     const fiveHeads = ["attack", "any crash", "realism", STRICT, "coverage"];
     const head = ["Lineage", ...fiveHeads, ...fiveHeads, "attack", STRICT, "PF-Area@3 %", "Chosen program"];
     const acted = (l, m) => (l.held_out.find((of) => of.measured.solution === m.solution) || {}).realism_acted ?? null;
-    const five = (l, m) => [[m.objectives.attack, 3], [m.any_contact, 3], [acted(l, m), 4], [m.objectives.realism, 4], [m.coverage, 2]];
+    const five = (l, m) => [[m.objectives.attack, 3], [m.any_contact, 3], [acted(l, m), 4], [m.coverage > 0 ? m.objectives.realism : null, 4], [m.coverage, 2]];
     // The recorded scenes without a program stand under the parent's heads, above the lineages however these are sorted.
     const none = Array.from({ length: 8 }, () => [null, 0]);
     const nothing = (r) => [`no program, ${r.ego}`, [0, 3], [r.contact_rate, 3], [r.realism, 4], [null, 0], [0, 2], ...none, ""];

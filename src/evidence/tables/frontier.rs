@@ -1,0 +1,75 @@
+//! How PF-Area@3 of a lineage comes about: the parent's point, the descendants' points, and the area that they span.
+
+use crate::archive::{ArchiveOptions, hypervolume, non_dominated, pf_area_pct};
+use crate::evidence::recorded_run::RecordedRun;
+use crate::objects::Objectives;
+use crate::objects::event::{HeldOut, LineageResult};
+
+/// Descendants that count, as in the paper's tables.
+const DESCENDANTS: usize = 3;
+
+/// The area of a lineage's held-out frontier, over its parent's.
+pub(super) struct Spanned {
+    /// PF-Area@3, percent.
+    pub gain_pct: f64,
+    /// Its parts in words, a line each.
+    pub steps: Vec<String>,
+}
+
+impl Spanned {
+    /// `None` where the archive's options are not at hand or the held-out labels do not say whose descendants they are.
+    pub fn of(recorded: &RecordedRun, result: &LineageResult) -> Option<Spanned> {
+        let options = recorded.declared.archive.as_ref()?;
+        // Whoever acts nowhere has no place in the plane.
+        let with = |role: &str| -> Vec<&HeldOut> {
+            let own = recorded.held_out.iter().filter(|held_out| held_out.lineage == result.lineage);
+            own.filter(|held_out| held_out.roles.iter().any(|of| of == role) && held_out.score.coverage > 0.0).collect()
+        };
+        let (parents, descendants) = (with("parent"), with("descendant"));
+        if parents.is_empty() && descendants.is_empty() {
+            return None;
+        }
+        let objectives = |of: &[&HeldOut]| of.iter().map(|held_out| held_out.score.objectives).collect::<Vec<_>>();
+        let (before, after) = (objectives(&parents), objectives(&descendants));
+        let gain_pct = pf_area_pct(&before, &after, DESCENDANTS, options);
+        Some(Spanned { gain_pct, steps: steps(&parents, &descendants, gain_pct, options) })
+    }
+}
+
+fn steps(parents: &[&HeldOut], descendants: &[&HeldOut], gain_pct: f64, options: &ArchiveOptions) -> Vec<String> {
+    let point = |of: Objectives| [of.attack, of.realism];
+    let placed = |of: &HeldOut| {
+        let [attack, realism] = point(of.score.objectives);
+        format!("{}: attack {attack}, strict realism {realism}", of.solution)
+    };
+    let points: Vec<[f64; 2]> =
+        parents.iter().chain(descendants).map(|held_out| point(held_out.score.objectives)).collect();
+    let area = |of: &[[f64; 2]]| hypervolume(of, options.reference);
+    let (own, all) = (area(&points[..parents.len()]), area(&points));
+    let [attack, realism] = options.reference;
+    let mut out =
+        vec![format!("areas are measured from the reference point: attack {attack}, strict realism {realism}")];
+    match parents.first() {
+        Some(parent) => out.push(format!("parent {}; it spans {own}", placed(parent))),
+        None => out.push("the parent acts nowhere, so it spans 0".into()),
+    }
+    if descendants.is_empty() {
+        out.push("no descendant that acts was measured, so none adds an area".into());
+    }
+    let spans = non_dominated(&points);
+    for (at, descendant) in (parents.len()..).zip(descendants) {
+        let without: Vec<[f64; 2]> = points.iter().enumerate().filter(|(k, _)| *k != at).map(|(_, of)| *of).collect();
+        let share = match all - area(&without) {
+            alone if alone > 0.0 => format!("it spans the area with the others, and {alone} of it alone"),
+            _ if spans[at] => "it has no area beyond the reference point or the others' points".into(),
+            _ => "it adds nothing: another one of these has no less of both".into(),
+        };
+        out.push(format!("descendant {}; {share}", placed(descendant)));
+    }
+    let over = match own < options.epsilon_pf {
+        true => format!("{}, the least that is divided by (archive.epsilon_pf)", options.epsilon_pf),
+        false => own.to_string(),
+    };
+    out.push(format!("together they span {all}; 100 ({all} - {own}) / {over} = {gain_pct}"));
+    out
+}

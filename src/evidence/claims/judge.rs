@@ -83,6 +83,8 @@ pub struct Judgement {
     pub tested: usize,
     /// Name, root, and whether its proposals came from the scripted stand-in.
     pub runs: Vec<(String, String, bool)>,
+    /// Names of those runs in which every search was made once.
+    pub one_seed: Vec<String>,
     /// The same of the studies, the recipe in the root's place.
     pub studies: Vec<(String, String, bool)>,
     pub claims: Vec<Judged>,
@@ -129,6 +131,11 @@ impl Asked<'_> {
     }
 }
 
+/// Whether no search of the run was repeated.
+fn once(run: &RecordedRun) -> bool {
+    run.result.iter().flat_map(|result| &result.lineages).all(|lineage| lineage.replica == 0)
+}
+
 fn joined(runs: &[&RecordedRun], of: fn(&RecordedRun) -> String) -> String {
     runs.iter().map(|recorded| of(recorded)).collect::<Vec<_>>().join(" + ")
 }
@@ -162,6 +169,7 @@ pub fn judge(
         level: claims.level,
         tested,
         runs: runs.iter().filter(named).map(source).collect(),
+        one_seed: runs.iter().filter(named).filter(|run| once(run)).map(|run| run.opened.name.clone()).collect(),
         studies: studies.values().map(study).collect(),
         claims: judged,
     })

@@ -72,7 +72,11 @@ fn with_parent_and_evolved_swapped_the_claim_fails_and_stands_first() {
     assert_eq!((verdicts.claims[0].id.as_str(), verdicts.claims[0].verdict), ("realism", Verdict::NotSupported));
     let text = markdown(&verdicts);
     assert!(text.find("## Not supported") < text.find("## Not testable here"), "{text}");
-    assert!(text.contains("scripted stand-in"));
+    assert!(text.contains("scripted stand-in") && text.contains("one seed of every search, so that its intervals"));
+    let mut repeated = recorded();
+    repeated.result.as_mut().unwrap().lineages[0].replica = 1;
+    let text = markdown(&judge(&read("claims.toml", FILE).unwrap(), &[repeated], &BTreeMap::new()).unwrap());
+    assert!(!text.contains("one seed of every search"), "{text}");
 }
 
 #[test]

@@ -21,7 +21,11 @@ pub fn markdown(found: &Judgement) -> String {
         } else {
             "no scripted role"
         };
-        let _ = writeln!(out, "- {what} {name}, {by} {}: {from}", root.get(..12).unwrap_or(root));
+        let once = match what == "run" && found.one_seed.contains(name) {
+            true => "; one seed of every search, so that its intervals and p do not hold the spread between searches",
+            false => "",
+        };
+        let _ = writeln!(out, "- {what} {name}, {by} {}: {from}{once}", root.get(..12).unwrap_or(root));
     }
     let _ = writeln!(
         out,

@@ -97,7 +97,7 @@ fn a_folder_without_its_store_gives_the_other_tables_and_says_so() {
     std::fs::remove_dir_all(run_folder.join("store")).unwrap();
     let ran = run(&["data", run_folder.to_str().unwrap(), "--out", out.to_str().unwrap()]);
     assert_eq!(ran.code, 0, "{}", ran.stderr);
-    assert!(ran.stdout.contains("are no longer in the run's store"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("no longer in the run's store, and in no table: "), "{}", ran.stdout);
     assert!(csv(&out, "rollouts").is_empty() && parquet(&out, "rollouts").is_empty());
     assert!(csv(&out, "labels").len() > 100);
 }

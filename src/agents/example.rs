@@ -353,5 +353,5 @@ pub fn measures(safebench: bool) -> Measures {
         coverage_floor: 0.8,
         realism_min: 0.95,
     };
-    Measures { protocol, acceptance, rule: None, tradeoff: true }
+    Measures { protocol, acceptance, rule: None, tradeoff: true, fixed_bodies: false }
 }

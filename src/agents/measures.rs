@@ -16,6 +16,8 @@ pub struct Measures {
     pub rule: Option<String>,
     /// Whether a bounded trade with the parent is one of the gates.
     pub tradeoff: bool,
+    /// Whether what is inserted stays of the parent's kind.
+    pub fixed_bodies: bool,
 }
 
 /// One of the two protocols.
@@ -74,7 +76,7 @@ pub struct Acceptance {
 }
 
 /// What each diagnostic measures, in words, and its form.
-const MEANINGS: [(&str, &str); 10] = [
+const MEANINGS: [(&str, &str); 12] = [
     ("map_validity", "how far a corner of its box leaves the lanes, m"),
     ("lane_direction", "way driven against the lanes, m"),
     ("route_completion", "share of its own recorded way that it drove by then"),
@@ -85,6 +87,8 @@ const MEANINGS: [(&str, &str); 10] = [
     ("bounded_acceleration", "largest acceleration or braking along its heading, m/s^2"),
     ("bounded_jerk", "jerk: largest change of acceleration, m/s^3"),
     ("bounded_slip", "speed across its heading, m/s"),
+    ("rolling", "how far it goes where wheels do not take it, m: a slide, a turn on the spot"),
+    ("speed_of_kind", "its speed, by the bound of its kind of road user, m/s"),
 ];
 
 impl Measures {
@@ -94,6 +98,7 @@ impl Measures {
         let mut values = json!({
             "r0": r0, "a0": a0, "epsilon_r": epsilon_r, "epsilon_a": epsilon_a, "level": level,
             "coverage_floor": coverage_floor, "realism_min": realism_min, "rule": self.rule, "tradeoff": self.tradeoff,
+            "fixed_bodies": self.fixed_bodies,
         });
         match &self.protocol {
             Protocol::Metadrive { counts, counts_if_avoidable, reaction_s, when, metrics, diagnostics } => {

@@ -13,9 +13,7 @@ use super::spec::OWN;
 use crate::ego::Policy;
 use crate::kernel::Digest;
 use crate::scene::{PreparedScene, Sample, Scene};
-use crate::sim::{
-    Action, ActorRef, AvoidanceOptions, Intervention, Plant, PlantOptions, SIM_VERSION, SimulatorOptions, tell,
-};
+use crate::sim::{Action, ActorRef, Intervention, Plant, PlantOptions, SIM_VERSION, SimulatorOptions, tell};
 
 /// The name under which our own simulator serves: it must not be taken for the one that needs no worker.
 const NAME: &str = "evodrive-worker";
@@ -67,7 +65,7 @@ fn played(asked: Asked) -> Result<Answer, String> {
         return Err(format!("option `{other}` is unknown; there is `plant`"));
     }
     let plant: PlantOptions = serde_json::from_value(law).map_err(|error| error.to_string())?;
-    let simulator = SimulatorOptions { plant, avoidance: AvoidanceOptions::SHIPPED };
+    let simulator = SimulatorOptions { plant, ..SimulatorOptions::SHIPPED };
     simulator.check().map_err(|error| error.to_string())?;
     let policy: Policy = ego.parse().map_err(|error: crate::ego::policy::PolicyError| error.to_string())?;
     let scene = PreparedScene::new(Arc::new(scene));

@@ -1,7 +1,7 @@
 //! V_app: the seven gates over one proposal (paper eq. app-validation-gates), and an eighth that turns away a child which
 //! does what its parent does. All run, all are recorded, and one failure is enough.
 
-use super::{ApplyError, apply, interface, isolation, parent as parent_gate, protected, schema};
+use super::{ApplyError, apply, bodies, interface, isolation, parent as parent_gate, protected, schema};
 use crate::{
     adapters::{Contract, Problem, Registry},
     kernel::Digest,
@@ -45,13 +45,15 @@ pub struct Judging<'a> {
     pub skipped: &'a [Gate],
     /// Parts of a program that no patch of the run may touch.
     pub closed: &'a [&'static str],
+    /// Whether no patch brings in a sort of road user that the parent does not insert.
+    pub fixed_bodies: bool,
 }
 
 #[cfg(any(test, feature = "fixtures"))]
 impl<'a> Judging<'a> {
     /// By all gates, with no part closed.
     pub fn whole(contract: &'a Contract, registry: &'a Registry) -> Judging<'a> {
-        Judging { contract, registry, skipped: &[], closed: &[] }
+        Judging { contract, registry, skipped: &[], closed: &[], fixed_bodies: false }
     }
 }
 
@@ -64,7 +66,7 @@ pub fn admit(
     judging: &Judging<'_>,
     compiles: &Compiles<'_>,
 ) -> Admission {
-    let Judging { contract, registry, skipped, closed } = *judging;
+    let Judging { contract, registry, skipped, closed, fixed_bodies } = *judging;
     let about_patch = texts(&schema::check_patch(patch));
     let parent_hash = parent.hash();
     let applied = match &parent_hash {
@@ -90,7 +92,12 @@ pub fn admit(
             [closed_parts(patch, closed), texts(&interface::check(patch, contract, changes_nothing))].concat(),
         ),
         verdict(Gate::Isolation, texts(&isolation::check(parent, patch, contract, registry, &applied))),
-        verdict(Gate::Protected, texts(&protected::check(parent, patch, contract, &applied))),
+        verdict(
+            Gate::Protected,
+            texts(
+                &[protected::check(parent, patch, contract, &applied), fixed(parent, &applied, fixed_bodies)].concat(),
+            ),
+        ),
         verdict(Gate::Mechanism, of_child(&applied, |program| mechanism(contract, program))),
         verdict(Gate::Compile, lowered),
         verdict(Gate::Effect, effect),
@@ -111,6 +118,11 @@ fn of_child(applied: &Result<Program, super::ApplyError>, gate: impl FnOnce(&Pro
         Ok(program) => gate(program),
         Err(_) => nothing_to_look_at(),
     }
+}
+
+/// Bodies that are not the parent's, where the run fixes them.
+fn fixed(parent: &Program, applied: &Result<Program, super::ApplyError>, asked: bool) -> Vec<Problem> {
+    applied.as_ref().ok().filter(|_| asked).map_or_else(Vec::new, |child| bodies::check(parent, child))
 }
 
 /// Edits of parts that the run has closed.

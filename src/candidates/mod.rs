@@ -2,6 +2,7 @@
 
 mod admit;
 mod apply;
+mod bodies;
 mod interface;
 mod isolation;
 mod parent;

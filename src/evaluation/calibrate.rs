@@ -7,7 +7,7 @@
 use super::metrics::limits::{Calibration, Limit, Limits};
 use crate::kernel::{Digest, Threads, Vec2, num};
 use crate::scene::{AgentKind, Scene};
-use crate::sim::{Feasibility, Plant};
+use crate::sim::{Feasibility, OfKind, Plant};
 
 /// A road user that is seen for a shorter time says little, samples (2 s).
 pub const SAMPLES_MIN: usize = 20;
@@ -28,6 +28,22 @@ const RESOLUTION: Feasibility = Feasibility {
     jump_m: 0.5,
     kink_m: 0.5,
 };
+
+/// Fewer road users of a kind than this give it no limits of its own in a calibration by kind.
+pub const OF_KIND_MIN: usize = 20;
+/// Kinds that stand in for each other where few are recorded: what rolls.
+const WHEELED: [AgentKind; 2] = [AgentKind::Vehicle, AgentKind::Cyclist];
+/// Smallest tolerance of a displacement that rolling does not explain, metres.
+const UNROLLED_RESOLUTION_M: f64 = 0.3;
+/// Smallest tolerance of a speed, m/s.
+const SPEED_RESOLUTION_MPS: f64 = 1.0;
+/// 130 km/h: the general limit on motorways in most of Europe.
+const VEHICLE_MPS: f64 = 36.1;
+/// 25 km/h: where the motor of a pedelec stops helping (Regulation (EU) No 168/2013, article 2), above the 15 to 20 km/h of Euro NCAP's
+/// cyclist tests.
+const CYCLIST_MPS: f64 = 6.94;
+/// 8 km/h: the running adult of Euro NCAP's pedestrian tests (AEB VRU protocol, CPFA).
+const PEDESTRIAN_MPS: f64 = 2.22;
 
 /// Scenes that give no calibration.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -53,6 +69,8 @@ pub struct Observed {
     pub kind: AgentKind,
     /// What realism judges, over its whole recording.
     pub motion: Feasibility,
+    /// What of it its kind does not do.
+    pub of_kind: OfKind,
 }
 
 /// The accounts of every moving road user of these scenes, egos aside, in order. Scenes that cannot be simulated are
@@ -61,7 +79,12 @@ pub fn observed(scenes: &[Scene], threads: &Threads) -> Vec<Observed> {
     let of_scene = |_: usize, scene: &Scene| -> Vec<Observed> {
         let Ok(plant) = Plant::new(scene) else { return Vec::new() };
         let moving = (0..scene.tracks.len()).filter(|track| moves(scene, *track));
-        moving.map(|track| Observed { kind: scene.tracks[track].kind, motion: plant.recorded(track) }).collect()
+        let of = |track: usize| Observed {
+            kind: scene.tracks[track].kind,
+            motion: plant.recorded(track),
+            of_kind: plant.recorded_of_kind(track),
+        };
+        moving.map(of).collect()
     };
     threads.map(scenes, of_scene).into_iter().flatten().collect()
 }
@@ -106,6 +129,36 @@ pub fn calibrate(
     })
 }
 
+/// Limits by kind: a kind of which twenty are recorded has limits of its own, and what a kind does not do is bounded, too. A speed is bounded by what is published of the kind, or by what is observed where that is
+/// faster: recordings of a town show no motorway.
+pub fn with_of_kind(calibration: Calibration, observed: &[Observed], quantile: f64) -> Calibration {
+    let values = |of: fn(&OfKind) -> f64, kinds: &[AgentKind]| -> Vec<f64> {
+        observed.iter().filter(|one| kinds.contains(&one.kind)).map(|one| of(&one.of_kind)).collect()
+    };
+    let rounded =
+        |values: &[f64]| num::quantile(values, quantile).map_or(0.0, |bound| (bound * 1000.0).ceil() / 1000.0);
+    let limit = |bound: f64, least: f64| Limit { bound, tolerance: (TOLERANCE_SHARE * bound).max(least) };
+    let of = |pooled: Limits, kind: AgentKind, published_mps: f64| {
+        let motions: Vec<Feasibility> = observed.iter().filter(|o| o.kind == kind).map(|o| o.motion).collect();
+        let enough = motions.len() >= OF_KIND_MIN;
+        let seen_mps = if enough { rounded(&values(|of| of.speed_mps, &[kind])) } else { 0.0 };
+        let kinds: &[AgentKind] = if enough { &[kind] } else { &WHEELED };
+        let limits = if enough { self::limits(&motions, quantile, motions.len(), false) } else { pooled };
+        Limits {
+            unrolled_m: Some(limit(rounded(&values(|of| of.unrolled_m, kinds)), UNROLLED_RESOLUTION_M)),
+            speed_mps: Some(limit(published_mps.max(seen_mps), SPEED_RESOLUTION_MPS)),
+            ..limits
+        }
+    };
+    Calibration {
+        vehicle: of(calibration.vehicle, AgentKind::Vehicle, VEHICLE_MPS),
+        cyclist: of(calibration.cyclist, AgentKind::Cyclist, CYCLIST_MPS),
+        pedestrian: of(calibration.pedestrian, AgentKind::Pedestrian, PEDESTRIAN_MPS),
+        fixed: of(calibration.fixed, AgentKind::Static, 0.0),
+        ..calibration
+    }
+}
+
 fn limits(motions: &[Feasibility], quantile: f64, road_users: usize, pooled: bool) -> Limits {
     let limit = |of: fn(&Feasibility) -> f64| {
         let values: Vec<f64> = motions.iter().map(of).collect();
@@ -124,6 +177,8 @@ fn limits(motions: &[Feasibility], quantile: f64, road_users: usize, pooled: boo
         jump_m: limit(|m| m.jump_m),
         kink_m: limit(|m| m.kink_m),
         roughness_m: limit(|m| m.roughness_m),
+        unrolled_m: None,
+        speed_mps: None,
     }
 }
 
@@ -133,7 +188,7 @@ mod tests {
 
     fn observed(kind: AgentKind, count: usize) -> Vec<Observed> {
         let motion = |k: usize| Feasibility { acceleration_mps2: 0.1 * k as f64, ..Feasibility::default() };
-        (0..count).map(|k| Observed { kind, motion: motion(k) }).collect()
+        (0..count).map(|k| Observed { kind, motion: motion(k), of_kind: OfKind::default() }).collect()
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::objects::SceneFailure;
 use crate::objects::benchmark::SafebenchRun;
 use crate::objects::replay::{ReplayRow, ReplayScene, Replayed, Suite};
 use crate::scene::{AgentKind, PreparedScene};
-use crate::sim::{ActorRef, AdversaryReport, Intervention, Motion, Outcome, Plant, SimulatorOptions};
+use crate::sim::{ActorRef, AdversaryReport, Intervention, Motion, OfKindReport, Outcome, Plant, SimulatorOptions};
 
 /// Under which rules the scenes are played and judged.
 #[derive(Clone, Copy)]
@@ -106,6 +106,10 @@ pub fn recorded_reports(plant: &Plant) -> Vec<AdversaryReport> {
         struck_parked: false,
         route_completion: None,
         log_deviation_m_max: Some(0.0),
+        of_kind: plant
+            .options()
+            .of_kind
+            .then(|| OfKindReport { simulated: plant.recorded_of_kind(track), recorded: None }),
     };
     taken.filter(|track| moves(scene, *track)).map(report).collect()
 }

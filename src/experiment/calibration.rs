@@ -9,7 +9,8 @@ use super::{ExperimentError, OptionError};
 use crate::evaluation::Calibration;
 
 const KEY: &str = "evaluation.realism.calibration";
-const EXPECTED: &str = "evodrive:recorded, a file that `evodrive calibrate --out FILE` wrote, or its table";
+const EXPECTED: &str =
+    "evodrive:recorded, evodrive:kinds, a file that `evodrive calibrate --out FILE` wrote, or its table";
 
 /// Puts a named calibration's table into the table of the file at `place`. Says whether a file was named.
 ///

@@ -26,6 +26,7 @@ pub fn keys() -> Vec<Key> {
         scenes(),
         models(),
         simulator(),
+        of_kind(),
         backend(),
         driver(),
         metadrive(),
@@ -112,6 +113,13 @@ fn study() -> Vec<Key> {
                 Text(500),
                 "How a seed of this file was chosen: summary, tables and comparisons repeat it. A file with this one as its base does not \
                  have it, nor has a run with another seed by `--set`.",
+            ),
+            (
+                "fixed_bodies",
+                "",
+                "",
+                Truth,
+                "Whether no patch brings in a sort of road user (vehicle, cyclist, pedestrian) that its parent does not insert.",
             ),
             (
                 "split.evolution.count",
@@ -469,6 +477,12 @@ fn simulator() -> Vec<Key> {
     )
 }
 
+/// What outcomes say besides.
+fn of_kind() -> Vec<Key> {
+    let meaning = "Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed (docs/OBJECTIVES.md).";
+    table(|| Optional, vec![("simulator.of_kind", "", "", Truth, meaning)])
+}
+
 /// Another simulator than ours, for labels.
 fn backend() -> Vec<Key> {
     let meaning =
@@ -524,7 +538,7 @@ fn driver() -> Vec<Key> {
 }
 
 fn metadrive() -> Vec<Key> {
-    let weight = "Weight of the diagnostic; all ten sum to 1.";
+    let weight = "Weight of the diagnostic; all sum to 1.";
     let own = table(
         || Optional,
         vec![(
@@ -544,6 +558,25 @@ fn metadrive() -> Vec<Key> {
             Text(2000),
             "A metric of one's own, by its name: an expression over the outcome, measured in every scene beside the objectives.",
         )],
+    );
+    let of_kind = table(
+        || Optional,
+        vec![
+            (
+                "evaluation.realism.weights.rolling",
+                "w_j",
+                "",
+                SHARE,
+                "Weight of a slide or a turn on the spot; needs `simulator.of_kind` and such a calibration.",
+            ),
+            (
+                "evaluation.realism.weights.speed_of_kind",
+                "w_j",
+                "",
+                SHARE,
+                "Weight of being faster than one's kind; likewise.",
+            ),
+        ],
     );
     let mut keys = table(
         || Without("evaluation.safebench"),
@@ -577,10 +610,11 @@ fn metadrive() -> Vec<Key> {
                 "ρ_j",
                 "",
                 Any,
-                "Bounds and tolerances from recorded traffic: `evodrive:recorded`, a file that `evodrive calibrate` wrote, or its table.",
+                "Bounds and tolerances from recorded traffic: `evodrive:recorded`, `evodrive:kinds` (with bounds of what a kind does not do), a file that `evodrive calibrate` wrote, or its table.",
             ),
         ],
     );
+    keys.extend(of_kind);
     keys.extend(own);
     keys.extend(measured);
     keys

@@ -76,6 +76,9 @@ pub struct Experiment {
     /// How the world agent may change it; without it the configuration stays as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_agent: Option<WorldAgentOptions>,
+    /// Whether the sort of road user that a program inserts stays its parent's.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub fixed_bodies: bool,
     /// Which method searches, and its budget of rollouts; without it the archive's own, bounded by epochs and slots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub search: Option<SearchOptions>,
@@ -96,6 +99,9 @@ pub struct Experiment {
 pub struct SimulatorTable {
     pub plant: PlantOptions,
     pub avoidance: AvoidanceOptions,
+    /// Whether outcomes say what of a motion its kind does not do.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub of_kind: bool,
     /// `None` stands for our own simulator, whether `evodrive` is written or nothing: then the digest is the same, too.
     #[serde(default, deserialize_with = "written_backend", skip_serializing_if = "Option::is_none")]
     pub backend: Option<BackendOptions>,
@@ -104,8 +110,12 @@ pub struct SimulatorTable {
 impl SimulatorTable {
     /// The rules of our own simulator.
     pub fn rules(&self) -> SimulatorOptions {
-        SimulatorOptions { plant: self.plant, avoidance: self.avoidance }
+        SimulatorOptions { plant: self.plant, avoidance: self.avoidance, of_kind: self.of_kind }
     }
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// `"evodrive"`, or a table.

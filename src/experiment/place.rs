@@ -16,8 +16,11 @@ pub const PROTOCOLS: [(&str, &str); 2] = [
     ("safebench", include_str!("../../experiments/protocols/safebench.toml")),
 ];
 
-/// The calibration that the program carries: name and file.
-const CALIBRATION: (&str, &str) = ("recorded", include_str!("../../experiments/calibration/recorded.toml"));
+/// The calibrations that the program carries: name and file.
+const CALIBRATIONS: [(&str, &str); 2] = [
+    ("recorded", include_str!("../../experiments/calibration/recorded.toml")),
+    ("kinds", include_str!("../../experiments/calibration/kinds.toml")),
+];
 
 /// Where a file is.
 pub enum Place {
@@ -65,12 +68,13 @@ impl Place {
         }
     }
 
-    /// The text of the calibration that a file here names: `evodrive:recorded`, or a file beside it.
+    /// The text of the calibration that a file here names: `evodrive:recorded`, `evodrive:kinds`, or a file beside it.
     pub fn text_beside(&self, name: &str) -> Result<String, ExperimentError> {
         if let Some(wanted) = name.strip_prefix(SHIPPED) {
-            let (known, text) = CALIBRATION;
-            let unknown = || problem(Path::new(name), format!("the program carries {SHIPPED}{known} only"));
-            return if wanted == known { Ok(text.to_string()) } else { Err(unknown()) };
+            let known = CALIBRATIONS.map(|(known, _)| format!("{SHIPPED}{known}")).join(" and ");
+            let unknown = || problem(Path::new(name), format!("the program carries {known} only"));
+            let carried = CALIBRATIONS.into_iter().find(|(known, _)| *known == wanted);
+            return carried.map(|(_, text)| text.to_string()).ok_or_else(unknown);
         }
         Place::of(&self.path_beside(Path::new(name))).read()
     }

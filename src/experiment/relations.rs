@@ -326,6 +326,10 @@ fn simulator(experiment: &Experiment) -> Result<(), Problem> {
 fn labels(experiment: &Experiment) -> Result<(), Problem> {
     match &experiment.evaluation {
         EvaluationOptions::Metadrive(options) => {
+            if options.realism.asks_of_kind() && !experiment.simulator.of_kind {
+                let expected = "true, because a weight of rolling or speed_of_kind reads what outcomes say then";
+                return Err(OptionError::new("simulator.of_kind", "missing", expected).into());
+            }
             options.realism.check().map_err(|error| Problem::Several(error.to_string()))
         }
         EvaluationOptions::Safebench { safebench } => match safebench.fault() {

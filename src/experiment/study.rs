@@ -115,6 +115,7 @@ impl Experiment {
             archive: self.archive.clone(),
             search: self.search.clone(),
             without,
+            fixed_bodies: self.fixed_bodies,
             selector: self.selector.clone(),
             memory: self.memory.clone(),
             curation: self.curation.clone(),

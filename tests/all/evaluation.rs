@@ -16,6 +16,8 @@ use evodrive::sim::{
 fn limits() -> Limits {
     let limit = |bound, tolerance| Limit { bound, tolerance };
     Limits {
+        unrolled_m: None,
+        speed_mps: None,
         road_users: 100,
         pooled: false,
         off_road_m: limit(0.5, 2.0),
@@ -36,6 +38,8 @@ fn options() -> MetadriveOptions {
         metrics: BTreeMap::new(),
         realism: RealismOptions {
             weights: Weights {
+                rolling: None,
+                speed_of_kind: None,
                 map_validity: 0.2,
                 lane_direction: 0.1,
                 route_completion: 0.05,
@@ -82,6 +86,7 @@ fn report() -> AdversaryReport {
         struck_bystander: false,
         struck_parked: false,
         route_completion: None,
+        of_kind: None,
         log_deviation_m_max: Some(1.0),
     }
 }
@@ -184,7 +189,7 @@ fn the_worst_adversary_counts_for_each_diagnostic() {
     two.simulated.wrong_way_m = 5.0;
     let options = options().realism;
     let (all, score) = realism(&outcome(vec![one, two], None), &options);
-    assert!(all.keys().eq(options.weights().map(|(name, _)| name).iter()), "by name, in one order");
+    assert!(all.keys().eq(options.weights().iter().map(|(name, _)| name)), "by name, in one order");
     assert!((all["trajectory_continuity"] - 0.5).abs() < 1e-12 && all["lane_direction"] == 0.5);
     assert!((score - 0.9).abs() < 1e-12);
 }

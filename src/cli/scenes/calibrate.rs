@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
-use crate::evaluation::calibrate::{Observed, observed};
+use crate::evaluation::calibrate::{Observed, observed, with_of_kind};
 use crate::evaluation::{Calibration, calibrate};
 use crate::experiment;
 use crate::kernel::Threads;
@@ -21,6 +21,9 @@ pub struct Options {
     /// Share of the recorded road users of one kind that stay below each bound.
     #[arg(long, default_value_t = 0.95)]
     pub quantile: f64,
+    /// Bound slides, turns on the spot and speeds by kind, too, for the weights `rolling` and `speed_of_kind`.
+    #[arg(long)]
+    pub of_kind: bool,
     /// File to write, for `[evaluation.realism] calibration = "FILE"`.
     #[arg(long)]
     pub out: Option<PathBuf>,
@@ -39,13 +42,15 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     }
     let calibrated = calibrate(&all, options.quantile, digests, scenes)
         .map_err(|error| Failure::bad_input(format!("calibrate: {error}")))?;
+    let calibrated = if options.of_kind { with_of_kind(calibrated, &all, options.quantile) } else { calibrated };
     let digest = calibrated.digest().map_err(Failure::internal)?;
     let mut text = listing(&calibrated);
     let _ = writeln!(text, "digest {digest}");
     if let Some(out) = &options.out {
         let values = toml::to_string(&calibrated).map_err(Failure::internal)?;
         let given: Vec<String> = options.pools.iter().map(|path| path.display().to_string()).collect();
-        let command = format!("evodrive calibrate {} --quantile {}", given.join(" "), options.quantile);
+        let of_kind = if options.of_kind { " --of-kind" } else { "" };
+        let command = format!("evodrive calibrate {} --quantile {}{of_kind}", given.join(" "), options.quantile);
         let head =
             "# What recorded traffic shows: bounds and tolerances of the realism diagnostics (docs/OBJECTIVES.md).";
         let file = format!("{head}\n# Made by: {command}\n# Digest: {digest}\n{values}");

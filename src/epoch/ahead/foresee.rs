@@ -143,7 +143,13 @@ impl Ahead<'_> {
         let child = SolutionId::new(AttemptId::at(&spec.id, epoch, slot).0);
         let contract = &study.source(spec)?.contract;
         let (skipped, closed) = (study.skipped_gates(), study.without.closed());
-        let judging = Judging { contract, registry: &study.registry, skipped: &skipped, closed: &closed };
+        let judging = Judging {
+            contract,
+            registry: &study.registry,
+            skipped: &skipped,
+            closed: &closed,
+            fixed_bodies: study.fixed_bodies,
+        };
         let admission = candidates::admit(parent, patch, child, &judging, &compiles);
         let (child, trouble) = trials_met.into_inner().unwrap_or_else(PoisonError::into_inner);
         match trouble {

@@ -42,7 +42,7 @@ pub fn measures(study: &Study) -> Measures {
         realism_min: study.selector.realism_min,
     };
     let rule = study.search.as_ref().and_then(|search| search.described());
-    Measures { protocol, acceptance, rule, tradeoff: !study.without.tradeoff }
+    Measures { protocol, acceptance, rule, tradeoff: !study.without.tradeoff, fixed_bodies: study.fixed_bodies }
 }
 
 fn metadrive(options: &MetadriveOptions, reaction_s: f64) -> Protocol {
@@ -71,6 +71,8 @@ fn limits(diagnostic: &str, vehicle: &Limits) -> Vec<(String, f64, f64)> {
         "bounded_acceleration" => &["acceleration_mps2"],
         "bounded_jerk" => &["jerk_mps3"],
         "bounded_slip" => &["slip_mps"],
+        "rolling" => &["unrolled_m"],
+        "speed_of_kind" => &["speed_mps"],
         _ => &[],
     };
     let of = vehicle.by_name().into_iter().filter(|(name, _)| measured.contains(name));

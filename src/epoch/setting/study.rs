@@ -55,6 +55,8 @@ pub struct Study {
     pub search: Option<SearchOptions>,
     /// Parts of the system that this run does without.
     pub without: Without,
+    /// Whether no patch brings in a sort of road user that its parent does not insert.
+    pub fixed_bodies: bool,
     pub selector: SelectorOptions,
     pub memory: MemoryOptions,
     pub curation: CurationOptions,

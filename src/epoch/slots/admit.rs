@@ -69,7 +69,13 @@ pub fn admission(
         trials
     };
     let (skipped, closed) = (study.skipped_gates(), study.without.closed());
-    let judging = Judging { contract, registry: &study.registry, skipped: &skipped, closed: &closed };
+    let judging = Judging {
+        contract,
+        registry: &study.registry,
+        skipped: &skipped,
+        closed: &closed,
+        fixed_bodies: study.fixed_bodies,
+    };
     let admission = candidates::admit(&parent.program, patch, child, &judging, &compiles);
     let (trials, in_effect) = outcome.into_inner().unwrap_or_else(PoisonError::into_inner)?;
     Ok(Verdict { admission, trials, in_effect })

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::soft::soft;
 use crate::kernel::{Digest, canon::CanonError};
 use crate::scene::AgentKind;
-use crate::sim::{AdversaryReport, Feasibility};
+use crate::sim::{AdversaryReport, Feasibility, OfKind};
 
 /// Bound and tolerance of one quantity, both in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,6 +19,13 @@ pub struct Limit {
 }
 
 impl Limit {
+    /// The same of what its kind does not do; 1 where the outcome was not asked for it.
+    pub fn of_kind(&self, report: &AdversaryReport, of: impl Fn(&OfKind) -> f64) -> f64 {
+        let Some(found) = &report.of_kind else { return 1.0 };
+        let own = found.recorded.as_ref().map_or(0.0, &of);
+        soft(of(&found.simulated) - self.bound.max(own), self.tolerance)
+    }
+
     /// d_j of the excess over the bound and over the adversary's own recording, whichever is larger.
     pub fn diagnostic(&self, report: &AdversaryReport, of: impl Fn(&Feasibility) -> f64) -> f64 {
         let own = report.recorded.as_ref().map_or(0.0, &of);
@@ -50,12 +57,19 @@ pub struct Limits {
     pub kink_m: Limit,
     /// What the filter takes away, metres.
     pub roughness_m: Limit,
+    /// Displacement that rolling wheels do not explain, metres; only in a calibration made with `--of-kind`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unrolled_m: Option<Limit>,
+    /// Level of the filtered speed, m/s; likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<Limit>,
 }
 
 impl Limits {
     /// All of them with their names, in the order of the fields.
-    pub fn by_name(&self) -> [(&'static str, Limit); 8] {
-        [
+    pub fn by_name(&self) -> Vec<(&'static str, Limit)> {
+        let of_kind = [("unrolled_m", self.unrolled_m), ("speed_mps", self.speed_mps)];
+        let always = [
             ("off_road_m", self.off_road_m),
             ("wrong_way_m", self.wrong_way_m),
             ("acceleration_mps2", self.acceleration_mps2),
@@ -64,7 +78,8 @@ impl Limits {
             ("jump_m", self.jump_m),
             ("kink_m", self.kink_m),
             ("roughness_m", self.roughness_m),
-        ]
+        ];
+        always.into_iter().chain(of_kind.into_iter().filter_map(|(name, limit)| Some((name, limit?)))).collect()
     }
 }
 

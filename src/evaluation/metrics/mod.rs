@@ -11,10 +11,12 @@ pub mod map;
 pub mod outcome_formula;
 pub mod parked;
 pub mod realism;
+pub mod rolling;
 pub mod route_completion;
 pub mod safebench;
 pub mod slip;
 pub mod soft;
+pub mod speed_of_kind;
 pub mod wrong_way;
 
 pub use attack::{AttackOptions, AttackOptionsError, PublishedReadings};

@@ -1,19 +1,17 @@
-//! r_MD(τ) = Σ w_j d_j(τ): the weighted sum of ten feasibility diagnostics (paper eq. app-metadrive-realism-score).
+//! r_MD(τ) = Σ w_j d_j(τ): the weighted sum of feasibility diagnostics (paper eq. app-metadrive-realism-score).
 //! The paper names the diagnostics, not their weights and tolerances: weights come from the experiment file, tolerances
 //! from a calibration on recorded traffic that the file names.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-use super::limits::Calibration;
+use super::limits::{Calibration, Limit, Limits};
 use super::{
-    acceleration, collision_validity, continuity, initial_overlap, jerk, map, parked, route_completion, slip, wrong_way,
+    acceleration, collision_validity, continuity, initial_overlap, jerk, map, parked, rolling, route_completion, slip,
+    speed_of_kind, wrong_way,
 };
 use crate::kernel::num;
 use crate::sim::{AdversaryReport, Outcome};
-
-/// How many there are.
-const DIAGNOSTICS: usize = 10;
 
 /// w_j, shares of one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,6 +37,12 @@ pub struct Weights {
     pub bounded_jerk: f64,
     /// Of sliding sideways.
     pub bounded_slip: f64,
+    /// Of going where wheels do not take it; absent, the diagnostic is not there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rolling: Option<f64>,
+    /// Of being faster than its kind; likewise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_of_kind: Option<f64>,
 }
 
 /// What realism rests on.
@@ -58,70 +62,94 @@ pub struct OptionsError {
     /// The key below `[evaluation.realism]`.
     pub place: String,
     /// Its value.
-    pub found: f64,
+    pub found: String,
     /// What it must be.
     pub expected: &'static str,
 }
 
 impl RealismOptions {
-    /// w_j with their names, in name order.
-    pub fn weights(&self) -> [(&'static str, f64); DIAGNOSTICS] {
+    /// w_j with their names, in name order: ten, and those of the kind where they are asked for.
+    pub fn weights(&self) -> Vec<(&'static str, f64)> {
         let of = &self.weights;
-        [
-            (acceleration::NAME, of.bounded_acceleration),
-            (jerk::NAME, of.bounded_jerk),
-            (slip::NAME, of.bounded_slip),
-            (collision_validity::NAME, of.collision_validity),
-            (initial_overlap::NAME, of.initial_non_overlap),
-            (wrong_way::NAME, of.lane_direction),
-            (map::NAME, of.map_validity),
-            (parked::NAME, of.parked_obstacles),
-            (route_completion::NAME, of.route_completion),
-            (continuity::NAME, of.trajectory_continuity),
-        ]
+        let all = [
+            (acceleration::NAME, Some(of.bounded_acceleration)),
+            (jerk::NAME, Some(of.bounded_jerk)),
+            (slip::NAME, Some(of.bounded_slip)),
+            (collision_validity::NAME, Some(of.collision_validity)),
+            (initial_overlap::NAME, Some(of.initial_non_overlap)),
+            (wrong_way::NAME, Some(of.lane_direction)),
+            (map::NAME, Some(of.map_validity)),
+            (parked::NAME, Some(of.parked_obstacles)),
+            (rolling::NAME, of.rolling),
+            (route_completion::NAME, Some(of.route_completion)),
+            (speed_of_kind::NAME, of.speed_of_kind),
+            (continuity::NAME, Some(of.trajectory_continuity)),
+        ];
+        all.into_iter().filter_map(|(name, weight)| Some((name, weight?))).collect()
+    }
+
+    /// Whether a diagnostic counts that needs `simulator.of_kind`.
+    pub fn asks_of_kind(&self) -> bool {
+        self.weights.rolling.is_some() || self.weights.speed_of_kind.is_some()
     }
 
     /// Weights must be shares of one, tolerances positive, bounds no less than zero.
     pub fn check(&self) -> Result<(), OptionsError> {
-        let wrong = |place: String, found: f64, expected| Err(OptionsError { place, found, expected });
+        let wrong = |place: String, found: String, expected| Err(OptionsError { place, found, expected });
         for (name, weight) in self.weights() {
             if !(0.0..=1.0).contains(&weight) {
-                return wrong(format!("weights.{name}"), weight, "a share from 0 to 1");
+                return wrong(format!("weights.{name}"), weight.to_string(), "a share from 0 to 1");
             }
         }
         for (kind, limits) in self.calibration.by_kind() {
             for (name, limit) in limits.by_name() {
                 let place = format!("calibration.{kind}.{name}");
                 if !(limit.tolerance.is_finite() && limit.tolerance > 0.0) {
-                    return wrong(format!("{place}.tolerance"), limit.tolerance, "a positive number");
+                    return wrong(format!("{place}.tolerance"), limit.tolerance.to_string(), "a positive number");
                 }
                 if !(limit.bound.is_finite() && limit.bound >= 0.0) {
-                    return wrong(format!("{place}.bound"), limit.bound, "a number not below 0");
+                    return wrong(format!("{place}.bound"), limit.bound.to_string(), "a number not below 0");
                 }
+            }
+        }
+        let unbounded = |limit: fn(&Limits) -> Option<Limit>| {
+            self.calibration.by_kind().into_iter().find(|(_, limits)| limit(limits).is_none()).map(|(kind, _)| kind)
+        };
+        for (weight, name, limit) in [
+            (self.weights.rolling, "unrolled_m", (|of| of.unrolled_m) as fn(&Limits) -> Option<Limit>),
+            (self.weights.speed_of_kind, "speed_mps", |of| of.speed_mps),
+        ] {
+            if let (Some(_), Some(kind)) = (weight, unbounded(limit)) {
+                let expected =
+                    "a bound and a tolerance; name evodrive:kinds, or a file of `evodrive calibrate --of-kind`";
+                return wrong(format!("calibration.{kind}.{name}"), "missing".into(), expected);
             }
         }
         let total = num::sum(self.weights().into_iter().map(|(_, weight)| weight));
         match (total - 1.0).abs() < 1e-9 {
             true => Ok(()),
-            false => wrong("weights (their sum)".into(), total, "1"),
+            false => wrong("weights (their sum)".into(), total.to_string(), "1"),
         }
     }
 
-    /// d_j of one adversary, in name order.
-    fn of_adversary(&self, report: &AdversaryReport) -> [f64; DIAGNOSTICS] {
+    /// d_j of one adversary, in the order of [`weights`](Self::weights).
+    fn of_adversary(&self, report: &AdversaryReport) -> Vec<f64> {
         let limits = self.calibration.of(report.kind);
-        [
-            acceleration::diagnostic(report, limits),
-            jerk::diagnostic(report, limits),
-            slip::diagnostic(report, limits),
-            collision_validity::diagnostic(report),
-            initial_overlap::diagnostic(report),
-            wrong_way::diagnostic(report, limits),
-            map::diagnostic(report, limits),
-            parked::diagnostic(report),
-            route_completion::diagnostic(report),
-            continuity::diagnostic(report, limits),
-        ]
+        let all = [
+            Some(acceleration::diagnostic(report, limits)),
+            Some(jerk::diagnostic(report, limits)),
+            Some(slip::diagnostic(report, limits)),
+            Some(collision_validity::diagnostic(report)),
+            Some(initial_overlap::diagnostic(report)),
+            Some(wrong_way::diagnostic(report, limits)),
+            Some(map::diagnostic(report, limits)),
+            Some(parked::diagnostic(report)),
+            self.weights.rolling.map(|_| rolling::diagnostic(report, limits)),
+            Some(route_completion::diagnostic(report)),
+            self.weights.speed_of_kind.map(|_| speed_of_kind::diagnostic(report, limits)),
+            Some(continuity::diagnostic(report, limits)),
+        ];
+        all.into_iter().flatten().collect()
     }
 }
 
@@ -134,12 +162,12 @@ pub fn realism(outcome: &Outcome, options: &RealismOptions) -> (BTreeMap<String,
 
 /// The same of some reports.
 pub fn realism_of(reports: &[AdversaryReport], options: &RealismOptions) -> (BTreeMap<String, f64>, f64) {
-    let mut worst = [1.0f64; DIAGNOSTICS];
+    let weights = options.weights();
+    let mut worst = vec![1.0f64; weights.len()];
     for report in reports {
         worst.iter_mut().zip(options.of_adversary(report)).for_each(|(so_far, value)| *so_far = so_far.min(value));
     }
-    let weights = options.weights();
-    let missing = num::sum(weights.iter().zip(worst).map(|((_, weight), d)| weight * (1.0 - d)));
+    let missing = num::sum(weights.iter().zip(&worst).map(|((_, weight), d)| weight * (1.0 - d)));
     let named = weights.iter().zip(worst).map(|((name, _), d)| (name.to_string(), d)).collect();
     // The last bit of rounding is clamped away.
     (named, (1.0 - missing).clamp(0.0, 1.0))

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::driving::Driving;
 use super::end::End;
 use super::feasibility::Feasibility;
+use super::of_kind::OfKindReport;
 use crate::kernel::Digest;
 use crate::scene::{AgentKind, Sample};
 use crate::sim::encounters::class::ContactClass;
@@ -117,6 +118,9 @@ pub struct AdversaryReport {
     pub route_completion: Option<f64>,
     /// Largest distance from its own logged position at the same time, metres (`None` for inserted ones).
     pub log_deviation_m_max: Option<f64>,
+    /// What its kind does not do; only where `simulator.of_kind` asks for it, so that every other outcome stays as it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub of_kind: Option<OfKindReport>,
 }
 
 /// Nearer to its recording than this an adversary does what replay does, metres: places of recordings are no better.

@@ -15,6 +15,7 @@ use crate::sim::road_users::others::Others;
 
 use super::feasibility::StepMeter;
 use super::motion::MotionMeter;
+use super::of_kind::{self, OfKindReport};
 use super::outcome::{ACTED_M, AdversaryReport};
 use super::smooth::HALF_WINDOW;
 
@@ -217,6 +218,10 @@ impl Watched {
             struck_parked: self.touched.parked,
             route_completion: self.route_completion(plant),
             log_deviation_m_max: self.log_deviation_m_max,
+            of_kind: plant.options().of_kind.then(|| OfKindReport {
+                simulated: of_kind::of_motion(&samples, from, &self.size),
+                recorded: self.log.map(|track| plant.recorded_of_kind(track)),
+            }),
         }
     }
 

@@ -14,12 +14,20 @@ pub struct SimulatorOptions {
     pub plant: PlantOptions,
     /// When a contact counts as avoidable.
     pub avoidance: AvoidanceOptions,
+    /// Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed. A weight of `rolling` or
+    /// `speed_of_kind` needs it.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub of_kind: bool,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 impl SimulatorOptions {
     /// What the experiments of this repository declare; for tests and benchmarks, which read no file.
     pub const SHIPPED: SimulatorOptions =
-        SimulatorOptions { plant: PlantOptions::PHYSICAL, avoidance: AvoidanceOptions::SHIPPED };
+        SimulatorOptions { plant: PlantOptions::PHYSICAL, avoidance: AvoidanceOptions::SHIPPED, of_kind: false };
 
     /// What goes into a rollout's key.
     pub fn digest(&self) -> Result<Digest, CanonError> {

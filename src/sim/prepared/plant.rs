@@ -7,6 +7,7 @@ use crate::kernel::{Digest, Vec2};
 use crate::scene::{AgentKind, LaneGraph, Light, LightState, PreparedScene, Sample, Scene, Track, TrackIx};
 use crate::sim::SimError;
 use crate::sim::accounts::feasibility::{self, Feasibility};
+use crate::sim::accounts::of_kind::{self, OfKind};
 use crate::sim::road_users::bicycle::Limits;
 
 use super::body::Size;
@@ -72,6 +73,8 @@ pub struct Plant {
     pub(in crate::sim) lights: Vec<RouteLight>,
     /// What realism judges of each track's recording, worked out when it is first asked for: every rollout asks again.
     recorded: Vec<OnceLock<Feasibility>>,
+    /// The same of what its kind does not do.
+    recorded_of_kind: Vec<OnceLock<OfKind>>,
     /// Digest of everything above that a rollout replays.
     pub(in crate::sim) digest: Digest,
 }
@@ -108,6 +111,7 @@ impl Plant {
             lights: scene.lights.iter().filter_map(|l| route_light(l, &route, first_step)).collect(),
             rows,
             recorded: vec![OnceLock::new(); sizes.len()],
+            recorded_of_kind: vec![OnceLock::new(); sizes.len()],
             sizes,
             ego_size: ego_size(&scene.ego.track, options.plant.ego_box),
             ego_start: start,
@@ -194,6 +198,12 @@ impl Plant {
         *self.recorded[track].get_or_init(|| {
             feasibility::of_recording(&self.drivable, &self.scene().tracks[track].samples, &self.sizes[track])
         })
+    }
+
+    /// What of a track's recording its kind does not do.
+    pub fn recorded_of_kind(&self, track: TrackIx) -> OfKind {
+        let samples = || of_kind::of_recording(&self.scene().tracks[track].samples, &self.sizes[track]);
+        *self.recorded_of_kind[track].get_or_init(samples)
     }
 
     /// What realism judges, of a motion of a road user of this size, one sample a step.

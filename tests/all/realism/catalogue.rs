@@ -19,7 +19,7 @@ const CAUGHT: f64 = 0.5;
 const SHARE: f64 = 0.95;
 const SCENES: usize = 48;
 
-fn cases() -> &'static [Case] {
+pub fn cases() -> &'static [Case] {
     static CASES: OnceLock<Vec<Case>> = OnceLock::new();
     CASES.get_or_init(|| {
         let options = SynthOptions {

@@ -1,6 +1,7 @@
 //! Realism from both sides: recorded traffic keeps it, implausible motions lose it, each by its own diagnostic.
 
 mod catalogue;
+mod kinds;
 mod motions;
 mod recorded;
 
@@ -15,6 +16,8 @@ pub fn options() -> RealismOptions {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/calibration/recorded.toml");
     let calibration: Calibration = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let weights = Weights {
+        rolling: None,
+        speed_of_kind: None,
         map_validity: 0.1,
         lane_direction: 0.1,
         route_completion: 0.1,
@@ -25,6 +28,30 @@ pub fn options() -> RealismOptions {
         bounded_acceleration: 0.1,
         bounded_jerk: 0.1,
         bounded_slip: 0.1,
+    };
+    let options = RealismOptions { weights, calibration: Box::new(calibration) };
+    options.check().unwrap();
+    options
+}
+
+/// The same with the two diagnostics of kinds, and bounds by kind.
+pub fn options_of_kind() -> RealismOptions {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/calibration/kinds.toml");
+    let calibration: Calibration = toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let share = 1.0 / 12.0;
+    let weights = Weights {
+        rolling: Some(share),
+        speed_of_kind: Some(share),
+        map_validity: share,
+        lane_direction: share,
+        route_completion: share,
+        initial_non_overlap: share,
+        collision_validity: share,
+        parked_obstacles: share,
+        trajectory_continuity: share,
+        bounded_acceleration: share,
+        bounded_jerk: share,
+        bounded_slip: share,
     };
     let options = RealismOptions { weights, calibration: Box::new(calibration) };
     options.check().unwrap();

@@ -32,6 +32,7 @@ fn report() -> AdversaryReport {
         struck_bystander: false,
         struck_parked: false,
         route_completion: None,
+        of_kind: None,
         log_deviation_m_max: None,
     }
 }

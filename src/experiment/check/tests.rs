@@ -18,6 +18,7 @@ fn whole() -> Vec<Table> {
         "ablations/openevolve",
         "ablations/nsga2",
         "ablations/random",
+        "preventable",
     ];
     let path = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("experiments/{name}.toml"));
     let mut all: Vec<Table> =

@@ -456,7 +456,7 @@ impl Model for Says {
 
 #[test]
 fn after_three_refusals_of_one_kind_it_is_told_once_what_to_set() {
-    let with_tokens = |says: &'static str, unwrap: bool, questions: u32| {
+    let by_kind = |kind: &str, says: &'static str, unwrap: bool, questions: u32| {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::open(dir.path()).unwrap();
         let lines = std::sync::Mutex::new(Vec::new());
@@ -467,15 +467,18 @@ fn after_three_refusals_of_one_kind_it_is_told_once_what_to_set() {
         for n in 0..questions {
             let mut asked = request(slot(0, n));
             asked.model.here.unwrap = unwrap;
+            asked.model.kind = kind.into();
             record.ask(&asked).unwrap();
         }
         drop(record);
         lines.into_inner().unwrap()
     };
+    let with_tokens = |says, unwrap, questions| by_kind("openai_compatible", says, unwrap, questions);
     let fenced = "```json\n{}\n```";
     let lines = with_tokens(fenced, false, 5);
     assert!(lines.len() == 1 && lines[0].contains("unwrap = true in [models.echo]"), "{lines:?}");
     assert_eq!(with_tokens(fenced, false, 2), Vec::<String>::new());
     assert_eq!(with_tokens(fenced, true, 5), Vec::<String>::new());
     assert_eq!(with_tokens("{\"a\": 1}", false, 5), Vec::<String>::new());
+    assert_eq!(by_kind("scripted", fenced, false, 5), Vec::<String>::new(), "there is nothing to set");
 }

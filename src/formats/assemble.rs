@@ -9,8 +9,9 @@ use super::levels;
 use super::log::{Log, LogLight, LogTrack, Parts};
 use super::log_map::{Index, on_the_map, outlines, road, stop_signs};
 use super::resample::{State, resample};
+use super::sizes;
 use crate::kernel::{Vec2, num};
-use crate::scene::validate::{SIDE_MAX_M, SIDE_MIN_M, SPEED_MAX_MPS, WAY_MAX_M};
+use crate::scene::validate::{SPEED_MAX_MPS, WAY_MAX_M};
 use crate::scene::{AgentKind, DT_S, Ego, LeftOut, Light, LightState, Road, Sample, Scene, Track};
 
 /// A sample time at most this far from the 0.1 s grid counts as lying on it, seconds.
@@ -63,6 +64,7 @@ pub fn assembled(mut log: Log) -> Result<(Scene, Parts), String> {
         log.frame.or(here.map(|sample| sample.position)).ok_or("the ego is not observed at the current step")?;
     let dropped: Vec<usize> = log.tracks.iter_mut().map(|track| drop_unsound(&mut track.samples, origin)).collect();
     let kinds = kinds(&log.tracks, &mut left_out);
+    sizes::exchange(&mut log.tracks, &kinds, log.ego, &mut left_out);
     if log.tracks.iter().all(|track| track.heights_m.iter().all(|height| !height.is_finite())) {
         left_out.push((LeftOut::HEIGHTS.into(), "there are none; everybody is taken to be on one level".into()));
     }
@@ -236,7 +238,7 @@ impl Clock {
                 .collect();
             resample(&states, self.steps)
         };
-        let (length_m, width_m) = sides(log, kind);
+        let (length_m, width_m) = sizes::sides(log, kind);
         Track { id: log.id.clone(), kind, length_m, width_m, samples }
     }
 
@@ -247,20 +249,6 @@ impl Clock {
         }
         self.times.partition_point(|t| *t <= step as f64 * DT_S + 1e-6).saturating_sub(1)
     }
-}
-
-/// A plausible box: as in the log, or else the usual size of its kind.
-fn sides(log: &LogTrack, kind: AgentKind) -> (f64, f64) {
-    let usual = match kind {
-        AgentKind::Vehicle => (4.5, 1.9),
-        AgentKind::Pedestrian => (0.6, 0.6),
-        AgentKind::Cyclist => (1.8, 0.7),
-        AgentKind::Static => (0.5, 0.5),
-    };
-    let side = |given: f64, usual: f64| {
-        if given.is_finite() && given > 0.0 { given.clamp(SIDE_MIN_M, SIDE_MAX_M) } else { usual }
-    };
-    (side(log.length_m, usual.0), side(log.width_m, usual.1))
 }
 
 /// The closed loop begins where the ego is first observed, as MetaDrive's replay does; the route is its logged path.

@@ -23,6 +23,7 @@ pub mod openscenario;
 pub mod resample;
 pub mod safebench;
 pub mod scenarionet;
+mod sizes;
 pub mod speed_limit;
 pub mod staging;
 pub mod summary;

@@ -47,8 +47,10 @@ impl LeftOut {
     pub const SCENE_ID: &str = "its id";
     /// `what` of a file without heights: everybody is on one level.
     pub const HEIGHTS: &str = "its heights";
-    const KEPT: [&str; 6] =
-        [Self::SAMPLE_TIMES, Self::VELOCITIES, Self::HEADINGS, Self::KINDS, Self::HEIGHTS, Self::SCENE_ID];
+    /// `what` of a file with vehicles that are wider than long: their sides are exchanged.
+    pub const SIZES: &str = "its sizes";
+    const KEPT: [&str; 7] =
+        [Self::SAMPLE_TIMES, Self::VELOCITIES, Self::HEADINGS, Self::KINDS, Self::HEIGHTS, Self::SCENE_ID, Self::SIZES];
 
     /// Whether the part is in the pool and only differs from the file's: resampled motion is changed, not missing.
     pub fn is_kept(&self) -> bool {

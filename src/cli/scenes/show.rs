@@ -12,7 +12,7 @@ use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
 use crate::evidence::nearest::{Nearest, nearest};
-use crate::scene::Scene;
+use crate::scene::{Scene, Track};
 use crate::text::counted;
 
 #[derive(Debug, Args)]
@@ -182,17 +182,17 @@ fn in_words(scene: &Scene) -> String {
     for violation in scene.validate() {
         let _ = writeln!(text, "violation: {violation}");
     }
+    let _ = writeln!(text, "{}  ego", track_in_words(&scene.ego.track));
     for (ix, track) in scene.tracks.iter().enumerate() {
         let marked = if scene.objects_of_interest.contains(&ix) { "  object of interest" } else { "" };
-        let span = track.span().map_or("never seen".to_string(), |(a, b)| format!("steps {a} to {b}"));
-        let _ = writeln!(
-            text,
-            "  {:<14} {:<10} {:>5.2} x {:.2} m  {span}{marked}",
-            track.id,
-            format!("{:?}", track.kind).to_lowercase(),
-            track.length_m,
-            track.width_m
-        );
+        let _ = writeln!(text, "{}{marked}", track_in_words(track));
     }
     text
+}
+
+/// Who it is, its size, and when it is seen.
+fn track_in_words(track: &Track) -> String {
+    let span = track.span().map_or("never seen".to_string(), |(a, b)| format!("steps {a} to {b}"));
+    let kind = format!("{:?}", track.kind).to_lowercase();
+    format!("  {:<14} {kind:<10} {:>5.2} x {:.2} m  {span}", track.id, track.length_m, track.width_m)
 }

@@ -3,7 +3,7 @@
 
 mod parts;
 mod pickles;
-mod wholes;
+pub(super) mod wholes;
 
 use super::{ImportError, Imported, gpudrive, import_files, opendrive, safebench};
 use prost::Message;

@@ -8,6 +8,7 @@ use crate::formats::derived;
 use crate::formats::import_error::{ImportError, shown};
 use crate::formats::imported::Imported;
 use crate::formats::resample::{State, resample};
+use crate::formats::sizes;
 use crate::formats::xml_read::Element;
 use crate::kernel::{OrientedBox, Vec2, num};
 use crate::scene::validate::{SIDE_MAX_M, SIDE_MIN_M};
@@ -63,7 +64,14 @@ impl From<ImportError> for Lost {
 /// The obstacles that can be read; the others are left out in `imported`.
 pub(super) fn read(file: &File<'_>, imported: &mut Imported) -> Obstacles {
     let mut obstacles = Obstacles { obstacles: vec![], edges: vec![] };
-    let mut reading = Reading { ids: BTreeSet::new(), headings: 0, velocities: 0, unknown: BTreeMap::new(), imported };
+    let mut reading = Reading {
+        ids: BTreeSet::new(),
+        headings: 0,
+        velocities: 0,
+        unknown: BTreeMap::new(),
+        broadside: vec![],
+        imported,
+    };
     for element in file.root.children() {
         if let Err(lost) = obstacles.add(file, &element, &mut reading) {
             let what = named(&element);
@@ -85,6 +93,8 @@ struct Reading<'r, 'd> {
     velocities: usize,
     /// What obstacles of kinds that nobody knows were taken for.
     unknown: BTreeMap<&'d str, Vec<AgentKind>>,
+    /// Vehicles whose sides were exchanged, and their sides in the file.
+    broadside: Vec<(&'d str, (f64, f64))>,
     imported: &'r mut Imported,
 }
 
@@ -99,6 +109,9 @@ impl Reading<'_, '_> {
         }
         for (name, taken) in self.unknown {
             self.imported.leave_out(file.name, || (LeftOut::KINDS.into(), derived::kinds_taken(&shown(name), &taken)));
+        }
+        if let Some(reason) = sizes::sizes_exchanged(&self.broadside) {
+            self.imported.leave_out(file.name, || (LeftOut::SIZES.into(), reason));
         }
     }
 }
@@ -154,7 +167,12 @@ impl Obstacles {
             kind
         });
         reading.ids.insert(id);
-        self.obstacles.push(Obstacle { id: id.into(), kind, length_m: size.x, width_m: size.y, states, is_static });
+        let (mut length_m, mut width_m) = (size.x, size.y);
+        if sizes::is_broadside(kind, length_m, width_m) {
+            reading.broadside.push((id, (length_m, width_m)));
+            (length_m, width_m) = (width_m, length_m);
+        }
+        self.obstacles.push(Obstacle { id: id.into(), kind, length_m, width_m, states, is_static });
         Ok(())
     }
 

@@ -49,6 +49,9 @@ pub enum BackendError {
     Miss(#[from] Box<Miss>),
     #[error(transparent)]
     Worker(#[from] Fault),
+    /// A planner that nothing can rest on as it is. Repaired it is another ego.
+    #[error(transparent)]
+    Planner(Fault),
     #[error(transparent)]
     Cassette(#[from] RolloutCassetteError),
     #[error(transparent)]

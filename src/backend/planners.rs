@@ -4,7 +4,7 @@
 //! the order of a set, comes out the same.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use serde::Deserialize;
@@ -18,6 +18,7 @@ use super::request::{Answers, Request};
 use super::workers::{Line, Start, start_of};
 use crate::kernel::Digest;
 use crate::sim::{ReportedRollout, tell};
+use crate::text::counted;
 
 /// A planner may load weights before it greets: it has at least this long, s.
 const GREETING_S: f64 = 120.0;
@@ -43,6 +44,9 @@ pub struct Planners<'a> {
     again: Crew<Box<dyn Line>>,
     /// Whether nothing was played again so far.
     unchecked: AtomicBool,
+    /// Rollouts that were driven, and those of them that were played again and came out the same.
+    driven: AtomicUsize,
+    equal: AtomicUsize,
 }
 
 impl<'a> Planners<'a> {
@@ -50,14 +54,22 @@ impl<'a> Planners<'a> {
     pub fn new(options: &'a DriverOptions, start: &'a dyn Start) -> Planners<'a> {
         // As many as are busy with it at once on the average, and one at least.
         let again = (options.processes as f64 * options.repeat_share).ceil().max(1.0) as usize;
-        let unchecked = AtomicBool::new(true);
-        Planners { options, start, crew: Crew::new(options.processes), again: Crew::new(again), unchecked }
+        Planners {
+            options,
+            start,
+            crew: Crew::new(options.processes),
+            again: Crew::new(again),
+            unchecked: AtomicBool::new(true),
+            driven: AtomicUsize::new(0),
+            equal: AtomicUsize::new(0),
+        }
     }
 
     /// One rollout, which another process plays too where it is drawn to be compared. The first one always is: a study may be so
     /// short that none is drawn.
     fn drive(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
         let first = self.play(line, request)?;
+        self.driven.fetch_add(1, Ordering::Relaxed);
         let share = self.options.repeat_share;
         let due = share > 0.0 && (drawn(&request.key, share) || self.unchecked.load(Ordering::Relaxed));
         if !due {
@@ -69,10 +81,12 @@ impl<'a> Planners<'a> {
             is_new = true;
             self.greeted(OTHER_SALT)
         };
-        let mut other = self.again.take(start).map_err(|fault| NoOutcome::Stop(fault.into()))?;
+        let mut other = self.again.take(start).map_err(|fault| NoOutcome::Stop(BackendError::Planner(fault)))?;
         let compared = self.play_again(other.as_mut(), request, &first, is_new);
         self.again.give_back(compared.is_ok().then_some(other));
-        compared.map(|()| first)
+        compared?;
+        self.equal.fetch_add(1, Ordering::Relaxed);
+        Ok(first)
     }
 
     /// The same rollout in another process. One that is new plays it twice: were every rollout compared, both processes would have
@@ -108,7 +122,7 @@ impl<'a> Planners<'a> {
         how: &str,
         remedy: String,
     ) -> NoOutcome {
-        NoOutcome::Stop(BackendError::Worker(Fault {
+        NoOutcome::Stop(BackendError::Planner(Fault {
             command: self.command(),
             place: format!("scene {}, {how}", request.scene()),
             expected,
@@ -187,7 +201,7 @@ impl<'a> Planners<'a> {
 
 impl Answers for Planners<'_> {
     fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
-        let mut line = self.crew.take(|| self.greeted(SALT))?;
+        let mut line = self.crew.take(|| self.greeted(SALT)).map_err(BackendError::Planner)?;
         let driven = self.drive(line.as_mut(), request);
         // Whatever went wrong, nobody knows what the process would say next.
         self.crew.give_back(driven.is_ok().then_some(line));
@@ -195,7 +209,25 @@ impl Answers for Planners<'_> {
             Ok(reported) => Ok(Answer::ReportedRollout(reported)),
             Err(NoOutcome::Scene(reason)) => Ok(Answer::Failed(reason)),
             Err(NoOutcome::Stop(BackendError::Worker(fault))) => Err(self.crew.stop(fault).into()),
+            Err(NoOutcome::Stop(BackendError::Planner(fault))) => Err(BackendError::Planner(self.crew.stop(fault))),
             Err(NoOutcome::Stop(error)) => Err(error),
+        }
+    }
+
+    /// A planner that is seldom no function passes where few rollouts are compared: whoever rests on it is to know how many were.
+    fn compared(&self) -> Option<String> {
+        let (driven, equal) = (self.driven.load(Ordering::Relaxed), self.equal.load(Ordering::Relaxed));
+        let all = "driver.repeat_share = 1 plays every one again";
+        match (driven, equal) {
+            (0, _) => None,
+            (_, 0) => {
+                Some(format!("none of {} was played again in another process; {all}", counted(driven, "rollout")))
+            }
+            (driven, equal) => {
+                let more = if equal < driven { format!("; {all}") } else { String::new() };
+                let of = counted(driven, "rollout");
+                Some(format!("{equal} of {of} played again in another process, all equal{more}"))
+            }
         }
     }
 }

@@ -71,4 +71,8 @@ impl Answers for Recorder<'_> {
         let mut collected = self.collected.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(collected.entry(request.key).or_insert(recorded).answer.clone())
     }
+
+    fn compared(&self) -> Option<String> {
+        self.asked.compared()
+    }
 }

@@ -31,6 +31,11 @@ pub struct Request<'a> {
 /// Who answers requests. Called from many threads.
 pub trait Answers: Sync {
     fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError>;
+
+    /// How many answers were compared with a second one, in words; `None` of who compares none.
+    fn compared(&self) -> Option<String> {
+        None
+    }
 }
 
 #[derive(Serialize)]

@@ -183,6 +183,9 @@ fn examples_drive_the_held_out_scenes_and_a_planner_that_crashes_says_where() {
     ] {
         assert!(ran.stderr.contains(part), "{part}: {}", ran.stderr);
     }
+    let times = |part: &str| ran.stderr.matches(part).count();
+    let like = [times("ValueError: no weights"), times("\nnot driven: "), times(" more like it\n")];
+    assert_eq!(like, [1, 1, 1], "{}", ran.stderr);
     let no_number = "from evodrive_driver import serve\nclass Lost:\n    def decide(self, scene, step):\n        return float('nan'), 0.0\nserve(Lost())\n";
     std::fs::write(folder.path().join("idm.py"), no_number).unwrap();
     let ran = Ran::of(evodrive().args(["egos", path.to_str().unwrap()]));
@@ -216,9 +219,19 @@ fn a_planner_that_hangs_on_pythons_hash_of_texts_is_refused_before_anything_rest
         assert!(refused.code != 0 && said.contains("played again in another process"), "{} {said}", refused.code);
         assert!(said.contains("PYTHONHASHSEED was 1 and 2") && said.contains("after 1 decisions"), "{said}");
     }
+    // The run folder is that of the planner as it was: there is nothing to go on with.
+    let refused = call("record", &path, &out).stderr;
+    let next = format!("\n  repair the planner, then `{} record {} ", env!("CARGO_BIN_EXE_evodrive"), path.display());
+    assert!(refused.contains(&next) && !refused.contains(" resume "), "{next}: {refused}");
     planner("int(hashlib.sha256(b'lane follow').hexdigest()[:8], 16)");
     let driven = egos();
     assert_eq!(driven.code, 0, "{}", driven.stderr);
+    let few = "in another process, all equal; driver.repeat_share = 1 plays every one again";
+    for ran in [driven, call("record", &path, &out)] {
+        let said = ran.stderr.lines().find(|line| line.ends_with(few)).unwrap_or_else(|| panic!("{}", ran.stderr));
+        let counts: Vec<usize> = said.split(' ').filter_map(|word| word.parse().ok()).collect();
+        assert!(counts[0] >= 1 && counts[0] < counts[1], "{said}");
+    }
     // Who fixes the salt says so in the experiment, where it is part of the planner's identity.
     planner("hash('lane follow')");
     let fixed = table.replace("[\"python3\", ", "[\"env\", \"PYTHONHASHSEED=0\", \"python3\", ");

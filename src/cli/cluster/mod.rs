@@ -4,6 +4,7 @@ pub mod bench;
 pub mod bench_ledger;
 pub mod bench_observe;
 pub mod bench_shards;
+mod printed;
 pub mod shard;
 pub mod shard_audit;
 pub mod shard_merge;

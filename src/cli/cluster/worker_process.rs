@@ -4,10 +4,12 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
 use crate::backend::{Broken, Line, Start};
+use crate::cli::cluster::printed::Printed;
 use crate::cli::records::redacted;
 use crate::cli::terminal::answer::progress;
 use crate::cli::terminal::interrupt::{Interrupt, Waited, now};
@@ -26,12 +28,14 @@ pub struct Processes {
     interrupt: Interrupt,
     /// Where what they printed is kept, beside the terminal: a file that no record speaks for.
     kept: Option<PathBuf>,
+    /// What is on the terminal already.
+    printed: Arc<Printed>,
 }
 
 impl Processes {
     /// Processes that are not waited for long once Ctrl-C was pressed.
     pub fn until(interrupt: &Interrupt) -> Processes {
-        Processes { interrupt: interrupt.clone(), kept: None }
+        Processes { interrupt: interrupt.clone(), ..Processes::default() }
     }
 
     /// What they print goes into this file, too.
@@ -53,7 +57,9 @@ impl Start for Processes {
 
     fn show(&self, about: &str, printed: &str) {
         let text = redacted::redacted(&format!("{about}\n{printed}"));
-        progress(&text);
+        if self.printed.is_new(about, printed) {
+            progress(&text);
+        }
         if let Some(file) = &self.kept
             && let Err(error) = store::append(file, format!("{}\n", text.trim_end()).as_bytes())
         {

@@ -35,8 +35,8 @@ impl Held {
         };
         if keeps(folder) {
             let go_on = resume_command(&folder.dir);
-            // Who knows a better way has named it.
-            if failure.message.contains(&go_on) {
+            // Who knows a better way has named it; and this folder is that of the planner as it was.
+            if failure.is_planners || failure.message.contains(&go_on) {
                 return Err(failure);
             }
             let message = format!("{}\n  recorded answers are kept; to continue: {go_on}", failure.message);

@@ -163,6 +163,7 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     let held = job.open_folder(Some(&recording))?;
     let recorded =
         carry_out_recording(job, &held, &recording, before, &interrupt, Way::Record { report: !args.run.no_report });
+    let recorded = recorded.map_err(|failure| repair(failure, &interrupt, &instead("record", "record", None)));
     // Answers were paid for: a folder that holds some stays.
     held.or_gone(recorded.and_then(|answer| held.folder.mark_latest().map(|()| answer)), RunFolder::holds_answers)
 }
@@ -220,6 +221,15 @@ fn carry_out_recording(
     done.summary(folder, way, asked)
 }
 
+/// What to do about a planner that stopped its recording: repaired it is another ego, whose recording is a new one.
+fn repair(mut failure: Failure, interrupt: &Interrupt, record: &str) -> Failure {
+    failure.is_planners &= !interrupt.is_asked();
+    if failure.is_planners {
+        failure.message += &format!("\n  repair the planner, then `{record}`");
+    }
+    failure
+}
+
 fn rollout_recorder<'a>(
     (options, driver): (&'a BackendOptions, Option<&'a DriverOptions>),
     path: &Path,
@@ -255,6 +265,7 @@ fn keep_rollouts(
     let (all, others) = if recording.overwrite { (own.clone(), 0) } else { own.clone().beside(path) };
     all.save(path, &name)?;
     let beside = if others == 0 { String::new() } else { format!(", besides {others} of other recordings") };
+    recorder.compared().into_iter().for_each(progress);
     progress(format!(
         "recorded {} in {}{beside}; {failed} of them failed",
         counted(own.len(), "rollout"),
@@ -296,7 +307,8 @@ pub fn resume(args: &ResumeArgs, jobs: usize) -> Result<Answer, Failure> {
             let before = overwriting::Held::before(&recording, &job.experiment, &job.scenes)?;
             let interrupt = Interrupt::listen()?;
             let way = Way::Record { report: true };
-            carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, way)
+            let recorded = carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, way);
+            recorded.map_err(|failure| repair(failure, &interrupt, "evodrive record FILE"))
         }
         None => again(folder.clone(), jobs, Way::Replay { report: true }),
     }?;

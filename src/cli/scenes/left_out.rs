@@ -48,7 +48,7 @@ pub fn listed(what: &str, all: impl Iterator<Item = (String, String)>) -> Vec<St
 }
 
 /// A sentence with each number replaced by one sign.
-fn without_numbers(text: &str) -> String {
+pub fn without_numbers(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {
         let part = c.is_ascii_digit() || (c == '.' && out.ends_with('#'));

@@ -4,9 +4,9 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-use crate::backend::NoOutcome;
+use crate::backend::{Answers, NoOutcome};
 use crate::cli::evolve::behind::{self, Asked};
-use crate::cli::scenes::files;
+use crate::cli::scenes::{files, left_out::listed};
 use crate::cli::studies::train::lessons;
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
@@ -79,14 +79,16 @@ fn planned(asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> R
     let (ego, planners) = (asked.ego()?, asked.planners());
     let backend = behind::asked(Some(asked), Some(&planners));
     let drive = |_: usize, of: &Lesson| backend.rollout(&of.plant, &of.intervention, &ego, Seed(seed));
-    let mut outcomes = Vec::new();
+    let (mut outcomes, mut not_driven) = (Vec::new(), Vec::new());
     for (lesson, driven) in lessons.iter().zip(threads.map(lessons, drive)) {
         match driven {
             Ok(outcome) => outcomes.push(outcome),
-            Err(NoOutcome::Scene(reason)) => progress(format!("not driven: {}: {reason}", lesson.plant.scene_id())),
+            Err(NoOutcome::Scene(reason)) => not_driven.push((lesson.plant.scene_id().to_string(), reason)),
             Err(NoOutcome::Stop(error)) => return Err(error.into()),
         }
     }
+    listed("not driven", not_driven.into_iter()).into_iter().for_each(progress);
+    planners.compared().into_iter().for_each(progress);
     match outcomes.is_empty() {
         true => Err(Failure::bad_input("the ego drove no scene to its end; the reasons are given above")),
         false => Ok(figures(&outcomes)),

@@ -31,30 +31,36 @@ impl From<Exit> for ExitCode {
 pub struct Failure {
     pub exit: Exit,
     pub message: String,
+    /// Whether the program under test is to be repaired first; then it is another ego, with a run folder of its own.
+    pub is_planners: bool,
 }
 
 impl Failure {
+    fn of(exit: Exit, message: &dyn std::fmt::Display) -> Failure {
+        Failure { exit, message: message.to_string(), is_planners: false }
+    }
+
     pub fn bad_input(message: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::BadInput, message: message.to_string() }
+        Failure::of(Exit::BadInput, &message)
     }
 
     pub fn miss(message: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::CassetteMiss, message: message.to_string() }
+        Failure::of(Exit::CassetteMiss, &message)
     }
 
     pub fn divergence(message: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::Divergence, message: message.to_string() }
+        Failure::of(Exit::Divergence, &message)
     }
 
     pub fn corruption(message: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::Corruption, message: message.to_string() }
+        Failure::of(Exit::Corruption, &message)
     }
 
     pub fn internal(message: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::Internal, message: message.to_string() }
+        Failure::of(Exit::Internal, &message)
     }
 
     pub fn interrupted(message: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::Interrupted, message: message.to_string() }
+        Failure::of(Exit::Interrupted, &message)
     }
 }

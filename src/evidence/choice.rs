@@ -207,6 +207,10 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
                 names(rows, |row| row.measured.coverage > 0.0
                     && row.measured.objectives.realism >= options.realism_min)
             ));
+            if best <= 0.0 {
+                said.push(attackless(rows, selection, options));
+                return with_parent(said, rows, selection, parent);
+            }
             let floor = num::fixed((1.0 - options.tolerance) * best, 4);
             let best = num::fixed(best, 3);
             said.push(match selection.tied.len() {
@@ -227,10 +231,31 @@ fn reasons(rows: &[Row], selection: &Selection, options: &SelectorOptions, paren
             tie_break(rows, selection)
         )),
     }
-    if chosen == parent {
+    with_parent(said, rows, selection, parent)
+}
+
+fn with_parent(mut said: Vec<String>, rows: &[Row], selection: &Selection, parent: &SolutionId) -> Vec<String> {
+    if selection.solution == *parent {
         said.push(format!("The parent stays: {}.", staying(rows, selection)));
     }
     said
+}
+
+/// Where nobody who is realistic enough attacks, and who would have.
+fn attackless(rows: &[Row], selection: &Selection, options: &SelectorOptions) -> String {
+    let how = match selection.tied.len() {
+        1 => format!("{} is the only one of them.", selection.solution),
+        _ => tie_break(rows, selection),
+    };
+    let below = rows.iter().map(|row| &row.measured);
+    let below = below.filter(|of| of.coverage > 0.0 && of.objectives.realism < options.realism_min);
+    // Of equals the first.
+    let most = below.reduce(|most, of| if of.objectives.attack > most.objectives.attack { of } else { most });
+    let most = most.filter(|of| of.objectives.attack > 0.0).map_or(String::new(), |of| {
+        let (attack, realism) = (num::fixed(of.objectives.attack, 3), num::fixed(of.objectives.realism, 4));
+        format!(" Below the floor {} has the most attack, {attack}, at a realism of {realism}.", of.solution)
+    });
+    format!("None of the programs that are realistic enough has any attack; {how}{most}")
 }
 
 /// How many programs act, in words.
@@ -347,6 +372,17 @@ mod tests {
             let mut others = cases.iter().map(|(_, other)| *other).filter(|other| *other != expected);
             assert!(others.all(|other| !reasons.contains(other)), "{points:?}: {reasons}");
         }
+    }
+
+    #[test]
+    fn where_nobody_realistic_enough_attacks_the_most_attacking_one_below_the_floor_is_named() {
+        let below = [[0.0, 0.99, 1.0], [0.1, 0.80, 1.0], [0.4, 0.90, 1.0], [0.9, 0.90, 0.0]];
+        let (_, alone) = standings(&below);
+        assert!(alone.contains("has any attack; parent is the only one of them. Below"), "{alone}");
+        assert!(alone.contains("Below the floor c2 has the most attack, 0.400, at a realism of 0.9000."), "{alone}");
+        let (_, tied) = standings(&[[0.0, 0.96, 1.0], [0.0, 0.99, 1.0], [0.0, 0.90, 1.0]]);
+        assert!(tied.contains("has any attack; c1 is the most realistic of them, 0.9900."), "{tied}");
+        assert!(!tied.contains("Below the floor") && !tied.contains("or more"), "{tied}");
     }
 
     #[test]

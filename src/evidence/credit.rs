@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::aligned::Aligned;
-use super::tables::{Compared, Estimate, compared_labels};
+use super::tables::{Compared, Drawn, Estimate, compared_labels};
 use crate::kernel::num;
 use crate::objects::{SceneScore, SolutionId};
 use crate::text::counted;
@@ -44,9 +44,9 @@ pub struct EditCredit {
 }
 
 impl Gain {
-    /// Of the second labels over the first; `None` where no scene has labels of both.
-    pub fn of(first: &[SceneScore], second: &[SceneScore]) -> Option<Gain> {
-        let rows = compared_labels(first, second);
+    /// Of the second labels over the first; `None` where no scene has labels of both. Scenes are drawn as asked, else by name.
+    pub fn of(first: &[SceneScore], second: &[SceneScore], drawn: Option<&Drawn>) -> Option<Gain> {
+        let rows = compared_labels(first, second, drawn);
         let of = |name: &str| rows.iter().find(|row| row.quantity == name);
         let attack = of("attack")?.difference;
         let differing = first
@@ -61,12 +61,17 @@ impl Gain {
     }
 
     /// What can be said of it at 95 %.
-    pub fn verdict(&self) -> &'static str {
-        match self.attack.interval {
-            _ if self.differing == 0 => "changes no rollout",
-            _ if self.raises() => "raises attack",
-            Some([_, high]) if high < 0.0 => "lowers attack",
-            _ => "not told apart from no effect",
+    pub fn verdict(&self) -> String {
+        let of = |estimate: Estimate, name: &str| match estimate.interval {
+            Some([low, _]) if low > 0.0 => Some(format!("raises {name}")),
+            Some([_, high]) if high < 0.0 => Some(format!("lowers {name}")),
+            _ => None,
+        };
+        let said = [of(self.attack, "attack"), self.realism.and_then(|realism| of(realism, "realism"))];
+        match &said {
+            _ if self.differing == 0 => "changes no rollout".into(),
+            [None, None] => "not told apart from no effect".into(),
+            _ => said.into_iter().flatten().collect::<Vec<_>>().join(", "),
         }
     }
 }
@@ -82,7 +87,7 @@ impl Credit {
         let row = |edit: &EditCredit| {
             let ([needed, realism], [alone, realism_alone]) = (cells(&edit.taken_out), cells(&edit.alone));
             let verdict = match &edit.taken_out {
-                Ok(gain) => gain.verdict().to_string(),
+                Ok(gain) => gain.verdict(),
                 Err(reason) => reason.clone(),
             };
             vec![edit.name.clone(), needed, realism, alone, realism_alone, verdict]
@@ -113,6 +118,7 @@ impl Credit {
         }
         text.push_str(
             "needed: the program minus the program without this edit; alone: the parent with this edit minus the parent; \
+             the shares of edits need not add up to the whole, because edits may need each other or do the same; \
              both paired by scene, in brackets 95 % bootstrap intervals over scenes; they hold for this one program, \
              and another seed of the search may give another\n",
         );
@@ -121,7 +127,11 @@ impl Credit {
 
     /// What an edit accounts for.
     pub fn sentence(&self, edit: &EditCredit) -> String {
-        match &edit.taken_out {
+        let alone = match &edit.alone {
+            Ok(gain) if gain.raises() => format!("; alone on the parent it raises attack by {}", signed(gain.attack)),
+            _ => String::new(),
+        };
+        let needed = match &edit.taken_out {
             Ok(gain) if gain.differing == 0 => {
                 format!("{} accounts for nothing: without it every rollout is the same", edit.name)
             }
@@ -136,7 +146,8 @@ impl Credit {
                 }
             ),
             Err(reason) => format!("{} cannot be taken out alone: {reason}", edit.name),
-        }
+        };
+        needed + &alone
     }
 }
 
@@ -174,19 +185,45 @@ mod tests {
     fn an_edit_is_worth_what_is_lost_without_it() {
         let attacks: Vec<f64> = (0..20).map(|k| f64::from(u8::from(k < 12))).collect();
         let none = labels(&[0.0; 20], b"miss");
-        let gain = Gain::of(&none, &labels(&attacks, b"miss")).unwrap();
+        let gain = Gain::of(&none, &labels(&attacks, b"miss"), None).unwrap();
         assert!((gain.attack.value - 0.6).abs() < 1e-12 && gain.differing == 12, "{gain:?}");
         assert_eq!(gain.verdict(), "raises attack");
-        let back = Gain::of(&labels(&attacks, b"miss"), &none).unwrap();
+        let back = Gain::of(&labels(&attacks, b"miss"), &none, None).unwrap();
         assert_eq!(back.verdict(), "lowers attack");
     }
 
     #[test]
     fn an_edit_that_changes_no_rollout_is_said_to_do_nothing() {
         let some = labels(&[1.0, 0.0, 0.0], b"miss");
-        let gain = Gain::of(&some, &some).unwrap();
-        assert_eq!((gain.attack.value, gain.differing, gain.verdict()), (0.0, 0, "changes no rollout"));
-        let other = Gain::of(&some, &labels(&[1.0, 0.0, 0.0], b"elsewhere")).unwrap();
-        assert_eq!((other.differing, other.verdict()), (2, "not told apart from no effect"));
+        let gain = Gain::of(&some, &some, None).unwrap();
+        assert_eq!((gain.attack.value, gain.differing, gain.verdict().as_str()), (0.0, 0, "changes no rollout"));
+        let other = Gain::of(&some, &labels(&[1.0, 0.0, 0.0], b"elsewhere"), None).unwrap();
+        assert_eq!((other.differing, other.verdict().as_str()), (2, "not told apart from no effect"));
+    }
+
+    #[test]
+    fn realism_has_a_verdict_too_and_an_edit_that_another_one_needs_is_judged_alone() {
+        let none = labels(&[0.0; 20], b"miss");
+        let mut real = labels(&[0.0; 20], b"elsewhere");
+        real.iter_mut().for_each(|label| label.realism = 0.95);
+        assert_eq!(Gain::of(&none, &real, None).unwrap().verdict(), "raises realism");
+        let mut hits = labels(&[1.0; 20], b"miss");
+        hits.iter_mut().for_each(|label| label.realism = 0.85);
+        let gain = Gain::of(&none, &hits, None).unwrap();
+        assert_eq!(gain.verdict(), "raises attack, lowers realism");
+        let edit = EditCredit {
+            name: "e0s1".into(),
+            what: Vec::new(),
+            taken_out: Err("another edit needs it".into()),
+            alone: Ok(gain.clone()),
+        };
+        let ids = ["e1s0", "parent"].map(SolutionId::new);
+        let [program, parent] = ids;
+        let mut credit = Credit { program, parent, scenes: 20, whole: gain, edits: vec![edit] };
+        let said = credit.sentence(&credit.edits[0]);
+        assert!(said.contains("another edit needs it; alone on the parent it raises attack by +1.000 ["), "{said}");
+        assert!(credit.text(80).contains("need not add up to the whole"));
+        credit.edits[0].alone = Ok(Gain::of(&none, &real, None).unwrap());
+        assert!(!credit.sentence(&credit.edits[0]).contains("alone on the parent"));
     }
 }

@@ -15,6 +15,8 @@ use crate::text::counted;
 
 /// Scenes of a repetition that are named where only they move its number.
 const NAMED_MAX: usize = 6;
+/// Scenes of a share that are named one by one.
+const OF_SHARE_MAX: usize = 20;
 
 /// Where something stands in the files of a run.
 #[derive(Clone, Debug, Default)]
@@ -103,13 +105,12 @@ impl Why<'_> {
 
     fn part(&self, out: &mut String, part: &Piece) {
         let value = part.value.map_or("none".into(), |value| value.to_string());
-        let with_value = part.leaves.iter().filter(|leaf| leaf.value.is_some()).count();
         let programs: Vec<&str> = part.programs.iter().map(SolutionId::as_str).collect();
         let programs = if programs.len() > 4 { format!("{} programs", programs.len()) } else { programs.join(", ") };
         let of = &self.recorded_runs[part.run];
         // Of a number that is no sum over scenes none counts by itself.
         let scenes = match part.steps.is_empty() {
-            true => format!("{with_value} of {} counted", part.leaves.len()),
+            true => counting(part),
             false => format!("over {} together", counted(part.leaves.len(), "scene")),
         };
         let _ = writeln!(
@@ -122,7 +123,9 @@ impl Why<'_> {
         );
         let moving: Vec<&str> =
             part.leaves.iter().filter(|l| l.value.is_some_and(|v| v != 0.0)).map(|l| l.name.as_str()).collect();
-        if (1..=NAMED_MAX).contains(&moving.len()) && moving.len() < part.leaves.len() {
+        if is_share(part) {
+            of_share(out, part);
+        } else if (1..=NAMED_MAX).contains(&moving.len()) && moving.len() < part.leaves.len() {
             let _ = writeln!(out, "    not 0 in {}", moving.join(", "));
         }
         for step in &part.steps {
@@ -276,6 +279,50 @@ impl Why<'_> {
         let line = |asked: &Exchange| json!({"exchange": asked, "cassette_line": places.lines.get(&asked.request)});
         let asked = attempt.map(|attempt| attempt.proposal.exchanges.iter().map(line).collect::<Vec<Value>>());
         json!({"chain": chain, "attempt": attempt, "exchanges": asked, "event": places.events.get(id)})
+    }
+}
+
+/// Whether scenes by themselves are 0 or 1, or a difference of such: then their number says more than their mean.
+fn is_share(part: &Piece) -> bool {
+    let mut values = part.leaves.iter().filter_map(|leaf| leaf.value).peekable();
+    part.steps.is_empty() && values.peek().is_some() && values.all(|value| [-1.0, 0.0, 1.0].contains(&value))
+}
+
+/// The leaves of a share that have a value.
+fn leaves_of(part: &Piece, value: f64) -> Vec<&str> {
+    part.leaves.iter().filter(|leaf| leaf.value == Some(value)).map(|leaf| leaf.name.as_str()).collect()
+}
+
+/// How many of a part's leaves are what.
+fn counting(part: &Piece) -> String {
+    let with_value = part.leaves.iter().filter(|leaf| leaf.value.is_some()).count();
+    let without = match part.leaves.len() - with_value {
+        0 => String::new(),
+        others => format!(", {others} more are not counted"),
+    };
+    if !is_share(part) {
+        return format!("{with_value} of {} counted", part.leaves.len());
+    }
+    let noun = if part.leaves.iter().any(|leaf| leaf.attempt.is_some()) { "proposal" } else { "scene" };
+    let (ones, lost) = (leaves_of(part, 1.0).len(), leaves_of(part, -1.0).len());
+    let are = |count: usize| if count == 1 { "is" } else { "are" };
+    let lost = if lost > 0 { format!(", {lost} {} -1", are(lost)) } else { String::new() };
+    format!("{ones} of {} {} 1{lost}{without}", counted(with_value, noun), are(ones))
+}
+
+/// The leaves of a share that are not 0, by name.
+fn of_share(out: &mut String, part: &Piece) {
+    for value in [1.0, -1.0] {
+        let names = leaves_of(part, value);
+        if names.is_empty() || names.len() == part.leaves.len() {
+            continue;
+        }
+        let more = match names.len().saturating_sub(OF_SHARE_MAX) {
+            0 => String::new(),
+            more => format!(", and {more} more, --full lists all"),
+        };
+        let shown = names[..names.len().min(OF_SHARE_MAX)].join(", ");
+        let _ = writeln!(out, "    {value} in {shown}{more}");
     }
 }
 

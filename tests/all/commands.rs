@@ -17,10 +17,25 @@ fn a_value_of_the_command_line_is_checked_like_the_files_and_kept_in_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let path = experiment(folder.path(), "mine", "");
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
-    let root = call("record", &path, &one, &["--set", "budget.slots=2", "--set", "describes=two slots"]).root();
+    let root = call(
+        "record",
+        &path,
+        &one,
+        &["--set", "budget.slots=2", "--set", "describes=two slots", "--set", "budget.finalists=9"],
+    )
+    .root();
     let kept = std::fs::read_to_string(folder_below(&one).join("experiment.toml")).unwrap();
     assert!(kept.contains("slots = 2") && kept.contains("describes = \"two slots\""), "{kept}");
-    assert_eq!(call("run", &path, &two, &["--set", "describes=two slots", "--set", "budget.slots=2"]).root(), root);
+    assert_eq!(
+        call(
+            "run",
+            &path,
+            &two,
+            &["--set", "budget.finalists=9", "--set", "describes=two slots", "--set", "budget.slots=2"]
+        )
+        .root(),
+        root
+    );
     for (bad, expected) in
         [("budget.slotz=2", "did you mean `slots`"), ("budget.slots=many", "budget.slots is \"many\"")]
     {
@@ -34,7 +49,9 @@ fn a_value_of_the_command_line_is_checked_like_the_files_and_kept_in_the_run() {
     let names = [folder_below(&one), folder_below(&plain)].map(|dir| dir.to_string_lossy().into_owned());
     let compared = run(&["compare", &names[0], &names[1]]);
     assert_eq!(compared.code, 0, "{}", compared.stderr);
-    for part in ["3 held-out scenes, paired", "budget.slots: 2 -> 1", "attack", "B - A"] {
+    for part in
+        ["3 held-out scenes, paired", "budget.slots: 2 -> 1", "attack", "B - A", "`budget.finalists` is 9 in A and "]
+    {
         assert!(compared.stdout.contains(part), "{part}: {}", compared.stdout);
     }
     let same = format!("{}:cat-idm/parent", names[0]);
@@ -82,6 +99,7 @@ fn seeds_that_both_runs_have_are_pooled_and_one_seed_is_compared_with_its_like()
     let text = run(&["compare", &two, &other]).stdout;
     assert!(text.contains("cat, pooled: means over 2 seeds of both") && !text.contains(SPREAD), "{text}");
     assert!(text.contains("of one seed's over scenes alone"), "{text}");
+    assert!(!text.contains("budget.finalists"), "both measure as many: {text}");
     let mixed = run(&["compare", &one, &two]);
     for part in ["cat and cat-s0: A", "only B has the seeds 1, which are left out", SPREAD] {
         assert!(mixed.stdout.contains(part), "{part}: {} {}", mixed.stdout, mixed.stderr);

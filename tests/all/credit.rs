@@ -53,6 +53,8 @@ fn what_an_edit_is_worth_is_what_the_program_before_it_lacks() {
 fn a_parent_has_no_edit() {
     let ran = run(&["credit", "cat-idm/parent", "--run", &folder()]);
     assert!(ran.code == 0 && ran.stdout.contains("cat-idm/parent is a parent"), "{}", ran.stderr);
+    let ran = run(&["credit", "cat-idm", "--run", &folder()]);
+    assert!(ran.code == 0 && ran.stdout.contains("the run reports the parent of cat-idm"), "{}", ran.stderr);
 }
 
 #[test]

@@ -413,3 +413,32 @@ fn a_hundred_rollouts_one_ulp_away_move_what_impact_names_and_nothing_else() {
     }
     println!("100 trials: {named} cells named and made of other numbers, {moved} of them with another mean");
 }
+
+#[test]
+fn a_share_says_how_many_scenes_are_1_and_names_them() {
+    let (code, printed) = asked(&["why", "metadrive-policy:adv_bmt-idm:evolved_attack"]);
+    assert_eq!(code, 0, "{printed}");
+    assert!(printed.contains("  14 of 80 scenes are 1  ") && !printed.contains("80 counted"), "{printed}");
+    let named = printed.lines().find_map(|line| line.strip_prefix("    1 in ")).unwrap();
+    assert_eq!(named.split(", ").count(), 14, "{named}");
+    let (_, many) = asked(&["why", "metadrive-policy:adv_bmt-idm:evolved_any_contact"]);
+    let (_, full) = asked(&["why", "metadrive-policy:adv_bmt-idm:evolved_any_contact", "--full"]);
+    let named = many.lines().find_map(|line| line.strip_prefix("    1 in ")).unwrap_or_else(|| panic!("{many}"));
+    assert!(named.split(", ").count() == 22 && named.ends_with(", and 11 more, --full lists all"), "{named}");
+    assert!(full.lines().count() > many.lines().count() + 80, "{full}");
+}
+
+#[test]
+fn a_gain_has_one_interval_whichever_command_prints_it() {
+    let folder = finished().1.to_str().unwrap().to_string();
+    let (_, printed) = asked(&["why", "metadrive-policy:adv_bmt-idm:attack_change"]);
+    let said = printed.lines().next().unwrap().split_once(" = ").unwrap().1.to_string();
+    let places = ["parent", "e4s1"].map(|of| format!("{folder}:adv_bmt-idm/{of}"));
+    let compared = run(&["compare", &places[0], &places[1]]).stdout;
+    assert!(compared.lines().any(|line| line.contains("  attack ") && line.contains(&said)), "{said}: {compared}");
+    let credited = run(&["credit", "adv_bmt-idm", "--run", &folder]).stdout;
+    assert!(
+        credited.contains(&format!("adv_bmt-idm/e4s1 against adv_bmt-idm/parent on 80 held-out scenes: attack {said}")),
+        "{said}: {credited}"
+    );
+}

@@ -18,7 +18,7 @@ use crate::cli::terminal::interrupt::{Interrupt, Until};
 use crate::cli::terminal::moving_line::{Heard, MovingLine};
 use crate::cli::terminal::result_text::{self, Summary};
 use crate::cli::terminal::typed::{instead, resume_command};
-use crate::cli::terminal::width::{USUAL, stderr_width, table_width};
+use crate::cli::terminal::width::{stderr_width, table_width};
 use crate::epoch::{self, Desk, Meter, Mode, Progress, Rollouts, Study, Tools};
 use crate::evidence::choice::Choice;
 use crate::evidence::realism::LineageRealisms;
@@ -483,7 +483,7 @@ fn carry_out(
         cost::keep(folder, &cost)?;
         store::write_atomic(&folder.result(), &text)?;
     }
-    say(cost::table(&cost, stderr_width().unwrap_or(USUAL)));
+    say(cost::table(&cost, stderr_width().unwrap_or(usize::MAX)));
     let (reused, simulated) = counts;
     let motion = match sources.rollouts.is_some() && sources.way.sums_up_again() {
         true => {

@@ -14,6 +14,7 @@ use crate::evidence::tables::{
     AllAlike, Compared, Comparison, Estimate, Paired, Pooled, STRICT_REALISM, compared, one_seed, pooled,
 };
 use crate::experiment::composed;
+use crate::kernel::num;
 
 /// Characters of a value that a line shows.
 const SHOWN_CHARS: usize = 60;
@@ -131,11 +132,23 @@ pub fn run(options: &Options) -> Result<Answer, Failure> {
     if first.run.opened.pool != second.run.opened.pool {
         notes.push("the pools differ: scenes are paired by their ids, but need not be the same scenes".into());
     }
+    let [a, b] = [&first.folder, &second.folder].map(|folder| folder.read_experiment().map(|of| of.budget.finalists));
+    notes.extend(areas_apart(a?, b?));
     let rows_json: Vec<_> = rows.iter().map(|(name, of)| of.json(name)).collect();
     let object = json!({
         "first": first.folder.dir, "second": second.folder.dir, "rows": rows_json, "experiment": changes, "notes": notes,
     });
     Ok(Answer::new(text(&first, &second, &rows, &changes, &notes), object))
+}
+
+/// PF-Area@3 is of the first three finalists: where others are measured it is another quantity.
+fn areas_apart(a: usize, b: usize) -> Option<String> {
+    (a != b).then(|| {
+        format!(
+            "PF-Area@3 of A and B does not compare: it is of the first three finalists by the reporting rule, and \
+             `budget.finalists` is {a} in A and {b} in B"
+        )
+    })
 }
 
 /// Keys of the experiment that differ.
@@ -241,7 +254,7 @@ fn quantities(of: &Block) -> Aligned {
 }
 
 fn estimated(of: Estimate, signed: bool) -> String {
-    let number = |x: f64| if signed { format!("{x:+.3}") } else { format!("{x:.3}") };
+    let number = |x: f64| if signed { num::signed(x, 3) } else { num::fixed(x, 3) };
     match of.interval {
         Some([low, high]) => format!("{} [{}, {}]", number(of.value), number(low), number(high)),
         None => number(of.value),

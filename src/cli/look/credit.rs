@@ -20,6 +20,7 @@ use crate::epoch::{Applied, SceneEntry};
 use crate::evidence::RecordedRun;
 use crate::evidence::choice::Choice;
 use crate::evidence::credit::{Credit, EditCredit, Gain};
+use crate::evidence::tables::Drawn;
 use crate::experiment::ProgramFile;
 use crate::families;
 use crate::kernel::{Digest, Seed, Threads};
@@ -29,7 +30,7 @@ use crate::stage::Source;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Program, e.g. cat-idm/e2s5; without it those that the run reports.
+    /// Program, e.g. cat-idm/e2s5, or a lineage for the one that it reports; without it all that the run reports.
     pub program: Option<String>,
     #[command(flatten)]
     pub run: OneRun,
@@ -49,7 +50,9 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let folder = options.run.folder()?;
     let run = folder.recorded()?;
     let threads = files::threads(jobs)?;
+    let lineage = options.program.as_ref().filter(|name| run.parents.iter().any(|of| is_of(&run, of, name)));
     let programs = match &options.program {
+        Some(_) if lineage.is_some() => reported(&run, &folder.read_experiment()?.selector, lineage),
         Some(name) => match program::find(&run, name)? {
             parent if parent.ancestor_chain.is_empty() => {
                 let text = format!("{name} is a parent: there is no edit to give credit to\n");
@@ -57,7 +60,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
             }
             program => vec![program.solution_id.clone()],
         },
-        None => reported(&run, &folder.read_experiment()?.selector),
+        None => reported(&run, &folder.read_experiment()?.selector, None),
     };
     let mut credits = Vec::new();
     for solution in &programs {
@@ -65,20 +68,29 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         credits.push(credit(options, (&folder, &run), solution, &threads)?);
     }
     if credits.is_empty() {
-        let text = "the run reports every lineage's parent: there is no edit to give credit to\n";
+        let whose = lineage.map_or("every lineage's parent".to_string(), |name| format!("the parent of {name}"));
+        let text = format!("the run reports {whose}: there is no edit to give credit to\n");
         return Ok(Answer::new(text, json!({"credits": credits})));
     }
     let texts: Vec<String> = credits.iter().map(|credit| credit.text(stdout_width().unwrap_or(usize::MAX))).collect();
     Ok(Answer::new(texts.join("\n"), json!({"credits": credits})))
 }
 
-/// The programs that a finished run reports, without parents; of an unfinished one those that lineages stand at.
-fn reported(run: &RecordedRun, selector: &SelectorOptions) -> Vec<SolutionId> {
+/// Whether a parent is of the lineage of this name, or of one of its seeds.
+fn is_of(run: &RecordedRun, parent: &ParentAdopted, name: &str) -> bool {
+    let seeds = run.result.iter().flat_map(|result| &result.lineages).filter(|of| of.group.as_str() == name);
+    parent.lineage.as_str() == name || seeds.into_iter().any(|of| of.lineage == parent.lineage)
+}
+
+/// The programs that a finished run reports, without parents; of an unfinished one those that lineages stand at. Of one lineage
+/// where it is named.
+fn reported(run: &RecordedRun, selector: &SelectorOptions, lineage: Option<&String>) -> Vec<SolutionId> {
     let of = |parent: &ParentAdopted| {
         let choice = Choice::of(run, &parent.lineage, selector).map(|choice| choice.chosen);
         choice.or_else(|| run.active(&parent.lineage).cloned()).filter(|id| *id != parent.program.solution_id)
     };
-    run.parents.iter().filter_map(of).collect()
+    let meant = |of: &&ParentAdopted| lineage.is_none_or(|name| is_of(run, of, name));
+    run.parents.iter().filter(meant).filter_map(of).collect()
 }
 
 /// Operations that are taken out together.
@@ -189,6 +201,7 @@ fn credit(
     let needed = |digest: &Digest| labels[digest].as_ref().map_err(Failure::bad_input);
     let (before, after) = (needed(&start)?, needed(&end)?);
     as_recorded(&file, run, &[(way.parent, before), (way.program, after)])?;
+    let drawn = Drawn::held_out(run);
     let none = || "no scene has labels of both".to_string();
     let of_variant = |variant: &Result<Program, String>| -> Result<&Vec<SceneScore>, String> {
         let digest = variant.as_ref().map_err(String::clone)?.hash().map_err(|error| error.to_string())?;
@@ -197,14 +210,15 @@ fn credit(
     let of_edit = |(edit, [without, alone]): (&Edit, &[Result<Program, String>; 2])| EditCredit {
         name: edit.name.clone(),
         what: edit.places.iter().map(|place| way.operations[*place].in_words()).collect(),
-        taken_out: of_variant(without).and_then(|of| Gain::of(of, after).ok_or_else(none)),
-        alone: of_variant(alone).and_then(|of| Gain::of(before, of).ok_or_else(none)),
+        taken_out: of_variant(without).and_then(|of| Gain::of(of, after, drawn.as_ref()).ok_or_else(none)),
+        alone: of_variant(alone).and_then(|of| Gain::of(before, of, drawn.as_ref()).ok_or_else(none)),
     };
     Ok(Credit {
         program: solution.clone(),
         parent: way.parent.solution_id.clone(),
         scenes: before.iter().filter(|label| after.iter().any(|other| other.scene == label.scene)).count(),
-        whole: Gain::of(before, after).ok_or_else(|| Failure::bad_input(format!("{solution}: {}", none())))?,
+        whole: Gain::of(before, after, drawn.as_ref())
+            .ok_or_else(|| Failure::bad_input(format!("{solution}: {}", none())))?,
         edits: way.edits.iter().zip(&variants).map(of_edit).collect(),
     })
 }

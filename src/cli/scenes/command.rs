@@ -37,7 +37,7 @@ pub enum Command {
     Show(show::Options),
     /// Rank a run's rollouts by severity or realism, with the command that shows each.
     Best(best::Options),
-    /// Draw one scene or rollout as a strip of moments side by side, for a paper (SVG).
+    /// Draw one scene or rollout as a strip of moments side by side, for a paper (SVG, PDF), or as a film (GIF, MP4).
     Draw(draw::Options),
     /// Write scenes, as they are or as an attempt played them, in a format that other programs read.
     Export(export::Options),

@@ -16,6 +16,7 @@ use crate::draw::{
 use crate::kernel::Threads;
 use crate::llm::command::{Ended, Run};
 use crate::store;
+use crate::text::counted;
 
 /// Panels of a strip, and the most of them.
 const FRAMES: usize = 4;
@@ -103,8 +104,12 @@ fn drawn_strip(options: &Options, kind: Kind, drawing: &Drawing, title: String) 
     options.output.write(&options.out, &bytes)?;
     let seconds: Vec<f64> = strip_of.steps.iter().map(|step| *step as f64 * drawing.dt_s).collect();
     let said: Vec<String> = seconds.iter().map(|s| format!("{s:.1}")).collect();
-    let text =
-        format!("{title}\n{} panels at {} s of the scene: {}", said.len(), said.join(", "), options.out.display());
+    let text = format!(
+        "{title}\n{} at {} s of the scene: {}",
+        counted(said.len(), "panel"),
+        said.join(", "),
+        options.out.display()
+    );
     Ok(Answer::new(text, json!({"out": options.out, "title": title, "seconds": seconds})))
 }
 

@@ -211,8 +211,8 @@ fn column_words(safebench: bool) -> String {
 fn area_words(lineages: &[LineageResult]) -> String {
     let of = |lineage: &LineageResult| format!("{} {} %", lineage.lineage, num::signed(lineage.pf_area_at_3_pct, 1));
     format!(
-        "PF-Area@3 of each lineage, which is no number of the program that was chosen: the area that its up to three best descendants add \
-         to the parent's under the Pareto front: {}.",
+        "PF-Area@3 of each lineage, which is no number of the program that was chosen: the area that its first three finalists by the \
+         reporting rule add to the parent's under the Pareto front; it compares only runs with the same `budget.finalists`: {}.",
         lineages.iter().map(of).collect::<Vec<_>>().join(", ")
     )
 }

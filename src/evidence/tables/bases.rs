@@ -172,7 +172,7 @@ impl<'s> Bases<'s> {
             Some(Piece { steps, ..part_of(l, run, programs.clone(), Some(value), leaves) })
         };
         let formula = format!(
-            "{SEARCHES} PF-Area@3, a number of a lineage: 100 times the frontier area that up to three descendants add to the parent's, over the parent's, on held-out objectives"
+            "{SEARCHES} PF-Area@3, a number of a lineage: 100 times the frontier area that the first three finalists by the reporting rule add to the parent's, over the parent's, on held-out objectives"
         );
         Basis::of(formula, Combine::Means, lineages.filter_map(part).collect())
     }

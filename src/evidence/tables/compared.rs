@@ -4,7 +4,7 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
-use super::labels::{self, Reading};
+use super::labels::{self, Reading, suite};
 use crate::evidence::RecordedRun;
 use crate::kernel::{Digest, num};
 use crate::objects::{RealismSums, SceneScore, SolutionId, realism_name};
@@ -68,10 +68,37 @@ type Of<'a> = (&'a RecordedRun, &'a SolutionId);
 /// Labels of two programs in one scene.
 type Pair<'a> = [&'a SceneScore; 2];
 
+/// The scenes that a resample draws from, in their order, and which draws they are.
+pub struct Drawn {
+    suite: Digest,
+    scenes: Vec<String>,
+}
+
+impl Drawn {
+    /// As the tables draw the held-out scenes of a run, so that one quantity has one interval everywhere.
+    pub fn held_out(run: &RecordedRun) -> Option<Drawn> {
+        Some(Drawn { suite: suite(run).ok()?, scenes: run.opened.held_out_scenes.clone() })
+    }
+
+    /// The scenes of all seeds, by name: the order decides which scenes a resample draws.
+    fn by_name(seeds: &[Vec<Pair<'_>>]) -> Drawn {
+        let scenes = scenes_of(seeds).into_iter().map(String::from).collect();
+        Drawn { suite: Digest::of_bytes(b"compared"), scenes }
+    }
+}
+
+/// The tables' draws where both sides were labelled on the same held-out scenes.
+fn drawn(seeds: &[(Of<'_>, Of<'_>)], on: Paired) -> Option<Drawn> {
+    let runs = || seeds.iter().flat_map(|(first, second)| [first.0, second.0]);
+    let shared = runs().next().filter(|_| on == Paired::HeldOut).and_then(Drawn::held_out)?;
+    runs().all(|run| suite(run).is_ok_and(|suite| suite == shared.suite)).then_some(shared)
+}
+
 /// Compares a program of one run with one of another; `None` where no scene has labels of both.
 pub fn compared(first: Of<'_>, second: Of<'_>) -> Option<Comparison> {
     let (on, pairs, left_out) = paired(first, second)?;
-    let quantities = quantities(std::slice::from_ref(&pairs), with_strict(first.0));
+    let drawn = drawn(&[(first, second)], on);
+    let quantities = quantities(std::slice::from_ref(&pairs), drawn.as_ref(), with_strict(first.0));
     let (first, second) = (first.1.clone(), second.1.clone());
     Some(Comparison { first, second, on, scenes: pairs.len(), left_out, quantities })
 }
@@ -85,7 +112,8 @@ pub fn pooled(seeds: &[(Of<'_>, Of<'_>)]) -> Option<Pooled> {
         return None;
     }
     let pairs: Vec<Vec<Pair<'_>>> = paired.into_iter().map(|(_, pairs, _)| pairs).collect();
-    Some(Pooled { on, scenes: scenes_of(&pairs).len(), quantities: quantities(&pairs, strict) })
+    let quantities = quantities(&pairs, drawn(seeds, on).as_ref(), strict);
+    Some(Pooled { on, scenes: scenes_of(&pairs).len(), quantities })
 }
 
 /// SafeBench's objective is ARS, over groups: the strict realism of its scenes would be a number that nobody searched by.
@@ -108,18 +136,21 @@ fn both<'a>(first: &ByScene<'a>, second: &ByScene<'a>) -> Vec<Pair<'a>> {
     first.iter().filter_map(|(scene, label)| Some([*label, *second.get(scene)?])).collect()
 }
 
-/// The quantities of two programs by their labels, paired by scene; empty where no scene has labels of both.
-pub fn compared_labels(first: &[SceneScore], second: &[SceneScore]) -> Vec<Compared> {
-    // By name, as everywhere: the order decides which scenes a resample draws.
+/// The quantities of two programs by their labels, paired by scene; empty where no scene has labels of both. Scenes are drawn as
+/// asked, else by their names.
+pub fn compared_labels(first: &[SceneScore], second: &[SceneScore], drawn: Option<&Drawn>) -> Vec<Compared> {
     let pairs = both(&by_scene(first.iter()), &by_scene(second.iter()));
-    if pairs.is_empty() { Vec::new() } else { quantities(&[pairs], true) }
+    if pairs.is_empty() { Vec::new() } else { quantities(&[pairs], drawn, true) }
 }
 
 /// Of one search or several seeds of it, each with its pairs.
-fn quantities(seeds: &[Vec<Pair<'_>>], with_strict: bool) -> Vec<Compared> {
+fn quantities(seeds: &[Vec<Pair<'_>>], drawn: Option<&Drawn>, with_strict: bool) -> Vec<Compared> {
+    let by_name = Drawn::by_name(seeds);
+    let drawn = drawn.unwrap_or(&by_name);
     let shared = seeds.iter().flatten().flatten().flat_map(|label| label.metrics.keys()).collect::<BTreeSet<_>>();
-    let own = shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), seeds));
-    let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, seeds));
+    let own =
+        shared.into_iter().filter_map(|name| quantity(name, &|label| label.metrics.get(name).copied(), (seeds, drawn)));
+    let shipped = QUANTITIES.iter().filter_map(|(name, reading)| quantity(name, reading, (seeds, drawn)));
     let strict = with_strict.then(|| strict_realism(seeds)).flatten();
     let mut quantities: Vec<Compared> = shipped.collect();
     let behind = quantities.iter().position(|row| row.quantity == "realism").map_or(quantities.len(), |at| at + 1);
@@ -166,15 +197,18 @@ fn strict_realism(seeds: &[Vec<Pair<'_>>]) -> Option<Compared> {
 
 /// The three estimates of a quantity from the same draws: each program's over the scenes in which it has it, their difference over
 /// those in which both have it.
-fn quantity(name: &str, reading: &dyn Fn(&SceneScore) -> Option<f64>, seeds: &[Vec<Pair<'_>>]) -> Option<Compared> {
-    let scenes = scenes_of(seeds);
+fn quantity(
+    name: &str,
+    reading: &dyn Fn(&SceneScore) -> Option<f64>,
+    (seeds, drawn): (&[Vec<Pair<'_>>], &Drawn),
+) -> Option<Compared> {
+    let (suite, scenes) = (drawn.suite, &drawn.scenes);
     let of_seed = |pairs: &Vec<Pair<'_>>| -> Vec<[Option<f64>; 2]> {
         let by_scene: BTreeMap<&str, &Pair<'_>> = pairs.iter().map(|pair| (pair[0].scene.as_str(), pair)).collect();
-        scenes.iter().map(|scene| by_scene.get(scene).map_or([None, None], |pair| pair.map(reading))).collect()
+        scenes.iter().map(|scene| by_scene.get(scene.as_str()).map_or([None, None], |pair| pair.map(reading))).collect()
     };
     let both: Vec<Vec<[Option<f64>; 2]>> = seeds.iter().map(of_seed).collect();
     let change = |pair: &[Option<f64>; 2]| Some(pair[1]? - pair[0]?);
-    let suite = Digest::of_bytes(b"compared");
     let of = |value: &dyn Fn(&[Option<f64>; 2]) -> Option<f64>| -> Quantity {
         let seed = |of: &Vec<[Option<f64>; 2]>| PerScene { suite, values: of.iter().map(value).collect() };
         vec![Search { id: suite, seeds: both.iter().map(seed).collect() }]
@@ -214,16 +248,16 @@ mod tests {
         let second: Vec<SceneScore> =
             scenes.iter().enumerate().map(|(k, s)| label(s, (k % 2) as f64 * 0.9 + 0.1, true, 0.7)).collect();
         let pairs = [first.iter().zip(&second).map(|(a, b)| [a, b]).collect::<Vec<Pair<'_>>>()];
-        let attack = quantity("attack", &QUANTITIES[0].1, &pairs).unwrap();
+        let attack = quantity("attack", &QUANTITIES[0].1, (&pairs, &Drawn::by_name(&pairs))).unwrap();
         assert!((attack.first.value - 0.45).abs() < 1e-12 && (attack.difference.value - 0.1).abs() < 1e-12);
         let [low, high] = attack.difference.interval.unwrap();
         assert!(low > 0.099 && high < 0.101, "{low} {high}");
         let [low, high] = attack.first.interval.unwrap();
         assert!(high - low > 0.2, "the programs by themselves are not so sure: {low} {high}");
-        let realism = quantity("realism", &QUANTITIES[1].1, &pairs).unwrap();
+        let realism = quantity("realism", &QUANTITIES[1].1, (&pairs, &Drawn::by_name(&pairs))).unwrap();
         assert!(realism.scenes == 19 && (realism.difference.value + 0.1).abs() < 1e-12);
         let nobody = [vec![[&first[3], &second[3]]]];
-        assert!(quantity("realism", &QUANTITIES[1].1, &nobody).is_none());
+        assert!(quantity("realism", &QUANTITIES[1].1, (&nobody, &Drawn::by_name(&nobody))).is_none());
     }
 
     #[test]
@@ -234,10 +268,11 @@ mod tests {
         let (before, after) = (of(0.1), [of(0.1), of(0.3), of(0.8)]);
         let seeds: Vec<Vec<Pair<'_>>> =
             after.iter().map(|after| before.iter().zip(after).map(|(a, b)| [a, b]).collect()).collect();
-        let alone = quantity("attack", &QUANTITIES[0].1, &seeds[1..2]).unwrap().difference;
+        let alone =
+            quantity("attack", &QUANTITIES[0].1, (&seeds[1..2], &Drawn::by_name(&seeds[1..2]))).unwrap().difference;
         let [low, high] = alone.interval.unwrap();
         assert!((alone.value - 0.2).abs() < 1e-12 && high - low < 1e-12, "{alone:?}");
-        let pooled = quantity("attack", &QUANTITIES[0].1, &seeds).unwrap();
+        let pooled = quantity("attack", &QUANTITIES[0].1, (&seeds, &Drawn::by_name(&seeds))).unwrap();
         assert!((pooled.difference.value - 0.3).abs() < 1e-12 && pooled.scenes == 20, "{pooled:?}");
         let [low, high] = pooled.difference.interval.unwrap();
         assert!(low < 0.1 && high > 0.6, "{low} {high}");

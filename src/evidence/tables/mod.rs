@@ -41,7 +41,7 @@ pub use applied::{Applied, Played, applied};
 pub use bases::Bases;
 pub use basis::{Basis, Leaf, Piece};
 pub use bootstrap::{Estimate, PerScene, RESAMPLES, Search, estimates, interval};
-pub use compared::{Compared, Comparison, Paired, Pooled, STRICT_REALISM, compared, compared_labels, pooled};
+pub use compared::{Compared, Comparison, Drawn, Paired, Pooled, STRICT_REALISM, compared, compared_labels, pooled};
 pub use contacts::metadrive_contacts;
 pub use critics::{INTERVENED, REPAIRED, REVIEWED, STOPPED, actor_critic};
 pub use csv::{csv, line as csv_line};

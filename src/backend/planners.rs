@@ -18,7 +18,6 @@ use super::request::{Answers, Request};
 use super::workers::{Line, Start, start_of};
 use crate::kernel::Digest;
 use crate::sim::{ReportedRollout, tell};
-use crate::text::counted;
 
 /// A planner may load weights before it greets: it has at least this long, s.
 const GREETING_S: f64 = 120.0;
@@ -220,13 +219,10 @@ impl Answers for Planners<'_> {
         let all = "driver.repeat_share = 1 plays every one again";
         match (driven, equal) {
             (0, _) => None,
-            (_, 0) => {
-                Some(format!("none of {} was played again in another process; {all}", counted(driven, "rollout")))
-            }
+            (_, 0) => Some(format!("none of the rollouts was played again in another process; {all}")),
             (driven, equal) => {
                 let more = if equal < driven { format!("; {all}") } else { String::new() };
-                let of = counted(driven, "rollout");
-                Some(format!("{equal} of {of} played again in another process, all equal{more}"))
+                Some(format!("{equal} of {driven} rollouts played again in another process, all equal{more}"))
             }
         }
     }

@@ -7,13 +7,14 @@ use evodrive::adapters::Family;
 use evodrive::candidates::{Judging, Trials, admit};
 use evodrive::ego::Policy;
 use evodrive::evaluation::metrics::realism::{realism, realism_of};
+use evodrive::evaluation::metrics::rolling;
 use evodrive::evaluation::replay_row::recorded_reports;
 use evodrive::families;
 use evodrive::formats::import_files;
-use evodrive::kernel::Vec2;
+use evodrive::kernel::{Seed, Vec2};
 use evodrive::objects::{Gate, LineageId, Operation, OperationKind, ProgramPatch, SolutionId};
 use evodrive::scene::{AgentKind, DT_S, PreparedScene, Sample};
-use evodrive::sim::{Action, Intervention, Outcome, Plant, SimulatorOptions, rollout};
+use evodrive::sim::{Action, AdversaryReport, Intervention, OfKindReport, Outcome, Plant, SimulatorOptions, rollout};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -140,6 +141,35 @@ fn recorded_traffic_does_nothing_that_its_kind_does_not() {
     let (penalty_pct, count) = penalties_pct(&scenes);
     println!("RP of both diagnostics {penalty_pct:.4} % of {count} recorded vehicles");
     assert!(count >= 50 && penalty_pct <= 0.5, "{penalty_pct} % of {count}");
+}
+
+#[test]
+fn a_noisy_recording_is_as_plausible_as_a_clean_one() {
+    // Cars that stand and roll, recorded with 5 cm of jitter in each direction and two degrees in heading.
+    let options = options_of_kind();
+    let case = &catalogue::cases()[0];
+    let mut stream = Seed(5).stream(&["noise"]);
+    let mut lost: Vec<f64> = Vec::new();
+    for n in 0..60 {
+        let mps = [0.0, 4.0, 12.0][n % 3];
+        let mut scene = case.scene.clone();
+        let track = &mut scene.tracks[case.track];
+        let (at, heading) = place(case);
+        for (k, sample) in track.samples.iter_mut().enumerate() {
+            let jitter = Vec2::new(stream.normal(0.0, 0.05), stream.normal(0.0, 0.05));
+            let position = at + Vec2::from_heading(heading) * (mps * k as f64 * DT_S) + jitter;
+            let heading_rad = heading + stream.normal(0.0, 0.035);
+            *sample = Some(Sample { position, heading_rad, velocity: Vec2::from_heading(heading) * mps });
+        }
+        let plant = Plant::with_options(PreparedScene::new(Arc::new(scene)), &asked()).unwrap();
+        let of_kind = OfKindReport { simulated: plant.recorded_of_kind(case.track), recorded: None };
+        let limits = options.calibration.of(AgentKind::Vehicle);
+        let report = AdversaryReport { of_kind: Some(of_kind), ..recorded_reports(&plant)[0].clone() };
+        lost.push(100.0 * (1.0 - rolling::diagnostic(&report, limits)) / 12.0);
+    }
+    let mean_pct = lost.iter().sum::<f64>() / lost.len() as f64;
+    println!("RP of rolling {mean_pct:.3} % of {} noisy motions", lost.len());
+    assert!(mean_pct <= 0.5, "{mean_pct} %");
 }
 
 fn adv_bmt() -> Family {

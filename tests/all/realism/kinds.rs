@@ -145,7 +145,7 @@ fn recorded_traffic_does_nothing_that_its_kind_does_not() {
 
 #[test]
 fn a_noisy_recording_is_as_plausible_as_a_clean_one() {
-    // Cars that stand and roll, recorded with 5 cm of jitter in each direction and two degrees in heading.
+    // Cars that stand and roll, recorded with 5 cm of jitter in each direction and a third of a degree in heading.
     let options = options_of_kind();
     let case = &catalogue::cases()[0];
     let mut stream = Seed(5).stream(&["noise"]);
@@ -158,7 +158,7 @@ fn a_noisy_recording_is_as_plausible_as_a_clean_one() {
         for (k, sample) in track.samples.iter_mut().enumerate() {
             let jitter = Vec2::new(stream.normal(0.0, 0.05), stream.normal(0.0, 0.05));
             let position = at + Vec2::from_heading(heading) * (mps * k as f64 * DT_S) + jitter;
-            let heading_rad = heading + stream.normal(0.0, 0.035);
+            let heading_rad = heading + stream.normal(0.0, 0.005);
             *sample = Some(Sample { position, heading_rad, velocity: Vec2::from_heading(heading) * mps });
         }
         let plant = Plant::with_options(PreparedScene::new(Arc::new(scene)), &asked()).unwrap();

@@ -161,12 +161,12 @@ fn apply_gives_a_program_the_realisms_of_its_run_in_text_and_json() {
     Both::in_json(&object["parent"]).assert_is(*parent, "apply --json, parent");
     Both::in_json(&object["program"]).assert_is(*evolved, "apply --json, program");
     let text = run(&args);
-    // The block of columns that begins with the realism, whose interval stands before the strict one.
-    let (before, block) = printed(&text).split_once("Realism ↑").unwrap();
-    assert!(before.ends_with(' ') && before.rsplit("\n\n").next().unwrap().contains("Strict"), "{before}");
+    // In a pipe all columns stand in one line: attack and any crash, each with an interval, then the two realisms.
+    let block = printed(&text);
+    assert!(block.contains("  Realism ↑  Strict realism ↑  "), "{block}");
     for (name, both) in [(format!("{LINEAGE}/parent"), parent), (chosen.clone(), evolved)] {
         let row = cells(block, &name);
-        assert_eq!([row[1], row[4]], [digits(both.acted, 3), digits(both.strict, 3)], "{name}: {row:?}");
+        assert_eq!([row[7], row[10]], [digits(both.acted, 3), digits(both.strict, 3)], "{name}: {row:?}");
     }
 }
 

@@ -51,7 +51,7 @@ pub enum BackendError {
     Worker(#[from] Fault),
     /// A planner that nothing can rest on as it is. Repaired it is another ego.
     #[error(transparent)]
-    Planner(Fault),
+    Planner(Box<Fault>),
     #[error(transparent)]
     Cassette(#[from] RolloutCassetteError),
     #[error(transparent)]

@@ -102,7 +102,7 @@ pub fn table(cost: &RunCost, width: usize) -> String {
             out,
             "\n  cut by their server: {} of {}: give it a larger context and record again with --fresh",
             all.cut_prompts,
-            counted(all.answers as usize, "question")
+            counted(all.answers, "question")
         );
     }
     out

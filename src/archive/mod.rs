@@ -16,6 +16,6 @@ pub use gates::{ArchiveOptions, OptionsError, Standing, consider};
 pub use objectives::{ObjectivesError, admissible};
 pub use paired::{Account, MeanOverScenes, Means, Measure, Panel, is_shown};
 pub use pf_area::pf_area_pct;
-pub use plane::{hypervolume, non_dominated, non_dominated_with_copies, ranks};
+pub use plane::{hypervolume, non_dominated, non_dominated_with_copies, point, ranks};
 pub use promotion::{Leaders, PromotionRule, promote};
 pub use selector::{Contender, Selection, SelectionRule, SelectorOptions, select_active};

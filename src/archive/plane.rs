@@ -81,7 +81,7 @@ pub fn non_dominated(points: &[[f64; 2]]) -> Vec<bool> {
 }
 
 /// Coordinates in the order in which this room uses them.
-pub(super) fn point(objectives: &Objectives) -> [f64; 2] {
+pub fn point(objectives: &Objectives) -> [f64; 2] {
     [objectives.attack, objectives.realism]
 }
 

@@ -63,6 +63,13 @@ pub enum BackendError {
     Unplayable(String),
 }
 
+impl BackendError {
+    /// A planner that nothing can rest on.
+    pub(super) fn planner(fault: Fault) -> BackendError {
+        BackendError::Planner(Box::new(fault))
+    }
+}
+
 /// A rollout that was not recorded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(

@@ -70,18 +70,17 @@ impl<'a> Planners<'a> {
         let first = self.play(line, request)?;
         self.driven.fetch_add(1, Ordering::Relaxed);
         let share = self.options.repeat_share;
-        let due = share > 0.0 && (drawn(&request.key, share) || self.unchecked.load(Ordering::Relaxed));
+        let is_first = self.unchecked.swap(false, Ordering::Relaxed);
+        let due = share > 0.0 && (is_first || drawn(&request.key, share));
         if !due {
             return Ok(first);
         }
-        self.unchecked.store(false, Ordering::Relaxed);
         let mut is_new = false;
         let start = || {
             is_new = true;
             self.greeted(OTHER_SALT)
         };
-        let mut other =
-            self.again.take(start).map_err(|fault| NoOutcome::Stop(BackendError::Planner(Box::new(fault))))?;
+        let mut other = self.again.take(start).map_err(BackendError::planner)?;
         let compared = self.play_again(other.as_mut(), request, &first, is_new);
         self.again.give_back(compared.is_ok().then_some(other));
         compared?;
@@ -122,13 +121,13 @@ impl<'a> Planners<'a> {
         how: &str,
         remedy: String,
     ) -> NoOutcome {
-        NoOutcome::Stop(BackendError::Planner(Box::new(Fault {
+        NoOutcome::Stop(BackendError::planner(Fault {
             command: self.command(),
             place: format!("scene {}, {how}", request.scene()),
             expected,
             found,
             remedy,
-        })))
+        }))
     }
 
     fn play(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
@@ -201,7 +200,7 @@ impl<'a> Planners<'a> {
 
 impl Answers for Planners<'_> {
     fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
-        let mut line = self.crew.take(|| self.greeted(SALT)).map_err(|fault| BackendError::Planner(Box::new(fault)))?;
+        let mut line = self.crew.take(|| self.greeted(SALT)).map_err(BackendError::planner)?;
         let driven = self.drive(line.as_mut(), request);
         // Whatever went wrong, nobody knows what the process would say next.
         self.crew.give_back(driven.is_ok().then_some(line));
@@ -209,9 +208,7 @@ impl Answers for Planners<'_> {
             Ok(reported) => Ok(Answer::ReportedRollout(reported)),
             Err(NoOutcome::Scene(reason)) => Ok(Answer::Failed(reason)),
             Err(NoOutcome::Stop(BackendError::Worker(fault))) => Err(self.crew.stop(fault).into()),
-            Err(NoOutcome::Stop(BackendError::Planner(fault))) => {
-                Err(BackendError::Planner(Box::new(self.crew.stop(*fault))))
-            }
+            Err(NoOutcome::Stop(BackendError::Planner(fault))) => Err(BackendError::planner(self.crew.stop(*fault))),
             Err(NoOutcome::Stop(error)) => Err(error),
         }
     }

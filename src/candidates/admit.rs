@@ -35,16 +35,16 @@ pub struct Trials {
 pub type Compiles<'a> = dyn Fn(&Program, Digest) -> Trials + Sync + 'a;
 
 /// What patches are judged by.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Judging<'a> {
     /// I_b of the family.
     pub contract: &'a Contract,
     /// All families, for the isolation gate.
     pub registry: &'a Registry,
     /// Gates that an ablation does without: they refuse nothing.
-    pub skipped: &'a [Gate],
+    pub skipped: Vec<Gate>,
     /// Parts of a program that no patch of the run may touch.
-    pub closed: &'a [&'static str],
+    pub closed: Vec<&'static str>,
     /// Whether no patch brings in a sort of road user that the parent does not insert.
     pub fixed_bodies: bool,
 }
@@ -53,7 +53,7 @@ pub struct Judging<'a> {
 impl<'a> Judging<'a> {
     /// By all gates, with no part closed.
     pub fn whole(contract: &'a Contract, registry: &'a Registry) -> Judging<'a> {
-        Judging { contract, registry, skipped: &[], closed: &[], fixed_bodies: false }
+        Judging { contract, registry, skipped: Vec::new(), closed: Vec::new(), fixed_bodies: false }
     }
 }
 
@@ -66,7 +66,7 @@ pub fn admit(
     judging: &Judging<'_>,
     compiles: &Compiles<'_>,
 ) -> Admission {
-    let Judging { contract, registry, skipped, closed, fixed_bodies } = *judging;
+    let Judging { contract, registry, ref skipped, ref closed, fixed_bodies } = *judging;
     let about_patch = texts(&schema::check_patch(patch));
     let parent_hash = parent.hash();
     let applied = match &parent_hash {

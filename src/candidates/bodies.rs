@@ -55,3 +55,40 @@ fn words(program: &Program, body: &Setting) -> Vec<String> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objects::{OperatorNode, ParameterRef, PolicyRule};
+
+    /// The family's parent with the body read from a parameter, which a rule sets anew where `swap` says so.
+    fn program(value: &str, swap: Option<&str>) -> Program {
+        let family = crate::families::registry();
+        let family = family.iter().find(|family| family.contract.family.as_str() == "adv_bmt");
+        let mut program = family.map(|family| family.parent.clone()).unwrap();
+        let body = Setting::Parameter(ParameterRef { parameter: "body".into() });
+        let of_actor = |node: &&mut OperatorNode| node.slot == Slot::Actor;
+        let actor = program.operator_graph.values_mut().find(of_actor).unwrap();
+        actor.settings.insert(BODY.into(), body);
+        program.parameters.insert("body".into(), ParameterValue::Choice(value.into()));
+        program.scenario_conditioned_policy.extend(swap.map(|to| PolicyRule {
+            name: "swap".into(),
+            when: "true".into(),
+            parameters: BTreeMap::from([("body".into(), ParameterValue::Choice(to.into()))]),
+            operators: BTreeMap::new(),
+        }));
+        program
+    }
+
+    #[test]
+    fn a_body_that_a_parameter_names_is_followed_into_the_parameter_and_its_overrides() {
+        let parent = program("vehicle", None);
+        assert_eq!(check(&parent, &program("vehicle", Some("vehicle"))), []);
+        for child in [program("cyclist", None), program("vehicle", Some("cyclist"))] {
+            let problems = check(&parent, &child);
+            assert!(problems.len() == 1 && problems[0].found == "`cyclist`", "{problems:?}");
+        }
+        // Who inserts both may go on with either.
+        assert_eq!(check(&program("vehicle", Some("cyclist")), &program("cyclist", None)), []);
+    }
+}

@@ -265,7 +265,7 @@ fn the_interface_gate_refuses_unknown_places_idle_edits_and_too_many() {
 fn a_closed_part_and_what_lies_in_it_take_no_edit() {
     let (contract, registry) = (contract(), registry());
     let closed =
-        Judging { closed: &["/mechanism_modules", "/parameters/style"], ..Judging::whole(&contract, &registry) };
+        Judging { closed: vec!["/mechanism_modules", "/parameters/style"], ..Judging::whole(&contract, &registry) };
     let refused = |operations: Vec<Operation>| -> Vec<String> {
         let admission = admit(&program(), &patch(operations), child_id(), &closed, &|_, _| Trials::default());
         let gates = admission.gates.failed().flat_map(|verdict| verdict.problems.clone());

@@ -1,4 +1,5 @@
-//! A figure as PDF, one page with its font in it, so that it looks the same everywhere; equal figures are equal bytes. The pdf-writer crate writes the objects; dates and names of programs are left out.
+//! A figure as PDF, one page with its font in it, so that it looks the same everywhere; equal figures are equal bytes. The pdf-writer
+//! crate writes the objects; dates and names of programs are left out.
 
 use pdf_writer::types::{FontFlags, LineCapStyle};
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str, TextStr};

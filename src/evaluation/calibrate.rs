@@ -135,18 +135,15 @@ pub fn with_of_kind(calibration: Calibration, observed: &[Observed], quantile: f
     let values = |of: fn(&OfKind) -> f64, kinds: &[AgentKind]| -> Vec<f64> {
         observed.iter().filter(|one| kinds.contains(&one.kind)).map(|one| of(&one.of_kind)).collect()
     };
-    let rounded =
-        |values: &[f64]| num::quantile(values, quantile).map_or(0.0, |bound| (bound * 1000.0).ceil() / 1000.0);
-    let limit = |bound: f64, least: f64| Limit { bound, tolerance: (TOLERANCE_SHARE * bound).max(least) };
     let of = |pooled: Limits, kind: AgentKind, published_mps: f64| {
         let motions: Vec<Feasibility> = observed.iter().filter(|o| o.kind == kind).map(|o| o.motion).collect();
         let enough = motions.len() >= OF_KIND_MIN;
-        let seen_mps = if enough { rounded(&values(|of| of.speed_mps, &[kind])) } else { 0.0 };
+        let seen_mps = if enough { bound(&values(|of| of.speed_mps, &[kind]), quantile) } else { 0.0 };
         let kinds: &[AgentKind] = if enough { &[kind] } else { &WHEELED };
         let limits = if enough { self::limits(&motions, quantile, motions.len(), false) } else { pooled };
         Limits {
-            unrolled_m: Some(limit(rounded(&values(|of| of.unrolled_m, kinds)), UNROLLED_RESOLUTION_M)),
-            speed_mps: Some(limit(published_mps.max(seen_mps), SPEED_RESOLUTION_MPS)),
+            unrolled_m: Some(bounded(bound(&values(|of| of.unrolled_m, kinds), quantile), UNROLLED_RESOLUTION_M)),
+            speed_mps: Some(bounded(published_mps.max(seen_mps), SPEED_RESOLUTION_MPS)),
             ..limits
         }
     };
@@ -159,12 +156,20 @@ pub fn with_of_kind(calibration: Calibration, observed: &[Observed], quantile: f
     }
 }
 
+/// The quantile, rounded up to a thousandth, so that the file reads and the quantile holds.
+fn bound(values: &[f64], quantile: f64) -> f64 {
+    num::quantile(values, quantile).map_or(0.0, |bound| (bound * 1000.0).ceil() / 1000.0)
+}
+
+/// A bound with its tolerance, which is no smaller than the resolution.
+fn bounded(bound: f64, resolution: f64) -> Limit {
+    Limit { bound, tolerance: (TOLERANCE_SHARE * bound).max(resolution) }
+}
+
 fn limits(motions: &[Feasibility], quantile: f64, road_users: usize, pooled: bool) -> Limits {
     let limit = |of: fn(&Feasibility) -> f64| {
         let values: Vec<f64> = motions.iter().map(of).collect();
-        // Rounded up to a thousandth, so that the file reads and the quantile holds.
-        let bound = num::quantile(&values, quantile).map_or(0.0, |bound| (bound * 1000.0).ceil() / 1000.0);
-        Limit { bound, tolerance: (TOLERANCE_SHARE * bound).max(of(&RESOLUTION)) }
+        bounded(bound(&values, quantile), of(&RESOLUTION))
     };
     Limits {
         road_users,

@@ -77,7 +77,7 @@ pub struct Experiment {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_agent: Option<WorldAgentOptions>,
     /// Whether the sort of road user that a program inserts stays its parent's.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fixed_bodies: bool,
     /// Which method searches, and its budget of rollouts; without it the archive's own, bounded by epochs and slots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -100,7 +100,7 @@ pub struct SimulatorTable {
     pub plant: PlantOptions,
     pub avoidance: AvoidanceOptions,
     /// Whether outcomes say what of a motion its kind does not do.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_kind: bool,
     /// `None` stands for our own simulator, whether `evodrive` is written or nothing: then the digest is the same, too.
     #[serde(default, deserialize_with = "written_backend", skip_serializing_if = "Option::is_none")]
@@ -112,10 +112,6 @@ impl SimulatorTable {
     pub fn rules(&self) -> SimulatorOptions {
         SimulatorOptions { plant: self.plant, avoidance: self.avoidance, of_kind: self.of_kind }
     }
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
 }
 
 /// `"evodrive"`, or a table.

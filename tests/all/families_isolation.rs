@@ -23,7 +23,8 @@ fn judged(registry: &Registry, family: &Family, operation: Operation) -> Admissi
         repair_summary: None,
     };
     let child = SolutionId::new(format!("{lineage}/e1s0"));
-    let judging = Judging { contract: &family.contract, registry, skipped: &[], closed: &[], fixed_bodies: false };
+    let judging =
+        Judging { contract: &family.contract, registry, skipped: vec![], closed: vec![], fixed_bodies: false };
     admit(&parent, &patch, child, &judging, &|_, _| Trials::default())
 }
 

@@ -47,8 +47,13 @@ fn admitted(family: &Source, operations: Vec<Operation>) -> Admission {
     };
     let child = SolutionId::new(format!("{lineage}/e0s0"));
     let registry = registry();
-    let judging =
-        Judging { contract: &family.contract, registry: &registry, skipped: &[], closed: &[], fixed_bodies: false };
+    let judging = Judging {
+        contract: &family.contract,
+        registry: &registry,
+        skipped: vec![],
+        closed: vec![],
+        fixed_bodies: false,
+    };
     admit(&parent, &patch, child, &judging, &|_, _| Trials::default())
 }
 

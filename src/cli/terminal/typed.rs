@@ -11,9 +11,14 @@ pub fn instead(of: &str, command: &str, cassette: Option<&Path>) -> String {
     in_place(std::env::args_os(), of, command, cassette)
 }
 
+/// How this program was called.
+fn program() -> OsString {
+    std::env::args_os().next().unwrap_or_else(|| "evodrive".into())
+}
+
 /// The command that goes on with an interrupted run.
 pub fn resume_command(folder: &Path) -> String {
-    let program = std::env::args_os().next().unwrap_or_else(|| "evodrive".into());
+    let program = program();
     format!("{} resume {}", quoted(&program.to_string_lossy()), quoted(&folder.to_string_lossy()))
 }
 
@@ -24,7 +29,7 @@ pub fn resume_into(folder: &Path, cassette: &Path) -> String {
 
 /// The command that says what a cell of a table of this run rests on.
 pub fn why_command(cell: &str, folder: &Path) -> String {
-    let program = std::env::args_os().next().unwrap_or_else(|| "evodrive".into());
+    let program = program();
     [&program.to_string_lossy(), "why", cell, &folder.to_string_lossy()].map(quoted).join(" ")
 }
 

@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::de::DeserializeOwned;
 
 use crate::agents::reply;
-use crate::candidates::{self, Judging, Trials};
+use crate::candidates::{self, Trials};
 use crate::epoch::RunError;
 use crate::epoch::briefs::counsels::Counsels;
 use crate::epoch::briefs::in_effect::in_effect;
@@ -142,15 +142,7 @@ impl Ahead<'_> {
         };
         let child = SolutionId::new(AttemptId::at(&spec.id, epoch, slot).0);
         let contract = &study.source(spec)?.contract;
-        let (skipped, closed) = (study.skipped_gates(), study.without.closed());
-        let judging = Judging {
-            contract,
-            registry: &study.registry,
-            skipped: &skipped,
-            closed: &closed,
-            fixed_bodies: study.fixed_bodies,
-        };
-        let admission = candidates::admit(parent, patch, child, &judging, &compiles);
+        let admission = candidates::admit(parent, patch, child, &study.judging(contract), &compiles);
         let (child, trouble) = trials_met.into_inner().unwrap_or_else(PoisonError::into_inner);
         match trouble {
             None => {}

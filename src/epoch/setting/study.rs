@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::options::{CompositionOptions, CounselOptions, Without};
-use crate::adapters::Registry;
+use crate::adapters::{Contract, Registry};
 use crate::archive::search::{Method, SearchOptions};
 use crate::archive::{ArchiveOptions, SelectorOptions};
 use crate::backend::{BackendOptions, PlanAround};
+use crate::candidates::Judging;
 use crate::ego::Policy;
 use crate::epoch::RunError;
 use crate::evaluation::{EvaluationOptions, Group};
@@ -161,10 +162,21 @@ impl Study {
     }
 
     /// Gates that this run does not ask.
-    pub fn skipped_gates(&self) -> Vec<Gate> {
+    fn skipped_gates(&self) -> Vec<Gate> {
         let effect = (self.method() == Method::OpenEvolve).then_some(Gate::Effect);
         let isolation = (self.without.isolation || effect.is_some()).then_some(Gate::Isolation);
         isolation.into_iter().chain(effect).collect()
+    }
+
+    /// What the gates judge a patch of a lineage by.
+    pub fn judging<'a>(&'a self, contract: &'a Contract) -> Judging<'a> {
+        Judging {
+            contract,
+            registry: &self.registry,
+            skipped: self.skipped_gates(),
+            closed: self.without.closed(),
+            fixed_bodies: self.fixed_bodies,
+        }
     }
 
     /// What of the simulator counts into a rollout's key: its options, and the backend where that is another simulator.

@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::draft::{Draft, Reached, Verdict};
 use super::probes::probes;
-use crate::candidates::{self, Judging, Trials};
+use crate::candidates::{self, Trials};
 use crate::epoch::RunError;
 use crate::epoch::briefs::in_effect::{InScene, in_effect};
 use crate::epoch::freeze::Snapshot;
@@ -68,15 +68,7 @@ pub fn admission(
         *outcome.lock().unwrap_or_else(PoisonError::into_inner) = trial;
         trials
     };
-    let (skipped, closed) = (study.skipped_gates(), study.without.closed());
-    let judging = Judging {
-        contract,
-        registry: &study.registry,
-        skipped: &skipped,
-        closed: &closed,
-        fixed_bodies: study.fixed_bodies,
-    };
-    let admission = candidates::admit(&parent.program, patch, child, &judging, &compiles);
+    let admission = candidates::admit(&parent.program, patch, child, &study.judging(contract), &compiles);
     let (trials, in_effect) = outcome.into_inner().unwrap_or_else(PoisonError::into_inner)?;
     Ok(Verdict { admission, trials, in_effect })
 }

@@ -45,6 +45,9 @@ pub struct Weights {
     pub speed_of_kind: Option<f64>,
 }
 
+/// d_j of one adversary by the limits of its kind.
+type Diagnostic = fn(&AdversaryReport, &Limits) -> f64;
+
 /// What realism rests on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,24 +71,29 @@ pub struct OptionsError {
 }
 
 impl RealismOptions {
-    /// w_j with their names, in name order: ten, and those of the kind where they are asked for.
-    pub fn weights(&self) -> Vec<(&'static str, f64)> {
+    /// The diagnostics with their w_j, in name order: ten, and those of the kind where they are asked for.
+    fn diagnostics(&self) -> impl Iterator<Item = (&'static str, f64, Diagnostic)> {
         let of = &self.weights;
-        let all = [
-            (acceleration::NAME, Some(of.bounded_acceleration)),
-            (jerk::NAME, Some(of.bounded_jerk)),
-            (slip::NAME, Some(of.bounded_slip)),
-            (collision_validity::NAME, Some(of.collision_validity)),
-            (initial_overlap::NAME, Some(of.initial_non_overlap)),
-            (wrong_way::NAME, Some(of.lane_direction)),
-            (map::NAME, Some(of.map_validity)),
-            (parked::NAME, Some(of.parked_obstacles)),
-            (rolling::NAME, of.rolling),
-            (route_completion::NAME, Some(of.route_completion)),
-            (speed_of_kind::NAME, of.speed_of_kind),
-            (continuity::NAME, Some(of.trajectory_continuity)),
+        let all: [(&'static str, Option<f64>, Diagnostic); 12] = [
+            (acceleration::NAME, Some(of.bounded_acceleration), acceleration::diagnostic),
+            (jerk::NAME, Some(of.bounded_jerk), jerk::diagnostic),
+            (slip::NAME, Some(of.bounded_slip), slip::diagnostic),
+            (collision_validity::NAME, Some(of.collision_validity), |of, _| collision_validity::diagnostic(of)),
+            (initial_overlap::NAME, Some(of.initial_non_overlap), |of, _| initial_overlap::diagnostic(of)),
+            (wrong_way::NAME, Some(of.lane_direction), wrong_way::diagnostic),
+            (map::NAME, Some(of.map_validity), map::diagnostic),
+            (parked::NAME, Some(of.parked_obstacles), |of, _| parked::diagnostic(of)),
+            (rolling::NAME, of.rolling, rolling::diagnostic),
+            (route_completion::NAME, Some(of.route_completion), |of, _| route_completion::diagnostic(of)),
+            (speed_of_kind::NAME, of.speed_of_kind, speed_of_kind::diagnostic),
+            (continuity::NAME, Some(of.trajectory_continuity), continuity::diagnostic),
         ];
-        all.into_iter().filter_map(|(name, weight)| Some((name, weight?))).collect()
+        all.into_iter().filter_map(|(name, weight, diagnostic)| Some((name, weight?, diagnostic)))
+    }
+
+    /// w_j with their names, in name order.
+    pub fn weights(&self) -> Vec<(&'static str, f64)> {
+        self.diagnostics().map(|(name, weight, _)| (name, weight)).collect()
     }
 
     /// Whether a diagnostic counts that needs `simulator.of_kind`.
@@ -131,26 +139,6 @@ impl RealismOptions {
             false => wrong("weights (their sum)".into(), total.to_string(), "1"),
         }
     }
-
-    /// d_j of one adversary, in the order of [`weights`](Self::weights).
-    fn of_adversary(&self, report: &AdversaryReport) -> Vec<f64> {
-        let limits = self.calibration.of(report.kind);
-        let all = [
-            Some(acceleration::diagnostic(report, limits)),
-            Some(jerk::diagnostic(report, limits)),
-            Some(slip::diagnostic(report, limits)),
-            Some(collision_validity::diagnostic(report)),
-            Some(initial_overlap::diagnostic(report)),
-            Some(wrong_way::diagnostic(report, limits)),
-            Some(map::diagnostic(report, limits)),
-            Some(parked::diagnostic(report)),
-            self.weights.rolling.map(|_| rolling::diagnostic(report, limits)),
-            Some(route_completion::diagnostic(report)),
-            self.weights.speed_of_kind.map(|_| speed_of_kind::diagnostic(report, limits)),
-            Some(continuity::diagnostic(report, limits)),
-        ];
-        all.into_iter().flatten().collect()
-    }
 }
 
 /// d_j of a rollout by name, and r_MD(τ) in [0, 1]. Of each diagnostic it is the worst adversary's, so that a second
@@ -162,13 +150,15 @@ pub fn realism(outcome: &Outcome, options: &RealismOptions) -> (BTreeMap<String,
 
 /// The same of some reports.
 pub fn realism_of(reports: &[AdversaryReport], options: &RealismOptions) -> (BTreeMap<String, f64>, f64) {
-    let weights = options.weights();
-    let mut worst = vec![1.0f64; weights.len()];
+    let diagnostics: Vec<_> = options.diagnostics().collect();
+    let mut worst = vec![1.0f64; diagnostics.len()];
     for report in reports {
-        worst.iter_mut().zip(options.of_adversary(report)).for_each(|(so_far, value)| *so_far = so_far.min(value));
+        let limits = options.calibration.of(report.kind);
+        let of_report = diagnostics.iter().map(|(_, _, diagnostic)| diagnostic(report, limits));
+        worst.iter_mut().zip(of_report).for_each(|(so_far, value)| *so_far = so_far.min(value));
     }
-    let missing = num::sum(weights.iter().zip(&worst).map(|((_, weight), d)| weight * (1.0 - d)));
-    let named = weights.iter().zip(worst).map(|((name, _), d)| (name.to_string(), d)).collect();
+    let missing = num::sum(diagnostics.iter().zip(&worst).map(|((_, weight, _), d)| weight * (1.0 - d)));
+    let named = diagnostics.iter().zip(worst).map(|((name, ..), d)| (name.to_string(), d)).collect();
     // The last bit of rounding is clamped away.
     (named, (1.0 - missing).clamp(0.0, 1.0))
 }

@@ -1,8 +1,7 @@
 //! How PF-Area@3 of a lineage comes about: the parent's point, the descendants' points, and the area that they span.
 
-use crate::archive::{ArchiveOptions, hypervolume, non_dominated, pf_area_pct};
+use crate::archive::{ArchiveOptions, hypervolume, non_dominated, pf_area_pct, point};
 use crate::evidence::recorded_run::RecordedRun;
-use crate::objects::Objectives;
 use crate::objects::event::{HeldOut, LineageResult};
 
 /// Descendants that count, as in the paper's tables.
@@ -37,13 +36,12 @@ impl Spanned {
 }
 
 fn steps(parents: &[&HeldOut], descendants: &[&HeldOut], gain_pct: f64, options: &ArchiveOptions) -> Vec<String> {
-    let point = |of: Objectives| [of.attack, of.realism];
     let placed = |of: &HeldOut| {
-        let [attack, realism] = point(of.score.objectives);
+        let [attack, realism] = point(&of.score.objectives);
         format!("{}: attack {attack}, strict realism {realism}", of.solution)
     };
     let points: Vec<[f64; 2]> =
-        parents.iter().chain(descendants).map(|held_out| point(held_out.score.objectives)).collect();
+        parents.iter().chain(descendants).map(|held_out| point(&held_out.score.objectives)).collect();
     let area = |of: &[[f64; 2]]| hypervolume(of, options.reference);
     let (own, all) = (area(&points[..parents.len()]), area(&points));
     let [attack, realism] = options.reference;

@@ -5,6 +5,8 @@
 //! (the third largest of the windows' values). A single noisy window counts nothing, and a longer rollout does not
 //! dilute a short violation, as a share of all windows would.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use super::smooth::{HALF_WINDOW, HALF_WINDOW_MIN, cubic};
@@ -97,32 +99,47 @@ impl StepMeter {
 
 /// Levels of acceleration, jerk, slip and roughness over the windows that reach sample `from` or later.
 fn levels(samples: &[Sample], from: usize, size: &Size) -> [f64; 4] {
-    let half = HALF_WINDOW.min(samples.len().saturating_sub(1) / 2);
-    let mut highest = [[0.0; LEVEL_WINDOWS]; 4];
-    if half < HALF_WINDOW_MIN {
-        return [0.0; 4];
-    }
+    let Some((half, centres)) = windows(samples.len(), from) else { return [0.0; 4] };
     let places: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
-    let first = from.saturating_sub(half).max(half);
-    let mut windows = 0;
-    for centre in first..samples.len() - half {
+    let mut levels = [Level::default(); 4];
+    for centre in centres {
         let fit = cubic(&places[centre - half..=centre + half]);
         let slip = slip_mps(&samples[centre - half..=centre + half], fit.velocity, size);
         let rough = (places[centre] - fit.position).norm();
         let values = [fit.acceleration.norm(), fit.jerk.norm(), slip, rough];
-        highest.iter_mut().zip(values).for_each(|(highest, value)| keep(highest, value));
-        windows += 1;
+        levels.iter_mut().zip(values).for_each(|(level, value)| level.push(value));
     }
-    // Of a motion with fewer windows the largest counts.
-    highest.map(|highest| if windows < LEVEL_WINDOWS { highest[0] } else { highest[LEVEL_WINDOWS - 1] })
+    levels.map(|level| level.value())
 }
 
-/// Puts a value among the highest, which fall.
-fn keep(highest: &mut [f64; LEVEL_WINDOWS], mut value: f64) {
-    for place in highest {
-        if value > *place {
-            std::mem::swap(place, &mut value);
+/// Samples before and after a window's centre, and the centres of the windows that reach sample `from` or later; `None` where there
+/// are too few samples for a window.
+pub(super) fn windows(samples: usize, from: usize) -> Option<(usize, Range<usize>)> {
+    let half = HALF_WINDOW.min(samples.saturating_sub(1) / 2);
+    (half >= HALF_WINDOW_MIN).then(|| (half, from.saturating_sub(half).max(half)..samples - half))
+}
+
+/// The level of a quantity: its third largest value over windows; of fewer windows than three the largest.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Level {
+    /// They fall.
+    highest: [f64; LEVEL_WINDOWS],
+    windows: usize,
+}
+
+impl Level {
+    /// Takes the next window's value, at least 0.
+    pub fn push(&mut self, mut value: f64) {
+        self.windows += 1;
+        for place in &mut self.highest {
+            if value > *place {
+                std::mem::swap(place, &mut value);
+            }
         }
+    }
+
+    pub fn value(&self) -> f64 {
+        if self.windows < LEVEL_WINDOWS { self.highest[0] } else { self.highest[LEVEL_WINDOWS - 1] }
     }
 }
 
@@ -142,9 +159,13 @@ fn slip_mps(window: &[Sample], velocity: Vec2, size: &Size) -> f64 {
     }
     let yaw_rate_radps = turned / (squares * DT_S);
     let across_mps = velocity.dot(Vec2::from_heading(heading_rad).left());
-    let explained_mps = yaw_rate_radps * 2.0 * size.half_length_m * SLIP_FREE_SHARE_MAX;
-    let (low, high) = (explained_mps.min(0.0), explained_mps.max(0.0));
-    (across_mps - across_mps.clamp(low, high)).abs()
+    beyond_turning(across_mps, yaw_rate_radps, size).abs()
+}
+
+/// What of a motion across the heading turning does not explain, in the unit of `across` (m or m/s; `turned` is rad or rad/s).
+pub(super) fn beyond_turning(across: f64, turned: f64, size: &Size) -> f64 {
+    let explained = turned * 2.0 * size.half_length_m * SLIP_FREE_SHARE_MAX;
+    across - across.clamp(explained.min(0.0), explained.max(0.0))
 }
 
 /// The account of a whole recorded motion; a gap begins it anew.
@@ -279,8 +300,9 @@ mod tests {
 
     #[test]
     fn a_level_is_the_third_largest_value() {
-        let mut highest = [0.0; LEVEL_WINDOWS];
-        [5.0, 1.0, 9.0, 7.0, 2.0].into_iter().for_each(|value| keep(&mut highest, value));
-        assert_eq!(highest, [9.0, 7.0, 5.0]);
+        let mut level = Level::default();
+        [5.0, 1.0, 9.0, 7.0, 2.0].into_iter().for_each(|value| level.push(value));
+        assert_eq!(level.highest, [9.0, 7.0, 5.0]);
+        assert_eq!(level.value(), 5.0);
     }
 }

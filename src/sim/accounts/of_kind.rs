@@ -6,8 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::feasibility::LEVEL_WINDOWS;
-use super::smooth::{HALF_WINDOW, HALF_WINDOW_MIN, cubic};
+use super::feasibility::{Level, beyond_turning, windows};
+use super::smooth::{HALF_WINDOW, cubic};
 use crate::kernel::{Vec2, num};
 use crate::scene::{AgentKind, DT_S, Sample};
 use crate::sim::prepared::body::Size;
@@ -18,8 +18,6 @@ const SPAN: usize = 60;
 const ACROSS_SHARE: f64 = 0.1;
 /// Least radius on which anything on wheels turns, metres. Passenger cars need 5 m and more, a bicycle about 1.5 m.
 const TURN_RADIUS_M: f64 = 1.5;
-/// The place that does not slip lies between centre and rear end.
-const SLIP_FREE_SHARE_MAX: f64 = 0.5;
 
 /// What of a motion its kind does not do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -68,17 +66,14 @@ pub(in crate::sim) fn of_motion(samples: &[Sample], from: usize, size: &Size) ->
 
 /// Third largest of the filtered speeds over the windows that reach sample `from` or later; of a shorter motion the mean speed.
 fn speed_mps(samples: &[Sample], from: usize) -> f64 {
-    let half = HALF_WINDOW.min(samples.len().saturating_sub(1) / 2);
-    if half < HALF_WINDOW_MIN {
+    let Some((half, centres)) = windows(samples.len(), from) else {
         let way_m = num::sum(samples.windows(2).map(|two| two[0].position.distance(two[1].position)));
         return way_m / (DT_S * samples.len().saturating_sub(1).max(1) as f64);
-    }
+    };
     let places: Vec<Vec2> = samples.iter().map(|sample| sample.position).collect();
-    let centres = from.saturating_sub(half).max(half)..samples.len() - half;
-    let mut speeds: Vec<f64> =
-        centres.map(|centre| cubic(&places[centre - half..=centre + half]).velocity.norm()).collect();
-    speeds.sort_by(|one, other| other.total_cmp(one));
-    speeds.get(LEVEL_WINDOWS - 1).or(speeds.first()).copied().unwrap_or(0.0)
+    let mut level = Level::default();
+    centres.for_each(|centre| level.push(cubic(&places[centre - half..=centre + half]).velocity.norm()));
+    level.value()
 }
 
 /// A step of something on wheels: rolled along the heading, across it beyond what turning explains, and the turn.
@@ -92,10 +87,8 @@ fn step(from: &Sample, to: &Sample, size: &Size) -> Step {
     let turned_rad = num::wrap_angle(to.heading_rad - from.heading_rad);
     let ahead = Vec2::from_heading(from.heading_rad + 0.5 * turned_rad);
     let moved = to.position - from.position;
-    let across_m = moved.dot(ahead.left());
-    let explained_m = turned_rad * 2.0 * size.half_length_m * SLIP_FREE_SHARE_MAX;
-    let (low, high) = (explained_m.min(0.0), explained_m.max(0.0));
-    Step { along: ahead * moved.dot(ahead), across: ahead.left() * (across_m - across_m.clamp(low, high)), turned_rad }
+    let across_m = beyond_turning(moved.dot(ahead.left()), turned_rad, size);
+    Step { along: ahead * moved.dot(ahead), across: ahead.left() * across_m, turned_rad }
 }
 
 /// The samples with the fitted places, without those at either end that no whole window is centred at; a motion that is shorter than two

@@ -16,12 +16,8 @@ pub struct SimulatorOptions {
     pub avoidance: AvoidanceOptions,
     /// Whether outcomes say what of a motion its kind does not do: slides, turns on the spot, speed. A weight of `rolling` or
     /// `speed_of_kind` needs it.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub of_kind: bool,
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
 }
 
 impl SimulatorOptions {

@@ -1,7 +1,7 @@
 """Drive EvoDrive's ego from Python: this one file, no package. docs/EGOS.md describes the lines.
 
 Give `serve` an object with a method `decide(scene, step)`, and if it keeps anything with a method `begin(scene)` that
-forgets it. Both arguments are the dictionaries of the protocol. `decide` returns `(acceleration_mps2, steering_rad)`, or a list
+forgets it. With an attribute `map_m` each step also holds the map within so many metres. Both arguments are the dictionaries of the protocol. `decide` returns `(acceleration_mps2, steering_rad)`, or a list
 of points `[x, y]` where the car is to be 0.1 s, 0.2 s ... from now.
 
 A run is only worth something if it comes out the same again: seed every random number from `scene["seed"]` in `begin`, and
@@ -17,7 +17,10 @@ import sys
 def serve(policy):
     """Speaks with EvoDrive until it closes standard input. Whatever else prints goes to standard error."""
     out, sys.stdout = sys.stdout, sys.stderr
-    _say(out, {"evodrive_driver": 1})
+    hello = {"evodrive_driver": 1}
+    if getattr(policy, "map_m", None):
+        hello["map_m"] = policy.map_m
+    _say(out, hello)
     scene = None
     for line in sys.stdin:
         told = json.loads(line)
@@ -76,7 +79,12 @@ def local(step, point):
 
 def pursuit(scene, step, ahead_m):
     """Steering along the arc through the route's point this far ahead (pure pursuit), radians, positive to the left."""
-    x, y = local(step, route_point(scene, step, ahead_m))
+    return steering_to(scene, step, route_point(scene, step, ahead_m))
+
+
+def steering_to(scene, step, point):
+    """Steering along the arc through a point, radians, positive to the left."""
+    x, y = local(step, point)
     wheelbase_m = 0.547 * scene["ego"]["length_m"]
     limit = scene["ego"]["steering_rad_max"]
     return max(-limit, min(limit, math.atan2(2.0 * wheelbase_m * y, max(x * x + y * y, 1.0))))

@@ -1,5 +1,6 @@
 //! Family contracts: editable ranges, operators, mechanisms, constraints; the registry of families.
 
+pub mod changes;
 pub mod check;
 pub mod contract;
 pub mod domain;
@@ -15,6 +16,7 @@ mod tests;
 pub mod toy;
 pub mod vocabulary;
 
+pub use changes::Change;
 pub use contract::*;
 pub use graph::node_count_range;
 pub use isolation::{ForeignVocabulary, ForeignWord};

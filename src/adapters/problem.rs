@@ -28,6 +28,11 @@ impl Problem {
         Problem { place: place.into(), found, expected: expected.into() }
     }
 
+    /// The same below another place.
+    pub fn below(self, place: &str) -> Problem {
+        Problem { place: format!("{place}{}", self.place), ..self }
+    }
+
     /// The problem of a word that is not allowed here.
     pub fn unknown<'a>(
         place: impl Into<String>,

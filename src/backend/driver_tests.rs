@@ -209,6 +209,10 @@ fn a_crash_a_late_answer_and_nonsense_leave_the_scene_without_a_label_and_with_a
     ];
     for (answer, expected) in cases {
         let said = reason(&options(0.0), answer);
+        // Who is too slow is told from who failed.
+        let late = expected.contains("no answer within");
+        assert_eq!(is_too_slow(&said), late, "{said}");
+        let said = said.strip_prefix("too slow: ").unwrap_or(&said);
         assert!(said.starts_with("planner `python3 mine.py`, decision") && said.contains(expected), "{said}");
         assert!(!said.contains("Traceback") && !said.contains("alice") && !said.contains("sk-"), "{said}");
     }
@@ -349,4 +353,101 @@ fn no_label_comes_from_whoever_stands_in_for_a_planner() {
     let idm = behind.rollout(&plant(&scene), &intercept(&scene, 5), &Policy::Idm, Seed(1)).unwrap();
     let plainly = rollout_assessed(&plant(&scene), &intercept(&scene, 5), Policy::Idm.driver().as_mut()).unwrap();
     assert_eq!((idm, nobody.1.load(Ordering::SeqCst)), (plainly, 0));
+}
+
+/// Starts planners that greet with a line of the test's, and keeps what they are asked.
+struct Greeting(&'static str, Arc<Mutex<Vec<Value>>>);
+
+impl Start for Greeting {
+    fn start(&self, _: &[String]) -> Result<Box<dyn Line>, String> {
+        Err("a planner is started in its folder".into())
+    }
+
+    fn start_in(&self, _: &[String], _: &Path, _: &[(&str, &str)]) -> Result<Box<dyn Line>, String> {
+        let asked = self.1.clone();
+        let answer = move |question: &Value, lines: usize| {
+            asked.lock().unwrap().push(question.clone());
+            plain(question, lines)
+        };
+        Ok(Box::new(Drives { said: VecDeque::from([Ok(self.0.into())]), answer, lines: 0, salt: 1 }))
+    }
+
+    fn show(&self, _: &str, _: &str) {}
+}
+
+#[test]
+fn the_map_around_the_ego_is_told_to_who_asks_for_it_and_changes_no_rollout() {
+    let scene = crossing(3, 5, 91);
+    let asked = |hello: &'static str| {
+        let questions = Arc::new(Mutex::new(Vec::new()));
+        let start = Greeting(hello, questions.clone());
+        let outcome = played(&options(0.0), &start, &scene, &Intervention::default());
+        let questions = questions.lock().unwrap().clone();
+        (outcome, questions)
+    };
+    let (plainly, without) = asked("{\"evodrive_driver\":1}");
+    assert!(!without.is_empty() && without.iter().all(|question| question.get("map").is_none()));
+    let (near, short) = asked("{\"evodrive_driver\":1,\"map_m\":10}");
+    let (far, long) = asked("{\"evodrive_driver\":1,\"map_m\":150.5}");
+    let plainly = plainly.unwrap();
+    assert_eq!((near.unwrap(), far.unwrap()), (plainly.clone(), plainly));
+    let lanes = |questions: &[Value], at: usize| questions[at]["map"]["lanes"].as_array().unwrap().len();
+    assert!((1..=lanes(&long, 0)).contains(&lanes(&short, 0)));
+    // It goes along with the ego.
+    let last = short.len() - 1;
+    assert_ne!(short[0]["map"], short[last]["map"]);
+    let at = |of: &Value| crate::kernel::Vec2::new(of[0].as_f64().unwrap(), of[1].as_f64().unwrap());
+    for question in [&short[0], &short[last]] {
+        let ego = at(&question["ego"]["position"]);
+        let lanes = question["map"]["lanes"].as_array().unwrap();
+        let ways = lanes.iter().flat_map(|lane| lane["centre"].as_array().unwrap());
+        let points = ways.flat_map(|way| way.as_array().unwrap()).map(|point| at(point).distance(ego));
+        assert!(points.fold(f64::INFINITY, f64::min) < 10.0, "{}", question["map"]);
+    }
+    for bad in [
+        "{\"evodrive_driver\":1,\"map_m\":0}",
+        "{\"evodrive_driver\":1,\"map_m\":1e9}",
+        "{\"evodrive_driver\":1,\"map\":true}",
+    ] {
+        let Err(NoOutcome::Stop(error)) = asked(bad).0 else { panic!("{bad}") };
+        assert!(error.to_string().contains("\"map_m\" from 1 to 200"), "{error}");
+    }
+}
+
+#[test]
+fn several_processes_drive_at_once_and_no_more_than_may() {
+    let drives = |processes: usize, together: usize| {
+        let inside = Arc::new((Mutex::new((0, 0)), std::sync::Condvar::new()));
+        let meet = inside.clone();
+        let answer = move |question: &Value, lines: usize| {
+            if question["step"] == 0 {
+                let (counts, changed) = &*meet;
+                let mut now = counts.lock().unwrap();
+                *now = (now.0 + 1, now.1.max(now.0 + 1));
+                changed.notify_all();
+                // Whoever comes first waits for the others; the limit is only met where they cannot come.
+                let (mut now, _) =
+                    changed.wait_timeout_while(now, Duration::from_secs(20), |now| now.1 < together).unwrap();
+                now.0 -= 1;
+            }
+            plain(question, lines)
+        };
+        let (start, options) =
+            (Fake(answer, AtomicUsize::new(0), Mutex::default()), DriverOptions { processes, ..options(0.0) });
+        let planners = Planners::new(&options, &start);
+        let backend = options.backend(&SimulatorOptions::SHIPPED).unwrap();
+        let behind = Backend::Other { options: &backend, answers: &planners };
+        let seeds: Vec<u64> = (0..6).collect();
+        let outcomes = crate::kernel::Threads::new(3).unwrap().map(&seeds, |_, seed| {
+            behind
+                .rollout(&plant(&crossing(*seed, 3, 91)), &Intervention::default(), &options.policy().unwrap(), Seed(1))
+                .unwrap()
+        });
+        let most = inside.0.lock().unwrap().1;
+        (outcomes, most, start.1.load(Ordering::SeqCst))
+    };
+    let (one, alone, started) = drives(1, 1);
+    assert_eq!((alone, started), (1, 1));
+    let (three, most, started) = drives(3, 3);
+    assert_eq!((three, most, started), (one, 3, 3));
 }

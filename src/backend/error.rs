@@ -14,6 +14,14 @@ pub enum NoOutcome {
     Stop(BackendError),
 }
 
+/// How the reason of a scene begins in which the driver under test did not answer within its time. No other reason begins so.
+pub(super) const TOO_SLOW: &str = "too slow: ";
+
+/// Whether a scene has no outcome because its driver took too long for a decision: that is neither a crash nor a success.
+pub fn is_too_slow(reason: &str) -> bool {
+    reason.starts_with(TOO_SLOW)
+}
+
 impl NoOutcome {
     /// Why, in words.
     pub fn reason(self) -> String {

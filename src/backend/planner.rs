@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::map_near::MapNear;
 use super::workers::{Broken, Line, start_of};
 use crate::kernel::{Seed, Vec2};
 use crate::scene::{AgentKind, DT_S, Lane, LaneIx, LightState, StopSign};
@@ -38,7 +39,16 @@ enum Message<'a> {
         lights: Vec<LightPlace>,
     },
     /// A decision is asked for.
-    Step { step: usize, time_s: f64, ego: EgoNow, neighbours: Vec<Neighbour>, lights: Vec<LightState> },
+    Step {
+        step: usize,
+        time_s: f64,
+        ego: EgoNow,
+        neighbours: Vec<Neighbour>,
+        lights: Vec<LightState>,
+        /// Where the planner asked for it.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        map: Option<MapNear>,
+    },
     /// The rollout is over.
     End { end: End, steps: usize },
 }
@@ -109,11 +119,17 @@ pub(super) struct Refusal {
     pub reason: String,
     /// What the process printed in place of an answer. It is shown, and not recorded.
     pub printed: String,
+    /// Whether it took longer than it may.
+    pub late: bool,
 }
 
 impl Refusal {
     fn of(reason: impl Into<String>, printed: &[u8]) -> Refusal {
-        Refusal { reason: reason.into(), printed: start_of(printed) }
+        Refusal { reason: reason.into(), printed: start_of(printed), late: false }
+    }
+
+    fn broken(broken: &Broken, limit: Duration) -> Refusal {
+        Refusal { late: *broken == Broken::Late, ..Refusal::of(why(broken, limit), b"") }
     }
 }
 
@@ -122,6 +138,8 @@ pub(super) struct Planner<'p> {
     line: &'p mut dyn Line,
     limit: Duration,
     seed: Seed,
+    /// How far around the ego it is told the map, metres, where it asked for it.
+    map_m: Option<f64>,
     /// What went wrong, and at which decision.
     broken: Option<Refusal>,
     /// Nobody waits for it any more; of the scene that says nothing.
@@ -129,8 +147,8 @@ pub(super) struct Planner<'p> {
 }
 
 impl<'p> Planner<'p> {
-    pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed) -> Planner<'p> {
-        Planner { line, limit, seed, broken: None, stopped: false }
+    pub fn new(line: &'p mut dyn Line, limit: Duration, seed: Seed, map_m: Option<f64>) -> Planner<'p> {
+        Planner { line, limit, seed, map_m, broken: None, stopped: false }
     }
 
     /// Whether it drove no further because nobody waits for it any more.
@@ -151,17 +169,16 @@ impl<'p> Planner<'p> {
     }
 
     fn ask(&mut self, view: &View<'_>) -> Result<Control, Refusal> {
-        let refused = |broken: &Broken, limit| Refusal::of(why(broken, limit), b"");
         // Taken for the answer, it would be one to an earlier question, and so would every later one.
         match self.line.early() {
             None => {}
             Some(Ok(bytes)) => return Err(Refusal::of(BEFORE, &bytes)),
-            Some(Err(broken)) => return Err(refused(&broken, self.limit)),
+            Some(Err(broken)) => return Err(Refusal::broken(&broken, self.limit)),
         }
-        self.say(&observation(view));
+        self.say(&observation(view, self.map_m));
         let received = self.line.receive(self.limit);
         self.stopped = received == Err(Broken::Stopped);
-        let bytes = received.map_err(|broken| refused(&broken, self.limit))?;
+        let bytes = received.map_err(|broken| Refusal::broken(&broken, self.limit))?;
         let wrong = |found: &str| Refusal::of(format!("{FORM}, found {found}"), &bytes);
         let answered: Answered = serde_json::from_slice(&bytes).map_err(|error| match error.classify() {
             serde_json::error::Category::Data => wrong("other fields"),
@@ -223,10 +240,10 @@ impl Driver for Planner<'_> {
     }
 
     fn decide(&mut self, view: &View<'_>) -> Control {
-        self.ask(view).unwrap_or_else(|Refusal { reason, printed }| {
+        self.ask(view).unwrap_or_else(|Refusal { reason, printed, late }| {
             let k = view.decision();
             let reason = format!("decision {k} ({:.1} s): {reason}", k as f64 * DT_S);
-            self.broken = Some(Refusal { reason, printed });
+            self.broken = Some(Refusal { reason, printed, late });
             // The simulator refuses this, which ends the rollout.
             Control::Drive { acceleration_mps2: f64::NAN, steering_rad: f64::NAN }
         })
@@ -242,7 +259,7 @@ impl Driver for Planner<'_> {
 }
 
 /// Everything that a planner is told at one decision: nothing of the future.
-fn observation(view: &View<'_>) -> Message<'static> {
+fn observation(view: &View<'_>, map_m: Option<f64>) -> Message<'static> {
     let ego = view.ego();
     let mut near: Vec<(f64, Neighbour)> = Vec::new();
     view.for_each_within(SIGHT_M, |seen: &Seen| {
@@ -259,6 +276,7 @@ fn observation(view: &View<'_>) -> Message<'static> {
     });
     near.sort_by(|a, b| a.0.total_cmp(&b.0));
     let lights = view.plant().scene().lights.iter();
+    let around = |reach_m| MapNear::around(&view.plant().scene().road, ego.sample.position, reach_m);
     Message::Step {
         step: view.decision(),
         time_s: view.decision() as f64 * DT_S,
@@ -274,6 +292,7 @@ fn observation(view: &View<'_>) -> Message<'static> {
         },
         neighbours: near.into_iter().map(|(_, neighbour)| neighbour).collect(),
         lights: lights.map(|l| l.states.get(view.step()).copied().unwrap_or(LightState::Unknown)).collect(),
+        map: map_m.map(around),
     }
 }
 

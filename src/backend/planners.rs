@@ -12,7 +12,8 @@ use serde::Deserialize;
 use super::answer::Answer;
 use super::crew::Crew;
 use super::driver::{DRIVER_PROTOCOL, DriverOptions};
-use super::error::{BackendError, Fault, NoOutcome};
+use super::error::{BackendError, Fault, NoOutcome, TOO_SLOW};
+use super::map_near::REACH_M;
 use super::planner::{Planner, Refusal, why};
 use super::request::{Answers, Request};
 use super::workers::{Line, Start, start_of};
@@ -32,15 +33,24 @@ const OTHER_SALT: &str = "2";
 #[serde(deny_unknown_fields)]
 struct HelloLine {
     evodrive_driver: u32,
+    /// How far around the ego it wants to be told the map at each decision, metres.
+    #[serde(default)]
+    map_m: Option<f64>,
+}
+
+/// A process that greeted.
+struct Greeted {
+    line: Box<dyn Line>,
+    map_m: Option<f64>,
 }
 
 /// The planners of an experiment.
 pub struct Planners<'a> {
     options: &'a DriverOptions,
     start: &'a dyn Start,
-    crew: Crew<Box<dyn Line>>,
+    crew: Crew<Greeted>,
     /// Processes for the second time.
-    again: Crew<Box<dyn Line>>,
+    again: Crew<Greeted>,
     /// Whether nothing was played again so far.
     unchecked: AtomicBool,
     /// Rollouts that were driven, and those of them that were played again and came out the same.
@@ -66,8 +76,8 @@ impl<'a> Planners<'a> {
 
     /// One rollout, which another process plays too where it is drawn to be compared. The first one always is: a study may be so
     /// short that none is drawn.
-    fn drive(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
-        let first = self.play(line, request)?;
+    fn drive(&self, process: &mut Greeted, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
+        let first = self.play(process, request)?;
         self.driven.fetch_add(1, Ordering::Relaxed);
         let share = self.options.repeat_share;
         let is_first = self.unchecked.swap(false, Ordering::Relaxed);
@@ -81,7 +91,7 @@ impl<'a> Planners<'a> {
             self.greeted(OTHER_SALT)
         };
         let mut other = self.again.take(start).map_err(BackendError::planner)?;
-        let compared = self.play_again(other.as_mut(), request, &first, is_new);
+        let compared = self.play_again(&mut other, request, &first, is_new);
         self.again.give_back(compared.is_ok().then_some(other));
         compared?;
         self.equal.fetch_add(1, Ordering::Relaxed);
@@ -92,7 +102,7 @@ impl<'a> Planners<'a> {
     /// the same past, and what a planner keeps of it would show nowhere.
     fn play_again(
         &self,
-        other: &mut dyn Line,
+        other: &mut Greeted,
         request: &Request<'_>,
         first: &ReportedRollout,
         is_new: bool,
@@ -130,8 +140,8 @@ impl<'a> Planners<'a> {
         }))
     }
 
-    fn play(&self, line: &mut dyn Line, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
-        let mut planner = Planner::new(&mut *line, self.limit(), request.seed);
+    fn play(&self, process: &mut Greeted, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {
+        let mut planner = Planner::new(process.line.as_mut(), self.limit(), request.seed, process.map_m);
         let reported = tell(request.plant, request.intervention, &mut planner);
         let stopped = planner.was_stopped();
         match planner.broken() {
@@ -144,9 +154,10 @@ impl<'a> Planners<'a> {
                 found: reason,
                 remedy: "repeat the command to go on".into(),
             }))),
-            Some(Refusal { reason, printed }) => {
-                let reason = format!("planner `{}`, {reason}", self.command());
-                let reported = complaint(line);
+            Some(Refusal { reason, printed, late }) => {
+                let late = if late { TOO_SLOW } else { "" };
+                let reason = format!("{late}planner `{}`, {reason}", self.command());
+                let reported = complaint(process.line.as_mut());
                 let printed = if printed.is_empty() { reported } else { format!("; it printed: {printed}{reported}") };
                 if let Some(printed) = printed.strip_prefix("; ") {
                     self.start.show(&format!("scene {}: {reason}", request.scene()), printed);
@@ -157,10 +168,13 @@ impl<'a> Planners<'a> {
     }
 
     /// A new process that speaks this protocol.
-    fn greeted(&self, salt: &str) -> Result<Box<dyn Line>, Fault> {
+    fn greeted(&self, salt: &str) -> Result<Greeted, Fault> {
         let DriverOptions { command, .. } = self.options;
         let folder: &Path = self.options.folder();
-        let greeting = format!("{{\"evodrive_driver\":{DRIVER_PROTOCOL}}}");
+        let (nearest, farthest) = REACH_M;
+        let greeting = format!(
+            "{{\"evodrive_driver\":{DRIVER_PROTOCOL}}}, with \"map_m\" from {nearest} to {farthest} where it asks for the map"
+        );
         let fault = |place: &str, expected: &str, found: String, remedy: &str| Fault {
             command: command.join(" "),
             place: place.into(),
@@ -179,7 +193,9 @@ impl<'a> Planners<'a> {
         let limit = Duration::from_secs_f64(GREETING_S.max(self.options.timeout_s));
         let said = match line.receive(limit) {
             Ok(bytes) => match serde_json::from_slice::<HelloLine>(&bytes) {
-                Ok(HelloLine { evodrive_driver: DRIVER_PROTOCOL }) => return Ok(line),
+                Ok(HelloLine { evodrive_driver: DRIVER_PROTOCOL, map_m }) if fits(map_m) => {
+                    return Ok(Greeted { line, map_m });
+                }
                 _ => start_of(&bytes),
             },
             Err(broken) => why(&broken, limit),
@@ -201,7 +217,7 @@ impl<'a> Planners<'a> {
 impl Answers for Planners<'_> {
     fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
         let mut line = self.crew.take(|| self.greeted(SALT)).map_err(BackendError::planner)?;
-        let driven = self.drive(line.as_mut(), request);
+        let driven = self.drive(&mut line, request);
         // Whatever went wrong, nobody knows what the process would say next.
         self.crew.give_back(driven.is_ok().then_some(line));
         match driven {
@@ -226,6 +242,11 @@ impl Answers for Planners<'_> {
             }
         }
     }
+}
+
+/// Whether a planner may ask for so much of the map.
+fn fits(map_m: Option<f64>) -> bool {
+    map_m.is_none_or(|reach_m| (REACH_M.0..=REACH_M.1).contains(&reach_m))
 }
 
 /// The end of what a process wrote on its standard error, for messages.

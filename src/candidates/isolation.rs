@@ -101,3 +101,9 @@ fn is_solution_place(text: &str) -> bool {
     let digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
     text == "parent" || numbers.is_some_and(|(epoch, slot)| digits(epoch) && digits(slot))
 }
+
+/// Words of other families in a program that stands by itself.
+pub fn words_of_others(program: &Program, contract: &Contract, registry: &Registry) -> Vec<Problem> {
+    let vocabulary = contract.foreign_vocabulary(registry.iter());
+    foreign("/", contract, &vocabulary, &weight::texts(&program_json(program)))
+}

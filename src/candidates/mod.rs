@@ -15,5 +15,6 @@ mod weight;
 
 pub use admit::{Admission, Judging, Trials, admit};
 pub use apply::{ApplyError, apply};
+pub use isolation::words_of_others;
 pub use protected::PROTECTED;
 pub use random::{Places, random_patch};

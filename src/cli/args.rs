@@ -144,7 +144,7 @@ impl Command {
             Command::Calibrate(options) => calibrate::run(&options, jobs),
             Command::Lineage(options) => lineage::run(&options),
             Command::Show(options) => show::run(&options),
-            Command::Program(command) => program::run(&command),
+            Command::Program(command) => program::run(&command, jobs),
             Command::Apply(options) => apply::run(&options, jobs),
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),

@@ -7,7 +7,7 @@ use super::record::{CacheError, RolloutCache, RolloutRecord, request_key};
 use super::score::{Grouped, benchmark_score, scene_score, score_of, staged_scene_score};
 use std::sync::Arc;
 
-use crate::backend::{BackendError, NoOutcome};
+use crate::backend::{BackendError, NoOutcome, is_too_slow};
 use crate::ego::Policy;
 use crate::kernel::{Digest, Seed, Threads, canon::CanonError};
 use crate::objects::{SceneFailure, SceneScore, Score, benchmark::SafebenchRun};
@@ -126,7 +126,9 @@ pub fn label_one(
             let stored = cache.keep(&key, &record)?;
             Ok(Recorded { record: Arc::new(record), key, stored })
         }
-        Err(NoOutcome::Scene(reason)) => Err(SceneFailure { scene: scene.id.to_string(), reason }),
+        Err(NoOutcome::Scene(reason)) => {
+            Err(SceneFailure { scene: scene.id.to_string(), too_slow: is_too_slow(&reason), reason })
+        }
         Err(NoOutcome::Stop(error)) => return Err(error.into()),
     })
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::calibrate::moves;
 use super::metrics::{EvaluationOptions, RealismOptions, realism::realism_of};
 use super::protocol::safebench::Runs;
-use crate::backend::{Backend, BackendError, NoOutcome};
+use crate::backend::{Backend, BackendError, NoOutcome, is_too_slow};
 use crate::ego::Policy;
 use crate::kernel::{Seed, Threads, num};
 use crate::objects::SceneFailure;
@@ -48,7 +48,8 @@ pub fn replay_row(
                 run.zip(staging).into_iter().for_each(|(run, group)| runs.add(group, run));
             }
             Err(NoOutcome::Scene(reason)) => {
-                failures.push(SceneFailure { scene: scene.scene.id.clone(), reason });
+                let too_slow = is_too_slow(&reason);
+                failures.push(SceneFailure { scene: scene.scene.id.clone(), reason, too_slow });
             }
             Err(NoOutcome::Stop(error)) => return Err(error),
         }

@@ -41,9 +41,11 @@ pub use page::{listing, page};
 pub use parent_program::ParentProgram;
 pub use place::PROTOCOLS;
 pub use program_file::{
-    BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, ProgramFile, ProgramFileError,
+    BackendMark, CarriedCounsel, Conditions, ContractMark, FORMAT as PROGRAM_FORMAT, Finding, ProgramFile,
+    ProgramFileError, value_span,
 };
 pub use scenes::{read_pool, read_scenes, read_scenes_as};
 pub use schema::schema;
+pub use set::read as typed_value;
 pub use starter::{Started, Starter, starter};
 pub use training_file::TrainingFile;

@@ -41,7 +41,7 @@ pub fn table(assignments: &[String]) -> Result<Table, OptionError> {
 }
 
 /// A value as a file writes it, or else a text.
-fn read(value: &str) -> Value {
+pub fn read(value: &str) -> Value {
     let text = || Value::String(value.to_string());
     let parsed = format!("value = {value}").parse::<Table>().ok();
     // A value with a line of its own would smuggle in other keys.

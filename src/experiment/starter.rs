@@ -22,6 +22,8 @@ pub struct Starter {
     pub all: bool,
     /// The scenes as the file names them, with what they hold; generated ones without.
     pub scenes: Option<(PathBuf, Pool)>,
+    /// A program file from which the lineage starts, in place of its family's published parent.
+    pub start: Option<PathBuf>,
     /// The planner that is the ego; IDM without.
     pub driver: Option<PlannerFile>,
     pub epochs: Option<i64>,
@@ -96,6 +98,10 @@ pub fn starter(starter: &Starter) -> Result<Started, ExperimentError> {
     let _ = write!(text, "\n[budget]\nepochs = {epochs}\nslots = {slots}   # parallel proposals of an epoch\n");
     for name in &names {
         let _ = write!(text, "\n[[lineage]]\nid = \"{name}-{suffix}\"\nfamily = \"{name}\"\nego = \"{ego}\"\n");
+        if let Some(start) = &starter.start {
+            let named = toml::Value::String(start.to_string_lossy().into_owned());
+            let _ = writeln!(text, "parent_program = {named}   # evolution starts from it");
+        }
     }
     text.push_str(MODEL);
     if let Some(driver) = &starter.driver {

@@ -182,4 +182,12 @@ pub struct SceneFailure {
     pub scene: String,
     /// Why it has no label.
     pub reason: String,
+    /// Whether the driver under test took too long for a decision: neither a crash nor a success.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub too_slow: bool,
+}
+
+/// In how many of these scenes the driver was too slow.
+pub fn too_slow(failures: &[SceneFailure]) -> usize {
+    failures.iter().filter(|failure| failure.too_slow).count()
 }

@@ -9,6 +9,7 @@ mod audit;
 mod backends;
 mod best;
 mod bundle;
+mod by_hand;
 mod commands;
 mod counsel;
 mod credit;

@@ -211,7 +211,7 @@ fn a_lineage_starts_from_an_exported_program_and_carries_it_in_its_run() {
     );
     let folder = folder_below(&out);
     let further = read_run(&folder);
-    assert_eq!(further.parents[0].origins[0].solution.as_str(), attempt);
+    assert_eq!(further.parents[0].origins[0].texts()[1], attempt);
     let first = &further.frozen[0].parent_score;
     let ours: BTreeMap<String, Value> = labels(&apply(&exported().1, &first.scenes)["program"]["score"]);
     assert_eq!(recorded(first), ours);

@@ -280,6 +280,16 @@ fn read_output(from: impl Read) -> Result<Vec<u8>, String> {
     }
 }
 
+/// Runs a program in this terminal, as an editor is, and waits until it has ended; says how it ended where not well.
+pub fn in_terminal(command: &[String]) -> Result<(), String> {
+    let Some((program, arguments)) = command.split_first() else { return Err("an empty command".into()) };
+    match Command::new(program).args(arguments).status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("`{program}` ended with {status}")),
+        Err(error) => Err(format!("`{program}` cannot be started: {error}")),
+    }
+}
+
 /// The end of what is read.
 fn read_end(mut from: impl Read) -> Vec<u8> {
     let (mut kept, mut piece) = (Vec::new(), [0; 4096]);

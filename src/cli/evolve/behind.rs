@@ -33,6 +33,19 @@ impl Asked {
         Ok(Asked { driver, options, processes: Processes::default() })
     }
 
+    /// The same with another time limit for a decision, seconds, where one is given.
+    pub fn within(mut self, limit_s: Option<f64>) -> Result<Asked, Failure> {
+        if let Some(limit_s) = limit_s {
+            if !(0.001..=3600.0).contains(&limit_s) {
+                return Err(Failure::bad_input(format!(
+                    "--time-limit is {limit_s}, expected a number of seconds from 0.001 to 3600"
+                )));
+            }
+            self.driver.timeout_s = limit_s;
+        }
+        Ok(self)
+    }
+
     pub fn ego(&self) -> Result<Policy, Failure> {
         self.driver.policy().ok_or_else(|| Failure::internal("a program whose digest cannot be computed"))
     }

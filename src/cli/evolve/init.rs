@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use crate::cli::scenes::files;
 use crate::cli::scenes::recorded_crash::{self, RecordedCrash};
 use crate::cli::terminal::{answer::Answer, exit::Failure};
-use crate::experiment::{PlannerFile, Started, Starter, family_named, starter};
+use crate::experiment::{PlannerFile, ProgramFile, Started, Starter, family_named, starter};
 use crate::store;
 
 #[derive(Debug, Args)]
@@ -25,6 +25,9 @@ pub struct Options {
     /// Every family of the same protocol: with `--family human` those of SafeBench.
     #[arg(long)]
     pub all: bool,
+    /// Program file from which evolution starts, in place of the published parent of a family.
+    #[arg(long, conflicts_with_all = ["family", "all"])]
+    pub start: Option<PathBuf>,
     /// Epochs; 4 without it.
     #[arg(long)]
     pub epochs: Option<i64>,
@@ -54,9 +57,11 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let read = |path: &PathBuf| Ok::<_, Failure>((path.clone(), files::read(std::slice::from_ref(path), jobs)?));
     let scenes = options.scenes.as_ref().map(read).transpose()?;
     let driver = options.driver.as_deref().map(PlannerFile::named).transpose()?;
+    let start = options.start.as_deref().map(ProgramFile::read).transpose()?;
     let begun = Starter {
         name: options.name.clone(),
-        families: options.family.clone(),
+        families: start.as_ref().map_or_else(|| options.family.clone(), |start| vec![start.family.to_string()]),
+        start: options.start.clone(),
         all: options.all,
         scenes,
         driver,

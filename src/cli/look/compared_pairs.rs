@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::cli::records::folder::RunFolder;
-use crate::cli::studies::program;
+use crate::cli::studies::packed;
 use crate::cli::terminal::exit::Failure;
 use crate::evidence::RecordedRun;
 use crate::objects::SolutionId;
@@ -67,7 +67,7 @@ impl Side {
             Failure::bad_input(format!("{} {reason}", self.folder.dir.display()))
         };
         if let Some(part) = self.part.as_ref().filter(|part| part.contains('/')) {
-            let solution = program::find(&self.run, part)?.solution_id.clone();
+            let solution = packed::find(&self.run, part)?.solution_id.clone();
             return Ok(vec![Reported { lineage: part.clone(), search: part.clone(), seed: 0, solution }]);
         }
         let result = self.run.result.as_ref().ok_or_else(finished)?;

@@ -8,12 +8,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::archive::SelectorOptions;
+use crate::backend::{Answers, Planners};
 use crate::candidates::apply;
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::OneRun;
 use crate::cli::scenes::files;
-use crate::cli::studies::{apply as applying, program};
+use crate::cli::studies::{apply as applying, packed};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::{exit::Failure, width::stdout_width};
 use crate::epoch::{Applied, SceneEntry};
@@ -53,7 +54,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let lineage = options.program.as_ref().filter(|name| run.parents.iter().any(|of| is_of(&run, of, name)));
     let programs = match &options.program {
         Some(_) if lineage.is_some() => reported(&run, &folder.read_experiment()?.selector, lineage),
-        Some(name) => match program::find(&run, name)? {
+        Some(name) => match packed::find(&run, name)? {
             parent if parent.ancestor_chain.is_empty() => {
                 let text = format!("{name} is a parent: there is no edit to give credit to\n");
                 return Ok(Answer::new(text, json!({"credits": []})));
@@ -161,11 +162,11 @@ fn credit(
     solution: &SolutionId,
     threads: &Threads,
 ) -> Result<Credit, Failure> {
-    let file = program::packed_of(folder, run, solution.as_str())?;
+    let file = packed::packed_of(folder, run, solution.as_str())?;
     let way = Way::of(run, solution, options.operations)?;
     let sources = families::sources();
     let source = sources.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let (asked, ego) = applying::under_test(&file, options.ego.as_ref(), options.driver.as_deref())?;
+    let (asked, ego) = applying::under_test(&file, options.ego.as_ref(), (options.driver.as_deref(), None))?;
     let planners = asked.as_ref().map(Asked::planners);
     let pool = folder.read_pool()?;
     let held_out = run.opened.held_out_scenes.iter().filter_map(|id| pool.scene(id).cloned().map(Arc::new));
@@ -196,6 +197,7 @@ fn credit(
         programs.insert(hash(program)?, program);
     }
     let labelled = applied.label_each(&programs.values().copied().collect::<Vec<_>>(), &entries, threads)?;
+    planners.iter().filter_map(Planners::compared).for_each(progress);
     let labelled = labelled.into_iter().map(|labelled| labelled.map(|of| of.score.scenes).map_err(|e| e.to_string()));
     let labels: Labels = programs.into_keys().zip(labelled).collect();
     let needed = |digest: &Digest| labels[digest].as_ref().map_err(Failure::bad_input);

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::cli::records::folder::RunFolder;
 use crate::cli::records::run_name::{self, OneRun};
-use crate::cli::studies::program;
+use crate::cli::studies::packed;
 use crate::cli::terminal::{
     answer::Answer,
     exit::Failure,
@@ -79,7 +79,7 @@ fn named(run: &RecordedRun, name: &str) -> Result<Shown, Failure> {
     let known = || all(run).into_iter().map(|(id, _)| id.to_string()).collect::<Vec<_>>();
     match name.split_once('/') {
         Some((lineage, _)) if known().iter().any(|id| id == lineage) => {
-            let program = program::find(run, name)?;
+            let program = packed::find(run, name)?;
             Ok((program.lineage_id.clone(), program.solution_id.clone()))
         }
         _ => {

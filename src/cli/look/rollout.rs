@@ -7,7 +7,7 @@ use crate::backend::Answers;
 use crate::cli::evolve::behind;
 use crate::cli::look::playables;
 use crate::cli::records::run_name::OneRun;
-use crate::cli::studies::program;
+use crate::cli::studies::packed;
 use crate::cli::terminal::exit::Failure;
 use crate::compiler::Decision;
 use crate::draw::{Actor, Drawing, Role};
@@ -144,7 +144,7 @@ struct Labelled<'s> {
 impl<'s> Labelled<'s> {
     /// An attempt has the labels that decided about it, a parent those of its windows.
     fn of(recorded_run: &'s RecordedRun, name: &str) -> Result<Labelled<'s>, Failure> {
-        let program = program::find(recorded_run, name)?;
+        let program = packed::find(recorded_run, name)?;
         let mut labels: Vec<&SceneScore> = Vec::new();
         match recorded_run.attempt(name) {
             Some(attempt) => labels.extend(attempt.exit.score().iter().flat_map(|score| &score.scenes)),

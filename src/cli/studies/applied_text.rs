@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 use crate::adapters::ADAPTER_VERSION;
+use crate::cli::studies::applied_broken::{self, Broken};
 use crate::cli::terminal::answer::Answer;
 use crate::cli::terminal::width::table_width;
 use crate::ego::Policy;
@@ -15,7 +16,7 @@ use crate::experiment::ProgramFile;
 use crate::kernel::{Digest, Seed};
 use crate::objects::event::Versions;
 use crate::objects::replay::Replayed;
-use crate::objects::{Origin, SceneFailure};
+use crate::objects::{Origin, SceneFailure, too_slow};
 use crate::sim::SIM_VERSION;
 use crate::text::counted;
 
@@ -48,7 +49,7 @@ pub struct Written {
     pub json: Value,
 }
 
-pub fn answer(of: &Comparison, written: &Written) -> Answer {
+pub fn answer(of: &Comparison, written: &Written, broken: Option<&[Broken]>) -> Answer {
     let (parent, program) = (of.file.parent.solution_id.to_string(), of.file.program.solution_id.to_string());
     let [before, own] = proposals(of);
     let tables = tables::applied(&tables::Applied {
@@ -59,7 +60,8 @@ pub fn answer(of: &Comparison, written: &Written) -> Answer {
         program: side(&program, &own, &of.program),
     });
     let notes = notes(of);
-    let text = format!("{}{}", text(of, &tables, &notes), written.text);
+    let rows = broken.map_or(String::new(), |broken| applied_broken::text(broken, of.scenes.len(), of.ego.name()));
+    let text = format!("{}{rows}{}", text(of, &tables, &notes), written.text);
     let left_out: Vec<Value> =
         of.left_out.iter().map(|(scene, reason)| json!({"scene": scene, "reason": reason})).collect();
     let [before_realisms, own_realisms] = [&of.parent, &of.program].map(|played| Realisms::of(&played.score));
@@ -82,6 +84,11 @@ pub fn answer(of: &Comparison, written: &Written) -> Answer {
         "counselled": of.counselled,
         "evolved_on": of.familiar,
         "left_out": left_out,
+        "too_slow": {
+            "replay": too_slow(&of.replay.failures), "parent": too_slow(&of.parent.score.failures),
+            "program": too_slow(&of.program.score.failures),
+        },
+        "broken": broken.map(applied_broken::to_json),
         "tables": tables.iter().map(Table::json).collect::<Vec<_>>(),
         "notes": notes,
         "written": written.json,
@@ -125,6 +132,16 @@ fn text(of: &Comparison, tables: &[Table], notes: &[String]) -> String {
     let failures = |failures: &[SceneFailure]| -> Vec<String> {
         failures.iter().map(|failure| format!("{}: {}", failure.scene, failure.reason)).collect()
     };
+    let slow = [&of.replay.failures, &of.parent.score.failures, &of.program.score.failures].map(|of| too_slow(of));
+    if slow.iter().any(|count| *count > 0) {
+        let [without, parent, program] = slow;
+        let _ = writeln!(
+            text,
+            "too slow: the driver took longer than it may for a decision in {} without a program, in {parent} under the parent, in \
+             {program} under the program; those are neither crashes nor successes, and count in no number above",
+            counted(without, "scene")
+        );
+    }
     listed(&mut text, "no replay", failures(&of.replay.failures));
     listed(&mut text, "no label of the parent", failures(&of.parent.score.failures));
     listed(&mut text, "no label of the program", failures(&of.program.score.failures));

@@ -6,14 +6,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::backend::{Answers, Planners};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::look::rollout::Played;
 use crate::cli::scenes::export::{AT_ONCE, Exports, Format};
 use crate::cli::scenes::files;
+use crate::cli::studies::applied_broken;
 use crate::cli::studies::applied_text::{self, Comparison, Written};
 use crate::cli::studies::egos;
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::exit::Failure;
 use crate::cli::terminal::output::Output;
-use crate::cli::terminal::{answer::Answer, exit::Failure};
+use crate::cli::terminal::shell::quoted;
 use crate::draw::{Drawing, players_html};
 use crate::ego::{Policy, PolicyError};
 use crate::epoch::{Applied, Labelled, SceneEntry, record_digest};
@@ -46,6 +50,13 @@ pub struct Options {
     /// Your planner as the driver: a program, a .py file, or a .toml file with a table [driver] (docs/EGOS.md).
     #[arg(long, conflicts_with = "ego")]
     pub driver: Option<PathBuf>,
+    /// Seconds that your planner may take for a decision; a scene in which it takes longer is counted as too slow, which is neither a
+    /// crash nor a success. Without it 10, or what its table [driver] says.
+    #[arg(long, requires = "driver")]
+    pub time_limit: Option<f64>,
+    /// List the scenes in which the driver meets somebody, and under which program, with the command that plays each.
+    #[arg(long)]
+    pub scenes_broken: bool,
     /// Root of the random streams; without it the one of the program's run.
     #[arg(long)]
     pub seed: Option<u64>,
@@ -65,7 +76,7 @@ pub struct Options {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let file = ProgramFile::read(&options.program)?;
-    let (asked, ego) = under_test(&file, options.ego.as_ref(), options.driver.as_deref())?;
+    let (asked, ego) = under_test(&file, options.ego.as_ref(), (options.driver.as_deref(), options.time_limit))?;
     let planners = asked.as_ref().map(Asked::planners);
     let seed = Seed(options.seed.unwrap_or(file.conditions.seed));
     let pool = chosen(options, files::read(&options.scenes, jobs)?)?;
@@ -115,16 +126,39 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         program,
         file: file.clone(),
     };
-    Ok(applied_text::answer(&compared, &written))
+    planners.iter().filter_map(Planners::compared).for_each(progress);
+    let broken = options.scenes_broken.then(|| {
+        let of = (&compared.replay, &compared.parent.score, &compared.program.score);
+        applied_broken::broken(&compared.scenes, of, &command(options))
+    });
+    Ok(applied_text::answer(&compared, &written, broken.as_deref()))
+}
+
+/// The command as it was typed, without what chooses scenes and what is written.
+fn command(options: &Options) -> String {
+    let path = |path: &Path| quoted(&path.to_string_lossy());
+    let scenes: Vec<String> = options.scenes.iter().map(|of| path(of)).collect();
+    let mut command = format!("evodrive apply {} --scenes {}", path(&options.program), scenes.join(" "));
+    let named = [
+        ("--ego", options.ego.as_deref().map(quoted)),
+        ("--driver", options.driver.as_deref().map(path)),
+        ("--time-limit", options.time_limit.map(|limit| limit.to_string())),
+        ("--seed", options.seed.map(|seed| seed.to_string())),
+    ];
+    for (name, value) in named.into_iter().filter_map(|(name, value)| Some((name, value?))) {
+        command.push_str(&format!(" {name} {value}"));
+    }
+    command
 }
 
 /// Who drives: the planner that is named, or else the policy that is, or else the one that the program was evolved against.
 pub fn under_test(
     file: &ProgramFile,
     ego: Option<&String>,
-    planner: Option<&Path>,
+    (planner, limit_s): (Option<&Path>, Option<f64>),
 ) -> Result<(Option<Asked>, Policy), Failure> {
-    let asked = planner.map(|path| Asked::named(path, &file.conditions.simulator)).transpose()?;
+    let named = |path: &Path| Asked::named(path, &file.conditions.simulator)?.within(limit_s);
+    let asked = planner.map(named).transpose()?;
     let ego = match &asked {
         Some(asked) => asked.ego()?,
         None => driver(ego.unwrap_or(&file.conditions.ego))?,
@@ -174,11 +208,11 @@ fn chosen(options: &Options, pool: Pool) -> Result<Pool, Failure> {
 }
 
 /// Which scenes are played, and which are not and why.
-type SortedOut = (Vec<Arc<Scene>>, Vec<(String, String)>);
+pub type SortedOut = (Vec<Arc<Scene>>, Vec<(String, String)>);
 
 /// Scenes that evolution could use too. Scenes of the other protocol are refused: a program of recorded traffic moves
 /// logged vehicles, one of SafeBench's families moves the road users that a traffic family stages.
-fn sorted_out(paths: &[PathBuf], file: &ProgramFile, pool: Pool) -> Result<SortedOut, Failure> {
+pub fn sorted_out(paths: &[PathBuf], file: &ProgramFile, pool: Pool) -> Result<SortedOut, Failure> {
     let wants_staged = file.conditions.evaluation.safebench().is_some();
     let mut strange = pool.scenes.iter().filter(|scene| scene.staging.is_some() != wants_staged);
     if let Some(first) = strange.next() {

@@ -135,8 +135,7 @@ fn opened(file: &DownstreamFile, threads: &Threads) -> Result<(Sets, Opening), F
 
 /// The evolved program's name, its run, and who proposed its patches.
 fn generator(program: &ProgramFile) -> String {
-    let runs: Vec<String> =
-        program.origins.iter().map(|origin| format!("{} (root {})", origin.run, origin.root.short(12))).collect();
+    let runs: Vec<String> = program.origins.iter().map(Origin::short).collect();
     format!("{} of {}", program.program.solution_id, runs.join(", "))
 }
 

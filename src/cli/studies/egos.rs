@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-use crate::backend::{Answers, NoOutcome};
+use crate::backend::{Answers, NoOutcome, is_too_slow};
 use crate::cli::evolve::behind::{self, Asked};
 use crate::cli::scenes::{files, left_out::listed};
 use crate::cli::studies::train::lessons;
@@ -32,6 +32,18 @@ pub struct Options {
     /// Your planner, which drives too: a program, a .py file, or a .toml file with a table [driver]; may be repeated.
     #[arg(long)]
     pub driver: Vec<PathBuf>,
+    /// Seconds that a planner may take for a decision; a scene in which it takes longer is counted as too slow, which is neither a crash
+    /// nor a success. Without it 10, or what its table [driver] says.
+    #[arg(long)]
+    pub time_limit: Option<f64>,
+}
+
+/// How an ego drove, and the scenes that it did not drive to their end.
+struct Driven {
+    name: String,
+    trial: Trial,
+    too_slow: usize,
+    failed: usize,
 }
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
@@ -53,10 +65,10 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     for path in &options.policy {
         egos.push((path.display().to_string(), learned(path)?));
     }
-    let mut rows: Vec<(String, Trial)> = Vec::new();
+    let mut rows: Vec<Driven> = Vec::new();
     for (name, policy) in egos {
         match trial(&lessons, &policy, &threads) {
-            Ok(found) => rows.push((name, found)),
+            Ok(trial) => rows.push(Driven { name, trial, too_slow: 0, failed: 0 }),
             // SafeBench's scenes have no recorded ego; the others drive all the same.
             Err(SimError::NoLog { scene, .. }) if policy == Policy::Replay => {
                 progress(format!("replay is left out: scene {scene} has no recorded drive of its ego"));
@@ -67,15 +79,16 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     // The experiment's own program is asked, too: recorded are rollouts of runs.
     let own = experiment.driver.as_ref().map(|_| options.experiment.clone());
     for path in own.iter().chain(&options.driver) {
-        let asked = Asked::named(path, &rules)?;
-        rows.push((path.display().to_string(), planned(&asked, &lessons, experiment.seed, &threads)?));
+        let asked = Asked::named(path, &rules)?.within(options.time_limit)?;
+        rows.push(planned(path, &asked, &lessons, experiment.seed, &threads)?);
     }
-    let object = rows.iter().map(|(name, found)| json!({"ego": name, "figures": found})).collect::<Vec<_>>();
+    let row = |of: &Driven| json!({"ego": of.name, "figures": of.trial, "too_slow": of.too_slow, "failed": of.failed});
+    let object = rows.iter().map(row).collect::<Vec<_>>();
     Ok(Answer::new(table(lessons.len(), &rows), json!({"held_out": held_out.digest(), "egos": object})))
 }
 
 /// How a program of one's own drives; what it could not drive is named and counts nowhere.
-fn planned(asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> Result<Trial, Failure> {
+fn planned(path: &Path, asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> Result<Driven, Failure> {
     let (ego, planners) = (asked.ego()?, asked.planners());
     let backend = behind::asked(Some(asked), Some(&planners));
     let drive = |_: usize, of: &Lesson| backend.rollout(&of.plant, &of.intervention, &ego, Seed(seed));
@@ -87,11 +100,13 @@ fn planned(asked: &Asked, lessons: &[Lesson], seed: u64, threads: &Threads) -> R
             Err(NoOutcome::Stop(error)) => return Err(error.into()),
         }
     }
+    let too_slow = not_driven.iter().filter(|(_, reason)| is_too_slow(reason)).count();
+    let failed = not_driven.len() - too_slow;
     listed("not driven", not_driven.into_iter()).into_iter().for_each(progress);
     planners.compared().into_iter().for_each(progress);
     match outcomes.is_empty() {
         true => Err(Failure::bad_input("the ego drove no scene to its end; the reasons are given above")),
-        false => Ok(figures(&outcomes)),
+        false => Ok(Driven { name: path.display().to_string(), trial: figures(&outcomes), too_slow, failed }),
     }
 }
 
@@ -101,24 +116,30 @@ pub fn learned(path: &Path) -> Result<Policy, Failure> {
     Policy::learned(&bytes).map_err(|error| Failure::bad_input(format!("{}: {error}", path.display())))
 }
 
-fn table(count: usize, rows: &[(String, Trial)]) -> String {
+fn table(count: usize, rows: &[Driven]) -> String {
+    let heads = ["route completion", "crash rate", "off road", "arrived", "mean speed"];
+    let [route, crash, off, arrived, speed] = heads;
+    // A planner alone can be too slow, or fail.
+    let missing = rows.iter().any(|of| of.too_slow + of.failed > 0);
+    let more = if missing { format!(" {:>9} {:>9}", "too slow", "failed") } else { String::new() };
     let mut text = format!(
-        "{}, no program; a crash is any contact, whoever caused it\n{:>16} {:>12} {:>10} {:>9} {:>11}  ego\n",
-        counted(count, "held-out scene"),
-        "route completion",
-        "crash rate",
-        "off road",
-        "arrived",
-        "mean speed"
+        "{}, no program; a crash is any contact, whoever caused it\n{route:>16} {crash:>12} {off:>10} {arrived:>9} {speed:>11}{more}  ego\n",
+        counted(count, "held-out scene")
     );
-    for (name, found) in rows {
+    for Driven { name, trial, too_slow, failed } in rows {
+        let more = if missing { format!(" {too_slow:>9} {failed:>9}") } else { String::new() };
         text += &format!(
-            "{:>14.1} % {:>10.1} % {:>8.1} % {:>7.1} % {:>7.1} m/s  {name}\n",
-            100.0 * found.route_completion,
-            100.0 * found.crash_rate,
-            100.0 * found.off_road_rate,
-            100.0 * found.arrival_rate,
-            found.speed_mps
+            "{:>14.1} % {:>10.1} % {:>8.1} % {:>7.1} % {:>7.1} m/s{more}  {name}\n",
+            100.0 * trial.route_completion,
+            100.0 * trial.crash_rate,
+            100.0 * trial.off_road_rate,
+            100.0 * trial.arrival_rate,
+            trial.speed_mps
+        );
+    }
+    if missing {
+        text.push_str(
+            "too slow is neither a crash nor a success; both that and failed scenes count in no number beside them\n",
         );
     }
     text

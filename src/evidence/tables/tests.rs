@@ -7,8 +7,8 @@ use crate::archive::{ArchiveOptions, PromotionRule};
 use crate::evidence::recorded_run::{Declared, RecordedRun};
 use crate::kernel::Digest;
 use crate::objects::{
-    Attempt, FamilyName, LineageId, Met, Objectives, Origin, ParameterValue, Program, SceneFailure, SceneScore, Score,
-    SolutionId,
+    Attempt, FamilyName, LineageId, Met, Objectives, Origin, ParameterValue, Program, RunOrigin, SceneFailure,
+    SceneScore, Score, SolutionId,
     attempt::*,
     event::*,
     ids::AttemptId,
@@ -91,7 +91,11 @@ pub(in crate::evidence) fn score(of: &str, labels: &[Label; 4]) -> Score {
     };
     let scenes: Vec<SceneScore> = SCENES.iter().zip(labels).filter_map(scene).collect();
     let failed = SCENES.iter().zip(labels).filter(|(_, label)| label.is_none());
-    let failures = failed.map(|(id, _)| SceneFailure { scene: id.to_string(), reason: "no contact solved".into() });
+    let failures = failed.map(|(id, _)| SceneFailure {
+        scene: id.to_string(),
+        reason: "no contact solved".into(),
+        too_slow: false,
+    });
     let mean = |value: fn(&SceneScore) -> f64| scenes.iter().map(value).sum::<f64>() / scenes.len() as f64;
     let objectives = Objectives { attack: mean(|s| s.attack), realism: mean(|s| s.realism) };
     let realism_all = objectives.realism;
@@ -524,7 +528,8 @@ fn a_planner_stands_by_its_name_beside_the_methods_and_two_planners_are_two_rows
     let mut run = against("", "cat-mine");
     run.declared.planner = None;
     let (root, solution) = (Digest::of_bytes(b"other"), SolutionId::new("cat-idm/e0s0"));
-    run.parents[0].origins = vec![Origin { run: "other".into(), root, solution, models: BTreeMap::new() }];
+    let of = RunOrigin { run: "other".into(), root, solution, models: BTreeMap::new() };
+    run.parents[0].origins = vec![Origin::Run(of)];
     let table = metadrive_policy(&[run]).unwrap();
     assert_eq!(row(&table, "CAT (cat-mine)").labels[1], "command");
 }

@@ -3,9 +3,13 @@
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
+use super::ProgramFileError;
 use super::error::shown;
 use crate::adapters::{ADAPTER_VERSION, Contract};
+use crate::families;
 use crate::kernel::{Digest, canon::CanonError};
+use crate::objects::FamilyName;
+use crate::stage::Source;
 
 /// Names that a message lists; of more it says how many.
 const LISTED_MAX: usize = 12;
@@ -57,4 +61,19 @@ fn listed(names: &[&String]) -> String {
     let more = names.len().saturating_sub(LISTED_MAX);
     let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
     format!("{}{rest}", named.join(", "))
+}
+
+/// The code of a family that a file names.
+///
+/// # Errors
+/// No family has that name; the nearest one is proposed.
+pub fn source_of(file: &str, family: &FamilyName) -> Result<Source, ProgramFileError> {
+    let sources = families::sources();
+    sources.get(family).cloned().ok_or_else(|| {
+        let known: Vec<&str> = sources.iter().map(|source| source.contract.family.as_str()).collect();
+        let hint = crate::text::nearest(family.as_str(), known.iter().copied());
+        let hint = hint.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
+        let expected = format!("one of {}{hint}", known.join(", "));
+        ProgramFileError::Family { file: file.into(), place: "family", found: shown(family.as_str()), expected }
+    })
 }

@@ -1,5 +1,6 @@
 //! What is wrong with a program file, each fault with a message of its own.
 
+use super::finding::Finding;
 use crate::store::StoreError;
 
 /// Characters of the file's own text that a message repeats.
@@ -18,6 +19,15 @@ pub(super) fn shown(text: &str) -> String {
     if text.chars().nth(SHOWN_CHARS).is_some() { out + "..." } else { out }
 }
 
+/// The first of several faults, and how to see the others.
+fn listed(file: &str, findings: &[Finding]) -> String {
+    let first = findings.first().map_or(String::new(), Finding::to_string);
+    match findings.len() {
+        0 | 1 => format!("{first}; correct it there"),
+        more => format!("{first}; {} more, which `evodrive program check {file}` lists", more - 1),
+    }
+}
+
 /// A program file that cannot be used. `file` is its name.
 #[derive(Debug, thiserror::Error)]
 pub enum ProgramFileError {
@@ -31,8 +41,15 @@ pub enum ProgramFileError {
         "{file}, line {line}, column {column}: {found} where a finite number is expected; export the program again"
     )]
     NotFinite { file: String, line: usize, column: usize, found: String },
-    #[error("{file}: not JSON: {reason}; name a file that `evodrive program export` wrote")]
+    #[error(
+        "{file}: not JSON: {reason}; name a file that `evodrive program export` wrote (TOML has a name that ends in .toml)"
+    )]
     NotJson { file: String, reason: String },
+    #[error("{file}: {reason}; correct that place, or begin with `evodrive program new`")]
+    NotToml { file: String, reason: String },
+    /// Places of a program in TOML that do not fit, at least one.
+    #[error("{file}, {}", listed(.file, .findings))]
+    Findings { file: String, findings: Vec<Finding> },
     #[error(
         "{file}: `format` is {found}, expected \"{expected}\"; name a file that `evodrive program export` of this version wrote"
     )]
@@ -51,11 +68,21 @@ pub enum ProgramFileError {
     Options { file: String, reason: String },
     #[error(
         "{file}: {what} has digest {computed}, the file says {found}; it was damaged or edited, so copy or export it again \
-         (a program is changed by evolving it)"
+         (`evodrive program edit` and `program set` change a program)"
     )]
     Digest { file: String, what: &'static str, found: String, computed: String },
     #[error("{file}: the program breaks its contract: {problem}; export it again")]
     Program { file: String, problem: String },
     #[error(transparent)]
     Store(#[from] StoreError),
+}
+
+/// Why a program has no TOML.
+#[derive(Debug, thiserror::Error)]
+pub enum NotWritten {
+    #[error("no family is called `{0}`")]
+    Family(String),
+    /// A number that TOML has no room for, such as a seed above 2^63.
+    #[error("{place}: {reason}; keep the file as JSON")]
+    Value { place: String, reason: String },
 }

@@ -1,14 +1,25 @@
-//! Program files: one program with everything that it needs to be played elsewhere, in one JSON file. `read.rs` says what
-//! is refused; docs/FORMAT.md is the format.
+//! Program files: one program with everything that it needs to be played elsewhere, as JSON, or as TOML for people. `read.rs`
+//! says what is refused; docs/FORMAT.md is the format.
 
+mod comments;
 mod contract;
 mod error;
+mod finding;
+mod hand;
+mod lines;
+mod parts;
+mod published;
 mod read;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod toml_tests;
+mod written;
 
 pub use contract::ContractMark;
-pub use error::ProgramFileError;
+pub use error::{NotWritten, ProgramFileError};
+pub use finding::Finding;
+pub use lines::value_span;
 
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

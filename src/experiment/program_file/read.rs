@@ -4,13 +4,14 @@ use std::path::Path;
 
 use serde_json::{Value, error::Category};
 
+use super::contract::source_of;
 use super::error::shown;
-use super::{ContractMark, FORMAT, ProgramFile, ProgramFileError};
+use super::finding::{self, Finding};
+use super::{ContractMark, FORMAT, ProgramFile, ProgramFileError, hand};
 use crate::ego::{Policy, PolicyError};
 use crate::evaluation::EvaluationOptions;
-use crate::families;
 use crate::kernel::canon::CanonError;
-use crate::objects::{FamilyName, Program};
+use crate::objects::{FamilyName, Origin, Program};
 use crate::stage::Source;
 use crate::store::{self, StoreError};
 
@@ -22,24 +23,59 @@ const TEXT_CHARS_MAX: usize = 400;
 const NOT_NUMBERS: [&str; 5] = ["NaN", "nan", "Infinity", "inf", "Inf"];
 
 impl ProgramFile {
-    /// Reads a file that `evodrive program export` wrote.
+    /// Reads a file that `evodrive program` wrote, or somebody by hand: TOML where its name ends so, else JSON.
     ///
     /// # Errors
     /// See [`ProgramFileError`]: a file that is too large, cut off, no program file, of another version, of a contract that
     /// changed, or damaged.
     pub fn read(path: &Path) -> Result<ProgramFile, ProgramFileError> {
-        let file = path.display().to_string();
-        let bytes = store::read_bounded(path, FILE_BYTES_MAX).map_err(|error| match error {
-            StoreError::TooLarge { max_bytes, .. } => {
-                ProgramFileError::TooLarge { file: file.clone(), bytes_max: max_bytes }
-            }
-            other => ProgramFileError::Store(other),
-        })?;
-        ProgramFile::from_bytes(&file, &bytes)
+        ProgramFile::from_bytes(&path.display().to_string(), &ProgramFile::bytes_of(path)?)
     }
 
-    /// The same from bytes; `file` is the name for messages.
+    /// The bytes of a file that may be a program's.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is too large.
+    pub fn bytes_of(path: &Path) -> Result<Vec<u8>, ProgramFileError> {
+        let file = path.display().to_string();
+        store::read_bounded(path, FILE_BYTES_MAX).map_err(|error| match error {
+            StoreError::TooLarge { max_bytes, .. } => ProgramFileError::TooLarge { file, bytes_max: max_bytes },
+            other => ProgramFileError::Store(other),
+        })
+    }
+
+    /// Whether a file of this name holds TOML.
+    pub fn is_toml(file: &str) -> bool {
+        Path::new(file).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
+    }
+
+    /// The same from TOML.
+    ///
+    /// # Errors
+    /// Those of [`ProgramFile::read`]; every place that does not fit, with its line.
+    pub fn from_toml(file: &str, text: &str) -> Result<ProgramFile, ProgramFileError> {
+        let read = hand::read(file, text)?;
+        let source = source_of(file, &read.family)?;
+        let own = finding::by_contract(&source.contract, &read.program).into_iter();
+        let of_parent = finding::by_contract(&source.contract, &read.parent).into_iter();
+        let within_parent = of_parent.map(|(gate, problem)| (gate, problem.below("/parent")));
+        let findings: Vec<Finding> =
+            own.chain(within_parent).map(|(gate, problem)| Finding::at(gate, problem, Some(text))).collect();
+        match findings.is_empty() {
+            true => read.checked(file, &source),
+            false => Err(ProgramFileError::Findings { file: file.into(), findings }),
+        }
+    }
+
+    /// The same from bytes; `file` is the name, also for messages.
     pub fn from_bytes(file: &str, bytes: &[u8]) -> Result<ProgramFile, ProgramFileError> {
+        if ProgramFile::is_toml(file) {
+            let text = std::str::from_utf8(bytes).map_err(|error| ProgramFileError::NotToml {
+                file: file.into(),
+                reason: format!("byte {} is not UTF-8", error.valid_up_to()),
+            })?;
+            return ProgramFile::from_toml(file, text);
+        }
         let value: Value = serde_json::from_slice(bytes).map_err(|error| unread(file, bytes, &error))?;
         let source = about(file, &value)?;
         let read: ProgramFile = serde_json::from_slice(bytes).map_err(|error| shape(file, &error))?;
@@ -81,10 +117,7 @@ impl ProgramFile {
     fn check_texts(&self, file: &str) -> Result<(), ProgramFileError> {
         let programs = [&self.program, &self.parent].into_iter();
         let named = programs.flat_map(|program| [program.solution_id.as_str(), program.lineage_id.as_str()]);
-        let origins = self.origins.iter().flat_map(|origin| {
-            let models = origin.models.iter().flat_map(|(role, label)| [role.as_str(), label.as_str()]);
-            [origin.run.as_str(), origin.solution.as_str()].into_iter().chain(models)
-        });
+        let origins = self.origins.iter().flat_map(Origin::texts);
         let strange = |text: &&str| text.chars().count() > TEXT_CHARS_MAX || text.chars().any(char::is_control);
         let backend = self.conditions.backend.iter().flat_map(|mark| [mark.name.as_str(), mark.version.as_str()]);
         let all = named.chain(origins).chain(backend).chain([self.conditions.ego.as_str()]);
@@ -133,14 +166,7 @@ fn about(file: &str, value: &Value) -> Result<Source, ProgramFileError> {
             .ok_or_else(|| ProgramFileError::Shape { file: file.into(), reason: format!("missing field `{name}`") })
     };
     let family: FamilyName = serde_json::from_value(field("family")?.clone()).map_err(|error| shape(file, &error))?;
-    let sources = families::sources();
-    let source = sources.get(&family).cloned().ok_or_else(|| {
-        let known: Vec<&str> = sources.iter().map(|source| source.contract.family.as_str()).collect();
-        let hint = crate::text::nearest(family.as_str(), known.iter().copied());
-        let hint = hint.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
-        let expected = format!("one of {}{hint}", known.join(", "));
-        ProgramFileError::Family { file: file.into(), place: "family", found: shown(family.as_str()), expected }
-    })?;
+    let source = source_of(file, &family)?;
     let mark: ContractMark = serde_json::from_value(field("contract")?.clone()).map_err(|error| shape(file, &error))?;
     let now = ContractMark::of(&source.contract)
         .map_err(|error| ProgramFileError::Options { file: file.into(), reason: error.to_string() })?;

@@ -1,0 +1,107 @@
+//! A program of a run, put together as a file.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::adapters::ADAPTER_VERSION;
+use crate::cli::look::show;
+use crate::cli::records::folder::RunFolder;
+use crate::cli::terminal::exit::Failure;
+use crate::evaluation::EVAL_VERSION;
+use crate::evidence::RecordedRun;
+use crate::experiment::{
+    BackendMark, CarriedCounsel, Conditions, ContractMark, PROGRAM_FORMAT, ParentProgram, ProgramFile,
+};
+use crate::families;
+use crate::kernel::Digest;
+use crate::objects::event::Versions;
+use crate::objects::{LineageId, Origin, Program, RunOrigin, SolutionId};
+use crate::scene::Pool;
+use crate::sim::SIM_VERSION;
+
+/// The file of an attempt's program or a parent.
+pub fn packed_of(folder: &RunFolder, run: &RecordedRun, name: &str) -> Result<ProgramFile, Failure> {
+    let program = find(run, name)?;
+    let lineage = &program.lineage_id;
+    let damaged = |what: &str| Failure::corruption(format!("{}: {what}; run `evodrive fsck`", folder.dir.display()));
+    let adopted = run.parents.iter().find(|parent| parent.lineage == *lineage);
+    let adopted = adopted.ok_or_else(|| damaged(&format!("lineage {lineage} has no parent")))?;
+    let experiment = folder.read_experiment()?;
+    if experiment.digest()? != run.opened.experiment {
+        return Err(damaged("experiment.toml is not the experiment that the transcript names"));
+    }
+    let group = |id: &LineageId| *id == *lineage || lineage.as_str().starts_with(&format!("{id}-s"));
+    let settings = experiment.lineages.iter().find(|of| group(&of.id));
+    let family = program.source_family.clone();
+    let sources = families::sources();
+    let source = sources.get(&family).ok_or_else(|| damaged(&format!("no family is called `{family}`")))?;
+    let contract = ContractMark::of(&source.contract).map_err(Failure::internal)?;
+    let versions = Versions { adapter: ADAPTER_VERSION, sim: SIM_VERSION, eval: EVAL_VERSION };
+    // A contract that grew since leaves its programs what they were.
+    if run.opened.versions != versions || !source.contract.check_program(program).is_empty() {
+        return Err(Failure::bad_input(format!(
+            "{}: the run was made by another version of evodrive (adapter, simulator, evaluation {:?}, here {versions:?}); \
+             export with that version, or run the experiment again with this one",
+            folder.dir.display(),
+            run.opened.versions
+        )));
+    }
+    let pool = folder.read_pool()?;
+    let start = settings.and_then(|of| of.parent_program.as_ref());
+    let origin = Origin::Run(RunOrigin {
+        run: run.opened.name.clone(),
+        root: run.root,
+        solution: program.solution_id.clone(),
+        models: run.opened.models.clone(),
+    });
+    let file = ProgramFile {
+        format: PROGRAM_FORMAT.into(),
+        digest: Digest::of_bytes(&[]),
+        contract,
+        program: program.clone(),
+        program_hash: program.hash().map_err(Failure::internal)?,
+        parent: adopted.program.clone(),
+        parent_settings: settings.map_or_else(BTreeMap::new, |of| of.parent.clone()),
+        conditions: Conditions {
+            ego: adopted.ego.clone(),
+            seed: experiment.seed,
+            versions,
+            simulator: experiment.simulator.rules(),
+            backend: experiment.simulator.backend.as_ref().map(BackendMark::of),
+            evaluation: experiment.evaluation.clone(),
+        },
+        counsel: counsel(run, &pool, lineage),
+        evolution_scenes: evolution_scenes(run, &pool, start),
+        origins: adopted.origins.iter().cloned().chain([origin]).collect(),
+        family,
+    };
+    file.sealed().map_err(Failure::internal)
+}
+
+/// The program of an attempt or of a lineage's parent.
+pub fn find<'s>(run: &'s RecordedRun, name: &str) -> Result<&'s Program, Failure> {
+    if let Some(parent) = run.parents.iter().find(|parent| parent.program.solution_id.as_str() == name) {
+        return Ok(&parent.program);
+    }
+    let attempt = show::find(run, name)?;
+    let left = || {
+        format!("attempt {name} was {}, so there is no program; `evodrive show {name}` says why", attempt.exit.name())
+    };
+    let candidate = attempt.exit.candidate().ok_or_else(|| Failure::bad_input(left()))?;
+    Ok(run.program(&SolutionId::new(name)).unwrap_or(&candidate.program))
+}
+
+/// What the lineage was counselled, with the digests of the scenes.
+fn counsel(run: &RecordedRun, pool: &Pool, lineage: &LineageId) -> BTreeMap<String, CarriedCounsel> {
+    let own = run.counsels.iter().filter(|counselled| counselled.lineage == *lineage);
+    let carried = own.filter_map(|counselled| {
+        let scene = pool.scene(&counselled.scene)?.digest();
+        Some((counselled.scene.clone(), CarriedCounsel { scene, counsel: counselled.counsel.clone() }))
+    });
+    carried.collect()
+}
+
+/// The scenes on which the program and what it started from were evolved.
+fn evolution_scenes(run: &RecordedRun, pool: &Pool, start: Option<&ParentProgram>) -> BTreeSet<Digest> {
+    let own = run.opened.evolution_scenes.iter().filter_map(|id| Some(pool.scene(id)?.digest()));
+    own.chain(start.iter().flat_map(|start| start.evolution_scenes.iter().copied())).collect()
+}

@@ -45,18 +45,18 @@ impl MapNear {
 
 /// The longest runs of segments of which each comes within reach.
 fn pieces(line: &[Vec2], at: Vec2, reach_m: f64) -> Vec<Vec<Vec2>> {
-    let mut found: Vec<Vec<Vec2>> = Vec::new();
+    let mut pieces: Vec<Vec<Vec2>> = Vec::new();
     let mut follows = false;
     for pair in line.windows(2) {
         let is_near = distance(pair[0], pair[1], at) <= reach_m;
-        match (is_near, follows, found.last_mut()) {
+        match (is_near, follows, pieces.last_mut()) {
             (true, true, Some(piece)) => piece.push(pair[1]),
-            (true, ..) => found.push(pair.to_vec()),
+            (true, ..) => pieces.push(pair.to_vec()),
             (false, ..) => {}
         }
         follows = is_near;
     }
-    found
+    pieces
 }
 
 /// From a point to the nearest one of a segment, metres.

@@ -35,6 +35,7 @@ mod not_losing_work;
 mod nudge;
 mod openevolve;
 mod own_ego;
+mod own_ego_page;
 mod own_metrics;
 mod parents;
 mod piloting;

@@ -7,7 +7,7 @@ use crate::backends::experiment;
 use crate::harness::{Ran, evodrive, home, skip};
 
 /// Whether Python is here; its absence is told at the end of `cargo test`.
-fn python() -> bool {
+pub fn python() -> bool {
     let there = Command::new("python3").arg("--version").output().is_ok_and(|ran| ran.status.success());
     if !there {
         skip("no python3: the examples of docs/EGOS.md were not driven");
@@ -15,13 +15,13 @@ fn python() -> bool {
     there
 }
 
-fn copied(folder: &Path, names: &[&str]) {
+pub fn copied(folder: &Path, names: &[&str]) {
     for name in names {
         std::fs::copy(home().join("examples/own_ego").join(name), folder.join(name)).unwrap();
     }
 }
 
-fn driver(planner: &str) -> String {
+pub fn driver(planner: &str) -> String {
     format!(
         "[[lineage]]\nid = \"cat-mine\"\nfamily = \"cat\"\nego = \"command\"\n\
          [driver]\ncommand = [\"python3\", \"{planner}\"]\nfiles = [\"{planner}\", \"evodrive_driver.py\"]\n\

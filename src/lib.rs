@@ -82,6 +82,7 @@
 //! - [`epoch`]: the epochs of a run: the state, the frozen snapshot, the workers and the serial acceptor.
 //! - [`evidence`]: from recorded runs to the report and the tables.
 //! - [`shard`]: missing work of a run as files that travel, and the union of their results.
+//! - [`suite`]: frozen scenes for planners: what is chosen, what came of a planner, thresholds, comparisons.
 //! - [`experiment`]: reads, checks and resolves experiment files, their scenes and their models.
 
 #![forbid(unsafe_code)]
@@ -99,6 +100,7 @@ pub mod cli;
 pub mod epoch;
 pub mod experiment;
 pub mod shard;
+pub mod suite;
 
 // Compiles and runs the programs of the page with `cargo test --doc`.
 #[cfg(doctest)]

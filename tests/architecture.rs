@@ -46,6 +46,7 @@ const TABLE: &[(&str, &str)] = &[
     ("evidence", "kernel text store scene draw sim objects evaluation archive lineage world"),
     ("shard", "kernel store sim backend objects adapters evaluation epoch"),
     ("bundle", "kernel store"),
+    ("suite", "kernel scene draw sim objects evidence"),
     ("cli", "*"),
 ];
 

@@ -9,12 +9,12 @@ use crate::cli::look::{compare, credit, data, diff, figure, impact, lineage, rep
 use crate::cli::records::{bundle, fsck, run_name::OneRun};
 use crate::cli::reference::{known, manual, options};
 use crate::cli::scenes::{calibrate, command};
-use crate::cli::studies::{agree, apply, claims, downstream, egos, paper, program, train};
+use crate::cli::studies::{agree, apply, claims, downstream, egos, leaderboard, paper, program, suite, train};
 use crate::cli::terminal::{answer::Answer, examples::with_examples, exit::Failure};
 
 /// Deterministic, replay-first evolution of driving-scenario generators by LLM agents.
 ///
-/// Exit codes: 0 success, 2 bad input, 3 no recorded answer, 4 something came out differently, 5 stored bytes are damaged,
+/// Exit codes: 0 success, 1 a threshold of a suite is broken, 2 bad input, 3 no recorded answer, 4 something came out differently, 5 stored bytes are damaged,
 /// 70 internal, 130 interrupted by Ctrl-C.
 #[derive(Debug, Parser)]
 #[command(name = "evodrive", version)]
@@ -65,6 +65,11 @@ pub enum Command {
     Program(program::Command),
     /// Play a program file on any scenes, against its parent and against no program; no model is asked.
     Apply(apply::Options),
+    /// Frozen scenes for planners: freeze, drive with thresholds for CI, compare two versions, play (docs/SUITES.md).
+    #[command(subcommand)]
+    Suite(suite::Command),
+    /// Drive a suite with several planners and policies: a table of them, and by family, with intervals (docs/SUITES.md).
+    Leaderboard(leaderboard::Options),
     /// Check the stored objects, memo and transcript of a run.
     Fsck(fsck::Options),
     /// Write a run's report as one HTML file.
@@ -146,6 +151,8 @@ impl Command {
             Command::Show(options) => show::run(&options),
             Command::Program(command) => program::run(&command, jobs),
             Command::Apply(options) => apply::run(&options, jobs),
+            Command::Suite(command) => suite::run(&command, jobs),
+            Command::Leaderboard(options) => leaderboard::run(&options, jobs),
             Command::Fsck(options) => fsck::run(&options),
             Command::Report(options) => report::run(&options, jobs),
             Command::Watch(options) => watch::run(&options, jobs),

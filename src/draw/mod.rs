@@ -22,7 +22,7 @@ pub use figure_pdf::pdf;
 pub use film::{Film, FilmError, FilmOptions, film, gif};
 pub use helvetica::{width, wrapped};
 pub use panel::{Panel, colour, panel};
-pub use player::{PLAYER_CSS, PLAYER_JS, escaped, player_html, players_html, script_json};
+pub use player::{PLAYER_CSS, PLAYER_JS, beside_html, escaped, player_html, players_below, players_html, script_json};
 pub use strip::{StripOptions, even_steps, strip, strip_figure};
 pub use svg::{Frame, SvgOptions, Theme, svg};
 

@@ -20,6 +20,11 @@ pub fn player_html(drawing: &Drawing, title: &str) -> String {
 
 /// The page that shows one of several drawings at a time, each with the line under which it is chosen.
 pub fn players_html(drawings: &[(String, Drawing)], title: &str) -> String {
+    players_below("", drawings, title)
+}
+
+/// The same below a piece of HTML.
+pub fn players_below(above: &str, drawings: &[(String, Drawing)], title: &str) -> String {
     let choice = "<p><label>Scene <select id=\"choice\"></select></label></p>\n";
     let mount = "const all = JSON.parse(document.getElementById(\"drawing\").textContent);\n\
                  const choice = document.getElementById(\"choice\"), player = document.getElementById(\"player\");\n\
@@ -27,7 +32,19 @@ pub fn players_html(drawings: &[(String, Drawing)], title: &str) -> String {
                  let shown = null;\n\
                  const show = () => { if (shown) shown.destroy(); shown = EvoPlayer.mount(player, all[choice.value][1], { fill: true }); };\n\
                  choice.addEventListener(\"change\", show);\nif (all.length) show();";
-    page(title, choice, &script_json(drawings), mount)
+    page(title, &format!("{above}{choice}"), &script_json(drawings), mount)
+}
+
+/// The page that shows drawings beside each other, each below its line.
+pub fn beside_html(drawings: &[(String, Drawing)], title: &str) -> String {
+    let above = "<style>#all { display: flex; flex-wrap: wrap; gap: 1rem } #all > div { flex: 1 1 24rem }</style><div id=\"all\"></div>\n";
+    let mount = "const all = JSON.parse(document.getElementById(\"drawing\").textContent);\n\
+                 document.getElementById(\"player\").remove();\n\
+                 all.forEach(([line, drawing]) => {\n\
+                 const one = document.createElement(\"div\"), head = document.createElement(\"p\"), place = document.createElement(\"div\");\n\
+                 head.textContent = line; place.className = \"evo-player\"; one.append(head, place);\n\
+                 document.getElementById(\"all\").append(one); EvoPlayer.mount(place, drawing, {}); });";
+    page(title, above, &script_json(drawings), mount)
 }
 
 fn page(title: &str, above: &str, data: &str, mount: &str) -> String {

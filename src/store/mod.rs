@@ -27,7 +27,7 @@ pub use lines::{LINE_BYTES_MAX, Line, batch, next_line, toml_too_large, too_larg
 pub use memo_kind::MemoKind;
 pub use objects::{Opening, Store};
 pub use text::{
-    TextFault, TextLines, UNPACKED_FREE, UNPACKED_PER_BYTE, ZSTD_MAGIC, read_text, text_lines, unpacked_bytes_max,
-    write_text,
+    TextFault, TextLines, UNPACKED_FREE, UNPACKED_PER_BYTE, ZSTD_MAGIC, packed, read_text, text_lines,
+    unpacked_bytes_max, write_text,
 };
 pub use transcript::{Event, SEALED, Transcript, each_event, each_event_on, fsck_transcript, read_events};

@@ -162,8 +162,12 @@ pub fn write_text(path: &Path, text: &[u8]) -> Result<(), StoreError> {
     if !is_compressed(path) {
         return write_atomic(path, text);
     }
-    let packed = zstd::bulk::compress(text, LEVEL).map_err(|source| StoreError::io("compress", path, source))?;
-    write_atomic(path, &packed)
+    write_atomic(path, &packed(path, text)?)
+}
+
+/// A text as a compressed file holds it; `path` is the name for messages.
+pub fn packed(path: &Path, text: &[u8]) -> Result<Vec<u8>, StoreError> {
+    zstd::bulk::compress(text, LEVEL).map_err(|source| StoreError::io("compress", path, source))
 }
 
 fn is_compressed(path: &Path) -> bool {

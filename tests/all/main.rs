@@ -58,6 +58,7 @@ mod shards;
 mod shuffled;
 mod simulator;
 mod snapshots;
+mod suites;
 mod tamper;
 mod training;
 mod two_realisms;

@@ -313,6 +313,7 @@ fn help_texts_are_goldens() {
         "lineage",
         "show",
         "apply",
+        "leaderboard",
         "fsck",
         "report",
         "watch",
@@ -345,6 +346,9 @@ fn help_texts_are_goldens() {
     text += &format!("\n---- evodrive exchange status --help\n{}", run(&["exchange", "status", "--help"]).stdout);
     for command in ["new", "edit", "set", "check", "diff", "show", "export"] {
         text += &format!("\n---- evodrive program {command} --help\n{}", run(&["program", command, "--help"]).stdout);
+    }
+    for command in ["freeze", "show", "run", "compare", "play"] {
+        text += &format!("\n---- evodrive suite {command} --help\n{}", run(&["suite", command, "--help"]).stdout);
     }
     for command in ["plan", "work", "merge", "withdraw"] {
         text += &format!("\n---- evodrive shard {command} --help\n{}", run(&["shard", command, "--help"]).stdout);

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::look::rollout::{self, OfAttempt, Played};
 use crate::cli::scenes::files;
+use crate::cli::studies::{suite_file, suite_scenes};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::formats::scenarionet::{self, DataSet};
@@ -101,6 +102,14 @@ fn chosen(options: &Options, threads: usize) -> Result<Vec<(Scene, Option<Stagin
             }
             let played =
                 rollout::of_attempt(&options.of.run(options.paths.first())?, attempt, &options.scene, threads)?;
+            let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(options.of.ego_log)?)));
+            played.iter().map(of).collect::<Result<_, Failure>>()?
+        }
+        None if options.paths.iter().any(|path| suite_file::is_suite(path)) => {
+            let [path] = options.paths.as_slice() else {
+                return Err(Failure::bad_input("a suite is exported alone: name no other scenes beside it"));
+            };
+            let played = suite_scenes::played(path, &options.scene, threads)?;
             let of = |played: &Played| Ok((played.scene.clone(), Some(played.wanted(options.of.ego_log)?)));
             played.iter().map(of).collect::<Result<_, Failure>>()?
         }

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::cli::scenes::{left_out, recorded_crash};
+use crate::cli::studies::suite_file;
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure, width::stdout_width};
 use crate::evidence::aligned::Aligned;
@@ -15,9 +16,21 @@ use crate::scene::safebench::TrafficFamily;
 use crate::scene::{LaneGraph, Pool, Scene, SceneFeatures, pool, usable};
 use crate::text::{counted, nearest};
 
-/// A pool, or what can be imported from files and folders.
+/// A pool, the scenes of a suite, or what can be imported from files and folders.
 pub fn read(paths: &[PathBuf], jobs: usize) -> Result<Pool, Failure> {
-    Ok(experiment::read_scenes(paths, &threads(jobs)?)?)
+    let (suites, others): (Vec<&PathBuf>, Vec<&PathBuf>) = paths.iter().partition(|path| suite_file::is_suite(path));
+    if suites.is_empty() {
+        return Ok(experiment::read_scenes(paths, &threads(jobs)?)?);
+    }
+    let mut pools = Vec::new();
+    for path in suites {
+        pools.push((path.display().to_string(), suite_file::read(path)?.suite.pool));
+    }
+    if !others.is_empty() {
+        let others: Vec<PathBuf> = others.into_iter().cloned().collect();
+        pools.push(("the other scenes".into(), experiment::read_scenes(&others, &threads(jobs)?)?));
+    }
+    Ok(Pool::merged(pools).map_err(Failure::bad_input)?.0)
 }
 
 pub fn threads(jobs: usize) -> Result<Threads, Failure> {

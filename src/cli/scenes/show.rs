@@ -3,11 +3,12 @@
 use clap::Args;
 use serde_json::json;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::cli::look::playables;
 use crate::cli::look::rollout::{self, OfAttempt, Played};
 use crate::cli::scenes::files::{self, row};
+use crate::cli::studies::{suite_file, suite_scenes};
 use crate::cli::terminal::output::Output;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::draw::{Drawing, Frame, SvgOptions, Theme, player_html, svg};
@@ -65,6 +66,17 @@ fn meant(path: Option<&PathBuf>, id: Option<&String>, of: &OfAttempt, jobs: usiz
                 }
             }
         }
+        (None, Some(path)) if suite_file::is_suite(path) && id.is_none_or(|id| is_case(path, id)) => {
+            let named: Vec<String> = id.cloned().into_iter().collect();
+            let mut cases = suite_scenes::played(path, &named, jobs)?;
+            match (cases.pop(), cases.is_empty()) {
+                (Some(one), true) => Ok(Meant::Played(Box::new(one))),
+                _ => Err(Failure::bad_input(format!(
+                    "name a case with --scene, as `evodrive suite show {}` lists them",
+                    path.display()
+                ))),
+            }
+        }
         (None, Some(path)) => {
             let pool = files::read(std::slice::from_ref(path), jobs)?;
             let scene = match (id, pool.scenes.as_slice()) {
@@ -76,6 +88,11 @@ fn meant(path: Option<&PathBuf>, id: Option<&String>, of: &OfAttempt, jobs: usiz
         }
         (None, None) => Err(Failure::bad_input("name a pool, a scenario file or an attempt")),
     }
+}
+
+/// Whether a word names a case of a suite; else it names a scene of it.
+fn is_case(path: &Path, word: &str) -> bool {
+    suite_file::read(path).is_ok_and(|frozen| frozen.suite.pool.scene(word).is_none())
 }
 
 /// The one scene that is meant as a drawing, with a line that says what it is.

@@ -35,6 +35,18 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("program show", "evodrive program show runs/RUN cat-idm/parent"),
     ("program export", "evodrive program export runs/RUN cat-idm/parent --out my_program.json"),
     ("apply", "evodrive apply my_program.json --scenes my.pool --ego idm"),
+    ("suite freeze", "evodrive suite freeze --program my_program.json --scenes my.pool --out my.suite"),
+    ("suite show", "evodrive suite show golden/suite/starter.suite"),
+    (
+        "suite run",
+        "evodrive suite run golden/suite/starter.suite --driver examples/own_ego/idm.py --max-crash-rate 0.5",
+    ),
+    ("suite compare", "evodrive suite compare before.json after.json --suite golden/suite/starter.suite"),
+    (
+        "suite play",
+        "evodrive suite play golden/suite/starter.suite --case plain:synth/merge/41/5 --driver idm --driver standing --out play.html",
+    ),
+    ("leaderboard", "evodrive leaderboard golden/suite/starter.suite --driver idm --driver standing"),
     ("fsck", "evodrive fsck --read"),
     ("report", "evodrive report"),
     ("watch", "evodrive watch runs/RUN"),

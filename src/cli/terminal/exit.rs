@@ -6,6 +6,8 @@ use std::process::ExitCode;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     Success = 0,
+    /// A suite was driven, and a threshold does not hold, or a planner gave no drive.
+    Broken = 1,
     /// A file, argument or experiment that cannot be used as it is, or a place that cannot be written to (a full disk).
     BadInput = 2,
     /// Replay met a question without a recorded answer.

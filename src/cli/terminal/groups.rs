@@ -12,8 +12,9 @@ pub const GROUPS: &[(&str, &[&str])] = &[
         &["report", "show", "lineage", "table", "figure", "why", "credit", "impact", "compare", "diff", "world"],
     ),
     ("Scenes", &["scenes", "calibrate", "program", "apply"]),
+    ("Planners", &["suite", "leaderboard", "egos"]),
     ("Records", &["data", "bundle", "fsck"]),
-    ("Studies", &["paper", "claims", "agree", "train", "downstream", "egos"]),
+    ("Studies", &["paper", "claims", "agree", "train", "downstream"]),
     ("Cluster", &["shard", "worker", "bench"]),
     ("Reference", &["options", "families", "formats", "features", "completions", "man", "help"]),
 ];

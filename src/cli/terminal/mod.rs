@@ -1,6 +1,7 @@
 //! What a person sees: answers, failures, progress, widths, and words to copy.
 
 pub mod answer;
+pub mod counting_line;
 pub mod examples;
 pub mod exit;
 pub mod exit_from;

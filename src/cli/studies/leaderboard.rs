@@ -1,0 +1,278 @@
+//! `leaderboard`: several drivers in one suite: a table of drivers, and one of drivers by family.
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use crate::cli::scenes::files;
+use crate::cli::studies::suite_drive::Running;
+use crate::cli::studies::suite_driver::TestDriver;
+use crate::cli::studies::suite_file;
+use crate::cli::studies::suite_page;
+use crate::cli::studies::suite_run::{Selection, again, fresh, write};
+use crate::cli::studies::suite_stage::Stage;
+use crate::cli::studies::suite_text::{mean, share};
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::exit::Failure;
+use crate::cli::terminal::interrupt::Interrupt;
+use crate::cli::terminal::output::Output;
+use crate::cli::terminal::width::table_width;
+use crate::draw::escaped;
+use crate::evidence::aligned::Aligned;
+use crate::evidence::tables::csv_line;
+use crate::suite::{Frozen, Share, SuiteResult, Total, totals};
+use crate::text::counted;
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Suite file.
+    pub suite: PathBuf,
+    /// Who drives, as for `evodrive suite run`; may be repeated.
+    #[arg(long)]
+    pub driver: Vec<String>,
+    /// Weights of a learned driver (.safetensors); may be repeated.
+    #[arg(long)]
+    pub policy: Vec<PathBuf>,
+    /// A planner's result whose recorded answers drive, without the planner; may be repeated.
+    #[arg(long, value_name = "RESULT")]
+    pub recorded: Vec<PathBuf>,
+    #[command(flatten)]
+    pub selection: Selection,
+    /// Folder for the results, with planners' answers; what is answered there already is not asked again.
+    #[arg(long)]
+    pub kept: Option<PathBuf>,
+    /// How it is written; without it for a terminal.
+    #[arg(long)]
+    pub format: Option<Format>,
+    /// File to write; without it it is printed.
+    #[arg(long, requires = "format")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    Markdown,
+    /// A driver and family a line, with plain numbers.
+    Csv,
+    Html,
+}
+
+/// A driver's row.
+struct Entry {
+    name: String,
+    result: SuiteResult,
+    totals: Vec<Total>,
+}
+
+/// What the numbers are.
+const NOTE: &str = "Ordered by arrived: the share of playable scenes that were driven to the end of the route without a contact; a scene \
+                    in which the planner gave no drive counts against it, so neither a driver that stands still nor one that ends early \
+                    comes first. Crash rate and preventable are shares of driven scenes, with 95 % Wilson intervals; completion is the mean share \
+                    of the route, with a 95 % bootstrap interval over scenes. By family: crash rate with its interval, then completion. \
+                    Scenes that share a road and its traffic are counted as if they were independent.";
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let frozen = suite_file::read_to_drive(&options.suite)?;
+    let cases = options.selection.of(&frozen.suite)?;
+    let words = options.driver.iter().cloned();
+    let words: Vec<String> = words.chain(options.policy.iter().map(|path| path.display().to_string())).collect();
+    if words.is_empty() && options.recorded.is_empty() {
+        return Err(Failure::bad_input("name who drives: --driver, --policy or --recorded"));
+    }
+    let (threads, interrupt) = (files::threads(jobs)?, Interrupt::listen()?);
+    let running = Running { threads: &threads, interrupt: &interrupt };
+    let stage = Stage::new(&frozen.suite, &threads);
+    let drivers = words.iter().map(|word| TestDriver::named(word)).collect::<Result<Vec<_>, _>>()?;
+    let mut made = Vec::new();
+    for driver in &drivers {
+        let mark = driver.mark();
+        let name = &mark.name;
+        progress(format!("{name}: {}", counted(cases.len(), "case")));
+        // Two versions of a planner bear one name.
+        let file = |folder: &PathBuf| folder.join(format!("{name}-{}.json", mark.digest.short(8)));
+        let out = options.kept.as_ref().map(file);
+        let mut one = fresh(&frozen, &stage, (&cases, driver, out.as_deref()), &running)?;
+        if let Some(out) = &out {
+            write(&mut one, out, options.output)?;
+        }
+        made.push(one.result);
+    }
+    for path in &options.recorded {
+        made.push(again(&frozen, &stage, &cases, path, &running)?.result);
+    }
+    let mut entries: Vec<Entry> = made
+        .into_iter()
+        .map(|result| Entry { name: result.driver.name.clone(), totals: totals(&result), result })
+        .collect();
+    entries.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then_with(|| a.name.cmp(&b.name)));
+    answer(options, &frozen, &entries)
+}
+
+/// What drivers are ordered by.
+fn rank(entry: &Entry) -> f64 {
+    entry.totals.first().and_then(arrived).map_or(0.0, |share| share.value)
+}
+
+/// Of the scenes that could be played; a planner without an answer has not arrived.
+fn arrived(total: &Total) -> Option<Share> {
+    Share::of(total.arrived.map_or(0, |share| share.count), total.driven + total.faults)
+}
+
+const HEADS: [&str; 8] =
+    ["driver", "driven", "faults", "unplayable", "arrived", "crash rate", "preventable", "completion"];
+
+fn row(entry: &Entry) -> Vec<String> {
+    let Some(all) = entry.totals.first() else { return Vec::new() };
+    vec![
+        entry.name.clone(),
+        all.driven.to_string(),
+        all.faults.to_string(),
+        all.unplayable.to_string(),
+        share(arrived(all)),
+        share(all.crashes),
+        share(all.preventable),
+        mean(all.completion),
+    ]
+}
+
+/// A line a family, a column a driver.
+fn by_family(entries: &[Entry]) -> (Vec<String>, Vec<Vec<String>>) {
+    let of = |entry: &Entry, family: &str| {
+        entry.totals.iter().find(|total| total.by == "family" && total.name == family).cloned()
+    };
+    let families: BTreeSet<&str> = entries
+        .iter()
+        .flat_map(|entry| &entry.totals)
+        .filter(|total| total.by == "family")
+        .map(|total| total.name.as_str())
+        .collect();
+    let cell = |total: Option<Total>| {
+        total.filter(|total| total.driven > 0).map_or("-".to_string(), |total| {
+            let completion = total.completion.map_or("-".into(), |of| crate::kernel::num::fixed(of.value, 2));
+            format!("{}; {completion}", share(total.crashes))
+        })
+    };
+    let heads =
+        ["family".to_string(), "scenes".to_string()].into_iter().chain(entries.iter().map(|entry| entry.name.clone()));
+    let rows = families.into_iter().map(|family| {
+        let scenes = entries.first().and_then(|entry| of(entry, family)).map_or(0, |total| total.scenes);
+        let cells = entries.iter().map(|entry| cell(of(entry, family)));
+        [family.to_string(), scenes.to_string()].into_iter().chain(cells).collect()
+    });
+    (heads.collect(), rows.collect())
+}
+
+fn answer(options: &Options, frozen: &Frozen, entries: &[Entry]) -> Result<Answer, Failure> {
+    let heads = HEADS.map(String::from).to_vec();
+    let rows: Vec<Vec<String>> = entries.iter().map(row).collect();
+    let (family_heads, family_rows) = by_family(entries);
+    let title = format!("Suite {}, {}", frozen.suite.name, counted(frozen.suite.cases.len(), "case"));
+    let digest = frozen.digest;
+    let text = match options.format {
+        None => {
+            let first = Aligned { indent: 0, labels: 1, words: 0, heads, rows };
+            let second = Aligned { indent: 0, labels: 1, words: 0, heads: family_heads, rows: family_rows };
+            let width = table_width();
+            format!("{title}, digest {digest}\n\n{}\n{}\n{NOTE}\n", first.text(width), second.text(width))
+        }
+        Some(Format::Markdown) => format!(
+            "# {title}\n\nDigest `{digest}`, planned around {}.\n\n{}\n{}\n{NOTE}\n",
+            frozen.suite.planned_around.name,
+            markdown(&heads, &rows),
+            markdown(&family_heads, &family_rows)
+        ),
+        Some(Format::Csv) => csv(entries),
+        Some(Format::Html) => html((&title, &digest.to_hex()), (&heads, &rows), (&family_heads, &family_rows)),
+    };
+    let object: Vec<_> =
+        entries.iter().map(|entry| json!({"driver": entry.result.driver, "totals": entry.totals})).collect();
+    let object = json!({"suite": entries.first().map(|entry| &entry.result.suite), "drivers": object});
+    match &options.out {
+        None => Ok(Answer::exact(text, object)),
+        Some(out) => {
+            options.output.write(out, text.as_bytes())?;
+            Ok(Answer::new(format!("{} in {}", counted(entries.len(), "driver"), out.display()), object))
+        }
+    }
+}
+
+fn markdown(heads: &[String], rows: &[Vec<String>]) -> String {
+    let line = |cells: &[String]| {
+        format!("| {} |\n", cells.iter().map(|cell| cell.replace('|', "\\|")).collect::<Vec<_>>().join(" | "))
+    };
+    let rule = format!(
+        "|{}\n",
+        heads.iter().enumerate().map(|(i, _)| if i == 0 { "---|" } else { "--:|" }).collect::<String>()
+    );
+    let rows: String = rows.iter().map(|row| line(row)).collect();
+    format!("{}{rule}{rows}", line(heads))
+}
+
+fn csv(entries: &[Entry]) -> String {
+    let heads = [
+        "driver",
+        "ego",
+        "by",
+        "name",
+        "scenes",
+        "driven",
+        "faults",
+        "unplayable",
+        "crash_rate",
+        "crash_low",
+        "crash_high",
+        "preventable",
+        "preventable_low",
+        "preventable_high",
+        "completion",
+        "completion_low",
+        "completion_high",
+        "arrived",
+    ];
+    let mut text = csv_line(&heads.map(String::from));
+    for entry in entries {
+        for total in &entry.totals {
+            let mut fields = vec![
+                entry.name.clone(),
+                entry.result.driver.digest.to_hex(),
+                total.by.to_string(),
+                total.name.clone(),
+                total.scenes.to_string(),
+                total.driven.to_string(),
+                total.faults.to_string(),
+                total.unplayable.to_string(),
+            ];
+            for of in [total.crashes, total.preventable] {
+                let numbers = of.map(|of| [of.value, of.interval[0], of.interval[1]]);
+                fields
+                    .extend(numbers.map_or([(); 3].map(|()| String::new()), |numbers| numbers.map(|x| x.to_string())));
+            }
+            let completion = total.completion;
+            let interval = completion.and_then(|of| of.interval);
+            let numbers = [completion.map(|of| of.value), interval.map(|i| i[0]), interval.map(|i| i[1])];
+            fields.extend(numbers.map(|number| number.map_or(String::new(), |x| x.to_string())));
+            fields.push(arrived(total).map_or(String::new(), |of| of.value.to_string()));
+            text.push_str(&csv_line(&fields));
+        }
+    }
+    text
+}
+
+/// Heads and rows.
+type Texts<'a> = (&'a Vec<String>, &'a Vec<Vec<String>>);
+
+fn html((title, digest): (&str, &str), first: Texts<'_>, second: Texts<'_>) -> String {
+    let title = escaped(title);
+    let mut text = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n{}</head>\n<body>\n<h1>{title}</h1>\n\
+         <p>digest <code>{digest}</code></p>\n",
+        suite_page::STYLE
+    );
+    let _ = write!(text, "{}{}", suite_page::table(first.0, first.1), suite_page::table(second.0, second.1));
+    let _ = writeln!(text, "<p><small>{NOTE}</small></p>\n</body>\n</html>");
+    text
+}

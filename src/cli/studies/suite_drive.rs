@@ -1,0 +1,314 @@
+//! A driver through the scenes of a suite, side by side. A planner's answers are recorded; one that gives no drive costs its own
+//! scene alone.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use crate::backend::{
+    Answer, Answers, Backend, BackendError, BackendOptions, DriverOptions, Header, NoOutcome, Planners, Recorder,
+    Replay, Request, RolloutCassette,
+};
+use crate::cli::cluster::worker_process::Processes;
+use crate::cli::studies::suite_driver::TestDriver;
+use crate::cli::studies::suite_stage::{Stage, Wheel, as_frozen};
+use crate::cli::terminal::counting_line::CountingLine;
+use crate::cli::terminal::exit::Failure;
+use crate::cli::terminal::interrupt::Interrupt;
+use crate::ego::Policy;
+use crate::kernel::{Digest, Threads};
+use crate::sim::Outcome;
+use crate::store::{self, Store};
+use crate::suite::{Came, Case, Drive, FaultKind, Played};
+
+/// A planner by its digest, and its recorded answers by rules.
+pub type Answered = (Digest, BTreeMap<usize, RolloutCassette>);
+
+/// Where a planner's answers are kept while they come.
+pub struct Kept<'a> {
+    pub store: &'a Store,
+    /// Those of an earlier run, by rules.
+    pub before: BTreeMap<usize, RolloutCassette>,
+}
+
+/// With what it is driven.
+pub struct Running<'a> {
+    pub threads: &'a Threads,
+    pub interrupt: &'a Interrupt,
+}
+
+/// What came of all cases, and the answers behind it by rules.
+pub struct Driven {
+    pub cases: Vec<Played>,
+    pub answers: BTreeMap<usize, RolloutCassette>,
+    /// How many answers were compared with a second one, in words.
+    pub compared: Vec<String>,
+}
+
+/// What came of a case before it is written down.
+type Drove = Result<Outcome, NoOutcome>;
+
+/// Drives with a driver that needs nobody else, and compares with the frozen labels where it is the one that was planned around.
+pub fn drive_own(
+    stage: &Stage<'_>,
+    cases: &[&Case],
+    driver: &TestDriver,
+    running: &Running<'_>,
+) -> Result<Driven, Failure> {
+    let wheel = wheel_of(stage, driver);
+    let line = CountingLine::new("scene", cases.len());
+    let drive = |case: &&Case| {
+        let outcome = stage.outcome(case, &wheel);
+        line.tick();
+        outcome
+    };
+    let outcomes = running.threads.map(cases, |_, case| (!running.interrupt.is_asked()).then(|| drive(case)));
+    line.finish();
+    let is_frozen = driver.mark().digest == stage.suite.planned_around.digest;
+    let mut played = Vec::with_capacity(cases.len());
+    for (case, outcome) in cases.iter().zip(outcomes) {
+        let outcome = outcome.ok_or_else(|| interrupted("nothing was written"))?;
+        if let (true, Ok(outcome)) = (is_frozen, &outcome) {
+            as_frozen(case, outcome)?;
+        }
+        played.push(of_case(case, came(outcome)?));
+    }
+    Ok(Driven { cases: played, answers: BTreeMap::new(), compared: Vec::new() })
+}
+
+/// A driver of our own at the wheel.
+pub fn wheel_of<'a>(stage: &Stage<'_>, driver: &TestDriver) -> Wheel<'a> {
+    match driver.policy() {
+        None => Wheel::Standing,
+        Some(policy) => Wheel::Policy(policy, vec![Backend::Own; stage.suite.rules.len()]),
+    }
+}
+
+/// Drives with a planner. A planner that answers one question in two ways stops its processes: the scene in which it did is set aside,
+/// and others drive the rest with new ones.
+pub fn drive_planner(
+    stage: &Stage<'_>,
+    cases: &[&Case],
+    planner: &DriverOptions,
+    kept: Kept<'_>,
+    running: &Running<'_>,
+) -> Result<Driven, Failure> {
+    let processes = Processes::until(running.interrupt);
+    let backends = stage.suite.rules.iter().map(|rules| planner.backend(rules).map_err(Failure::internal));
+    let backends = backends.collect::<Result<Vec<BackendOptions>, Failure>>()?;
+    let ego = planner.policy().ok_or_else(|| Failure::internal("a planner whose digest cannot be computed"))?;
+    let mut results: BTreeMap<usize, Came> = BTreeMap::new();
+    let mut answers: BTreeMap<usize, RolloutCassette> = BTreeMap::new();
+    let mut compared = Vec::new();
+    let line = CountingLine::new("scene", cases.len());
+    while results.len() < cases.len() {
+        let left: Vec<usize> = (0..cases.len()).filter(|place| !results.contains_key(place)).collect();
+        let before = results.len();
+        let planners = Planners::new(planner, &processes);
+        let culprit = Mutex::new(None);
+        let recorders = backends.iter().enumerate().map(|(rules, options)| {
+            let before = kept.before.get(&rules).cloned().filter(|before| before.backend == Header::of(options));
+            let before = before.unwrap_or_else(|| RolloutCassette::new("answers", Header::of(options)));
+            let asked: Box<dyn Answers + '_> = Box::new(Watched { planners: &planners, culprit: &culprit });
+            Recorder::new(kept.store, before, asked, String::new())
+        });
+        let recorders: Vec<Recorder<'_>> = recorders.collect();
+        let behind = backends.iter().zip(&recorders).map(|(options, answers)| Backend::Other { options, answers });
+        let wheel = Wheel::Policy(ego.clone(), behind.collect());
+        let outcomes: Vec<Option<Drove>> = running.threads.map(&left, |_, &place| {
+            if running.interrupt.is_asked() {
+                return None;
+            }
+            let outcome = stage.outcome(cases[place], &wheel);
+            if !matches!(outcome, Err(NoOutcome::Stop(BackendError::Planner(_)))) {
+                line.tick();
+            }
+            Some(outcome)
+        });
+        for (rules, recorder) in recorders.iter().enumerate() {
+            let (asked, _) = recorder.cassette();
+            let all = answers.entry(rules).or_insert_with(|| RolloutCassette::new("answers", asked.backend.clone()));
+            asked.rollouts().for_each(|(key, recorded)| all.insert(*key, recorded.clone()));
+        }
+        if running.interrupt.is_asked() {
+            return Err(interrupted("answers so far are kept where --out names a file; repeat the command to go on"));
+        }
+        compared.extend(planners.compared());
+        let culprit = *culprit.lock().unwrap_or_else(PoisonError::into_inner);
+        for (place, outcome) in left.into_iter().zip(outcomes) {
+            let Some(outcome) = outcome else { continue };
+            let case = cases[place];
+            if let Err(NoOutcome::Stop(BackendError::Planner(fault))) = &outcome {
+                let kind = match culprit {
+                    // Nobody drives with a planner that does not begin.
+                    None => FaultKind::NotStarted,
+                    Some(key) if is_asked(stage, case, (&backends[case.rules], &ego), key) => FaultKind::Inconsistent,
+                    Some(_) => continue,
+                };
+                let found = format!("planner, {}: expected {}, found {}", fault.place, fault.expected, fault.found);
+                results.insert(place, Came::Fault { kind, reason: first_lines(&found) });
+                line.tick();
+                continue;
+            }
+            results.insert(place, came(outcome)?);
+        }
+        if results.len() == before {
+            return Err(Failure::internal("a planner stopped, and no scene says in which of them"));
+        }
+    }
+    line.finish();
+    let played = cases.iter().zip(results.into_values()).map(|(case, came)| of_case(case, came)).collect();
+    answers.retain(|_, answers| !answers.is_empty());
+    Ok(Driven { cases: played, answers, compared })
+}
+
+/// Drives with recorded answers: no planner is asked. A fault that left no answer stays as `known` has it.
+pub fn drive_recorded(
+    stage: &Stage<'_>,
+    cases: &[&Case],
+    (planner, answers): Answered,
+    known: &dyn Fn(&Case) -> Option<Came>,
+    running: &Running<'_>,
+) -> Result<Driven, Failure> {
+    let recorded = Recorded::new(stage, planner, answers.clone())?;
+    let wheel = recorded.wheel();
+    let line = CountingLine::new("scene", cases.len());
+    let outcomes = running.threads.map(cases, |_, case| {
+        let outcome = stage.outcome(case, &wheel);
+        line.tick();
+        outcome
+    });
+    line.finish();
+    let mut played = Vec::with_capacity(cases.len());
+    for (case, outcome) in cases.iter().zip(outcomes) {
+        let came = match outcome {
+            Err(NoOutcome::Stop(BackendError::Miss(miss))) => match known(case) {
+                Some(fault @ Came::Fault { .. }) => fault,
+                _ => return Err(Failure::miss(miss)),
+            },
+            outcome => came(outcome)?,
+        };
+        played.push(of_case(case, came));
+    }
+    Ok(Driven { cases: played, answers, compared: Vec::new() })
+}
+
+/// Recorded answers of a planner, ready to drive.
+pub struct Recorded {
+    ego: Policy,
+    backends: Vec<BackendOptions>,
+    replays: Vec<Replay>,
+}
+
+impl Recorded {
+    pub fn new(
+        stage: &Stage<'_>,
+        planner: Digest,
+        mut answers: BTreeMap<usize, RolloutCassette>,
+    ) -> Result<Recorded, Failure> {
+        let driver = DriverOptions {
+            command: vec!["recorded".into()],
+            files: Vec::new(),
+            cassette: PathBuf::new(),
+            timeout_s: 1.0,
+            processes: 1,
+            repeat_share: 0.0,
+            digest: Some(planner),
+            folder: PathBuf::new(),
+        };
+        let (mut backends, mut replays) = (Vec::new(), Vec::new());
+        for (place, rules) in stage.suite.rules.iter().enumerate() {
+            let options = driver.backend(rules).map_err(Failure::internal)?;
+            let answers = answers.remove(&place);
+            let answers = answers.unwrap_or_else(|| RolloutCassette::new("no file of answers", Header::of(&options)));
+            answers.check(&options)?;
+            backends.push(options);
+            replays.push(Replay::new(answers, "evodrive suite run SUITE --driver PLANNER --out FILE"));
+        }
+        Ok(Recorded { ego: Policy::Command(planner), backends, replays })
+    }
+
+    pub fn wheel(&self) -> Wheel<'_> {
+        let behind = self.backends.iter().zip(&self.replays);
+        let behind = behind.map(|(options, answers)| Backend::Other { options, answers });
+        Wheel::Policy(self.ego.clone(), behind.collect())
+    }
+}
+
+/// Where the answers of a result lie: beside it, one file a set of rules.
+pub fn answers_beside(result: &Path, rules: usize) -> PathBuf {
+    let stem = result.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    let number = if rules == 0 { String::new() } else { format!("-{}", rules + 1) };
+    result.with_file_name(format!("{stem}.rollouts{number}.jsonl.zst"))
+}
+
+/// A folder in which answers wait until all are there.
+pub fn recording_beside(result: &Path) -> PathBuf {
+    let stem = result.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    result.with_file_name(format!("{stem}.recording"))
+}
+
+/// Forgets what was recorded on the way.
+pub fn forget(recording: &Path) -> Result<(), Failure> {
+    Ok(store::remove_dir(recording)?)
+}
+
+fn interrupted(what: &str) -> Failure {
+    Failure::interrupted(format!("interrupted; {what}"))
+}
+
+fn of_case(case: &Case, came: Came) -> Played {
+    Played {
+        case: case.id.clone(),
+        scene: case.scene.clone(),
+        family: case.family.clone(),
+        cluster: case.cluster.clone(),
+        class: case.class().to_string(),
+        came,
+    }
+}
+
+/// A scene's own reason stays with the scene; whatever else stops the command.
+fn came(outcome: Drove) -> Result<Came, Failure> {
+    match outcome {
+        Ok(outcome) => Ok(Came::Driven(Drive::of(&outcome))),
+        Err(NoOutcome::Scene(reason)) => Ok(match FaultKind::of(&reason) {
+            Some(kind) => Came::Fault { kind, reason },
+            None => Came::Unplayable { reason },
+        }),
+        // What it says behind the reason is for experiment files.
+        Err(NoOutcome::Stop(BackendError::Unplayable(reason))) => {
+            Ok(Came::Unplayable { reason: reason.split("; ").next().unwrap_or_default().to_string() })
+        }
+        Err(NoOutcome::Stop(error)) => Err(error.into()),
+    }
+}
+
+/// Whether a case asks the request of this key.
+fn is_asked(stage: &Stage<'_>, case: &Case, (options, ego): (&BackendOptions, &Policy), key: Digest) -> bool {
+    let Ok(plant) = stage.plant(case) else { return false };
+    Request::new(options, &plant, &case.intervention, ego, stage.seed()).is_ok_and(|request| request.key == key)
+}
+
+/// What a report has room for.
+fn first_lines(text: &str) -> String {
+    text.chars().take(600).collect()
+}
+
+/// Planners, watched for the request that shows them to be no function.
+struct Watched<'a> {
+    planners: &'a Planners<'a>,
+    culprit: &'a Mutex<Option<Digest>>,
+}
+
+impl Answers for Watched<'_> {
+    fn answer(&self, request: &Request<'_>) -> Result<Answer, BackendError> {
+        let answer = self.planners.answer(request);
+        if let Err(BackendError::Planner(fault)) = &answer
+            && fault.place.starts_with(&format!("scene {},", request.scene()))
+        {
+            self.culprit.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(request.key);
+        }
+        answer
+    }
+}

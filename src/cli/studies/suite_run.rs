@@ -1,0 +1,359 @@
+//! `suite run`: a driver in every scene of a suite, what that amounts to, and whether thresholds hold.
+
+use clap::Args;
+use serde_json::json;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use crate::backend::RolloutCassette;
+use crate::cli::records::scratch::Scratch;
+use crate::cli::scenes::files;
+use crate::cli::studies::suite_drive::{
+    Answered, Driven, Kept, Recorded, Running, answers_beside, drive_own, drive_planner, drive_recorded, forget,
+    recording_beside, wheel_of,
+};
+use crate::cli::studies::suite_driver::TestDriver;
+use crate::cli::studies::suite_freeze::Limits;
+use crate::cli::studies::suite_stage::Stage;
+use crate::cli::studies::{suite_file, suite_page, suite_text};
+use crate::cli::terminal::answer::{Answer, progress};
+use crate::cli::terminal::exit::{Exit, Failure};
+use crate::cli::terminal::interrupt::Interrupt;
+use crate::cli::terminal::output::Output;
+use crate::cli::terminal::shell::quoted;
+use crate::cli::terminal::width::table_width;
+use crate::kernel::Threads;
+use crate::sim::SIM_VERSION;
+use crate::store::Store;
+use crate::suite::{
+    Case, Frozen, Judged, Played, RESULT_FORMAT, Recording, Suite, SuiteMark, SuiteResult, Thresholds, Total, judged,
+    junit, totals,
+};
+use crate::text::{counted, nearest};
+
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Suite file.
+    pub suite: PathBuf,
+    /// Who drives: idm, idm-lights, replay, standing, weights (.safetensors), or a planner: a program, a .py file, or a .toml file
+    /// with a table [driver] (docs/EGOS.md).
+    #[arg(long, required_unless_present = "recorded")]
+    pub driver: Option<String>,
+    /// A result of a planner that is driven again from its recorded answers; no planner is started.
+    #[arg(long, conflicts_with = "driver", value_name = "RESULT")]
+    pub recorded: Option<PathBuf>,
+    /// Longest time for a planner's decision, s, in place of its own limit.
+    #[arg(long)]
+    pub time_limit: Option<f64>,
+    #[command(flatten)]
+    pub selection: Selection,
+    #[command(flatten)]
+    pub limits: Limits,
+    /// A result, in whose failed scenes alone the driver may fail.
+    #[arg(long, value_name = "RESULT")]
+    pub no_new_failures_against: Option<PathBuf>,
+    /// Result to write (.json), with the planner's answers beside it; what a killed run answered is not asked again.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// A scene a line.
+    #[arg(long)]
+    pub csv: Option<PathBuf>,
+    /// JUnit file for CI servers: a test case a scene, and one a threshold.
+    #[arg(long)]
+    pub junit: Option<PathBuf>,
+    /// Page with the totals, the scenes, and a player for those that failed.
+    #[arg(long)]
+    pub html: Option<PathBuf>,
+    #[command(flatten)]
+    pub output: Output,
+}
+
+/// Which cases.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Selection {
+    /// Only cases of this family; may be repeated.
+    #[arg(long)]
+    pub family: Vec<String>,
+    /// Only cases in this kind of place; may be repeated.
+    #[arg(long)]
+    pub cluster: Vec<String>,
+    /// Only cases with this class of frozen contact, or none; may be repeated.
+    #[arg(long)]
+    pub class: Vec<String>,
+    /// Only this case; may be repeated.
+    #[arg(long)]
+    pub case: Vec<String>,
+}
+
+impl Selection {
+    /// The cases that are meant.
+    pub fn of<'s>(&self, suite: &'s Suite) -> Result<Vec<&'s Case>, Failure> {
+        type Names = fn(&Case) -> &str;
+        let options: [(&str, &Vec<String>, Names); 4] = [
+            ("family", &self.family, |case| &case.family),
+            ("cluster", &self.cluster, |case| &case.cluster),
+            ("class", &self.class, |case| case.class()),
+            ("case", &self.case, |case| &case.id),
+        ];
+        for (option, words, name) in options {
+            let known: BTreeSet<&str> = suite.cases.iter().map(name).collect();
+            if let Some(word) = words.iter().find(|word| !known.contains(word.as_str())) {
+                let near = nearest(word, known.iter().copied());
+                let near = near.map_or(String::new(), |near| format!("; did you mean {near}?"));
+                let known: Vec<&str> = known.into_iter().take(20).collect();
+                return Err(Failure::bad_input(format!(
+                    "--{option} {word}: no case of the suite has it, expected one of {}{near}",
+                    known.join(", ")
+                )));
+            }
+        }
+        let keeps = |case: &&Case| {
+            options.iter().all(|(_, words, name)| words.is_empty() || words.iter().any(|word| word == name(case)))
+        };
+        let cases: Vec<&Case> = suite.cases.iter().filter(keeps).collect();
+        match cases.is_empty() {
+            false => Ok(cases),
+            true => Err(Failure::bad_input(
+                "no case has all that was asked for; nothing was driven, and nothing can be said of a threshold",
+            )),
+        }
+    }
+}
+
+pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
+    let asked = options.limits.thresholds()?;
+    let frozen = suite_file::read_to_drive(&options.suite)?;
+    let cases = options.selection.of(&frozen.suite)?;
+    let baseline = options.no_new_failures_against.as_deref().map(suite_file::read_result).transpose()?;
+    let thresholds = asked.or(&frozen.suite.thresholds);
+    for path in [&options.out, &options.csv, &options.junit, &options.html].into_iter().flatten() {
+        // The same run may write the same files again.
+        if !path.is_file() {
+            options.output.may_be_made(path)?;
+        }
+    }
+    let (threads, interrupt) = (files::threads(jobs)?, Interrupt::listen()?);
+    let running = Running { threads: &threads, interrupt: &interrupt };
+    let stage = Stage::new(&frozen.suite, &threads);
+    let result = match (&options.recorded, &options.driver) {
+        (Some(path), _) => again(&frozen, &stage, &cases, path, &running)?,
+        (None, Some(word)) => {
+            let driver = TestDriver::named(word)?.within(options.time_limit)?;
+            fresh(&frozen, &stage, (&cases, &driver, options.out.as_deref()), &running)?
+        }
+        (None, None) => return Err(Failure::bad_input("name a driver with --driver, or a result with --recorded")),
+    };
+    finish(options, &frozen, (&stage, &threads), result, (&thresholds, baseline.as_ref()))
+}
+
+/// A result with the answers behind it.
+pub struct Made {
+    pub result: SuiteResult,
+    pub answers: BTreeMap<usize, RolloutCassette>,
+    /// The driver, to draw what it did.
+    pub driver: TestDriver,
+}
+
+/// Drives anew. A planner's answers wait beside `out` until all are there.
+pub fn fresh(
+    frozen: &Frozen,
+    stage: &Stage<'_>,
+    (cases, driver, out): (&[&Case], &TestDriver, Option<&Path>),
+    running: &Running<'_>,
+) -> Result<Made, Failure> {
+    let TestDriver::Planner(planner) = driver else {
+        let driven = drive_own(stage, cases, driver, running)?;
+        return Ok(made(frozen, driver.clone(), driven));
+    };
+    let digest = planner.digest.ok_or_else(|| Failure::internal("a planner whose digest cannot be computed"))?;
+    let before = out.map_or_else(|| Ok(BTreeMap::new()), |out| answers_of(out, stage.suite))?;
+    let driven = match out {
+        Some(out) => {
+            let folder = recording_beside(out);
+            let store = Store::open(&folder)?;
+            drive_planner(stage, cases, planner, Kept { store: &store, before }, running)?
+        }
+        None => {
+            let scratch = Scratch::under(&temporary(), "evodrive-suite-")?;
+            let store = Store::open(&scratch.dir)?;
+            drive_planner(stage, cases, planner, Kept { store: &store, before }, running)?
+        }
+    };
+    driven.compared.iter().for_each(progress);
+    Ok(made(frozen, TestDriver::Recorded(driver.mark(), digest), driven))
+}
+
+#[allow(clippy::disallowed_methods)]
+fn temporary() -> PathBuf {
+    std::env::temp_dir()
+}
+
+/// Drives again from the answers beside a result, and compares.
+pub fn again(
+    frozen: &Frozen,
+    stage: &Stage<'_>,
+    cases: &[&Case],
+    path: &Path,
+    running: &Running<'_>,
+) -> Result<Made, Failure> {
+    let before = suite_file::read_result(path)?;
+    let place = path.display();
+    if before.suite.digest != frozen.digest {
+        return Err(Failure::bad_input(format!(
+            "{place} is a result in suite {} ({}), not in this one ({}); name that suite",
+            before.suite.name,
+            before.suite.digest.short(12),
+            frozen.digest.short(12)
+        )));
+    }
+    let answers = answers_of(path, stage.suite)?;
+    let Some(planner) = answers.values().next().map(RolloutCassette::recorded_of) else {
+        return Err(Failure::miss(format!(
+            "{place}: no recorded answers of a planner beside it ({}); the drivers that need none are named with --driver",
+            answers_beside(path, 0).display()
+        )));
+    };
+    let known = |case: &Case| before.case(&case.id).map(|played| played.came.clone());
+    let driven = drive_recorded(stage, cases, (planner, answers), &known, running)?;
+    for played in &driven.cases {
+        match before.case(&played.case) {
+            Some(before) if before.came != played.came => {
+                return Err(Failure::divergence(format!(
+                    "case {}: {place} says {:?}, its recorded answers come to {:?}; the result or the file of answers was changed, or it is \
+                     of another release",
+                    played.case,
+                    before.in_words(),
+                    played.in_words()
+                )));
+            }
+            _ => {}
+        }
+    }
+    Ok(made(frozen, TestDriver::Recorded(before.driver, planner), driven))
+}
+
+/// The files of answers beside a result.
+fn answers_of(result: &Path, suite: &Suite) -> Result<BTreeMap<usize, RolloutCassette>, Failure> {
+    let mut answers = BTreeMap::new();
+    for rules in 0..suite.rules.len() {
+        let path = answers_beside(result, rules);
+        if path.is_file() {
+            answers.insert(rules, RolloutCassette::load(&path)?);
+        }
+    }
+    Ok(answers)
+}
+
+fn made(frozen: &Frozen, driver: TestDriver, driven: Driven) -> Made {
+    let result = SuiteResult {
+        format: RESULT_FORMAT.into(),
+        suite: SuiteMark { name: frozen.suite.name.clone(), digest: frozen.digest },
+        driver: driver.mark(),
+        simulator: SIM_VERSION,
+        recordings: Vec::new(),
+        cases: driven.cases,
+    };
+    Made { result, answers: driven.answers, driver }
+}
+
+/// Writes a result and its answers; a recording on the way is done.
+pub fn write(made: &mut Made, out: &Path, output: Output) -> Result<(), Failure> {
+    for (rules, answers) in &made.answers {
+        let path = answers_beside(out, *rules);
+        if let Some(name) = path.file_name() {
+            let file = name.to_string_lossy().into_owned();
+            made.result.recordings.push(Recording { rules: *rules, file });
+        }
+        let bytes = answers.to_bytes(&made.result.suite.name);
+        output.write(&path, &crate::store::packed(&path, &bytes)?)?;
+    }
+    suite_file::write_result(&made.result, out, output)?;
+    forget(&recording_beside(out))
+}
+
+/// Judges, writes what was asked for, and says it.
+fn finish(
+    options: &Options,
+    frozen: &Frozen,
+    (stage, threads): (&Stage<'_>, &Threads),
+    mut made: Made,
+    (thresholds, baseline): (&Thresholds, Option<&SuiteResult>),
+) -> Result<Answer, Failure> {
+    if let Some(out) = &options.out {
+        write(&mut made, out, options.output)?;
+    }
+    let result = &made.result;
+    let rules = judged(result, thresholds, baseline).map_err(Failure::bad_input)?;
+    let totals = totals(result);
+    let command = |played: &Played| play_command(options, result, &played.case);
+    if let Some(path) = &options.csv {
+        options.output.write(path, suite_text::csv(result).as_bytes())?;
+    }
+    if let Some(path) = &options.junit {
+        options.output.write(path, junit(result, &rules, &command).as_bytes())?;
+    }
+    if let Some(path) = &options.html {
+        let recorded;
+        let wheel = match &made.driver {
+            TestDriver::Recorded(_, planner) => {
+                recorded = Recorded::new(stage, *planner, made.answers.clone())?;
+                recorded.wheel()
+            }
+            driver => wheel_of(stage, driver),
+        };
+        let page = suite_page::page(stage, &wheel, (result, &totals, &rules), threads)?;
+        options.output.write(path, page.as_bytes())?;
+    }
+    Ok(answer(frozen, result, (&totals, &rules), &command))
+}
+
+/// The command that plays a case: from recorded answers where there are some, which need no planner.
+fn play_command(options: &Options, result: &SuiteResult, case: &str) -> String {
+    let suite = quoted(&options.suite.to_string_lossy());
+    let kept = options.out.as_ref().filter(|_| !result.recordings.is_empty());
+    let who = match options.recorded.as_ref().or(kept) {
+        Some(recorded) => format!("--recorded {}", quoted(&recorded.to_string_lossy())),
+        None => format!("--driver {}", quoted(options.driver.as_deref().unwrap_or_default())),
+    };
+    format!("evodrive suite play {suite} --case {} {who} --out play.html", quoted(case))
+}
+
+fn answer(
+    frozen: &Frozen,
+    result: &SuiteResult,
+    (totals, rules): (&[Total], &[Judged]),
+    command: &dyn Fn(&Played) -> String,
+) -> Answer {
+    let broken = rules.iter().any(|rule| !rule.holds);
+    let text = format!(
+        "{} in {} ({}), {}\n\n{}\n{}\n{}{}",
+        result.driver.name,
+        frozen.suite.name,
+        frozen.digest.short(12),
+        counted(result.cases.len(), "case"),
+        suite_text::table(totals, table_width()),
+        suite_text::NOTE,
+        suite_text::not_driven(result),
+        suite_text::rules(rules, result, command)
+    );
+    let commands: BTreeMap<&str, String> = rules
+        .iter()
+        .filter(|rule| !rule.holds)
+        .flat_map(|rule| &rule.scenes)
+        .filter_map(|id| result.case(id))
+        .map(|played| (played.case.as_str(), command(played)))
+        .collect();
+    let object = json!({
+        "suite": result.suite, "driver": result.driver, "totals": totals, "rules": rules, "holds": !broken, "commands": commands,
+        "cases": result.cases,
+    });
+    let exit = if broken { Exit::Broken } else { Exit::Success };
+    Answer { exit, ..Answer::new(text, object) }
+}
+
+/// The digest by which a planner's recorded answers know it.
+pub fn planner_of(result: &Path, suite: &Suite) -> Result<Option<Answered>, Failure> {
+    let answers = answers_of(result, suite)?;
+    let planner = answers.values().next().map(RolloutCassette::recorded_of);
+    Ok(planner.map(|planner| (planner, answers)))
+}

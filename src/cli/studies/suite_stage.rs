@@ -1,0 +1,109 @@
+//! The scenes of a suite, ready to be driven one by one.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::backend::{Backend, NoOutcome};
+use crate::cli::look::rollout::Played;
+use crate::cli::terminal::exit::Failure;
+use crate::ego::Policy;
+use crate::kernel::{Digest, Seed, Threads};
+use crate::learn::Standing;
+use crate::objects::SolutionId;
+use crate::scene::{PreparedScene, Scene};
+use crate::sim::{Outcome, Plant, Trace, assess, commands, rollout_assessed, rollout_traced};
+use crate::suite::{Case, Suite};
+
+/// Scenes of a suite.
+pub struct Stage<'a> {
+    pub suite: &'a Suite,
+    scenes: BTreeMap<&'a str, Arc<PreparedScene>>,
+}
+
+/// Who drives, and who simulates: one a set of rules.
+pub enum Wheel<'a> {
+    Standing,
+    Policy(Policy, Vec<Backend<'a>>),
+}
+
+impl<'a> Stage<'a> {
+    pub fn new(suite: &'a Suite, threads: &Threads) -> Stage<'a> {
+        let prepared = threads.map(&suite.pool.scenes, |_, scene| PreparedScene::new(Arc::new(scene.clone())));
+        let scenes = suite.pool.scenes.iter().map(|scene| scene.id.as_str()).zip(prepared).collect();
+        Stage { suite, scenes }
+    }
+
+    /// What is simulated in a case.
+    pub fn plant(&self, case: &Case) -> Result<Plant, NoOutcome> {
+        let scene = self.scenes.get(case.scene.as_str());
+        let (Some(scene), Some(rules)) = (scene, self.suite.rules.get(case.rules)) else {
+            return Err(NoOutcome::Scene(format!("case {}: its scene or its rules are gone", case.id)));
+        };
+        Ok(Plant::with_options(scene.clone(), rules)?)
+    }
+
+    /// One rollout.
+    pub fn outcome(&self, case: &Case, wheel: &Wheel<'_>) -> Result<Outcome, NoOutcome> {
+        let plant = self.plant(case)?;
+        match wheel {
+            Wheel::Standing => Ok(rollout_assessed(&plant, &case.intervention, &mut Standing)?),
+            Wheel::Policy(ego, backends) => {
+                backend(backends, case)?.rollout(&plant, &case.intervention, ego, self.seed())
+            }
+        }
+    }
+
+    /// One rollout with its motion; `driver` is who is named in its caption.
+    pub fn played(&self, case: &Case, wheel: &Wheel<'_>, driver: &str) -> Result<Played, NoOutcome> {
+        let plant = self.plant(case)?;
+        let (outcome, motion) = self.traced(case, &plant, wheel)?;
+        Ok(Played {
+            solution: SolutionId::new(format!("{} against {driver}", case.id)),
+            scene: Scene::clone(plant.scene()),
+            outcome,
+            decision: None,
+            commanded: commands(&plant, &case.intervention),
+            intervention: case.intervention.clone(),
+            motion,
+        })
+    }
+
+    fn traced(&self, case: &Case, plant: &Plant, wheel: &Wheel<'_>) -> Result<(Outcome, Trace), NoOutcome> {
+        match wheel {
+            Wheel::Standing => {
+                let (mut outcome, trace) = rollout_traced(plant, &case.intervention, &mut Standing)?;
+                assess(plant, &case.intervention, &mut Standing, &mut outcome)?;
+                Ok((outcome, trace))
+            }
+            Wheel::Policy(ego, backends) => {
+                backend(backends, case)?.traced(plant, &case.intervention, ego, self.seed())
+            }
+        }
+    }
+
+    pub fn seed(&self) -> Seed {
+        Seed(self.suite.seed)
+    }
+}
+
+fn backend<'b, 'a>(backends: &'b [Backend<'a>], case: &Case) -> Result<&'b Backend<'a>, NoOutcome> {
+    backends.get(case.rules).ok_or_else(|| NoOutcome::Scene(format!("case {}: its rules are gone", case.id)))
+}
+
+/// Refuses labels that come out differently from those that were frozen.
+pub fn as_frozen(case: &Case, outcome: &Outcome) -> Result<(), Failure> {
+    if case.label == *outcome {
+        return Ok(());
+    }
+    let digest = |outcome: &Outcome| Digest::of("evodrive/suite-label/1", outcome).map_err(Failure::internal);
+    let (frozen, found) = (digest(&case.label)?, digest(outcome)?);
+    Err(Failure::divergence(format!(
+        "case {}: expected the frozen label {} (trace {}), found {} (trace {}); the suite, this build or this machine's arithmetic is \
+         another one: `evodrive --version`, and freeze the suite anew",
+        case.id,
+        frozen.short(16),
+        case.label.trace.short(16),
+        found.short(16),
+        outcome.trace.short(16)
+    )))
+}

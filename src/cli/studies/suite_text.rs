@@ -1,0 +1,155 @@
+//! A result in words, as a table and as CSV.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use crate::evidence::aligned::Aligned;
+use crate::evidence::tables::{Estimate, csv_line};
+use crate::kernel::num;
+use crate::suite::{Came, Case, Judged, Played, Share, SuiteResult, Total};
+use crate::text::counted;
+
+/// Scenes that a list names before it counts.
+const LISTED_MAX: usize = 20;
+
+/// How many cases have a contact of which class.
+pub fn class_counts(cases: &[&Case]) -> String {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    cases.iter().for_each(|case| *counts.entry(case.class()).or_insert(0) += 1);
+    let words = counts.into_iter().map(|(class, count)| format!("{class} {count}"));
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// A share with its interval.
+pub fn share(share: Option<Share>) -> String {
+    share.map_or("-".into(), |of| bracketed(of.value, Some(of.interval)))
+}
+
+/// A mean with its interval.
+pub fn mean(mean: Option<Estimate>) -> String {
+    mean.map_or("-".into(), |of| bracketed(of.value, of.interval))
+}
+
+fn bracketed(value: f64, interval: Option<[f64; 2]>) -> String {
+    let interval =
+        interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", num::fixed(low, 3), num::fixed(high, 3)));
+    format!("{}{interval}", num::fixed(value, 3))
+}
+
+/// Heads of a table of totals; a completion stands beside every crash rate.
+pub const HEADS: [&str; 9] =
+    ["by", "", "scenes", "driven", "faults", "unplayable", "crash rate", "preventable", "completion"];
+
+/// A row's cells.
+pub fn cells(total: &Total) -> Vec<String> {
+    vec![
+        total.by.to_string(),
+        total.name.clone(),
+        total.scenes.to_string(),
+        total.driven.to_string(),
+        total.faults.to_string(),
+        total.unplayable.to_string(),
+        share(total.crashes),
+        share(total.preventable),
+        mean(total.completion),
+    ]
+}
+
+/// The totals within a width.
+pub fn table(totals: &[Total], width: usize) -> String {
+    let heads = HEADS.map(String::from).to_vec();
+    Aligned { indent: 0, labels: 2, words: 0, heads, rows: totals.iter().map(cells).collect() }.text(width)
+}
+
+/// What the numbers are.
+pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson intervals; preventable: the driver caused the contact, or a careful one \
+                        avoids it; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
+
+/// The rules and the scenes that broke them, each with the command that plays it.
+pub fn rules(rules: &[Judged], result: &SuiteResult, command: &dyn Fn(&Played) -> String) -> String {
+    let mut text = String::new();
+    for rule in rules {
+        let word = if rule.holds { "holds" } else { "BROKEN" };
+        let _ = writeln!(text, "{word}: {}: expected {}, found {}", rule.rule, rule.expected, rule.found);
+        if rule.holds {
+            continue;
+        }
+        let scenes = rule.scenes.iter().filter_map(|id| result.case(id));
+        for played in scenes.take(LISTED_MAX) {
+            let _ = writeln!(text, "  {}: {}\n    {}", played.case, played.in_words(), command(played));
+        }
+        if let Some(more) = rule.scenes.len().checked_sub(LISTED_MAX).filter(|more| *more > 0) {
+            let _ = writeln!(text, "  and {more} more, which --json lists");
+        }
+    }
+    text
+}
+
+/// What was not driven, by reason.
+pub fn not_driven(result: &SuiteResult) -> String {
+    let mut reasons: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for played in &result.cases {
+        let reason = match &played.came {
+            Came::Driven(_) => continue,
+            // What differs from scene to scene is in the result.
+            Came::Fault { kind, .. } => format!("fault, {}", kind.name()),
+            Came::Unplayable { reason } => format!("cannot be played: {}", reason.replace(&played.scene, "..")),
+        };
+        reasons.entry(reason).or_default().push(&played.case);
+    }
+    let line = |(reason, cases): (String, Vec<&str>)| {
+        format!("{}: {reason} (first {})\n", counted(cases.len(), "scene"), cases.first().unwrap_or(&""))
+    };
+    reasons.into_iter().map(line).collect()
+}
+
+/// A scene a line.
+pub fn csv(result: &SuiteResult) -> String {
+    let heads = [
+        "case",
+        "scene",
+        "family",
+        "cluster",
+        "class",
+        "came",
+        "end",
+        "completion",
+        "seconds",
+        "contact",
+        "with_adversary",
+        "preventable",
+        "contact_s",
+        "relative_speed_mps",
+        "reason",
+    ];
+    let mut text = csv_line(&heads.map(String::from));
+    for played in &result.cases {
+        let own = [&played.case, &played.scene, &played.family, &played.cluster, &played.class].map(Clone::clone);
+        text.push_str(&csv_line(&[own.to_vec(), of_came(&played.came)].concat()));
+    }
+    text
+}
+
+fn of_came(came: &Came) -> Vec<String> {
+    let nothing = |count: usize| vec![String::new(); count];
+    match came {
+        Came::Driven(drive) => {
+            let end = serde_json::to_value(drive.end).ok().and_then(|end| end.as_str().map(String::from));
+            let met = drive.contact.map(|met| {
+                vec![
+                    met.class.name().to_string(),
+                    met.adversary.to_string(),
+                    drive.is_preventable().to_string(),
+                    met.time_s.to_string(),
+                    met.relative_speed_mps.to_string(),
+                ]
+            });
+            let seconds = drive.steps as f64 * crate::scene::DT_S;
+            let own =
+                vec!["driven".into(), end.unwrap_or_default(), drive.completion.to_string(), num::fixed(seconds, 1)];
+            [own, met.unwrap_or_else(|| nothing(5)), nothing(1)].concat()
+        }
+        Came::Fault { kind, reason } => [vec![kind.name().to_string()], nothing(8), vec![reason.clone()]].concat(),
+        Came::Unplayable { reason } => [vec!["unplayable".into()], nothing(8), vec![reason.clone()]].concat(),
+    }
+}

@@ -1,0 +1,31 @@
+//! Frozen suites: scenes with what others do in them, the same for every planner that is tested. What a suite holds and how its file
+//! is read, which scenes are chosen, what came of a planner in each, and what that amounts to. Nothing here plays a scene.
+
+mod choice;
+mod comparison;
+mod content;
+mod fault;
+mod file;
+#[cfg(test)]
+mod fixture;
+mod junit;
+mod mark;
+mod needed;
+mod result;
+mod result_file;
+mod share;
+mod thresholds;
+mod totals;
+
+pub use choice::{Candidate, PLAIN, chosen};
+pub use comparison::{Compared, ComparedRow, Discordant, compared};
+pub use content::{Case, Licence, Member, Sizes, Suite, class_of};
+pub use fault::FaultKind;
+pub use file::{Frozen, SuiteError, decode, encode};
+pub use junit::junit;
+pub use mark::{DriverMark, SuiteMark};
+pub use result::{Came, Drive, Met, Played, Recording, SuiteResult};
+pub use result_file::{RESULT_FORMAT, result_from_bytes, result_to_bytes};
+pub use share::Share;
+pub use thresholds::{Judged, Thresholds, judged};
+pub use totals::{Total, totals};

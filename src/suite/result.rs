@@ -1,0 +1,167 @@
+//! What came of a driver in the scenes of a suite.
+
+use serde::{Deserialize, Serialize};
+
+use super::fault::FaultKind;
+use super::mark::{DriverMark, SuiteMark};
+use crate::kernel::Digest;
+use crate::sim::{ContactClass, End, Outcome};
+
+/// A driver in a suite.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SuiteResult {
+    pub format: String,
+    pub suite: SuiteMark,
+    pub driver: DriverMark,
+    /// Version of the simulator's meaning.
+    pub simulator: u32,
+    /// Files with the answers of a planner, beside this one.
+    pub recordings: Vec<Recording>,
+    /// In the order of the suite.
+    pub cases: Vec<Played>,
+}
+
+/// Answers of a planner under rules of the suite.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recording {
+    /// Place of the rules in the suite.
+    pub rules: usize,
+    /// Name of the rollout cassette, which lies beside the result.
+    pub file: String,
+}
+
+/// One scene of the suite, and what came of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Played {
+    pub case: String,
+    pub scene: String,
+    pub family: String,
+    pub cluster: String,
+    /// Class of the contact of the driver that was planned around.
+    pub class: String,
+    pub came: Came,
+}
+
+/// What came of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Came {
+    /// It was driven to an end.
+    Driven(Drive),
+    /// The planner gave no drive.
+    Fault { kind: FaultKind, reason: String },
+    /// The scene cannot be played with this driver.
+    Unplayable { reason: String },
+}
+
+/// A drive to its end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drive {
+    pub end: End,
+    /// Share of the route, 0 to 1.
+    pub completion: f64,
+    /// Decisions of 0.1 s.
+    pub steps: usize,
+    pub contact: Option<Met>,
+    /// Two drives with one trace are the same.
+    pub trace: Digest,
+}
+
+/// The first contact.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Met {
+    pub class: ContactClass,
+    /// Whether it is one whom the program moves.
+    pub adversary: bool,
+    /// Whether a careful ego would have avoided it; asked of adversaries alone.
+    pub avoidable: Option<bool>,
+    /// Since the start, s.
+    pub time_s: f64,
+    pub relative_speed_mps: f64,
+}
+
+impl Drive {
+    pub fn of(outcome: &Outcome) -> Drive {
+        let met = |contact: &crate::sim::Contact| Met {
+            class: contact.class,
+            adversary: contact.adversary,
+            avoidable: contact.avoidable,
+            time_s: contact.time_s,
+            relative_speed_mps: contact.relative_speed_mps,
+        };
+        Drive {
+            end: outcome.end,
+            completion: outcome.route_completion,
+            steps: outcome.steps,
+            contact: outcome.contact.as_ref().map(met),
+            trace: outcome.trace,
+        }
+    }
+
+    /// Whether the ego caused its contact, or a careful one would have avoided it.
+    pub fn is_preventable(&self) -> bool {
+        let caused = |class| {
+            matches!(class, ContactClass::EgoStrikes | ContactClass::EgoSideswipes | ContactClass::StationaryHit)
+        };
+        self.contact.is_some_and(|met| caused(met.class) || met.avoidable == Some(true))
+    }
+
+    /// In a few words.
+    pub fn in_words(&self) -> String {
+        let completed = format!("{:.0} % of the route", 100.0 * self.completion);
+        match (self.end, &self.contact) {
+            (End::Contact, Some(met)) => {
+                let whom = if met.adversary { "with the adversary" } else { "with a bystander" };
+                let how = if self.is_preventable() { ", preventable" } else { "" };
+                format!(
+                    "{} {whom} after {:.1} s at {:.1} m/s{how}; {completed}",
+                    met.class.name(),
+                    met.time_s,
+                    met.relative_speed_mps
+                )
+            }
+            (End::Contact, None) => format!("contact; {completed}"),
+            (End::OffRoad, _) => format!("left its route; {completed}"),
+            (End::Arrived, _) => format!("arrived; {completed}"),
+            (End::Horizon, _) => format!("no contact up to the end; {completed}"),
+        }
+    }
+}
+
+impl Played {
+    pub fn drive(&self) -> Option<&Drive> {
+        match &self.came {
+            Came::Driven(drive) => Some(drive),
+            Came::Fault { .. } | Came::Unplayable { .. } => None,
+        }
+    }
+
+    /// A contact, with whomever.
+    pub fn crashed(&self) -> bool {
+        self.drive().is_some_and(|drive| drive.contact.is_some())
+    }
+
+    /// Whether it was driven without a contact and without leaving the route. How far it came is not asked.
+    pub fn passed(&self) -> bool {
+        self.drive().is_some_and(|drive| drive.contact.is_none() && drive.end != End::OffRoad)
+    }
+
+    pub fn in_words(&self) -> String {
+        match &self.came {
+            Came::Driven(drive) => drive.in_words(),
+            Came::Fault { kind, reason } => format!("{}: {reason}", kind.name()),
+            Came::Unplayable { reason } => format!("cannot be played: {reason}"),
+        }
+    }
+}
+
+impl SuiteResult {
+    pub fn case(&self, id: &str) -> Option<&Played> {
+        self.cases.iter().find(|played| played.case == id)
+    }
+}

@@ -1,0 +1,422 @@
+//! Frozen suites: the same bytes and labels for any number of threads, planners of all kinds, thresholds, comparisons.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+use crate::harness::{Ran, evodrive, home, run, skip};
+
+/// A pool and a suite that the tests share.
+struct Shared {
+    folder: tempfile::TempDir,
+}
+
+impl Shared {
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).display().to_string()
+    }
+}
+
+/// Families with samples, with reactive skills, and with inserted road users.
+const PARENTS: [&str; 6] = ["--parents", "cat", "--parents", "seal", "--parents", "adv_bmt"];
+
+fn shared() -> &'static Shared {
+    static SHARED: OnceLock<Shared> = OnceLock::new();
+    SHARED.get_or_init(|| {
+        let shared = Shared { folder: tempfile::tempdir().unwrap() };
+        let text = "base = \"evodrive:metadrive\"\nname = \"few\"\ndescribes = \"few scenes\"\ncassette = \"few.jsonl\"\n\
+                    [scenes]\ncount = 14\nseed = 31\n[split]\nevolution = { count = 4 }\nheld_out = 4\nwindow = 4\n\
+                    [[lineage]]\nid = \"cat-idm\"\nfamily = \"cat\"\nego = \"idm\"\n";
+        std::fs::write(shared.folder.path().join("few.toml"), text).unwrap();
+        let made = run(&["scenes", "generate", &shared.path("few.toml"), "--out", &shared.path("few.pool")]);
+        assert_eq!(made.code, 0, "{}", made.stderr);
+        let frozen = freeze(&shared, "one.suite", &["--jobs", "1"]);
+        assert_eq!(frozen.code, 0, "{}", frozen.stderr);
+        shared
+    })
+}
+
+fn freeze(shared: &Shared, name: &str, more: &[&str]) -> Ran {
+    let (pool, out) = (shared.path("few.pool"), shared.path(name));
+    let wanted = ["suite", "freeze", "--scenes", &pool, "--per-family", "4", "--plain-share", "0.2", "--out", &out];
+    run(&[&wanted[..], &PARENTS, more].concat())
+}
+
+fn json(ran: &Ran) -> Value {
+    serde_json::from_str(&ran.stdout).unwrap_or_else(|error| panic!("{error}: {}{}", ran.stdout, ran.stderr))
+}
+
+/// `suite run` in the shared suite.
+fn drive(more: &[&str]) -> Ran {
+    let suite = shared().path("one.suite");
+    run(&[&["--json", "suite", "run", &suite], more].concat())
+}
+
+fn python() -> bool {
+    let there = Command::new("python3").arg("--version").output().is_ok_and(|ran| ran.status.success());
+    if !there {
+        skip("no python3: planners in suites were not driven");
+    }
+    there
+}
+
+/// A folder with the planners of the examples, and a planner made from the IDM by these replacements.
+fn planner(name: &str, replaced: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(home().join("examples/own_ego/evodrive_driver.py"), folder.path().join("evodrive_driver.py"))
+        .unwrap();
+    let mut text = std::fs::read_to_string(home().join("examples/own_ego/idm.py")).unwrap();
+    for (old, new) in replaced {
+        assert!(text.contains(old), "{old}");
+        text = text.replace(old, new);
+    }
+    let path = folder.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    (folder, path)
+}
+
+/// Puts lines before a planner's own.
+fn begun_with(path: &Path, lines: &str) {
+    let text = std::fs::read_to_string(path).unwrap();
+    std::fs::write(path, format!("{lines}{text}")).unwrap();
+}
+
+fn cases(of: &Value) -> Vec<&Value> {
+    of["cases"].as_array().unwrap().iter().collect()
+}
+
+#[test]
+fn a_suite_is_the_same_for_any_number_of_threads_and_its_labels_come_again() {
+    let shared = shared();
+    let bytes = |name: &str| std::fs::read(shared.path(name)).unwrap();
+    // A suite is called like its file, so that another folder is needed.
+    std::fs::create_dir_all(shared.folder.path().join("below")).unwrap();
+    let again = freeze(shared, "below/one.suite", &["--jobs", "2"]);
+    assert_eq!((again.code, bytes("below/one.suite") == bytes("one.suite")), (0, true), "{}", again.stderr);
+    let shown = json(&run(&["--json", "suite", "show", &shared.path("one.suite")]));
+    let count = |family: &str| cases(&shown).iter().filter(|case| case["family"] == family).count();
+    assert_eq!(["cat", "seal", "adv_bmt"].map(count), [4, 4, 4]);
+    assert_eq!(count("plain"), 3);
+    assert!(shown["licences"][0]["terms"].as_str().unwrap().contains("MIT"), "{shown}");
+    let [one, two] = ["1", "2"].map(|jobs| drive(&["--driver", "idm", "--jobs", jobs]));
+    assert_eq!((one.code, &one.stdout), (0, &two.stdout), "{}", one.stderr);
+    for (case, played) in cases(&shown).into_iter().zip(cases(&json(&one))) {
+        let driven = &played["came"]["driven"];
+        assert_eq!((&played["case"], &driven["trace"]), (&case["case"], &case["label"]["trace"]));
+        assert_eq!(driven["completion"], case["label"]["route_completion"]);
+    }
+    // Another driver has other labels, and nothing is said against it.
+    let still = drive(&["--driver", "standing"]);
+    assert_eq!(still.code, 0, "{}", still.stderr);
+    assert!(json(&still)["totals"][0]["completion"]["value"].as_f64().unwrap() < 0.2);
+}
+
+/// Who reacts to the ego reacts to the driver under test: the intervention travels, not only tracks.
+#[test]
+fn reactive_skills_travel_and_meet_whoever_drives() {
+    let suite = evodrive::suite::decode("s", &unpacked(&shared().path("one.suite"))).unwrap().suite;
+    let reacts = |case: &&evodrive::suite::Case| {
+        case.intervention.actions.iter().any(|action| matches!(action, evodrive::sim::Action::FollowThenReact { .. }))
+    };
+    let reacting: Vec<_> = suite.cases.iter().filter(reacts).collect();
+    assert!(!reacting.is_empty() && reacting.iter().all(|case| case.family == "seal"));
+    let page = shared().path("play.html");
+    let played = run(&[
+        "suite",
+        "play",
+        &shared().path("one.suite"),
+        "--case",
+        &reacting[0].id,
+        "--driver",
+        "idm",
+        "--driver",
+        "standing",
+        "--out",
+        &page,
+    ]);
+    assert_eq!(played.code, 0, "{}", played.stderr);
+    let text = std::fs::read_to_string(page).unwrap();
+    assert!(text.contains("EvoPlayer.mount") && text.contains("standing: "), "both are on the page");
+}
+
+fn unpacked(path: &str) -> Vec<u8> {
+    evodrive::store::read_text(Path::new(path), 1 << 30).unwrap().unwrap()
+}
+
+#[test]
+fn thresholds_turn_the_exit_code_and_an_empty_selection_is_an_error() {
+    let broken = drive(&["--driver", "idm", "--max-crash-rate", "0", "--min-completion", "0.1"]);
+    let told = json(&broken);
+    assert_eq!((broken.code, &told["holds"]), (1, &Value::Bool(false)), "{}", broken.stderr);
+    let rule = &told["rules"][0];
+    let scenes = rule["scenes"].as_array().unwrap();
+    assert!(rule["rule"] == "max_crash_rate" && !scenes.is_empty(), "{rule}");
+    let command = told["commands"][scenes[0].as_str().unwrap()].as_str().unwrap();
+    assert!(command.contains("suite play") && command.contains("--driver idm"), "{command}");
+    assert_eq!(told["rules"][1]["holds"], true);
+    assert_eq!(drive(&["--driver", "idm", "--max-crash-rate", "1"]).code, 0);
+    // Who stands still crashes seldom, and drives nowhere.
+    let still = drive(&["--driver", "standing", "--max-crash-rate", "0.9", "--min-completion", "0.4"]);
+    assert_eq!(still.code, 1);
+    assert_eq!(json(&still)["rules"][1]["holds"], false);
+    let refused = |more: &[&str], what: &str| {
+        let ran = drive(more);
+        assert!(ran.code == 2 && ran.stderr.contains(what), "{more:?}: {}", ran.stderr);
+    };
+    refused(&["--driver", "idm", "--max-crash-rate", "1.5"], "expected 0 to 1, found 1.5");
+    refused(&["--driver", "idm", "--family", "catt"], "did you mean cat?");
+    refused(&["--driver", "idm", "--family", "cat", "--case", "plain:nowhere"], "expected one of");
+    refused(&["--driver", "idmm"], "did you mean idm?");
+    // Thresholds may lie in the suite.
+    let shared = shared();
+    assert_eq!(freeze(shared, "strict.suite", &["--max-crash-rate", "0"]).code, 0);
+    let strict = run(&["suite", "run", &shared.path("strict.suite"), "--driver", "idm"]);
+    assert!(strict.code == 1 && strict.stdout.contains("BROKEN: max_crash_rate"), "{}", strict.stdout);
+    let eased = run(&["suite", "run", &shared.path("strict.suite"), "--driver", "idm", "--max-crash-rate", "1"]);
+    assert_eq!(eased.code, 0, "an option is above the file's: {}", eased.stdout);
+}
+
+#[test]
+fn two_versions_of_a_planner_are_told_apart_and_recorded_answers_need_no_python() {
+    if !python() {
+        return;
+    }
+    let (before, old) = planner("planner.py", &[]);
+    let (after, new) = planner("planner.py", &[("x > 0.0 and", "x > 25.0 and")]);
+    let out = |folder: &tempfile::TempDir, name: &str| folder.path().join(name).display().to_string();
+    let results = [out(&before, "old.json"), out(&after, "new.json")];
+    let [old_word, new_word] = [&old, &new].map(|path| path.display().to_string());
+    let first = drive(&["--driver", &old_word, "--out", &results[0]]);
+    assert_eq!(first.code, 0, "{}", first.stderr);
+    let (junit, csv, html) = (out(&after, "results.xml"), out(&after, "results.csv"), out(&after, "results.html"));
+    let second = drive(&[
+        "--driver",
+        &new_word,
+        "--out",
+        &results[1],
+        "--no-new-failures-against",
+        &results[0],
+        "--junit",
+        &junit,
+        "--csv",
+        &csv,
+        "--html",
+        &html,
+    ]);
+    assert_eq!(second.code, 1, "{}{}", second.stdout, second.stderr);
+    let told = json(&second);
+    let rule = told["rules"].as_array().unwrap().iter().find(|rule| rule["rule"] == "no_new_failures").unwrap();
+    let new_failures: Vec<&str> =
+        rule["scenes"].as_array().unwrap().iter().map(|scene| scene.as_str().unwrap()).collect();
+    assert!(!new_failures.is_empty());
+    let compared = json(&run(&["--json", "suite", "compare", &results[0], &results[1]]));
+    let discordant = compared["compared"]["discordant"].as_array().unwrap();
+    let lost: Vec<&str> =
+        discordant.iter().filter(|of| of["lost"] == true).map(|of| of["case"].as_str().unwrap()).collect();
+    assert_eq!(lost, new_failures, "{compared}");
+    assert!(compared["commands"][0].as_str().unwrap().contains("--recorded"), "{compared}");
+    let xml = std::fs::read_to_string(&junit).unwrap();
+    assert!(xml.contains("<failure type=\"no_new_failures\"") && xml.matches("<testcase ").count() == 16, "{xml}");
+    assert_eq!(std::fs::read_to_string(&csv).unwrap().lines().count(), 16);
+    assert!(std::fs::read_to_string(&html).unwrap().contains("EvoPlayer.mount"));
+    let same = run(&["suite", "compare", &results[0], &results[0]]);
+    assert!(same.stdout.contains("no difference in 15 scenes"), "{}", same.stdout);
+    // Neither the planner nor Python is there any more.
+    std::fs::remove_file(&new).unwrap();
+    let suite = shared().path("one.suite");
+    let alone = |more: &[&str]| {
+        let wanted = [&["--json", "suite", "run", &suite, "--recorded", &results[1]], more].concat();
+        Ran::of(evodrive().env("PATH", "").args(wanted))
+    };
+    for jobs in ["1", "2"] {
+        let again = alone(&["--jobs", jobs]);
+        assert_eq!((again.code, &json(&again)["cases"]), (0, &told["cases"]), "{}", again.stderr);
+    }
+    let played = Ran::of(evodrive().env("PATH", "").args([
+        "suite",
+        "play",
+        &suite,
+        "--case",
+        lost[0],
+        "--recorded",
+        &results[0],
+        "--recorded",
+        &results[1],
+        "--out",
+        &out(&after, "p.html"),
+    ]));
+    assert_eq!(played.code, 0, "{}", played.stderr);
+    let board = Ran::of(evodrive().env("PATH", "").args([
+        "leaderboard",
+        &suite,
+        "--recorded",
+        &results[0],
+        "--driver",
+        "standing",
+        "--driver",
+        "idm",
+        "--format",
+        "markdown",
+    ]));
+    assert_eq!(board.code, 0, "{}", board.stderr);
+    let rows: Vec<&str> = board.stdout.lines().filter(|line| line.starts_with("| ")).collect();
+    assert!(rows[3].starts_with("| standing | 15 | 0 | 0 | 0.000"), "who stands still comes last: {}", board.stdout);
+    // A changed result is not what its answers come to.
+    let text = std::fs::read_to_string(&results[1]).unwrap();
+    std::fs::write(&results[1], text.replacen("\"completion\":0.", "\"completion\":0.9", 1)).unwrap();
+    let changed = alone(&[]);
+    assert!(changed.code == 4 && changed.stderr.contains("recorded answers come to"), "{}", changed.stderr);
+}
+
+#[test]
+fn a_planner_that_gives_no_drive_is_named_and_counted_apart_and_never_passes() {
+    if !python() {
+        return;
+    }
+    let decide = "    def decide(self, scene, step):\n";
+    let with = |line: &str| format!("{decide}        {line}\n");
+    let shown = json(&run(&["--json", "suite", "show", &shared().path("one.suite")]));
+    let scene = &cases(&shown).into_iter().find(|case| case["family"] == "cat").unwrap()["scene"];
+    let scene = scene.as_str().unwrap();
+    let here = format!("if scene['scene'] == {scene:?} and step['step'] == 3:");
+    let kinds = [
+        ("ended", with(&format!("{here} sys.exit('no more')")), 10.0),
+        ("junk", with(&format!("{here} sys.__stdout__.write('hello\\n'); sys.__stdout__.flush()")), 10.0),
+        ("too_slow", with(&format!("{here} time.sleep(30)")), 0.5),
+        ("inconsistent", with(&format!("{here} return random.random(), 0.0")), 10.0),
+    ];
+    for (kind, line, seconds) in kinds {
+        let (folder, path) = planner("planner.py", &[(decide, &line)]);
+        begun_with(&path, "import random, sys, time\n");
+        let table = format!(
+            "[driver]\ncommand = [\"python3\", \"planner.py\"]\nfiles = [\"planner.py\", \"evodrive_driver.py\"]\ncassette = \"x\"\n\
+             timeout_s = {seconds}\nrepeat_share = 1.0\n"
+        );
+        std::fs::write(folder.path().join("planner.toml"), table).unwrap();
+        let word = folder.path().join("planner.toml").display().to_string();
+        let xml = folder.path().join("r.xml").display().to_string();
+        let out = folder.path().join("r.json").display().to_string();
+        let selected = ["--family", "cat", "--family", "plain", "--max-crash-rate", "1"];
+        let ran = drive(&[&["--driver", &word, "--junit", &xml, "--out", &out], &selected[..]].concat());
+        let told = json(&ran);
+        // What was recorded says the same without the planner.
+        let again = drive(&[&["--recorded", &out], &selected[..]].concat());
+        assert_eq!((again.code, &json(&again)["cases"]), (1, &told["cases"]), "{kind}: {}", again.stderr);
+        assert_eq!(ran.code, 1, "{kind}: {}", ran.stderr);
+        let faults: Vec<&Value> = cases(&told).into_iter().filter(|case| case["came"]["fault"].is_object()).collect();
+        assert!(!faults.is_empty(), "{kind}: {told}");
+        for fault in &faults {
+            assert_eq!((&fault["came"]["fault"]["kind"], &fault["scene"]), (&kind.into(), &scene.into()), "{fault}");
+        }
+        let all = &told["totals"][0];
+        assert_eq!(all["faults"], faults.len());
+        assert_eq!(all["driven"].as_u64().unwrap() + faults.len() as u64, all["scenes"].as_u64().unwrap(), "{all}");
+        let rule = &told["rules"][0];
+        assert!(rule["rule"] == "answered" && rule["holds"] == false, "{rule}");
+        assert_eq!(std::fs::read_to_string(xml).unwrap().matches("<error type=").count(), faults.len());
+    }
+    // One that does not begin drives nowhere, and passes nowhere.
+    let (_folder, path) = planner("planner.py", &[]);
+    begun_with(&path, "raise SystemExit('broken')\n");
+    let ran = drive(&["--driver", &path.display().to_string(), "--family", "plain", "--max-crash-rate", "1"]);
+    let told = json(&ran);
+    assert_eq!((ran.code, &told["totals"][0]["driven"]), (1, &Value::from(0)), "{}", ran.stderr);
+    assert!(cases(&told).iter().all(|case| case["came"]["fault"]["kind"] == "not_started"), "{told}");
+}
+
+#[test]
+fn what_is_no_suite_or_no_result_of_it_is_refused_by_name() {
+    let shared = shared();
+    let suite = shared.path("one.suite");
+    let refused = |args: &[&str], code: i32, what: &str| {
+        let ran = run(args);
+        assert!(ran.code == code && ran.stderr.contains(what), "{args:?}: {} {}", ran.code, ran.stderr);
+    };
+    refused(&["suite", "run", &shared.path("few.pool"), "--driver", "idm"], 2, "is not a suite");
+    let mut bytes = unpacked(&suite);
+    let end = bytes.len() - 32;
+    bytes[8] = 7;
+    let digest = evodrive::kernel::Digest::of_bytes(&bytes[..end]);
+    bytes[end..].copy_from_slice(digest.as_bytes());
+    std::fs::write(shared.path("later.suite"), &bytes).unwrap();
+    refused(
+        &["suite", "run", &shared.path("later.suite"), "--driver", "idm"],
+        2,
+        "suite format 7, this build reads format 1",
+    );
+    bytes[100] ^= 1;
+    std::fs::write(shared.path("damaged.suite"), &bytes).unwrap();
+    refused(&["suite", "show", &shared.path("damaged.suite")], 2, "suite format 7");
+    let mut bytes = unpacked(&suite);
+    bytes[100] ^= 1;
+    std::fs::write(shared.path("damaged.suite"), &bytes).unwrap();
+    refused(&["suite", "show", &shared.path("damaged.suite")], 5, "the checksum");
+    refused(&["suite", "freeze", "--scenes", &shared.path("few.pool"), "--out", "x.suite"], 2, "name programs");
+    refused(&["suite", "compare", &suite, &suite], 2, "expected a result of a suite");
+    let own = shared.path("idm.json");
+    assert_eq!(drive(&["--driver", "idm", "--out", &own]).code, 0);
+    refused(&["suite", "run", &suite, "--recorded", &own], 3, "no recorded answers");
+    // A label that does not come again.
+    let mut suite_of = evodrive::suite::decode("s", &unpacked(&suite)).unwrap().suite;
+    suite_of.cases[0].label.route_completion *= 0.5;
+    std::fs::write(shared.path("changed.suite"), evodrive::suite::encode(&suite_of).unwrap().0).unwrap();
+    refused(&["suite", "run", &shared.path("changed.suite"), "--driver", "idm"], 4, "expected the frozen label");
+    suite_of.simulator += 1;
+    std::fs::write(shared.path("newer.suite"), evodrive::suite::encode(&suite_of).unwrap().0).unwrap();
+    refused(&["suite", "run", &shared.path("newer.suite"), "--driver", "idm"], 2, "simulator version 4");
+    // Another suite's result is neither a baseline nor to be compared.
+    assert_eq!(freeze(shared, "other.suite", &["--seed", "2"]).code, 0);
+    let other = shared.path("other.json");
+    assert_eq!(run(&["suite", "run", &shared.path("other.suite"), "--driver", "idm", "--out", &other]).code, 0);
+    refused(&["suite", "run", &suite, "--driver", "idm", "--no-new-failures-against", &other], 2, "another suite");
+    refused(&["suite", "compare", &own, &other], 2, "only the same scenes");
+}
+
+#[test]
+fn scenes_of_a_suite_are_listed_shown_and_exported() {
+    let suite = shared().path("one.suite");
+    let listed = json(&run(&["--json", "scenes", "list", &suite]));
+    let shown = json(&run(&["--json", "suite", "show", &suite]));
+    let (case, scene) = (&cases(&shown)[0]["case"], &cases(&shown)[0]["scene"]);
+    assert!(listed["scenes"].as_array().unwrap().iter().any(|row| row["id"] == *scene), "{listed}");
+    let one = json(&run(&["--json", "scenes", "show", &suite, case.as_str().unwrap()]));
+    assert_eq!(one["outcome"], cases(&shown)[0]["label"], "as frozen");
+    let plain = json(&run(&["--json", "scenes", "show", &suite, scene.as_str().unwrap()]));
+    assert_eq!(plain["scene"]["id"], *scene);
+    let out = shared().path("exported");
+    let exported = json(&run(&[
+        "--json",
+        "scenes",
+        "export",
+        &suite,
+        "--scene",
+        case.as_str().unwrap(),
+        "--format",
+        "scenarionet",
+        "--out",
+        &out,
+    ]));
+    assert_eq!(exported["scenes"].as_array().unwrap().len(), 1, "{exported}");
+}
+
+#[test]
+fn the_shipped_suite_holds_every_family_and_its_leaderboard_is_the_golden_one() {
+    let suite = "golden/suite/starter.suite";
+    let own = json(&run(&["--json", "suite", "run", suite, "--driver", "idm"]));
+    let rows = |by: &str| own["totals"].as_array().unwrap().iter().filter(|row| row["by"] == by).count();
+    assert_eq!((cases(&own).len(), rows("family"), rows("class")), (200, 13, 7), "every label came again");
+    let drivers = ["--driver", "idm", "--driver", "replay", "--driver", "standing"];
+    let policies =
+        ["--policy", "policies/sac-metadrive.safetensors", "--policy", "policies/sac-metadrive-2.safetensors"];
+    let board = run(&[&["leaderboard", suite, "--format", "markdown"], &drivers[..], &policies[..]].concat());
+    let golden = crate::harness::text("golden/suite/leaderboard.md");
+    assert_eq!(board.stdout, golden, "if this is meant, run .ci/suite --bless and say why");
+    let page = crate::harness::text("docs/SUITES.md");
+    for row in golden.lines().filter(|line| line.starts_with("| ")).skip(1).take(5) {
+        let cells: Vec<&str> = row.trim_matches('|').split(" | ").map(str::trim).collect();
+        let told = [cells[0].trim_end_matches(".safetensors"), cells[4], cells[5], cells[7]].join(" | ");
+        assert!(page.contains(&told), "docs/SUITES.md does not say {told}");
+    }
+}

@@ -116,6 +116,11 @@ mod tests {
             damaged[at] ^= 0x10;
             assert!(decode("s", &damaged).is_err(), "{at}");
         }
+        // A change that leaves everything readable.
+        let place = bytes.windows(8).position(|window| window == b"\"seed\":1").unwrap();
+        let mut changed = bytes.clone();
+        changed[place + 7] = b'2';
+        assert!(matches!(decode("s", &changed), Err(SuiteError::Damaged { .. })));
         for end in [0, 7, 8, 15, 60, bytes.len() - 1] {
             assert!(decode("s", &bytes[..end]).is_err(), "{end}");
         }

@@ -420,3 +420,45 @@ fn the_shipped_suite_holds_every_family_and_its_leaderboard_is_the_golden_one() 
         assert!(page.contains(&told), "docs/SUITES.md does not say {told}");
     }
 }
+
+#[test]
+fn a_killed_command_goes_on_where_it_was() {
+    if !python() {
+        return;
+    }
+    let decide = "    def decide(self, scene, step):\n";
+    // The fourth drive waits until somebody says that it may go on.
+    let waits = "        if step['step'] == 0:\n            open('log', 'a').write(scene['scene'] + '\\n')\n        \
+                 if len(open('log').readlines()) == 4 and not os.path.exists('ready'):\n            open('begun', 'w').close()\n        \
+                 while os.path.exists('begun') and not os.path.exists('ready'):\n            time.sleep(0.02)\n";
+    let (folder, path) = planner("planner.py", &[(decide, &format!("{decide}{waits}"))]);
+    begun_with(&path, "import os, time\n");
+    let at = |name: &str| folder.path().join(name);
+    let table = "[driver]\ncommand = [\"python3\", \"planner.py\"]\nfiles = [\"planner.py\"]\ncassette = \"x\"\nrepeat_share = 0.0\n";
+    std::fs::write(at("planner.toml"), table).unwrap();
+    let suite = shared().path("one.suite");
+    let command = || {
+        let mut command = evodrive();
+        command.args(["suite", "run", &suite, "--jobs", "1", "--driver"]).arg(at("planner.toml"));
+        command.arg("--out").arg(at("result.json"));
+        command
+    };
+    let quiet = std::process::Stdio::null;
+    let mut child = command().stdout(quiet()).stderr(quiet()).spawn().unwrap();
+    while !at("begun").exists() {
+        assert_eq!(child.try_wait().unwrap(), None, "it ended before it was killed");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!at("result.json").exists() && at("result.recording").exists());
+    std::fs::write(at("ready"), "").unwrap();
+    std::fs::write(at("log"), "").unwrap();
+    let ran = Ran::of(&mut command());
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
+    assert_eq!(std::fs::read_to_string(at("log")).unwrap().lines().count(), 15 - 3, "three drives were kept");
+    assert!(at("result.json").exists() && !at("result.recording").exists());
+    // All is recorded: nobody is asked again.
+    assert_eq!(Ran::of(&mut command()).code, 0);
+    assert_eq!(std::fs::read_to_string(at("log")).unwrap().lines().count(), 15 - 3);
+}

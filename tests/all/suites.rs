@@ -302,7 +302,7 @@ fn a_planner_that_gives_no_drive_is_named_and_counted_apart_and_never_passes() {
         let ran = drive(&[&["--driver", &word, "--junit", &xml, "--out", &out], &selected[..]].concat());
         let told = json(&ran);
         // What was recorded says the same without the planner.
-        let again = drive(&[&["--recorded", &out], &selected[..]].concat());
+        let again = drive(&["--recorded", &out, "--max-crash-rate", "1"]);
         assert_eq!((again.code, &json(&again)["cases"]), (1, &told["cases"]), "{kind}: {}", again.stderr);
         assert_eq!(ran.code, 1, "{kind}: {}", ran.stderr);
         let faults: Vec<&Value> = cases(&told).into_iter().filter(|case| case["came"]["fault"].is_object()).collect();
@@ -318,7 +318,12 @@ fn a_planner_that_gives_no_drive_is_named_and_counted_apart_and_never_passes() {
         assert_eq!(std::fs::read_to_string(xml).unwrap().matches("<error type=").count(), faults.len());
     }
     // One that does not begin drives nowhere, and passes nowhere.
-    let (_folder, path) = planner("planner.py", &[]);
+    let (folder, path) = planner("planner.py", &[]);
+    // Another driver's result is refused before anything is driven.
+    let taken = folder.path().join("taken.json").display().to_string();
+    assert_eq!(drive(&["--driver", "idm", "--out", &taken]).code, 0);
+    let refused = drive(&["--driver", &path.display().to_string(), "--out", &taken]);
+    assert!(refused.code == 2 && refused.stderr.contains("--overwrite"), "{}", refused.stderr);
     begun_with(&path, "raise SystemExit('broken')\n");
     let ran = drive(&["--driver", &path.display().to_string(), "--family", "plain", "--max-crash-rate", "1"]);
     let told = json(&ran);

@@ -126,7 +126,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let cases = options.selection.of(&frozen.suite)?;
     let baseline = options.no_new_failures_against.as_deref().map(suite_file::read_result).transpose()?;
     let thresholds = asked.or(&frozen.suite.thresholds);
-    for path in [&options.out, &options.csv, &options.junit, &options.html].into_iter().flatten() {
+    for path in [&options.csv, &options.junit, &options.html].into_iter().flatten() {
         // The same run may write the same files again.
         if !path.is_file() {
             options.output.may_be_made(path)?;
@@ -139,11 +139,23 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
         (Some(path), _) => again(&frozen, &stage, &cases, path, &running)?,
         (None, Some(word)) => {
             let driver = TestDriver::named(word)?.within(options.time_limit)?;
+            if let Some(out) = &options.out {
+                free_for(out, &frozen, &driver, options.output)?;
+            }
             fresh(&frozen, &stage, (&cases, &driver, options.out.as_deref()), &running)?
         }
         (None, None) => return Err(Failure::bad_input("name a driver with --driver, or a result with --recorded")),
     };
     finish(options, &frozen, (&stage, &threads), result, (&thresholds, baseline.as_ref()))
+}
+
+/// Refuses a place that holds another driver's result before anything is driven; the same driver's is gone on with.
+fn free_for(out: &Path, frozen: &Frozen, driver: &TestDriver, output: Output) -> Result<(), Failure> {
+    let own = |before: SuiteResult| before.suite.digest == frozen.digest && before.driver == driver.mark();
+    match out.is_file() && suite_file::read_result(out).is_ok_and(own) {
+        true => Ok(()),
+        false => output.may_be_made(out),
+    }
 }
 
 /// A result with the answers behind it.
@@ -213,8 +225,13 @@ pub fn again(
             answers_beside(path, 0).display()
         )));
     };
+    // A result of a selection says nothing of the other cases.
+    let cases: Vec<&Case> = cases.iter().filter(|case| before.case(&case.id).is_some()).copied().collect();
+    if cases.is_empty() {
+        return Err(Failure::bad_input(format!("{place} holds none of the selected cases; select others")));
+    }
     let known = |case: &Case| before.case(&case.id).map(|played| played.came.clone());
-    let driven = drive_recorded(stage, cases, (planner, answers), &known, running)?;
+    let driven = drive_recorded(stage, &cases, (planner, answers), &known, running)?;
     for played in &driven.cases {
         match before.case(&played.case) {
             Some(before) if before.came != played.came => {

@@ -44,7 +44,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("suite compare", "evodrive suite compare before.json after.json --suite golden/suite/starter.suite"),
     (
         "suite play",
-        "evodrive suite play golden/suite/starter.suite --case plain:synth/merge/41/5 --driver idm --driver standing --out play.html",
+        "evodrive suite play golden/suite/starter.suite --case king:synth/curve/20261126/3 --driver idm --driver standing --out play.html",
     ),
     ("leaderboard", "evodrive leaderboard golden/suite/starter.suite --driver idm --driver standing"),
     ("fsck", "evodrive fsck --read"),

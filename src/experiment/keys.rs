@@ -148,7 +148,7 @@ fn study() -> Vec<Key> {
                 "",
                 "",
                 Any,
-                "A file that `evodrive program export` wrote, relative to the file that names it: the lineage starts from its program.",
+                "A program file, as `evodrive program export` or `program new` writes it, relative to the file that names it: the lineage starts from its program.",
             ),
         ],
     ));

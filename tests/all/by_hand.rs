@@ -79,6 +79,13 @@ fn the_car_is_put_back_by_the_three_commands_of_the_page() {
     let attack = applied["program"]["score"]["objectives"]["attack"].as_f64().unwrap();
     assert!(attack < 1.0, "a car's box cannot meet as a cyclist's does: {attack}");
     let origins = applied["origins"].as_array().unwrap();
+    // The published parent came from nobody, whoever changed the program.
+    let said = well(folder, &[&["apply", "winner.toml", "--scenes", &pool][..], &scenes[..2]].concat());
+    let row = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {said}"));
+    assert!(
+        row("adv_bmt-idm/parent ").ends_with("  none") && row("adv_bmt-idm/e4s1-hand ").ends_with("  by hand"),
+        "{said}"
+    );
     assert_eq!(origins[1]["from"], was.program_hash.to_hex());
     let shown = well(folder, &["program", "show", "winner.toml"]);
     let hand = format!("adv_bmt-idm/e4s1-hand, written by hand from program {}", was.program_hash.short(16));
@@ -257,6 +264,7 @@ fn evolution_starts_from_a_program_that_was_written_by_hand_and_says_so() {
     std::fs::write(&path, begun.replace(duration, "duration_s = 2.75")).unwrap();
     let args = ["init", "mine", "--start", "my.toml", "--epochs", "1", "--slots", "1"];
     let said = well(folder, &args);
+    assert!(said.contains("it starts from at-hand/program, written by hand from program "), "{said}");
     assert!(said.contains("family = \"at\"") && said.contains("parent_program = \"my.toml\""), "{said}");
     let recorded = here(
         folder,

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use crate::cli::scenes::files;
 use crate::cli::scenes::recorded_crash::{self, RecordedCrash};
+use crate::cli::studies::program_hand::provenance;
 use crate::cli::terminal::{answer::Answer, exit::Failure};
 use crate::experiment::{PlannerFile, ProgramFile, Started, Starter, family_named, starter};
 use crate::store;
@@ -74,8 +75,14 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     store::write_atomic(&path, text.as_bytes())?;
     let shown = path.display();
     // The file says it in a comment; who does not open it is to know it all the same.
-    let said: String =
-        [shows].into_iter().chain(few.clone()).chain(crashes.1).map(|line| format!("{line}\n")).collect();
+    let said: String = start
+        .iter()
+        .map(|start| format!("it starts from {}", provenance(start)))
+        .chain([shows])
+        .chain(few.clone())
+        .chain(crashes.1)
+        .map(|line| format!("{line}\n"))
+        .collect();
     let next = format!(
         "evodrive record {shown}   # asks the models that it names and writes {}.jsonl\nevodrive run {shown}      # replays it: same root",
         options.name

@@ -100,11 +100,13 @@ fn side<'a>(name: &'a str, proposals: &'a str, of: &'a Labelled) -> tables::Play
     tables::Played { name, proposals, score: &of.score, runs: &of.runs, failures: &of.failures }
 }
 
-/// Kinds of the models that the parent and the program came from. A published parent came from none.
+/// Kinds of the models that the parent and the program came from, or a hand. A published parent came from none.
 fn proposals(of: &Comparison) -> [String; 2] {
     let kinds = |origin: Option<&Origin>| origin.map_or("none".to_string(), Origin::kinds);
-    let mut latest_first = of.file.origins.iter().rev();
-    let (own, before) = (kinds(latest_first.next()), kinds(latest_first.next()));
+    let own = kinds(of.file.origins.last());
+    // A hand changes the program and leaves the parent what it was when the program came out of its run.
+    let mut of_runs = of.file.origins.iter().rev().skip_while(|origin| matches!(origin, Origin::Hand(_)));
+    let before = kinds(of_runs.nth(1));
     // A lineage's parent on its own came from nothing later than its file.
     let own = if of.file.is_parent() { before.clone() } else { own };
     [before, own]

@@ -35,7 +35,7 @@ const SHOWN_MAX: usize = 24;
 
 #[derive(Debug, Args)]
 pub struct Options {
-    /// File that `evodrive program export` wrote.
+    /// Program file, JSON or TOML, as `evodrive program export` or `program new` writes it.
     pub program: PathBuf,
     /// A pool, scenario files or folders.
     #[arg(long, num_args = 1.., required = true)]

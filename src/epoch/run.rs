@@ -1,15 +1,16 @@
 //! The whole loop on one page (paper, algorithms evodrive_loop and parallel_epoch): freeze, propose in parallel,
-//! judge serially, settle once, and open the held-out scenes when it is over. Comments quote the algorithms' lines.
+//! judge in slot order, settle once, and open the held-out scenes when it is over. Comments quote the algorithms' lines.
 
-use super::freeze::freeze;
+use super::freeze::{Snapshot, freeze};
 use super::state::State;
 use super::{RunError, open};
+use crate::agents::AgentError;
 use crate::epoch::acceptance::consider::{Judged, consider, foretell};
 use crate::epoch::acceptance::evolve::evolve;
 use crate::epoch::acceptance::seal::seal;
 use crate::epoch::acceptance::settle::settle;
 use crate::epoch::acceptance::{finale, search};
-use crate::epoch::setting::desk::Desk;
+use crate::epoch::setting::desk::{Desk, Tools};
 use crate::epoch::setting::progress::Progress;
 use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::epoch::slots::admit::admit;
@@ -17,6 +18,7 @@ use crate::epoch::slots::evaluate::{evaluate, evaluate_ahead};
 use crate::epoch::slots::pilot::pilot;
 use crate::epoch::slots::propose::propose;
 use crate::epoch::slots::route::{allot, predict};
+use crate::llm::AskError;
 use crate::objects::event::{RunResult, kind};
 use crate::world::Router;
 
@@ -27,12 +29,14 @@ pub fn run(study: &Study, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
     let mut state = open::adopt_parents(study, desk)?;
     // "for t = 0 to T - 1: select lineage l_t".
     for epoch in 0..study.budget.epochs {
-        for spec in &study.lineages {
-            desk.tools.go_on()?;
-            if search::is_over(study, &state, spec) {
-                continue;
-            }
-            one_epoch(study, &mut state, epoch, spec, desk)?;
+        let due: Vec<&LineageSpec> =
+            study.lineages.iter().filter(|spec| !search::is_over(study, &state, spec)).collect();
+        let mut wanting = false;
+        for together in due.chunks(desk.tools.lineages_together(study)) {
+            wanting |= one_epoch(study, &mut state, epoch, together, desk)?;
+        }
+        if wanting {
+            return Err(RunError::Wanting);
         }
         // "W_{phi_{t+1}} <- WorldAgentUpdate(W_{phi_t}, E_{t+1})": one evaluator routes all lineages of an epoch.
         evolve(study, &mut state, epoch, desk)?;
@@ -44,20 +48,55 @@ pub fn run(study: &Study, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
     Ok(result)
 }
 
-/// K proposals from one frozen snapshot, judged in slot order, and one update of the state behind the barrier.
+/// An epoch of lineages that are worked on together, and one update of the state for each, in their order. A snapshot holds what
+/// earlier epochs left behind and nothing of the lineages beside it: memory shows cards of earlier epochs alone, and the evaluator is
+/// fitted behind an epoch's last lineage. So no result depends on how many go together, nor on their order. Says whether a plan
+/// cannot see further.
 fn one_epoch(
     study: &Study,
     state: &mut State,
     epoch: u32,
-    spec: &LineageSpec,
+    together: &[&LineageSpec],
     desk: &mut Desk<'_>,
-) -> Result<(), RunError> {
+) -> Result<bool, RunError> {
+    let all = desk.tools.threads.map_waiting(together, desk.tools.at_once(together.len()), |_, spec| {
+        let judged = desk.tools.go_on().and_then(|()| judge(study, state, epoch, spec, &desk.tools));
+        judged.inspect_err(|error| {
+            if !matches!(error, RunError::Wanting) {
+                desk.tools.end()
+            }
+        })
+    });
+    let (mut wanting, mut troubles) = (false, Vec::new());
+    for judged in all {
+        match judged {
+            Err(RunError::Wanting) => wanting = true,
+            Err(error) => troubles.push(error),
+            // What stands behind a gap is worked out again when that is filled.
+            Ok(_) if wanting || !troubles.is_empty() => {}
+            Ok((snapshot, judged)) => close(study, state, &snapshot, judged, desk)?,
+        }
+    }
+    desk.tools.meter.turns(&together.iter().map(|spec| &spec.id).collect::<Vec<_>>());
+    // Who was stopped because of another one's trouble says nothing about it.
+    let stopped = |error: &RunError| matches!(error, RunError::Agent(AgentError::Ask(AskError::Stopped)));
+    let telling = troubles.iter().position(|error| !stopped(error)).unwrap_or(0);
+    if troubles.is_empty() { Ok(wanting) } else { Err(troubles.swap_remove(telling)) }
+}
+
+/// K proposals from one frozen snapshot, judged in slot order.
+fn judge<'s>(
+    study: &Study,
+    state: &State,
+    epoch: u32,
+    spec: &'s LineageSpec,
+    tools: &Tools<'_>,
+) -> Result<(Snapshot<'s>, Judged), RunError> {
     // "immutable epoch snapshot z_t = (p_t, h_t, l_t, S_t, W_t, K_t, v_t)", with K_t from RetrieveMemory.
-    let snapshot = freeze(study, state, epoch, spec, &desk.tools)?;
-    desk.log.append(kind::FROZEN, &snapshot.event)?;
-    let (tools, router) = (&desk.tools, Router::new(&snapshot.world)?);
+    let snapshot = freeze(study, state, epoch, spec, tools)?;
+    let router = Router::new(&snapshot.world)?;
     // "for k = 1 to K in parallel": a worker reads the snapshot and writes to nothing that is shared.
-    let drafts = tools.threads.map(&study.slots(), |_, &slot| {
+    let drafts = tools.ask_all(&study.slots(), |_, &slot| {
         // "delta_t <- ActorCriticMutation(p_t, K_t, I)".
         let proposed = propose(study, &snapshot, slot, tools)?;
         // "p'_t <- ApplyPatch(p_t, delta_t)", ValidateProgram, "c_t <- CompileCandidate(p'_t)".
@@ -71,30 +110,40 @@ fn one_epoch(
     let drafts = allot(study, &snapshot, &router, drafts);
     let mut judged = Judged::before(&snapshot);
     // Labels do not depend on each other: all slots' are made together.
-    evaluate_ahead(study, &snapshot, &drafts, &desk.tools)?;
+    evaluate_ahead(study, &snapshot, &drafts, tools)?;
     for draft in drafts.iter().flatten() {
-        foretell(study, &snapshot, draft, &judged, &desk.tools)?;
+        foretell(study, &snapshot, draft, &judged, tools)?;
     }
     for draft in drafts {
         // "Y_t <- RealSimulatorEvaluate(...)".
-        let evaluated = evaluate(study, &snapshot, draft?, &desk.tools)?;
+        let evaluated = evaluate(study, &snapshot, draft?, tools)?;
         // "(accept, P_{t+1}) <- ParetoAccept(P_t, a_t)".
-        let considered = consider(study, &snapshot, evaluated, &mut judged, &desk.tools)?;
+        let considered = consider(study, &snapshot, evaluated, &mut judged, tools)?;
         // "a_t <- BuildAttemptRecord(...)".
-        let attempt = seal(&snapshot, considered);
-        (desk.watch)(Progress::attempt(&attempt));
-        judged.attempts.push(attempt);
+        judged.attempts.push(seal(&snapshot, considered));
     }
     judged.decide(study, &snapshot);
+    Ok((snapshot, judged))
+}
+
+/// Puts what was judged on record and makes it the state.
+fn close(
+    study: &Study,
+    state: &mut State,
+    snapshot: &Snapshot<'_>,
+    judged: Judged,
+    desk: &mut Desk<'_>,
+) -> Result<(), RunError> {
     desk.tools.rollouts.flush()?;
+    desk.log.append(kind::FROZEN, &snapshot.event)?;
     for attempt in &judged.attempts {
         desk.log.append(kind::ATTEMPT, attempt)?;
+        (desk.watch)(Progress::attempt(attempt));
     }
     // "Update archive, lineage, and memory exactly once through the serial acceptor": UpdateLineage, CurateMemory, and a refit of
     // the world evaluator.
-    let settled = settle(study, state, &snapshot, judged, desk.tools.threads)?;
+    let settled = settle(study, state, snapshot, judged, desk.tools.threads)?;
     desk.log.append(kind::SETTLED, &settled)?;
-    desk.tools.meter.turn(&spec.id);
     (desk.watch)(Progress::settled(&settled));
     Ok(())
 }

@@ -3,6 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::{Meter, Mode, Rollouts, Study};
 use crate::archive::{MeanOverScenes, PromotionRule, Standing, consider, pf_area_pct};
@@ -12,12 +14,12 @@ use crate::epoch::setting::desk::{Desk, Tools};
 use crate::evaluation::{AttackOptions, ContactClass, EvaluationOptions};
 use crate::experiment::{Experiment, SceneSource};
 use crate::families::grammar;
-use crate::kernel::Threads;
-use crate::llm::{Cassette, Model, Record, RecordMode, Replay};
+use crate::kernel::{Digest, Threads};
+use crate::llm::{Ask, AskError, Cassette, Model, Record, RecordMode, Replay, Reply, Request};
 use crate::objects::event::{Finalist, Frozen, RunResult, Settled, kind};
 use crate::objects::{
-    Attempt, MechanismModule, OperatorNode, ParameterValue, Program, RouteDecision, Setting, Slot, SolutionId,
-    ValueType,
+    Attempt, LineageId, MechanismModule, OperatorNode, ParameterValue, Program, Role, RouteDecision, Setting, Slot,
+    SolutionId, ValueType,
 };
 use crate::scene::EvolutionSize;
 use crate::scripted::Scripted;
@@ -50,6 +52,7 @@ pub(super) fn study(experiment: &Experiment, threads: &Threads) -> Study {
 
 /// What a run left behind.
 pub(super) struct Ran {
+    pub root: Digest,
     pub result: RunResult,
     pub frozen: Vec<Frozen>,
     pub attempts: Vec<Attempt>,
@@ -58,6 +61,11 @@ pub(super) struct Ran {
 }
 
 pub(super) fn carried_out(experiment: &Experiment) -> Ran {
+    carried_out_asking(experiment, None, &Patience::default())
+}
+
+/// The same with `open` questions at once, of a model that waits before it answers.
+fn carried_out_asking(experiment: &Experiment, open: Option<usize>, patience: &Patience) -> Ran {
     let threads = Threads::new(2).unwrap();
     let study = study(experiment, &threads);
     let folder = tempfile::tempdir().unwrap();
@@ -67,21 +75,107 @@ pub(super) fn carried_out(experiment: &Experiment) -> Ran {
     let recorder = Record::new(&answers, Cassette::new("none"), RecordMode::Missing, models);
     let rollouts = Rollouts::new(&objects, Mode::Reuse);
     let path = folder.path().join("transcript.jsonl");
-    let tools = Tools::new(&study, &recorder, &threads, &rollouts, Meter::default());
+    let ask = Waiting { ask: &recorder, patience };
+    let tools = Tools::new(&study, &ask, &threads, &rollouts, Meter::default());
+    let tools = open.into_iter().fold(tools, Tools::asking_at_once);
     let mut desk = Desk { log: Transcript::create(&path).unwrap(), watch: &mut |_| {}, tools };
     let result = super::run(&study, &mut desk).unwrap();
+    let root = desk.log.head();
     let events = read_events(&path).unwrap();
     fn of<T: serde::de::DeserializeOwned>(events: &[crate::store::Event], wanted: &str) -> Vec<T> {
         let bodies = events.iter().filter(|event| event.kind == wanted).map(|event| event.body.clone());
         bodies.map(|body| serde_json::from_value(body).unwrap()).collect()
     }
     Ran {
+        root,
         result,
         frozen: of(&events, kind::FROZEN),
         attempts: of(&events, kind::ATTEMPT),
         settled: of(&events, kind::SETTLED),
         finalists: of(&events, kind::FINALIST),
     }
+}
+
+/// CAT, AT and ADV-BMT with a memory that they share.
+fn three_families() -> Experiment {
+    let mut experiment = experiment(PromotionRule::LargestHypervolumeGain, 1);
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
+    experiment.lineages = Experiment::read(&file).unwrap().lineages;
+    experiment
+}
+
+#[test]
+fn the_order_of_lineages_in_the_file_changes_no_lineage_s_result() {
+    let experiment = three_families();
+    let mut reversed = experiment.clone();
+    reversed.lineages.reverse();
+    let (ran, other) = (carried_out(&experiment), carried_out(&reversed));
+    let cards: BTreeMap<&str, &LineageId> =
+        ran.settled.iter().flat_map(|of| &of.cards).map(|card| (card.id.0.as_str(), &card.lineage)).collect();
+    let foreign = |frozen: &&Frozen| frozen.memory_shown.iter().any(|card| *cards[card.as_str()] != frozen.lineage);
+    assert!(ran.frozen.iter().any(|frozen| foreign(&frozen)), "no lineage was shown another one's cards");
+    for result in &ran.result.lineages {
+        let of = |attempts: &[Attempt]| -> Vec<Attempt> {
+            attempts.iter().filter(|attempt| attempt.lineage == result.lineage).cloned().collect()
+        };
+        // Attempts hold the keys of their questions, and so all that a proposer saw.
+        assert_eq!(of(&ran.attempts), of(&other.attempts), "{}", result.lineage);
+        assert!(other.result.lineages.contains(result), "{}", result.lineage);
+    }
+}
+
+/// How many actors' questions of an epoch must be open before one of them is answered.
+#[derive(Default)]
+struct Patience {
+    wanted: usize,
+    /// Actors' questions of each epoch so far.
+    asked: Mutex<BTreeMap<u32, usize>>,
+    /// Questions that were answered while some of their epoch were still to come.
+    alone: AtomicUsize,
+}
+
+/// A model that waits so. It loses patience after some seconds, so that a run whose questions never are together ends, too.
+struct Waiting<'a> {
+    ask: &'a dyn Ask,
+    patience: &'a Patience,
+}
+
+impl Ask for Waiting<'_> {
+    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        let Patience { wanted, asked, alone } = self.patience;
+        let actors = request.slot.role == Role::Actor.name() && request.slot.round == 0;
+        if actors && *wanted > 0 {
+            let of_epoch = |more: usize| {
+                let mut asked = asked.lock().unwrap();
+                let count = asked.entry(request.slot.epoch).or_default();
+                *count += more;
+                *count
+            };
+            of_epoch(1);
+            let together = (0..1000).any(|_| {
+                std::thread::sleep(std::time::Duration::from_millis(5));
+                of_epoch(0) >= *wanted
+            });
+            alone.fetch_add(usize::from(!together), Ordering::Relaxed);
+        }
+        self.ask.ask(request)
+    }
+}
+
+#[test]
+fn questions_of_all_lineages_of_an_epoch_are_open_together_and_the_root_stays() {
+    let mut experiment = three_families();
+    experiment.budget.epochs = 2;
+    let wanted = 3 * experiment.budget.slots as usize;
+    let root = carried_out(&experiment).root;
+    for open in [wanted, 2 * wanted] {
+        let patience = Patience { wanted, ..Patience::default() };
+        let ran = carried_out_asking(&experiment, Some(open), &patience);
+        assert_eq!(patience.alone.into_inner(), 0, "questions were answered before all {wanted} were there");
+        assert_eq!(ran.root, root, "{open} questions open");
+    }
+    // Fewer than one lineage has: one lineage after the other, its slots in turn.
+    assert_eq!(carried_out_asking(&experiment, Some(4), &Patience::default()).root, root);
 }
 
 #[test]

@@ -1,6 +1,7 @@
-//! The only place with threads: a parallel map whose results come back in input order, and threads that wait for what may
+//! The only place with threads: parallel maps whose results come back in input order, and threads that wait for what may
 //! never come.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
@@ -63,13 +64,37 @@ impl Threads {
     /// `f` of every item, in item order. `f` sees the index too, to name its random stream by.
     pub fn map<T: Sync, R: Send>(&self, items: &[T], f: impl Fn(usize, &T) -> R + Sync + Send) -> Vec<R> {
         let Some(pool) = &self.pool else { return items.iter().enumerate().map(|(i, item)| f(i, item)).collect() };
+        self.gather(items, f, &|work| each(pool, items.len(), work))
+    }
+
+    /// The same for items that mostly wait for somebody outside: at most `at_once` of them are under way together, each on a thread
+    /// of its own. What they compute in a [`Threads::map`] is done by the workers. One at once: the caller's thread alone.
+    pub fn map_waiting<T: Sync, R: Send>(
+        &self,
+        items: &[T],
+        at_once: usize,
+        f: impl Fn(usize, &T) -> R + Sync + Send,
+    ) -> Vec<R> {
+        match at_once.min(items.len()) {
+            0 | 1 => items.iter().enumerate().map(|(i, item)| f(i, item)).collect(),
+            at_once => self.gather(items, f, &|work| each_waiting(at_once, items.len(), work)),
+        }
+    }
+
+    /// Results in item order, whoever does the work of a turn.
+    fn gather<T: Sync, R: Send>(
+        &self,
+        items: &[T],
+        f: impl Fn(usize, &T) -> R + Sync + Send,
+        each: &dyn Fn(&(dyn Fn(usize) + Sync)),
+    ) -> Vec<R> {
         let order = self.order.map(|seed| {
             let mut order: Vec<usize> = (0..items.len()).collect();
             seed.stream(&["kernel", "threads", &items.len().to_string()]).shuffle(&mut order);
             order
         });
         let results: Vec<Mutex<Option<R>>> = items.iter().map(|_| Mutex::new(None)).collect();
-        each(pool, items.len(), &|turn| {
+        each(&|turn| {
             let i = order.as_ref().map_or(turn, |order| order[turn]);
             let result = f(i, &items[i]);
             *results[i].lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
@@ -80,6 +105,27 @@ impl Threads {
             .map(|slot| result(slot).unwrap_or_else(|| unreachable!("`each` takes every item")))
             .collect()
     }
+}
+
+/// `work` of 0 to `count` - 1 on `at_once` threads, the caller's among them. Where the system gives fewer, fewer wait together.
+fn each_waiting(at_once: usize, count: usize, work: &(dyn Fn(usize) + Sync)) {
+    let next = AtomicUsize::new(0);
+    let take_turns = || {
+        loop {
+            match next.fetch_add(1, Ordering::Relaxed) {
+                turn if turn < count => work(turn),
+                _ => return,
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..at_once {
+            if std::thread::Builder::new().stack_size(STACK_BYTES).spawn_scoped(scope, take_turns).is_err() {
+                break;
+            }
+        }
+        take_turns();
+    });
 }
 
 /// `work` of 0 to `count` - 1 on the pool. Knows no type of items and results: rayon's own code, which is long, is then compiled
@@ -102,6 +148,29 @@ mod tests {
         let none = Threads::none().map(&items, |i, x| x * 3 + i as u64);
         assert_eq!(one, four);
         assert_eq!(one, none);
+    }
+
+    #[test]
+    fn what_waits_is_under_way_together_and_what_it_computes_is_not_held_up() {
+        let threads = Threads::new(1).unwrap();
+        let items: Vec<u64> = (0..40).collect();
+        // Nobody goes on before all are here: with fewer threads this would never end.
+        let all = std::sync::Barrier::new(40);
+        let waited = threads.map_waiting(&items, 40, |i, x| {
+            all.wait();
+            threads.map(&items, |_, y| x * y).iter().sum::<u64>() + i as u64
+        });
+        assert_eq!(waited, items.iter().map(|x| x * 780 + x).collect::<Vec<u64>>());
+        let most = std::sync::Mutex::new((0, 0));
+        threads.map_waiting(&items, 3, |_, _| {
+            let mut under_way = most.lock().unwrap();
+            under_way.0 += 1;
+            under_way.1 = under_way.1.max(under_way.0);
+            drop(under_way);
+            std::thread::yield_now();
+            most.lock().unwrap().0 -= 1;
+        });
+        assert!((1..=3).contains(&most.lock().unwrap().1), "{:?} together", most.lock().unwrap());
     }
 
     #[test]

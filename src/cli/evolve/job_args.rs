@@ -43,6 +43,10 @@ pub struct RecordArgs {
     /// Write over cassettes though they hold answers or rollouts that this recording does not ask for.
     #[arg(long)]
     pub overwrite: bool,
+    /// Questions to models that are open together, of all lineages of an epoch [default: 256 where a model is asked through files
+    /// (`exchange`), else as many as there are threads].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub open: Option<u16>,
 }
 
 #[derive(Debug, Args)]
@@ -52,4 +56,8 @@ pub struct ResumeArgs {
     /// Of a recording: write it into this cassette, instead of the one that it was begun for.
     #[arg(long, value_name = "FILE")]
     pub cassette: Option<PathBuf>,
+    /// Of a recording: questions to models that are open together, of all lineages of an epoch [default: 256 where a model is asked through files
+    /// (`exchange`), else as many as there are threads].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub open: Option<u16>,
 }

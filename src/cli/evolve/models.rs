@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::{answer::progress, exit::Failure, interrupt::Interrupt};
-use crate::experiment::{self, Experiment};
+use crate::experiment::{self, Experiment, ModelOptions};
 use crate::llm::{ClientOptions, Command, Exchange, Model, client};
 #[cfg(feature = "live")]
 use crate::llm::{Completion, ModelError, Request};
@@ -53,6 +53,18 @@ pub fn askable(
         models.extend(connected(&live, experiment, folder, interrupt)?);
     }
     Ok(models)
+}
+
+/// Most questions that wait in an exchange at the same time, where nobody says otherwise: each has a thread that waits with it.
+const OPEN: usize = 256;
+
+/// How many questions are open together without `--open`; `None`: as many as there are threads. Whoever answers through files
+/// chooses what to answer first, so all that can be asked is there to be read.
+pub fn open_by_default(experiment: &Experiment) -> Option<usize> {
+    let used = experiment::asked(experiment);
+    let through_files =
+        |(name, options): (&String, &ModelOptions)| used.contains(name.as_str()) && options.kind == client::EXCHANGE;
+    experiment.models.iter().any(through_files).then_some(OPEN)
 }
 
 /// A model behind a folder, which tells of each question that waits; nobody waits any more once Ctrl-C was pressed.

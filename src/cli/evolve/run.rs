@@ -78,7 +78,7 @@ fn replayed(
         store::copy(of, &folder.rollouts())?;
     }
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
-    let sources = Sources { way, ask: &replay, rollouts };
+    let sources = Sources { way, ask: &replay, open: None, rollouts };
     let done = carry_out(job, folder, objects, &sources, interrupt)?;
     store::copy(path, &folder.cassette())?;
     if let Some(of) = of {
@@ -141,6 +141,8 @@ impl Way {
 struct Sources<'a> {
     way: Way,
     ask: &'a dyn Ask,
+    /// Most questions that are open together, where whoever answers takes their time.
+    open: Option<usize>,
     /// Answers of another simulator, where the experiment names one.
     rollouts: Option<&'a dyn Answers>,
 }
@@ -161,8 +163,13 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
     }
     let interrupt = Interrupt::listen()?;
     let held = job.open_folder(Some(&recording))?;
-    let recorded =
-        carry_out_recording(job, &held, &recording, before, &interrupt, Way::Record { report: !args.run.no_report });
+    let recorded = carry_out_recording(
+        job,
+        &held,
+        (&recording, before),
+        &interrupt,
+        (Way::Record { report: !args.run.no_report }, args.open),
+    );
     let recorded = recorded.map_err(|failure| repair(failure, &interrupt, &instead("record", "record", None)));
     // Answers were paid for: a folder that holds some stays.
     held.or_gone(recorded.and_then(|answer| held.folder.mark_latest().map(|()| answer)), RunFolder::holds_answers)
@@ -172,10 +179,9 @@ pub fn record(args: &RecordArgs, jobs: usize) -> Result<Answer, Failure> {
 fn carry_out_recording(
     job: Job,
     Held { folder, objects, .. }: &Held,
-    recording: &Recording,
-    (there, before): (overwriting::Held<'_>, Cassette),
+    (recording, (there, before)): (&Recording, (overwriting::Held<'_>, Cassette)),
     interrupt: &Interrupt,
-    way: Way,
+    (way, open): (Way, Option<u16>),
 ) -> Result<Answer, Failure> {
     let path = &recording.cassette;
     let answers = Store::open(&folder.recording())?;
@@ -201,7 +207,8 @@ fn carry_out_recording(
         _ => None,
     };
     let asked = rollouts.as_ref().map(|recorder| recorder as &dyn Answers);
-    let sources = Sources { way, ask: &recorder, rollouts: asked };
+    let open = open.map(usize::from).or_else(|| models::open_by_default(&job.experiment));
+    let sources = Sources { way, ask: &recorder, open, rollouts: asked };
     let done = carry_out(job, folder, objects, &sources, interrupt)?;
     // The report comes behind the cassette: what was answered must not hang on a drawing.
     let cassette = recorder.into_cassette(&name, &[])?;
@@ -307,7 +314,13 @@ pub fn resume(args: &ResumeArgs, jobs: usize) -> Result<Answer, Failure> {
             let before = overwriting::Held::before(&recording, &job.experiment, &job.scenes)?;
             let interrupt = Interrupt::listen()?;
             let way = Way::Record { report: true };
-            let recorded = carry_out_recording(job, &Held::of(folder.clone())?, &recording, before, &interrupt, way);
+            let recorded = carry_out_recording(
+                job,
+                &Held::of(folder.clone())?,
+                (&recording, before),
+                &interrupt,
+                (way, args.open),
+            );
             recorded.map_err(|failure| repair(failure, &interrupt, "evodrive record FILE"))
         }
         None => again(folder.clone(), jobs, Way::Replay { report: true }),
@@ -346,7 +359,7 @@ fn again(folder: RunFolder, jobs: usize, way: Way) -> Result<Answer, Failure> {
     let rollouts = behind::replay_of(&job.experiment, &folder)?;
     let rollouts = rollouts.as_ref().map(|rollouts| rollouts as &dyn Answers);
     let interrupt = Interrupt::listen()?;
-    let done = carry_out(job, &folder, &objects, &Sources { way, ask: &replay, rollouts }, &interrupt)?;
+    let done = carry_out(job, &folder, &objects, &Sources { way, ask: &replay, open: None, rollouts }, &interrupt)?;
     done.summary(&folder, way, rollouts)
 }
 
@@ -465,6 +478,10 @@ fn carry_out(
     let heard = Heard { ask: sources.ask, line: &line };
     let (ask, stop) = (Until { ask: &heard, interrupt }, || interrupt.is_asked());
     let tools = Tools::new(&study, &ask, &threads, &rollouts, Meter::new(&clock)).behind(backend).until(&stop);
+    let tools = match sources.open {
+        Some(open) => tools.asking_at_once(open),
+        None => tools,
+    };
     let mut desk = Desk { log, watch: &mut watch, tools };
     let result = epoch::run(&study, &mut desk).or_else(|error| {
         rollouts.flush()?;

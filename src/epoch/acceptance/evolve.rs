@@ -63,7 +63,7 @@ fn turn(
         rejected_before(&changed, earlier).map(|()| changed)
     };
     let line = LineageId::new(WORLD_LINE);
-    let (exchanges, evolved) = ask_agent(&asked, &desk.tools.meter.asking(desk.tools.ask, &line), &usable)?;
+    let (exchanges, evolved) = ask_agent(&asked, &desk.tools.asking(&line), &usable)?;
     // "W_phi~ <- MaterializeSnapshot(W_phi, dphi)", "j <- WorldJudge(W_phi~, W_phi, D^W, a_W)".
     let (patch, proposed) = evolved.unzip();
     let judgement = match &proposed {

@@ -40,7 +40,7 @@ pub fn parent(study: &Study, spec: &LineageSpec, desk: &mut Desk<'_>) -> Result<
         let order = Order { lineage: &spec.id, slot, form: &form, description, rounds: options.rounds, model };
         let places = scenes_of(study, asks, form.kind);
         let tried = |template: &Composition| tried(study, spec, desk, &order, template, &places);
-        let event = compose(&order, &desk.tools.meter.asking(desk.tools.ask, &spec.id), &tried)?;
+        let event = compose(&order, &desk.tools.asking(&spec.id), &tried)?;
         desk.log.append(kind::COMPOSED, &event)?;
         (desk.watch)(Progress::Composed { template: event.name(), used: event.template.is_some() });
         composed.push(event);

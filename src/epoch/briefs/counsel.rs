@@ -68,7 +68,7 @@ pub fn take(
         tools: &desk.tools,
     };
     let mut met = 0;
-    for event in desk.tools.threads.map(places, |_, &place| rehearsal.about(place)) {
+    for event in desk.tools.ask_all(places, |_, &place| rehearsal.about(place)) {
         let event = event?;
         met += usize::from(event.chosen().is_some_and(|round| round.trial == Trial::Contact));
         desk.log.append(kind::COUNSEL, &event)?;
@@ -123,7 +123,7 @@ impl Rehearsal<'_> {
             Some(situation) => self.tried(place, situation, counsel),
             None => Ok(Trial::Refused { reason: "the ego cannot drive this scene".into() }),
         };
-        let advice = agents::counsel::counsel(&case, &self.tools.meter.asking(self.tools.ask, &self.spec.id), &tried)?;
+        let advice = agents::counsel::counsel(&case, &self.tools.asking(&self.spec.id), &tried)?;
         Ok(Counselled {
             lineage: self.spec.id.clone(),
             scene: entry.scene().id.clone(),

@@ -2,6 +2,7 @@
 //! decision.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -38,11 +39,18 @@ impl<'a> Meter<'a> {
 
     /// Ends a lineage's turn: the time since the last turn's end was its.
     pub(in crate::epoch) fn turn(&self, lineage: &LineageId) {
+        self.turns(&[lineage]);
+    }
+
+    /// Ends a turn that lineages had together: each is given an equal share of its time.
+    pub(in crate::epoch) fn turns(&self, lineages: &[&LineageId]) {
         let now = self.now();
         let mut spent = self.spent();
-        let took_s = now.saturating_sub(spent.turned).as_secs_f64();
+        let took_s = now.saturating_sub(spent.turned).as_secs_f64() / lineages.len().max(1) as f64;
         spent.turned = now;
-        spent.lineages.entry(lineage.clone()).or_default().wall_s += took_s;
+        for lineage in lineages {
+            spent.lineages.entry((*lineage).clone()).or_default().wall_s += took_s;
+        }
     }
 
     /// Does what compiles a program for one scene.
@@ -65,9 +73,14 @@ impl<'a> Meter<'a> {
         done
     }
 
-    /// Whoever answers, with what its answers to this lineage cost.
-    pub(in crate::epoch) fn asking<'m>(&'m self, ask: &'m dyn Ask, lineage: &'m LineageId) -> Asking<'m, 'a> {
-        Asking { meter: self, ask, lineage }
+    /// Whoever answers, with what its answers to this lineage cost, until the run is `ending`.
+    pub(super) fn asking<'m>(
+        &'m self,
+        ask: &'m dyn Ask,
+        ending: &'m AtomicBool,
+        lineage: &'m LineageId,
+    ) -> Asking<'m, 'a> {
+        Asking { meter: self, ask, ending, lineage }
     }
 
     fn timed<T>(&self, work: impl FnOnce() -> T) -> (T, f64) {
@@ -93,11 +106,15 @@ impl<'a> Meter<'a> {
 pub(in crate::epoch) struct Asking<'m, 'a> {
     meter: &'m Meter<'a>,
     ask: &'m dyn Ask,
+    ending: &'m AtomicBool,
     lineage: &'m LineageId,
 }
 
 impl Ask for Asking<'_, '_> {
     fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        if self.ending.load(Ordering::Relaxed) {
+            return Err(AskError::Stopped);
+        }
         let (reply, took_s) = self.meter.timed(|| self.ask.ask(request));
         let said = reply.as_ref().ok().and_then(|reply| reply.metadata.as_ref());
         let tokens = said.map_or((None, None), |metadata| (metadata.input_tokens, metadata.output_tokens));
@@ -118,7 +135,7 @@ impl Ask for Asking<'_, '_> {
 mod tests {
     use super::*;
     use crate::llm::{DrawSlot, Message, Metadata, ModelSpec, Schema};
-    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::sync::atomic::AtomicU64;
 
     #[test]
     fn work_and_turns_are_counted_by_lineage() {
@@ -177,7 +194,7 @@ mod tests {
             schema: Schema::new(serde_json::json!({})).unwrap(),
         };
         for tokens in [2048, 9_000, 2048] {
-            meter.asking(&Says(tokens), &cat).ask(&request).unwrap();
+            meter.asking(&Says(tokens), &AtomicBool::new(false), &cat).ask(&request).unwrap();
         }
         let work = meter.lineages()[&cat];
         assert_eq!((work.answers, work.cut_prompts, work.cached_input_tokens), (3, 2, 2048 + 4_500));

@@ -2,8 +2,9 @@
 //! progress. What the result depends on is in `study.rs`.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::cost::Meter;
+use super::cost::{Asking, Meter};
 use super::progress::Progress;
 use super::situations::Situations;
 use super::study::Study;
@@ -15,7 +16,7 @@ use crate::epoch::labelling::made::Made;
 use crate::epoch::labelling::rollouts::Rollouts;
 use crate::kernel::{Digest, Kept, Threads};
 use crate::llm::Ask;
-use crate::objects::counsel::Vehicle;
+use crate::objects::{LineageId, counsel::Vehicle};
 use crate::store::Transcript;
 
 /// Most compilations that are kept: some epochs' worth of what probe scenes and windows share, about 10 kB each.
@@ -39,7 +40,11 @@ pub struct Desk<'a> {
 /// The part that workers share. No result depends on it.
 pub struct Tools<'a> {
     /// Who answers for the models.
-    pub ask: &'a dyn Ask,
+    ask: &'a dyn Ask,
+    /// Most questions that are open together, where whoever answers takes their time; as many as there are threads without.
+    open: Option<usize>,
+    /// Whether the run is about to end with an error: no new question is asked then.
+    ending: AtomicBool,
     pub threads: &'a Threads,
     /// Labels that are on record.
     pub rollouts: &'a Rollouts<'a>,
@@ -70,7 +75,27 @@ impl<'a> Tools<'a> {
         let (situations, compiled) = (Situations::of(study), Kept::new(COMPILED_MAX));
         let (counselled, searched) = (Kept::new(COUNSELLED_MAX), Searched::new(SEARCHED_BYTES_MAX));
         let (backend, wanted, stop) = (Backend::Own, None, None);
-        Tools { ask, threads, rollouts, meter, backend, wanted, stop, situations, compiled, counselled, searched }
+        let (open, ending) = (None, AtomicBool::new(false));
+        Tools {
+            ask,
+            open,
+            ending,
+            threads,
+            rollouts,
+            meter,
+            backend,
+            wanted,
+            stop,
+            situations,
+            compiled,
+            counselled,
+            searched,
+        }
+    }
+
+    /// The same with so many questions open together, of all lineages of an epoch.
+    pub fn asking_at_once(self, open: usize) -> Tools<'a> {
+        Tools { open: Some(open.max(1)), ..self }
     }
 
     /// The same with rollouts from a backend.
@@ -85,6 +110,42 @@ impl<'a> Tools<'a> {
     /// The same until `stop` says so.
     pub fn until(self, stop: &'a (dyn Fn() -> bool + Sync)) -> Tools<'a> {
         Tools { stop: Some(stop), ..self }
+    }
+
+    /// Who answers a lineage's questions, for as long as the run goes on.
+    pub(in crate::epoch) fn asking<'t>(&'t self, lineage: &'t LineageId) -> Asking<'t, 'a> {
+        self.meter.asking(self.ask, &self.ending, lineage)
+    }
+
+    /// How many lineages of an epoch are worked on together. A plan looks at all of them.
+    pub(in crate::epoch) fn lineages_together(&self, study: &Study) -> usize {
+        match (self.wanted, self.open) {
+            (Some(_), _) => study.lineages.len().max(1),
+            (None, None) => 1,
+            (None, Some(open)) => (open / study.budget.slots.max(1) as usize).max(1),
+        }
+    }
+
+    /// How many of them are under way at the same time. A plan looks at one after the other.
+    pub(in crate::epoch) fn at_once(&self, together: usize) -> usize {
+        if self.wanted.is_some() { 1 } else { together }
+    }
+
+    /// `f` of items each of which asks questions, in item order.
+    pub(in crate::epoch) fn ask_all<T: Sync, R: Send>(
+        &self,
+        items: &[T],
+        f: impl Fn(usize, &T) -> R + Sync + Send,
+    ) -> Vec<R> {
+        match self.open {
+            Some(open) => self.threads.map_waiting(items, open, f),
+            None => self.threads.map(items, f),
+        }
+    }
+
+    /// Something went wrong that ends the run: what is under way elsewhere asks nobody any more.
+    pub(in crate::epoch) fn end(&self) {
+        self.ending.store(true, Ordering::Relaxed);
     }
 
     /// Asked before each piece of work: an interrupted run ends with what it has on record, and with no half-made event.

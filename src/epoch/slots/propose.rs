@@ -49,7 +49,7 @@ pub fn propose(study: &Study, snapshot: &Snapshot<'_>, slot: u32, tools: &Tools<
         latest.replace(Some((patch.clone(), verdict)));
         Ok(findings)
     };
-    let proposed = agents::propose(&task, &tools.meter.asking(tools.ask, &snapshot.spec.id), &check)?;
+    let proposed = agents::propose(&task, &tools.asking(&snapshot.spec.id), &check)?;
     let reached = match proposed.end {
         End::Declined { reason } => Reached::Declined { reason },
         End::Patch(patch) => {

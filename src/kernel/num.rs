@@ -72,6 +72,11 @@ pub fn erfc(x: f64) -> f64 {
     libm::erfc(x)
 }
 
+/// Natural logarithm of the gamma function, for x above 0.
+pub fn ln_gamma(x: f64) -> f64 {
+    libm::lgamma(x)
+}
+
 /// `sqrt(x² + y²)` without overflow; for lengths of moderate size `Vec2::norm` is cheaper.
 pub fn hypot(x: f64, y: f64) -> f64 {
     libm::hypot(x, y)

@@ -30,6 +30,8 @@ pub enum Which {
     MetadrivePolicy,
     /// MetaDrive: contacts by class, and attack as published work counts it; one row per program and ego.
     MetadriveContacts,
+    /// MetaDrive: attack by three readings: as searched, as published work counts, and what could have been prevented.
+    MetadriveReadings,
     /// SafeBench: one row per generator, the parent's scenes against those after the last round.
     SafebenchMain,
     /// SafeBench: every round by traffic family, one part per generator.

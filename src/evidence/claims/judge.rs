@@ -301,6 +301,11 @@ fn cells(claim: &Claim, table: &Table, column: &str) -> Result<Vec<Found>, Strin
 fn sides(claim: &Claim, estimate: &Estimate) -> Option<[f64; 2]> {
     let [low, high] = estimate.interval?;
     let threshold = claim.threshold?;
+    if let Some(chance) = estimate.chance_beyond(threshold) {
+        let sides = if estimate.value > threshold { [0.5 * chance, 1.0] } else { [1.0, 0.5 * chance] };
+        let [above, below] = sides;
+        return Some(if claim.direction == Some(Direction::Below) { [below, above] } else { [above, below] });
+    }
     let (above, below) = (
         shown(estimate.value - threshold, estimate.value - low),
         shown(threshold - estimate.value, high - estimate.value),

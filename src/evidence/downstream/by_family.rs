@@ -72,7 +72,7 @@ fn row(record: &Downstream, columns: &[Column], line: Line<'_>, read: Read) -> R
     let paper = PAPER.iter().find(|(arm, of, _)| *arm == line.label && *of == read).map(|(_, _, figures)| figures);
     let cell = |((place, column), ours): ((usize, &Column), Option<Estimate>)| Cell {
         column: Column { form: line.form, ..*column },
-        ours: ours.filter(|_| has(column)),
+        ours: ours.filter(|_| has(column)).map(|own| line.form.bounded(own)),
         paper: paper.and_then(|figures| figures.get(place).copied()),
     };
     let cells = columns.iter().enumerate().zip(estimates(&quantities)).map(cell).collect();

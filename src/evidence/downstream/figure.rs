@@ -3,7 +3,7 @@
 use super::found::{ADVERSARIAL, Question, Read, examinations, mean};
 use crate::draw::{Axes, BLACK, BLUE, Figure, Ink, Mark, ORANGE, PURPLE, Rgb, SKY, Scale, VERMILION};
 use crate::evidence::figures::legend;
-use crate::evidence::tables::{Estimate, RESAMPLES, estimates};
+use crate::evidence::tables::{Estimate, Form, RESAMPLES, estimates};
 use crate::kernel::num;
 use crate::objects::downstream::{Downstream, SetName};
 
@@ -51,8 +51,8 @@ pub fn figure(record: &Downstream) -> Figure {
         panel(&mut sheet, place, (title, up), record, what);
     }
     let caption = format!(
-        "Means over {} seeds and {} scenes (adversarial: the same scenes as both generators play them) with 95 % bootstrap intervals over \
-         both ({RESAMPLES} resamples). Crash: contact with anyone, whoever caused it. Generators: the parent and {}; its patches are of: {}.",
+        "Means over {} seeds and {} scenes (adversarial: the same scenes as both generators play them) with 95 % intervals: Student's t over \
+         seeds and {RESAMPLES} draws of scenes. Crash: contact with anyone, whoever caused it. Generators: the parent and {}; its patches are of: {}.",
         opening.seeds.len(),
         opening.sets.evaluation.first().map_or(0, |set| set.scenes.len()),
         opening.generator,
@@ -69,7 +69,8 @@ fn curves(record: &Downstream, what: Question<'_>) -> Vec<Vec<Point>> {
         let point = |place: usize| {
             let updates: Vec<f64> = trained.iter().map(|of| of.examinations[place].updates as f64).collect();
             let estimated = estimates(&[mean(record, arm, place, what)]).into_iter().next().flatten()?;
-            Some((num::mean(&updates)?, estimated))
+            // Every panel shows shares.
+            Some((num::mean(&updates)?, Form::Rate.bounded(estimated)))
         };
         (0..examinations(record, arm)).filter_map(point).collect()
     };

@@ -106,8 +106,11 @@ impl Line<'_> {
 }
 
 fn cells(quantities: &[Quantity], form: Form) -> Vec<Cell> {
-    let cell =
-        |(shown, ours): (&Shown, Option<Estimate>)| Cell { column: Column { form, ..shown.column }, ours, paper: None };
+    let cell = |(shown, ours): (&Shown, Option<Estimate>)| Cell {
+        column: Column { form, ..shown.column },
+        ours: ours.map(|own| form.bounded(own)),
+        paper: None,
+    };
     COLUMNS.iter().zip(estimates(quantities)).map(cell).collect()
 }
 
@@ -159,8 +162,8 @@ pub fn notes(record: &Downstream, pairs: &[[&str; 2]]) -> Vec<String> {
         format!("Generators: the parent and {}.", opening.generator),
         format!(
             "Crash: contact with anyone, whoever caused it; an own crash is one that the ego caused or could have avoided (docs/OBJECTIVES.md). \
-             Adversarial: the mean of both generators' sets. In brackets 95 % bootstrap \
-             intervals over seeds and scenes ({RESAMPLES} resamples); they are not corrected for the number of comparisons."
+             Adversarial: the mean of both generators' sets. In brackets 95 % intervals: \
+             Student's t over seeds and {RESAMPLES} draws of scenes; they are not corrected for the number of comparisons."
         ),
     ];
     notes.extend(pairs.iter().map(|pair| verdict(record, *pair)));

@@ -258,9 +258,9 @@ fn notes(recorded_runs: &[RecordedRun], all: &[Ablation<'_>], compared: String) 
          program acts in. PF-Area@3: percent of the parent's area that the first three descendants add. What a search reports is chosen by one \
          rule for all, on evolution scenes."
             .to_string(),
-        "In brackets: 95 % percentile bootstrap intervals over held-out scenes and seeds; differences are paired by family, seed and scene. \
-         p: two-sided, from the same resamples, corrected by Holm over all differences of the table."
-            .to_string(),
+        notes::intervals("held-out scenes")
+            + " Differences are paired by family, seed and scene. p: two-sided, from the same t or draws, corrected by Holm over all \
+               differences of the table.",
         "Rollouts: distinct ones on evolution scenes, over all searches; a declared budget bounds them.".to_string(),
     ];
     let seeds: Vec<usize> = all.iter().flat_map(|one| notes::repeats(one.lineages.iter())).collect();
@@ -367,12 +367,12 @@ pub fn without(recorded_runs: &[RecordedRun]) -> Result<Table, TableError> {
 
 pub(super) const YIELD: Column =
     column("accepted_of_simulated_pct", "", "Accepted of simulated", Some(true), Form::Percent);
-const SERIAL_H: Column = column("serial_h", "Wall clock", "Serial, h", None, Form::Rate);
-const PARALLEL_H: Column = column("parallel_h", "Wall clock", "Parallel, h", None, Form::Rate);
-const SPEEDUP: Column = column("speedup", "Wall clock", "Speed-up", Some(true), Form::Rate);
-pub(super) const PROPOSED_MEAN: Column = column("proposed", "A search", "Proposed", None, Form::Rate);
-pub(super) const SIMULATED_MEAN: Column = column("simulated", "A search", "Simulator-eval.", None, Form::Rate);
-pub(super) const ACCEPTED_MEAN: Column = column("validated", "A search", "Validated", Some(true), Form::Rate);
+const SERIAL_H: Column = column("serial_h", "Wall clock", "Serial, h", None, Form::Number);
+const PARALLEL_H: Column = column("parallel_h", "Wall clock", "Parallel, h", None, Form::Number);
+const SPEEDUP: Column = column("speedup", "Wall clock", "Speed-up", Some(true), Form::Number);
+pub(super) const PROPOSED_MEAN: Column = column("proposed", "A search", "Proposed", None, Form::Number);
+pub(super) const SIMULATED_MEAN: Column = column("simulated", "A search", "Simulator-eval.", None, Form::Number);
+pub(super) const ACCEPTED_MEAN: Column = column("validated", "A search", "Validated", Some(true), Form::Number);
 const WIDTH_COLUMNS: [Column; 9] =
     [PROPOSED_MEAN, SIMULATED_MEAN, ACCEPTED_MEAN, YIELD, SERIAL_H, PARALLEL_H, SPEEDUP, ATTACK, REALISM];
 
@@ -456,9 +456,10 @@ fn width_row(one: &Ablation<'_>, of: &[&LineageLabels]) -> Row {
     let (simulated, accepted) = (counted(simulated), counted(accepted));
     let means = [counted(|_| true), simulated.clone(), accepted.clone(), hours(0), hours(1)]
         .map(|quantity| bootstrap::estimates(&[quantity]).pop().flatten());
-    let percent = |found: Estimate| Estimate {
-        value: 100.0 * found.value,
-        interval: found.interval.map(|ends| ends.map(|end| 100.0 * end)),
+    let percent = |of: Estimate| Estimate {
+        value: 100.0 * of.value,
+        interval: of.interval.map(|ends| ends.map(|end| 100.0 * end)),
+        spread: None,
     };
     let keys = [PROPOSED_MEAN, SIMULATED_MEAN, ACCEPTED_MEAN, SERIAL_H, PARALLEL_H].map(|column| column.key);
     let mut estimated: Vec<(&'static str, Option<Estimate>)> = keys.into_iter().zip(means).collect();

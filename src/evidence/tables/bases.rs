@@ -10,7 +10,7 @@ use super::key::{Of, Reads, RowKey, Side};
 use super::labels::{self, LineageLabels, ReplayLabels};
 use super::layout::{Row, Table};
 use super::shares::Spec;
-use super::{contacts, critics, metadrive, paper, proposals, safebench, unseen};
+use super::{contacts, critics, metadrive, paper, proposals, readings, safebench, unseen};
 use crate::evidence::recorded_run::RecordedRun;
 use crate::kernel::num;
 use crate::objects::benchmark::HeldOutRun;
@@ -70,6 +70,11 @@ impl<'s> Bases<'s> {
                 let side = row.key.side()?;
                 let (_, read) = contacts::readings().into_iter().find(|(column, _)| column.key == key)?;
                 Some(self.means(row, side, key, read))
+            }
+            "metadrive-readings" if replay => self.replayed(row, |_| Some(0.0)),
+            "metadrive-readings" => {
+                let (side, read) = readings::read_of(key)?;
+                Some(self.means(row, side, key, Box::new(read)))
             }
             "safebench-main" | "safebench-rounds" if replay => self.replay_row(row, key),
             "safebench-main" if key == safebench::FRONTIER => Some(self.gains(row)),

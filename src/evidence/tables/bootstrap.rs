@@ -1,11 +1,13 @@
 //! 95 % intervals by the percentile bootstrap over scenes (Efron): scenes are drawn with replacement, and what is drawn
 //! together stays together, so that a difference between two programs is paired by scene. Where a search was repeated with
-//! several seeds, its repetitions are drawn with replacement too, each with the drawn scenes (a two-level, hierarchical
-//! bootstrap): the interval then holds the spread between searches as well.
+//! several seeds, the spread between these joins that of the draws, and Student's t says how far so few of them may be off
+//! (`student.rs`): m ± t(ν) √(s² / n + v), where s² is the variance of the n seeds' means, v that of the mean over drawn scenes, and
+//! ν is Satterthwaite's number of degrees of freedom for the sum.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+use super::student;
 use crate::kernel::{Digest, Seed, Stream, num};
 
 /// Resamples an interval rests on.
@@ -20,15 +22,72 @@ const CHANCE: f64 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     pub value: f64,
-    /// 95 % bootstrap interval over scenes and seeds; `None` for a number that has none.
+    /// 95 % interval over scenes and seeds; `None` for a number that has none.
     pub interval: Option<[f64; 2]>,
+    /// What the interval of a repeated search rests on.
+    #[serde(skip)]
+    pub spread: Option<Spread>,
+}
+
+/// How far a mean over repetitions may be off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Standard error, in the number's unit; above 0.
+    pub error: f64,
+    /// Degrees of freedom.
+    pub freedom: f64,
 }
 
 impl Estimate {
     /// A number without an interval.
     pub fn plain(value: f64) -> Estimate {
-        Estimate { value, interval: None }
+        Estimate { value, interval: None, spread: None }
     }
+
+    /// A number with the percentile interval of its resampled values.
+    pub(super) fn drawn(value: f64, resampled: &[f64]) -> Estimate {
+        Estimate { interval: interval(resampled), ..Estimate::plain(value) }
+    }
+
+    /// A mean of repeated searches: `of_seeds` has the means of every search's repetitions, with its share of the whole mean; `drawn` the
+    /// whole mean over drawn scenes with all repetitions, of `scenes` independent ones. Without any spread the interval has no width.
+    pub(super) fn repeated(value: f64, of_seeds: &[(f64, Vec<f64>)], (drawn, scenes): (&[f64], usize)) -> Estimate {
+        let of_search = |(share, seeds): &(f64, Vec<f64>)| {
+            let n = seeds.len() as f64;
+            (seeds.len() > 1).then(|| (share * share * variance(seeds) / n, n - 1.0))
+        };
+        let of_scenes = (variance(drawn), (scenes.max(2) - 1) as f64);
+        let parts: Vec<(f64, f64)> = of_seeds.iter().filter_map(of_search).chain([of_scenes]).collect();
+        let all = num::sum(parts.iter().map(|(part, _)| *part));
+        let divisor = num::sum(parts.iter().map(|(part, freedom)| part * part / freedom));
+        // Differences of last bits are no spread.
+        if all <= 1e-24 || divisor <= 0.0 {
+            return Estimate { interval: Some([value; 2]), ..Estimate::plain(value) };
+        }
+        let spread = Spread { error: all.sqrt(), freedom: all * all / divisor };
+        let half = student::half_of_95(spread.freedom) * spread.error;
+        Estimate { value, interval: Some([value - half, value + half]), spread: Some(spread) }
+    }
+
+    /// The same where the number cannot lie outside of these bounds: no share is below 0.
+    pub(super) fn within(self, [low, high]: [f64; 2]) -> Estimate {
+        let ends = |[from, to]: [f64; 2]| match (low..=high).contains(&self.value) {
+            true => [from.max(low), to.min(high)],
+            false => [from, to],
+        };
+        Estimate { interval: self.interval.map(ends), ..self }
+    }
+
+    /// The chance of a distance like this one's to `from` or a larger one, to either side, where searches were repeated.
+    pub fn chance_beyond(&self, from: f64) -> Option<f64> {
+        self.spread.map(|spread| student::two_sided((self.value - from) / spread.error, spread.freedom))
+    }
+}
+
+/// Variance of a sample; 0 of fewer than two.
+fn variance(values: &[f64]) -> f64 {
+    let mean = num::mean(values).unwrap_or(0.0);
+    num::sum(values.iter().map(|value| (value - mean) * (value - mean))) / (values.len().max(2) - 1) as f64
 }
 
 /// One value a scene of a held-out suite; `None` where the scene has no label.
@@ -42,7 +101,7 @@ pub struct PerScene {
 /// One search and its repetitions.
 #[derive(Clone, Debug)]
 pub struct Search {
-    /// Which search: quantities of one search draw the same repetitions.
+    /// Which search: searches of one id have their seeds in common, so that what a seed does to one it may do to all.
     pub id: Digest,
     /// One a seed, in the order of the seeds.
     pub seeds: Vec<PerScene>,
@@ -56,8 +115,8 @@ pub fn estimates(quantities: &[Quantity]) -> Vec<Option<Estimate>> {
     quantities.iter().zip(&resampled(quantities)).map(|(quantity, values)| estimate(quantity, values)).collect()
 }
 
-/// The same for differences, each with its chance under no difference: twice the share of resamples on the far side of 0, the
-/// value itself counted as one of them, at most 1.
+/// The same for differences, each with its chance under no difference: Student's where searches were repeated; else twice the share of
+/// resamples on the far side of 0, the value itself counted as one of them, at most 1.
 pub fn compared_with_zero(differences: &[Quantity]) -> Vec<Option<(Estimate, f64)>> {
     let chance = |values: &[f64]| {
         let beyond = |holds: &dyn Fn(f64) -> bool| values.iter().filter(|value| holds(**value)).count();
@@ -66,40 +125,71 @@ pub fn compared_with_zero(differences: &[Quantity]) -> Vec<Option<(Estimate, f64
     };
     let drawn = resampled(differences);
     let all = differences.iter().zip(&drawn);
-    all.map(|(quantity, values)| Some((estimate(quantity, values)?, chance(values)))).collect()
+    let both = |(quantity, values): (&Quantity, &Vec<f64>)| {
+        let estimate = estimate(quantity, values)?;
+        Some((estimate, estimate.chance_beyond(0.0).unwrap_or_else(|| chance(values))))
+    };
+    all.map(both).collect()
 }
 
-/// One quantity divided by another, both from the same draws. `None` where either rests on nothing or the divisor is 0.
+/// One quantity divided by another, paired by seed and scene, r = a / b. Its interval is that of the mean of (a - r b) / b
+/// about r (the delta method). `None` where either rests on nothing, their parts do not fit, or the divisor is 0.
 pub fn ratio(of: &Quantity, by: &Quantity) -> Option<Estimate> {
-    let both = [of.clone(), by.clone()];
-    let drawn = resampled(&both);
-    let value = |at: usize| estimate(&both[at], &drawn[at]).map(|found| found.value);
-    let (above, below) = (value(0)?, value(1)?);
-    let ratios: Vec<f64> = drawn[0].iter().zip(&drawn[1]).filter(|(_, b)| **b != 0.0).map(|(a, b)| a / b).collect();
-    (below != 0.0).then(|| Estimate { value: above / below, interval: interval(&ratios) })
+    let mean = |quantity| mean_over(quantity, |part| (0..part.values.len()).collect());
+    let (above, below) = (mean(of)?, mean(by).filter(|below| *below != 0.0)?);
+    let ratio = above / below;
+    let part = |(a, b): (&PerScene, &PerScene)| {
+        let off = |(a, b): (&Option<f64>, &Option<f64>)| Some(((*a)? - ratio * (*b)?) / below);
+        let values = a.values.iter().zip(&b.values).map(off).collect();
+        (a.suite == b.suite && a.values.len() == b.values.len()).then_some(PerScene { suite: a.suite, values })
+    };
+    let search = |(a, b): (&Search, &Search)| {
+        let seeds = a.seeds.iter().zip(&b.seeds).map(part).collect::<Option<_>>()?;
+        (a.seeds.len() == b.seeds.len()).then_some(Search { id: a.id, seeds })
+    };
+    let off: Quantity = of.iter().zip(by).map(search).collect::<Option<_>>()?;
+    let off = estimates(&[off]).pop().flatten()?;
+    let interval = off.interval.map(|[low, high]| [ratio + low, ratio + high]);
+    (of.len() == by.len()).then_some(Estimate { value: ratio, interval, ..off })
 }
 
 fn estimate(quantity: &Quantity, values: &[f64]) -> Option<Estimate> {
-    let value = mean_over(quantity, |s| (0..s.seeds.len()).collect(), |part| (0..part.values.len()).collect())?;
-    Some(Estimate { value, interval: interval(values) })
+    let value = mean_over(quantity, |part| (0..part.values.len()).collect())?;
+    if quantity.iter().all(|search| search.seeds.len() < 2) {
+        return Some(Estimate::drawn(value, values));
+    }
+    let of_seeds = of_seeds(quantity);
+    let suites: BTreeMap<Digest, usize> =
+        quantity.iter().flat_map(|search| &search.seeds).map(|part| (part.suite, part.values.len())).collect();
+    Some(Estimate::repeated(value, &of_seeds, (values, suites.values().sum())))
 }
 
-/// Resampled values of each quantity, all from the same draws.
+/// Means of the repetitions, those of searches with seeds in common together, and their share of the whole mean.
+fn of_seeds(quantity: &Quantity) -> Vec<(f64, Vec<f64>)> {
+    let mean_of = |part: &PerScene| num::mean(&part.values.iter().copied().flatten().collect::<Vec<f64>>());
+    let mut together: BTreeMap<Digest, Vec<&Search>> = BTreeMap::new();
+    quantity.iter().for_each(|search| together.entry(search.id).or_default().push(search));
+    let of = |searches: Vec<&Search>| {
+        let seeds = searches.iter().map(|search| search.seeds.len()).max().unwrap_or(0);
+        let of_seed = |seed: usize| {
+            let parts = searches.iter().filter_map(|search| mean_of(search.seeds.get(seed)?));
+            num::mean(&parts.collect::<Vec<f64>>())
+        };
+        (searches.len() as f64 / quantity.len() as f64, (0..seeds).filter_map(of_seed).collect())
+    };
+    together.into_values().map(of).collect()
+}
+
+/// Resampled values of each quantity over drawn scenes, all from the same draws; repetitions stay as they are.
 fn resampled(quantities: &[Quantity]) -> Vec<Vec<f64>> {
-    let (mut suites, mut searches) = (BTreeMap::new(), BTreeMap::new());
-    for search in quantities.iter().flatten() {
-        searches.insert(search.id, search.seeds.len());
-        search.seeds.iter().for_each(|part| {
-            suites.insert(part.suite, part.values.len());
-        });
-    }
-    let (mut suites, mut searches) = (Draws::of("bootstrap", suites), Draws::of("bootstrap-seeds", searches));
+    let parts = quantities.iter().flatten().flat_map(|search| &search.seeds);
+    let mut suites = Draws::of("bootstrap", parts.map(|part| (part.suite, part.values.len())).collect());
     let mut resampled: Vec<Vec<f64>> = vec![Vec::with_capacity(RESAMPLES); quantities.len()];
     for _ in 0..RESAMPLES {
-        let (scenes, seeds) = (suites.next(), searches.next());
-        let drawn = |draws: &BTreeMap<Digest, Vec<usize>>, of: &Digest| draws.get(of).cloned().unwrap_or_default();
+        let scenes = suites.next();
+        let drawn = |of: &Digest| scenes.get(of).cloned().unwrap_or_default();
         for (quantity, values) in quantities.iter().zip(&mut resampled) {
-            values.extend(mean_over(quantity, |s| drawn(&seeds, &s.id), |part| drawn(&scenes, &part.suite)));
+            values.extend(mean_over(quantity, |part| drawn(&part.suite)));
         }
     }
     resampled
@@ -132,21 +222,14 @@ impl Draws {
     }
 }
 
-/// Mean over searches of the mean over these seeds of the mean over the labelled ones of these scenes. A repetition
+/// Mean over searches of the mean over their seeds of the mean over the labelled ones of these scenes. A repetition
 /// without a label drops out; `None` where a search has no other.
-fn mean_over(
-    quantity: &Quantity,
-    seeds: impl Fn(&Search) -> Vec<usize>,
-    scenes: impl Fn(&PerScene) -> Vec<usize>,
-) -> Option<f64> {
+fn mean_over(quantity: &Quantity, scenes: impl Fn(&PerScene) -> Vec<usize>) -> Option<f64> {
     let of_seed = |part: &PerScene| {
         let labelled = scenes(part).into_iter().filter_map(|scene| part.values.get(scene).copied().flatten());
         num::mean(&labelled.collect::<Vec<f64>>())
     };
-    let of_search = |search: &Search| {
-        let of_seeds = seeds(search).into_iter().filter_map(|seed| search.seeds.get(seed)).filter_map(of_seed);
-        num::mean(&of_seeds.collect::<Vec<f64>>())
-    };
+    let of_search = |search: &Search| num::mean(&search.seeds.iter().filter_map(of_seed).collect::<Vec<f64>>());
     num::mean(&quantity.iter().map(of_search).collect::<Option<Vec<f64>>>()?)
 }
 
@@ -201,7 +284,7 @@ mod tests {
     #[test]
     fn a_sample_without_spread_has_an_interval_without_width() {
         assert_eq!(one(&[0.3; 7]).interval, Some([one(&[0.3; 7]).value; 2]));
-        assert_eq!(one(&[0.25]), Estimate { value: 0.25, interval: Some([0.25; 2]) });
+        assert_eq!(one(&[0.25]), Estimate { interval: Some([0.25; 2]), ..Estimate::plain(0.25) });
     }
 
     #[test]
@@ -261,22 +344,63 @@ mod tests {
 
     #[test]
     fn the_spread_between_seeds_is_part_of_the_interval() {
-        // Five repetitions of one rate each, all scenes alike: only the seeds differ. 5^5 draws of five from
-        // {0, .25, .5, .75, 1}: 2.5 % lie at or below a mean of .2, as many at or above .8.
+        // Five repetitions of one rate each, all scenes alike: only the seeds differ. Their variance is 0.15625, so by hand
+        // 0.5 -+ 2.776 √(0.15625 / 5) = 0.0093 to 0.9907.
         let seeds = [0.0, 0.25, 0.5, 0.75, 1.0].map(|rate| suite("a", &[rate; 20])).to_vec();
         let search = Search { id: Digest::of_bytes(b"search"), seeds };
         let of_seeds = estimates(&[vec![search.clone()]])[0].unwrap();
         let [low, high] = of_seeds.interval.unwrap();
         assert!((of_seeds.value - 0.5).abs() < 1e-15);
-        assert!((low - 0.2).abs() < 0.051 && (high - 0.8).abs() < 0.051, "{low} {high}");
-        // Two quantities of one search draw the same repetitions: their difference has no width.
-        let shifted = search.seeds.iter().map(|part| PerScene {
-            values: part.values.iter().map(|value| value.map(|x| x + 0.1)).collect(),
-            ..part.clone()
-        });
-        let shifted = Search { seeds: shifted.collect(), ..search };
-        let [other_low, other_high] = estimates(&[vec![shifted]])[0].unwrap().interval.unwrap();
-        assert!((other_low - low - 0.1).abs() < 1e-12 && (other_high - high - 0.1).abs() < 1e-12);
+        assert!((low - 0.0093).abs() < 1e-3 && (high - 0.9907).abs() < 1e-3, "{low} {high}");
+        // Another search whose seeds are its own halves the variance and doubles the degrees of freedom: t is 2.306.
+        let other = Search { id: Digest::of_bytes(b"other"), ..search.clone() };
+        let [low, _] = estimates(&[vec![search.clone(), other]])[0].unwrap().interval.unwrap();
+        assert!((low - (0.5 - 2.306 * (0.156_25_f64 / 10.0).sqrt())).abs() < 1e-3, "{low}");
+        // One with the same seeds adds nothing.
+        let [low, _] = estimates(&[vec![search.clone(), search]])[0].unwrap().interval.unwrap();
+        assert!((low - 0.0093).abs() < 1e-3, "{low}");
+    }
+
+    /// How many of 400 made-up studies have the true mean in their interval: rates of seeds about one half, and scenes on which these
+    /// fall.
+    fn covered(seeds: usize, spread: f64, interval: impl Fn(&Quantity) -> [f64; 2]) -> f64 {
+        let studies = 400;
+        let holds = |study: usize| {
+            let mut stream = Seed(11).stream(&["coverage", &study.to_string()]);
+            let hard: Vec<f64> = (0..60).map(|_| 0.4 * (stream.unit() - 0.5)).collect();
+            let of_seed = |_| {
+                let rate = 0.5 + spread * (stream.unit() + stream.unit() + stream.unit() - 1.5);
+                suite("a", &hard.iter().map(|off| f64::from(stream.unit() < rate + off)).collect::<Vec<f64>>())
+            };
+            let search = Search { id: Digest::of_bytes(b"search"), seeds: (0..seeds).map(of_seed).collect() };
+            let [low, high] = interval(&vec![search]);
+            low <= 0.5 && 0.5 <= high
+        };
+        (0..studies).filter(|study| holds(*study)).count() as f64 / studies as f64
+    }
+
+    #[test]
+    fn of_a_hundred_studies_with_few_seeds_ninety_five_hold_the_true_mean_and_a_bootstrap_of_seeds_would_not() {
+        let own = |quantity: &Quantity| estimates(std::slice::from_ref(quantity))[0].unwrap().interval.unwrap();
+        for (seeds, spread) in [(3, 0.2), (5, 0.6), (5, 0.2), (10, 0.2), (5, 0.02)] {
+            let share = covered(seeds, spread, own);
+            assert!((0.93..=0.995).contains(&share), "{seeds} seeds, spread {spread}: {share}");
+        }
+        // What stood in its place: percentiles of means of drawn seeds on drawn scenes.
+        let of_both = |quantity: &Quantity| {
+            let (seeds, mut stream) = (&quantity[0].seeds, Seed(12).stream(&["both"]));
+            let mut draw = || {
+                let scenes: Vec<usize> = (0..60).map(|_| stream.below(60)).collect();
+                let mut of = || {
+                    let seed = &seeds[stream.below(seeds.len())];
+                    num::mean(&scenes.iter().filter_map(|scene| seed.values[*scene]).collect::<Vec<f64>>())
+                };
+                num::mean(&(0..seeds.len()).filter_map(|_| of()).collect::<Vec<f64>>()).unwrap()
+            };
+            interval(&(0..400).map(|_| draw()).collect::<Vec<f64>>()).unwrap()
+        };
+        let share = covered(5, 0.6, of_both);
+        assert!(share < 0.91, "{share}");
     }
 
     proptest! {

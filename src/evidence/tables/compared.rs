@@ -215,6 +215,9 @@ fn quantity(
     };
     let estimated = bootstrap::estimates(&[of(&|pair| pair[0]), of(&|pair| pair[1]), of(&change)]);
     let [Some(first), Some(second), Some(difference)] = estimated[..] else { return None };
+    // A mean of shares is a share.
+    let share = both.iter().flatten().flatten().flatten().all(|value| (0.0..=1.0).contains(value));
+    let [first, second] = [first, second].map(|own| if share { own.within([0.0, 1.0]) } else { own });
     let shared = |at: &usize| both.iter().any(|seed| seed.get(*at).and_then(change).is_some());
     let scenes = (0..scenes.len()).filter(shared).count();
     Some(Compared { quantity: name.to_string(), scenes, first, second, difference })

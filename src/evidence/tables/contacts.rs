@@ -8,8 +8,8 @@ use super::key::{Reads, RowKey, Side};
 use super::labels::{self, LineageLabels, Reading, ReplayLabels};
 use super::layout::{Cell, Column, Form, Head, METHOD, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
 use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::notes;
 use super::searches::searches;
-use super::{bootstrap, notes};
 use crate::evaluation::ContactClass;
 use crate::evidence::recorded_run::RecordedRun;
 use crate::objects::SceneScore;
@@ -125,11 +125,7 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<Strin
          all (Anyone); the paper's realism is the plain mean over all scenes (RP, all), in which a scene that nobody touches \
          counts as perfectly realistic."
             .to_string(),
-        format!(
-            "In brackets: 95 % percentile bootstrap intervals over held-out scenes and seeds, {} resamples, seed {}.",
-            bootstrap::RESAMPLES,
-            bootstrap::SEED.0
-        ),
+        notes::intervals("held-out scenes"),
     ];
     notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));

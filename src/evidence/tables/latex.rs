@@ -26,6 +26,7 @@ fn of_a_page_alone(name: &str) -> Option<Vec<&'static str>> {
             &["parent_rp_pct", "evolved_rp_pct", "attack_change", "rp_change_pp", "pf_area_at_3_pct"]
         }
         "metadrive-contacts" => &["attack", "avoidable_contact", "met_anyway", "adversary_contact", "any_contact"],
+        "metadrive-readings" => &["published_parent", "published_evolved", "preventable_parent", "preventable_evolved"],
         "safebench-main" => &["parent_ars", "evolved_ars", "attack_change_pct", "ars_change_pp", "pf_area_at_3_pct"],
         "safebench-rounds" => &[
             "straight_obstacle",

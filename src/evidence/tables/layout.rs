@@ -12,8 +12,10 @@ use crate::kernel::num;
 /// How a column's numbers are written, as the paper writes them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// `0.345`
+    /// `0.345`, a share
     Rate,
+    /// `3.450`, a number of any size
+    Number,
     /// `10.66%`
     Percent,
     /// `+0.035`
@@ -28,16 +30,25 @@ impl Form {
     /// Decimals.
     pub fn digits(self) -> u32 {
         match self {
-            Form::Rate | Form::RateChange => 3,
+            Form::Rate | Form::Number | Form::RateChange => 3,
             Form::Percent | Form::Points => 2,
             Form::Gain => 1,
+        }
+    }
+
+    /// A number of this form, whose interval ends where no such number lies.
+    pub fn bounded(self, own: Estimate) -> Estimate {
+        match self {
+            Form::Rate => own.within([0.0, 1.0]),
+            Form::Percent => own.within([0.0, 100.0]),
+            Form::Number | Form::RateChange | Form::Points | Form::Gain => own,
         }
     }
 
     /// The number as text; a zero has no sign.
     pub fn number(self, value: f64) -> String {
         let (signed, unit) = match self {
-            Form::Rate => (false, ""),
+            Form::Rate | Form::Number => (false, ""),
             Form::Percent => (false, "%"),
             Form::RateChange => (true, ""),
             Form::Points => (true, "pp"),
@@ -84,7 +95,7 @@ impl Cell {
     pub fn row(columns: &[Column], ours: &Numbers, paper: Option<&Figures>) -> Vec<Cell> {
         let cell = |column: &Column| Cell {
             column: *column,
-            ours: ours.get(column.key).copied(),
+            ours: ours.get(column.key).map(|own| column.form.bounded(*own)),
             paper: paper.and_then(|figures| figures.under(column.key)),
         };
         columns.iter().map(cell).collect()

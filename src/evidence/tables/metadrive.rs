@@ -293,13 +293,9 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row], average: Opt
             "{REPLAY}: the recorded scenes without a program. Its crashes are what the ego runs into anyway, its RP is that of \
              the recorded traffic itself. A program that does nothing has attack and coverage 0, and no place in the frontier."
         ),
-        format!(
-            "In brackets: 95 % percentile bootstrap intervals over held-out scenes and, where a search was repeated, over its \
-             seeds; {} resamples, seed {}; differences are paired by scene, that of RP over the scenes that both act in. PF-Area@3 varies over seeds only, the relative \
-             change has no interval.",
-            bootstrap::RESAMPLES,
-            bootstrap::SEED.0
-        ),
+        notes::intervals("held-out scenes")
+            + " Differences are paired by scene, that of RP over the scenes that both act in. PF-Area@3 varies over seeds only, the \
+               relative change has no interval.",
     ];
     notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
     notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));

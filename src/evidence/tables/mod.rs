@@ -26,6 +26,7 @@ mod notes;
 mod paper;
 mod plain;
 mod proposals;
+mod readings;
 mod resampled;
 mod safebench;
 #[cfg(test)]
@@ -33,6 +34,7 @@ mod safebench_tests;
 mod searches;
 mod shares;
 mod stopped;
+mod student;
 #[cfg(test)]
 pub(in crate::evidence) mod tests;
 mod unseen;
@@ -57,6 +59,7 @@ pub use notes::{AllAlike, one_seed};
 pub(in crate::evidence) use paper::safebench::AVERAGE;
 pub use plain::plain;
 pub use proposals::proposals;
+pub use readings::metadrive_readings;
 pub(in crate::evidence) use safebench::round_columns as family_columns;
 pub use safebench::{safebench_main, safebench_rounds};
 pub use unseen::safebench_held_out;

@@ -7,6 +7,7 @@ use super::error::TableError;
 use super::layout::Table;
 use super::metadrive::{metadrive_main, metadrive_policy};
 use super::proposals::proposals;
+use super::readings::metadrive_readings;
 use super::safebench::{safebench_main, safebench_rounds};
 use super::unseen::safebench_held_out;
 use crate::evidence::recorded_run::RecordedRun;
@@ -15,10 +16,11 @@ use crate::evidence::recorded_run::RecordedRun;
 pub type Make = fn(&[RecordedRun]) -> Result<Table, TableError>;
 
 /// All tables by their names.
-pub const NAMED: [(&str, Make); 11] = [
+pub const NAMED: [(&str, Make); 12] = [
     ("metadrive-main", metadrive_main),
     ("metadrive-policy", metadrive_policy),
     ("metadrive-contacts", metadrive_contacts),
+    ("metadrive-readings", metadrive_readings),
     ("safebench-main", safebench_main),
     ("safebench-rounds", safebench_rounds),
     ("safebench-held-out", safebench_held_out),

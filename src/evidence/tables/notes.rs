@@ -31,6 +31,16 @@ pub fn runs(runs: &[RecordedRun]) -> Result<Vec<RunSource>, TableError> {
     runs.iter().map(source).collect()
 }
 
+/// What the intervals of a table are, drawn over these units.
+pub fn intervals(over: &str) -> String {
+    format!(
+        "In brackets: 95 % intervals, by the percentile bootstrap over {over} ({} resamples, seed {}); where a search was repeated, Student's \
+         t over the means of its seeds and these draws.",
+        bootstrap::RESAMPLES,
+        bootstrap::SEED.0
+    )
+}
+
 /// One sentence on a run: its size, and what the proposals came from.
 pub fn run(run: &RecordedRun) -> String {
     let opened = &run.opened;

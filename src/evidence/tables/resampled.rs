@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::archives::Archived;
-use super::bootstrap::{Estimate, RESAMPLES, SEED, interval};
+use super::bootstrap::{Estimate, RESAMPLES, SEED};
 use crate::evaluation::Group;
 use crate::kernel::{Stream, num};
 use crate::objects::benchmark::Benchmark;
@@ -19,9 +19,10 @@ type Rounds = Vec<Option<Benchmark>>;
 pub struct Resampled {
     measured: Vec<Rounds>,
     drawn: Vec<Vec<Rounds>>,
-    /// Mean frontier gain over the groups, percent.
-    gain_pct: Option<f64>,
+    /// Mean frontier gain over the groups, percent, a seed.
+    gains_pct: Vec<f64>,
     drawn_gains_pct: Vec<f64>,
+    groups: usize,
 }
 
 impl Resampled {
@@ -31,8 +32,6 @@ impl Resampled {
         let mut families: BTreeMap<TrafficFamily, Vec<Group>> = BTreeMap::new();
         let groups: BTreeSet<Group> = seeds.iter().flat_map(|archive| archive.groups()).collect();
         groups.into_iter().for_each(|group| families.entry(group.0).or_default().push(group));
-        let mut repetitions =
-            SEED.stream(&["evidence", "tables", "bootstrap", "repetitions", &seeds.len().to_string()]);
         let mut streams: Vec<(&Vec<Group>, Stream)> =
             families.iter().map(|(family, groups)| (groups, stream(*family, groups))).collect();
         let own: Vec<Group> = families.values().flatten().copied().collect();
@@ -42,30 +41,33 @@ impl Resampled {
                 (0..groups.len()).map(|_| groups[stream.below(groups.len())]).collect()
             };
             let draw: Vec<Group> = streams.iter_mut().flat_map(draw).collect();
-            let repeated: Vec<Archived<'_>> = match seeds {
-                [one] => vec![*one],
-                _ => seeds.iter().map(|_| seeds[repetitions.below(seeds.len())]).collect(),
-            };
-            drawn.push(repeated.iter().map(|archive| rounds(archive, &draw)).collect());
-            drawn_gains_pct.extend(gain_pct(&repeated, &draw));
+            drawn.push(seeds.iter().map(|archive| rounds(archive, &draw)).collect());
+            drawn_gains_pct.extend(num::mean(&gains_pct(seeds, &draw)));
         }
         let measured = seeds.iter().map(|archive| rounds(archive, &own)).collect();
-        Resampled { measured, drawn, gain_pct: gain_pct(seeds, &own), drawn_gains_pct }
+        Resampled { measured, drawn, gains_pct: gains_pct(seeds, &own), drawn_gains_pct, groups: own.len() }
     }
 
     /// The mean over seeds of a quantity of the rounds' scores. One that some draw leaves undefined has no interval.
     pub fn estimate(&self, quantity: impl Fn(&[Option<Benchmark>]) -> Option<f64>) -> Option<Estimate> {
-        let over_seeds = |seeds: &Vec<Rounds>| {
-            num::mean(&seeds.iter().map(|rounds| quantity(rounds)).collect::<Option<Vec<f64>>>()?)
-        };
-        let value = over_seeds(&self.measured)?;
-        let drawn: Option<Vec<f64>> = self.drawn.iter().map(over_seeds).collect();
-        Some(Estimate { value, interval: drawn.and_then(|values| interval(&values)) })
+        let of_seeds = |seeds: &Vec<Rounds>| seeds.iter().map(|rounds| quantity(rounds)).collect::<Option<Vec<f64>>>();
+        let own = of_seeds(&self.measured)?;
+        let drawn: Option<Vec<f64>> = self.drawn.iter().map(|seeds| num::mean(&of_seeds(seeds)?)).collect();
+        self.estimated(own, drawn.as_deref())
     }
 
     /// PF-Area@3 with its interval.
     pub fn gain(&self) -> Option<Estimate> {
-        Some(Estimate { value: self.gain_pct?, interval: interval(&self.drawn_gains_pct) })
+        self.estimated(self.gains_pct.clone(), Some(&self.drawn_gains_pct))
+    }
+
+    fn estimated(&self, of_seeds: Vec<f64>, drawn: Option<&[f64]>) -> Option<Estimate> {
+        let value = num::mean(&of_seeds)?;
+        Some(match drawn {
+            None => Estimate::plain(value),
+            Some(drawn) if of_seeds.len() < 2 => Estimate::drawn(value, drawn),
+            Some(drawn) => Estimate::repeated(value, &[(1.0, of_seeds)], (drawn, self.groups)),
+        })
     }
 }
 
@@ -78,9 +80,10 @@ fn rounds(archive: &Archived<'_>, groups: &[Group]) -> Rounds {
     archive.rounds.iter().map(|round| round.scores(groups.iter().copied())).collect()
 }
 
-fn gain_pct(seeds: &[Archived<'_>], groups: &[Group]) -> Option<f64> {
+/// Mean over these groups, a seed.
+fn gains_pct(seeds: &[Archived<'_>], groups: &[Group]) -> Vec<f64> {
     let of_seed = |archive: &Archived<'_>| {
         num::mean(&groups.iter().filter_map(|group| archive.gains_pct.get(group)).copied().collect::<Vec<f64>>())
     };
-    num::mean(&seeds.iter().filter_map(of_seed).collect::<Vec<f64>>())
+    seeds.iter().filter_map(of_seed).collect()
 }

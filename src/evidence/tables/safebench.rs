@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::archives::{self, LineageArchive};
-use super::bootstrap::{self, Estimate};
+use super::bootstrap::Estimate;
 use super::error::TableError;
 use super::key::{Of, Reads, RowKey};
 use super::layout::{Cell, Column, Form, Head, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
@@ -319,12 +319,8 @@ fn notes(runs: &[RecordedRun], all: &[LineageArchive]) -> Vec<String> {
          eligible descendant; a group whose parent scenes have less frontier area than the experiment's epsilon_pf, as those \
          without a collision, is divided by that epsilon instead, a choice of ours that the paper does not name."
             .to_string(),
-        format!(
-            "In brackets: 95 % percentile bootstrap intervals over groups, drawn within their traffic family, {} resamples, \
-             seed {}; differences are paired by group. A rate that some draw leaves undefined has none.",
-            bootstrap::RESAMPLES,
-            bootstrap::SEED.0
-        ),
+        notes::intervals("groups, drawn within their traffic family")
+            + " Differences are paired by group. A rate that some draw leaves undefined has none.",
     ];
     notes.extend(notes::one_seed(&notes::repeats(all.iter()), "groups"));
     if !all.iter().any(|archive| paper::policy_name(&archive.ego) == Some(EGO)) {

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::archives;
-use super::bootstrap::{self, Estimate};
+use super::bootstrap::Estimate;
 use super::error::TableError;
 use super::key::Reads;
 use super::labels;
@@ -113,13 +113,8 @@ fn notes(runs: &[RecordedRun], all: &[archives::LineageArchive]) -> Vec<String> 
         "Attack = CR (1 - OS) of the means over traffic families. ARS is of the runs that the program acts in. Groups, Scenes: \
          those held out."
             .to_string(),
-        format!(
-            "In brackets: 95 % percentile bootstrap intervals over held-out groups, drawn within their traffic family, {} \
-             resamples, seed {}; differences are paired by group. A family has few of them, so intervals are wide; a rate that some draw \
-             leaves undefined has none.",
-            bootstrap::RESAMPLES,
-            bootstrap::SEED.0
-        ),
+        notes::intervals("held-out groups, drawn within their traffic family")
+            + " Differences are paired by group. A family has few of them, so intervals are wide; a rate that some draw leaves undefined has none.",
     ];
     notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out groups"));
     let groups: BTreeSet<Group> = all.iter().flat_map(|archive| archive.groups()).collect();

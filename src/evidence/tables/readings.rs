@@ -1,0 +1,164 @@
+//! The same labels under several readings of attack: that of the search, what published work counts, and what a careful ego could have
+//! prevented. Every label holds the contact's class and whether it was avoidable, so no reading needs a rollout.
+
+use std::collections::BTreeSet;
+
+use super::bootstrap::Search;
+use super::error::TableError;
+use super::key::{RowKey, Side};
+use super::labels::{self, LineageLabels, Reading, ReplayLabels};
+use super::layout::{Cell, Column, Form, METHOD, Numbers, POLICY, Part, REPLAY, ROLLOUTS, Row, Table};
+use super::metadrive::{SCENES, SEEDS, estimated, quantity};
+use super::notes;
+use super::paper::{self, metadrive as printed};
+use super::searches::searches;
+use crate::evaluation::ContactClass;
+use crate::evidence::recorded_run::RecordedRun;
+use crate::objects::{Met, SceneScore};
+
+const fn rate(key: &'static str, group: &'static str, head: &'static str, upward: Option<bool>) -> Column {
+    Column { key, group, head, upward, form: Form::Rate }
+}
+
+const fn change(key: &'static str, group: &'static str) -> Column {
+    Column { key, group, head: "Change", upward: Some(true), form: Form::RateChange }
+}
+
+const SEARCHED: &str = "As searched";
+const PUBLISHED: &str = "Published";
+const PREVENTABLE: &str = "Preventable";
+
+/// A contact that the program brought about: with an adversary of a program that acts, and not one that the ego runs into without it.
+fn brought_about(scene: &SceneScore) -> Option<&Met> {
+    scene.contact.as_ref().filter(|met| scene.acted && met.adversary && !met.anyway)
+}
+
+fn is_ram(met: &Met) -> bool {
+    met.class == ContactClass::RearEndEgoStruck.name()
+}
+
+/// Any contact that the program brought about, whoever caused it.
+const BROUGHT_ABOUT: Reading = |scene| Some(labels::share(brought_about(scene).is_some()));
+/// Of these the rams from behind.
+const RAMS: Reading = |scene| Some(labels::share(brought_about(scene).is_some_and(is_ram)));
+/// Of these what stands.
+const STANDING: Reading = |scene| {
+    Some(labels::share(brought_about(scene).is_some_and(|met| met.class == ContactClass::StationaryHit.name())))
+};
+/// Of these what a careful ego could have avoided, of every class alike but rams from behind.
+const COULD_BE_PREVENTED: Reading =
+    |scene| Some(labels::share(brought_about(scene).is_some_and(|met| met.avoidable == Some(true) && !is_ram(met))));
+
+/// Columns with the side and the reading that each is a mean of.
+const READ: [(Column, Side, Reading); 11] = [
+    (rate("parent_attack", SEARCHED, "Parent", Some(true)), Side::Parent, labels::ATTACK),
+    (rate("evolved_attack", SEARCHED, "Evolved", Some(true)), Side::Evolved, labels::ATTACK),
+    (change("attack_change", SEARCHED), Side::Change, labels::ATTACK),
+    (PUBLISHED_PARENT, Side::Parent, BROUGHT_ABOUT),
+    (PUBLISHED_EVOLVED, Side::Evolved, BROUGHT_ABOUT),
+    (change("published_change", PUBLISHED), Side::Change, BROUGHT_ABOUT),
+    (rate("evolved_rams", PUBLISHED, "From behind", None), Side::Evolved, RAMS),
+    (rate("evolved_standing", PUBLISHED, "Standing", None), Side::Evolved, STANDING),
+    (rate("preventable_parent", PREVENTABLE, "Parent", Some(true)), Side::Parent, COULD_BE_PREVENTED),
+    (rate("preventable_evolved", PREVENTABLE, "Evolved", Some(true)), Side::Evolved, COULD_BE_PREVENTED),
+    (change("preventable_change", PREVENTABLE), Side::Change, COULD_BE_PREVENTED),
+];
+const PUBLISHED_PARENT: Column = rate("published_parent", PUBLISHED, "Parent", Some(true));
+const PUBLISHED_EVOLVED: Column = rate("published_evolved", PUBLISHED, "Evolved", Some(true));
+
+/// Side and reading of a column.
+pub(super) fn read_of(key: &str) -> Option<(Side, Reading)> {
+    READ.iter().find(|(column, ..)| column.key == key).map(|(_, side, reading)| (*side, *reading))
+}
+
+/// Attack of parent and evolved generator on held-out scenes by three readings, a row a method and ego.
+pub fn metadrive_readings(runs: &[RecordedRun]) -> Result<Table, TableError> {
+    let all = labels::lineages(runs)?;
+    let mut rows: Vec<Row> = labels::replays(runs)?.iter().map(replay_row).collect();
+    rows.extend(searches(all.iter()).iter().map(|of| row(of)));
+    let notes = notes(runs, &all, &rows);
+    Ok(Table {
+        name: "metadrive-readings",
+        labels: vec![METHOD, POLICY],
+        columns: READ.iter().map(|(column, ..)| *column).collect(),
+        counts: vec![SCENES, SEEDS, ROLLOUTS],
+        parts: vec![Part {
+            name: "metadrive-readings".into(),
+            title: "Attack in MetaDrive by three readings of the same contacts".into(),
+            source: Some(printed::POLICY_LABEL),
+            rows,
+        }],
+        runs: notes::runs(runs)?,
+        notes,
+    })
+}
+
+fn row(of: &[&LineageLabels]) -> Row {
+    let ours = estimated(&READ.map(|(column, side, reading)| (column, quantity(of, |l| l.read(side, reading)))));
+    let suites: BTreeSet<_> = of.iter().map(|l| (l.suite, l.suite_scenes)).collect();
+    let kinds: BTreeSet<&str> = of.iter().map(|l| l.proposals.as_str()).collect();
+    Row {
+        key: RowKey::of(of.iter().map(|l| l.key())),
+        labels: vec![of[0].label.clone(), of[0].policy.clone()],
+        lineages: of.iter().map(|l| l.lineage.to_string()).collect(),
+        cells: cells(&ours, of[0]),
+        counts: vec![suites.iter().map(|(_, n)| n).sum(), of.len(), of.iter().map(|l| l.rollouts).sum()],
+        proposals: kinds.into_iter().collect::<Vec<_>>().join(" + "),
+        notes: Vec::new(),
+    }
+}
+
+/// The paper counts collisions, so its figures stand beside the published reading.
+fn cells(ours: &Numbers, of: &LineageLabels) -> Vec<Cell> {
+    let theirs = of.method.zip(paper::policy_name(&of.ego));
+    let theirs = theirs.and_then(|(method, policy)| printed::policy_figures(method.name, policy));
+    let figure = |column: &Column| {
+        let key = match *column {
+            PUBLISHED_PARENT => "parent_attack",
+            PUBLISHED_EVOLVED => "evolved_attack",
+            _ => return None,
+        };
+        theirs.as_ref()?.under(key)
+    };
+    let columns: Vec<Column> = READ.iter().map(|(column, ..)| *column).collect();
+    let cells = Cell::row(&columns, ours, None);
+    cells.into_iter().map(|cell| Cell { paper: figure(&cell.column), ..cell }).collect()
+}
+
+/// Without a program nothing is brought about.
+fn replay_row(replay: &ReplayLabels) -> Row {
+    let search = Search { id: replay.suite, seeds: vec![replay.per_scene(|_| Some(0.0))] };
+    let parents = READ.iter().filter(|(_, side, _)| *side == Side::Parent);
+    let ours: Vec<_> = parents.map(|(column, ..)| (*column, vec![search.clone()])).collect();
+    let columns: Vec<Column> = READ.iter().map(|(column, ..)| *column).collect();
+    Row {
+        key: RowKey::Replay { egos: vec![replay.key()], metric: None },
+        labels: vec![REPLAY.to_string(), replay.policy.clone()],
+        lineages: vec![format!("replay/{}", replay.ego)],
+        cells: Cell::row(&columns, &estimated(&ours), None),
+        counts: vec![replay.scenes.len(), 1, replay.scenes.iter().flatten().count()],
+        proposals: "none".into(),
+        notes: Vec::new(),
+    }
+}
+
+fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<String> {
+    let mut notes = vec![
+        "Shares of held-out scenes. As searched: the contacts that the experiment counts (evaluation.attack). Published: any contact with \
+         an adversary that the program brought about, whoever caused it, as published work counts collisions. From behind and Standing: \
+         the part of the evolved program's published contacts in which the ego is rammed from behind, or runs into somebody who stands. \
+         Preventable: the part that a careful ego could have avoided by braking or swerving, asked of every class alike, rams from \
+         behind left out."
+            .to_string(),
+        "A search is steered by the first reading alone: under another one its numbers show what it got on the way. The paper's attack \
+         counts collisions, so its figures stand beside the published reading; whether a road user is met that the ego runs into without \
+         the program is not asked there."
+            .to_string(),
+        notes::intervals("held-out scenes") + " Differences are paired by scene.",
+    ];
+    notes.extend(notes::one_seed(&notes::repeats(all.iter()), "held-out scenes"));
+    notes.extend(notes::all_alike(rows, 0, |column| column.form == Form::Rate));
+    notes.extend(runs.iter().map(notes::run));
+    notes.extend(notes::different_versions(runs));
+    notes
+}

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
@@ -64,6 +64,8 @@ pub struct Exchange {
     pause: Pause,
     tell: Tell,
     numbers: Mutex<BTreeMap<Digest, u64>>,
+    /// Why one of the questions cannot be answered: no other one is waited for then, since its recording ends.
+    broken: Mutex<Option<ModelError>>,
 }
 
 impl Exchange {
@@ -72,7 +74,8 @@ impl Exchange {
         store::create_plain_dir(dir).map_err(|error| on_disk(dir, &error))?;
         let known = written(dir)?.into_iter().map(|written| (written.key, written.number)).collect();
         let numbers = Mutex::new(known);
-        Ok(Exchange { dir: dir.to_path_buf(), provenance: provenance.into(), pause, tell, numbers })
+        let (dir, provenance, broken) = (dir.to_path_buf(), provenance.into(), Mutex::default());
+        Ok(Exchange { dir, provenance, pause, tell, numbers, broken })
     }
 
     /// The number of a question. A new one is written out before it has one.
@@ -107,6 +110,21 @@ impl Exchange {
 
 impl Model for Exchange {
     fn complete(&self, request: &Request) -> Result<Completion, ModelError> {
+        let completed = self.awaited(request);
+        if let Err(error) = &completed {
+            self.broken().get_or_insert_with(|| error.clone());
+        }
+        completed
+    }
+}
+
+impl Exchange {
+    fn broken(&self) -> MutexGuard<'_, Option<ModelError>> {
+        self.broken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes the question out and waits for its reply.
+    fn awaited(&self, request: &Request) -> Result<Completion, ModelError> {
         let number = self.number(request)?;
         let path = self.dir.join(reply_name(number));
         let mut announced = false;
@@ -118,6 +136,9 @@ impl Model for Exchange {
             if !announced {
                 (self.tell)(&self.dir.join(format!("{number}.request.md")));
                 announced = true;
+            }
+            if let Some(error) = &*self.broken() {
+                return Err(error.clone());
             }
             if !(self.pause)() {
                 let reason = format!("{} is no longer waited for; the question stays", path.display());
@@ -258,6 +279,30 @@ mod tests {
         assert_eq!(exchange.complete(&request(4)).unwrap().bytes, b"reply to 2 of slot 4", "another question");
         assert_eq!(exchange.complete(&request(3)).unwrap().bytes, b"reply to 1 of slot 3");
         assert_eq!(status(dir.path()).unwrap().len(), 2);
+    }
+
+    #[test]
+    fn where_one_reply_cannot_be_read_no_other_one_is_waited_for_and_both_say_why() {
+        let dir = tempfile::tempdir().unwrap();
+        let looks = AtomicUsize::new(0);
+        // Long enough for the other one, and not for ever.
+        let pause = move || {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+            looks.fetch_add(1, Ordering::Relaxed) < 5000
+        };
+        let exchange = Exchange::open(dir.path(), "nobody", Arc::new(pause), Arc::new(|_| ())).unwrap();
+        std::fs::create_dir(dir.path().join("1.reply.txt")).unwrap();
+        std::thread::scope(|scope| {
+            let asked = [0, 1].map(|slot| {
+                scope.spawn({
+                    let exchange = &exchange;
+                    move || exchange.complete(&request(slot)).unwrap_err().to_string()
+                })
+            });
+            for error in asked.map(|asked| asked.join().unwrap()) {
+                assert!(error.contains("1.reply.txt"), "{error}");
+            }
+        });
     }
 
     #[test]

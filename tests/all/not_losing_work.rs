@@ -218,7 +218,7 @@ fn ctrl_c_ends_a_recording_that_waits_for_a_reply_and_the_question_stays() {
     let models =
         format!("[roles]\n{roles}[models.me]\nkind = \"exchange\"\nmodel = \"a-person\"\nprovenance = \"a person\"\n");
     let (path, out) = (experiment(folder.path(), "asks", &models), folder.path().join("out"));
-    let args = ["record", path.to_str().unwrap(), "--no-report", "--out", out.to_str().unwrap()];
+    let args = ["record", path.to_str().unwrap(), "--no-report", "--open", "1", "--out", out.to_str().unwrap()];
     let (mut child, mut stderr) = until(evodrive().args(args), "waits for a reply");
     interrupt(&child);
     let mut printed = String::new();
@@ -229,7 +229,8 @@ fn ctrl_c_ends_a_recording_that_waits_for_a_reply_and_the_question_stays() {
     assert_eq!(question.len(), 1, "the question stays");
     // Somebody else begins in that folder by `resume` without a name.
     std::fs::rename(&out, folder.path().join("runs")).unwrap();
-    let (mut child, _stderr) = until(evodrive().arg("resume").current_dir(folder.path()), "waits for a reply");
+    let (mut child, _stderr) =
+        until(evodrive().args(["resume", "--open", "1"]).current_dir(folder.path()), "waits for a reply");
     child.kill().unwrap();
     child.wait().unwrap();
     let moved = folder.path().join("runs").join(run_folder.file_name().unwrap());

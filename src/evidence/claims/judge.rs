@@ -17,7 +17,9 @@ use crate::objects::downstream::Downstream;
 pub enum Verdict {
     /// The contrary is shown somewhere, or nothing moved at all.
     NotSupported,
-    /// Neither is shown.
+    /// Neither is shown, but it is shown that there is less of it than the paper reports, in every row that the paper has.
+    Smaller,
+    /// None of this is shown.
     Undecided,
     /// Shown in every row.
     Supported,
@@ -27,12 +29,14 @@ pub enum Verdict {
 
 impl Verdict {
     /// All, in the order in which they are told: what fails first.
-    pub const ALL: [Verdict; 4] = [Verdict::NotSupported, Verdict::Undecided, Verdict::Supported, Verdict::NotTestable];
+    pub const ALL: [Verdict; 5] =
+        [Verdict::NotSupported, Verdict::Smaller, Verdict::Undecided, Verdict::Supported, Verdict::NotTestable];
 
     /// As readers see it.
     pub fn words(self) -> &'static str {
         match self {
             Verdict::NotSupported => "not supported",
+            Verdict::Smaller => "smaller than in the paper",
             Verdict::Undecided => "undecided",
             Verdict::Supported => "supported",
             Verdict::NotTestable => "not testable here",
@@ -52,6 +56,8 @@ pub struct Part {
     /// One-sided p that it lies on the claimed side, and on the other.
     pub p_for: f64,
     pub p_against: f64,
+    /// One-sided p that it falls short of the paper's, where that lies on the claimed side.
+    pub p_smaller: Option<f64>,
     /// What `evodrive why` is asked; `None` of a measure.
     pub cell: Option<String>,
 }
@@ -70,6 +76,8 @@ pub struct Judged {
     /// After Holm; `None` where it was not tested.
     pub p_for: Option<f64>,
     pub p_against: Option<f64>,
+    /// `None` where the paper prints no number for some row.
+    pub p_smaller: Option<f64>,
     pub parts: Vec<Part>,
     /// Root of its run.
     pub root: Option<String>,
@@ -207,6 +215,7 @@ fn untested(claim: &Claim, reason: String, of: Option<&Asked<'_>>) -> Judged {
         reason: Some(reason),
         p_for: None,
         p_against: None,
+        p_smaller: None,
         parts: Vec::new(),
         root: of.map(|of| of.root()),
     }
@@ -250,16 +259,22 @@ fn one(claim: &Claim, of: &Asked<'_>, made: &mut BTreeMap<(String, String), Tabl
     };
     let mut parts = Vec::with_capacity(measured.len());
     for (row, estimate, paper, cell) in measured {
-        let Some([p_for, p_against]) = sides(claim, &estimate) else {
+        let threshold = claim.threshold.unwrap_or(0.0);
+        let Some([p_for, p_against]) = sides(claim, &estimate, threshold) else {
             let reason = format!("the number of {row} has no interval, because nothing was repeated");
             return Ok(untested(claim, reason, Some(of)));
         };
-        parts.push(Part { row, estimate, paper, p_for, p_against, cell });
+        let below = claim.direction == Some(Direction::Below);
+        let claimed = paper.filter(|paper| if below { *paper < threshold } else { *paper > threshold });
+        let p_smaller = claimed.and_then(|paper| sides(claim, &estimate, paper)).map(|[_, short_of_it]| short_of_it);
+        parts.push(Part { row, estimate, paper, p_for, p_against, p_smaller, cell });
     }
     let largest = parts.iter().map(|part| part.p_for).fold(0.0, f64::max);
     let least = parts.iter().map(|part| part.p_against).fold(1.0, f64::min);
     let (p_for, p_against) = (Some(largest), Some((least * parts.len() as f64).min(1.0)));
-    Ok(Judged { reason: None, p_for, p_against, parts, ..untested(claim, String::new(), Some(of)) })
+    let smaller = parts.iter().map(|part| part.p_smaller).collect::<Option<Vec<f64>>>();
+    let p_smaller = smaller.map(|all| all.into_iter().fold(0.0, f64::max));
+    Ok(Judged { reason: None, p_for, p_against, p_smaller, parts, ..untested(claim, String::new(), Some(of)) })
 }
 
 type Found = (String, Estimate, Option<f64>, Option<String>);
@@ -297,14 +312,13 @@ fn cells(claim: &Claim, table: &Table, column: &str) -> Result<Vec<Found>, Strin
     rows.into_iter().map(measured).collect()
 }
 
-/// One-sided p for the claimed side of the threshold and for the other; `None` without an interval.
-fn sides(claim: &Claim, estimate: &Estimate) -> Option<[f64; 2]> {
+/// One-sided p for the claimed side of a threshold and for the other; `None` without an interval.
+fn sides(claim: &Claim, estimate: &Estimate, threshold: f64) -> Option<[f64; 2]> {
     let [low, high] = estimate.interval?;
-    let threshold = claim.threshold?;
+    let below_is_claimed = claim.direction == Some(Direction::Below);
     if let Some(chance) = estimate.chance_beyond(threshold) {
-        let sides = if estimate.value > threshold { [0.5 * chance, 1.0] } else { [1.0, 0.5 * chance] };
-        let [above, below] = sides;
-        return Some(if claim.direction == Some(Direction::Below) { [below, above] } else { [above, below] });
+        let (own, other) = (0.5 * chance, 1.0 - 0.5 * chance);
+        return Some(if (estimate.value < threshold) == below_is_claimed { [own, other] } else { [other, own] });
     }
     let (above, below) = (
         shown(estimate.value - threshold, estimate.value - low),
@@ -312,10 +326,10 @@ fn sides(claim: &Claim, estimate: &Estimate) -> Option<[f64; 2]> {
     );
     // A number on the threshold that no draw moves is nothing at all, and that is shown.
     let nothing = estimate.value == threshold && low == high;
-    Some(match claim.direction {
+    Some(match below_is_claimed {
         _ if nothing => [1.0, least_p()],
-        Some(Direction::Below) => [below, above],
-        _ => [above, below],
+        true => [below, above],
+        false => [above, below],
     })
 }
 
@@ -343,12 +357,15 @@ fn correct(judged: &mut [Judged], level: f64) -> usize {
         holm(&tested.iter().map(|&at| read(&judged[at]).unwrap_or(1.0)).collect::<Vec<f64>>())
     };
     let (p_for, p_against) = (of(&|claim| claim.p_for), of(&|claim| claim.p_against));
-    for ((&at, p_for), p_against) in tested.iter().zip(p_for).zip(p_against) {
+    let p_smaller = of(&|claim| claim.p_smaller);
+    for (((&at, p_for), p_against), p_smaller) in tested.iter().zip(p_for).zip(p_against).zip(p_smaller) {
         let claim = &mut judged[at];
         (claim.p_for, claim.p_against) = (Some(p_for), Some(p_against));
+        claim.p_smaller = claim.p_smaller.map(|_| p_smaller);
         claim.verdict = match (p_for <= level, p_against <= level) {
             (_, true) => Verdict::NotSupported,
             (true, false) => Verdict::Supported,
+            (false, false) if p_smaller <= level => Verdict::Smaller,
             (false, false) => Verdict::Undecided,
         };
     }

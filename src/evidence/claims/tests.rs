@@ -87,6 +87,31 @@ fn a_run_that_only_reports_its_parents_supports_nothing() {
 }
 
 #[test]
+fn an_effect_that_is_surely_less_than_the_papers_is_called_smaller_and_one_that_may_be_as_large_undecided() {
+    let judged = |off: f64| {
+        let before = [0.9, 0.8, 0.9, 0.8];
+        let change = [off, -off, 0.5 * off, -0.5 * off];
+        let at = |realism: f64| Some((1.0, realism));
+        let mut recorded = run("made", &[]);
+        let evolved = std::array::from_fn(|scene| at(before[scene] + change[scene]));
+        add(&mut recorded, &End { parent: before.map(at), evolved: Some(evolved), ..CAT });
+        let file = FILE.replace("metadrive-policy", "metadrive-main");
+        let verdicts = judge(&read("claims.toml", &file).unwrap(), &[recorded], &BTreeMap::new()).unwrap();
+        (verdicts.claims.iter().find(|claim| claim.id == "realism").unwrap().clone(), markdown(&verdicts))
+    };
+    // The paper has 6.81 points less; here it is none, and 0.1 or 20 points to either side.
+    let (claim, text) = judged(0.001);
+    assert_eq!((claim.verdict, claim.parts[0].paper), (Verdict::Smaller, Some(-6.81)), "{claim:?}");
+    assert!(
+        text.contains("## Smaller than in the paper") && text.contains("for less of it than in the paper 0.0"),
+        "{text}"
+    );
+    let (claim, _) = judged(0.1);
+    assert_eq!(claim.verdict, Verdict::Undecided, "{claim:?}");
+    assert!(claim.p_smaller.is_some_and(|p| p > 0.05), "{claim:?}");
+}
+
+#[test]
 fn what_is_not_measured_is_not_testable_and_says_why() {
     for (id, reason) in [("learned", "CAT / RL"), ("elsewhere", "ablations")] {
         let claim = of(&[recorded()], id);

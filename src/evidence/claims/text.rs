@@ -30,7 +30,8 @@ pub fn markdown(found: &Judgement) -> String {
     let _ = writeln!(
         out,
         "- {} claims were tested; p is one-sided and corrected after Holm over them; level {}. A claim over several rows is supported only \
-         if every row shows it, and not supported where one row shows the contrary or a number stands on the threshold without spread.\n",
+         if every row shows it, and not supported where one row shows the contrary or a number stands on the threshold without spread. \
+         It is smaller than in the paper where neither is shown, but in every row that there is less of it than the paper prints.\n",
         found.tested, found.level
     );
     for verdict in Verdict::ALL {
@@ -40,7 +41,7 @@ pub fn markdown(found: &Judgement) -> String {
         }
         let _ = writeln!(out, "## {}\n", capital(verdict.words()));
         for claim in of {
-            one(&mut out, claim);
+            one(&mut out, claim, found.level);
         }
     }
     out
@@ -51,7 +52,7 @@ fn capital(text: &str) -> String {
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
-fn one(out: &mut String, claim: &Judged) {
+fn one(out: &mut String, claim: &Judged, level: f64) {
     let _ = writeln!(out, "**{}** (`{}`): {}", claim.id, claim.label, claim.text);
     if !claim.asked.is_empty() {
         let _ = writeln!(out, "\n- asked: {}", claim.asked);
@@ -60,7 +61,17 @@ fn one(out: &mut String, claim: &Judged) {
         let _ = writeln!(out, "- {reason}");
     }
     if let (Some(p_for), Some(p_against)) = (claim.p_for, claim.p_against) {
-        let _ = writeln!(out, "- p for it {}, against it {}", p(p_for), p(p_against));
+        let smaller =
+            claim.p_smaller.map_or(String::new(), |value| format!(", for less of it than in the paper {}", p(value)));
+        let _ = writeln!(out, "- p for it {}, against it {}{smaller}", p(p_for), p(p_against));
+    }
+    if claim.parts.len() > 1 {
+        let alone = |of: fn(&Part) -> f64| claim.parts.iter().filter(|part| of(part) <= level).count();
+        let (shows, contrary, all) = (alone(|part| part.p_for), alone(|part| part.p_against), claim.parts.len());
+        let _ = writeln!(
+            out,
+            "- {shows} of {all} rows show it taken alone (p at most {level}, not corrected), {contrary} the contrary"
+        );
     }
     for part in &claim.parts {
         let paper = part.paper.map_or(String::new(), |paper| format!("; paper {paper}"));
@@ -119,7 +130,7 @@ pub fn latex(found: &Judgement) -> String {
 /// One line for each claim and row, numbers unrounded.
 pub fn csv(found: &Judgement) -> String {
     let mut out = String::from(
-        "verdict,id,label,asked,row,value,low,high,paper,p_for_holm,p_against_holm,root,cell,reason,text\n",
+        "verdict,id,label,asked,row,value,low,high,paper,p_for_holm,p_against_holm,p_smaller_holm,root,cell,reason,text\n",
     );
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
     for claim in &found.claims {
@@ -139,6 +150,7 @@ pub fn csv(found: &Judgement) -> String {
                 number(part.and_then(|part| part.paper)),
                 number(claim.p_for),
                 number(claim.p_against),
+                number(claim.p_smaller),
                 claim.root.clone().unwrap_or_default(),
                 part.and_then(|part| part.cell.clone()).unwrap_or_default(),
                 claim.reason.clone().unwrap_or_default(),

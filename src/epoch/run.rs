@@ -50,8 +50,8 @@ pub fn run(study: &Study, desk: &mut Desk<'_>) -> Result<RunResult, RunError> {
 
 /// An epoch of lineages that are worked on together, and one update of the state for each, in their order. A snapshot holds what
 /// earlier epochs left behind and nothing of the lineages beside it: memory shows cards of earlier epochs alone, and the evaluator is
-/// fitted behind an epoch's last lineage. So no result depends on how many go together, nor on their order. Says whether a plan
-/// cannot see further.
+/// fitted behind an epoch's last lineage. So no result depends on how many go together. Says whether a plan cannot see
+/// further.
 fn one_epoch(
     study: &Study,
     state: &mut State,

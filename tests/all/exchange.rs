@@ -107,7 +107,7 @@ fn status_without_a_folder_takes_the_run_that_is_being_recorded_and_not_the_late
     let mut waiting = begin(&path).stderr(std::process::Stdio::null()).spawn().unwrap();
     let asked = (0..600).find_map(|_| {
         std::thread::sleep(Duration::from_millis(100));
-        Some(status()).filter(|status| status.starts_with("1 questions wait, 0 are answered: runs/asks-"))
+        Some(status()).filter(|status| status.starts_with("3 questions wait, 0 are answered: runs/asks-"))
     });
     waiting.kill().unwrap();
     waiting.wait().unwrap();
@@ -167,7 +167,7 @@ fn a_models_name_is_held_to_the_letters_of_run_names() {
     assert_eq!(left, ["named.toml"], "nothing is written");
 }
 
-/// What a recording did that has one question open: the folder of its questions.
+/// What a recording did that has a question of each of its three lineages open: the folder of its questions.
 #[cfg(unix)]
 fn asking(dir: &Path) -> (PathBuf, PathBuf) {
     let roles = "[roles]\nactor = \"me\"\n[models.me]\n";
@@ -176,11 +176,11 @@ fn asking(dir: &Path) -> (PathBuf, PathBuf) {
     let runs = dir.join("runs");
     let asked = (0..600).find_map(|_| {
         std::thread::sleep(Duration::from_millis(100));
-        Some(open(&runs)).filter(|open| open.len() == 1)
+        Some(open(&runs)).filter(|open| open.len() == 3)
     });
     waiting.kill().unwrap();
     waiting.wait().unwrap();
-    let reply = asked.expect("a slot asks")[0].1.clone();
+    let reply = asked.expect("a slot of every lineage asks")[0].1.clone();
     (path, home().join(reply).parent().unwrap().to_path_buf())
 }
 

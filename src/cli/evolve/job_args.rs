@@ -56,8 +56,7 @@ pub struct ResumeArgs {
     /// Of a recording: write it into this cassette, instead of the one that it was begun for.
     #[arg(long, value_name = "FILE")]
     pub cassette: Option<PathBuf>,
-    /// Of a recording: questions to models that are open together, of all lineages of an epoch [default: 256 where a model is asked through files
-    /// (`exchange`), else as many as there are threads].
+    /// Of a recording: questions that are open together, as in `record`.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub open: Option<u16>,
 }

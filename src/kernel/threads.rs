@@ -13,6 +13,9 @@ pub fn beside(work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
     std::thread::Builder::new().spawn(work).map(drop)
 }
 
+/// What is done in a turn, given its number.
+type Turn<'a> = &'a (dyn Fn(usize) + Sync);
+
 /// Of a worker. Memory is taken as it is touched.
 const STACK_BYTES: usize = 16 << 20;
 
@@ -86,7 +89,7 @@ impl Threads {
         &self,
         items: &[T],
         f: impl Fn(usize, &T) -> R + Sync + Send,
-        each: &dyn Fn(&(dyn Fn(usize) + Sync)),
+        each: &dyn Fn(Turn<'_>),
     ) -> Vec<R> {
         let order = self.order.map(|seed| {
             let mut order: Vec<usize> = (0..items.len()).collect();
@@ -108,7 +111,7 @@ impl Threads {
 }
 
 /// `work` of 0 to `count` - 1 on `at_once` threads, the caller's among them. Where the system gives fewer, fewer wait together.
-fn each_waiting(at_once: usize, count: usize, work: &(dyn Fn(usize) + Sync)) {
+fn each_waiting(at_once: usize, count: usize, work: Turn<'_>) {
     let next = AtomicUsize::new(0);
     let take_turns = || {
         loop {
@@ -130,7 +133,7 @@ fn each_waiting(at_once: usize, count: usize, work: &(dyn Fn(usize) + Sync)) {
 
 /// `work` of 0 to `count` - 1 on the pool. Knows no type of items and results: rayon's own code, which is long, is then compiled
 /// once and not for every map of the program.
-fn each(pool: &rayon::ThreadPool, count: usize, work: &(dyn Fn(usize) + Sync)) {
+fn each(pool: &rayon::ThreadPool, count: usize, work: Turn<'_>) {
     // An item is a search or a rollout, long enough to be a job of its own: in longer jobs one thread would be left with several
     // items while the others wait.
     pool.install(|| (0..count).into_par_iter().with_max_len(1).for_each(work));

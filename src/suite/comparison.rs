@@ -29,6 +29,9 @@ pub struct ComparedRow {
     pub scenes: usize,
     pub first_crashes: usize,
     pub second_crashes: usize,
+    /// Contacts that the driver caused or could have avoided.
+    pub first_preventable: usize,
+    pub second_preventable: usize,
     /// Scenes in which the first alone crashed, and in which the second alone did.
     pub first_alone: usize,
     pub second_alone: usize,
@@ -90,12 +93,15 @@ fn row(first: &SuiteResult, name: &str, pairs: &[(&Played, &Played)]) -> Compare
     let difference = |of: &dyn Fn(&Played) -> f64| {
         mean(first, ("compared", name), pairs.iter().map(|(a, b)| Some(of(b) - of(a))).collect())
     };
+    let preventable = |played: &Played| played.drive().is_some_and(super::result::Drive::is_preventable);
     let completion = |played: &Played| played.drive().map_or(0.0, |drive| drive.completion);
     ComparedRow {
         name: name.to_string(),
         scenes: pairs.len(),
         first_crashes: count(&|a, _| a.crashed()),
         second_crashes: count(&|_, b| b.crashed()),
+        first_preventable: count(&|a, _| preventable(a)),
+        second_preventable: count(&|_, b| preventable(b)),
         first_alone,
         second_alone,
         chance: exact_mcnemar(first_alone, second_alone),

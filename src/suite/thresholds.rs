@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::result::{Came, Played, SuiteResult};
 use crate::kernel::num;
+use crate::sim::End;
 
 /// Limits of a suite. What is absent is not asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -18,14 +19,22 @@ pub struct Thresholds {
     /// Mean share of the route that is driven, at least: who stands still crashes seldom.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_completion: Option<f64>,
+    /// Share of driven scenes in which the driver leaves the road, at most: who leaves it early crashes seldom, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_off_road: Option<f64>,
+    /// Share of playable scenes that are driven to the end of the route without a contact, at least.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_arrived: Option<f64>,
 }
 
 impl Thresholds {
-    fn named(&self) -> [(&'static str, Option<f64>); 3] {
+    fn named(&self) -> [(&'static str, Option<f64>); 5] {
         [
             ("max_crash_rate", self.max_crash_rate),
             ("max_preventable", self.max_preventable),
             ("min_completion", self.min_completion),
+            ("max_off_road", self.max_off_road),
+            ("min_arrived", self.min_arrived),
         ]
     }
 
@@ -42,6 +51,8 @@ impl Thresholds {
             max_crash_rate: self.max_crash_rate.or(others.max_crash_rate),
             max_preventable: self.max_preventable.or(others.max_preventable),
             min_completion: self.min_completion.or(others.min_completion),
+            max_off_road: self.max_off_road.or(others.max_off_road),
+            min_arrived: self.min_arrived.or(others.min_arrived),
         }
     }
 
@@ -97,7 +108,7 @@ pub fn judged(
         rules.push(Judged {
             rule: "answered",
             expected: "a drive in every scene".into(),
-            found: format!("none in {} of {playable}", faults.len()),
+            found: format!("{} of {playable} scenes not driven", faults.len()),
             holds: false,
             scenes: ids(faults),
         });
@@ -121,8 +132,14 @@ pub fn judged(
     share("max_preventable", thresholds.max_preventable, &|played| {
         played.drive().is_some_and(super::result::Drive::is_preventable)
     });
+    share("max_off_road", thresholds.max_off_road, &|played| {
+        played.drive().is_some_and(|drive| drive.end == End::OffRoad)
+    });
     if let Some(limit) = thresholds.min_completion {
         rules.push(completion(&driven, limit));
+    }
+    if let Some(limit) = thresholds.min_arrived {
+        rules.push(arrived(result, limit));
     }
     if let Some(baseline) = baseline {
         rules.push(new_failures(result, baseline)?);
@@ -141,6 +158,22 @@ fn completion(driven: &[&Played], limit: f64) -> Judged {
         found: found.map_or("no driven scene".into(), |found| format!("{found:.4} over {}", driven.len())),
         holds: found.is_some_and(|found| found >= limit),
         scenes: below.into_iter().map(|played| played.case.clone()).collect(),
+    }
+}
+
+/// A scene without a drive has not arrived; one that cannot be played counts nowhere.
+fn arrived(result: &SuiteResult, limit: f64) -> Judged {
+    let playable = result.cases.iter().filter(|played| !matches!(played.came, Came::Unplayable { .. }));
+    let (there, missing): (Vec<&Played>, Vec<&Played>) =
+        playable.partition(|played| played.drive().is_some_and(|drive| drive.end == End::Arrived));
+    let all = there.len() + missing.len();
+    let found = there.len() as f64 / all.max(1) as f64;
+    Judged {
+        rule: "min_arrived",
+        expected: format!("at least {limit}"),
+        found: format!("{found:.4} ({} of {all})", there.len()),
+        holds: found >= limit,
+        scenes: missing.into_iter().map(|played| played.case.clone()).collect(),
     }
 }
 
@@ -180,8 +213,25 @@ mod tests {
         rules.into_iter().filter(|rule| !rule.holds).map(|rule| (rule.rule, rule.scenes)).collect()
     }
 
-    const ALL: Thresholds =
-        Thresholds { max_crash_rate: Some(0.5), max_preventable: Some(0.25), min_completion: Some(0.6) };
+    const ALL: Thresholds = Thresholds {
+        max_crash_rate: Some(0.5),
+        max_preventable: Some(0.25),
+        min_completion: Some(0.6),
+        max_off_road: None,
+        min_arrived: None,
+    };
+
+    #[test]
+    fn who_leaves_the_road_before_anybody_is_met_keeps_neither_to_the_road_nor_arrives() {
+        let road = Thresholds { max_off_road: Some(0.25), min_arrived: Some(0.5), ..Thresholds::default() };
+        let away = broken(&[OFF_ROAD, OFF_ROAD, ARRIVED, FAULT, UNPLAYABLE], road);
+        let ids = |of: &[usize]| -> Vec<String> { of.iter().map(|k| format!("cat:s{k}")).collect() };
+        let expected = [("answered", ids(&[3])), ("max_off_road", ids(&[0, 1])), ("min_arrived", ids(&[0, 1, 3]))];
+        assert_eq!(away, expected);
+        assert!(broken(&[OFF_ROAD, ARRIVED, ARRIVED, ARRIVED], road).is_empty(), "at the limits");
+        let crashes = Thresholds { max_crash_rate: Some(0.0), ..Thresholds::default() };
+        assert!(broken(&[OFF_ROAD; 4], crashes).is_empty(), "the crash rate alone does not see it");
+    }
 
     #[test]
     fn each_limit_holds_up_to_its_value_and_names_the_scenes_beyond() {

@@ -22,7 +22,8 @@ use crate::cli::terminal::width::table_width;
 use crate::draw::escaped;
 use crate::evidence::aligned::Aligned;
 use crate::evidence::tables::csv_line;
-use crate::suite::{Frozen, Share, SuiteResult, Total, totals};
+use crate::kernel::Digest;
+use crate::suite::{Came, Frozen, Share, SuiteResult, Total, totals};
 use crate::text::counted;
 
 #[derive(Debug, Args)]
@@ -71,7 +72,8 @@ struct Entry {
 /// What the numbers are.
 const NOTE: &str = "Ordered by arrived: the share of playable scenes that were driven to the end of the route without a contact; a scene \
                     in which the planner gave no drive counts against it, so neither a driver that stands still nor one that ends early \
-                    comes first. Crash rate and preventable are shares of driven scenes, with 95 % Wilson intervals; completion is the mean share \
+                    comes first. Who a suite was planned around meets its own weak spots there: compare others with each other. Crash rate, preventable and \
+                    off road are shares of driven scenes, with 95 % Wilson intervals; completion is the mean share \
                     of the route, with a 95 % bootstrap interval over scenes. By family: crash rate with its interval, then completion. \
                     Scenes that share a road and its traffic are counted as if they were independent.";
 
@@ -104,12 +106,30 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     for path in &options.recorded {
         made.push(again(&frozen, &stage, &cases, path, &running)?.result);
     }
+    let left_out = keep_common(&mut made);
+    if made.first().is_none_or(|result| result.cases.is_empty()) {
+        let what = "no scene can be played by all of these drivers; set fewer beside each other";
+        return Err(Failure::bad_input(format!("{}: {what}", options.suite.display())));
+    }
     let mut entries: Vec<Entry> = made
         .into_iter()
         .map(|result| Entry { name: result.driver.name.clone(), totals: totals(&result), result })
         .collect();
     entries.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then_with(|| a.name.cmp(&b.name)));
-    answer(options, &frozen, &entries)
+    answer(options, &frozen, &entries, left_out)
+}
+
+/// Leaves in all results the scenes that each of these drivers can play and was asked for, so that rows stand on the same ones; says
+/// how many are left out.
+fn keep_common(results: &mut [SuiteResult]) -> usize {
+    let playable = |result: &SuiteResult| -> BTreeSet<String> {
+        let own = result.cases.iter().filter(|played| !matches!(played.came, Came::Unplayable { .. }));
+        own.map(|played| played.case.clone()).collect()
+    };
+    let most = results.iter().map(|result| result.cases.len()).max().unwrap_or(0);
+    let common = results.iter().map(playable).reduce(|all, own| &all & &own).unwrap_or_default();
+    results.iter_mut().for_each(|result| result.cases.retain(|played| common.contains(&played.case)));
+    most - common.len()
 }
 
 /// What drivers are ordered by.
@@ -123,18 +143,19 @@ fn arrived(total: &Total) -> Option<Share> {
 }
 
 const HEADS: [&str; 8] =
-    ["driver", "driven", "faults", "unplayable", "arrived", "crash rate", "preventable", "completion"];
+    ["driver", "driven", "faults", "arrived", "crash rate", "preventable", "off road", "completion"];
 
-fn row(entry: &Entry) -> Vec<String> {
+fn row(entry: &Entry, planned_around: Digest) -> Vec<String> {
     let Some(all) = entry.totals.first() else { return Vec::new() };
+    let own = if entry.result.driver.digest == planned_around { " (planned around)" } else { "" };
     vec![
-        entry.name.clone(),
+        format!("{}{own}", entry.name),
         all.driven.to_string(),
         all.faults.to_string(),
-        all.unplayable.to_string(),
         share(arrived(all)),
         share(all.crashes),
         share(all.preventable),
+        share(all.off_road),
         mean(all.completion),
     ]
 }
@@ -166,9 +187,21 @@ fn by_family(entries: &[Entry]) -> (Vec<String>, Vec<Vec<String>>) {
     (heads.collect(), rows.collect())
 }
 
-fn answer(options: &Options, frozen: &Frozen, entries: &[Entry]) -> Result<Answer, Failure> {
+fn answer(options: &Options, frozen: &Frozen, entries: &[Entry], left_out: usize) -> Result<Answer, Failure> {
     let heads = HEADS.map(String::from).to_vec();
-    let rows: Vec<Vec<String>> = entries.iter().map(row).collect();
+    let around = frozen.suite.planned_around.digest;
+    let rows: Vec<Vec<String>> = entries.iter().map(|entry| row(entry, around)).collect();
+    let note = format!(
+        "{}{NOTE}",
+        if left_out == 0 {
+            String::new()
+        } else {
+            format!(
+                "{} that not every driver here can play left out, so that all rows stand on the same. ",
+                counted(left_out, "scene")
+            )
+        }
+    );
     let (family_heads, family_rows) = by_family(entries);
     let title = format!("Suite {}, {}", frozen.suite.name, counted(frozen.suite.cases.len(), "case"));
     let digest = frozen.digest;
@@ -177,16 +210,16 @@ fn answer(options: &Options, frozen: &Frozen, entries: &[Entry]) -> Result<Answe
             let first = Aligned { indent: 0, labels: 1, words: 0, heads, rows };
             let second = Aligned { indent: 0, labels: 1, words: 0, heads: family_heads, rows: family_rows };
             let width = table_width();
-            format!("{title}, digest {digest}\n\n{}\n{}\n{NOTE}\n", first.text(width), second.text(width))
+            format!("{title}, digest {digest}\n\n{}\n{}\n{note}\n", first.text(width), second.text(width))
         }
         Some(Format::Markdown) => format!(
-            "# {title}\n\nDigest `{digest}`, planned around {}.\n\n{}\n{}\n{NOTE}\n",
+            "# {title}\n\nDigest `{digest}`, planned around {}.\n\n{}\n{}\n{note}\n",
             frozen.suite.planned_around.name,
             markdown(&heads, &rows),
             markdown(&family_heads, &family_rows)
         ),
         Some(Format::Csv) => csv(entries),
-        Some(Format::Html) => html((&title, &digest.to_hex()), (&heads, &rows), (&family_heads, &family_rows)),
+        Some(Format::Html) => html((&title, &digest.to_hex(), &note), (&heads, &rows), (&family_heads, &family_rows)),
     };
     let object: Vec<_> =
         entries.iter().map(|entry| json!({"driver": entry.result.driver, "totals": entry.totals})).collect();
@@ -265,7 +298,7 @@ fn csv(entries: &[Entry]) -> String {
 /// Heads and rows.
 type Texts<'a> = (&'a Vec<String>, &'a Vec<Vec<String>>);
 
-fn html((title, digest): (&str, &str), first: Texts<'_>, second: Texts<'_>) -> String {
+fn html((title, digest, note): (&str, &str, &str), first: Texts<'_>, second: Texts<'_>) -> String {
     let title = escaped(title);
     let mut text = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n{}</head>\n<body>\n<h1>{title}</h1>\n\
@@ -273,6 +306,6 @@ fn html((title, digest): (&str, &str), first: Texts<'_>, second: Texts<'_>) -> S
         suite_page::STYLE
     );
     let _ = write!(text, "{}{}", suite_page::table(first.0, first.1), suite_page::table(second.0, second.1));
-    let _ = writeln!(text, "<p><small>{NOTE}</small></p>\n</body>\n</html>");
+    let _ = writeln!(text, "<p><small>{note}</small></p>\n</body>\n</html>");
     text
 }

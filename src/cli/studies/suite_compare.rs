@@ -2,6 +2,7 @@
 
 use clap::Args;
 use serde_json::json;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -117,13 +118,22 @@ fn text(
     text += "\nchance: of such a division of the scenes in which one alone crashed, if both crash equally often (McNemar, exact, two-sided); \
              in brackets 95 % bootstrap intervals over scenes, paired; families are not corrected for being several\n";
     text += &verdict(compared);
+    if let Some(all) = compared.rows.first() {
+        let _ =
+            writeln!(text, "preventable contacts: first {}, second {}", all.first_preventable, all.second_preventable);
+    }
     text += &listed("lost by the second", &compared.discordant, true, command);
     text += &listed("won by the second", &compared.discordant, false, command);
-    for (case, reason) in compared.not_compared.iter().take(LISTED_MAX) {
-        let _ = writeln!(text, "not compared: {case}: {reason}");
+    // The same reason in many scenes is one line.
+    let mut reasons: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for (case, reason) in &compared.not_compared {
+        let staged = reason.contains("staged for SafeBench");
+        let reason = if staged { "staged for SafeBench, which planners cannot play".into() } else { reason.clone() };
+        reasons.entry(reason).or_default().push(case);
     }
-    if let Some(more) = compared.not_compared.len().checked_sub(LISTED_MAX).filter(|more| *more > 0) {
-        let _ = writeln!(text, "not compared: {more} more, which --json lists");
+    for (reason, cases) in reasons {
+        let first = cases.first().unwrap_or(&"");
+        let _ = writeln!(text, "not compared: {}: {reason} (first {first})", counted(cases.len(), "scene"));
     }
     text
 }

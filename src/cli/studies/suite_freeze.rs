@@ -87,12 +87,18 @@ pub struct Limits {
     /// Least mean share of the route that is driven.
     #[arg(long)]
     pub min_completion: Option<f64>,
+    /// Largest share of driven scenes in which the driver leaves the road.
+    #[arg(long)]
+    pub max_off_road: Option<f64>,
+    /// Least share of playable scenes that are driven to the route's end without a contact.
+    #[arg(long)]
+    pub min_arrived: Option<f64>,
 }
 
 impl Limits {
     pub fn thresholds(&self) -> Result<Thresholds, Failure> {
-        let Limits { max_crash_rate, max_preventable, min_completion } = *self;
-        let thresholds = Thresholds { max_crash_rate, max_preventable, min_completion };
+        let Limits { max_crash_rate, max_preventable, min_completion, max_off_road, min_arrived } = *self;
+        let thresholds = Thresholds { max_crash_rate, max_preventable, min_completion, max_off_road, min_arrived };
         match thresholds.fault() {
             None => Ok(thresholds),
             Some((name, found)) => {

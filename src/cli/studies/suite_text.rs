@@ -37,8 +37,19 @@ fn bracketed(value: f64, interval: Option<[f64; 2]>) -> String {
 }
 
 /// Heads of a table of totals; a completion stands beside every crash rate.
-pub const HEADS: [&str; 9] =
-    ["by", "", "scenes", "driven", "faults", "unplayable", "crash rate", "preventable", "completion"];
+pub const HEADS: [&str; 11] = [
+    "by",
+    "",
+    "scenes",
+    "driven",
+    "faults",
+    "unplayable",
+    "crash rate",
+    "preventable",
+    "off road",
+    "arrived",
+    "completion",
+];
 
 /// A row's cells.
 pub fn cells(total: &Total) -> Vec<String> {
@@ -51,19 +62,31 @@ pub fn cells(total: &Total) -> Vec<String> {
         total.unplayable.to_string(),
         share(total.crashes),
         share(total.preventable),
+        share(total.off_road),
+        share(total.arrived),
         mean(total.completion),
     ]
 }
 
-/// The totals within a width.
+/// The totals within a width. Rows of which this driver can play nothing are named in a line.
 pub fn table(totals: &[Total], width: usize) -> String {
     let heads = HEADS.map(String::from).to_vec();
-    Aligned { indent: 0, labels: 2, words: 0, heads, rows: totals.iter().map(cells).collect() }.text(width)
+    let (without, with): (Vec<&Total>, Vec<&Total>) =
+        totals.iter().partition(|total| total.scenes > 0 && total.unplayable == total.scenes);
+    let rows = with.into_iter().map(cells).collect();
+    let text = Aligned { indent: 0, labels: 2, words: 0, heads, rows }.text(width);
+    match without.as_slice() {
+        [] => text,
+        some => {
+            let names: Vec<String> = some.iter().map(|total| format!("{} {}", total.by, total.name)).collect();
+            format!("{text}not playable by this driver: {}\n", names.join(", "))
+        }
+    }
 }
 
 /// What the numbers are.
 pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson intervals; preventable: the driver caused the contact, or a careful one \
-                        avoids it; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
+                        avoids it; arrived: driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
 
 /// The rules and the scenes that broke them, each with the command that plays it.
 pub fn rules(rules: &[Judged], result: &SuiteResult, command: &dyn Fn(&Played) -> String) -> String {
@@ -93,6 +116,9 @@ pub fn not_driven(result: &SuiteResult) -> String {
             Came::Driven(_) => continue,
             // What differs from scene to scene is in the result.
             Came::Fault { kind, .. } => format!("fault, {}", kind.name()),
+            Came::Unplayable { reason } if reason.contains("staged for SafeBench") => {
+                "staged for SafeBench: planners cannot play those, drivers of ours can; they count in no rate".into()
+            }
             Came::Unplayable { reason } => format!("cannot be played: {}", reason.replace(&played.scene, "..")),
         };
         reasons.entry(reason).or_default().push(&played.case);

@@ -32,7 +32,7 @@ pub fn result_to_bytes(result: &SuiteResult) -> Result<Vec<u8>, serde_json::Erro
 /// A result from its text; `file` is its name in messages.
 ///
 /// # Errors
-/// See [`ResultError`].
+/// Bytes that are no result, or one of another format or release.
 pub fn result_from_bytes(file: &str, bytes: &[u8]) -> Result<SuiteResult, ResultError> {
     let shape = |error: serde_json::Error| ResultError::Shape { file: file.into(), problem: error.to_string() };
     let value: serde_json::Value = serde_json::from_slice(bytes).map_err(shape)?;

@@ -32,13 +32,7 @@ fn patched(family: &Source, operations: &Path) -> Result<Program, Failed> {
     };
     let child = SolutionId::new(format!("{lineage}/e0s0"));
     let registry = families::registry();
-    let judging = Judging {
-        contract: &family.contract,
-        registry: &registry,
-        skipped: vec![],
-        closed: vec![],
-        fixed_bodies: false,
-    };
+    let judging = Judging::whole(&family.contract, &registry);
     let admission = admit(&parent, &patch, child, &judging, &|_, _| Trials::default());
     let failed: Vec<String> = admission.gates.failed().flat_map(|verdict| verdict.problems.clone()).collect();
     let candidate = admission.candidate.ok_or_else(|| format!("{}: {}", operations.display(), failed.join("; ")))?;

@@ -49,7 +49,6 @@ pub struct Judging<'a> {
     pub fixed_bodies: bool,
 }
 
-#[cfg(any(test, feature = "fixtures"))]
 impl<'a> Judging<'a> {
     /// By all gates, with no part closed.
     pub fn whole(contract: &'a Contract, registry: &'a Registry) -> Judging<'a> {

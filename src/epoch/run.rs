@@ -4,7 +4,6 @@
 use super::freeze::{Snapshot, freeze};
 use super::state::State;
 use super::{RunError, open};
-use crate::agents::AgentError;
 use crate::epoch::acceptance::consider::{Judged, consider, foretell};
 use crate::epoch::acceptance::evolve::evolve;
 use crate::epoch::acceptance::seal::seal;
@@ -18,7 +17,6 @@ use crate::epoch::slots::evaluate::{evaluate, evaluate_ahead};
 use crate::epoch::slots::pilot::pilot;
 use crate::epoch::slots::propose::propose;
 use crate::epoch::slots::route::{allot, predict};
-use crate::llm::AskError;
 use crate::objects::event::{RunResult, kind};
 use crate::world::Router;
 
@@ -60,28 +58,20 @@ fn one_epoch(
     desk: &mut Desk<'_>,
 ) -> Result<bool, RunError> {
     let all = desk.tools.threads.map_waiting(together, desk.tools.at_once(together.len()), |_, spec| {
-        let judged = desk.tools.go_on().and_then(|()| judge(study, state, epoch, spec, &desk.tools));
-        judged.inspect_err(|error| {
-            if !matches!(error, RunError::Wanting) {
-                desk.tools.end()
-            }
-        })
+        desk.tools.go_on().and_then(|()| judge(study, state, epoch, spec, &desk.tools))
     });
-    let (mut wanting, mut troubles) = (false, Vec::new());
+    let mut wanting = false;
     for judged in all {
         match judged {
             Err(RunError::Wanting) => wanting = true,
-            Err(error) => troubles.push(error),
+            Err(error) => return Err(error),
             // What stands behind a gap is worked out again when that is filled.
-            Ok(_) if wanting || !troubles.is_empty() => {}
+            Ok(_) if wanting => {}
             Ok((snapshot, judged)) => close(study, state, &snapshot, judged, desk)?,
         }
     }
     desk.tools.meter.turns(&together.iter().map(|spec| &spec.id).collect::<Vec<_>>());
-    // Who was stopped because of another one's trouble says nothing about it.
-    let stopped = |error: &RunError| matches!(error, RunError::Agent(AgentError::Ask(AskError::Stopped)));
-    let telling = troubles.iter().position(|error| !stopped(error)).unwrap_or(0);
-    if troubles.is_empty() { Ok(wanting) } else { Err(troubles.swap_remove(telling)) }
+    Ok(wanting)
 }
 
 /// K proposals from one frozen snapshot, judged in slot order.

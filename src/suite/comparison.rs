@@ -128,7 +128,7 @@ pub fn exact_mcnemar(b: usize, c: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::suite::fixture::{ARRIVED, CRASHED, FAULT, OFF_ROAD, STOOD, result};
+    use crate::suite::fixture::{ARRIVED, CAUSED, CRASHED, FAULT, OFF_ROAD, STOOD, result};
 
     #[test]
     fn the_exact_chance_is_the_binomials() {
@@ -158,6 +158,15 @@ mod tests {
         // Completions 1, .5, .5, 1, .05 and .5, 1, .5, .5, .05.
         let difference = all.completion_difference.unwrap();
         assert!((difference.value + 0.1).abs() < 1e-12, "{difference:?}");
+    }
+
+    #[test]
+    fn as_many_crashes_may_be_fewer_preventable_ones() {
+        let first = result("a", &[CAUSED, CAUSED, CRASHED, ARRIVED, CAUSED]);
+        let second = result("b", &[CRASHED, CAUSED, CRASHED, ARRIVED, FAULT]);
+        let all = &compared(&first, &second).rows[0];
+        assert_eq!((all.first_crashes, all.second_crashes), (3, 3));
+        assert_eq!((all.first_preventable, all.second_preventable), (2, 1), "in the scenes that both drove");
     }
 
     #[test]

@@ -31,6 +31,13 @@ pub struct Total {
     pub off_road: Option<Share>,
 }
 
+impl Total {
+    /// Of the scenes that could be played: a planner without an answer has not arrived.
+    pub fn arrived_of_playable(&self) -> Option<Share> {
+        Share::of(self.arrived.map_or(0, |share| share.count), self.driven + self.faults)
+    }
+}
+
 /// How a row's scenes are named.
 type Names = fn(&Played) -> &str;
 
@@ -93,6 +100,7 @@ mod tests {
         let count = |share: &Option<Share>| share.map(|share| (share.count, share.of));
         let counts = [&all.crashes, &all.preventable, &all.arrived, &all.off_road].map(count);
         assert_eq!(counts, [Some((2, 5)), Some((1, 5)), Some((1, 5)), Some((1, 5))]);
+        assert_eq!(count(&all.arrived_of_playable()), Some((1, 6)), "a fault has not arrived");
         let completion = all.completion.unwrap();
         assert!((completion.value - (1.0 + 0.5 + 0.5 + 0.5 + 0.05) / 5.0).abs() < 1e-12, "{completion:?}");
         let [low, high] = completion.interval.unwrap();

@@ -23,8 +23,7 @@ fn judged(registry: &Registry, family: &Family, operation: Operation) -> Admissi
         repair_summary: None,
     };
     let child = SolutionId::new(format!("{lineage}/e1s0"));
-    let judging =
-        Judging { contract: &family.contract, registry, skipped: vec![], closed: vec![], fixed_bodies: false };
+    let judging = Judging::whole(&family.contract, registry);
     admit(&parent, &patch, child, &judging, &|_, _| Trials::default())
 }
 

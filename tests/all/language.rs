@@ -47,13 +47,7 @@ fn admitted(family: &Source, operations: Vec<Operation>) -> Admission {
     };
     let child = SolutionId::new(format!("{lineage}/e0s0"));
     let registry = registry();
-    let judging = Judging {
-        contract: &family.contract,
-        registry: &registry,
-        skipped: vec![],
-        closed: vec![],
-        fixed_bodies: false,
-    };
+    let judging = Judging::whole(&family.contract, &registry);
     admit(&parent, &patch, child, &judging, &|_, _| Trials::default())
 }
 

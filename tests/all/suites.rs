@@ -161,6 +161,12 @@ fn thresholds_turn_the_exit_code_and_an_empty_selection_is_an_error() {
     let still = drive(&["--driver", "standing", "--max-crash-rate", "0.9", "--min-completion", "0.4"]);
     assert_eq!(still.code, 1);
     assert_eq!(json(&still)["rules"][1]["holds"], false);
+    // It keeps to the road, and arrives nowhere.
+    let away = drive(&["--driver", "standing", "--max-off-road", "0", "--min-arrived", "0.5"]);
+    let rules = &json(&away)["rules"];
+    let held: Vec<_> =
+        (0..2).map(|k| (rules[k]["rule"].as_str().unwrap(), rules[k]["holds"].as_bool().unwrap())).collect();
+    assert_eq!((away.code, held), (1, vec![("max_off_road", true), ("min_arrived", false)]));
     let refused = |more: &[&str], what: &str| {
         let ran = drive(more);
         assert!(ran.code == 2 && ran.stderr.contains(what), "{more:?}: {}", ran.stderr);

@@ -23,7 +23,7 @@ use crate::draw::escaped;
 use crate::evidence::aligned::Aligned;
 use crate::evidence::tables::csv_line;
 use crate::kernel::Digest;
-use crate::suite::{Came, Frozen, Share, SuiteResult, Total, totals};
+use crate::suite::{Came, Frozen, SuiteResult, Total, totals};
 use crate::text::counted;
 
 #[derive(Debug, Args)]
@@ -134,12 +134,7 @@ fn keep_common(results: &mut [SuiteResult]) -> usize {
 
 /// What drivers are ordered by.
 fn rank(entry: &Entry) -> f64 {
-    entry.totals.first().and_then(arrived).map_or(0.0, |share| share.value)
-}
-
-/// Of the scenes that could be played; a planner without an answer has not arrived.
-fn arrived(total: &Total) -> Option<Share> {
-    Share::of(total.arrived.map_or(0, |share| share.count), total.driven + total.faults)
+    entry.totals.first().and_then(Total::arrived_of_playable).map_or(0.0, |share| share.value)
 }
 
 const HEADS: [&str; 8] =
@@ -152,7 +147,7 @@ fn row(entry: &Entry, planned_around: Digest) -> Vec<String> {
         format!("{}{own}", entry.name),
         all.driven.to_string(),
         all.faults.to_string(),
-        share(arrived(all)),
+        share(all.arrived_of_playable()),
         share(all.crashes),
         share(all.preventable),
         share(all.off_road),
@@ -197,7 +192,7 @@ fn answer(options: &Options, frozen: &Frozen, entries: &[Entry], left_out: usize
             String::new()
         } else {
             format!(
-                "{} that not every driver here can play left out, so that all rows stand on the same. ",
+                "{} that not every driver here can play are left out, so that all rows stand on the same. ",
                 counted(left_out, "scene")
             )
         }
@@ -288,7 +283,7 @@ fn csv(entries: &[Entry]) -> String {
             let interval = completion.and_then(|of| of.interval);
             let numbers = [completion.map(|of| of.value), interval.map(|i| i[0]), interval.map(|i| i[1])];
             fields.extend(numbers.map(|number| number.map_or(String::new(), |x| x.to_string())));
-            fields.push(arrived(total).map_or(String::new(), |of| of.value.to_string()));
+            fields.push(total.arrived_of_playable().map_or(String::new(), |of| of.value.to_string()));
             text.push_str(&csv_line(&fields));
         }
     }

@@ -105,13 +105,7 @@ fn admitted(file: &ProgramFile, place: &str, value: Value) -> Result<Program, Fa
     };
     let registry = families::registry();
     let family = registry.get(&file.family).ok_or_else(|| Failure::internal("a family that was read is gone"))?;
-    let judging = Judging {
-        contract: &family.contract,
-        registry: &registry,
-        skipped: Vec::new(),
-        closed: Vec::new(),
-        fixed_bodies: false,
-    };
+    let judging = Judging::whole(&family.contract, &registry);
     let child = SolutionId::new(format!("{}/set", parent.lineage_id));
     let admission = admit(parent, &patch, child, &judging, &|_, _| Trials::default());
     let Some(candidate) = admission.candidate else {

@@ -125,10 +125,8 @@ fn text(
     text += &listed("lost by the second", &compared.discordant, true, command);
     text += &listed("won by the second", &compared.discordant, false, command);
     // The same reason in many scenes is one line.
-    let mut reasons: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (case, reason) in &compared.not_compared {
-        let staged = reason.contains("staged for SafeBench");
-        let reason = if staged { "staged for SafeBench, which planners cannot play".into() } else { reason.clone() };
         reasons.entry(reason).or_default().push(case);
     }
     for (reason, cases) in reasons {

@@ -268,6 +268,9 @@ fn of_case(case: &Case, came: Came) -> Played {
     }
 }
 
+/// Why a planner gets no scene of SafeBench's.
+const STAGED: &str = "staged for SafeBench: planners cannot play those, drivers of ours can";
+
 /// A scene's own reason stays with the scene; whatever else stops the command.
 fn came(outcome: Drove) -> Result<Came, Failure> {
     match outcome {
@@ -276,10 +279,8 @@ fn came(outcome: Drove) -> Result<Came, Failure> {
             Some(kind) => Came::Fault { kind, reason },
             None => Came::Unplayable { reason },
         }),
-        // What it says behind the reason is for experiment files.
-        Err(NoOutcome::Stop(BackendError::Unplayable(reason))) => {
-            Ok(Came::Unplayable { reason: reason.split("; ").next().unwrap_or_default().to_string() })
-        }
+        // Its own words are for experiment files, and name the scene.
+        Err(NoOutcome::Stop(BackendError::Unplayable(_))) => Ok(Came::Unplayable { reason: STAGED.into() }),
         Err(NoOutcome::Stop(error)) => Err(error.into()),
     }
 }

@@ -123,18 +123,19 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let scenes: Vec<Arc<Scene>> =
         pool.scenes.iter().filter(|scene| usable(scene).is_ok()).cloned().map(Arc::new).collect();
     let entries = threads.map(&scenes, |_, scene| SceneEntry::new(scene.clone()));
+    let around = Freezing {
+        seed: options.seed,
+        preventable_only: options.preventable_only,
+        ego: &ego,
+        asked: None,
+        threads: &threads,
+    };
     let mut rules: Vec<SimulatorOptions> = Vec::new();
     let (mut found, mut reasons) = (Vec::new(), Vec::new());
     for (place, planned) in programs.iter().enumerate() {
         let own = place_of(&mut rules, &planned.rules);
         let asked = asked(options, &driver, &planned.rules)?;
-        let freezing = Freezing {
-            seed: options.seed,
-            preventable_only: options.preventable_only,
-            ego: &ego,
-            asked: asked.as_ref(),
-            threads: &threads,
-        };
+        let freezing = Freezing { asked: asked.as_ref(), ..around };
         let (frozen, took) = timed(|| freezing.of_program(planned, (place, own), &entries, &mut reasons));
         let (frozen, played) = frozen?;
         progress(format!(
@@ -149,13 +150,7 @@ pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let of_first = programs.first().map_or(SimulatorOptions::SHIPPED, |planned| planned.rules);
     let own = place_of(&mut rules, &of_first);
     let asked = asked(options, &driver, &of_first)?;
-    let freezing = Freezing {
-        seed: options.seed,
-        preventable_only: options.preventable_only,
-        ego: &ego,
-        asked: asked.as_ref(),
-        threads: &threads,
-    };
+    let freezing = Freezing { asked: asked.as_ref(), ..around };
     found.extend(freezing.plain(own, &of_first, &entries, &mut reasons)?);
     listed("not frozen", reasons.into_iter()).into_iter().for_each(progress);
     let suite = suite(options, &programs, rules, &pool, (found, thresholds, &driver))?;

@@ -63,7 +63,7 @@ pub fn cells(total: &Total) -> Vec<String> {
         share(total.crashes),
         share(total.preventable),
         share(total.off_road),
-        share(total.arrived),
+        share(total.arrived_of_playable()),
         mean(total.completion),
     ]
 }
@@ -86,7 +86,7 @@ pub fn table(totals: &[Total], width: usize) -> String {
 
 /// What the numbers are.
 pub const NOTE: &str = "rates are shares of driven scenes with 95 % Wilson intervals; preventable: the driver caused the contact, or a careful one \
-                        avoids it; arrived: driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
+                        avoids it; arrived: of the scenes that could be played those driven to the route's end without a contact; completion: mean share of the route, 95 % bootstrap; class: of the contact that the suite's own driver had";
 
 /// The rules and the scenes that broke them, each with the command that plays it.
 pub fn rules(rules: &[Judged], result: &SuiteResult, command: &dyn Fn(&Played) -> String) -> String {
@@ -116,9 +116,6 @@ pub fn not_driven(result: &SuiteResult) -> String {
             Came::Driven(_) => continue,
             // What differs from scene to scene is in the result.
             Came::Fault { kind, .. } => format!("fault, {}", kind.name()),
-            Came::Unplayable { reason } if reason.contains("staged for SafeBench") => {
-                "staged for SafeBench: planners cannot play those, drivers of ours can; they count in no rate".into()
-            }
             Came::Unplayable { reason } => format!("cannot be played: {}", reason.replace(&played.scene, "..")),
         };
         reasons.entry(reason).or_default().push(&played.case);

@@ -2,7 +2,6 @@
 //! decision.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -73,14 +72,9 @@ impl<'a> Meter<'a> {
         done
     }
 
-    /// Whoever answers, with what its answers to this lineage cost, until the run is `ending`.
-    pub(super) fn asking<'m>(
-        &'m self,
-        ask: &'m dyn Ask,
-        ending: &'m AtomicBool,
-        lineage: &'m LineageId,
-    ) -> Asking<'m, 'a> {
-        Asking { meter: self, ask, ending, lineage }
+    /// Whoever answers, with what its answers to this lineage cost.
+    pub(super) fn asking<'m>(&'m self, ask: &'m dyn Ask, lineage: &'m LineageId) -> Asking<'m, 'a> {
+        Asking { meter: self, ask, lineage }
     }
 
     fn timed<T>(&self, work: impl FnOnce() -> T) -> (T, f64) {
@@ -106,15 +100,11 @@ impl<'a> Meter<'a> {
 pub(in crate::epoch) struct Asking<'m, 'a> {
     meter: &'m Meter<'a>,
     ask: &'m dyn Ask,
-    ending: &'m AtomicBool,
     lineage: &'m LineageId,
 }
 
 impl Ask for Asking<'_, '_> {
     fn ask(&self, request: &Request) -> Result<Reply, AskError> {
-        if self.ending.load(Ordering::Relaxed) {
-            return Err(AskError::Stopped);
-        }
         let (reply, took_s) = self.meter.timed(|| self.ask.ask(request));
         let said = reply.as_ref().ok().and_then(|reply| reply.metadata.as_ref());
         let tokens = said.map_or((None, None), |metadata| (metadata.input_tokens, metadata.output_tokens));
@@ -135,7 +125,7 @@ impl Ask for Asking<'_, '_> {
 mod tests {
     use super::*;
     use crate::llm::{DrawSlot, Message, Metadata, ModelSpec, Schema};
-    use std::sync::atomic::AtomicU64;
+    use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]
     fn work_and_turns_are_counted_by_lineage() {
@@ -194,7 +184,7 @@ mod tests {
             schema: Schema::new(serde_json::json!({})).unwrap(),
         };
         for tokens in [2048, 9_000, 2048] {
-            meter.asking(&Says(tokens), &AtomicBool::new(false), &cat).ask(&request).unwrap();
+            meter.asking(&Says(tokens), &cat).ask(&request).unwrap();
         }
         let work = meter.lineages()[&cat];
         assert_eq!((work.answers, work.cut_prompts, work.cached_input_tokens), (3, 2, 2048 + 4_500));

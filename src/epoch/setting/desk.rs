@@ -2,7 +2,6 @@
 //! progress. What the result depends on is in `study.rs`.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::cost::{Asking, Meter};
 use super::progress::Progress;
@@ -43,8 +42,6 @@ pub struct Tools<'a> {
     ask: &'a dyn Ask,
     /// Most questions that are open together, where whoever answers takes their time; as many as there are threads without.
     open: Option<usize>,
-    /// Whether the run is about to end with an error: no new question is asked then.
-    ending: AtomicBool,
     pub threads: &'a Threads,
     /// Labels that are on record.
     pub rollouts: &'a Rollouts<'a>,
@@ -75,22 +72,8 @@ impl<'a> Tools<'a> {
         let (situations, compiled) = (Situations::of(study), Kept::new(COMPILED_MAX));
         let (counselled, searched) = (Kept::new(COUNSELLED_MAX), Searched::new(SEARCHED_BYTES_MAX));
         let (backend, wanted, stop) = (Backend::Own, None, None);
-        let (open, ending) = (None, AtomicBool::new(false));
-        Tools {
-            ask,
-            open,
-            ending,
-            threads,
-            rollouts,
-            meter,
-            backend,
-            wanted,
-            stop,
-            situations,
-            compiled,
-            counselled,
-            searched,
-        }
+        let open = None;
+        Tools { ask, open, threads, rollouts, meter, backend, wanted, stop, situations, compiled, counselled, searched }
     }
 
     /// The same with so many questions open together, of all lineages of an epoch.
@@ -112,9 +95,9 @@ impl<'a> Tools<'a> {
         Tools { stop: Some(stop), ..self }
     }
 
-    /// Who answers a lineage's questions, for as long as the run goes on.
+    /// Who answers a lineage's questions.
     pub(in crate::epoch) fn asking<'t>(&'t self, lineage: &'t LineageId) -> Asking<'t, 'a> {
-        self.meter.asking(self.ask, &self.ending, lineage)
+        self.meter.asking(self.ask, lineage)
     }
 
     /// How many lineages of an epoch are worked on together. A plan looks at all of them.
@@ -141,11 +124,6 @@ impl<'a> Tools<'a> {
             Some(open) => self.threads.map_waiting(items, open, f),
             None => self.threads.map(items, f),
         }
-    }
-
-    /// Something went wrong that ends the run: what is under way elsewhere asks nobody any more.
-    pub(in crate::epoch) fn end(&self) {
-        self.ending.store(true, Ordering::Relaxed);
     }
 
     /// Asked before each piece of work: an interrupted run ends with what it has on record, and with no half-made event.

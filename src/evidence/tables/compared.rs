@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::bootstrap::{self, Estimate, PerScene, Quantity, Search};
 use super::labels::{self, Reading, suite};
+use super::layout::Form;
 use crate::evidence::RecordedRun;
 use crate::kernel::{Digest, num};
 use crate::objects::{RealismSums, SceneScore, SolutionId, realism_name};
@@ -217,7 +218,7 @@ fn quantity(
     let [Some(first), Some(second), Some(difference)] = estimated[..] else { return None };
     // A mean of shares is a share.
     let share = both.iter().flatten().flatten().flatten().all(|value| (0.0..=1.0).contains(value));
-    let [first, second] = [first, second].map(|own| if share { own.within([0.0, 1.0]) } else { own });
+    let [first, second] = [first, second].map(|own| if share { Form::Rate.bounded(own) } else { own });
     let shared = |at: &usize| both.iter().any(|seed| seed.get(*at).and_then(change).is_some());
     let scenes = (0..scenes.len()).filter(shared).count();
     Some(Compared { quantity: name.to_string(), scenes, first, second, difference })

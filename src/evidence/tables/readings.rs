@@ -28,7 +28,8 @@ const SEARCHED: &str = "As searched";
 const PUBLISHED: &str = "Published";
 const PREVENTABLE: &str = "Preventable";
 
-/// A contact that the program brought about: with an adversary of a program that acts, and not one that the ego runs into without it.
+/// A contact that the program brought about, as far as a label says it: with an adversary of a program that acts in the scene, and not
+/// one that the ego runs into without it. Which of several adversaries acts is in the rollout's record alone.
 fn brought_about(scene: &SceneScore) -> Option<&Met> {
     scene.contact.as_ref().filter(|met| scene.acted && met.adversary && !met.anyway)
 }
@@ -152,7 +153,8 @@ fn notes(runs: &[RecordedRun], all: &[LineageLabels], rows: &[Row]) -> Vec<Strin
             .to_string(),
         "A search is steered by the first reading alone: under another one its numbers show what it got on the way. The paper's attack \
          counts collisions, so its figures stand beside the published reading; whether a road user is met that the ego runs into without \
-         the program is not asked there."
+         the program is not asked there. A label says whether the program acts in a scene, not who of several adversaries does: where \
+         one of them moves and the ego meets another that repeats its recording, the last two readings count it, and the first does not."
             .to_string(),
         notes::intervals("held-out scenes") + " Differences are paired by scene.",
     ];

@@ -193,8 +193,7 @@ fn refused(fixed_bodies: bool, path: &str, value: Value) -> Vec<String> {
         cluster_refs_used: vec![],
         repair_summary: None,
     };
-    let judging =
-        Judging { contract: &family.contract, registry: &registry, skipped: vec![], closed: vec![], fixed_bodies };
+    let judging = Judging { fixed_bodies, ..Judging::whole(&family.contract, &registry) };
     let admission = admit(&parent, &patch, SolutionId::new("adv_bmt-idm/e1s0"), &judging, &|_, _| Trials::default());
     let protected = admission.gates.verdicts.into_iter().find(|verdict| verdict.gate == Gate::Protected).unwrap();
     protected.problems.into_iter().filter(|problem| problem.contains("bodies are fixed")).collect()

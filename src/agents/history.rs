@@ -1,5 +1,6 @@
 //! Past edits with what they did, as prompts show them.
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -35,7 +36,8 @@ pub struct PastEdit {
 }
 
 /// Child minus parent on the same scenes.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Change {
     /// How many scenes attack, realism and coverage are compared on.
     pub scenes: usize,

@@ -74,6 +74,16 @@ impl<'a> Planners<'a> {
         }
     }
 
+    /// Starts one that can be asked, if none waits.
+    ///
+    /// # Errors
+    /// It cannot be started here, or does not say what a planner says first.
+    pub fn ready(&self) -> Result<(), Fault> {
+        let line = self.crew.take(|| self.greeted(SALT))?;
+        self.crew.give_back(Some(line));
+        Ok(())
+    }
+
     /// One rollout, which another process plays too where it is drawn to be compared. The first one always is: a study may be so
     /// short that none is drawn.
     fn drive(&self, process: &mut Greeted, request: &Request<'_>) -> Result<ReportedRollout, NoOutcome> {

@@ -96,6 +96,16 @@ impl<'a> Workers<'a> {
         Workers { backend, start, crew: Crew::new(backend.worker.workers) }
     }
 
+    /// Starts one that can be asked, if none waits.
+    ///
+    /// # Errors
+    /// It cannot be started here, or is another one than the experiment declares.
+    pub fn ready(&self) -> Result<(), Fault> {
+        let worker = self.crew.take(|| self.greeted())?;
+        self.crew.give_back(Some(worker));
+        Ok(())
+    }
+
     /// Asks a worker. A crash is repaired with a new worker, as often as the experiment says, and becomes a failure of the
     /// scene then. Whatever else goes wrong with a worker stops everything.
     pub fn ask(&self, request: &Request<'_>) -> Result<Answer, BackendError> {

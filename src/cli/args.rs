@@ -118,7 +118,7 @@ pub enum Command {
     /// Serve our own simulator's rollouts as a backend's worker does: JSON lines on stdin and stdout (docs/BACKENDS.md).
     Worker,
     /// Do the missing work of a run on many machines: plan shards, work on them anywhere, merge their results
-    /// (docs/BUNDLES.md).
+    /// (docs/SHARDS.md).
     #[command(subcommand)]
     Shard(shard::Command),
     /// Train a learned ego on generated scenes and write its weights and card (docs/EGOS.md).

@@ -16,8 +16,11 @@ mod state;
 #[cfg(test)]
 mod tests;
 
+pub use ahead::carried::{Carried, RecordedAnswer};
 pub use ahead::plan::plan;
-pub use ahead::wanted::{Task, Wanted};
+pub use ahead::walk::{Walk, WalkRecord};
+pub use ahead::walker::{go, known};
+pub use ahead::wanted::{Task, Wanted, Whole};
 pub use ahead::work::{Done, Workbench};
 pub use briefs::briefing::cluster_of;
 pub use error::RunError;

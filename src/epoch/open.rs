@@ -8,6 +8,7 @@ use super::state::State;
 use crate::adapters::ADAPTER_VERSION;
 use crate::epoch::acceptance::consider::parent_entry;
 use crate::epoch::acceptance::rival;
+use crate::epoch::ahead::walk::Walk;
 use crate::epoch::briefs::counsels::Counsels;
 use crate::epoch::briefs::{composition, counsel};
 use crate::epoch::setting::desk::Desk;
@@ -52,10 +53,34 @@ pub fn opened(study: &Study) -> Result<Opened, RunError> {
 
 /// The state before the first epoch: every lineage with its family's parent, labelled on the first window.
 pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunError> {
+    let mut state = nothing_yet(study, desk)?;
+    let mut wanting = false;
+    for spec in &study.lineages {
+        match adopt(study, spec, &mut state, desk) {
+            // A plan hears of all lineages: none of them depends on another one yet.
+            Err(RunError::Wanting) => {
+                wanting = true;
+                if let Some(wanted) = desk.tools.wanted.filter(|wanted| wanted.is_by_lineage()) {
+                    wanted.ask_whole(Walk { lineage: spec.id.clone(), epoch: 0, state: None });
+                }
+            }
+            adopted => adopted?,
+        }
+        desk.tools.meter.turn(&spec.id);
+    }
+    if wanting {
+        return Err(RunError::Wanting);
+    }
+    state.digest = state.first_digest()?;
+    Ok(state)
+}
+
+/// The state in which no lineage has begun.
+pub fn nothing_yet(study: &Study, desk: &Desk<'_>) -> Result<State, RunError> {
     let families: Vec<FamilyName> = study.lineages.iter().map(|spec| spec.family.clone()).collect();
     let calibration = CalibrationSet::default();
     let snapshot = world::settle(&world::schema(&families), &study.world, &calibration, 0, desk.tools.threads)?;
-    let mut state = State {
+    Ok(State {
         archives: BTreeMap::new(),
         lineages: LineageStore::default(),
         memory: Memory::default(),
@@ -69,25 +94,11 @@ pub fn adopt_parents(study: &Study, desk: &mut Desk<'_>) -> Result<State, RunErr
         spent: BTreeMap::new(),
         settled: Vec::new(),
         digest: Digest::of_bytes(&[]),
-    };
-    let mut wanting = false;
-    for spec in &study.lineages {
-        match adopt(study, spec, &mut state, desk) {
-            // A plan hears of all lineages: none of them depends on another one yet.
-            Err(RunError::Wanting) => wanting = true,
-            adopted => adopted?,
-        }
-        desk.tools.meter.turn(&spec.id);
-    }
-    if wanting {
-        return Err(RunError::Wanting);
-    }
-    state.digest = state.first_digest()?;
-    Ok(state)
+    })
 }
 
 /// A lineage begins with its parent, counselled and labelled.
-fn adopt(study: &Study, spec: &LineageSpec, state: &mut State, desk: &mut Desk<'_>) -> Result<(), RunError> {
+pub fn adopt(study: &Study, spec: &LineageSpec, state: &mut State, desk: &mut Desk<'_>) -> Result<(), RunError> {
     let parent = composition::parent(study, spec, desk)?;
     let program_hash = parent.hash()?;
     state.lineages.adopt(spec.id.clone(), parent.clone())?;

@@ -7,8 +7,9 @@ use super::{RunError, open};
 use crate::epoch::acceptance::consider::{Judged, consider, foretell};
 use crate::epoch::acceptance::evolve::evolve;
 use crate::epoch::acceptance::seal::seal;
-use crate::epoch::acceptance::settle::settle;
+use crate::epoch::acceptance::settle::{Refit, settle};
 use crate::epoch::acceptance::{finale, search};
+use crate::epoch::ahead::walk::Walk;
 use crate::epoch::setting::desk::{Desk, Tools};
 use crate::epoch::setting::progress::Progress;
 use crate::epoch::setting::study::{LineageSpec, Study};
@@ -61,9 +62,15 @@ fn one_epoch(
         desk.tools.go_on().and_then(|()| judge(study, state, epoch, spec, &desk.tools))
     });
     let mut wanting = false;
-    for judged in all {
+    for (spec, judged) in together.iter().zip(all) {
         match judged {
-            Err(RunError::Wanting) => wanting = true,
+            Err(RunError::Wanting) => {
+                wanting = true;
+                if let Some(wanted) = desk.tools.wanted.filter(|wanted| wanted.is_by_lineage()) {
+                    let state = Some(Box::new(state.of_lineage(study, &spec.id)?));
+                    wanted.ask_whole(Walk { lineage: spec.id.clone(), epoch, state });
+                }
+            }
             Err(error) => return Err(error),
             // What stands behind a gap is worked out again when that is filled.
             Ok(_) if wanting => {}
@@ -75,7 +82,7 @@ fn one_epoch(
 }
 
 /// K proposals from one frozen snapshot, judged in slot order.
-fn judge<'s>(
+pub fn judge<'s>(
     study: &Study,
     state: &State,
     epoch: u32,
@@ -132,7 +139,10 @@ fn close(
     }
     // "Update archive, lineage, and memory exactly once through the serial acceptor": UpdateLineage, CurateMemory, and a refit of
     // the world evaluator.
-    let settled = settle(study, state, snapshot, judged, desk.tools.threads)?;
+    // All lineages of an epoch are routed by one snapshot, which rests on earlier epochs alone.
+    let is_last = study.lineages.last().is_some_and(|last| last.id == snapshot.spec.id);
+    let refit = if is_last { Refit::Now } else { Refit::Later };
+    let settled = settle(study, state, snapshot, judged, (refit, desk.tools.threads))?;
     desk.log.append(kind::SETTLED, &settled)?;
     (desk.watch)(Progress::settled(&settled));
     Ok(())

@@ -1,6 +1,6 @@
 //! What evolution changes.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::RunError;
@@ -8,6 +8,7 @@ use crate::agents::Change;
 use crate::archive::Archive;
 use crate::archive::search::SearchState;
 use crate::epoch::briefs::counsels::Counsels;
+use crate::epoch::setting::study::Study;
 use crate::kernel::Digest;
 use crate::lineage::{AttemptRecord, LineageStore};
 use crate::memory::Memory;
@@ -18,7 +19,8 @@ use crate::world::CalibrationSet;
 
 /// Archive, lineages, memory and world. An epoch changes it in `settle` alone; counsel is added before any program of its
 /// lineage meets the scenes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct State {
     pub archives: BTreeMap<LineageId, Archive>,
     pub lineages: LineageStore,
@@ -67,6 +69,35 @@ pub struct Settling<'a> {
 }
 
 impl State {
+    /// What the epochs of one lineage can read of it: its own part, the cards of others that it may be shown, and the labels that
+    /// the evaluator will be fitted to where that decides who is simulated.
+    pub fn of_lineage(&self, study: &Study, lineage: &LineageId) -> Result<State, RunError> {
+        fn own<V: Clone>(all: &BTreeMap<LineageId, V>, lineage: &LineageId) -> BTreeMap<LineageId, V> {
+            all.get(lineage).map(|of| (lineage.clone(), of.clone())).into_iter().collect()
+        }
+        let mut memory = Memory::default();
+        memory.append(
+            self.memory.cards().iter().filter(|card| card.lineage == *lineage || card.shareable).cloned().collect(),
+        )?;
+        let attempts: Vec<Attempt> = self.attempts.iter().filter(|of| of.lineage == *lineage).cloned().collect();
+        let change = |attempt: &Attempt| Some((attempt.id.clone(), self.changes.get(&attempt.id)?.clone()));
+        Ok(State {
+            archives: own(&self.archives, lineage),
+            lineages: self.lineages.only(lineage)?,
+            memory,
+            calibration: if study.simulates_all() { CalibrationSet::default() } else { self.calibration.clone() },
+            world: self.world.clone(),
+            evolved: self.evolved.clone(),
+            counsels: self.counsels.of(lineage),
+            changes: attempts.iter().filter_map(change).collect(),
+            attempts,
+            search: own(&self.search, lineage),
+            spent: own(&self.spent, lineage),
+            settled: self.settled.iter().filter(|of| of.lineage == *lineage).cloned().collect(),
+            digest: self.digest,
+        })
+    }
+
     /// The digest of a state that no epoch has changed yet: over everything that later epochs can depend on.
     pub fn first_digest(&self) -> Result<Digest, RunError> {
         let State { archives, lineages, memory, calibration, world, search, .. } = self;

@@ -66,6 +66,12 @@ impl LineageStore {
         }))
     }
 
+    /// A store with this lineage alone.
+    pub fn only(&self, id: &LineageId) -> Result<LineageStore, LineageError> {
+        let own = self.get(id)?.clone();
+        Ok(LineageStore { lineages: BTreeMap::from([(id.clone(), own)]), order: vec![id.clone()] })
+    }
+
     pub fn get(&self, id: &LineageId) -> Result<&Lineage, LineageError> {
         self.lineages.get(id).ok_or_else(|| LineageError::Unknown(id.clone()))
     }

@@ -1,7 +1,10 @@
 //! The recorder between a run and its models: it answers recorded requests, asks the models the others, and keeps every
 //! answer.
 
-use std::{collections::BTreeMap, sync::Mutex};
+use std::{
+    collections::BTreeMap,
+    sync::{Mutex, MutexGuard},
+};
 
 use super::{
     Ask, AskError, Cassette, CassetteError, Completion, DrawSlot, Metadata, Model, ModelError, ModelSpec, Reply,
@@ -42,6 +45,7 @@ pub struct Record<'a> {
 const REFUSALS: usize = 3;
 
 /// An exchange of this recording.
+#[derive(Clone)]
 struct Collected {
     request: Request,
     response: Digest,
@@ -83,8 +87,27 @@ impl<'a> Record<'a> {
     /// What was asked and answered, in the given order of draw slots and then, for slots not named there, in slot
     /// order: the cassette is the same for any order of threads.
     pub fn into_cassette(self, name: &str, order: &[DrawSlot]) -> Result<Cassette, CassetteError> {
+        let collected = std::mem::take(&mut *self.collected());
+        self.cassette_of(collected, name, order)
+    }
+
+    /// What was asked and answered so far, in slot order.
+    pub fn to_cassette(&self, name: &str) -> Result<Cassette, CassetteError> {
+        let collected = self.collected().clone();
+        self.cassette_of(collected, name, &[])
+    }
+
+    fn collected(&self) -> MutexGuard<'_, BTreeMap<(DrawSlot, Digest), Collected>> {
+        self.collected.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    fn cassette_of(
+        &self,
+        mut collected: BTreeMap<(DrawSlot, Digest), Collected>,
+        name: &str,
+        order: &[DrawSlot],
+    ) -> Result<Cassette, CassetteError> {
         let seals = self.seals_metadata();
-        let mut collected = self.collected.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         let mut ordered = Vec::new();
         for slot in order {
             let first = (slot.clone(), Digest::from_array([0; 32]));
@@ -98,6 +121,15 @@ impl<'a> Record<'a> {
             cassette.push_with(&request, self.store.get(&response)?, metadata)?;
         }
         Ok(cassette)
+    }
+
+    /// Keeps an answer that a model gave elsewhere, as if it had been asked here.
+    ///
+    /// # Errors
+    /// Another answer to the same question.
+    pub fn keep_elsewhere(store: &Store, key: &Digest, bytes: &[u8]) -> Result<(), StoreError> {
+        let response = store.put(bytes)?;
+        store.memo_put(MemoKind::Llm, key, &response)
     }
 
     fn answer(&self, request: &Request, key: &Digest) -> Result<(Digest, Option<Metadata>), AskError> {
@@ -188,11 +220,8 @@ impl Ask for Record<'_> {
         let key = key_of(request)?;
         let (response, metadata) = self.answer(request, &key)?;
         let bytes = self.store.get(&response).map_err(on_disk)?;
-        let mut collected = self.collected.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        collected.insert(
-            (request.slot.clone(), key),
-            Collected { request: request.clone(), response, metadata: metadata.clone() },
-        );
+        let own = Collected { request: request.clone(), response, metadata: metadata.clone() };
+        self.collected().insert((request.slot.clone(), key), own);
         let digest = metadata.as_ref().filter(|_| self.seals_metadata()).map(Metadata::digest).transpose();
         let sealed_metadata = digest.map_err(|error| AskError::Store(format!("metadata of an answer: {error}")))?;
         Ok(Reply { request: key, response, bytes, metadata, sealed_metadata })

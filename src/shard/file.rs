@@ -1,5 +1,6 @@
-//! A shard: JSON lines. Line 1 is the header with the study, then one line a program, then one line a task. Its file is
-//! named by the BLAKE3 of its bytes, so a changed or cut one is known before anything is done.
+//! A shard: JSON lines. Line 1 is the header with the study, then one line a program, then one line a task; or, of a whole lineage,
+//! where it stands, its records and its answers. Its file is named by the BLAKE3 of its bytes, so a changed or cut one is known before
+//! anything is done.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader};
@@ -9,7 +10,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::error::{COPY_AGAIN, ShardError, place};
 use super::mark::StudyMark;
-use crate::epoch::Task;
+use crate::epoch::{RecordedAnswer, Task, Walk, WalkRecord};
 use crate::kernel::Digest;
 use crate::objects::Program;
 use crate::store::{self, shortened};
@@ -17,7 +18,7 @@ use crate::store::{self, shortened};
 /// Ending of a shard's file name, behind the digest of its bytes.
 pub const SHARD_ENDING: &str = ".shard";
 const FORMAT: &str = "evodrive-shard";
-pub(super) const VERSION: &str = "1.0";
+pub(super) const VERSION: &str = "1.1";
 /// Bytes that a shard or a result may have.
 pub(super) const MAX_BYTES: u64 = 1 << 30;
 
@@ -29,29 +30,75 @@ struct HeadLine {
     study: StudyMark,
     programs: usize,
     tasks: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lineage: Option<LineageLine>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    needs: Vec<Need>,
+}
+
+/// Of a whole lineage: how many records and answers follow its place.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LineageLine {
+    records: usize,
+    answers: usize,
+    asks: bool,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ProgramLine {
-    program: Digest,
-    body: Program,
+pub(super) struct ProgramLine {
+    pub program: Digest,
+    pub body: Program,
+}
+
+impl ProgramLine {
+    /// The program, where it has the hash that its line says.
+    pub fn held(self) -> Result<Result<(Digest, Program), Wrong>, ShardError> {
+        let ProgramLine { program, body } = self;
+        let hash = body.hash()?;
+        let wrong = || (format!("program {program}"), format!("one with the hash {hash}"));
+        Ok(if hash == program { Ok((program, body)) } else { Err(wrong()) })
+    }
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct TaskLine {
-    task: Digest,
-    of: Task,
+pub(super) struct TaskLine {
+    pub task: Digest,
+    pub of: Task,
 }
 
-/// Tasks of one study with the programs that they take.
-#[derive(Clone, Debug, PartialEq)]
+/// A file that a worker must have beside the study, by its digest.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Need {
+    pub file: String,
+    pub digest: Digest,
+}
+
+/// Tasks of one study with the programs that they take, or all that follows in one of its lineages.
+#[derive(Clone, Debug)]
 pub struct Shard {
     pub study: StudyMark,
     pub programs: BTreeMap<Digest, Program>,
     /// With the keys of their records.
     pub tasks: Vec<(Digest, Task)>,
+    pub lineage: Option<Lineage>,
+    /// What a worker must have besides the study.
+    pub needs: Vec<Need>,
+}
+
+/// All that follows in a lineage.
+#[derive(Clone, Debug)]
+pub struct Lineage {
+    pub walk: Walk,
+    /// What the run has on record and the way reads.
+    pub records: Vec<WalkRecord>,
+    /// Recorded answers of models.
+    pub answers: Vec<RecordedAnswer>,
+    /// Whether the worker asks the stand-in for answers that are not recorded.
+    pub asks: bool,
 }
 
 /// Cuts tasks into shards of at most `size`, program by program, so that few shards hold each program. Where another
@@ -60,6 +107,7 @@ pub fn split<'a>(
     study: &'a StudyMark,
     tasks: BTreeMap<Digest, Task>,
     programs: &'a BTreeMap<Digest, Program>,
+    needs: &'a [Need],
     size: usize,
 ) -> impl Iterator<Item = Shard> + 'a {
     let mut tasks: Vec<(Digest, Task)> = tasks.into_iter().collect();
@@ -73,9 +121,11 @@ pub fn split<'a>(
     let mut rest = tasks.into_iter();
     std::iter::from_fn(move || {
         let tasks: Vec<(Digest, Task)> = rest.by_ref().take(size).collect();
+        let none = tasks.is_empty();
         let used: BTreeSet<Digest> = tasks.iter().filter_map(|(_, task)| task.program()).collect();
         let own = used.iter().filter_map(|hash| Some((*hash, programs.get(hash)?.clone()))).collect();
-        (!tasks.is_empty()).then(|| Shard { study: study.clone(), programs: own, tasks })
+        let made = || Shard { study: study.clone(), programs: own, tasks, lineage: None, needs: needs.to_vec() };
+        (!none).then(made)
     })
 }
 
@@ -84,23 +134,33 @@ impl Shard {
     pub fn to_bytes(&self) -> Vec<u8> {
         let (format, version) = (FORMAT.to_string(), VERSION.to_string());
         let (programs, tasks) = (self.programs.len(), self.tasks.len());
-        let mut bytes = line(&HeadLine { format, version, study: self.study.clone(), programs, tasks });
+        let counted =
+            |of: &Lineage| LineageLine { records: of.records.len(), answers: of.answers.len(), asks: of.asks };
+        let (lineage, needs) = (self.lineage.as_ref().map(counted), self.needs.clone());
+        let mut bytes = line(&HeadLine { format, version, study: self.study.clone(), programs, tasks, lineage, needs });
         for (program, body) in &self.programs {
             bytes.extend(line(&ProgramLine { program: *program, body: body.clone() }));
         }
         for (task, of) in &self.tasks {
             bytes.extend(line(&TaskLine { task: *task, of: of.clone() }));
         }
+        if let Some(Lineage { walk, records, answers, .. }) = &self.lineage {
+            bytes.extend(line(walk));
+            records.iter().for_each(|record| bytes.extend(line(record)));
+            answers.iter().for_each(|answer| bytes.extend(line(answer)));
+        }
         bytes
     }
 
-    /// Writes it into a folder under its name: the path, and the digest.
-    pub fn save(&self, folder: &Path) -> Result<(PathBuf, Digest), ShardError> {
+    /// Writes it unless it is there: the path, and whether it is new.
+    pub fn saved(&self, folder: &Path) -> Result<(PathBuf, bool), ShardError> {
         let bytes = self.to_bytes();
-        let digest = Digest::of_bytes(&bytes);
-        let path = folder.join(format!("{digest}{SHARD_ENDING}"));
-        store::write_atomic(&path, &bytes)?;
-        Ok((path, digest))
+        let path = folder.join(format!("{}{SHARD_ENDING}", Digest::of_bytes(&bytes)));
+        let is_new = !path.exists();
+        if is_new {
+            store::write_atomic(&path, &bytes)?;
+        }
+        Ok((path, is_new))
     }
 
     /// Reads a file, and holds it to its name: the shard and its digest.
@@ -131,14 +191,12 @@ impl Shard {
             remedy: COPY_AGAIN,
         };
         let head: HeadLine = lines.head(FORMAT, file)?.map_err(|wrong| damaged(1, wrong))?;
-        let mut shard = Shard { study: head.study, programs: BTreeMap::new(), tasks: Vec::with_capacity(0) };
+        let (study, needs) = (head.study, head.needs);
+        let mut shard = Shard { study, programs: BTreeMap::new(), tasks: Vec::new(), lineage: None, needs };
         for _ in 0..head.programs {
             let (at, read) = lines.next::<ProgramLine>("a program");
-            let ProgramLine { program, body } = read.map_err(|wrong| damaged(at, wrong))?;
-            let hash = body.hash()?;
-            if hash != program {
-                return Err(damaged(at, (format!("program {program}"), format!("one with the hash {hash}"))));
-            }
+            let held = read.map_err(|wrong| damaged(at, wrong))?.held()?;
+            let (program, body) = held.map_err(|wrong| damaged(at, wrong))?;
             shard.programs.insert(program, body);
         }
         for _ in 0..head.tasks {
@@ -148,6 +206,20 @@ impl Shard {
                 return Err(damaged(at, (format!("program {program} in this shard"), "none".into())));
             }
             shard.tasks.push((task, of));
+        }
+        if let Some(LineageLine { records, answers, asks }) = head.lineage {
+            let (at, walk) = lines.next::<Walk>("where a lineage stands");
+            let walk = walk.map_err(|wrong| damaged(at, wrong))?;
+            let mut lineage = Lineage { walk, records: Vec::new(), answers: Vec::new(), asks };
+            for _ in 0..records {
+                let (at, read) = lines.next::<WalkRecord>("a record of the lineage");
+                lineage.records.push(read.map_err(|wrong| damaged(at, wrong))?);
+            }
+            for _ in 0..answers {
+                let (at, read) = lines.next::<RecordedAnswer>("a recorded answer");
+                lineage.answers.push(read.map_err(|wrong| damaged(at, wrong))?);
+            }
+            shard.lineage = Some(lineage);
         }
         lines.end().map_err(|(at, wrong)| damaged(at, wrong))?;
         Ok(shard)

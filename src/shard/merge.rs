@@ -4,18 +4,21 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::error::{Conflict, ShardError, WithdrawnRecord};
+use super::error::{Conflict, ShardError, WORK_AGAIN, WithdrawnRecord, place};
 use super::file::{SHARD_ENDING, Shard};
 use super::mark::StudyMark;
 use super::result::{Came, ResultFile};
 use super::withdrawn::Withdrawn;
 use crate::backend::{Answer, Recorded, RolloutCassette};
-use crate::epoch::{Task, no_label_key};
+use crate::epoch::{RecordedAnswer, RunError, Task, no_label_key};
 use crate::kernel::Digest;
 use crate::store::{MemoKind, Store, StoreError};
 
 /// Records between two flushes of the store.
 const FLUSH_EVERY: usize = 20_000;
+
+/// The key under which a study keeps what comes of a task.
+pub type KeyOf<'a> = dyn Fn(&Task) -> Result<Digest, RunError> + 'a;
 
 /// Where results go.
 pub struct Merge<'a> {
@@ -27,6 +30,8 @@ pub struct Merge<'a> {
     pub withdrawn: &'a [Withdrawn],
     /// Answers of another simulator, where one is asked.
     pub cassette: Option<&'a mut RolloutCassette>,
+    /// The key of a task, where results say themselves which tasks they are of.
+    pub key: Option<&'a KeyOf<'a>>,
 }
 
 /// What a merge did.
@@ -41,8 +46,10 @@ pub struct Merged {
     pub no_label: usize,
     /// Answers of another simulator that were new.
     pub answers: usize,
+    /// What models were asked on the way, by the keys of their questions.
+    pub asked: Vec<RecordedAnswer>,
     /// Why results were left out.
-    pub refused: Vec<ShardError>,
+    pub refused: Vec<(PathBuf, ShardError)>,
 }
 
 /// Where a record was met first: its digest, and the number of the result; `None` is the run itself.
@@ -77,14 +84,14 @@ impl Merge<'_> {
             match self.load(path) {
                 Ok((shard, result)) => {
                     if let Some(refused) = self.was_withdrawn(&shard, &result) {
-                        merged.refused.push(refused);
+                        merged.refused.push((path.clone(), refused));
                         continue;
                     }
                     self.compare(&shard, &result, (number, results), &mut met)?;
                     usable.push(path);
                 }
                 Err(ShardError::Canon(error)) => return Err(error.into()),
-                Err(refused) => merged.refused.push(refused),
+                Err(refused) => merged.refused.push((path.clone(), refused)),
             }
         }
         drop(met);
@@ -121,17 +128,21 @@ impl Merge<'_> {
     /// # Errors
     /// One that cannot be used.
     pub fn load(&self, path: &Path) -> Result<(Shard, ResultFile), ShardError> {
-        let failure = std::cell::RefCell::new(None);
-        let shards = |digest: Digest| {
-            let (shard, _) = Shard::load(&self.shards.join(format!("{digest}{SHARD_ENDING}")))?;
-            *failure.borrow_mut() = Some(shard.clone());
-            Ok(shard)
-        };
-        let result = ResultFile::load(path, self.study, &shards)?;
-        match failure.into_inner() {
-            Some(shard) => Ok((shard, result)),
-            None => unreachable!("a result is checked against its shard"),
+        let shards =
+            |digest: Digest| Shard::load(&self.shards.join(format!("{digest}{SHARD_ENDING}"))).map(|(shard, _)| shard);
+        let (shard, result) = ResultFile::load(path, self.study, &shards)?;
+        if let (Some(key_of), true) = (self.key, shard.lineage.is_some()) {
+            for (key, task) in &shard.tasks {
+                let own = key_of(task).map_or_else(|error| error.to_string(), |own| own.to_hex());
+                if own != key.to_hex() {
+                    let (expected, found) =
+                        (format!("the key {own} of a task of scene {}", task.scene()), key.to_hex());
+                    let (file, place) = (result.file, place(0));
+                    return Err(ShardError::Damaged { file, place, expected, found, remedy: WORK_AGAIN });
+                }
+            }
         }
+        Ok((shard, result))
     }
 
     /// Compares with what the run has and with the results before this one.
@@ -199,6 +210,7 @@ impl Merge<'_> {
                 (Came::Record(_) | Came::Asked, _) => {}
             }
         }
+        merged.asked.extend(result.asked);
         if let (Some(cassette), Some(answers)) = (&mut self.cassette, &result.answers) {
             for (key, recorded) in answers.rollouts() {
                 // A motion stands above a failure, never the other way round.

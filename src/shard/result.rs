@@ -1,20 +1,22 @@
 //! What came of a shard: JSON lines. The header names the shard and the study; then comes one line a task in the shard's
 //! order, with the record as the store keeps it; then, where another simulator was asked, its answers as lines of a rollout
-//! cassette; last a line with both counts. A cut or altered result is known by its lines and digests.
+//! cassette; last a line with both counts. Of a whole lineage the result says itself which programs and tasks its records are of, and what
+//! a model was asked. A cut or altered result is known by its lines and digests.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
 use super::error::{ShardError, WORK_AGAIN, place};
-use super::file::{Lines, Shard, VERSION, Wrong, line};
+use super::file::{Lines, ProgramLine, Shard, TaskLine, VERSION, Wrong, line};
 use super::mark::StudyMark;
 use crate::backend::{Answer, Recorded, RolloutCassette};
-use crate::epoch::{Task, TrialRecord};
+use crate::epoch::{RecordedAnswer, Task, TrialRecord};
 use crate::evaluation::RolloutRecord;
 use crate::kernel::Digest;
+use crate::objects::Program;
 
 /// Ending of a result's file name, behind the digest of its shard.
 pub const RESULT_ENDING: &str = ".result";
@@ -60,6 +62,26 @@ struct HeadLine {
     version: String,
     shard: Digest,
     study: StudyMark,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lineage: Option<MadeLine>,
+}
+
+/// Of a whole lineage: how many programs, tasks and answers of models follow.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MadeLine {
+    programs: usize,
+    tasks: usize,
+    asked: usize,
+}
+
+/// What was made on a lineage's way: the tasks are the result's own.
+#[derive(Clone, Debug, Default)]
+pub struct OnTheWay {
+    pub programs: BTreeMap<Digest, Program>,
+    pub tasks: Vec<(Digest, Task)>,
+    /// What a model was asked, by the keys of its questions.
+    pub asked: Vec<RecordedAnswer>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -88,6 +110,8 @@ pub struct ResultFile {
     pub results: Vec<TaskResult>,
     /// Answers of another simulator; none of ours.
     pub answers: Option<RolloutCassette>,
+    /// What a model was asked on a lineage's way.
+    pub asked: Vec<RecordedAnswer>,
 }
 
 impl ResultFile {
@@ -102,9 +126,22 @@ impl ResultFile {
         study: &StudyMark,
         results: &[TaskResult],
         answers: Option<&RolloutCassette>,
+        way: Option<&OnTheWay>,
     ) -> Vec<u8> {
         let (format, version) = (FORMAT.to_string(), VERSION.to_string());
-        let mut bytes = line(&HeadLine { format, version, shard, study: study.clone() });
+        let counted =
+            |way: &OnTheWay| MadeLine { programs: way.programs.len(), tasks: way.tasks.len(), asked: way.asked.len() };
+        let lineage = way.map(counted);
+        let mut bytes = line(&HeadLine { format, version, shard, study: study.clone(), lineage });
+        if let Some(OnTheWay { programs, tasks, asked }) = way {
+            for (program, body) in programs {
+                bytes.extend(line(&ProgramLine { program: *program, body: body.clone() }));
+            }
+            for (task, of) in tasks {
+                bytes.extend(line(&TaskLine { task: *task, of: of.clone() }));
+            }
+            asked.iter().for_each(|answer| bytes.extend(line(answer)));
+        }
         for TaskResult { key, came } in results {
             let mut of = ResultLine { task: *key, digest: None, record: None, no_label: None };
             match came {
@@ -122,12 +159,13 @@ impl ResultFile {
         bytes
     }
 
-    /// Reads a result, and holds it to its shard and its study, line by line. `shards` finds a shard by its digest.
+    /// Reads a result, and holds it to its shard and its study, line by line. `shards` finds a shard by its digest. The shard comes
+    /// back with it: of a whole lineage with the programs and tasks that the result is of.
     pub fn load(
         path: &Path,
         study: &StudyMark,
         shards: &dyn Fn(Digest) -> Result<Shard, ShardError>,
-    ) -> Result<ResultFile, ShardError> {
+    ) -> Result<(Shard, ResultFile), ShardError> {
         let file = path.display().to_string();
         let damaged = |at: usize, (expected, found): Wrong| ShardError::Damaged {
             file: file.clone(),
@@ -139,7 +177,16 @@ impl ResultFile {
         let mut lines = Lines::open(path)?;
         let head: HeadLine = lines.head(FORMAT, &file)?.map_err(|wrong| damaged(1, wrong))?;
         study.check(&head.study, &file)?;
-        let shard = shards(head.shard)?;
+        let mut shard = shards(head.shard)?;
+        let mut asked = Vec::new();
+        match (head.lineage, shard.lineage.is_some()) {
+            (Some(made), true) => asked = on_the_way(&mut lines, &made, &mut shard, &damaged)?,
+            (None, false) => {}
+            (_, whole) => {
+                let say = |whole: bool| if whole { "a result of a whole lineage" } else { "a result of tasks" };
+                return Err(damaged(1, (say(whole).into(), say(!whole).into())));
+            }
+        }
         let mut results = Vec::with_capacity(shard.tasks.len());
         for (key, task) in &shard.tasks {
             let (at, read) = lines.next::<ResultLine>("the result of a task");
@@ -166,9 +213,38 @@ impl ResultFile {
         }
         match answers.as_ref().and_then(|answers| unanswered(&shard, &results, answers)) {
             Some(scene) => Err(damaged(0, (format!("an answer for scene {scene}"), "none".into()))),
-            None => Ok(ResultFile { file, results, answers }),
+            None => Ok((shard, ResultFile { file, results, answers, asked })),
         }
     }
+}
+
+/// The programs and tasks of a lineage's way, which become the shard's, and what a model was asked.
+fn on_the_way(
+    lines: &mut Lines<'_>,
+    made: &MadeLine,
+    shard: &mut Shard,
+    damaged: &dyn Fn(usize, Wrong) -> ShardError,
+) -> Result<Vec<RecordedAnswer>, ShardError> {
+    for _ in 0..made.programs {
+        let (at, read) = lines.next::<ProgramLine>("a program");
+        let held = read.map_err(|wrong| damaged(at, wrong))?.held()?;
+        let (program, body) = held.map_err(|wrong| damaged(at, wrong))?;
+        shard.programs.insert(program, body);
+    }
+    for _ in 0..made.tasks {
+        let (at, read) = lines.next::<TaskLine>("a task");
+        let TaskLine { task, of } = read.map_err(|wrong| damaged(at, wrong))?;
+        if let Some(program) = of.program().filter(|program| !shard.programs.contains_key(program)) {
+            return Err(damaged(at, (format!("program {program} in this result"), "none".into())));
+        }
+        shard.tasks.push((task, of));
+    }
+    let mut asked = Vec::new();
+    for _ in 0..made.asked {
+        let (at, read) = lines.next::<RecordedAnswer>("what a model was asked");
+        asked.push(read.map_err(|wrong| damaged(at, wrong))?);
+    }
+    Ok(asked)
 }
 
 /// A scene for which another simulator must have been asked and of which there is no answer.

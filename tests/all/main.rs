@@ -55,6 +55,7 @@ mod scene_safebench;
 mod scene_scenarionet;
 mod scenes;
 mod shards;
+mod shards_lineage;
 mod shuffled;
 mod simulator;
 mod snapshots;

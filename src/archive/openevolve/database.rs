@@ -34,7 +34,7 @@ pub struct OpenEvolveOptions {
 }
 
 /// A program as the database sees it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Member {
     pub id: String,
     /// Its text: what `complexity` and `diversity` are read off, and what two islands may not hold both.
@@ -47,7 +47,7 @@ pub struct Member {
 }
 
 /// Everything that the search remembers.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Database {
     pub(super) options: OpenEvolveOptions,
     /// In order of insertion.

@@ -1,10 +1,10 @@
 //! How different a program's text is from those of a reference set: OpenEvolve's feature dimension `diversity`.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The reference texts, and what was computed so far. A text keeps its value for ever, also when the set grows afterwards.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Diversity {
     reference: Vec<String>,
     known: BTreeMap<String, f64>,

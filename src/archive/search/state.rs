@@ -1,7 +1,7 @@
 //! What a method remembers of a lineage from epoch to epoch, and its two decisions: which programs the slots edit, and whether a
 //! labelled child is kept. Random numbers come from outside.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::super::openevolve::{Database, Member};
@@ -15,7 +15,7 @@ const INSPIRATIONS: usize = 2;
 const TOP_PROGRAMS: usize = 3;
 
 /// A method's memory; methods that need none have no state.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SearchState {
     /// OpenEvolve's database.

@@ -55,8 +55,10 @@ pub fn run(options: &ShardsOptions, jobs: usize) -> Result<Answer, Failure> {
     worked?;
     let store = Store::open(&options.folder.join("store"))?;
     let results = files(&shards, RESULT_ENDING)?;
-    let merge =
-        || Merge { study: &study, shards: &shards, store: &store, withdrawn: &[], cassette: None }.merge(&results);
+    let merge = || {
+        Merge { study: &study, shards: &shards, store: &store, withdrawn: &[], cassette: None, key: None }
+            .merge(&results)
+    };
     let (merged, merging) = timed(merge);
     let merged = merged?;
     if merged.records != options.rollouts {
@@ -130,7 +132,7 @@ fn plan(options: &ShardsOptions, program: &Program, study: &StudyMark) -> Result
     }
     let (tasks, programs): (BTreeMap<Digest, Task>, BTreeMap<Digest, Program>) = wanted.into_tasks();
     let folder = options.folder.join("shards");
-    split(study, tasks, &programs, options.size).map(|shard| Ok(shard.save(&folder)?.0)).collect()
+    split(study, tasks, &programs, &[], options.size).map(|shard| Ok(shard.saved(&folder)?.0)).collect()
 }
 
 fn write_results(shards: &[PathBuf], record: &RolloutRecord, study: &StudyMark) -> Result<(), Failure> {
@@ -144,7 +146,7 @@ fn write_results(shards: &[PathBuf], record: &RolloutRecord, study: &StudyMark) 
         };
         let results = shard.tasks.iter().map(result).collect::<Result<Vec<TaskResult>, Failure>>()?;
         let file = path.with_file_name(ResultFile::name(digest));
-        store::write_atomic(&file, &ResultFile::bytes(digest, study, &results, None))?;
+        store::write_atomic(&file, &ResultFile::bytes(digest, study, &results, None, None))?;
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::backend::{Answers, Replay};
-use crate::cli::cluster::shard_work::{Nobody, done, hold_keys};
+use crate::cli::cluster::shard_done::{Nobody, done, hold_keys};
 use crate::cli::evolve::behind;
 use crate::cli::records::scratch::Scratch;
 use crate::cli::terminal::exit::Failure;
@@ -23,7 +23,7 @@ pub struct Audited {
     /// Results in which nothing was found.
     pub usable: Vec<PathBuf>,
     /// What others held that is not true, one of each.
-    pub untrue: Vec<ShardError>,
+    pub untrue: Vec<(PathBuf, ShardError)>,
 }
 
 /// Where tasks are computed again.
@@ -51,7 +51,7 @@ impl Auditor<'_> {
             };
             audited.checked += found.0;
             match found.1 {
-                Some(untrue) => audited.untrue.push(untrue),
+                Some(untrue) => audited.untrue.push((path, untrue)),
                 None => audited.usable.push(path),
             }
         }

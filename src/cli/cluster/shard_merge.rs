@@ -5,13 +5,16 @@ use serde_json::json;
 use std::path::PathBuf;
 
 use crate::cli::cluster::shard_audit::{self, Auditor};
+use crate::cli::cluster::shard_done::Nobody;
 use crate::cli::cluster::shard_target::{Target, TargetOptions};
 use crate::cli::evolve::behind;
-use crate::cli::records::folder::files;
+use crate::cli::records::folder::{RunFolder, files};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::{Exit, Failure};
+use crate::epoch::{Meter, Mode, Rollouts, Task, Tools, Workbench};
+use crate::llm::Record;
 use crate::shard::{Merge, Merged, RESULT_ENDING, StudyMark, Withdrawn};
-use crate::store;
+use crate::store::{self, Store};
 use crate::text::counted;
 
 #[derive(Debug, Args)]
@@ -44,12 +47,17 @@ fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
     let name = job.experiment.name.clone();
     let own = job.experiment.study(job.scenes.clone(), &job.threads)?;
     let (study, shards, withdrawn) = (StudyMark::of(&own), folder.shards(), Withdrawn::read(&folder.withdrawn())?);
+    let rollouts_here = Rollouts::new(&held.objects, Mode::Reuse);
+    let tools = Tools::new(&own, &Nobody, &job.threads, &rollouts_here, Meter::default());
+    let bench = Workbench::new(&own, &tools);
+    let key = |task: &Task| bench.key(task);
     let mut merge = Merge {
         study: &study,
         shards: &shards,
         store: &held.objects,
         withdrawn: &withdrawn,
         cassette: cassette.as_mut(),
+        key: Some(&key),
     };
     let (mut untrue, mut checked) = (Vec::new(), None);
     if let Some(share) = options.audit {
@@ -59,6 +67,7 @@ fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
         (results, untrue, checked) = (audited.usable, audited.untrue, Some(audited.checked));
     }
     let mut merged = merge.merge(&results)?;
+    let asked = keep_asked(&mut merged, folder)?;
     // Who made something up is named first.
     untrue.append(&mut merged.refused);
     merged.refused = untrue;
@@ -67,12 +76,29 @@ fn merge(options: &MergeOptions, target: &Target) -> Result<Answer, Failure> {
         cassette.save(&folder.rollouts(), &name)?;
         progress(format!("{} in {}", counted(cassette.len(), "rollout"), path.display()));
     }
-    Ok(answer(merged, checked, &named.display().to_string()))
+    Ok(answer(merged, (checked, asked), &named.display().to_string()))
 }
 
-fn answer(merged: Merged, checked: Option<usize>, named: &str) -> Answer {
-    let Merged { results, records, known, no_label, answers, refused } = merged;
-    let reasons: Vec<String> = refused.iter().map(ToString::to_string).collect();
+/// Answers that workers got of a model are this recording's: `evodrive record` asks nobody for them.
+fn keep_asked(merged: &mut Merged, folder: &RunFolder) -> Result<usize, Failure> {
+    let asked = std::mem::take(&mut merged.asked);
+    if asked.is_empty() {
+        return Ok(0);
+    }
+    let store = Store::open(&folder.recording())?;
+    for of in &asked {
+        let key = of.answer;
+        let absent = || Failure::corruption(format!("the answer to question {key} has no bytes; do its shard again"));
+        Record::keep_elsewhere(&store, &key, &of.bytes().ok_or_else(absent)?)?;
+    }
+    store.flush()?;
+    Ok(asked.len())
+}
+
+fn answer(merged: Merged, (checked, asked): (Option<usize>, usize), named: &str) -> Answer {
+    let Merged { results, records, known, no_label, answers, refused, .. } = merged;
+    let reasons: Vec<String> = refused.iter().map(|(_, error)| error.to_string()).collect();
+    let files: Vec<&PathBuf> = refused.iter().map(|(file, _)| file).collect();
     for reason in &reasons {
         progress(format!("refused: {reason}"));
     }
@@ -84,9 +110,9 @@ fn answer(merged: Merged, checked: Option<usize>, named: &str) -> Answer {
     );
     let object = json!({
         "results": results, "records": records, "known": known, "no_label": no_label, "answers": answers,
-        "refused": reasons, "audited": checked,
+        "refused": reasons, "refused_results": files, "audited": checked, "asked": asked,
     });
     // What could be used was merged; the first refusal is the command's exit code.
-    let exit = refused.into_iter().next().map_or(Exit::Success, |error| Failure::from(error).exit);
+    let exit = refused.into_iter().next().map_or(Exit::Success, |(_, error)| Failure::from(error).exit);
     Answer { exit, ..Answer::new(text, object) }
 }

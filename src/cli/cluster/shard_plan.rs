@@ -7,15 +7,16 @@ use std::path::PathBuf;
 
 use crate::backend::{Answers, Replay as Recorded};
 use crate::cli::cluster::shard_target::{Target, TargetOptions};
+use crate::cli::cluster::{shard_lineage, shard_needs};
 use crate::cli::evolve::{behind, models};
 use crate::cli::records::folder::{RunFolder, files};
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::{exit::Failure, interrupt::Interrupt};
-use crate::epoch::{self, Desk, Meter, Mode, Rollouts, Study, Task, Tools, Wanted};
+use crate::epoch::{self, Desk, Meter, Mode, Rollouts, Task, Tools, Wanted};
 use crate::kernel::Digest;
 use crate::llm::{Ask, Cassette, Record, RecordMode, Replay};
 use crate::objects::Program;
-use crate::shard::{RESULT_ENDING, SHARD_ENDING, Shard, StudyMark, split};
+use crate::shard::{Need, RESULT_ENDING, SHARD_ENDING, Shard, StudyMark, split};
 use crate::store::{self, Store, Transcript};
 
 #[derive(Debug, Args)]
@@ -28,6 +29,9 @@ pub struct PlanOptions {
     /// Ask the experiment's models for answers that the cassette lacks; `evodrive record` writes them down at the end.
     #[arg(long)]
     pub record: bool,
+    /// Plan every lineage as one piece of work, as far as it can be gone: few rounds, and as many shards as lineages.
+    #[arg(long)]
+    pub whole_lineages: bool,
     /// Also plan tasks that were done before and gave no label.
     #[arg(long)]
     pub again: bool,
@@ -62,21 +66,35 @@ fn planned(options: &PlanOptions, target: &Target) -> Result<Answer, Failure> {
     let ask: &dyn Ask = asked.as_ref().map_or(&replay, |asked| asked);
     let answers = answers.map(|answers| Recorded::new(answers, "evodrive shard plan"));
     let answers = answers.as_ref().map(|answers| answers as &dyn Answers);
-    let wanted = Wanted::new(options.again);
+    let anywhere = shard_lineage::asks_anywhere(&job.experiment);
+    let wanted = match options.whole_lineages {
+        true => Wanted::new(options.again).by_lineage(shard_lineage::whole(options.record, anywhere)),
+        false => Wanted::new(options.again),
+    };
+    let needs = shard_needs::gathered(&job.experiment, folder)?;
+    let mark = StudyMark::of(&study);
     let walk = folder.shards().join("walk.jsonl");
     store::create_dir(&folder.shards())?;
     store::remove_file(&walk)?;
-    let complete = {
-        let labels = Rollouts::new(&held.objects, Mode::Reuse);
+    let labels = Rollouts::new(&held.objects, Mode::Reuse);
+    let tools = || {
         let tools = Tools::new(&study, ask, &job.threads, &labels, Meter::default());
-        let tools = tools.behind(behind::backend(&job.experiment, answers)).planning(&wanted);
-        let mut desk = Desk { log: Transcript::create(&walk)?, watch: &mut |_| {}, tools };
+        tools.behind(behind::backend(&job.experiment, answers)).planning(&wanted)
+    };
+    let complete = {
+        let mut desk = Desk { log: Transcript::create(&walk)?, watch: &mut |_| {}, tools: tools() };
         epoch::plan(&study, &mut desk, &walk, &recorded, &wanted)
     };
     store::remove_file(&walk)?;
     let complete = complete?;
+    // Where models were asked the answers to this walk's own questions travel.
+    let recorded = asked.as_ref().map(|asked| asked.to_cassette("plan")).transpose()?.unwrap_or(recorded);
+    let lineages = {
+        let asks = options.record && anywhere;
+        shard_lineage::shards(&wanted, (&mark, &needs), (&recorded, asks), (&tools(), &held.objects), &study)?
+    };
     let (tasks, programs) = wanted.into_tasks();
-    let planned = Planned::write(folder, &study, (tasks, &programs), options.size)?;
+    let planned = Planned::write(folder, (&mark, &needs), lineages, (tasks, &programs), options.size)?;
     Ok(planned.answer(folder, &named.display().to_string(), complete))
 }
 
@@ -92,15 +110,22 @@ fn recorded(path: &std::path::Path, folder: &RunFolder, record: bool) -> Result<
     Ok(cassette)
 }
 
+/// What people call a shard of tasks: its first task's lineage, and how many there are.
+fn of_tasks(shard: &Shard) -> String {
+    let lineage = shard.tasks.first().map_or("nothing", |(_, task)| task.lineage().as_str());
+    format!("{lineage} {} tasks", shard.tasks.len())
+}
+
 /// What is missing, and where it stands.
 struct Planned {
     labels: usize,
     trials: usize,
     undisturbed: usize,
+    lineages: usize,
     /// New shards.
     written: usize,
-    /// Shards without a result.
-    to_do: Vec<PathBuf>,
+    /// Shards without a result, with what people call them.
+    to_do: BTreeMap<PathBuf, String>,
     /// Missing tasks of shards that have a result: it was not merged.
     unmerged: usize,
 }
@@ -109,7 +134,8 @@ impl Planned {
     /// Writes shards for the tasks that no earlier shard holds.
     fn write(
         folder: &RunFolder,
-        study: &Study,
+        (mark, needs): (&StudyMark, &[Need]),
+        whole: Vec<(String, Shard)>,
         (mut tasks, programs): (BTreeMap<Digest, Task>, &BTreeMap<Digest, Program>),
         size: usize,
     ) -> Result<Planned, Failure> {
@@ -117,29 +143,37 @@ impl Planned {
         let labels = count(|task| matches!(task, Task::Label { .. }));
         let trials = count(|task| matches!(task, Task::Trial { .. }));
         let undisturbed = tasks.len() - labels - trials;
-        let mark = StudyMark::of(study);
-        let mut unmerged = 0;
-        let mut to_do = Vec::new();
+        let (lineages, mut written, mut unmerged) = (whole.len(), 0, 0);
+        let mut to_do = BTreeMap::new();
         for path in files(&folder.shards(), SHARD_ENDING)? {
             let (shard, _) = Shard::load(&path)?;
             mark.check(&shard.study, &path.display().to_string())?;
+            // Of a lineage that stands elsewhere now nothing is missing.
+            if shard.lineage.is_some() {
+                continue;
+            }
             let held = shard.tasks.iter().filter(|(key, _)| tasks.remove(key).is_some()).count();
             match path.with_extension(&RESULT_ENDING[1..]).exists() {
                 true => unmerged += held,
-                false => to_do.push(path),
+                // Other results brought what it holds.
+                false if held == 0 => {}
+                false => drop(to_do.insert(path, of_tasks(&shard))),
             }
         }
-        let before = to_do.len();
-        for shard in split(&mark, tasks, programs, size) {
-            to_do.push(shard.save(&folder.shards())?.0);
+        let pieces = split(mark, tasks, programs, needs, size).map(|shard| (of_tasks(&shard), shard));
+        for (name, shard) in pieces.chain(whole) {
+            let (path, is_new) = shard.saved(&folder.shards())?;
+            written += usize::from(is_new);
+            match path.with_extension(&RESULT_ENDING[1..]).exists() {
+                true => unmerged += shard.tasks.len() + usize::from(shard.lineage.is_some()),
+                false => drop(to_do.insert(path, name)),
+            }
         }
-        let written = to_do.len() - before;
-        to_do.sort();
-        Ok(Planned { labels, trials, undisturbed, written, to_do, unmerged })
+        Ok(Planned { labels, trials, undisturbed, lineages, written, to_do, unmerged })
     }
 
     fn answer(&self, folder: &RunFolder, named: &str, complete: bool) -> Answer {
-        let Planned { labels, trials, undisturbed, written, to_do, unmerged } = self;
+        let Planned { labels, trials, undisturbed, lineages, written, to_do, unmerged } = self;
         let missing = labels + trials + undisturbed;
         let shards = folder.shards();
         let at = shards.display();
@@ -147,8 +181,9 @@ impl Planned {
         let mut text = match complete {
             true => format!("nothing is missing\n  next: evodrive run (or record) {named}\n"),
             false => format!(
-                "missing: {missing} records ({trials} trials, {labels} labels, {undisturbed} scenes without a program)\n\
+                "missing: {missing} records ({trials} trials, {labels} labels, {undisturbed} scenes without a program){}\n\
                  shards to do: {} ({written} new) in {at}\n",
+                if *lineages == 0 { String::new() } else { format!(" and what follows in {lineages} lineages") },
                 to_do.len()
             ),
         };
@@ -160,7 +195,8 @@ impl Planned {
         }
         let object = json!({
             "folder": folder.dir, "shards": shards, "complete": complete, "missing": missing, "labels": labels,
-            "trials": trials, "undisturbed": undisturbed, "new_shards": written, "to_do": to_do, "unmerged": unmerged,
+            "trials": trials, "undisturbed": undisturbed, "lineages": lineages, "new_shards": written,
+            "to_do": to_do.keys().collect::<Vec<_>>(), "names": to_do.values().collect::<Vec<_>>(), "unmerged": unmerged,
         });
         Answer::new(text, object)
     }

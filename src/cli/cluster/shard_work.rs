@@ -1,17 +1,20 @@
-//! `shard work`: the tasks of shards, done here. A result is written whole or not at all; what a killed worker had done
+//! `shard work`: the tasks of shards, or all that follows in a lineage, done here. A result is written whole or not at all; what a killed worker had done
 //! stays in a hidden folder beside the result, and the next one goes on from there.
 
 use clap::Args;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-use crate::backend::{Answers, Recorder, Workers};
+use crate::backend::{Answers, BackendOptions, DriverOptions, Fault, Planners, Recorder, Workers};
+use crate::cli::cluster::shard_done::{Nobody, done, hold_keys};
+use crate::cli::cluster::shard_lineage::{self, Bench};
+use crate::cli::cluster::shard_needs;
 use crate::cli::cluster::worker_process::Processes;
 use crate::cli::evolve::behind;
 use crate::cli::records::folder::RunFolder;
 use crate::cli::terminal::answer::{Answer, progress};
 use crate::cli::terminal::exit::Failure;
-use crate::epoch::{Done, Meter, Mode, Rollouts, Study, Task, Tools, Workbench};
+use crate::epoch::{Mode, Rollouts, Study, Task, Workbench};
 use crate::experiment::Experiment;
 use crate::kernel::{Digest, Threads};
 use crate::shard::{Came, ResultFile, Shard, StudyMark, TaskResult};
@@ -44,6 +47,7 @@ pub fn run(options: &WorkOptions, jobs: usize) -> Result<Answer, Failure> {
         site.mark.check(&shard.study, &path.display().to_string())?;
         let out = options.out.clone().unwrap_or_else(|| folder_of(path));
         let result = out.join(ResultFile::name(digest));
+        shard_needs::hold(&shard.needs, &site.folder)?;
         let known = |_: Digest| Ok(shard.clone());
         if result.exists() && ResultFile::load(&result, &site.mark, &known).is_ok() {
             progress(format!("is done already: {}", result.display()));
@@ -107,80 +111,62 @@ impl Site {
         let scratch = result.with_file_name(format!(".{}.work", digest.short(16)));
         let store = Store::open(&scratch)?;
         let processes = Processes::default();
+        let driver = self.experiment.driver.as_ref();
+        let planner = driver.map(|driver| shard_needs::planner(driver, &self.folder)).transpose()?;
         let recorder = match &self.experiment.simulator.backend {
             None => None,
-            Some(options) if options.drives() => {
-                let reason = "the ego `command` needs its planner on this machine: record this run with `evodrive record` on one machine";
-                return Err(Failure::bad_input(reason));
-            }
             Some(options) => {
                 let before = behind::recorded(options, &self.folder.rollouts(), false)?;
-                Some(Recorder::new(&store, before, Box::new(Workers::new(options, &processes)), String::new()))
+                Some(Recorder::new(&store, before, self.asked(options, planner.as_ref(), &processes)?, String::new()))
             }
         };
         let answers = recorder.as_ref().map(|recorder| recorder as &dyn Answers);
         // What the store has was not asked of the recorder, and would be missing among the answers.
         let mode = if answers.is_some() { Mode::Verify } else { Mode::Reuse };
         let rollouts = Rollouts::new(&store, mode);
-        let results = {
-            let tools = Tools::new(&self.study, &Nobody, threads, &rollouts, Meter::default());
-            let tools = tools.behind(behind::backend(&self.experiment, answers));
-            let bench = Workbench::new(&self.study, &tools);
-            hold_keys(&bench, shard, result)?;
-            let one = |_: usize, (key, task): &(Digest, Task)| done(&bench, shard, *key, task, &store);
-            threads.map(&shard.tasks, one).into_iter().collect::<Result<Vec<TaskResult>, Failure>>()?
+        let (study, experiment) = (&self.study, &self.experiment);
+        let here = Bench { study, experiment, threads, rollouts: &rollouts, answers };
+        let (way, results) = match &shard.lineage {
+            Some(lineage) => {
+                if answers.is_none() {
+                    shard_lineage::remember(lineage, &store)?;
+                }
+                let (way, results) = here.go(shard, lineage, (&store, &scratch.join("walk.jsonl")))?;
+                (Some(way), results)
+            }
+            None => {
+                let tools = here.tools(&Nobody);
+                let bench = Workbench::new(study, &tools);
+                hold_keys(&bench, shard, result)?;
+                let one = |_: usize, (key, task): &(Digest, Task)| done(&bench, shard, *key, task, &store);
+                (None, threads.map(&shard.tasks, one).into_iter().collect::<Result<Vec<TaskResult>, Failure>>()?)
+            }
         };
         let answers = recorder.map(|recorder| recorder.cassette().0);
-        store::write_atomic(result, &ResultFile::bytes(digest, &self.mark, &results, answers.as_ref()))?;
+        store::write_atomic(result, &ResultFile::bytes(digest, &self.mark, &results, answers.as_ref(), way.as_ref()))?;
         drop(store);
         store::remove_dir(&scratch)?;
         Ok(results)
     }
-}
 
-/// Refuses tasks that this program would keep under other keys, before anything is done.
-pub fn hold_keys(bench: &Workbench<'_>, shard: &Shard, result: &Path) -> Result<(), Failure> {
-    for (key, task) in &shard.tasks {
-        let own = bench.key(task)?;
-        if own != *key {
-            return Err(Failure::bad_input(format!(
-                "shard of {}: the task of scene {} has the key {key}, this build expects {own}; use the same release of \
-                 evodrive on all machines",
-                result.display(),
-                task.scene()
-            )));
+    /// Who simulates rollouts here in place of our own simulator.
+    ///
+    /// # Errors
+    /// It cannot be started on this machine: another one may have it.
+    fn asked<'a>(
+        &'a self,
+        options: &'a BackendOptions,
+        planner: Option<&'a DriverOptions>,
+        processes: &'a Processes,
+    ) -> Result<Box<dyn Answers + 'a>, Failure> {
+        let lacks = |fault: Fault| Failure::lacking(format!("this machine cannot do the shard: {fault}"));
+        if let Some(planner) = planner {
+            let planners = Planners::new(planner, processes);
+            planners.ready().map_err(lacks)?;
+            return Ok(Box::new(planners));
         }
-    }
-    Ok(())
-}
-
-/// Does one task and reads its record back.
-pub fn done(
-    bench: &Workbench<'_>,
-    shard: &Shard,
-    key: Digest,
-    task: &Task,
-    store: &Store,
-) -> Result<TaskResult, Failure> {
-    let program = task.program().and_then(|hash| shard.programs.get(&hash));
-    let came = match (bench.carry_out(task, program)?, task.memo()) {
-        (Done::NoLabel(reason), _) => Came::NoLabel(reason),
-        (Done::Record, Some(memo)) => {
-            let absent = || Failure::internal(format!("the record of {key} was not kept"));
-            let bytes = store.get(&store.memo_get(memo, &key).ok_or_else(absent)?)?;
-            let text = String::from_utf8(bytes).map_err(Failure::internal)?;
-            Came::Record(serde_json::value::RawValue::from_string(text).map_err(Failure::internal)?)
-        }
-        (Done::Asked | Done::Record, _) => Came::Asked,
-    };
-    Ok(TaskResult { key, came })
-}
-
-/// No task asks a model.
-pub struct Nobody;
-
-impl crate::llm::Ask for Nobody {
-    fn ask(&self, _: &crate::llm::Request) -> Result<crate::llm::Reply, crate::llm::AskError> {
-        unreachable!("no task asks a model")
+        let workers = Workers::new(options, processes);
+        workers.ready().map_err(lacks)?;
+        Ok(Box::new(workers))
     }
 }

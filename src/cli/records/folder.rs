@@ -177,6 +177,11 @@ impl RunFolder {
         self.dir.join("shards")
     }
 
+    /// Files of a planner of one's own that travel with shards.
+    pub fn planner(&self) -> PathBuf {
+        self.dir.join("planner")
+    }
+
     /// Records that were taken out of the run by name.
     pub fn withdrawn(&self) -> PathBuf {
         self.dir.join("withdrawn.jsonl")

@@ -73,7 +73,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("completions", "evodrive completions bash > ~/.local/share/bash-completion/completions/evodrive"),
     ("man", "evodrive man --out man"),
     ("worker", "evodrive worker"),
-    ("shard plan", "evodrive shard plan experiments/quickstart.toml"),
+    ("shard plan", "evodrive shard plan experiments/quickstart.toml --whole-lineages"),
     ("shard work", "evodrive shard work runs/RUN/shards/0.shard"),
     ("shard merge", "evodrive shard merge experiments/quickstart.toml --audit 0.05"),
     ("shard withdraw", "evodrive shard withdraw 3f9a12c4 --reason faulty-node"),

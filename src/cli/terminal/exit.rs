@@ -16,6 +16,8 @@ pub enum Exit {
     Divergence = 4,
     /// Stored bytes are not what they were.
     Corruption = 5,
+    /// This machine lacks what a shard needs: another one may have it.
+    Lacking = 69,
     /// A bug, or a failure of the machine that no place or file explains (no threads).
     Internal = 70,
     /// Ctrl-C: what was done is kept, and the message says how to go on. Shells use this number for it.
@@ -56,6 +58,10 @@ impl Failure {
 
     pub fn corruption(message: impl std::fmt::Display) -> Failure {
         Failure::of(Exit::Corruption, &message)
+    }
+
+    pub fn lacking(message: impl std::fmt::Display) -> Failure {
+        Failure::of(Exit::Lacking, &message)
     }
 
     pub fn internal(message: impl std::fmt::Display) -> Failure {

@@ -62,7 +62,7 @@ struct Choice {
     cut: Vec<SolutionId>,
 }
 
-fn one_lineage(
+pub fn one_lineage(
     study: &Study,
     state: &mut State,
     spec: &LineageSpec,

@@ -19,13 +19,20 @@ use crate::objects::{
 };
 use crate::world;
 
+/// When the world evaluator is fitted to the labels so far: behind an epoch's last lineage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refit {
+    Now,
+    Later,
+}
+
 /// Makes what was judged the state.
 pub fn settle(
     study: &Study,
     state: &mut State,
     snapshot: &Snapshot<'_>,
     judged: Judged,
-    threads: &Threads,
+    (refit, threads): (Refit, &Threads),
 ) -> Result<Settled, RunError> {
     let (lineage, epoch) = (&snapshot.spec.id, snapshot.event.epoch);
     let spent = rival::spent_after(snapshot, &judged.attempts);
@@ -45,8 +52,7 @@ pub fn settle(
     state.memory.append(cards.clone())?;
     let labels_before = state.calibration.labels().len();
     state.calibration.append(judged.labels, &state.world.schema)?;
-    // All lineages of an epoch are routed by one snapshot, which rests on earlier epochs alone.
-    if study.lineages.last().is_some_and(|last| last.id == *lineage) {
+    if refit == Refit::Now {
         let (schema, configuration) = (&state.world.schema, &state.world.configuration);
         state.world = world::settle(schema, configuration, &state.calibration, epoch + 1, threads)?;
     }

@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
+use super::walk::Walk;
 use crate::kernel::Digest;
 use crate::objects::{Counsel, LineageId, Program};
 use crate::store::MemoKind;
@@ -65,19 +66,41 @@ impl Task {
 pub struct Wanted {
     /// Whether work is asked for again that was done and gave no label.
     again: bool,
+    whole: Option<Whole>,
     gathered: Mutex<Gathered>,
+}
+
+/// A plan of whole lineages: where one wants a record, all that follows in it is one piece of work.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Whole {
+    /// Whether the plan makes the compile gate's trials itself: where models are asked by the plan, their answers go on from those.
+    pub tries: bool,
 }
 
 #[derive(Default)]
 struct Gathered {
     tasks: BTreeMap<Digest, Task>,
     programs: BTreeMap<Digest, Program>,
+    walks: Vec<Walk>,
 }
 
 impl Wanted {
     /// Nothing yet. `again` asks also for what was tried and gave no label.
     pub fn new(again: bool) -> Wanted {
-        Wanted { again, gathered: Mutex::default() }
+        Wanted { again, whole: None, gathered: Mutex::default() }
+    }
+
+    /// The same for a plan of whole lineages.
+    pub fn by_lineage(self, whole: Whole) -> Wanted {
+        Wanted { whole: Some(whole), ..self }
+    }
+
+    pub(in crate::epoch) fn is_by_lineage(&self) -> bool {
+        self.whole.is_some()
+    }
+
+    pub(in crate::epoch) fn tries(&self) -> bool {
+        self.whole.is_some_and(|whole| whole.tries)
     }
 
     pub(in crate::epoch) fn again(&self) -> bool {
@@ -93,13 +116,31 @@ impl Wanted {
         gathered.tasks.insert(key, task);
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.gathered().tasks.is_empty()
+    /// Asks for all that follows in a lineage, in place of the pieces that were asked for so far.
+    pub(in crate::epoch) fn ask_whole(&self, walk: Walk) {
+        let mut gathered = self.gathered();
+        gathered.tasks.retain(|_, task| *task.lineage() != walk.lineage);
+        gathered.walks.push(walk);
     }
 
-    /// Everything that was asked for, with its programs by their hashes.
+    /// Forgets what was asked for.
+    pub(in crate::epoch) fn nothing(&self) {
+        *self.gathered() = Gathered::default();
+    }
+
+    pub fn is_empty(&self) -> bool {
+        let gathered = self.gathered();
+        gathered.tasks.is_empty() && gathered.walks.is_empty()
+    }
+
+    /// The lineages that were asked for as a whole.
+    pub fn take_walks(&self) -> Vec<Walk> {
+        std::mem::take(&mut self.gathered().walks)
+    }
+
+    /// Everything else that was asked for, with its programs by their hashes.
     pub fn into_tasks(self) -> (BTreeMap<Digest, Task>, BTreeMap<Digest, Program>) {
-        let Gathered { tasks, programs } = self.gathered.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let Gathered { tasks, programs, .. } = self.gathered.into_inner().unwrap_or_else(PoisonError::into_inner);
         (tasks, programs)
     }
 

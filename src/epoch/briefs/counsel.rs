@@ -156,6 +156,7 @@ impl Rehearsal<'_> {
         if labelling.want_label((self.blind, hash), place, Some(counsel))? {
             return Err(RunError::Wanting);
         }
+        labelling.note_label((self.blind, hash), place, Some(counsel))?;
         let key = labelling.label_key(hash, place, Some(counsel))?;
         let record = match self.tools.rollouts.recorded(&key)? {
             Some((record, _)) => record,

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::epoch::RunError;
 use crate::epoch::setting::study::{LineageSpec, Study};
 use crate::objects::{Counsel, Counselled, LineageId};
 
 /// Written once a lineage and scene, before anything reads it there.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Counsels(BTreeMap<LineageId, BTreeMap<String, Counsel>>);
 
 impl Counsels {

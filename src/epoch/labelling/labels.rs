@@ -11,7 +11,7 @@ use crate::candidates::Trials;
 use crate::compiler::{Decision, Prepared};
 use crate::ego::Policy;
 use crate::epoch::RunError;
-use crate::epoch::ahead::wanted::Task;
+use crate::epoch::ahead::wanted::{Task, Wanted};
 use crate::epoch::briefs::counsels::Counsels;
 use crate::epoch::setting::desk::Tools;
 use crate::epoch::setting::study::{LineageSpec, SceneEntry, Study};
@@ -37,6 +37,7 @@ pub struct Labelling<'a> {
 impl Labelling<'_> {
     /// Labels a program, given with its hash, on the scenes at these places.
     pub fn score(&self, subject: (&Program, Digest), places: &[usize]) -> Result<Score, RunError> {
+        self.note(subject, places)?;
         if self.want(subject, places)? > 0 {
             return Err(RunError::Wanting);
         }
@@ -66,6 +67,7 @@ impl Labelling<'_> {
             };
             return distinct.iter().try_for_each(want);
         }
+        distinct.iter().try_for_each(|(&(hash, places), program)| self.note((program, hash), places))?;
         let asked = distinct.into_iter().map(|((hash, places), program)| Asked::of(self, (program, hash), places));
         let asked = asked.collect::<Result<Vec<_>, _>>()?;
         let each = |program: usize| (0..asked[program].places.len()).map(move |scene| (program, scene));
@@ -89,6 +91,31 @@ impl Labelling<'_> {
             }
         }
         Ok(missing)
+    }
+
+    /// Notes that the way rests on these labels, where somebody keeps a list of that.
+    fn note(&self, subject: (&Program, Digest), places: &[usize]) -> Result<(), RunError> {
+        if self.tools.noted.is_some() {
+            for &place in places {
+                self.note_label(subject, place, self.counsels.at(self.study, self.spec, place)?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The same of one label.
+    pub fn note_label(
+        &self,
+        (program, hash): (&Program, Digest),
+        place: usize,
+        counsel: Option<&Counsel>,
+    ) -> Result<(), RunError> {
+        if let Some(noted) = self.tools.noted {
+            let (lineage, scene) = (self.spec.id.clone(), self.study.scenes[place].scene().id.clone());
+            let task = Task::Label { lineage, program: hash, scene, counsel: counsel.cloned() };
+            noted.ask(self.label_key(hash, place, counsel)?, task, Some(program));
+        }
+        Ok(())
     }
 
     /// Asks a plan for one label, and says whether it is missing. One that was tried in vain is not.
@@ -179,7 +206,7 @@ impl Labelling<'_> {
         (parent, parent_hash): (&Program, Digest),
     ) -> Result<usize, RunError> {
         let (mut missing, mut differing, mut unsure) = (0, false, false);
-        if self.tools.wanted.is_none() {
+        if self.tools.wanted.is_none_or(Wanted::tries) {
             return Ok(0);
         }
         for (tried, &place) in probes.iter().enumerate() {
@@ -235,6 +262,14 @@ impl Labelling<'_> {
         let entry = &study.scenes[place];
         let counsel = counsels.at(study, spec, place)?;
         let key = self.trial_key(place, hash)?;
+        if let Some(noted) = tools.noted {
+            let (lineage, scene) = (spec.id.clone(), entry.scene().id.clone());
+            noted.ask(
+                key,
+                Task::Trial { lineage, program: hash, scene, counsel: counsel.cloned() },
+                Some(program.program()),
+            );
+        }
         if let Some(trial) = tools.rollouts.tried(&key)? {
             return Ok(trial);
         }

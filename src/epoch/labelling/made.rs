@@ -46,6 +46,10 @@ impl<'p> Lazy<'p> {
         Lazy { program, prepared: OnceLock::new() }
     }
 
+    pub fn program(&self) -> &'p Program {
+        self.program
+    }
+
     /// The program, prepared for its family.
     pub fn prepared(&self, source: &'p Source, searched: &'p Searched) -> Result<&Prepared<'p>, &CompileFailure> {
         let prepare = || Prepared::new(self.program, source).map(|prepared| prepared.sharing(searched));

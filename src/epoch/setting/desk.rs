@@ -50,6 +50,8 @@ pub struct Tools<'a> {
     pub backend: Backend<'a>,
     /// Where a plan gathers missing work; `None` where the work is done.
     pub(in crate::epoch) wanted: Option<&'a Wanted>,
+    /// Where labels and trials are listed that are read; `None` where nobody asks.
+    pub(in crate::epoch) noted: Option<&'a Wanted>,
     /// Whether whoever started the run wants it to stop.
     stop: Option<&'a (dyn Fn() -> bool + Sync)>,
     pub(in crate::epoch) situations: Situations,
@@ -71,9 +73,22 @@ impl<'a> Tools<'a> {
     ) -> Tools<'a> {
         let (situations, compiled) = (Situations::of(study), Kept::new(COMPILED_MAX));
         let (counselled, searched) = (Kept::new(COUNSELLED_MAX), Searched::new(SEARCHED_BYTES_MAX));
-        let (backend, wanted, stop) = (Backend::Own, None, None);
-        let open = None;
-        Tools { ask, open, threads, rollouts, meter, backend, wanted, stop, situations, compiled, counselled, searched }
+        let (backend, wanted, noted, stop, open) = (Backend::Own, None, None, None, None);
+        Tools {
+            ask,
+            open,
+            threads,
+            rollouts,
+            meter,
+            backend,
+            wanted,
+            noted,
+            stop,
+            situations,
+            compiled,
+            counselled,
+            searched,
+        }
     }
 
     /// The same with so many questions open together, of all lineages of an epoch.
@@ -90,6 +105,12 @@ impl<'a> Tools<'a> {
     pub fn planning(self, wanted: &'a Wanted) -> Tools<'a> {
         Tools { wanted: Some(wanted), ..self }
     }
+
+    /// The same, which lists what is read in `noted`.
+    pub fn noting(self, noted: &'a Wanted) -> Tools<'a> {
+        Tools { noted: Some(noted), ..self }
+    }
+
     /// The same until `stop` says so.
     pub fn until(self, stop: &'a (dyn Fn() -> bool + Sync)) -> Tools<'a> {
         Tools { stop: Some(stop), ..self }

@@ -16,7 +16,7 @@ use crate::kernel::{Digest, Seed, canon::CanonError};
 use crate::llm::ModelSpec;
 use crate::memory::{CurationOptions, MemoryOptions};
 use crate::objects::{
-    Composed, FamilyName, Gate, LineageId, Origin, ParameterValue, Program, Role, WorldConfiguration,
+    Composed, FamilyName, Gate, LineageId, Origin, ParameterValue, Program, Role, RoutingChoice, WorldConfiguration,
 };
 use crate::scene::{PreparedScene, Scene, SceneFeatures};
 use crate::sim::SimulatorOptions;
@@ -177,6 +177,20 @@ impl Study {
             closed: self.without.closed(),
             fixed_bodies: self.fixed_bodies,
         }
+    }
+
+    /// Whether every admitted candidate is simulated, whatever the world evaluator says of it.
+    pub fn simulates_all(&self) -> bool {
+        let routing = &self.world.routing;
+        // A predicted loss is never above 1.
+        let nobody_is_weak = routing.lambda_a >= 1.0 && routing.lambda_r >= 1.0;
+        routing.rollout_budget >= self.budget.slots && (nobody_is_weak || routing.choice == RoutingChoice::Random)
+    }
+
+    /// Whether nothing that one lineage does changes what another one is asked: one lineage alone, or neither shared cards nor an
+    /// evaluator that turns candidates away.
+    pub fn lineages_stand_alone(&self) -> bool {
+        self.world_agent.is_none() && (self.lineages.len() == 1 || (!self.has_memory() && self.simulates_all()))
     }
 
     /// What of the simulator counts into a rollout's key: its options, and the backend where that is another simulator.

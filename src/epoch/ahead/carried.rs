@@ -1,0 +1,154 @@
+//! Answers that a lineage takes with it on its way. In the epochs that the run has come to, a question is answered by its key alone.
+//! Further on prompts may show cards of other lineages that are not written yet: there what was recorded at the question's place in
+//! the run stands for the answer, as far as anything was. What follows from it is kept by keys, so a wrong guess costs time and
+//! changes nothing.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use crate::kernel::Digest;
+use crate::llm::{Ask, AskError, Cassette, DrawSlot, Miss, Model, ModelError, Recorded, Reply, Request};
+use crate::objects::LineageId;
+
+/// An answer by the key of its question and by its place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedAnswer {
+    pub answer: Digest,
+    pub slot: DrawSlot,
+    /// The bytes; as hex digits where they are no text.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reply: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reply_hex: Option<String>,
+}
+
+impl RecordedAnswer {
+    pub fn of(answer: Digest, slot: DrawSlot, bytes: &[u8]) -> RecordedAnswer {
+        match std::str::from_utf8(bytes) {
+            Ok(text) => RecordedAnswer { answer, slot, reply: Some(text.to_string()), reply_hex: None },
+            Err(_) => {
+                let hex = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+                RecordedAnswer { answer, slot, reply: None, reply_hex: Some(hex) }
+            }
+        }
+    }
+
+    /// The bytes; `None` where there are none, or no hex digits.
+    pub fn bytes(&self) -> Option<Vec<u8>> {
+        match (&self.reply, &self.reply_hex) {
+            (Some(text), None) => Some(text.as_bytes().to_vec()),
+            (None, Some(hex)) if hex.len() % 2 == 0 && hex.is_ascii() => {
+                (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).ok()).collect()
+            }
+            _ => None,
+        }
+    }
+
+    /// Those of a lineage from an epoch on. Of one place those come first that were asked first: a question that is asked once more repeats
+    /// the first one, and goes on behind it.
+    pub fn of_lineage(recorded: &Cassette, lineage: &LineageId, epoch: u32) -> Vec<RecordedAnswer> {
+        let of = |exchange: &&Recorded| exchange.slot.lineage == lineage.as_str() && exchange.slot.epoch >= epoch;
+        let length = |of: &&Recorded| of.messages.iter().map(|(_, text)| text.len()).sum::<usize>();
+        let mut exchanges: Vec<&Recorded> = recorded.exchanges().iter().filter(of).collect();
+        exchanges.sort_by_key(length);
+        exchanges.into_iter().map(|of| RecordedAnswer::of(of.key, of.slot.clone(), &of.bytes)).collect()
+    }
+}
+
+/// Who answers on a lineage's way.
+pub struct Carried<'a> {
+    by_key: BTreeMap<Digest, &'a RecordedAnswer>,
+    by_place: BTreeMap<&'a DrawSlot, Vec<&'a RecordedAnswer>>,
+    /// A model that can be asked here for what no answer was recorded of.
+    model: Option<&'a dyn Model>,
+    guesses: AtomicBool,
+    met: Mutex<Met>,
+}
+
+#[derive(Default)]
+struct Met {
+    /// How many questions of a place were answered by it: a critic may be asked once more.
+    at: BTreeMap<DrawSlot, usize>,
+    /// What the model was asked here.
+    asked: BTreeMap<Digest, RecordedAnswer>,
+}
+
+impl<'a> Carried<'a> {
+    pub fn new(answers: &'a [RecordedAnswer], model: Option<&'a dyn Model>) -> Carried<'a> {
+        let mut by_place: BTreeMap<&DrawSlot, Vec<&RecordedAnswer>> = BTreeMap::new();
+        answers.iter().for_each(|of| by_place.entry(&of.slot).or_default().push(of));
+        let by_key = answers.iter().map(|of| (of.answer, of)).collect();
+        Carried { by_key, by_place, model, guesses: AtomicBool::new(false), met: Mutex::default() }
+    }
+
+    /// Whether a model can be asked here.
+    pub fn asks(&self) -> bool {
+        self.model.is_some()
+    }
+
+    /// Whether anything was recorded of an epoch.
+    pub fn knows(&self, epoch: u32) -> bool {
+        self.by_place.keys().any(|slot| slot.epoch == epoch)
+    }
+
+    /// From now on what was recorded at a question's place stands for its answer.
+    pub(in crate::epoch) fn guess(&self) {
+        self.guesses.store(true, Ordering::Relaxed);
+    }
+
+    /// What the model said here, by the keys of its questions.
+    pub fn asked(self) -> Vec<RecordedAnswer> {
+        self.met.into_inner().unwrap_or_else(PoisonError::into_inner).asked.into_values().collect()
+    }
+
+    /// What was recorded at this place, question by question.
+    fn at_place(&self, slot: &DrawSlot) -> Option<&RecordedAnswer> {
+        let recorded = self.by_place.get(slot)?;
+        let mut met = self.met.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = met.at.entry(slot.clone()).or_default();
+        *place += 1;
+        recorded.get(*place - 1).copied()
+    }
+
+    fn complete(&self, model: &dyn Model, request: &Request, key: Digest) -> Result<Vec<u8>, AskError> {
+        if let Some(before) = self.met.lock().unwrap_or_else(PoisonError::into_inner).asked.get(&key) {
+            return Ok(before.bytes().unwrap_or_default());
+        }
+        let failed = |error: ModelError| AskError::Model { model: request.model.name.clone(), error };
+        let bytes = model.complete(request).map_err(failed)?.bytes;
+        let answer = RecordedAnswer::of(key, request.slot.clone(), &bytes);
+        self.met.lock().unwrap_or_else(PoisonError::into_inner).asked.insert(key, answer);
+        Ok(bytes)
+    }
+}
+
+impl Ask for Carried<'_> {
+    fn ask(&self, request: &Request) -> Result<Reply, AskError> {
+        let unkeyed = |error| AskError::Store(format!("a question has no key: {error}"));
+        let key = request.key().map_err(unkeyed)?;
+        let known = self.by_key.get(&key).copied();
+        // A question with its own answer takes its turn at its place, too.
+        let placed = if self.guesses.load(Ordering::Relaxed) { self.at_place(&request.slot) } else { None };
+        let bytes = match (known.or(placed).and_then(RecordedAnswer::bytes), self.model) {
+            (Some(bytes), _) => bytes,
+            (None, Some(model)) => self.complete(model, request, key)?,
+            (None, None) => {
+                let slot = request.slot.clone();
+                let (cassette, remedy) = ("the shard".to_string(), "plan the next round".to_string());
+                return Err(AskError::Miss(Box::new(Miss {
+                    cassette,
+                    key,
+                    slot,
+                    nearest: None,
+                    difference: None,
+                    remedy,
+                })));
+            }
+        };
+        Ok(Reply { request: key, response: Digest::of_bytes(&bytes), bytes, metadata: None, sealed_metadata: None })
+    }
+}

@@ -13,6 +13,7 @@ import os
 import random
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -87,10 +88,19 @@ class Cluster:
         if target == "worker":
             own = {of.process.pid for node in self.workers for of in node.all_processes.get("raylet", [])}
             return kill(processes(lambda words, parent: parent in own and words[0].startswith("ray::") and "IDLE" not in words[0]), rng)
-        at = rng.randrange(len(self.workers))
+        self.replace(rng.randrange(len(self.workers)))
+        return True
+
+    def replace(self, at):
+        """A node is gone with its object store, and another one comes."""
         self.nodes.remove_node(self.workers[at], allow_graceful=False)
         self.workers[at] = self.nodes.add_node(num_cpus=1)
-        return True
+
+    def mend(self):
+        """A node whose agent was killed ends itself: another one comes."""
+        for at, node in enumerate(self.workers):
+            if any(of.process.poll() is not None for of in node.all_processes.get("raylet", [])):
+                self.replace(at)
 
     def close(self):
         self.nodes.shutdown()
@@ -106,6 +116,9 @@ class Queue:
 
     def command(self):
         return [sys.executable, str(HERE / "evodrive-slurm")], ["--patience", "3"]
+
+    def mend(self):
+        pass
 
     def kill(self, _target, rng):
         said = subprocess.run(["squeue", "--noheader", "--array", "--format=%F_%K", "--states=running"], capture_output=True, text=True,
@@ -126,6 +139,23 @@ class StandIn(Queue):
         self.environment["PATH"] = f"{HERE / 'tests/standin'}:{self.environment['PATH']}"
 
 
+def served(scratch):
+    """A server of the S3 protocol on this machine: the environment that leads to it."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    subprocess.Popen([str(Path(sys.executable).with_name("moto_server")), "-H", "127.0.0.1", "-p", str(port)], preexec_fn=die_with_parent,
+                     stdout=(scratch / "moto.log").open("w"), stderr=subprocess.STDOUT)
+    until = time.monotonic() + 30
+    while time.monotonic() < until:
+        with socket.socket() as there:
+            if there.connect_ex(("127.0.0.1", port)) == 0:
+                break
+        time.sleep(0.2)
+    return {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any", "AWS_DEFAULT_REGION": "us-east-1",
+            "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}"}
+
+
 def evodrive(options, *words):
     ended = subprocess.run([options.evodrive, *words], capture_output=True, text=True, check=False)
     if ended.returncode != 0:
@@ -142,7 +172,7 @@ def study_with_kills(options, cluster, experiment, out, left, rng, log):
     """One study on the cluster, whose parts are killed meanwhile: its root, and what was killed."""
     words, more = cluster.command()
     words = [*words, "run", str(experiment), "--out", str(out), "--evodrive", options.evodrive, "--no-report", "--retries", "100",
-             "--by", options.by, "--size", "8", *more]
+             "--by", options.by, "--size", "8", *(["--results", f"s3://studies/{out.name}"] if options.s3 else []), *more]
     environment = {**cluster.environment, "PYTHONPATH": str(HERE), "EVODRIVE_CACHE": str(out.parent / "cache")}
     begin = lambda resume: subprocess.Popen([*words, *(["--resume"] if resume else [])], stdout=subprocess.PIPE, stderr=log, text=True,
                                             env=environment, preexec_fn=die_with_parent)
@@ -150,6 +180,7 @@ def study_with_kills(options, cluster, experiment, out, left, rng, log):
     due = time.monotonic() + rng.expovariate(1 / options.every)
     while driver.poll() is None:
         time.sleep(0.05)
+        cluster.mend()
         if sum(killed.values()) >= left or time.monotonic() < due:
             continue
         target = rng.choice(cluster.TARGETS)
@@ -210,6 +241,7 @@ def main():
     parser.add_argument("--by", choices=["lineage", "task"], default="lineage")
     parser.add_argument("--epochs", type=int, default=4)
     parser.add_argument("--scenes", type=int, default=40)
+    parser.add_argument("--s3", action="store_true", help="Ray: results through a local server of the S3 protocol (moto)")
     parser.add_argument("--harm", action="store_true", help="also the study with a result that comes twice, a corrupt and a lying one")
     parser.add_argument("--folder", help="where everything is written, and stays (default: a folder that is removed)")
     options = parser.parse_args()
@@ -222,6 +254,8 @@ def main():
     experiment.write_text(STUDY.format(base=HERE.parents[1] / "experiments/quickstart.toml", scenes=options.scenes, evolution=evolution,
                                        held_out=evolution // 2, epochs=options.epochs))
     plain = root_of(evodrive(options, "record", str(experiment), "--out", str(scratch / "plain"), "--no-report"))
+    if options.s3:
+        os.environ |= served(scratch)
     cluster = {"ray": Cluster, "slurm": Queue, "standin": StandIn}[options.on](scratch)
     rng, killed, studies, began = random.Random(options.seed), Counter(), 0, time.monotonic()
     try:

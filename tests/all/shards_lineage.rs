@@ -109,9 +109,14 @@ fn small(folder: &Path, more: &str) -> PathBuf {
     path
 }
 
+/// Lineages of one family, which are shown each other's cards.
+const RELATED: &str = "[[lineage]]\nid = \"cat-one\"\nfamily = \"cat\"\nego = \"idm\"\n\
+                       [[lineage]]\nid = \"cat-two\"\nfamily = \"cat\"\nego = \"idm\"\n\
+                       [[lineage]]\nid = \"cat-three\"\nfamily = \"cat\"\nego = \"idm\"\n";
+
 #[test]
 fn a_recorded_study_takes_one_round_of_one_shard_a_lineage() {
-    let study = Plain::new("");
+    let study = Plain::new(RELATED);
     let (said, to_do) = study.plan(&[]);
     assert_eq!((to_do.len(), &said["lineages"]), (3, &3.into()));
     assert_eq!(said["names"][0].as_str().unwrap().split(' ').nth(1), Some("from"), "{said}");
@@ -129,7 +134,21 @@ fn a_study_that_is_recorded_by_shards_takes_a_round_an_epoch_and_asks_nobody_at_
     // Cards of other lineages are part of an epoch's questions, so nobody can go further than the others are.
     assert_eq!(rounds, 3);
     let recording = folder_below(&study.path("apart")).join("recording");
-    assert!(recording.exists(), "what workers asked is this recording's");
+    assert!(recording.exists());
+    // What workers were answered is this recording's: another answer to the same question is refused.
+    let results = folder_below(&study.path("apart")).join("shards");
+    let result = std::fs::read_dir(results).unwrap().map(|entry| entry.unwrap().path());
+    let mut result = result.filter(|path| path.extension().is_some_and(|ending| ending == "result"));
+    let result = result.find(|path| std::fs::read_to_string(path).unwrap().contains("{\"answer\"")).expect("an answer");
+    let honest = std::fs::read(&result).unwrap();
+    altered(&result, "{\"answer\"", |line| {
+        let mut line: serde_json::Value = serde_json::from_str(line).unwrap();
+        line["reply"] = "another answer".into();
+        line.to_string()
+    });
+    let (ran, _) = study.shard("merge", &[]);
+    assert_eq!(ran.code, 4, "{}", ran.stderr);
+    std::fs::write(&result, honest).unwrap();
     assert_eq!(study.run("record"), (study.root.clone(), 0.into()));
     assert_eq!(std::fs::read(&cassette).unwrap(), answers);
 }

@@ -2,6 +2,12 @@
 
 import json
 import subprocess
+import time
+
+from .work import LOCKED, die_with_parent
+
+# How long a command of a driver that was killed may hold the run folder.
+HELD_S = 60.0
 
 
 class Failed(Exception):
@@ -14,25 +20,29 @@ class Failed(Exception):
 
 
 class Evodrive:
-    """The command on this machine."""
+    """The command on this machine. It ends with its driver."""
 
-    def __init__(self, words, jobs=None):
+    def __init__(self, words):
         self.words = list(words)
-        self.jobs = [] if jobs is None else ["--jobs", str(jobs)]
 
     def json(self, *arguments, may=(0,)):
         """What a command says as JSON, with its exit code, which must be one of `may`."""
-        ended = subprocess.run([*self.words, *self.jobs, "--json", *arguments], capture_output=True, text=True, check=False)
-        text = ended.stdout.strip()
-        try:
-            said = json.loads(text) if text else {}
-        except ValueError:
-            said = {}
-        if ended.returncode in may and said and "error" not in said:
-            return said, ended.returncode
-        told = ended.stderr.strip() or json.dumps(said.get("error", text))
-        raise Failed(" ".join(["evodrive", *arguments]), ended.returncode, told[-4000:])
+        until = time.monotonic() + HELD_S
+        while True:
+            ended = subprocess.run([*self.words, "--json", *arguments], capture_output=True, text=True, check=False,
+                                   preexec_fn=die_with_parent)
+            text = ended.stdout.strip()
+            try:
+                said = json.loads(text) if text else {}
+            except ValueError:
+                said = {}
+            if ended.returncode in may and said and "error" not in said:
+                return said, ended.returncode
+            told = ended.stderr.strip() or str(said.get("error", text))
+            if LOCKED not in told or time.monotonic() > until:
+                raise Failed(" ".join(["evodrive", *arguments]), ended.returncode, told[-4000:])
+            time.sleep(1.0)
 
     def shown(self, *arguments):
         """Runs a command whose output belongs on the terminal: its exit code."""
-        return subprocess.run([*self.words, *self.jobs, *arguments], check=False).returncode
+        return subprocess.run([*self.words, *arguments], check=False, preexec_fn=die_with_parent).returncode

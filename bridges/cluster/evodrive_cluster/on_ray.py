@@ -56,6 +56,7 @@ class Ray:
         # Tries are counted by the driver and not by Ray, so that a shard that is refused is not sent again.
         self.task = ray.remote(num_cpus=options.cpus, resources=resources, max_retries=0)(on_a_worker)
         self.under_way = {}
+        self.alone = False
 
     def at_once(self):
         # Ray scales by what waits: without a limit everything does.
@@ -76,6 +77,10 @@ class Ray:
 
     def wait(self):
         ready, _ = ray.wait(list(self.under_way), num_returns=1, timeout=SECONDS)
+        alone = not ready and not self.has_others(set())
+        if alone and not self.alone:
+            print("no machine of the cluster has CPUs; waiting for one", file=sys.stderr)
+        self.alone = alone
         for reference in ready:
             shard = self.under_way.pop(reference)
             try:

@@ -152,3 +152,62 @@ impl Ask for Carried<'_> {
         Ok(Reply { request: key, response: Digest::of_bytes(&bytes), bytes, metadata: None, sealed_metadata: None })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::llm::{Message, ModelSpec, Schema};
+
+    fn request(epoch: u32, text: &str) -> Request {
+        Request {
+            adapter_version: 1,
+            slot: DrawSlot { lineage: "cat".into(), epoch, slot: 0, role: "actor".into(), round: 0 },
+            model: ModelSpec {
+                name: "m".into(),
+                kind: "scripted".into(),
+                model: "m".into(),
+                sampling: BTreeMap::new(),
+                response_format: None,
+                body: BTreeMap::new(),
+                here: Default::default(),
+            },
+            messages: vec![Message { role: "user".into(), text: text.into() }],
+            schema: Schema::new(serde_json::json!({"type": "object"})).unwrap(),
+        }
+    }
+
+    fn said(carried: &Carried<'_>, epoch: u32, text: &str) -> Result<String, AskError> {
+        carried.ask(&request(epoch, text)).map(|reply| String::from_utf8(reply.bytes).unwrap())
+    }
+
+    #[test]
+    fn where_nobody_has_come_yet_an_answer_is_taken_by_its_place_in_the_order_of_asking() {
+        let mut cassette = Cassette::default();
+        // A question that was asked once more repeats the first one; a cassette has both in the order of their keys.
+        let again = "what now?\nyour reply cannot be read";
+        for (epoch, text, reply) in [(0, "what?", "first"), (1, again, "better"), (1, "what now?", "worse")] {
+            cassette.push(&request(epoch, text), reply.into()).unwrap();
+        }
+        let answers = RecordedAnswer::of_lineage(&cassette, &LineageId::new("cat"), 0);
+        let carried = Carried::new(&answers, None);
+        assert_eq!(said(&carried, 0, "what?").unwrap(), "first");
+        let asked = "what now, beside a card of another lineage?";
+        assert!(matches!(said(&carried, 1, asked), Err(AskError::Miss(_))), "the run may ask this otherwise");
+        carried.guess();
+        assert_eq!(said(&carried, 1, asked).unwrap(), "worse");
+        assert_eq!(said(&carried, 1, &format!("{asked}\nyour reply cannot be read")).unwrap(), "better");
+        assert!(matches!(said(&carried, 1, asked), Err(AskError::Miss(_))), "nothing more was asked there");
+        assert!(matches!(said(&carried, 2, asked), Err(AskError::Miss(_))));
+        assert!(carried.knows(1) && !carried.knows(2));
+    }
+
+    #[test]
+    fn bytes_that_are_no_text_come_back_as_they_were() {
+        let slot = request(0, "x").slot;
+        for bytes in [&b"text"[..], &[0xff, 0, 0x80]] {
+            let answer = RecordedAnswer::of(Digest::of_bytes(b"k"), slot.clone(), bytes);
+            let line = serde_json::to_string(&answer).unwrap();
+            assert_eq!(serde_json::from_str::<RecordedAnswer>(&line).unwrap().bytes().unwrap(), bytes);
+        }
+    }
+}

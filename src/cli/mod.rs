@@ -11,6 +11,7 @@ mod studies;
 mod terminal;
 
 use clap::{CommandFactory, FromArgMatches};
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 pub use terminal::exit::{Exit, Failure};
@@ -18,26 +19,31 @@ pub use terminal::exit::{Exit, Failure};
 /// Characters of a line of help in a pipe or a file.
 const HELP_WIDTH: usize = 100;
 
-/// Reads the arguments, runs one command, prints its answer.
+/// Reads the program's arguments, runs one command, prints its answer.
 pub fn main() -> ExitCode {
+    called_with(std::env::args_os()).into()
+}
+
+/// The same with these arguments, the program's own name first: for whoever carries the program within another one.
+pub fn called_with(words: impl IntoIterator<Item = OsString>) -> Exit {
     let width = terminal::width::stdout_width().unwrap_or(HELP_WIDTH);
     let command = terminal::groups::grouped(args::Arguments::command().term_width(width), width);
-    let matches = terminal::examples::with_examples(command).try_get_matches();
+    let matches = terminal::examples::with_examples(command).try_get_matches_from(words);
     let arguments = match matches.and_then(|matches| args::Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(error) => {
             // clap's own words: help and version go to stdout and are a success.
             let exit = if error.use_stderr() { Exit::BadInput } else { Exit::Success };
             let _ = error.print();
-            return exit.into();
+            return exit;
         }
     };
     let json = arguments.json;
     match arguments.command.run(arguments.jobs) {
-        Ok(answer) => answer.print(json).into(),
+        Ok(answer) => answer.print(json),
         Err(failure) => {
             terminal::answer::complain(&failure, json);
-            failure.exit.into()
+            failure.exit
         }
     }
 }

@@ -26,6 +26,13 @@ pub enum Frame {
     Everything,
     /// The paths of the ego, its adversaries and the vehicles marked as interacting, with this many metres around them.
     Around(f64),
+    /// A square that stays where it is put and as large as it is, whoever is there.
+    Square {
+        /// Its middle, metres.
+        centre: Vec2,
+        /// From there to its sides, metres.
+        half_m: f64,
+    },
 }
 
 /// How a picture is made.
@@ -211,6 +218,10 @@ impl View {
             Frame::Around(metres) => {
                 points.extend(drawing.actors.iter().filter(|a| leading(a.role)).flat_map(places));
                 metres
+            }
+            Frame::Square { centre, half_m } => {
+                points.push(centre);
+                half_m
             }
         };
         if points.is_empty() {

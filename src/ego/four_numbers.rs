@@ -31,6 +31,12 @@ pub fn observe(view: &View<'_>, out: &mut Vec<f32>) {
     out.extend(values.map(|x| x as f32));
 }
 
+/// Lowest and highest value of each number: offset and speed have none.
+pub fn bounds() -> [(f32, f32); LENGTH] {
+    let turn = num::FRAC_PI_2 as f32;
+    [(f32::NEG_INFINITY, f32::INFINITY), (-turn, turn), (0.0, f32::INFINITY), (0.0, 1.0)]
+}
+
 /// What the ego does by a steering and a pedal, both in [-1, 1].
 pub fn control(steering: f64, pedal: f64) -> Control {
     let most_mps2 = if pedal > 0.0 { PEDAL_MPS2 } else { BRAKE_MPS2 };

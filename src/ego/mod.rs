@@ -1,5 +1,6 @@
 //! The fixed drivers under test.
 
+pub mod arrays;
 mod four_numbers;
 pub mod idm;
 pub mod learned;
@@ -11,4 +12,4 @@ pub mod weights;
 
 pub use observation::Setting;
 pub use policy::{Policy, PolicyError};
-pub use weights::{Weights, WeightsError};
+pub use weights::{Activation, Form, Squash, Weights, WeightsError};

@@ -62,10 +62,15 @@ impl Mlp {
 
     /// Evaluates one input; the result lies in `values`, and `spare` is room for the layers between.
     pub fn apply(&self, values: &mut Vec<f32>, spare: &mut Vec<f32>) {
+        self.apply_with(|x| x.max(0.0), values, spare);
+    }
+
+    /// The same with another function between the layers.
+    pub fn apply_with(&self, between: impl Fn(f32) -> f32, values: &mut Vec<f32>, spare: &mut Vec<f32>) {
         for (i, layer) in self.layers.iter().enumerate() {
             layer.apply(values, spare);
             if i + 1 < self.layers.len() {
-                spare.iter_mut().for_each(|x| *x = x.max(0.0));
+                spare.iter_mut().for_each(|x| *x = between(*x));
             }
             std::mem::swap(values, spare);
         }

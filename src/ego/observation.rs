@@ -57,6 +57,14 @@ impl Setting {
         }
     }
 
+    /// Lowest and highest value of each number.
+    pub fn bounds(self) -> Vec<(f32, f32)> {
+        match self {
+            Setting::Metadrive1 => bounds(),
+            Setting::Safebench1 => four_numbers::bounds().to_vec(),
+        }
+    }
+
     /// Puts the observation in place of what `out` holds.
     pub fn observe(self, view: &View<'_>, out: &mut Vec<f32>) {
         out.clear();
@@ -80,6 +88,17 @@ impl Setting {
             Setting::Safebench1 => four_numbers::control(steering, pedal),
         }
     }
+}
+
+/// Of [`observe`], number by number.
+fn bounds() -> Vec<(f32, f32)> {
+    let most = MOST as f32;
+    let (any, some, unit, share) = ((-most, most), (0.0, most), (-1.0, 1.0), (0.0, 1.0));
+    let mut bounds = vec![some, unit, any, any, unit, any, share, share, share, any];
+    bounds.extend([any; 2 * ROUTE_M.len()]);
+    bounds.extend([share; EDGE_RAYS + LIDAR_RAYS]);
+    bounds.extend([share, unit, unit, any, any, unit, unit, some, any, any].repeat(OTHERS));
+    bounds
 }
 
 fn observe(view: &View<'_>, out: &mut Vec<f32>) {

@@ -88,7 +88,7 @@ impl Policy {
             Policy::Idm | Policy::Command(_) => Box::new(IdmDriver::new(false)),
             Policy::IdmMindingLights => Box::new(IdmDriver::new(true)),
             Policy::Replay => Box::new(ReplayDriver),
-            Policy::Learned(weights) => Box::new(LearnedDriver::new(weights.setting, weights.actor.clone())),
+            Policy::Learned(weights) => Box::new(LearnedDriver::new(weights)),
         }
     }
 }

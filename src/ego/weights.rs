@@ -20,22 +20,65 @@ const WIDTH_MAX: usize = 1024;
 pub struct Weights {
     /// What they observe and do.
     pub setting: Setting,
+    /// What lies between the layers, and behind the last one.
+    pub form: Form,
     /// Means, then logarithms of standard deviations.
     pub actor: Arc<Mlp>,
     /// Of the file's bytes.
     pub digest: Digest,
 }
 
+/// How an actor's numbers become an action. What our own trainings give is the default, and a file then says nothing of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Form {
+    /// Between the layers.
+    pub activation: Activation,
+    /// From the means to an action.
+    pub squash: Squash,
+}
+
+/// A function between layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Activation {
+    /// The larger of the number and 0.
+    #[default]
+    Relu,
+    /// The hyperbolic tangent.
+    Tanh,
+}
+
+/// From a mean to an action in [-1, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Squash {
+    /// The hyperbolic tangent, as of soft actor-critic.
+    #[default]
+    Tanh,
+    /// Cut off, as of PPO.
+    Clip,
+}
+
 /// What our line in the header says.
 #[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Header {
     observation: String,
+    #[serde(default, skip_serializing_if = "is_default")]
+    activation: Activation,
+    #[serde(default, skip_serializing_if = "is_default")]
+    squash: Squash,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Why a file's bytes are no weights.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{layer}: found {found}, expected {expected}; train the ego again: evodrive train experiments/train/<name>.toml"
+    "{layer}: found {found}, expected {expected}; train the ego again (evodrive train experiments/train/<name>.toml), or write \
+     one of your own with evodrive.gym.save_policy (docs/FORMAT.md)"
 )]
 pub struct WeightsError {
     /// Where in the file.
@@ -61,7 +104,7 @@ impl Weights {
     pub fn from_bytes(bytes: &[u8]) -> Result<Weights, WeightsError> {
         let whole = "a whole safetensors file";
         let file = SafeTensors::deserialize(bytes).map_err(|error| WeightsError::new("header", error, whole))?;
-        let setting = setting(bytes)?;
+        let (setting, form) = header(bytes)?;
         let known: Vec<String> =
             TRUNK.iter().chain(&HEADS).flat_map(|layer| [format!("{layer}.bias"), format!("{layer}.weight")]).collect();
         if let Some(odd) = file.names().into_iter().find(|name| !known.iter().any(|known| known == name)) {
@@ -79,7 +122,7 @@ impl Weights {
         let second = layer(&file, TRUNK[1], hidden, hidden)?;
         let heads = [layer(&file, HEADS[0], hidden, ACTION)?, layer(&file, HEADS[1], hidden, ACTION)?];
         let actor = Arc::new(Mlp { layers: vec![first, second, beside(&heads)] });
-        Ok(Weights { setting, actor, digest: Digest::of_bytes(bytes) })
+        Ok(Weights { setting, form, actor, digest: Digest::of_bytes(bytes) })
     }
 
     /// The bytes of a file with an actor of two hidden layers.
@@ -87,6 +130,33 @@ impl Weights {
     /// # Errors
     /// An actor of another form.
     pub fn to_bytes(setting: Setting, actor: &Mlp) -> Result<Vec<u8>, WeightsError> {
+        Weights::to_bytes_as(setting, actor, Form::default())
+    }
+
+    /// A form by the names of its parts.
+    ///
+    /// # Errors
+    /// A name that no part has.
+    pub fn form(activation: &str, squash: &str) -> Result<Form, WeightsError> {
+        let wrong = |key: &str, name: &str, expected: &str| WeightsError::new(key, format!("{name:?}"), expected);
+        let activation = match activation {
+            "relu" => Activation::Relu,
+            "tanh" => Activation::Tanh,
+            other => return Err(wrong("activation", other, "relu or tanh")),
+        };
+        let squash = match squash {
+            "tanh" => Squash::Tanh,
+            "clip" => Squash::Clip,
+            other => return Err(wrong("squash", other, "tanh or clip")),
+        };
+        Ok(Form { activation, squash })
+    }
+
+    /// [`Weights::to_bytes`] of an actor that was trained elsewhere.
+    ///
+    /// # Errors
+    /// An actor of another form.
+    pub fn to_bytes_as(setting: Setting, actor: &Mlp, form: Form) -> Result<Vec<u8>, WeightsError> {
         let [first, second, both] = &actor.layers[..] else {
             return Err(WeightsError::new("actor", format!("{} layers", actor.layers.len()), "3 layers"));
         };
@@ -105,7 +175,11 @@ impl Weights {
             .map(|(name, shape, data)| Ok((name, TensorView::new(Dtype::F32, shape.clone(), data)?)))
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
             .map_err(|error| failed(&error))?;
-        let header = serde_json::to_string(&Header { observation: setting.name().to_string() });
+        let header = serde_json::to_string(&Header {
+            observation: setting.name().to_string(),
+            activation: form.activation,
+            squash: form.squash,
+        });
         let header = [(KEY.to_string(), header.map_err(|error| failed(&error))?)].into_iter().collect();
         serialize(views, Some(header)).map_err(|error| failed(&error))
     }
@@ -131,7 +205,7 @@ pub fn floats(file: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec
     }
 }
 
-fn setting(bytes: &[u8]) -> Result<Setting, WeightsError> {
+fn header(bytes: &[u8]) -> Result<(Setting, Form), WeightsError> {
     let known: Vec<&str> = Setting::ALL.iter().map(|setting| setting.name()).collect();
     let expected = format!("an observation of this version: {}", known.join(" or "));
     let refuse = |found: String| WeightsError::new("header", found, &expected);
@@ -139,8 +213,9 @@ fn setting(bytes: &[u8]) -> Result<Setting, WeightsError> {
     let line = header.metadata().as_ref().and_then(|lines| lines.get(KEY));
     let line = line.ok_or_else(|| refuse(format!("no line {KEY:?}")))?;
     let read: Header = serde_json::from_str(line).map_err(|error| refuse(error.to_string()))?;
-    let known = Setting::ALL.into_iter().find(|setting| setting.name() == read.observation);
-    known.ok_or_else(|| refuse(format!("observation {:?}", read.observation)))
+    let setting = Setting::ALL.into_iter().find(|setting| setting.name() == read.observation);
+    let setting = setting.ok_or_else(|| refuse(format!("observation {:?}", read.observation)))?;
+    Ok((setting, Form { activation: read.activation, squash: read.squash }))
 }
 
 fn layer(file: &SafeTensors<'_>, name: &str, inputs: usize, outputs: usize) -> Result<Dense, WeightsError> {
@@ -191,6 +266,18 @@ mod tests {
         let read = Weights::from_bytes(&bytes).unwrap();
         assert_eq!((read.setting, &*read.actor), (Setting::Safebench1, &actor()));
         assert_eq!(Weights::to_bytes(read.setting, &read.actor).unwrap(), bytes);
+    }
+
+    #[test]
+    fn a_form_of_another_training_is_written_and_read_and_drives_otherwise() {
+        let ppo = Weights::form("tanh", "clip").unwrap();
+        let bytes = Weights::to_bytes_as(Setting::Safebench1, &actor(), ppo).unwrap();
+        assert_eq!(Weights::from_bytes(&bytes).unwrap().form, ppo);
+        let plain = Weights::to_bytes(Setting::Safebench1, &actor()).unwrap();
+        let is_said = |bytes: &[u8]| bytes.windows(10).any(|w| w == b"activation");
+        assert!(is_said(&bytes) && !is_said(&plain), "files of our own trainings stay what they were");
+        let refused = [Weights::form("swish", "clip"), Weights::form("relu", "none")];
+        assert!(refused.iter().all(|form| form.as_ref().is_err_and(|error| error.to_string().contains("expected"))));
     }
 
     #[test]

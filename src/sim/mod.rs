@@ -10,7 +10,7 @@ pub use accounts::{
     ACTED_M, ActorConduct, ActorTrace, AdversaryReport, Contact, Driving, End, Feasibility, Motion, OfKind,
     OfKindReport, Outcome, Trace, driving, feasibility, outcome, smooth,
 };
-pub use encounters::{ContactClass, Side, Striker, assess, gaps, meeting, rollout_assessed};
+pub use encounters::{ContactClass, Side, Striker, assess, gaps, meeting};
 pub use prepared::{
     Along, AvoidanceOptions, EgoBox, FollowerStart, Obstacle, Path, Plant, PlantOptions, SimError, SimulatorOptions,
     SimulatorOptionsError, Size, body, drivable, error, options, path, plant, plant_options,
@@ -20,8 +20,9 @@ pub use road_users::{
     Until, View, Way, bicycle, driver, idm, intervention, law, script, skills,
 };
 pub use rollouts::{
-    Part, Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, RolloutCost, adversaries_of, commands,
-    ending, judge, reported, rollout, rollout_counted, rollout_in_parts, rollout_traced, tell,
+    Episode, Held, Part, Pose, Repeated, ReportedActor, ReportedContact, ReportedError, ReportedRollout, RolloutCost,
+    adversaries_of, commands, ending, judge, reported, rollout, rollout_assessed, rollout_counted, rollout_in_parts,
+    rollout_traced, tell,
 };
 
 /// Part of every rollout key; rises when any outcome can change.

@@ -16,6 +16,7 @@ mod credit;
 mod damage;
 mod data;
 mod downstream;
+mod episodes;
 mod evaluation;
 mod evolving;
 mod exchange;

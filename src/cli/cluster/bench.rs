@@ -4,6 +4,7 @@ use clap::{Args, Subcommand};
 use serde_json::json;
 use std::path::PathBuf;
 
+use crate::cli::cluster::bench_env;
 use crate::cli::cluster::bench_ledger;
 use crate::cli::cluster::bench_observe::{Cost, Observer};
 use crate::cli::cluster::bench_shards;
@@ -24,6 +25,8 @@ use crate::sim::{Intervention, Part, RolloutCost, SimError, rollout_counted, rol
 pub enum Command {
     /// Simulate every scene of a pool with the IDM ego and one CAT adversary, with contacts and all metrics.
     Sim(SimOptions),
+    /// Step environments side by side, observations, rewards and resets included, as the Python package does.
+    Env(bench_env::EnvOptions),
     /// Plan, write and merge a given number of rollouts as shards; one record stands for all of them.
     Shards(bench_shards::ShardsOptions),
     /// Record, read and verify objects in a trial store, and explain missing answers of a large cassette.
@@ -49,6 +52,7 @@ pub struct SimOptions {
 pub fn run(command: Command, jobs: usize) -> Result<Answer, Failure> {
     match command {
         Command::Sim(options) => sim(&options, jobs),
+        Command::Env(options) => bench_env::run(&options, jobs),
         Command::Ledger(options) => bench_ledger::run(&options, jobs),
         Command::Shards(options) => bench_shards::run(&options, jobs),
     }

@@ -1,7 +1,8 @@
 //! Work on many machines, the processes beside this one, and how fast this one is.
 
 pub mod bench;
-pub mod bench_ledger;
+pub mod bench_env;
+mod bench_ledger;
 pub mod bench_observe;
 pub mod bench_shards;
 mod printed;

@@ -5,6 +5,7 @@ pub mod compared_pairs;
 pub mod credit;
 pub mod data;
 pub mod diff;
+pub mod driven;
 pub mod figure;
 pub mod impact;
 pub mod lineage;

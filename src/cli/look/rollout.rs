@@ -256,7 +256,8 @@ impl Played {
         let applied = match &self.decision {
             Some(decision) if !decision.applies => format!("; not applied: {}", decision.reason),
             Some(_) => String::new(),
-            None => "; no program".to_string(),
+            None if self.intervention.actions.is_empty() => "; no program".to_string(),
+            None => String::new(),
         };
         format!("{}{applied}", playables::ending(&self.outcome, self.motion.from_step))
     }

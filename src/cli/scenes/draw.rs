@@ -42,6 +42,9 @@ pub struct Options {
     pub scene: Option<String>,
     #[command(flatten)]
     pub of: OfAttempt,
+    /// Take the scene as it was driven in an environment: the file of an episode (bridges/python), beside its pool.
+    #[arg(long, conflicts_with = "attempt", requires = "run")]
+    pub episode: Option<PathBuf>,
     /// File to write: a strip of moments (.svg, .pdf), or a film (.gif; .mp4 where ffmpeg is installed).
     #[arg(long)]
     pub out: PathBuf,
@@ -77,7 +80,8 @@ enum Kind {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let kind = check(options)?;
-    let (drawing, title) = show::drawn(options.path.as_ref(), options.scene.as_ref(), &options.of, jobs)?;
+    let (drawing, title) =
+        show::drawn(options.path.as_ref(), options.scene.as_ref(), (&options.of, options.episode.as_deref()), jobs)?;
     match kind {
         Kind::Strip | Kind::Page => drawn_strip(options, kind, &drawing, title),
         kind => drawn_film(options, kind, &drawing, title, jobs),

@@ -5,8 +5,8 @@ use serde_json::json;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::cli::look::playables;
 use crate::cli::look::rollout::{self, OfAttempt, Played};
+use crate::cli::look::{driven, playables};
 use crate::cli::scenes::files::{self, row};
 use crate::cli::studies::{suite_file, suite_scenes};
 use crate::cli::terminal::output::Output;
@@ -28,6 +28,9 @@ pub struct Options {
     pub of_scene: Option<String>,
     #[command(flatten)]
     pub of: OfAttempt,
+    /// Take the scene as it was driven in an environment: the file of an episode (bridges/python), beside its pool.
+    #[arg(long, conflicts_with = "attempt", requires = "run")]
+    pub episode: Option<PathBuf>,
     /// Draw it into this SVG file.
     #[arg(long)]
     pub svg: Option<PathBuf>,
@@ -40,7 +43,7 @@ pub struct Options {
 
 pub fn run(options: &Options, jobs: usize) -> Result<Answer, Failure> {
     let id = options.scene.as_ref().or(options.of_scene.as_ref());
-    match meant(options.path.as_ref(), id, &options.of, jobs)? {
+    match meant(options.path.as_ref(), id, (&options.of, options.episode.as_deref()), jobs)? {
         Meant::Played(rollout) => played(options, &rollout),
         Meant::Recorded(scene) => recorded(options, &scene),
     }
@@ -52,7 +55,15 @@ enum Meant {
     Played(Box<Played>),
 }
 
-fn meant(path: Option<&PathBuf>, id: Option<&String>, of: &OfAttempt, jobs: usize) -> Result<Meant, Failure> {
+fn meant(
+    path: Option<&PathBuf>,
+    id: Option<&String>,
+    (of, episode): (&OfAttempt, Option<&Path>),
+    jobs: usize,
+) -> Result<Meant, Failure> {
+    if let (Some(episode), Some(pool)) = (episode, path) {
+        return Ok(Meant::Played(Box::new(driven::played(episode, pool, jobs)?)));
+    }
     match (&of.attempt, path) {
         (Some(attempt), _) => {
             let named: Vec<String> = id.cloned().into_iter().collect();
@@ -99,10 +110,10 @@ fn is_case(path: &Path, word: &str) -> bool {
 pub fn drawn(
     path: Option<&PathBuf>,
     id: Option<&String>,
-    of: &OfAttempt,
+    (of, episode): (&OfAttempt, Option<&Path>),
     jobs: usize,
 ) -> Result<(Drawing, String), Failure> {
-    Ok(match meant(path, id, of, jobs)? {
+    Ok(match meant(path, id, (of, episode), jobs)? {
         Meant::Recorded(scene) => (Drawing::of_scene(&scene), scene.id.clone()),
         Meant::Played(played) if of.ego_log => {
             let scene =

@@ -81,6 +81,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("downstream", "evodrive downstream experiments/downstream/metadrive.toml"),
     ("egos", "evodrive egos examples/own_ego/idm.toml"),
     ("bench sim", "evodrive bench sim --pool my.pool"),
+    ("bench env", "evodrive bench env --pool my.pool"),
     ("bench ledger", "evodrive bench ledger --scratch empty"),
     ("bench shards", "evodrive bench shards --pool my.pool --folder empty"),
 ];

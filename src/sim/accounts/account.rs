@@ -33,9 +33,9 @@ pub(in crate::sim) struct Account {
 impl Account {
     /// Before the first state is observed.
     pub fn new(state: &ClosedLoop<'_>) -> Account {
-        let (plant, actors) = (state.plant, &state.world.actors);
+        let (plant, actors) = (&*state.plant, &state.world.actors);
         Account {
-            watched: actors.iter().map(|a| Watched::new(plant, a, state.intervention)).collect(),
+            watched: actors.iter().map(|a| Watched::new(plant, a, &state.intervention)).collect(),
             ego_footprints: Footprints::with_room(plant.steps() + 2),
             ego_meter: Default::default(),
             start_s_m: state.ego.along.s_m.clamp(0.0, plant.route.length_m()),
@@ -49,7 +49,7 @@ impl Account {
 
     /// Takes the state at simulated step `k` into account, `seconds` after the last.
     pub fn observe(&mut self, state: &ClosedLoop<'_>, k: usize, seconds: f64) {
-        let (plant, ego) = (state.plant, &state.ego);
+        let (plant, ego) = (&*state.plant, &state.ego);
         self.ego_meter.push(&ego.sample, seconds);
         let whole_step = seconds == DT_S;
         if whole_step {
@@ -93,8 +93,8 @@ impl Account {
     pub fn sweep(&mut self, state: &ClosedLoop<'_>, k: usize, step: &EgoStep, until: usize) {
         let ego = Mover { size: &state.plant.ego_size, path: &step.path, reach_m: step.reach_m };
         for (own, watched) in self.watched.iter_mut().enumerate() {
-            watched.check_start(state.plant, &state.world, own, k, &ego);
-            watched.check_way(state.plant, &state.world, own, k, until);
+            watched.check_start(&state.plant, &state.world, own, k, &ego);
+            watched.check_way(&state.plant, &state.world, own, k, until);
         }
     }
 
@@ -115,8 +115,8 @@ impl Account {
     }
 
     /// The outcome of a rollout that ended so.
-    pub fn outcome(&mut self, plant: &Plant, end: End, steps: usize, contact: Option<Contact>) -> Outcome {
-        self.traced.words([end as u64, steps as u64, contact.map_or(0.0, |c| c.time_s).to_bits()]);
+    pub fn outcome(&self, plant: &Plant, end: End, steps: usize, contact: Option<Contact>) -> Outcome {
+        let last = [end as u64, steps as u64, contact.map_or(0.0, |c| c.time_s).to_bits()];
         let finite = |x: f64| x.is_finite().then_some(x);
         let with_adversary = contact.is_some_and(|c| c.adversary);
         let encroachments = self.watched.iter().filter_map(Watched::post_encroachment_s);
@@ -132,7 +132,7 @@ impl Account {
             ego_lateral_m_max: self.lateral_m_max,
             ego: self.ego_meter.finish(),
             adversaries: self.watched.iter().map(|watched| watched.report(plant)).collect(),
-            trace: self.traced.finish(),
+            trace: self.traced.finish(last),
             driving: self.driving.as_ref().map(DrivingMeter::finish),
         }
     }

@@ -32,7 +32,7 @@ impl TraceDigest {
         ]);
     }
 
-    pub fn words<const N: usize>(&mut self, words: [u64; N]) {
+    fn words<const N: usize>(&mut self, words: [u64; N]) {
         if self.buffer.len() + 8 * N > BUFFER_BYTES {
             self.hasher.update(&self.buffer);
             self.buffer.clear();
@@ -42,9 +42,13 @@ impl TraceDigest {
         }
     }
 
-    pub fn finish(&mut self) -> Digest {
-        self.hasher.update(&self.buffer);
-        self.buffer.clear();
-        Digest::from_array(*self.hasher.finalize().as_bytes())
+    /// The digest of all words so far and these last ones.
+    pub fn finish<const N: usize>(&self, last: [u64; N]) -> Digest {
+        let mut hasher = self.hasher.clone();
+        hasher.update(&self.buffer);
+        for word in last {
+            hasher.update(&word.to_le_bytes());
+        }
+        Digest::from_array(*hasher.finalize().as_bytes())
     }
 }

@@ -6,28 +6,17 @@
 use crate::scene::DT_S;
 use crate::sim::SimError;
 use crate::sim::accounts::feasibility::DRIVABLE_TOLERANCE_M;
-use crate::sim::accounts::outcome::Outcome;
+use crate::sim::accounts::outcome::{Contact, Outcome};
 use crate::sim::prepared::options::AvoidanceOptions;
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::driver::Driver;
 use crate::sim::road_users::intervention::{ActorRef, Intervention};
 use crate::sim::rollouts::closed_loop::ClosedLoop;
-use crate::sim::rollouts::rollout::{OFF_ROAD_OFFSET_M, rollout};
+use crate::sim::rollouts::rules::OFF_ROAD_OFFSET_M;
 
 use super::class::ContactClass;
 use super::evasion::{Evasion, Manoeuvre};
 use super::threat::ThreatWatch;
-
-/// [`rollout`] with the contact [`assess`]ed: what labels are read from.
-pub fn rollout_assessed(
-    plant: &Plant,
-    intervention: &Intervention,
-    driver: &mut dyn Driver,
-) -> Result<Outcome, SimError> {
-    let mut outcome = rollout(plant, intervention, driver)?;
-    assess(plant, intervention, driver, &mut outcome)?;
-    Ok(outcome)
-}
 
 /// Fills in since when the ego could see its contact with an adversary coming, and whether it could have avoided it.
 /// `outcome` must be the rollout of the same plant, intervention and driver. Other outcomes stay as they are.
@@ -37,8 +26,20 @@ pub fn assess(
     driver: &mut dyn Driver,
     outcome: &mut Outcome,
 ) -> Result<(), SimError> {
-    let state = ClosedLoop::new(plant, intervention, driver)?;
-    assess_relived(&mut Driven { state, driver }, outcome)
+    driver.begin(plant);
+    let state = ClosedLoop::without_driver(plant.into(), intervention.into(), driver.follows_log())?;
+    assess_relived(&mut Driven { state, driver }, outcome.contact.as_mut())
+}
+
+/// [`assess`] of the contact alone.
+pub(in crate::sim) fn assess_contact(
+    plant: &Plant,
+    intervention: &Intervention,
+    driver: &mut dyn Driver,
+    contact: &mut Contact,
+) -> Result<(), SimError> {
+    let state = ClosedLoop::without_driver(plant.into(), intervention.into(), driver.follows_log())?;
+    assess_relived(&mut Driven { state, driver }, Some(contact))
 }
 
 /// A rollout that is lived through again, step by step.
@@ -76,7 +77,8 @@ impl<'a> Relived<'a> for Driven<'a, '_> {
 
     fn advance(&mut self, k: usize) -> Result<bool, SimError> {
         let state = &mut self.state;
-        let Some(step) = state.decide(self.driver, k)? else { return Ok(false) };
+        let control = self.driver.decide(&state.view(k));
+        let Some(step) = state.carry_out(control, k)? else { return Ok(false) };
         state.decide_traffic(k);
         state.plan_others(k);
         if state.first_contact(k, &step).is_some() {
@@ -88,9 +90,12 @@ impl<'a> Relived<'a> for Driven<'a, '_> {
 }
 
 /// [`assess`] of a rollout that is lived through again from its first state.
-pub(in crate::sim) fn assess_relived<'a>(rollout: &mut dyn Relived<'a>, outcome: &mut Outcome) -> Result<(), SimError> {
-    let Some(contact) = outcome.contact.as_mut().filter(|contact| contact.adversary) else { return Ok(()) };
-    let options = &rollout.state().plant.options().avoidance;
+pub(in crate::sim) fn assess_relived<'a>(
+    rollout: &mut dyn Relived<'a>,
+    contact: Option<&mut Contact>,
+) -> Result<(), SimError> {
+    let Some(contact) = contact.filter(|contact| contact.adversary) else { return Ok(()) };
+    let options = &{ rollout.state().plant.options().avoidance };
     let look_back = look_back(rollout, contact.with, options)?;
     contact.visible_s = look_back.visible.map(|k| contact.time_s - k as f64 * DT_S);
     let until = look_back.contact + in_steps(options.horizon_s);
@@ -159,7 +164,7 @@ fn stays_clear(
     options: &AvoidanceOptions,
 ) -> bool {
     let mut state = fork.clone();
-    let plant = state.plant;
+    let plant = &*fork.plant;
     let evasion = Evasion::new(manoeuvre, &state.ego, options);
     let beyond_m = beyond_road_m(&state).max(DRIVABLE_TOLERANCE_M);
     for k in from..until.min(plant.steps()) {

@@ -113,7 +113,7 @@ impl<'a> ThreatWatch<'a> {
             num::atan2(axis.cross(to), axis.dot(to)).abs() <= half_view_rad
         });
         let farthest_m = places.iter().map(|place| place.distance(eye)).fold(0.0, f64::max);
-        state.world.for_each_near(state.plant, k, eye, farthest_m, |near| {
+        state.world.for_each_near(&state.plant, k, eye, farthest_m, |near| {
             let hides = matches!(near.size.kind, AgentKind::Vehicle | AgentKind::Static) && near.who != actor.who;
             if hides {
                 let cover = near.size.at(Place { position: near.position, axis: near.axis });

@@ -4,7 +4,6 @@
 use crate::kernel::Vec2;
 use crate::scene::{DT_S, Sample};
 use crate::sim::SimError;
-use crate::sim::accounts::end::End;
 use crate::sim::accounts::outcome::Contact;
 use crate::sim::encounters::class::Before;
 use crate::sim::encounters::contact;
@@ -13,12 +12,14 @@ use crate::sim::prepared::body::{Place, SUBSTEP_S, SUBSTEPS, sample_during};
 use crate::sim::prepared::plant::Plant;
 use crate::sim::road_users::actors::{Mind, adversaries, set_off};
 use crate::sim::road_users::bicycle::Car;
-use crate::sim::road_users::driver::{Control, Driver, EgoState, View};
+use crate::sim::road_users::driver::{Control, EgoState, View};
 use crate::sim::road_users::intervention::{Action, Intervention};
 use crate::sim::road_users::observing::Surroundings;
 use crate::sim::road_users::others::Others;
 use crate::sim::road_users::skills::EgoForecast;
 use crate::sim::road_users::traffic;
+
+use super::held::Held;
 
 /// The ego looks for its place on the route within the way it went and this much, metres.
 const ROUTE_WINDOW_M: f64 = 5.0;
@@ -26,8 +27,8 @@ const ROUTE_WINDOW_M: f64 = 5.0;
 /// Everyone at one decision step.
 #[derive(Clone)]
 pub(in crate::sim) struct ClosedLoop<'a> {
-    pub plant: &'a Plant,
-    pub intervention: &'a Intervention,
+    pub plant: Held<'a, Plant>,
+    pub intervention: Held<'a, Intervention>,
     pub world: Others,
     /// Number of adversaries: the first of `world.actors`.
     pub count: usize,
@@ -50,26 +51,17 @@ pub(in crate::sim) struct EgoStep {
 }
 
 impl<'a> ClosedLoop<'a> {
-    /// The first state, with the driver reset; refuses interventions that cannot be carried out.
-    pub fn new(
-        plant: &'a Plant,
-        intervention: &'a Intervention,
-        driver: &mut dyn Driver,
-    ) -> Result<ClosedLoop<'a>, SimError> {
-        driver.begin(plant);
-        ClosedLoop::without_driver(plant, intervention, driver.follows_log())
-    }
-
-    /// The first state where somebody else drives the ego; `replays` says whether as it was recorded.
+    /// The first state; `replays` says whether the ego is driven as it was recorded. Refuses interventions that cannot be
+    /// carried out.
     pub fn without_driver(
-        plant: &'a Plant,
-        intervention: &'a Intervention,
+        plant: Held<'a, Plant>,
+        intervention: Held<'a, Intervention>,
         replays: bool,
     ) -> Result<ClosedLoop<'a>, SimError> {
-        let mut world = Others::for_plant(plant, intervention.actions.len());
-        adversaries(plant, intervention, &mut world.actors)?;
+        let mut world = Others::for_plant(&plant, intervention.actions.len());
+        adversaries(&plant, &intervention, &mut world.actors)?;
         for actor in &mut world.actors {
-            actor.place_first(plant, intervention);
+            actor.place_first(&plant, &intervention);
             if let crate::sim::ActorRef::Track(track) = actor.who {
                 world.simulated[track] = true;
             }
@@ -98,13 +90,17 @@ impl<'a> ClosedLoop<'a> {
 
     /// Turns traffic reactive that appears behind the ego at the k-th step.
     pub fn wake(&mut self, k: usize) {
-        traffic::wake(self.plant, &mut self.world, &self.ego, k, self.replays);
+        traffic::wake(&self.plant, &mut self.world, &self.ego, k, self.replays);
     }
 
-    /// The ego's motion through the next step as a driver decides it; `None` when a replayed recording has ended.
-    pub fn decide(&self, driver: &mut dyn Driver, k: usize) -> Result<Option<EgoStep>, SimError> {
-        let view = View { plant: self.plant, world: &self.world, k, ego: &self.ego };
-        match driver.decide(&view) {
+    /// The world as a driver sees it at the k-th step.
+    pub fn view(&self, k: usize) -> View<'_> {
+        View { plant: &self.plant, world: &self.world, k, ego: &self.ego }
+    }
+
+    /// The ego's motion through the next step by a decision; `None` when a replayed recording has ended.
+    pub fn carry_out(&self, control: Control, k: usize) -> Result<Option<EgoStep>, SimError> {
+        match control {
             Control::Drive { acceleration_mps2, steering_rad } => {
                 if !acceleration_mps2.is_finite() || !steering_rad.is_finite() {
                     return Err(SimError::Driver {
@@ -123,11 +119,6 @@ impl<'a> ClosedLoop<'a> {
                 None => Ok(None),
             },
         }
-    }
-
-    /// Tells the driver that the rollout ended after `k` steps.
-    pub fn finish(&self, driver: &mut dyn Driver, k: usize, end: End) {
-        driver.finish(&View { plant: self.plant, world: &self.world, k, ego: &self.ego }, end);
     }
 
     /// The ego's motion under constant controls.
@@ -158,7 +149,7 @@ impl<'a> ClosedLoop<'a> {
 
     /// What reactive traffic decides at the k-th step.
     pub fn decide_traffic(&mut self, k: usize) {
-        traffic::decide(self.plant, &mut self.world, &self.ego, k);
+        traffic::decide(&self.plant, &mut self.world, &self.ego, k);
     }
 
     /// Works out the next pose of everyone simulated but the ego.
@@ -169,10 +160,10 @@ impl<'a> ClosedLoop<'a> {
             acceleration_mps2: self.ego.acceleration_mps2,
             size: self.ego.size,
         };
-        set_off(&mut self.world.actors[..self.count], self.intervention, &forecast);
+        set_off(&mut self.world.actors[..self.count], &self.intervention, &forecast);
         self.let_observe(k, &forecast);
         for actor in &mut self.world.actors {
-            actor.plan(self.plant, self.intervention, k, &forecast);
+            actor.plan(&self.plant, &self.intervention, k, &forecast);
         }
     }
 
@@ -180,7 +171,7 @@ impl<'a> ClosedLoop<'a> {
     fn let_observe(&mut self, k: usize, ego: &EgoForecast) {
         for own in 0..self.count {
             let around = Surroundings {
-                plant: self.plant,
+                plant: &self.plant,
                 world: &self.world,
                 k,
                 ego,
@@ -203,7 +194,7 @@ impl<'a> ClosedLoop<'a> {
     /// The ego's first contact in the k-th step.
     pub fn first_contact(&mut self, k: usize, step: &EgoStep) -> Option<Hit> {
         let ego = Mover { size: &self.plant.ego_size, path: &step.path, reach_m: step.reach_m };
-        contact::first_contact(self.plant, &self.world, &mut self.ghosts, k, &ego, !self.replays)
+        contact::first_contact(&self.plant, &self.world, &mut self.ghosts, k, &ego, !self.replays)
     }
 
     /// Takes a recorded road user out of the world.
@@ -222,7 +213,7 @@ impl<'a> ClosedLoop<'a> {
             0 => self.ego.sample.velocity,
             j => step.samples[j - 1].velocity,
         };
-        let before = Before::of(self.plant, &self.world, k, hit, &self.ego.along);
+        let before = Before::of(&self.plant, &self.world, k, hit, &self.ego.along);
         contact::describe(hit, k, &self.ego.size.at(step.path[hit.substep]), velocity, &before)
     }
 

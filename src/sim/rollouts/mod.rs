@@ -1,16 +1,25 @@
 //! The closed loop, and motion that another simulator tells.
 
 pub(super) mod closed_loop;
+mod episode;
+mod held;
+mod part;
 #[cfg(test)]
 mod plain;
 mod recorder;
 mod reenacted;
+mod repeated;
 pub mod reported;
 mod reported_check;
 #[cfg(test)]
 mod reported_tests;
 pub mod rollout;
+pub(super) mod rules;
 
+pub use episode::Episode;
+pub use held::Held;
+pub use part::{Part, RolloutCost};
 pub use reenacted::{judge, tell};
+pub use repeated::Repeated;
 pub use reported::{Pose, ReportedActor, ReportedContact, ReportedError, ReportedRollout, adversaries_of, commands};
-pub use rollout::{Part, RolloutCost, ending, rollout, rollout_counted, rollout_in_parts, rollout_traced};
+pub use rollout::{ending, rollout, rollout_assessed, rollout_counted, rollout_in_parts, rollout_traced};

@@ -44,7 +44,7 @@ impl Recorder {
     }
 
     fn push_row(&mut self, state: &ClosedLoop<'_>, k: usize, of: impl Fn(usize) -> Sample) {
-        let (plant, world) = (state.plant, &state.world);
+        let (plant, world) = (&*state.plant, &state.world);
         self.trace.ego.push(state.ego.sample);
         for actor in &mut self.trace.actors {
             actor.samples.push(None);
@@ -65,6 +65,10 @@ impl Recorder {
         }
     }
 
+    pub fn so_far(&self) -> &Trace {
+        &self.trace
+    }
+
     pub fn finish(self) -> Trace {
         self.trace
     }
@@ -76,6 +80,6 @@ impl Records for Recorder {
     }
 
     fn push_during(&mut self, state: &ClosedLoop<'_>, k: usize, substep: usize) {
-        self.push_row(state, k, |row| row_during(state.plant, k, row, substep).1);
+        self.push_row(state, k, |row| row_during(&state.plant, k, row, substep).1);
     }
 }

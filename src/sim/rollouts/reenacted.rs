@@ -38,7 +38,7 @@ pub fn judge(
     let mut reenacted = Reenacted::new(plant, intervention, reported, replays)?;
     let mut recorder = Recorder::new(plant, &reenacted.state);
     let mut outcome = reenacted.account(&mut recorder);
-    assess_relived(&mut Reenacted::new(plant, intervention, reported, replays)?, &mut outcome)?;
+    assess_relived(&mut Reenacted::new(plant, intervention, reported, replays)?, outcome.contact.as_mut())?;
     Ok((outcome, recorder.finish()))
 }
 
@@ -92,7 +92,7 @@ impl<'a> Reenacted<'a> {
         reported: &'a ReportedRollout,
         replays: bool,
     ) -> Result<Reenacted<'a>, SimError> {
-        let mut state = ClosedLoop::without_driver(plant, intervention, replays)?;
+        let mut state = ClosedLoop::without_driver(plant.into(), intervention.into(), replays)?;
         let first = &reported.ego[0];
         state.ego.sample = first.sample;
         state.ego.axis = first.axis;
@@ -153,7 +153,7 @@ impl<'a> Reenacted<'a> {
             return Some(Hit { substep, with, adversary, replayed: false, size: actor.size, place, velocity });
         }
         let ActorRef::Track(track) = with else { return None };
-        let plant = state.plant;
+        let plant = &*state.plant;
         let (place, sample) = row_during(plant, k, plant.rows.find(k, track)?, substep);
         let size = plant.sizes[track];
         Some(Hit { substep, with, adversary: false, replayed: true, size, place, velocity: sample.velocity })
@@ -183,7 +183,7 @@ impl<'a> Reenacted<'a> {
             k += 1;
             account.observe(&self.state, k, crate::scene::DT_S);
         };
-        account.outcome(self.state.plant, self.reported.end, k + within, contact)
+        account.outcome(&self.state.plant, self.reported.end, k + within, contact)
     }
 
     /// Stops everyone at the moment of the contact.
@@ -246,8 +246,7 @@ impl<'a> Relived<'a> for Reenacted<'a> {
 
     fn fork(&self, k: usize) -> ClosedLoop<'a> {
         let mut fork = self.state.clone();
-        let plant = fork.plant;
-        fork.world.actors.iter_mut().for_each(|actor| actor.hand_over(plant, k));
+        fork.world.actors.iter_mut().for_each(|actor| actor.hand_over(&fork.plant, k));
         fork
     }
 

@@ -41,7 +41,7 @@ use crate::sim::{Action, ActorRef, AdversaryReport, End, Feasibility, Interventi
 use self::bodies::{Body, Mind, begins};
 use self::laws::{Around, Own};
 use self::scripts::set_off;
-use super::rollout::{ARRIVAL_SHARE, OFF_ROAD_OFFSET_M, ROUTE_M_MIN};
+use super::rules::{ARRIVAL_SHARE, OFF_ROAD_OFFSET_M, ROUTE_M_MIN};
 
 /// Someone but the ego during one decision step.
 #[derive(Clone)]

@@ -1,0 +1,293 @@
+//! Environments: a fleet of the engine behind a lock, closed when something breaks within it.
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use serde_json::json;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use evodrive::kernel::Threads;
+use evodrive::learn::fleet::{Autoreset, FleetError, FleetOptions, Tasks};
+use evodrive::learn::{self, Reward};
+use evodrive::sim::{Control, Repeated, rollout_assessed};
+
+use crate::arrays::Sheet;
+use crate::picture::picture;
+use crate::policy::{driver, seeing};
+use crate::refused;
+use crate::scenarios::{Scenarios, Source};
+
+/// Tasks that are being planned.
+type Pending = JoinHandle<Result<Arc<Tasks>, String>>;
+
+/// Environments side by side. `observation` is metadrive-1, safebench-1 or arrays-1; `reward` a rule with its constants as JSON;
+/// `autoreset` next_step, same_step or disabled.
+#[pyclass(frozen)]
+pub struct Fleet {
+    fleet: Arc<Mutex<learn::Fleet>>,
+    source: Arc<Source>,
+    threads: Threads,
+    /// The process that began it: in another one there are no threads.
+    process: u32,
+    /// Why it is closed.
+    closed: Mutex<Option<String>>,
+    pending: Mutex<Option<Pending>>,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Fleet {
+    fn open(&self) -> PyResult<()> {
+        if std::process::id() != self.process {
+            return Err(PyRuntimeError::new_err(
+                "this environment was made in another process, of which this one is a fork; expected one made here: use spawn in \
+                 place of fork, or make it behind the fork",
+            ));
+        }
+        match &*locked(&self.closed) {
+            None => Ok(()),
+            Some(why) => Err(PyRuntimeError::new_err(format!("the environment is closed: {why}"))),
+        }
+    }
+
+    /// Does something to the fleet without Python's lock. What breaks within it closes the environment.
+    fn guarded<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut learn::Fleet) -> Result<R, FleetError> + Send,
+    ) -> PyResult<R> {
+        self.open()?;
+        let done = py.detach(|| {
+            let mut fleet = locked(&self.fleet);
+            catch_unwind(AssertUnwindSafe(|| work(&mut fleet)))
+        });
+        match done {
+            Ok(Ok(done)) => Ok(done),
+            Ok(Err(error @ FleetError::Scene { .. })) => Err(self.close_for(error.to_string())),
+            Ok(Err(error @ (FleetError::NotBegun | FleetError::Over { .. }))) => {
+                Err(PyRuntimeError::new_err(error.to_string()))
+            }
+            Ok(Err(error)) => Err(refused(error)),
+            Err(panic) => {
+                let said = panic.downcast_ref::<String>().map(String::as_str);
+                let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words");
+                Err(self.close_for(format!("a fault within it ({said}); please report it")))
+            }
+        }
+    }
+
+    fn close_for(&self, why: String) -> PyErr {
+        *locked(&self.closed) = Some(why.clone());
+        PyRuntimeError::new_err(format!("{why}; the environment is closed"))
+    }
+}
+
+#[pymethods]
+impl Fleet {
+    #[new]
+    #[pyo3(signature = (scenarios, places, threads, observation, reward, autoreset, ego, weights, preventable, keep, motion))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        scenarios: &Scenarios,
+        places: usize,
+        threads: usize,
+        observation: &str,
+        reward: &str,
+        autoreset: &str,
+        ego: Option<String>,
+        weights: Option<Vec<u8>>,
+        preventable: bool,
+        keep: bool,
+        motion: bool,
+    ) -> PyResult<Fleet> {
+        let autoreset = match autoreset {
+            "next_step" => Autoreset::NextStep,
+            "same_step" => Autoreset::SameStep,
+            "disabled" => Autoreset::Disabled,
+            other => {
+                return Err(refused(format!("autoreset is {other:?}; expected next_step, same_step or disabled")));
+            }
+        };
+        let reward: Reward = serde_json::from_str(reward).map_err(|error| refused(format!("reward: {error}")))?;
+        if let Some((name, found)) = reward.constants().into_iter().find(|(_, value)| !value.is_finite()) {
+            return Err(refused(format!("reward: {name} is {found}; expected a finite number")));
+        }
+        let options = FleetOptions {
+            seeing: seeing(observation)?,
+            reward,
+            autoreset,
+            assesses: preventable,
+            keeps: keep,
+            keeps_motion: motion,
+        };
+        let policy = driver(ego.as_deref(), weights.as_deref())?;
+        let source = scenarios.source.clone();
+        py.detach(|| {
+            let threads = if places == 1 { Threads::none() } else { Threads::new(threads).map_err(refused)? };
+            let tasks = source.tasks(&policy, &threads)?;
+            let fleet = Arc::new(Mutex::new(learn::Fleet::new(tasks, places, options).map_err(refused)?));
+            let (closed, pending) = (Mutex::new(None), Mutex::new(None));
+            Ok(Fleet { fleet, source, threads, process: std::process::id(), closed, pending })
+        })
+    }
+
+    /// How many threads step it.
+    #[getter]
+    fn threads(&self) -> usize {
+        self.threads.count()
+    }
+
+    /// Gives each place its seed: a list of (place, seed).
+    fn seed(&self, py: Python<'_>, seeds: Vec<(usize, u64)>) -> PyResult<()> {
+        self.guarded(py, |fleet| seeds.into_iter().try_for_each(|(place, seed)| fleet.seed(place, seed)))
+    }
+
+    /// Begins an episode at the places of which `mask` holds true, or at all; of a given program and scene where they are named by
+    /// their numbers. Gives the number of the sheet of observations.
+    #[pyo3(signature = (mask=None, task=None))]
+    fn reset(&self, py: Python<'_>, mask: Option<Vec<bool>>, task: Option<(usize, usize)>) -> PyResult<usize> {
+        self.guarded(py, |fleet| {
+            let below = fleet.places();
+            if let Some(found) = mask.as_ref().map(Vec::len).filter(|len| *len != below) {
+                return Err(FleetError::Place { what: "mask of length", found, below: below + 1 });
+            }
+            let task = match task {
+                None => None,
+                Some((program, scene)) => {
+                    let sets = fleet.tasks().sets();
+                    let below = sets.len();
+                    let of = sets.get(program).ok_or(FleetError::Place { what: "program", found: program, below })?;
+                    let place = of.tasks.iter().position(|task| task.scene == scene);
+                    let missing = FleetError::Place { what: "scene", found: scene, below: of.tasks.len() };
+                    Some((program, place.ok_or(missing)?))
+                }
+            };
+            fleet.reset(&|place| mask.as_ref().is_none_or(|mask| mask[place]), task, &self.threads)?;
+            Ok(fleet.sheet())
+        })
+    }
+
+    /// Carries the actions out that lie in the array `actions`: how many episodes ended, and the number of the sheet of observations.
+    fn step(&self, py: Python<'_>) -> PyResult<(usize, usize)> {
+        self.guarded(py, |fleet| Ok((fleet.step(&self.threads)?, fleet.sheet())))
+    }
+
+    /// One of its arrays, for numpy: actions (the only one that may be written), observations_0, observations_1, final_observations,
+    /// rewards, terminated, truncated, scene, program, end, contact_class, adversary, preventable, route_completion, length, sum,
+    /// now_scene, now_program.
+    fn array(&self, name: &str) -> PyResult<Sheet> {
+        let mut fleet = locked(&self.fleet);
+        let n = fleet.places();
+        let actions = fleet.actions_mut().as_mut_ptr() as usize;
+        let sheets = fleet.sheets();
+        let width = sheets.final_observations.len() / n;
+        let (memory, shape): ((usize, &'static str), Vec<usize>) = match name {
+            "actions" => ((actions, "<f4"), vec![n, 2]),
+            "observations_0" => ((sheets.observations[0].as_ptr() as usize, "<f4"), vec![n, width]),
+            "observations_1" => ((sheets.observations[1].as_ptr() as usize, "<f4"), vec![n, width]),
+            "final_observations" => ((sheets.final_observations.as_ptr() as usize, "<f4"), vec![n, width]),
+            "rewards" => ((sheets.rewards.as_ptr() as usize, "<f8"), vec![n]),
+            "terminated" => ((sheets.terminated.as_ptr() as usize, "|b1"), vec![n]),
+            "truncated" => ((sheets.truncated.as_ptr() as usize, "|b1"), vec![n]),
+            "scene" => ((sheets.reports.scene.as_ptr() as usize, "<i4"), vec![n]),
+            "program" => ((sheets.reports.program.as_ptr() as usize, "<i4"), vec![n]),
+            "end" => ((sheets.reports.end.as_ptr() as usize, "|i1"), vec![n]),
+            "contact_class" => ((sheets.reports.contact_class.as_ptr() as usize, "|i1"), vec![n]),
+            "adversary" => ((sheets.reports.adversary.as_ptr() as usize, "|b1"), vec![n]),
+            "preventable" => ((sheets.reports.preventable.as_ptr() as usize, "|i1"), vec![n]),
+            "route_completion" => ((sheets.reports.route_completion.as_ptr() as usize, "<f4"), vec![n]),
+            "length" => ((sheets.reports.length.as_ptr() as usize, "<i4"), vec![n]),
+            "sum" => ((sheets.reports.sum.as_ptr() as usize, "<f8"), vec![n]),
+            "now_scene" => ((sheets.now_scene.as_ptr() as usize, "<i4"), vec![n]),
+            "now_program" => ((sheets.now_program.as_ptr() as usize, "<i4"), vec![n]),
+            other => return Err(refused(format!("a fleet has no array {other:?}"))),
+        };
+        Ok(Sheet::new(&self.fleet, memory, shape, name != "actions"))
+    }
+
+    /// Begins to plan every program around a driver, beside everything else.
+    #[pyo3(signature = (name=None, weights=None))]
+    fn plan_around(&self, name: Option<String>, weights: Option<Vec<u8>>) -> PyResult<()> {
+        self.open()?;
+        let policy = driver(name.as_deref(), weights.as_deref())?;
+        let source = self.source.clone();
+        let work = move || {
+            let planned = catch_unwind(AssertUnwindSafe(|| source.tasks(&policy, &Threads::none())));
+            match planned {
+                Ok(planned) => planned.map_err(|error| error.to_string()),
+                Err(_) => Err("planning broke down; please report it".to_string()),
+            }
+        };
+        let begun = std::thread::Builder::new().name("evodrive-plan".into()).spawn(work).map_err(refused)?;
+        *locked(&self.pending) = Some(begun);
+        Ok(())
+    }
+
+    /// Waits for what is being planned; episodes that begin from now on are of it. Whether there was something.
+    fn adopt(&self, py: Python<'_>) -> PyResult<bool> {
+        let Some(pending) = locked(&self.pending).take() else { return Ok(false) };
+        let planned = py.detach(|| pending.join()).unwrap_or_else(|_| Err("planning broke down".into()));
+        let tasks = planned.map_err(PyRuntimeError::new_err)?;
+        self.guarded(py, |fleet| {
+            fleet.set_tasks(tasks);
+            Ok(true)
+        })
+    }
+
+    /// What a place drove last, as the text of a file for `evodrive scenes show --episode`: scene, program, every control, and the
+    /// labels of a rollout of them. None without an ended episode.
+    fn kept(&self, py: Python<'_>, place: usize) -> PyResult<Option<String>> {
+        let kept = locked(&self.fleet).kept(place).cloned();
+        let Some(kept) = kept else { return Ok(None) };
+        let (task, scene) = (&kept.task, kept.task.plant.scene());
+        let outcome =
+            py.detach(|| rollout_assessed(&task.plant, &task.intervention, &mut Repeated::new(&kept.controls, false)));
+        let control = |control: &Control| match *control {
+            Control::Drive { acceleration_mps2, steering_rad } => [acceleration_mps2, steering_rad],
+            Control::FollowLog => [0.0, 0.0],
+        };
+        Ok(Some(
+            json!({
+                "format": "evodrive-episode/1", "scene": scene.id, "scene_digest": scene.digest(),
+                "program": self.source.named[kept.program].name, "intervention": &*task.intervention,
+                "simulator": task.plant.options(), "outcome": outcome.map_err(refused)?,
+                "controls": kept.controls.iter().map(control).collect::<Vec<[f64; 2]>>(),
+            })
+            .to_string(),
+        ))
+    }
+
+    /// The episode at a place as a picture: height, width, and rows of red, green and blue.
+    fn picture<'py>(
+        &self,
+        py: Python<'py>,
+        place: usize,
+        width: f64,
+        title: &str,
+    ) -> PyResult<(usize, usize, Bound<'py, PyBytes>)> {
+        self.open()?;
+        let fleet = locked(&self.fleet);
+        let episode = fleet.episode(place).ok_or_else(|| refused("nothing to draw before the first reset"))?;
+        let motion =
+            episode.motion().ok_or_else(|| refused("motion is not kept; make it with render_mode=\"rgb_array\""))?;
+        let film = picture(episode, motion, width, title).map_err(refused)?;
+        let rgb = film.pictures.first().ok_or_else(|| refused("the painter made no picture"))?;
+        Ok((film.height, film.width, PyBytes::new(py, rgb)))
+    }
+
+    /// For tests: a fault within the engine, so that what becomes of one can be seen.
+    #[pyo3(name = "_fault")]
+    fn fault(&self, py: Python<'_>) -> PyResult<()> {
+        self.guarded(py, |fleet| panic!("asked for at {} places", fleet.places()))
+    }
+
+    /// Closes it; every later call says so.
+    fn close(&self) {
+        locked(&self.closed).get_or_insert_with(|| "close() was called".into());
+    }
+}

@@ -1,0 +1,172 @@
+//! Many episodes side by side, for learners from outside: one array of actions in, arrays of observations and rewards out, and
+//! a new episode where one ended. What a place does depends on its seed and its actions alone, so the numbers are the same
+//! for any number of threads.
+
+mod error;
+mod options;
+mod place;
+mod rows;
+mod sheets;
+mod tasks;
+
+pub use error::FleetError;
+pub use options::{Autoreset, FleetOptions, Seeing};
+pub use place::Kept;
+pub use sheets::{Reports, Sheets};
+pub use tasks::{Task, TaskSet, Tasks};
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::ego::observation::ACTION;
+use crate::kernel::Threads;
+use crate::sim::Episode;
+
+use place::Place;
+use rows::Rows;
+
+/// More places than this are refused.
+pub const PLACES_MAX: usize = 1 << 20;
+/// Parts that each thread gets: a part with many new episodes takes longer, and the others take what is left.
+const PARTS_A_THREAD: usize = 4;
+
+/// Episodes side by side.
+pub struct Fleet {
+    tasks: Arc<Tasks>,
+    options: FleetOptions,
+    places: Vec<Place>,
+    sheets: Sheets,
+    /// Which sheet of observations was written last.
+    sheet: usize,
+    is_begun: bool,
+    steps: u64,
+}
+
+impl Fleet {
+    /// So many places; the first step comes after a [`Fleet::reset`].
+    pub fn new(tasks: Arc<Tasks>, places: usize, options: FleetOptions) -> Result<Fleet, FleetError> {
+        if !(1..=PLACES_MAX).contains(&places) {
+            return Err(FleetError::Places { found: places, most: PLACES_MAX });
+        }
+        let sheets = Sheets::new(places, options.seeing.length());
+        let places = (0..places as u64).map(Place::new).collect();
+        Ok(Fleet { tasks, options, places, sheets, sheet: 0, is_begun: false, steps: 0 })
+    }
+
+    /// How many places there are.
+    pub fn places(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Steps so far, summed over the places.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// The numbers of the last step.
+    pub fn sheets(&self) -> &Sheets {
+        &self.sheets
+    }
+
+    /// Where actions are written before a step: steering and pedal a place.
+    pub fn actions_mut(&mut self) -> &mut [f32] {
+        &mut self.sheets.actions
+    }
+
+    /// Which of the two sheets holds the present observations.
+    pub fn sheet(&self) -> usize {
+        self.sheet
+    }
+
+    /// The present observations.
+    pub fn observations(&self) -> &[f32] {
+        &self.sheets.observations[self.sheet]
+    }
+
+    /// What a place drove last, where that is kept.
+    pub fn kept(&self, place: usize) -> Option<&Kept> {
+        self.places.get(place)?.last.as_ref()
+    }
+
+    /// The episode at a place.
+    pub fn episode(&self, place: usize) -> Option<&Episode<'static>> {
+        Some(self.places.get(place)?.ride.as_ref()?.episode())
+    }
+
+    /// What is driven.
+    pub fn tasks(&self) -> &Arc<Tasks> {
+        &self.tasks
+    }
+
+    /// Other tasks for every episode that begins from now on.
+    pub fn set_tasks(&mut self, tasks: Arc<Tasks>) {
+        self.tasks = tasks;
+    }
+
+    /// Gives a place another seed: its episodes are drawn anew from the first one on.
+    pub fn seed(&mut self, place: usize, seed: u64) -> Result<(), FleetError> {
+        let below = self.places.len();
+        let of = self.places.get_mut(place).ok_or(FleetError::Place { what: "place", found: place, below })?;
+        (of.seed, of.episodes) = (seed, 0);
+        Ok(())
+    }
+
+    /// Begins an episode at the places that `is_meant`, or a given task (places of set and task) there.
+    pub fn reset(
+        &mut self,
+        is_meant: &(dyn Fn(usize) -> bool + Sync),
+        task: Option<(usize, usize)>,
+        threads: &Threads,
+    ) -> Result<(), FleetError> {
+        if let Some((set, task)) = task {
+            let missing = |what, found, below| Err(FleetError::Place { what, found, below });
+            match self.tasks.sets().get(set) {
+                None => return missing("program", set, self.tasks.sets().len()),
+                Some(of) if task >= of.tasks.len() => return missing("task", task, of.tasks.len()),
+                Some(_) => {}
+            }
+        }
+        self.is_begun |= (0..self.places.len()).all(|place| is_meant(place) || self.places[place].ride.is_some());
+        self.each_part(threads, |rows, tasks, options| rows.reset(is_meant, task, tasks, options).map(|()| 0))?;
+        Ok(())
+    }
+
+    /// Carries the actions out; how many episodes ended. After an error other than one of the actions the fleet is not to be
+    /// used any more: some places have made the step.
+    pub fn step(&mut self, threads: &Threads) -> Result<usize, FleetError> {
+        if !self.is_begun {
+            return Err(FleetError::NotBegun);
+        }
+        let is_read = |place: usize| self.options.autoreset != Autoreset::NextStep || !self.places[place].is_over();
+        let mut wrong = self.sheets.actions.iter().enumerate().filter(|(_, x)| !(-1.0..=1.0).contains(*x));
+        if let Some((at, found)) = wrong.find(|(at, _)| is_read(at / ACTION)) {
+            return Err(FleetError::Action { place: at / ACTION, which: at % ACTION, found: *found });
+        }
+        if self.options.autoreset == Autoreset::Disabled
+            && let Some(place) = self.places.iter().position(Place::is_over)
+        {
+            return Err(FleetError::Over { place });
+        }
+        let ended = self.each_part(threads, |rows, tasks, options| rows.step(tasks, options))?;
+        self.steps += self.places.len() as u64;
+        Ok(ended)
+    }
+
+    /// Does `work` for all places, in parts by the threads; the sum of what it says.
+    fn each_part(
+        &mut self,
+        threads: &Threads,
+        work: impl Fn(&mut Rows<'_>, &Tasks, &FleetOptions) -> Result<usize, FleetError> + Sync + Send,
+    ) -> Result<usize, FleetError> {
+        self.sheet = 1 - self.sheet;
+        let (tasks, options, count) = (&*self.tasks, &self.options, self.places.len());
+        let mut rows = Rows::all(&mut self.places, &mut self.sheets, self.sheet);
+        if threads.count() == 1 || count < 2 * threads.count() {
+            return work(&mut rows, tasks, options);
+        }
+        let parts = rows.in_parts_of(count.div_ceil(PARTS_A_THREAD * threads.count()));
+        let parts: Vec<Mutex<Rows<'_>>> = parts.into_iter().map(Mutex::new).collect();
+        let done = threads
+            .map(&parts, |_, part| work(&mut part.lock().unwrap_or_else(PoisonError::into_inner), tasks, options));
+        done.into_iter().sum()
+    }
+}

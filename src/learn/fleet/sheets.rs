@@ -1,0 +1,75 @@
+//! The numbers that a fleet hands out, one row a place. They are made once and never move, so that whoever looks at them from
+//! outside needs no copy.
+
+use crate::ego::observation::ACTION;
+
+/// Of the episode that a step belonged to. Codes that name nothing are -1.
+#[derive(Clone, Debug)]
+pub struct Reports {
+    /// Place of its scene, as its task says.
+    pub scene: Vec<i32>,
+    /// Place of its program among the sets.
+    pub program: Vec<i32>,
+    /// [`End`](crate::sim::End) as a number; -1 while it goes on.
+    pub end: Vec<i8>,
+    /// [`ContactClass`](crate::sim::ContactClass) as a number; -1 without a contact.
+    pub contact_class: Vec<i8>,
+    /// Whether the contact was with an adversary.
+    pub adversary: Vec<u8>,
+    /// Whether the contact with an adversary could have been avoided; -1 where that was not asked, or there is none.
+    pub preventable: Vec<i8>,
+    /// Share of the route driven.
+    pub route_completion: Vec<f32>,
+    /// Steps.
+    pub length: Vec<i32>,
+    /// Sum of its rewards.
+    pub sum: Vec<f64>,
+}
+
+/// All of them.
+#[derive(Clone, Debug)]
+pub struct Sheets {
+    /// What is to be done: two numbers a place.
+    pub actions: Vec<f32>,
+    /// Two sheets, written in turn: what a step returned stays as it is during the next one.
+    pub observations: [Vec<f32>; 2],
+    /// The last observation of episodes that ended with the last step.
+    pub final_observations: Vec<f32>,
+    pub rewards: Vec<f64>,
+    /// Whether the episode ended: contact, beside the road, or arrived.
+    pub terminated: Vec<u8>,
+    /// Whether the scene's time is over, which is no end.
+    pub truncated: Vec<u8>,
+    pub reports: Reports,
+    /// Scene and program of the episode that goes on behind the step.
+    pub now_scene: Vec<i32>,
+    pub now_program: Vec<i32>,
+}
+
+impl Sheets {
+    /// Room for so many places with observations of so many numbers.
+    pub fn new(places: usize, length: usize) -> Sheets {
+        let reports = Reports {
+            scene: vec![-1; places],
+            program: vec![-1; places],
+            end: vec![-1; places],
+            contact_class: vec![-1; places],
+            adversary: vec![0; places],
+            preventable: vec![-1; places],
+            route_completion: vec![0.0; places],
+            length: vec![0; places],
+            sum: vec![0.0; places],
+        };
+        Sheets {
+            actions: vec![0.0; places * ACTION],
+            observations: [vec![0.0; places * length], vec![0.0; places * length]],
+            final_observations: vec![0.0; places * length],
+            rewards: vec![0.0; places],
+            terminated: vec![0; places],
+            truncated: vec![0; places],
+            reports,
+            now_scene: vec![-1; places],
+            now_program: vec![-1; places],
+        }
+    }
+}

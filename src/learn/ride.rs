@@ -1,0 +1,77 @@
+//! An episode as a learner sees it: what it observes and does in a setting, and what each step is worth.
+
+use crate::ego::Setting;
+use crate::ego::observation::{ACTION, route_turn_rad};
+use crate::sim::{Control, End, Episode, Held, Intervention, Plant, SimError, View};
+
+use super::reward::{Reward, Step};
+
+/// What a ride remembers of itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Keeps {
+    /// [`Episode::controls`].
+    pub controls: bool,
+    /// [`Episode::motion`].
+    pub motion: bool,
+}
+
+/// A scene that is driven for learning.
+pub struct Ride<'a> {
+    episode: Episode<'a>,
+    setting: Setting,
+    /// Place along the route at the last decision, metres.
+    last_s_m: f64,
+}
+
+impl<'a> Ride<'a> {
+    /// Its first state. Nothing is summed up.
+    pub fn new(
+        plant: impl Into<Held<'a, Plant>>,
+        intervention: impl Into<Held<'a, Intervention>>,
+        setting: Setting,
+        keeps: Keeps,
+    ) -> Result<Ride<'a>, SimError> {
+        let mut episode = Episode::without_account(plant, intervention)?;
+        if keeps.controls {
+            episode = episode.keeping_controls();
+        }
+        if keeps.motion {
+            episode = episode.keeping_motion();
+        }
+        let last_s_m = episode.observe().ego().along.s_m;
+        Ok(Ride { episode, setting, last_s_m })
+    }
+
+    /// The episode behind it.
+    pub fn episode(&self) -> &Episode<'a> {
+        &self.episode
+    }
+
+    /// What a driver would see now.
+    pub fn view(&self) -> View<'_> {
+        self.episode.observe()
+    }
+
+    /// Puts the setting's observation in place of what `out` holds.
+    pub fn observe(&self, out: &mut Vec<f32>) {
+        self.setting.observe(&self.view(), out);
+    }
+
+    /// Carries an action out: what the step was worth, and how the episode ended if it did.
+    pub fn step(&mut self, action: [f32; ACTION], reward: &Reward) -> Result<(f64, Option<End>), SimError> {
+        let control: Control = self.setting.control(&self.view(), action);
+        let end = self.episode.step(control)?;
+        let view = self.episode.observe();
+        let (ego, route) = (view.ego(), view.route());
+        let step = Step {
+            progress_m: ego.along.s_m - self.last_s_m,
+            offset_m: ego.along.offset_m,
+            turn_rad: route_turn_rad(&view),
+            speed_mps: ego.speed_mps,
+            along_mps: ego.sample.velocity.dot(route.direction(ego.along.segment)),
+            steering: f64::from(action[0]),
+        };
+        self.last_s_m = ego.along.s_m;
+        Ok((reward.of(&step, end), end))
+    }
+}

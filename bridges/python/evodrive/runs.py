@@ -2,8 +2,8 @@
 
 import json
 import os
-import shutil
 import subprocess
+import sys
 import tempfile
 from functools import cached_property
 from pathlib import Path
@@ -20,23 +20,20 @@ class EvodriveError(RuntimeError):
 
 
 def binary():
-    """The program: what the environment variable EVODRIVE names, or `evodrive` on the PATH."""
-    found = os.environ.get("EVODRIVE") or shutil.which("evodrive")
-    if not found:
-        raise EvodriveError(
-            2,
-            "no evodrive binary: expected one on the PATH or in the environment variable EVODRIVE; "
-            "`cargo install --path .` in a clone makes one",
-        )
-    return found
+    """The words that start the program: what the environment variable EVODRIVE names, or the one that this package carries."""
+    named = os.environ.get("EVODRIVE")
+    return [named] if named else [sys.executable, "-m", "evodrive"]
 
 
-def command(*words):
+def command(*words, cwd=None):
     """Carries a command out with --json and gives its object. Progress goes to standard error as it comes.
 
     Raises EvodriveError where it fails, with what it said."""
-    typed = [binary(), "--json", *map(str, words)]
-    done = subprocess.run(typed, stdout=subprocess.PIPE, text=True)
+    typed = [*binary(), "--json", *map(str, words)]
+    try:
+        done = subprocess.run(typed, stdout=subprocess.PIPE, text=True, cwd=cwd)
+    except OSError as error:
+        raise EvodriveError(2, f"{typed[0]} cannot be started: {error}; correct the environment variable EVODRIVE") from error
     try:
         told = json.loads(done.stdout) if done.stdout.strip() else {}
     except json.JSONDecodeError as error:

@@ -1,0 +1,82 @@
+"""The compiled part of the package: `evodrive.gym` and `evodrive.runs` are its interface."""
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any
+
+__version__: str
+
+def main(words: Sequence[str]) -> int:
+    """Runs the program `evodrive` with these words (its own name first) and gives its exit code."""
+
+def digest(bytes: bytes) -> str:
+    """BLAKE3 of bytes: 64 hex digits."""
+
+def bounds(observation: str) -> tuple[list[float], list[float]]:
+    """Lowest and highest value of each number of an observation."""
+
+def layout() -> list[tuple[str, int, int]]:
+    """How "arrays-1" is cut: name, rows (0: a single one), numbers a row."""
+
+def weights(
+    observation: str, layers: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]], activation: str, squash: str
+) -> bytes:
+    """The bytes of a file of weights."""
+
+def weights_observation(bytes: bytes) -> str:
+    """The observation that a file of weights drives by."""
+
+def evaluate(scenarios: Scenarios, name: str | None = None, weights: bytes | None = None, held_out: bool = True, threads: int = 0) -> str:
+    """How a driver fares, by program, as JSON."""
+
+class Sheet:
+    """An array of the engine's, for numpy."""
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]: ...
+
+class Scenarios:
+    def __init__(
+        self,
+        pool: Sequence[str | PathLike[str]],
+        programs: Sequence[tuple[str, str | None, float]],
+        held_out: Sequence[str | PathLike[str]],
+        plant: str | None,
+        threads: int,
+    ) -> None: ...
+    @property
+    def scenes(self) -> list[str]: ...
+    @property
+    def held_out(self) -> list[str]: ...
+    @property
+    def programs(self) -> list[str]: ...
+    @property
+    def staged(self) -> bool: ...
+    def coverage(self, name: str | None, weights: bytes | None, threads: int) -> list[tuple[int, int, list[str]]]: ...
+
+class Fleet:
+    def __init__(
+        self,
+        scenarios: Scenarios,
+        places: int,
+        threads: int,
+        observation: str,
+        reward: str,
+        autoreset: str,
+        ego: str | None,
+        weights: bytes | None,
+        preventable: bool,
+        keep: bool,
+        motion: bool,
+    ) -> None: ...
+    @property
+    def threads(self) -> int: ...
+    def seed(self, seeds: Sequence[tuple[int, int]]) -> None: ...
+    def reset(self, mask: Sequence[bool] | None = None, task: tuple[int, int] | None = None) -> int: ...
+    def step(self) -> tuple[int, int]: ...
+    def array(self, name: str) -> Sheet: ...
+    def plan_around(self, name: str | None = None, weights: bytes | None = None) -> None: ...
+    def adopt(self) -> bool: ...
+    def kept(self, place: int) -> str | None: ...
+    def picture(self, place: int, width: float, title: str) -> tuple[int, int, bytes]: ...
+    def close(self) -> None: ...

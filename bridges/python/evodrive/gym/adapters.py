@@ -1,0 +1,72 @@
+"""The same environments for other libraries' interfaces."""
+
+import numpy as np
+
+
+def sb3(env):
+    """A `VecEnv` (autoreset "same_step") as Stable-Baselines3 wants it."""
+    from stable_baselines3.common.vec_env import VecEnv as Base
+
+    if env.metadata["autoreset_mode"].name != "SAME_STEP":
+        raise ValueError("Stable-Baselines3 resets in the step that ends an episode; make the VecEnv with autoreset='same_step'")
+    if env.observation == "arrays-1":
+        keys = list(env.single_observation_space.spaces)
+
+    class Adapter(Base):
+        """Steps a `VecEnv`; what the library keeps is copied."""
+
+        def __init__(self):
+            self.inner = env
+            super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+        @property
+        def policy(self):
+            """As of `VecEnv.policy`."""
+            return env.policy
+
+        @policy.setter
+        def policy(self, policy):
+            env.policy = policy
+
+        def _copied(self, obs):
+            return {key: obs[key].copy() for key in keys} if isinstance(obs, dict) else obs.copy()
+
+        def reset(self):
+            seed = self._seeds[0] if self._seeds and self._seeds[0] is not None else None
+            obs, _ = env.reset(seed=seed)
+            self._reset_seeds()
+            self._reset_options()
+            return self._copied(obs)
+
+        def step_async(self, actions):
+            self._actions = actions
+
+        def step_wait(self):
+            obs, rewards, terminated, truncated, info = env.step(self._actions)
+            infos = [{} for _ in range(self.num_envs)]
+            if "final_info" in info:
+                final, last = info["final_info"], info["final_obs"]
+                for i in np.flatnonzero(info["_final_info"]):
+                    of = {key: final[key][i].item() for key in final if not key.startswith("_")}
+                    of["terminal_observation"] = {k: last[k][i].copy() for k in keys} if isinstance(last, dict) else last[i].copy()
+                    of["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+                    of["episode"] = {"r": of["episode_return"], "l": of["episode_length"], "t": 0.0}
+                    infos[i] = of
+            return self._copied(obs), rewards.astype(np.float32), terminated | truncated, infos
+
+        def close(self):
+            env.close()
+
+        def get_attr(self, attr_name, indices=None):
+            return [getattr(env, attr_name) for _ in self._get_indices(indices)]
+
+        def set_attr(self, attr_name, value, indices=None):
+            setattr(env, attr_name, value)
+
+        def env_method(self, method_name, *args, indices=None, **kwargs):
+            return [getattr(env, method_name)(*args, **kwargs) for _ in self._get_indices(indices)]
+
+        def env_is_wrapped(self, wrapper_class, indices=None):
+            return [False for _ in self._get_indices(indices)]
+
+    return Adapter()

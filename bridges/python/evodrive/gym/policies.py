@@ -1,0 +1,116 @@
+"""Policies as files of weights, which every command that takes an ego drives with (docs/FORMAT.md, docs/EGOS.md)."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+
+from .. import _evodrive
+from .scenarios import HeldOut, Scenarios, _driver
+
+_NAMES = "latent_pi.0, latent_pi.2 and mu, each with weight and bias"
+
+
+def save_policy(actor, path, observation="metadrive-1", squash=None):
+    """Writes a policy as a file of weights that EvoDrive drives with, and gives the path.
+
+    actor   a torch module of three linear layers (two hidden ones of one width, with ReLU or tanh between them, and the action's
+            means); a Stable-Baselines3 model (SAC, TD3, DDPG, PPO, A2C); or a dictionary of arrays named as in SB3's SAC:
+            latent_pi.0.weight (hidden, numbers observed), latent_pi.0.bias, latent_pi.2.weight, .bias, mu.weight, .bias
+    squash  how means become an action: "tanh", or "clip" to [-1, 1]. Without it: tanh of SAC, of a module that ends with it, and
+            of arrays; clip of PPO, A2C and other modules
+    """
+    Path(path).write_bytes(weights_of(actor, observation, squash))
+    return path
+
+
+def weights_of(actor, observation="metadrive-1", squash=None):
+    """The bytes of `save_policy`; of a file or a function that gives a policy its own."""
+    if isinstance(actor, (bytes, str, os.PathLike)):
+        _, weights = _driver(actor)
+        if weights is None:
+            raise TypeError(f"{actor!r} is no policy with weights; expected a module, a model, arrays or a file of weights")
+        found = _evodrive.weights_observation(weights)
+        if found != observation:
+            raise ValueError(f"the weights drive by {found}, expected {observation}")
+        return weights
+    layers, activation, own_squash = _layers(actor)
+    if layers is None:
+        if callable(actor):
+            return weights_of(actor(), observation, squash)
+        raise TypeError(f"a {type(actor).__name__} is no policy; expected a torch module, an SB3 model, a dictionary of arrays")
+    told = [(np.asarray(w, np.float32).tolist(), np.asarray(b, np.float32).tolist()) for w, b in layers]
+    return _evodrive.weights(observation, told, activation, squash or own_squash)
+
+
+def _layers(actor):
+    """Layers, the function between them, and how means become actions; Nones of what is no policy."""
+    if isinstance(actor, dict):
+        names = ("latent_pi.0", "latent_pi.2", "mu")
+        try:
+            return [(actor[f"{name}.weight"], actor[f"{name}.bias"]) for name in names], "relu", "tanh"
+        except KeyError as missing:
+            raise ValueError(f"the arrays hold no {missing}; expected {_NAMES}") from None
+    if hasattr(actor, "policy") and hasattr(actor, "get_vec_normalize_env"):
+        return _of_sb3(actor)
+    if hasattr(actor, "named_modules"):
+        return _of_modules(actor)
+    return None, None, None
+
+
+def _of_modules(*parts, squash=None):
+    """Of torch modules that follow each other."""
+    import torch.nn as nn
+
+    leaves = [leaf for part in parts for leaf in part.modules() if not list(leaf.children())]
+    linear = [(leaf.weight.detach().cpu().numpy(), leaf.bias.detach().cpu().numpy()) for leaf in leaves if isinstance(leaf, nn.Linear)]
+    between = [leaf for leaf in leaves if not isinstance(leaf, (nn.Linear, nn.Flatten, nn.Identity))]
+    ends_with_tanh = bool(leaves) and isinstance(leaves[-1], nn.Tanh)
+    kinds = {type(leaf).__name__ for leaf in (between[:-1] if ends_with_tanh else between)}
+    if len(linear) != 3 or kinds not in ({"ReLU"}, {"Tanh"}):
+        raise ValueError(
+            f"the module has {len(linear)} linear layers with {sorted(kinds) or 'nothing'} between them; expected three, the last one "
+            "the action's means, with ReLU or Tanh between them"
+        )
+    return linear, "relu" if kinds == {"ReLU"} else "tanh", squash or ("tanh" if ends_with_tanh else "clip")
+
+
+def _of_sb3(model):
+    policy = model.policy
+    if hasattr(policy, "action_net"):  # PPO, A2C
+        layers, activation, squash = _of_modules(policy.mlp_extractor.policy_net, policy.action_net, squash="clip")
+    elif hasattr(policy.actor, "latent_pi"):  # SAC
+        layers, activation, squash = _of_modules(policy.actor.latent_pi, policy.actor.mu, squash="tanh")
+    else:  # TD3, DDPG
+        layers, activation, squash = _of_modules(policy.actor.mu)
+    normalized = model.get_vec_normalize_env()
+    if normalized is not None and normalized.norm_obs:
+        # What VecNormalize does to an observation goes into the first layer; its cut at clip_obs has no place there.
+        (w, b), *rest = layers
+        deviation = np.sqrt(normalized.obs_rms.var + normalized.epsilon)
+        w = w / deviation
+        layers = [(w, b - w @ normalized.obs_rms.mean), *rest]
+    return layers, activation, squash
+
+
+def evaluate(policy, scenes, observation="metadrive-1", threads=0):
+    """How a policy drives, under each program planned around it: `evodrive apply`'s labels and `evodrive egos`' figures.
+
+    policy  a file of weights, "idm", "idm-lights", "replay", "standing" (brakes and stands), or whatever `save_policy` takes
+    scenes  `scenarios.held_out`, or `Scenarios` for the scenes of the training
+
+    Gives a dictionary by program: scenes, crash_rate (anybody), off_road_rate, arrival_rate, route_completion, speed_mps, not_planned
+    (scenes left out because the program cannot be planned there), and of programs attack, realism (by its protocol's name), coverage.
+    """
+    if not isinstance(scenes, (HeldOut, Scenarios)):
+        raise TypeError(f"scenes is a {type(scenes).__name__}; expected scenarios.held_out, or Scenarios")
+    held_out = isinstance(scenes, HeldOut)
+    scenarios = scenes.scenarios if held_out else scenes
+    if isinstance(policy, str) and policy in ("idm", "idm-lights", "replay", "standing"):
+        name, weights = policy, None
+    elif isinstance(policy, (str, os.PathLike)):
+        name, weights = _driver(policy)
+    else:
+        name, weights = None, weights_of(policy, observation)
+    return json.loads(_evodrive.evaluate(scenarios._native, name, weights, held_out, threads))

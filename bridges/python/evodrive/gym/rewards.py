@@ -1,0 +1,42 @@
+"""What a step is worth: the rules of the two settings, every constant a field. docs/EGOS.md has the formulas."""
+
+import json
+from dataclasses import asdict, dataclass
+
+
+@dataclass(frozen=True)
+class MetaDriveReward:
+    """MetaDrive's `ScenarioEnv.reward_function` (0.4.3), with its constants.
+
+    Contact ends an episode here and not there, so a larger `crash` is what trains drivers that do not crash: 10 to 30.
+    """
+
+    driving: float = 1.0  # a metre along the route
+    lateral: float = 0.5  # being `lateral_m_max` beside the route
+    lateral_m_max: float = 4.0  # metres
+    heading: float = 1.0  # being turned away from the route by half a turn
+    steering: float = 0.5  # steering more than 1/speed
+    no_negative: bool = True  # whether the sum of these is at least 0
+    crash: float = 1.0  # taken off in place of the sum, at a contact
+    success: float = 5.0  # in place of the sum, on arrival
+    out_of_road: float = 5.0  # taken off in place of the sum, when the road is left
+
+    def _json(self):
+        return json.dumps({"rule": "metadrive", **asdict(self)})
+
+
+@dataclass(frozen=True)
+class SafeBenchReward:
+    """SafeBench's `_get_reward`, with its constants."""
+
+    collision: float = 1.0
+    speed_mps_max: float = 8.0
+    too_fast: float = 10.0
+    lateral_m_max: float = 4.0
+    out_of_lane: float = 1.0
+    steering: float = 5.0
+    side: float = 0.2
+    steer_share: float = 0.3
+
+    def _json(self):
+        return json.dumps({"rule": "safebench", **asdict(self)})

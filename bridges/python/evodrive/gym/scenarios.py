@@ -1,0 +1,134 @@
+"""Scenes and the programs that change them."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from .. import _evodrive
+
+#: How an episode ended, by the number in `info["end"]`; -1 while it goes on.
+ENDS = ("contact", "off_road", "arrived", "horizon")
+#: What a contact was like, by the number in `info["contact_class"]`; -1 without one.
+CONTACT_CLASSES = (
+    "ego_strikes", "ego_sideswipes", "stationary_hit", "cut_in", "crossing", "head_on", "sideswipe", "rear_end_ego_struck"
+)  # fmt: skip
+
+_DRIVERS = ("idm", "idm-lights", "replay")
+
+
+def _paths(of):
+    return [os.fspath(path) for path in ([of] if isinstance(of, (str, os.PathLike)) else of or [])]
+
+
+def generate(path, count, seed, protocol="metadrive"):
+    """Writes a pool of generated scenes and gives its path. `protocol`: "metadrive" (crossings, merges, roundabouts and the like, with
+    their traffic) or "safebench" (its traffic families on generated roads; count has no meaning there)."""
+    from ..runs import command
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scenes.toml"
+        counted = f"count = {int(count)}\n" if protocol == "metadrive" else ""
+        head = f'base = "evodrive:{protocol}"\nname = "scenes"\ndescribes = "scenes to train in"\ncassette = "none.jsonl"\n'
+        family = "cat" if protocol == "metadrive" else "human"
+        lineage = f'[[lineage]]\nid = "{family}"\nfamily = "{family}"\nego = "idm"\n'
+        file.write_text(f"{head}[scenes]\n{counted}seed = {int(seed)}\n{lineage}")
+        command("scenes", "generate", file, "--out", Path(path).absolute())
+    return path
+
+
+class HeldOut:
+    """The held-out scenes of `Scenarios`: nothing is trained in them, `evodrive.gym.evaluate` drives them."""
+
+    def __init__(self, scenarios):
+        self.scenarios = scenarios
+
+    def __len__(self):
+        return len(self.ids)
+
+    @property
+    def ids(self):
+        """Ids of the scenes."""
+        return self.scenarios._native.held_out
+
+    def __repr__(self):
+        return f"HeldOut({len(self)} scenes)"
+
+
+class Scenarios:
+    """Scenes, as they are and as programs change them, and which of both come up how often.
+
+    pool          a pool, a scenario file or a folder of them, or a list of these
+    programs      name -> program file (`evodrive program export`), name of a family (its published parent), or None for the
+                  scenes as they are; without it {"plain": None}
+    mix           name -> share, on any scale; without it all alike
+    plan_around   around whose drive a program plans its adversaries: "idm", "idm-lights", "replay", a file of weights, or
+                  "policy": the one that is being trained (`env.policy = ...`), every `replan_every` steps
+    replan_every  steps of the environment, all its places together, between two plans around the policy
+    held_out      scenes that are never trained in; a scene of both is refused
+    plant         the simulator's law of motion: "physical" or "metadrive-0.4.3"; without it that of the programs
+    threads       for reading and planning; 0 is one a core
+    """
+
+    def __init__(self, pool, programs=None, mix=None, plan_around="idm", replan_every=None, held_out=None, plant=None, threads=0):
+        programs = {"plain": None} if programs is None else dict(programs)
+        if not programs:
+            raise ValueError("programs is empty; expected a name and a program file, or a name and None for the scenes as they are")
+        mix = {name: 1.0 for name in programs} if mix is None else dict(mix)
+        strange = set(mix) - set(programs)
+        if strange:
+            raise ValueError(f"mix names {sorted(strange)}, expected some of {sorted(programs)}")
+        is_policy = plan_around == "policy"
+        if is_policy and not (isinstance(replan_every, int) and replan_every > 0):
+            raise ValueError(f"replan_every is {replan_every!r}; plan_around='policy' needs a number of steps, e.g. 200_000")
+        if replan_every is not None and not is_policy:
+            raise ValueError("replan_every goes with plan_around='policy'; other drivers do not change")
+        plan_around = os.fspath(plan_around)
+        self.plan_around, self.replan_every, self.threads = plan_around, replan_every, threads
+        self._driver = _driver("idm" if is_policy else plan_around)
+        self.programs = {name: None if of is None else os.fspath(of) for name, of in programs.items()}
+        self.mix = {name: float(mix.get(name, 0.0)) for name in programs}
+        self.pool, self.plant = _paths(pool), plant
+        self.held_out_pool = _paths(held_out)
+        listed = [(name, of, self.mix[name]) for name, of in self.programs.items()]
+        self._native = _evodrive.Scenarios(self.pool, listed, self.held_out_pool, plant, threads)
+        self.held_out = HeldOut(self)
+
+    @property
+    def scenes(self):
+        """Ids of the scenes, by the number in `info["scene"]`."""
+        return self._native.scenes
+
+    @property
+    def program_names(self):
+        """Names of the programs, by the number in `info["program"]`."""
+        return self._native.programs
+
+    def coverage(self, driver=None):
+        """Of each program: in how many scenes it can be planned around a driver (without one that of `plan_around`), in how many
+        of these it changes anything, and why not in the others."""
+        told = self._native.coverage(*(self._driver if driver is None else _driver(driver)), self.threads)
+        keys = ("planned", "acts", "reasons")
+        return {name: dict(zip(keys, of)) for name, of in zip(self.program_names, told)}
+
+    def __deepcopy__(self, _):
+        return self  # nothing about it changes
+
+    def __reduce__(self):
+        # Another process reads the files again.
+        given = (self.pool, self.programs, self.mix, self.plan_around, self.replan_every, self.held_out_pool, self.plant, self.threads)
+        return Scenarios, given
+
+    def __repr__(self):
+        return f"Scenarios({len(self.scenes)} scenes, programs {self.mix}, planned around {self.plan_around})"
+
+
+def _driver(of):
+    """A driver as the compiled part takes it: its name, or the bytes of its weights."""
+    if isinstance(of, (bytes, bytearray)):
+        return None, bytes(of)
+    if isinstance(of, str) and of in _DRIVERS:
+        return of, None
+    if isinstance(of, (str, os.PathLike)) and os.fspath(of).endswith(".safetensors"):
+        with open(of, "rb") as file:
+            return None, file.read()
+    raise ValueError(f"no driver {of!r}; expected one of {', '.join(_DRIVERS)}, or a file of weights that ends in .safetensors")

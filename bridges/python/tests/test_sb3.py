@@ -1,0 +1,58 @@
+"""Stable-Baselines3 and torch with the environments; skipped where they are not installed."""
+
+import runpy
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import evodrive.gym as eg
+
+pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed (.ci/python --full)")
+HOME = Path(__file__).resolve().parents[3]
+
+
+@pytest.mark.parametrize("observation", ["metadrive-1", "safebench-1"])
+def test_the_checker_of_sb3_passes(pools, observation):
+    from stable_baselines3.common.env_checker import check_env
+
+    check_env(eg.AdversarialEnv(eg.Scenarios(pools[0]), observation, seed=0), warn=False)
+
+
+@pytest.mark.parametrize("kind", ["PPO", "SAC", "TD3"])
+def test_a_model_drives_from_its_file_as_it_predicts(pools, tmp_path, kind):
+    import stable_baselines3
+    import torch
+
+    torch.manual_seed(0)
+    src = eg.Scenarios(pools[0])
+    env = eg.sb3(eg.VecEnv(src, 8, seed=1))
+    options = {"policy_kwargs": {"net_arch": [32, 32]}, "seed": 0, "device": "cpu"}
+    options |= {"n_steps": 64} if kind == "PPO" else {"learning_starts": 200, "batch_size": 32}
+    model = getattr(stable_baselines3, kind)("MlpPolicy", env, **options).learn(1024)
+    path = eg.save_policy(model, tmp_path / f"{kind}.safetensors")
+    figures = eg.evaluate(path, src)["plain"]
+    one, crashes, completion = eg.AdversarialEnv(src), 0, []
+    for scene in src.scenes:
+        obs, _ = one.reset(options={"scene": scene})
+        over = False
+        while not over:
+            action, _ = model.predict(obs, deterministic=True)
+            obs, _, end, cut, info = one.step(action)
+            over = end or cut
+        crashes += info["end"] == "contact"
+        completion.append(info["route_completion"])
+    # Sums of another order: the last digits differ.
+    assert np.mean(completion) == pytest.approx(figures["route_completion"], abs=0.02)
+    assert abs(crashes / len(src.scenes) - figures["crash_rate"]) <= 1.5 / len(src.scenes)
+
+
+@pytest.mark.parametrize("script", ["sb3_ppo.py", "torch_ppo.py"])
+def test_the_examples_train(pools, tmp_path, monkeypatch, script):
+    path = HOME / "examples/train" / script
+    assert len(path.read_text().splitlines()) <= 60
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [script, str(pools[0]), str(pools[1]), "--steps", "4096", "--envs", "32"])
+    runpy.run_path(str(path), run_name="__main__")
+    assert list(tmp_path.glob("*.safetensors"))

@@ -8,10 +8,10 @@ use evodrive::store::{Transcript, read_events};
 use evodrive::world::drawn_by_monitor;
 
 use crate::harness::run;
-use crate::quickstart::{copied, finished};
+use crate::short::{copied, finished};
 
 fn recorded() -> RecordedRun {
-    RecordedRun::read(&read_events(&finished().1.join("transcript.jsonl")).unwrap()).unwrap()
+    RecordedRun::read(&read_events(&finished().run.join("transcript.jsonl")).unwrap()).unwrap()
 }
 
 /// Place of the first attempt whose exit is the wanted one.
@@ -31,13 +31,13 @@ fn accepted(exit: &Exit) -> bool {
 fn a_run_as_it_was_recorded_has_no_breach() {
     let breaches: Vec<_> = audit(&recorded()).into_iter().filter(|f| f.gravity == Gravity::Breach).collect();
     assert_eq!(breaches, []);
-    let ran = run(&["fsck", finished().1.to_str().unwrap()]);
+    let ran = run(&["fsck", finished().run.to_str().unwrap()]);
     assert!(ran.code == 0 && ran.stdout.contains("audit:"), "{}", ran.stdout);
 }
 
 #[test]
 fn a_run_that_stopped_after_any_event_has_no_breach() {
-    let events = read_events(&finished().1.join("transcript.jsonl")).unwrap();
+    let events = read_events(&finished().run.join("transcript.jsonl")).unwrap();
     for end in 1..events.len() {
         let breaches: Vec<_> = audit(&RecordedRun::read(&events[..end]).unwrap());
         assert!(breaches.iter().all(|f| f.gravity == Gravity::Remark), "{end} events: {breaches:?}");

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::harness::{run, skip};
-use crate::quickstart::copied;
+use crate::short::copied;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Damage {

@@ -78,6 +78,20 @@ pub fn folder_below(folder: &Path) -> PathBuf {
     std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).find(|path| path.is_dir()).expect("a folder")
 }
 
+/// Copies a folder with all that is in it.
+pub fn copy_dir(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_dir(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
 /// What a command printed and how it ended.
 pub struct Ran {
     pub code: i32,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::harness::{evodrive, run};
-use crate::quickstart::copied;
+use crate::short::{copied, finished};
 
 /// A copy of the finished run in which one file was changed.
 fn changed(file: &str, change: impl Fn(String) -> String) -> (tempfile::TempDir, PathBuf) {
@@ -107,7 +107,8 @@ fn a_finished_run_keeps_its_files_when_another_cassette_is_tried() {
     let other = dir.path().join("other.jsonl");
     std::fs::write(&other, without_last_line(&String::from_utf8(before.clone()).unwrap())).unwrap();
     let out = dir.path().to_str().unwrap();
-    let ran = run(&["run", "experiments/quickstart.toml", "--cassette", other.to_str().unwrap(), "--out", out]);
+    let experiment = finished().experiment.to_str().unwrap();
+    let ran = run(&["run", experiment, "--cassette", other.to_str().unwrap(), "--out", out]);
     assert_ne!(ran.code, 0, "{}", ran.stderr);
     assert_eq!(std::fs::read(folder.join("cassette.jsonl")).unwrap(), before);
     let (code, words) = code_and_words(&["fsck", "--read"], &folder);
@@ -121,7 +122,7 @@ fn a_recording_that_cannot_begin_leaves_the_finished_run_finished() {
     let damaged = dir.path().join("damaged.jsonl");
     std::fs::write(&damaged, "no cassette\n").unwrap();
     let (out, cassette) = (dir.path().to_str().unwrap(), damaged.to_str().unwrap());
-    let ran = run(&["record", "experiments/quickstart.toml", "--cassette", cassette, "--out", out]);
+    let ran = run(&["record", finished().experiment.to_str().unwrap(), "--cassette", cassette, "--out", out]);
     assert_eq!(ran.code, 5, "{}", ran.stderr);
     let (code, words) = code_and_words(&["fsck", "--read"], &folder);
     assert!(code == 0 && !words.contains("recording"), "{words}");

@@ -57,6 +57,7 @@ mod scene_scenarionet;
 mod scenes;
 mod shards;
 mod shards_lineage;
+mod short;
 mod shuffled;
 mod simulator;
 mod snapshots;

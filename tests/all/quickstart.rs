@@ -9,7 +9,7 @@ use evodrive::evidence::RecordedRun;
 use evodrive::evidence::tables::{markdown, metadrive_main, plain, proposals};
 use evodrive::store::read_events;
 
-use crate::harness::{evodrive, files, folder_below, home, run, text};
+use crate::harness::{copy_dir, evodrive, files, folder_below, home, run, text};
 
 pub fn golden_root() -> String {
     let text = text("golden/quickstart.toml");
@@ -37,19 +37,6 @@ pub fn copied(to: &Path) -> PathBuf {
     let folder = to.join(from.file_name().unwrap());
     copy_dir(from, &folder);
     folder
-}
-
-fn copy_dir(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        if entry.path().is_dir() {
-            copy_dir(&entry.path(), &target);
-        } else {
-            std::fs::copy(entry.path(), target).unwrap();
-        }
-    }
 }
 
 #[test]

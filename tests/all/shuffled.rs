@@ -5,19 +5,16 @@ use evodrive::experiment::Experiment;
 use evodrive::kernel::{Seed, Threads};
 use evodrive::llm::{Cassette, Replay};
 use evodrive::store::{Store, Transcript, read_events};
-use std::path::Path;
-
-use crate::quickstart::golden_root;
 
 #[test]
 fn the_order_in_which_work_is_begun_changes_no_root() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/quickstart.toml");
-    let experiment = Experiment::read(&file).unwrap();
-    for seed in [Seed(1), Seed(2)] {
+    let whole = crate::short::finished();
+    let experiment = Experiment::read(&whole.experiment).unwrap();
+    for seed in [Seed(1), Seed(2), Seed(3)] {
         let threads = Threads::shuffled(2, seed).unwrap();
         let scenes = experiment.scenes(&[], &threads).unwrap();
         let study = experiment.study(scenes, &threads).unwrap();
-        let cassette = Cassette::load(&file.with_file_name("../cassettes/quickstart.jsonl")).unwrap();
+        let cassette = Cassette::load(&whole.experiment.with_file_name("small.jsonl")).unwrap();
         let replay = Replay::new(cassette, "");
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&folder.path().join("store")).unwrap();
@@ -29,6 +26,6 @@ fn the_order_in_which_work_is_begun_changes_no_root() {
         run(&study, &mut desk).unwrap();
         drop(desk);
         let root = read_events(&transcript).unwrap().last().unwrap().hash.to_hex();
-        assert_eq!(root, golden_root(), "work begun in the order of seed {}", seed.0);
+        assert_eq!(root, whole.root, "work begun in the order of seed {}", seed.0);
     }
 }

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 use crate::bundle::imported;
-use crate::harness::{evodrive, home, named_folder, run};
-use crate::quickstart::{copied, finished};
+use crate::harness::{evodrive, home, named_folder, run, write_small};
+use crate::short::{copied, finished};
 
 /// Which command finds it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -470,28 +470,17 @@ fn clean_copies_raise_no_alarm() {
 fn a_run_that_was_derived_from_other_answers_is_sound_and_has_another_root() {
     // Who makes a whole run anew contradicts nothing; only the root, told by somebody else, shows that it is another one.
     let dir = tempfile::tempdir().unwrap();
-    let text = std::fs::read_to_string(home().join("experiments/quickstart.toml")).unwrap();
-    let cassette = home().join("cassettes/quickstart.jsonl");
-    let renamed = text.replacen("name = \"quickstart\"", "name = \"quicker\"", 1);
-    let path = dir.path().join("quicker.toml");
-    std::fs::write(&path, renamed).unwrap();
+    let mut table = crate::short::table();
+    table["name"] = "quicker".into();
+    let path = write_small(dir.path(), table);
+    let cassette = finished().experiment.with_file_name("small.jsonl");
     let out = dir.path().join("runs");
-    let ran = run(&[
-        "run",
-        path.to_str().unwrap(),
-        "--cassette",
-        cassette.to_str().unwrap(),
-        "--out",
-        out.to_str().unwrap(),
-        "--no-report",
-    ]);
-    if ran.code == 2 {
-        // The copy lies elsewhere and its base does not: then there is nothing to compare.
-        return crate::harness::skip(&ran.stderr);
-    }
+    let place = |path: &Path| path.to_str().unwrap().to_string();
+    let ran = run(&["run", &place(&path), "--cassette", &place(&cassette), "--out", &place(&out), "--no-report"]);
+    assert_eq!(ran.code, 0, "{}", ran.stderr);
     let folder = crate::harness::folder_below(&out);
     assert_eq!(run(&["fsck", "--read", folder.to_str().unwrap()]).code, 0);
-    let original = std::fs::read_to_string(finished().1.join("result.json")).unwrap();
+    let original = std::fs::read_to_string(finished().run.join("result.json")).unwrap();
     assert!(!original.contains(&ran.root()));
 }
 
@@ -512,7 +501,7 @@ fn no_kept_file_says_who_ran_it_where_or_as_which_process() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("canary-place");
     let mut child = evodrive()
-        .args(["run", "experiments/quickstart.toml", "--out", out.to_str().unwrap()])
+        .args(["run", finished().experiment.to_str().unwrap(), "--out", out.to_str().unwrap()])
         .env("USER", "canary-user")
         .env("LOGNAME", "canary-user")
         .env("HOME", "/canary-home")

@@ -37,7 +37,7 @@ fn below(file: &Path) -> Result<String, Failure> {
     match file.to_str().filter(|_| plain) {
         Some(name) => Ok(name.to_string()),
         None => Err(Failure::bad_input(format!(
-            "driver.files names {}: expected a file in the experiment file's folder or below, so that it can lie so on other machines;              copy it there",
+            "driver.files names {}: expected a file in the experiment file's folder or below, so that it can lie so on other machines; copy it there",
             file.display()
         ))),
     }

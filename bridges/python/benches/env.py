@@ -141,7 +141,7 @@ def others(exported):
             raise ImportError
         from metadrive.envs.scenario_env import ScenarioEnv
 
-        count = len([name for name in os.listdir(exported) if name.startswith("sd_")])
+        count = len([name for name in os.listdir(exported) if name.startswith("sd_") and name.endswith(".pkl")])
         options = {"data_directory": exported, "num_scenarios": count, "reactive_traffic": True, "log_level": 50}
         yield Gymnasium("MetaDrive 0.4.3 ScenarioEnv", lambda: ScenarioEnv(options), [0.0, 0.2], 300)
     except ImportError:

@@ -372,6 +372,33 @@ def test_wrappers_of_gymnasium_take_it(src):
     assert len(returns) > 5
 
 
+def test_gymnasium_makes_vectors_of_it_in_one_process_and_in_several(src):
+    one = gymnasium.make_vec(eg.ID, num_envs=2, vectorization_mode="vector_entry_point", scenarios=src)
+    several = gymnasium.make_vec(eg.ID, num_envs=2, vectorization_mode="async", vector_kwargs={"context": "spawn"}, scenarios=src)
+    try:
+        seen = [env.reset(seed=1)[0].copy() for env in (one, several)]
+        assert isinstance(one, eg.VecEnv) and np.array_equal(*seen)
+        steps = [env.step(np.zeros((2, 2), np.float32)) for env in (one, several)]
+        assert np.array_equal(steps[0][0], steps[1][0]) and np.array_equal(steps[0][1], steps[1][1])
+    finally:
+        several.close()
+
+
+def test_scenes_of_safebench_s_families_under_its_programs(tmp_path):
+    src = eg.Scenarios(eg.generate(tmp_path / "staged.pool", 0, 7, protocol="safebench"), {"plain": None, "human": "human"})
+    env = eg.VecEnv(src, 16, observation="safebench-1", reward=eg.SafeBenchReward(), seed=0, preventable=True)
+    obs, _ = env.reset()
+    ends = set()
+    for _ in range(250):
+        obs, rewards, _, _, info = env.step(along_the_route(obs, "safebench-1"))
+        assert np.isfinite(rewards).all()
+        if "final_info" in info:
+            ends |= {eg.ENDS[end] for end in info["final_info"]["end"][info["_final_info"]]}
+    assert {"contact", "arrived"} <= ends
+    told = eg.evaluate("idm", src)
+    assert "ARS" in told["human"] and told["human"]["crash_rate"] > told["plain"]["crash_rate"]
+
+
 def test_the_program_travels_in_the_package():
     done = subprocess.run([sys.executable, "-m", "evodrive", "families", "--json"], capture_output=True, text=True)
     assert done.returncode == 0 and "cat" in done.stdout

@@ -56,3 +56,15 @@ def test_the_examples_train(pools, tmp_path, monkeypatch, script):
     monkeypatch.setattr(sys, "argv", [script, str(pools[0]), str(pools[1]), "--steps", "4096", "--envs", "32"])
     runpy.run_path(str(path), run_name="__main__")
     assert list(tmp_path.glob("*.safetensors"))
+
+
+def test_the_readme_s_lines_train(tmp_path, monkeypatch, capsys):
+    text = (HOME / "bridges/python/README.md").read_text()
+    lines = text.split("```python\n", 1)[1].split("```", 1)[0]
+    assert sum(bool(line.strip()) for line in lines.splitlines()) <= 8
+    for written, short in [("count=400", "count=30"), ("count=100", "count=10"), (".learn(20_000)", ".learn(640)")]:
+        assert written in lines
+        lines = lines.replace(written, short)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(lines, "README.md", "exec"), {})
+    assert "crash_rate" in capsys.readouterr().out and (tmp_path / "mine.safetensors").exists()

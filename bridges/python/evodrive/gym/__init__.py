@@ -22,6 +22,7 @@ __all__ = [
     "CONTACT_CLASSES",
     "ENDS",
     "HeldOut",
+    "ID",
     "MetaDriveReward",
     "SafeBenchReward",
     "Scenarios",
@@ -34,6 +35,7 @@ __all__ = [
     "sb3",
 ]
 
+#: Under which name Gymnasium knows the environment.
 ID = "evodrive/Adversarial-v0"
 if ID not in _gymnasium.registry:
     _gymnasium.register(id=ID, entry_point="evodrive.gym.single:AdversarialEnv", vector_entry_point="evodrive.gym.vector:VecEnv")

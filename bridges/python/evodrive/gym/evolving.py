@@ -1,9 +1,13 @@
 """Programs evolved against a policy: a run like any other, started from Python."""
 
+from __future__ import annotations
+
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from .. import _evodrive
 from .policies import weights_of
@@ -26,18 +30,18 @@ class Evolved:
 
 
 def evolve(
-    policy,
-    scenarios,
-    families=("cat",),
-    proposer="scripted",
-    out="evolved",
-    name="evolved",
-    epochs=4,
-    slots=6,
-    observation="metadrive-1",
-    settings=None,
-    jobs=0,
-):
+    policy: Any,
+    scenarios: Scenarios,
+    families: Sequence[str] = ("cat",),
+    proposer: str = "scripted",
+    out: str | os.PathLike = "evolved",
+    name: str = "evolved",
+    epochs: int = 4,
+    slots: int = 6,
+    observation: str = "metadrive-1",
+    settings: dict[str, Any] | None = None,
+    jobs: int = 0,
+) -> list[Evolved]:
     """Evolves programs of these families against a policy in the scenes of the training, and gives them as program files.
 
     policy    a file of weights, or whatever `save_policy` takes

@@ -1,8 +1,11 @@
 """Policies as files of weights, which every command that takes an ego drives with (docs/FORMAT.md, docs/EGOS.md)."""
 
+from __future__ import annotations
+
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +15,7 @@ from .scenarios import HeldOut, Scenarios, _driver
 _NAMES = "latent_pi.0, latent_pi.2 and mu, each with weight and bias"
 
 
-def save_policy(actor, path, observation="metadrive-1", squash=None):
+def save_policy(actor: Any, path: str | os.PathLike, observation: str = "metadrive-1", squash: str | None = None) -> str | os.PathLike:
     """Writes a policy as a file of weights that EvoDrive drives with, and gives the path.
 
     actor   a torch module of three linear layers (two hidden ones of one width, with ReLU or tanh between them, and the action's
@@ -25,7 +28,7 @@ def save_policy(actor, path, observation="metadrive-1", squash=None):
     return path
 
 
-def weights_of(actor, observation="metadrive-1", squash=None):
+def weights_of(actor: Any, observation: str = "metadrive-1", squash: str | None = None) -> bytes:
     """The bytes of `save_policy`; of a file or a function that gives a policy its own."""
     if isinstance(actor, (bytes, str, os.PathLike)):
         _, weights = _driver(actor)
@@ -94,7 +97,7 @@ def _of_sb3(model):
     return layers, activation, squash
 
 
-def evaluate(policy, scenes, observation="metadrive-1", threads=0):
+def evaluate(policy: Any, scenes: HeldOut | Scenarios, observation: str = "metadrive-1", threads: int = 0) -> dict[str, dict]:
     """How a policy drives, under each program planned around it: `evodrive apply`'s labels and `evodrive egos`' figures.
 
     policy  a file of weights, "idm", "idm-lights", "replay", "standing" (brakes and stands), or whatever `save_policy` takes

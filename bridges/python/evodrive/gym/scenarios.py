@@ -1,10 +1,15 @@
 """Scenes and the programs that change them."""
 
+from __future__ import annotations
+
 import os
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .. import _evodrive
+
+Path_ = str | os.PathLike
 
 #: How an episode ended, by the number in `info["end"]`; -1 while it goes on.
 ENDS = ("contact", "off_road", "arrived", "horizon")
@@ -20,7 +25,7 @@ def _paths(of):
     return [os.fspath(path) for path in ([of] if isinstance(of, (str, os.PathLike)) else of or [])]
 
 
-def generate(path, count, seed, protocol="metadrive"):
+def generate(path: Path_, count: int, seed: int, protocol: str = "metadrive") -> Path_:
     """Writes a pool of generated scenes and gives its path. `protocol`: "metadrive" (crossings, merges, roundabouts and the like, with
     their traffic) or "safebench" (its traffic families on generated roads; count has no meaning there)."""
     from ..runs import command
@@ -46,7 +51,7 @@ class HeldOut:
         return len(self.ids)
 
     @property
-    def ids(self):
+    def ids(self) -> list[str]:
         """Ids of the scenes."""
         return self.scenarios._native.held_out
 
@@ -69,7 +74,17 @@ class Scenarios:
     threads       for reading and planning; 0 is one a core
     """
 
-    def __init__(self, pool, programs=None, mix=None, plan_around="idm", replan_every=None, held_out=None, plant=None, threads=0):
+    def __init__(
+        self,
+        pool: Path_ | Sequence[Path_],
+        programs: Mapping[str, Path_ | None] | None = None,
+        mix: Mapping[str, float] | None = None,
+        plan_around: Path_ = "idm",
+        replan_every: int | None = None,
+        held_out: Path_ | Sequence[Path_] | None = None,
+        plant: str | None = None,
+        threads: int = 0,
+    ):
         programs = {"plain": None} if programs is None else dict(programs)
         if not programs:
             raise ValueError("programs is empty; expected a name and a program file, or a name and None for the scenes as they are")
@@ -94,16 +109,16 @@ class Scenarios:
         self.held_out = HeldOut(self)
 
     @property
-    def scenes(self):
+    def scenes(self) -> list[str]:
         """Ids of the scenes, by the number in `info["scene"]`."""
         return self._native.scenes
 
     @property
-    def program_names(self):
+    def program_names(self) -> list[str]:
         """Names of the programs, by the number in `info["program"]`."""
         return self._native.programs
 
-    def coverage(self, driver=None):
+    def coverage(self, driver: Path_ | bytes | None = None) -> dict[str, dict]:
         """Of each program: in how many scenes it can be planned around a driver (without one that of `plan_around`), in how many
         of these it changes anything, and why not in the others."""
         told = self._native.coverage(*(self._driver if driver is None else _driver(driver)), self.threads)

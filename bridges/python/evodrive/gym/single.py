@@ -1,10 +1,13 @@
 """One environment with Gymnasium's plain interface."""
 
+from __future__ import annotations
+
 import gymnasium
 import numpy as np
 
 from . import spaces
-from .rewards import MetaDriveReward
+from .rewards import MetaDriveReward, SafeBenchReward
+from .scenarios import Scenarios
 from .vector import class_name, end_name, named_task, native
 
 
@@ -20,14 +23,14 @@ class AdversarialEnv(gymnasium.Env):
 
     def __init__(
         self,
-        scenarios,
-        observation="metadrive-1",
-        reward=None,
-        seed=None,
-        preventable=False,
-        keep=False,
-        render_mode=None,
-        width=480,
+        scenarios: Scenarios,
+        observation: str = "metadrive-1",
+        reward: MetaDriveReward | SafeBenchReward | None = None,
+        seed: int | None = None,
+        preventable: bool = False,
+        keep: bool = False,
+        render_mode: str | None = None,
+        width: int = 480,
     ):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode is {render_mode!r}; expected None or 'rgb_array'")
@@ -100,7 +103,7 @@ class AdversarialEnv(gymnasium.Env):
         height, width, rgb = self._native.picture(0, float(self.width), title)
         return np.frombuffer(rgb, np.uint8).reshape(height, width, 3).copy()
 
-    def episode(self):
+    def episode(self) -> str | None:
         """The last episode that ended, as of `VecEnv.episode`."""
         return self._native.kept(0)
 

@@ -1,5 +1,7 @@
 """Many environments side by side, stepped by the engine on all cores."""
 
+from __future__ import annotations
+
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -7,7 +9,7 @@ from gymnasium.vector.utils import batch_space
 from .. import _evodrive
 from . import spaces
 from .policies import weights_of
-from .rewards import MetaDriveReward
+from .rewards import MetaDriveReward, SafeBenchReward
 from .scenarios import CONTACT_CLASSES, ENDS, HeldOut, Scenarios
 
 _MODES = {
@@ -72,15 +74,15 @@ class VecEnv(VectorEnv):
 
     def __init__(
         self,
-        scenarios,
-        num_envs=1,
-        threads=0,
-        observation="metadrive-1",
-        reward=None,
-        autoreset="same_step",
-        seed=None,
-        preventable=False,
-        keep=False,
+        scenarios: Scenarios,
+        num_envs: int = 1,
+        threads: int = 0,
+        observation: str = "metadrive-1",
+        reward: MetaDriveReward | SafeBenchReward | None = None,
+        autoreset: str | AutoresetMode = "same_step",
+        seed: int | None = None,
+        preventable: bool = False,
+        keep: bool = False,
     ):
         mode = _mode(autoreset)
         self.observation, self.reward = observation, MetaDriveReward() if reward is None else reward
@@ -168,12 +170,12 @@ class VecEnv(VectorEnv):
         self._native.plan_around(None, weights_of(self.policy, self.observation))
         self._replan_at += self.scenarios.replan_every
 
-    def replan(self, policy):
+    def replan(self, policy) -> None:
         """Plans adversaries around a policy now, and waits for it; episodes that begin from now on have them."""
         self._native.plan_around(None, weights_of(policy, self.observation))
         self._native.adopt()
 
-    def episode(self, i):
+    def episode(self, i: int) -> str | None:
         """The last episode that environment `i` ended, as the text of a file for `evodrive scenes show --episode`; None before
         the first. Needs `keep=True`."""
         return self._native.kept(i)

@@ -97,7 +97,8 @@ impl Merge<'_> {
         drop(met);
         let mut unflushed = 0;
         for path in usable {
-            let (shard, result) = self.load(path)?;
+            // Its keys were held to their tasks above.
+            let (shard, result) = self.read(path)?;
             unflushed += result.results.len();
             self.keep(&shard, result, &mut merged)?;
             if unflushed >= FLUSH_EVERY {
@@ -128,9 +129,7 @@ impl Merge<'_> {
     /// # Errors
     /// One that cannot be used.
     pub fn load(&self, path: &Path) -> Result<(Shard, ResultFile), ShardError> {
-        let shards =
-            |digest: Digest| Shard::load(&self.shards.join(format!("{digest}{SHARD_ENDING}"))).map(|(shard, _)| shard);
-        let (shard, result) = ResultFile::load(path, self.study, &shards)?;
+        let (shard, result) = self.read(path)?;
         if let (Some(key_of), true) = (self.key, shard.lineage.is_some()) {
             for (key, task) in &shard.tasks {
                 let own = key_of(task).map_or_else(|error| error.to_string(), |own| own.to_hex());
@@ -143,6 +142,13 @@ impl Merge<'_> {
             }
         }
         Ok((shard, result))
+    }
+
+    /// The same without a look at its keys.
+    fn read(&self, path: &Path) -> Result<(Shard, ResultFile), ShardError> {
+        let shards =
+            |digest: Digest| Shard::load(&self.shards.join(format!("{digest}{SHARD_ENDING}"))).map(|(shard, _)| shard);
+        ResultFile::load(path, self.study, &shards)
     }
 
     /// Compares with what the run has and with the results before this one.

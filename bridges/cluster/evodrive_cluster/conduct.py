@@ -5,6 +5,7 @@ import argparse
 import hashlib
 import json
 import os
+import resource
 import shutil
 import sys
 import time
@@ -117,16 +118,16 @@ class Driver:
         self.guard()
         vain = 0
         for number in range(1, self.options.rounds + 1):
-            planned, plan_s = timed(self.plan)
+            planned, *plan_s = timed(self.plan)
             if number == 1:
                 self.open(planned)
-            self.times["rounds"].append({"plan_s": plan_s, "work_wall_s": 0.0, "merge_s": 0.0, "shards": []})
+            self.times["rounds"].append({"plan_s": plan_s, "work_wall_s": 0.0, "merge_s": [0.0, 0.0], "shards": []})
             if planned["complete"]:
                 break
             before = self.counts["records"]
             shards = [Shard(Path(path), name) for path, name in zip(planned["to_do"], planned["names"])]
-            _, self.times["rounds"][-1]["work_wall_s"] = timed(lambda: self.round(number, shards))
-            _, self.times["rounds"][-1]["merge_s"] = timed(self.merge)
+            _, self.times["rounds"][-1]["work_wall_s"], _ = timed(lambda: self.round(number, shards))
+            _, *self.times["rounds"][-1]["merge_s"] = timed(self.merge)
             self.rounds_done = number
             # The results of a driver that was killed behind its merge are known by now.
             vain = vain + 1 if self.counts["records"] == before and not self.again else 0
@@ -137,7 +138,7 @@ class Driver:
         self.line.say(f"{self.rounds_done} rounds, {self.counts['shards']} shards, {self.counts['lost']} lost and tried again, "
                       f"{self.counts['refused']} results refused, {spent:.0f} s; now the run, from records")
         words = ["record" if self.options.record else "run", self.options.experiment, "--out", self.options.out]
-        code, finish_s = timed(lambda: self.evodrive.shown(*words, *(["--no-report"] if self.options.no_report else [])))
+        code, *finish_s = timed(lambda: self.evodrive.shown(*words, *(["--no-report"] if self.options.no_report else [])))
         workers = self.crew_of.room(self.options)
         self.times |= {"workers": workers, "finish_s": finish_s, "wall_s": time.monotonic() - began, "epochs": self.epochs()}
         write_whole(self.shards / "times.json", json.dumps(self.times, indent=1).encode())
@@ -145,8 +146,7 @@ class Driver:
 
     def epochs(self):
         """How many epochs the study has."""
-        with (self.run / "experiment.toml").open("rb") as file:
-            return tomllib.load(file)["budget"]["epochs"]
+        return self.settings()["budget"]["epochs"]
 
     def plan(self):
         whole = self.by != "task"
@@ -162,10 +162,22 @@ class Driver:
 
     def _plan(self, whole):
         options = self.options
-        words = ["shard", "plan", options.experiment, "--out", options.out, "--size", str(options.size)]
+        words = ["shard", "plan", *self.target(), "--size", str(options.size)]
         words += ["--whole-lineages"] if whole else []
         words += ["--record"] if options.record else []
         return self.evodrive.json(*words)[0]
+
+    def target(self):
+        """The run as its commands are named it: by its folder once that is there, which spares making or reading the scenes anew. Rollouts
+        of another simulator are kept beside the experiment file, so there that one is named."""
+        folder = getattr(self, "run", None)
+        if folder is None or (self.settings().keys() & {"driver"}) or "backend" in self.settings().get("simulator", {}):
+            return [self.options.experiment, "--out", self.options.out]
+        return [str(folder)]
+
+    def settings(self):
+        with (self.run / "experiment.toml").open("rb") as file:
+            return tomllib.load(file)
 
     def round(self, number, shards):
         if not shards:
@@ -196,7 +208,7 @@ class Driver:
                 if event.kind == "done":
                     self.keep(event)
                     self.took[shard.lineage] = event.seconds
-                    self.times["rounds"][-1]["shards"].append({"name": shard.name, "work_s": event.seconds, "cpu_s": event.cpu_s})
+                    self.times["rounds"][-1]["shards"].append({"name": shard.name, "work_s": [event.seconds, event.cpu_s]})
                     done += 1
                     self.counts["shards"] += 1
                     continue
@@ -223,7 +235,7 @@ class Driver:
     def merge(self):
         """Merges, and takes out what cannot be used: its shards are done again, elsewhere."""
         options, self.again = self.options, False
-        words = ["shard", "merge", options.experiment, "--out", options.out]
+        words = ["shard", "merge", *self.target()]
         try:
             share = [] if options.audit is None else ["--audit", str(options.audit)]
             merged, _ = self.evodrive.json(*words, *share, may=REFUSALS)
@@ -313,9 +325,14 @@ class Driver:
 
 
 def timed(act):
-    """What comes of it, and in how many seconds."""
-    began = time.monotonic()
-    return act(), time.monotonic() - began
+    """What comes of it, in how many seconds, and in how many of CPU of the commands that it called."""
+    began, before = time.monotonic(), cpu_s()
+    return act(), time.monotonic() - began, cpu_s() - before
+
+
+def cpu_s():
+    of = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return of.ru_utime + of.ru_stime
 
 
 def short(said):

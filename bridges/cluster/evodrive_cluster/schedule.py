@@ -37,9 +37,15 @@ def begin_s(times):
     return max(0.0, sum(spare) / shards) if times["workers"] == 1 and shards else 0.0
 
 
-def read(path):
+def read(path, cpu=False):
+    """The times of a run, by the clock, or of CPU alone where the machine had other work: beginning a shard is not in these."""
     times = json.loads(Path(path).read_text())
-    times.setdefault("begin_s", begin_s(times))
+    times["finish_s"] = times["finish_s"][cpu]
+    for of in times["rounds"]:
+        of["plan_s"], of["merge_s"] = of["plan_s"][cpu], of["merge_s"][cpu]
+        for shard in of["shards"]:
+            shard["work_s"] = shard["work_s"][cpu]
+    times["begin_s"] = 0.0 if cpu else begin_s(times)
     return times
 
 
@@ -96,11 +102,12 @@ def questions_s(options):
 
 
 def model(options):
-    times = read(options.of)
-    base = modelled(times, options, 1)
+    times = read(options.of, options.cpu)
+    of = (lambda workers: predicted(times, workers)) if options.same else (lambda workers: modelled(times, options, workers))
+    base = of(1)
     print("workers   seconds   times as fast as one")
     for workers in (int(word) for word in options.workers.split(",")):
-        took = modelled(times, options, workers)
+        took = of(workers)
         print(f"{workers:7} {took:9.0f} {base / took:10.1f}")
     return 0
 
@@ -115,6 +122,8 @@ def main():
     beyond = commands.add_parser("model", help="times of a larger study on more workers")
     beyond.add_argument("of", help="times.json of a measured run")
     beyond.add_argument("--workers", default="1,2,8,64,1000", help="numbers of workers, separated by commas")
+    beyond.add_argument("--cpu", action="store_true", help="from seconds of CPU and not of the clock")
+    beyond.add_argument("--same", action="store_true", help="the measured study itself, on other numbers of workers")
     beyond.add_argument("--lineages", type=int, default=50)
     beyond.add_argument("--epochs", type=int, default=10)
     beyond.add_argument("--slots", type=int, default=6)

@@ -8,6 +8,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
+use crate::kernel::hex;
+
 use super::{BundleError, Manifest, names::MANIFEST};
 
 const PAYLOAD_TYPE: &str = "application/vnd.in-toto+json";
@@ -51,15 +53,11 @@ fn unusable(file: &str, expected: &str) -> BundleError {
 fn statement(manifest: &Manifest, manifest_bytes: &[u8]) -> Value {
     json!({
         "_type": STATEMENT,
-        "subject": [{"name": MANIFEST, "digest": {"sha256": hex(&Sha256::digest(manifest_bytes))}}],
+        "subject": [{"name": MANIFEST, "digest": {"sha256": hex::encoded(&Sha256::digest(manifest_bytes))}}],
         "predicateType": PREDICATE,
         "predicate": {"root": manifest.root, "experiment": manifest.experiment, "pool": manifest.pool,
             "versions": manifest.versions},
     })
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// How DSSE joins type and payload before they are signed.
@@ -70,7 +68,7 @@ fn encoded(payload: &[u8]) -> Vec<u8> {
 
 /// A key by the SHA-256 of its 32 bytes.
 fn name_of(key: &VerifyingKey) -> String {
-    hex(&Sha256::digest(key.as_bytes()))
+    hex::encoded(&Sha256::digest(key.as_bytes()))
 }
 
 /// The name that a public key's signatures bear.

@@ -9,7 +9,7 @@ use super::key::shown;
 use super::place::Place;
 use super::{ExperimentError, OptionError};
 use crate::ego::Policy;
-use crate::kernel::Digest;
+use crate::kernel::{Digest, hex};
 use crate::store;
 
 /// The ego that takes weights.
@@ -37,19 +37,12 @@ struct Named {
 
 impl EgoWeights {
     fn of(bytes: &[u8]) -> EgoWeights {
-        let weights = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-        EgoWeights { digest: Digest::of_bytes(bytes), weights }
-    }
-
-    fn bytes(&self) -> Option<Vec<u8>> {
-        let (pairs, rest) = self.weights.as_bytes().as_chunks::<2>();
-        let byte = |pair: &[u8; 2]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
-        if rest.is_empty() { pairs.iter().map(byte).collect() } else { None }
+        EgoWeights { digest: Digest::of_bytes(bytes), weights: hex::encoded(bytes) }
     }
 
     /// The driver.
     pub fn policy(&self) -> Result<Policy, String> {
-        let bytes = self.bytes().filter(|bytes| Digest::of_bytes(bytes) == self.digest);
+        let bytes = hex::decoded(&self.weights).filter(|bytes| Digest::of_bytes(bytes) == self.digest);
         let bytes = bytes.ok_or("its weights are not those of its digest; name the file again")?;
         Policy::learned(&bytes).map_err(|error| error.to_string())
     }

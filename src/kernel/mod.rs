@@ -5,6 +5,7 @@ pub mod canon;
 pub mod digest;
 pub mod formula;
 pub mod geom;
+pub mod hex;
 pub mod kept;
 pub mod linear;
 pub mod num;

@@ -51,6 +51,23 @@ pub enum Reward {
     },
 }
 
+impl Reward {
+    /// MetaDrive's own constants, but for the penalty of a contact, which is 1 there: contact ends an episode here.
+    pub const fn metadrive(crash: f64) -> Reward {
+        Reward::Metadrive {
+            driving: 1.0,
+            lateral: 0.5,
+            lateral_m_max: 4.0,
+            heading: 1.0,
+            steering: 0.5,
+            no_negative: true,
+            crash,
+            success: 5.0,
+            out_of_road: 5.0,
+        }
+    }
+}
+
 /// What a step did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
@@ -167,17 +184,7 @@ impl Reward {
 mod tests {
     use super::*;
 
-    const METADRIVE: Reward = Reward::Metadrive {
-        driving: 1.0,
-        lateral: 0.5,
-        lateral_m_max: 4.0,
-        heading: 1.0,
-        steering: 0.5,
-        no_negative: true,
-        crash: 1.0,
-        success: 5.0,
-        out_of_road: 5.0,
-    };
+    const METADRIVE: Reward = Reward::metadrive(1.0);
 
     #[test]
     fn metadrives_rules_overwrite_each_other_in_its_order() {

@@ -18,7 +18,7 @@ use serde_json::Value;
 
 use super::{DrawSlot, Message, Metadata, ModelSpec, Request, Schema, Text, client::SCRIPTED};
 use crate::{
-    kernel::{Digest, Threads},
+    kernel::{Digest, Threads, hex},
     store::{self, StoreError, TextFault},
 };
 
@@ -360,8 +360,8 @@ impl Cassette {
         }
         let bytes = match (line.reply, line.reply_hex) {
             (Some(text), None) => text.into_bytes(),
-            (None, Some(hex)) => {
-                from_hex(&hex).ok_or_else(|| ("hex digits in reply_hex".to_string(), "others".to_string()))?
+            (None, Some(digits)) => {
+                hex::decoded(&digits).ok_or_else(|| ("hex digits in reply_hex".to_string(), "others".to_string()))?
             }
             _ => return Err(("either reply or reply_hex".to_string(), "both or none".to_string())),
         };
@@ -528,7 +528,7 @@ fn exchange_line(
         messages,
         schema,
         response: exchange.response,
-        reply_hex: if reply.is_none() { Some(to_hex(&exchange.bytes)) } else { None },
+        reply_hex: if reply.is_none() { Some(hex::encoded(&exchange.bytes)) } else { None },
         reply,
         metadata: exchange.metadata.clone(),
         metadata_digest,
@@ -547,17 +547,4 @@ fn parsed<'a, T: Deserialize<'a>>(line: &'a [u8], expected: &str) -> Result<T, W
 
 fn same(what: &str, written: Digest, computed: Digest) -> Result<(), Wrong> {
     if written == computed { Ok(()) } else { Err((format!("{what} {computed}"), written.to_hex())) }
-}
-
-fn to_hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-fn from_hex(text: &str) -> Option<Vec<u8>> {
-    // One spelling, as of digests: a changed letter's case is damage.
-    let digit = |c: char| c.to_digit(16).filter(|_| !c.is_ascii_uppercase()).map(|d| d as u8);
-    let digits: Option<Vec<u8>> = text.chars().map(digit).collect();
-    let digits = digits?;
-    let (pairs, rest) = digits.as_chunks::<2>();
-    rest.is_empty().then(|| pairs.iter().map(|[high, low]| high * 16 + low).collect())
 }

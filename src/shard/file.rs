@@ -52,16 +52,6 @@ pub(super) struct ProgramLine {
     pub body: Program,
 }
 
-impl ProgramLine {
-    /// The program, where it has the hash that its line says.
-    pub fn held(self) -> Result<Result<(Digest, Program), Wrong>, ShardError> {
-        let ProgramLine { program, body } = self;
-        let hash = body.hash()?;
-        let wrong = || (format!("program {program}"), format!("one with the hash {hash}"));
-        Ok(if hash == program { Ok((program, body)) } else { Err(wrong()) })
-    }
-}
-
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TaskLine {
@@ -152,6 +142,35 @@ impl Shard {
         bytes
     }
 
+    /// Reads so many programs and then so many tasks; each program has the hash that its line says, and no task is of another one.
+    /// `file` is what messages call the file.
+    pub(super) fn read_tasks(
+        &mut self,
+        lines: &mut Lines<'_>,
+        (programs, tasks): (usize, usize),
+        file: &str,
+        damaged: &dyn Fn(usize, Wrong) -> ShardError,
+    ) -> Result<(), ShardError> {
+        for _ in 0..programs {
+            let (at, read) = lines.next::<ProgramLine>("a program");
+            let ProgramLine { program, body } = read.map_err(|wrong| damaged(at, wrong))?;
+            let hash = body.hash()?;
+            if hash != program {
+                return Err(damaged(at, (format!("program {program}"), format!("one with the hash {hash}"))));
+            }
+            self.programs.insert(program, body);
+        }
+        for _ in 0..tasks {
+            let (at, read) = lines.next::<TaskLine>("a task");
+            let TaskLine { task, of } = read.map_err(|wrong| damaged(at, wrong))?;
+            if let Some(program) = of.program().filter(|program| !self.programs.contains_key(program)) {
+                return Err(damaged(at, (format!("program {program} in this {file}"), "none".into())));
+            }
+            self.tasks.push((task, of));
+        }
+        Ok(())
+    }
+
     /// Writes it unless it is there: the path, and whether it is new.
     pub fn saved(&self, folder: &Path) -> Result<(PathBuf, bool), ShardError> {
         let bytes = self.to_bytes();
@@ -193,20 +212,7 @@ impl Shard {
         let head: HeadLine = lines.head(FORMAT, file)?.map_err(|wrong| damaged(1, wrong))?;
         let (study, needs) = (head.study, head.needs);
         let mut shard = Shard { study, programs: BTreeMap::new(), tasks: Vec::new(), lineage: None, needs };
-        for _ in 0..head.programs {
-            let (at, read) = lines.next::<ProgramLine>("a program");
-            let held = read.map_err(|wrong| damaged(at, wrong))?.held()?;
-            let (program, body) = held.map_err(|wrong| damaged(at, wrong))?;
-            shard.programs.insert(program, body);
-        }
-        for _ in 0..head.tasks {
-            let (at, read) = lines.next::<TaskLine>("a task");
-            let TaskLine { task, of } = read.map_err(|wrong| damaged(at, wrong))?;
-            if let Some(program) = of.program().filter(|program| !shard.programs.contains_key(program)) {
-                return Err(damaged(at, (format!("program {program} in this shard"), "none".into())));
-            }
-            shard.tasks.push((task, of));
-        }
+        shard.read_tasks(&mut lines, (head.programs, head.tasks), "shard", &damaged)?;
         if let Some(LineageLine { records, answers, asks }) = head.lineage {
             let (at, walk) = lines.next::<Walk>("where a lineage stands");
             let walk = walk.map_err(|wrong| damaged(at, wrong))?;

@@ -180,7 +180,13 @@ impl ResultFile {
         let mut shard = shards(head.shard)?;
         let mut asked = Vec::new();
         match (head.lineage, shard.lineage.is_some()) {
-            (Some(made), true) => asked = on_the_way(&mut lines, &made, &mut shard, &damaged)?,
+            (Some(made), true) => {
+                shard.read_tasks(&mut lines, (made.programs, made.tasks), "result", &damaged)?;
+                for _ in 0..made.asked {
+                    let (at, read) = lines.next::<RecordedAnswer>("what a model was asked");
+                    asked.push(read.map_err(|wrong| damaged(at, wrong))?);
+                }
+            }
             (None, false) => {}
             (_, whole) => {
                 let say = |whole: bool| if whole { "a result of a whole lineage" } else { "a result of tasks" };
@@ -216,35 +222,6 @@ impl ResultFile {
             None => Ok((shard, ResultFile { file, results, answers, asked })),
         }
     }
-}
-
-/// The programs and tasks of a lineage's way, which become the shard's, and what a model was asked.
-fn on_the_way(
-    lines: &mut Lines<'_>,
-    made: &MadeLine,
-    shard: &mut Shard,
-    damaged: &dyn Fn(usize, Wrong) -> ShardError,
-) -> Result<Vec<RecordedAnswer>, ShardError> {
-    for _ in 0..made.programs {
-        let (at, read) = lines.next::<ProgramLine>("a program");
-        let held = read.map_err(|wrong| damaged(at, wrong))?.held()?;
-        let (program, body) = held.map_err(|wrong| damaged(at, wrong))?;
-        shard.programs.insert(program, body);
-    }
-    for _ in 0..made.tasks {
-        let (at, read) = lines.next::<TaskLine>("a task");
-        let TaskLine { task, of } = read.map_err(|wrong| damaged(at, wrong))?;
-        if let Some(program) = of.program().filter(|program| !shard.programs.contains_key(program)) {
-            return Err(damaged(at, (format!("program {program} in this result"), "none".into())));
-        }
-        shard.tasks.push((task, of));
-    }
-    let mut asked = Vec::new();
-    for _ in 0..made.asked {
-        let (at, read) = lines.next::<RecordedAnswer>("what a model was asked");
-        asked.push(read.map_err(|wrong| damaged(at, wrong))?);
-    }
-    Ok(asked)
 }
 
 /// A scene for which another simulator must have been asked and of which there is no answer.

@@ -107,17 +107,7 @@ fn an_episode_that_is_over_stays_as_it_is_and_a_control_that_is_no_number_moves_
     assert_eq!(episode.outcome(), Some(outcome));
 }
 
-const REWARD: Reward = Reward::Metadrive {
-    driving: 1.0,
-    lateral: 0.5,
-    lateral_m_max: 4.0,
-    heading: 1.0,
-    steering: 0.5,
-    no_negative: true,
-    crash: 10.0,
-    success: 5.0,
-    out_of_road: 5.0,
-};
+const REWARD: Reward = Reward::metadrive(10.0);
 
 fn options(autoreset: Autoreset, seeing: Seeing) -> FleetOptions {
     FleetOptions { seeing, reward: REWARD, autoreset, assesses: true, keeps: true, keeps_motion: false }

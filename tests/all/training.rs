@@ -30,17 +30,7 @@ fn options() -> TrainingOptions {
             temperature_first: 1.0,
             target_entropy: -2.0,
         },
-        reward: Reward::Metadrive {
-            driving: 1.0,
-            lateral: 0.5,
-            lateral_m_max: 4.0,
-            heading: 1.0,
-            steering: 0.5,
-            no_negative: true,
-            crash: 10.0,
-            success: 5.0,
-            out_of_road: 5.0,
-        },
+        reward: Reward::metadrive(10.0),
     }
 }
 

@@ -105,17 +105,7 @@ fn digests(options: &EnvOptions, tasks: &Arc<Tasks>, threads: &Threads) -> Resul
 }
 
 fn begun(tasks: &Arc<Tasks>, places: usize, setting: Setting, threads: &Threads) -> Result<Fleet, Failure> {
-    let reward = Reward::Metadrive {
-        driving: 1.0,
-        lateral: 0.5,
-        lateral_m_max: 4.0,
-        heading: 1.0,
-        steering: 0.5,
-        no_negative: true,
-        crash: 1.0,
-        success: 5.0,
-        out_of_road: 5.0,
-    };
+    let reward = Reward::metadrive(1.0);
     let (seeing, autoreset) = (Seeing::Setting(setting), Autoreset::SameStep);
     let options = FleetOptions { seeing, reward, autoreset, assesses: false, keeps: false, keeps_motion: false };
     let mut fleet = Fleet::new(tasks.clone(), places, options).map_err(Failure::bad_input)?;

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use crate::kernel::Digest;
+use crate::kernel::{Digest, hex};
 use crate::llm::{Ask, AskError, Cassette, DrawSlot, Miss, Model, ModelError, Recorded, Reply, Request};
 use crate::objects::LineageId;
 
@@ -30,10 +30,7 @@ impl RecordedAnswer {
     pub fn of(answer: Digest, slot: DrawSlot, bytes: &[u8]) -> RecordedAnswer {
         match std::str::from_utf8(bytes) {
             Ok(text) => RecordedAnswer { answer, slot, reply: Some(text.to_string()), reply_hex: None },
-            Err(_) => {
-                let hex = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-                RecordedAnswer { answer, slot, reply: None, reply_hex: Some(hex) }
-            }
+            Err(_) => RecordedAnswer { answer, slot, reply: None, reply_hex: Some(hex::encoded(bytes)) },
         }
     }
 
@@ -41,9 +38,7 @@ impl RecordedAnswer {
     pub fn bytes(&self) -> Option<Vec<u8>> {
         match (&self.reply, &self.reply_hex) {
             (Some(text), None) => Some(text.as_bytes().to_vec()),
-            (None, Some(hex)) if hex.len() % 2 == 0 && hex.is_ascii() => {
-                (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).ok()).collect()
-            }
+            (None, Some(digits)) => hex::decoded(digits),
             _ => None,
         }
     }

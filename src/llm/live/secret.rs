@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use base64::Engine;
 use base64::engine::general_purpose::{STANDARD_NO_PAD, URL_SAFE_NO_PAD};
 
+use crate::kernel::hex;
+
 /// A key. Neither `Debug` nor `Display` shows it.
 #[derive(Clone)]
 pub struct Secret(String);
@@ -40,7 +42,7 @@ impl Secret {
         if self.0.len() < SECRET_CHARS_MIN {
             return false;
         }
-        let hex: String = self.0.bytes().map(|byte| format!("{byte:02x}")).collect();
+        let hex = hex::encoded(self.0.as_bytes());
         let base64 = in_base64(&self.0);
         let holds = |text: &str| {
             text.contains(&self.0)
